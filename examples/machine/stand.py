@@ -19,13 +19,14 @@ def main(arguments: list[str] | None = None) -> RunReport:
     parser.add_argument("--robot", default="g1")
     parser.add_argument("--host", default="127.0.0.1")
     parser.add_argument("--port", type=int, default=7700)
+    parser.add_argument("--secret", help="shared with the robot; needed where it is on another computer")
     parser.add_argument("--seconds", type=float, default=10.0)
     parser.add_argument("--priority", type=int, default=None, help="of the real-time scheduler, 1 to 99")
     parser.add_argument("--timeout", type=float, default=0.015, help="longest silence of either side, s")
     options = parser.parse_args(arguments)
     description = wbc.load_robot(options.robot)
     control = wbc.TorqueControl(wbc.balance_controller(description.robot(), 0.002))
-    driver = UdpDriver(description, options.host, options.port)
+    driver = UdpDriver(description, options.host, options.port, secret=options.secret)
     settings = RunSettings(
         robot_timeout=options.timeout, control_timeout=options.timeout, priority=options.priority
     )

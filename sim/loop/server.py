@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import time
 from collections.abc import Callable
 from typing import Protocol
@@ -13,6 +14,8 @@ from wbc.core.arguments import checked
 from wbc.core.errors import Array, InputError, check_parts, non_negative, positive
 from wbc.core.signals import Command, Measurement
 from wbc.sim.loop.mujoco_loop import MujocoLoop
+
+logger = logging.getLogger(__name__)
 
 DAMPING = 0.1
 """Damping of joints without a command, as a share of the servos'."""
@@ -95,6 +98,12 @@ class RobotServer:
         """Advance by one control period."""
         damped, command = self._wire.receive()
         now = time.monotonic()
+        try:
+            if command is not None:
+                self.loop.actuators.check(command)
+        except InputError as error:
+            logger.warning("%s: the joints are damped", error)
+            damped = True
         if damped:
             self._command = None
         elif command is not None:

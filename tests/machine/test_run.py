@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import mmap
 import os
-import pickle
 import re
 import signal
 import subprocess
@@ -28,14 +27,13 @@ from hanging import SimulatedTime
 import wbc
 from wbc import Command, Measurement
 from wbc.core.errors import InputError
-from wbc.machine import MachineError, Runner, RunSettings, UdpDriver, UdpRobot, guard
+from wbc.machine import MachineError, Runner, RunSettings, UdpDriver, guard
 from wbc.machine import run as run_machine
 from wbc.machine.clock import ask_priority
 from wbc.machine.guard import Guard
 from wbc.machine.loads import SoleLoads
 from wbc.machine.report import Phase
 from wbc.machine.start import SafeStart
-from wbc.machine.udp import OLD, pack_command, pack_measurement, unpack
 from wbc.sim import Machine, MujocoLoop, Plant, RobotServer
 from wbc.tasks import behaviours
 from wbc.tasks.behaviours import Program, Scope, State, after
@@ -284,6 +282,20 @@ def test_an_emergency_stop_damps_at_once() -> None:
         runner.run(1.0)
 
 
+def test_a_fault_that_the_driver_names_ends_in_damping() -> None:
+    machine = SimulatedMachine(SimulatedTime())
+    runner = make(machine)
+
+    def breaks() -> bool:
+        if runner.ticks == 20:
+            machine.fault = "motor off: left_knee_joint"  # type: ignore[attr-defined]
+        return False
+
+    report = runner.run(breaks)
+    assert report.reason == "fault of the machine: motor off: left_knee_joint"
+    assert machine.damped > 0 and machine.commands == 21
+
+
 @pytest.mark.slow
 def test_a_tick_that_takes_too_long_is_counted_and_not_caught_up_with() -> None:
     machine = SimulatedMachine(SimulatedTime())
@@ -369,132 +381,7 @@ def test_the_guard_leaves_no_file_behind_where_memory_needs_one(
     assert not list(tmp_path.iterdir())
 
 
-# ---- UDP -------------------------------------------------------------------------------------------------------------
-
-
-def random_measurement(rng: np.random.Generator, torque: bool) -> Measurement:
-    wrench = rng.normal(size=(2, 6))
-    parts = (rng.normal(size=NA), rng.normal(size=NA), rng.normal(size=3), rng.normal(size=3), wrench)
-    return Measurement(float(rng.uniform()), *parts, joint_torque=rng.normal(size=NA) if torque else None)
-
-
-@pytest.mark.parametrize("torque", [True, False])
-def test_packets_carry_everything(torque: bool) -> None:
-    rng = np.random.default_rng(0)
-    m = random_measurement(rng, torque)
-    got = unpack(pack_measurement(m, 7), NA)
-    assert got is not None and got[:2] == (1, 7)
-    blind = unpack(pack_measurement(replace(m, sole_wrench=None), 7), NA)
-    assert blind is not None and isinstance(blind[2], Measurement) and blind[2].sole_wrench is None
-    assert blind[2].specific_force.tolist() == m.specific_force.tolist()
-    again = got[2]
-    assert isinstance(again, Measurement) and again.time == m.time
-    for name in ("joint_position", "joint_velocity", "angular_velocity", "specific_force", "sole_wrench"):
-        np.testing.assert_array_equal(getattr(again, name), getattr(m, name))
-    assert (again.joint_torque is None) is not torque
-    for c in (
-        Command(rng.normal(size=NA)),
-        Command(rng.normal(size=NA), rng.normal(size=NA), rng.normal(size=NA)),
-        Command(*rng.normal(size=(3, NA)), kp=rng.normal(size=NA), kd=rng.normal(size=NA)),
-    ):
-        got = unpack(pack_command(c, 1), NA)
-        assert got is not None and isinstance(got[2], Command)
-        for name in ("joint_torque", "joint_position", "joint_velocity", "kp", "kd"):
-            np.testing.assert_array_equal(getattr(got[2], name), getattr(c, name))
-
-
-def test_packets_that_are_not_ours_are_dropped() -> None:
-    rng = np.random.default_rng(1)
-    good = pack_measurement(random_measurement(rng, True), 1)
-    assert unpack(good, NA + 1) is None
-    for bad in (b"", b"wbc1", good[:-1], good + b"\0", b"abc1" + good[4:], good[:4] + b"\x09" + good[5:]):
-        assert unpack(bad, NA) is None
-    for _ in range(200):
-        unpack(rng.bytes(int(rng.integers(0, 1500))), NA)
-    broken = random_measurement(rng, True)
-    broken.joint_position[0] = np.nan
-    assert unpack(pack_measurement(broken, 1), NA) is None
-
-
-def test_a_wire_that_leads_nowhere_is_said_in_one_line() -> None:
-    with pytest.raises(MachineError, match="host 'x+' cannot be found"):
-        UdpDriver(DESCRIPTION, 100 * "x").read(0.0)
-    taken = UdpRobot(DESCRIPTION, 0)
-    with pytest.raises(InputError, match=f"cannot listen at 127.0.0.1, port {taken.port}"):
-        UdpRobot(DESCRIPTION, taken.port)
-    taken.close()
-
-
-def test_a_driver_and_a_robot_find_each_other() -> None:
-    robot = UdpRobot(DESCRIPTION, 0)
-    driver = pickle.loads(pickle.dumps(UdpDriver(DESCRIPTION, port=robot.port)))
-    assert driver.read(0.0) is None  # says hello
-    rng = np.random.default_rng(2)
-    sent = [random_measurement(rng, True) for _ in range(3)]
-    time.sleep(0.02)
-    assert robot.receive() == (False, None)
-    for measurement in sent:
-        robot.send(measurement)
-    got = driver.read(1.0)
-    np.testing.assert_array_equal(got.joint_position, sent[-1].joint_position)  # the newest
-    driver.write(Command(np.ones(NA)))
-    time.sleep(0.02)
-    damped, command = robot.receive()
-    assert not damped and command is not None and command.joint_torque[0] == 1.0
-    driver.damp()
-    time.sleep(0.02)
-    assert robot.receive() == (True, None)
-    late = pack_command(Command(np.zeros(NA)), 2)  # overtaken on its way by the damping
-    driver._socket.sendto(late, ("127.0.0.1", robot.port))
-    time.sleep(0.02)
-    assert robot.receive() == (False, None)
-    driver._socket.sendto(pack_command(Command(np.ones(NA)), 1), ("127.0.0.1", robot.port))  # begins anew
-    time.sleep(0.02)
-    assert robot.receive()[1] is not None
-    robot.close()
-    driver.close()
-    with pytest.raises(InputError, match="port must be in"):
-        UdpDriver(DESCRIPTION, port=0)
-
-
-@pytest.mark.parametrize("position", [True, False])
-def test_a_gain_that_comes_alone_gets_its_fellow(position: bool) -> None:
-    robot = UdpRobot(DESCRIPTION, 0)
-    driver = UdpDriver(DESCRIPTION, port=robot.port)
-    zero, kd = np.zeros(NA), np.full(NA, 2.0)
-    driver.write(Command(zero, zero if position else None, kd=kd))
-    time.sleep(0.02)
-    _, command = robot.receive()
-    assert command is not None
-    np.testing.assert_array_equal(command.kd, kd)
-    np.testing.assert_array_equal(command.kp, DESCRIPTION.kp if position else zero)
-    robot.close()
-    driver.close()
-
-
-def test_a_robot_that_begins_anew_is_heard() -> None:
-    rng = np.random.default_rng(3)
-    robot = UdpRobot(DESCRIPTION, 0)
-    driver = UdpDriver(DESCRIPTION, port=robot.port)
-    for lost in (0, 3):  # measurements before the first one that arrives
-        assert driver.read(0.0) is None
-        driver.write(Command(np.zeros(NA)))
-        time.sleep(0.02)
-        robot.receive()
-        for _ in range(lost):
-            robot._socket, wire = types.SimpleNamespace(sendto=lambda *_: None), robot._socket  # type: ignore[assignment]
-            robot.send(random_measurement(rng, True))
-            robot._socket = wire
-        for _ in range(2 * OLD):
-            robot.send(random_measurement(rng, True))
-            assert driver.read(1.0) is not None
-        port = robot.port
-        robot.close()
-        robot = UdpRobot(DESCRIPTION, port)
-        for _ in range(5):
-            robot.send(random_measurement(rng, True))  # to nobody
-    robot.close()
-    driver.close()
+# ---- a simulated robot -----------------------------------------------------------------------------------------------
 
 
 def test_a_push_acts_beside_the_band_that_holds_the_robot() -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib.util
+import itertools
 import os
 import pickle
 import struct
@@ -12,6 +13,7 @@ import threading
 import time
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -46,23 +48,96 @@ def test_checksums_are_those_of_the_sdk() -> None:
     assert not intact(message)
 
 
-def test_a_damaged_state_is_passed_over() -> None:
-    class Topics:
-        states = 0
+class Topics:
+    """Topics of a machine: its states are written here, its commands read."""
 
-        def read(self, layout: np.dtype, timeout: float) -> np.ndarray:
-            self.states += 1
-            state = np.zeros((), layout)
-            state["tick"] = self.states
-            sealed(state)
-            if self.states == 1:
-                state["crc"] ^= 1
-            return state
+    def __init__(self) -> None:
+        self.states: list[np.ndarray] = []
+        self.sent: list[np.ndarray] = []
 
-    driver = UnitreeDriver(DESCRIPTION)
+    def read(self, layout: np.dtype, timeout: float) -> np.ndarray | None:
+        return self.states.pop(0) if self.states else None
+
+    def write(self, record: np.ndarray) -> None:
+        self.sent.append(record["motor"][:29].copy())
+
+
+def state(seal: bool = True, **motors: object) -> np.ndarray:
+    """Return a state of a machine whose motors are on; some fields of its motors are others."""
+    record = np.zeros((), LOW_STATE)
+    record["tick"], record["mode_machine"] = 5, 5
+    record["motor"]["mode"] = 1
+    for name, value in motors.items():
+        record["motor"][name][3] = value
+    return sealed(record) if seal else record
+
+
+def machine(*states: np.ndarray, **how: Any) -> UnitreeDriver:
+    driver = UnitreeDriver(DESCRIPTION, **how)
     driver._topics = Topics()  # type: ignore[assignment]
-    measurement = driver.read(1.0)
-    assert measurement is not None and measurement.time == pytest.approx(0.002) and driver.refused == 1
+    driver._topics.states.extend(states)  # type: ignore[union-attr, attr-defined]
+    return driver
+
+
+def test_states_whose_checksum_is_wrong_or_missing_are_passed_over(caplog: pytest.LogCaptureFixture) -> None:
+    """Unitree's simulators send none: on loopback, in their domain."""
+    damaged = state()
+    damaged["crc"] ^= 1
+    driver = machine(damaged, state())
+    assert driver.read(1.0) is not None and driver.refused == 1
+    assert machine(state(seal=False)).read(0.0) is not None
+    for how in ({"domain": 0}, {"interface": "eth0"}, {"domain": 0, "interface": "eth0"}):
+        driver = machine(state(seal=False), **how)
+        assert driver.read(0.0) is None and driver.refused == 1
+        assert f"domain {how.get('domain', 1)} are refused" in caplog.text
+
+
+def test_motors_that_are_off_hot_or_in_error_are_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    knee = DESCRIPTION.joint_names[3]
+    other = state()
+    other["mode_machine"] = 6
+    for last, fault, warnings in (
+        (state(mode=0), f"motor off: {knee}", ()),
+        (sealed(other), "mode_machine changed from 5 to 6", ()),
+        (state(motorstate=3), "", (f"motor error 0x3: {knee}",)),
+        (state(temperature=(20, 91)), "", (f"motor above 90 °C: {knee}",)),
+        (state(), "", ()),
+    ):
+        driver = machine(state(), last)
+        driver.read(0.0)
+        assert (driver.fault, driver.warnings) == ("", ())
+        driver.read(0.0)
+        assert (driver.fault, driver.warnings) == (fault, warnings)
+    # Off from the beginning: a machine switches its motors on with the first commands, a simulator says nothing.
+    for seal in (True, False):
+        driver = machine(*(state(seal, mode=0) for _ in range(2)))
+        driver.read(0.0)
+        driver.write(Command(np.zeros(29)))
+        assert driver.fault == ""
+        monkeypatch.setattr(driver, "_begun", -1.0)
+        driver.read(0.0)
+        assert driver.fault == (f"motor off: {knee}" if seal else "")
+
+
+@pytest.mark.parametrize("found", [0.0, np.nan, 1e30])
+def test_no_wild_command_reaches_the_motors(found: float) -> None:
+    """Neither what is not finite nor a torque beyond the limit with what the servos add, whatever the state says."""
+    driver = machine(state(q=found, dq=found))
+    driver.read(0.0)
+    parts = ("joint_torque", "joint_position", "joint_velocity", "kp", "kd")
+    for part, wild in itertools.product(parts, (np.nan, np.inf, -1e30, 1e39, 1e5, -300.0)):
+        values = dict.fromkeys(parts, np.zeros(29)) | {part: np.full(29, wild)}
+        driver.write(Command(**values))
+        driver.write(Command(values["joint_torque"]))
+    driver.damp()
+    limit = 1.001 * DESCRIPTION.robot().torque_limit
+    sent = driver._topics.sent  # type: ignore[union-attr, attr-defined]
+    assert len(sent) == 61
+    for motors in sent:
+        q, dq, tau, kp, kd = (motors[name].astype(float) for name in ("q", "dq", "tau", "kp", "kd"))
+        assert np.isfinite([q, dq, tau, kp, kd]).all() and min(kp.min(), kd.min()) >= 0.0
+        total = tau + kp * (q - driver._position) + kd * (dq - driver._velocity)
+        assert (np.abs(tau) <= limit).all() and (~(np.abs(total) > limit) | (np.arange(29) == 3)).all()
 
 
 @pytest.mark.parametrize("layout", [LOW_CMD, LOW_STATE])

@@ -14,6 +14,9 @@ from wbc.core.errors import Array, InputError, MeasurementError
 WrenchSource = Literal["sensor", "measured torques", "commanded torques"]
 """Origin of the wrenches on the soles."""
 
+LARGEST = 1e6
+"""Largest torque, reference or gain of a command, in their units: what is beyond is an error."""
+
 
 @dataclass(frozen=True, slots=True)
 class Measurement:
@@ -137,7 +140,7 @@ class Command:
             joint_names: Names of the joints, in their order.
 
         Raises:
-            InputError: A part of the wrong shape or not finite, or negative gains.
+            InputError: A part of the wrong shape, not finite or beyond `LARGEST`, or negative gains.
         """
         na = len(joint_names)
         for name in ("joint_torque", "joint_position", "joint_velocity", "kp", "kd"):
@@ -147,9 +150,10 @@ class Command:
             array = np.asarray(value)
             if array.shape != (na,) or array.dtype.kind not in "iuf":
                 raise InputError(f"{name} of a command must be numbers of shape ({na},), got {value!r}")
-            if not np.isfinite(array).all():
-                joint = joint_names[int(np.argmin(np.isfinite(array)))]
-                raise InputError(f"command: {name} of joint '{joint}' is not finite")
+            if not (np.abs(array) <= LARGEST).all():  # or NaN
+                place = int(np.argmin(np.abs(array) <= LARGEST))
+                found = f"is {array[place]:g}, beyond ±{LARGEST:g}" if np.isfinite(array[place]) else "is not finite"
+                raise InputError(f"command: {name} of joint '{joint_names[place]}' {found}")
             if name in ("kp", "kd") and (array < 0.0).any():
                 joint = joint_names[int(np.argmax(array < 0.0))]
                 raise InputError(f"command: {name} of joint '{joint}' must be finite and not negative")

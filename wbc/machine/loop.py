@@ -35,7 +35,8 @@ class Loop(Protocol):
 class Driver(Protocol):
     """Wire to a machine that runs by itself, simulated in another process or real.
 
-    A driver opens its wire at the first call, so that it can be made here and used in another process.
+    A driver opens its wire at the first call, so that it can be made here and used in another process. It may have an
+    attribute `fault`: a reason for which the joints must be damped, empty while there is none.
     """
 
     def read(self, timeout: float) -> Measurement | None:

@@ -335,6 +335,8 @@ class Runner:
         settings, inlet = self.settings, self._inlet
         if self._emergency.is_set():
             return self._end("emergency stop")
+        if fault := getattr(self.driver, "fault", ""):
+            return self._end(f"fault of the machine: {fault}")
         if now - self._seen >= settings.robot_timeout:
             return self._end(f"no measurement for {1e3 * (now - self._seen):.0f} ms")
         if now - inlet.since >= settings.refusal and not self._checks_itself:

@@ -1,14 +1,17 @@
 """Measurements and commands as UDP packets, from both ends.
 
-A packet is little-endian: the header, then arrays of 8-byte floats, in the order of the robot's joints.
+A packet is little-endian: the header, then arrays of 8-byte floats, in the order of the robot's joints, then the
+signature where both ends share a secret.
 
 | Header | | |
 |---|---|---|
-| 4 bytes | `wbc1` | |
+| 4 bytes | `wbc2` | |
 | u8 | kind | 0 hello, 1 measurement, 2 command, 3 damp |
 | u8 | flags | bit 0: joint torques (measurement), references (command); bit 1: sole wrenches, gains |
 | u16 | number of joints | |
-| u32 | running number of the sender | |
+| u64 | key of the sender | drawn anew for each driver and each `UdpRobot` |
+| u64 | key of the receiver | 0 in a first hello, and in a damp |
+| u64 | number | rises from packet to packet of a key |
 | f64 | time of the sensors, s (measurement); 0 | |
 
 | Kind | Arrays |
@@ -16,19 +19,28 @@ A packet is little-endian: the header, then arrays of 8-byte floats, in the orde
 | measurement | positions, velocities, [torques], gyroscope (3), accelerometer (3), [sole wrenches (2 × 6)] |
 | command | torques, [reference positions, reference velocities], [kp, kd] |
 
-The robot sends measurements to the address from which the last hello or command came. Measurements and commands of one
-sender whose numbers do not grow are old packets, which are dropped. A sender that begins anew begins with 1; a number
-that is more than 1,000 behind is one of a sender that has.
+The signature is the first half of the HMAC-SHA256 of all bytes before it.
+
+A hello without a receiver is answered by a hello, which tells the key of the robot. The first hello or command that
+names that key makes its sender the owner: it gets the measurements, and packets of other keys are refused until the
+owner has been silent for `SILENCE`. A damp acts if it carries the key of the owner, from whatever address: the guard's
+process has a copy of the driver. A packet whose number is not above all before it of its key is old and dropped.
 """
 
 from __future__ import annotations
 
 import contextlib
+import hmac
+import ipaddress
+import logging
+import secrets
 import select
 import socket
 import struct
 import time
+from collections.abc import Iterator
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -38,87 +50,148 @@ from wbc.core.signals import Command, Measurement
 from wbc.machine.loop import MachineError
 from wbc.robots import RobotDescription
 
+logger = logging.getLogger(__name__)
+
 PORT = 7700
 """Port of the robot."""
 
+SILENCE = 0.5
+"""Silence of the owner after which the robot obeys another sender, s."""
+
 HELLO, MEASUREMENT, COMMAND, DAMP = range(4)
-HEADER = struct.Struct("<4sBBHId")
-MAGIC = b"wbc1"
-LARGEST = 65507
+HEADER = struct.Struct("<4sBBHQQQd")
+MAGIC = b"wbc2"
+SIGNATURE = 16
+"""Length of a signature, bytes."""
 
-OLD = 1000
-"""Greatest number of packets that an old one is behind; what is further behind is of a sender that has begun anew."""
+SHORTEST = 16
+"""Least number of characters of a secret."""
 
+MOST = 1000
+"""Packets that one call takes from a socket; more arrive only while they are taken."""
 
-def pack_measurement(m: Measurement, number: int) -> bytes:
-    """Return a measurement as a packet."""
-    parts = [m.joint_position, m.joint_velocity]
-    if m.joint_torque is not None:
-        parts.append(m.joint_torque)
-    parts += [m.angular_velocity, m.specific_force]
-    if m.sole_wrench is not None:
-        parts.append(m.sole_wrench.ravel())
-    flags = int(m.joint_torque is not None) | 2 * int(m.sole_wrench is not None)
-    return _packet(MEASUREMENT, flags, m.joint_position.size, number, m.time, parts)
+ANSWERS = 16
+"""Hellos that one call answers."""
 
 
-def pack_command(c: Command, number: int) -> bytes:
-    """Return a command as a packet; kp and kd go together, one alone does not go."""
-    parts, flags = [c.joint_torque], 0
-    if c.joint_position is not None:
-        flags |= 1
-        rate = np.zeros(c.joint_torque.size) if c.joint_velocity is None else c.joint_velocity
-        parts += [c.joint_position, rate]
-    if c.kp is not None and c.kd is not None:
-        flags |= 2
-        parts += [c.kp, c.kd]
-    return _packet(COMMAND, flags, c.joint_torque.size, number, 0.0, parts)
+class Header(NamedTuple):
+    """Header of a packet behind its magic number; see the module."""
+
+    kind: int
+    flags: int
+    joints: int
+    key: int
+    to: int
+    number: int
+    time: float
 
 
-def _packet(kind: int, flags: int, joints: int, number: int, stamp: float, parts: list[Array]) -> bytes:
-    head = HEADER.pack(MAGIC, kind, flags, joints, number & 0xFFFFFFFF, stamp)
-    return head + (np.concatenate(parts).astype("<f8").tobytes() if parts else b"")
+class End:
+    """Packets of one end of the wire.
 
+    Attributes:
+        key: Key of this end.
+        longest: Length of the longest packet, bytes.
+    """
 
-def unpack(data: bytes, joints: int) -> tuple[int, int, Measurement | Command | None] | None:
-    """Return kind, number and contents of a packet; None if it is malformed or of another robot."""
-    if len(data) < HEADER.size or data[:4] != MAGIC:
-        return None
-    _, kind, flags, size, number, stamp = HEADER.unpack_from(data)
-    if kind in (HELLO, DAMP):
-        return kind, number, None
-    counts = {
-        MEASUREMENT: [joints, joints, *([joints] if flags & 1 else []), 3, 3, *([12] if flags & 2 else [])],
-        COMMAND: [joints, *([joints] * 2 if flags & 1 else []), *([joints] * 2 if flags & 2 else [])],
-    }.get(kind)
-    if counts is None or size != joints or len(data) != HEADER.size + 8 * sum(counts):
-        return None
-    values = np.frombuffer(data, "<f8", offset=HEADER.size).astype(np.float64)
-    if not np.isfinite(values).all():
-        return None
-    parts = np.split(values, np.cumsum(counts)[:-1])
-    if kind == MEASUREMENT:
-        torque = parts.pop(2) if flags & 1 else None
+    def __init__(self, joints: int, secret: str | None) -> None:
+        """Draw a key.
+
+        Args:
+            joints: Number of joints.
+            secret: Shared secret of both ends; None does not sign.
+        """
+        self.key = secrets.randbits(63) + 1
+        self._joints = joints
+        self._secret = secret.encode() if secret else b""
+        self._number = 0
+        self.longest = HEADER.size + 8 * (5 * joints + 18) + SIGNATURE
+
+    def pack(self, kind: int, to: int, content: Measurement | Command | None = None) -> bytes:
+        """Return a packet to the other end; kp and kd of a command go together, one alone does not go."""
+        # The clock is the same in all processes of this computer: the guard's packets come after the loop's.
+        self._number = max(self._number + 1, time.monotonic_ns())
+        parts: list[Array] = []
+        flags, stamp = 0, 0.0
+        if isinstance(content, Measurement):
+            m, stamp = content, content.time
+            parts = [m.joint_position, m.joint_velocity, m.angular_velocity, m.specific_force]
+            if m.joint_torque is not None:
+                flags |= 1
+                parts.insert(2, m.joint_torque)
+            if m.sole_wrench is not None:
+                flags |= 2
+                parts.append(m.sole_wrench.ravel())
+        elif content is not None:
+            parts = [content.joint_torque]
+            if content.joint_position is not None:
+                flags |= 1
+                rate = np.zeros(self._joints) if content.joint_velocity is None else content.joint_velocity
+                parts += [content.joint_position, rate]
+            if content.kp is not None and content.kd is not None:
+                flags |= 2
+                parts += [content.kp, content.kd]
+        data = HEADER.pack(MAGIC, kind, flags, self._joints, self.key, to, self._number, stamp)
+        if parts:
+            data += np.concatenate(parts).astype("<f8").tobytes()
+        return data + self._sign(data)
+
+    def _sign(self, data: bytes) -> bytes:
+        return hmac.digest(self._secret, data, "sha256")[:SIGNATURE] if self._secret else b""
+
+    def header(self, data: bytes) -> Header | None:
+        """Return the header of a packet, before its signature is checked; None if it is of another kind or robot."""
+        if len(data) < HEADER.size:
+            return None
+        magic, *rest = HEADER.unpack_from(data)
+        head = Header(*rest)
+        return head if magic == MAGIC and head.joints == self._joints else None
+
+    def genuine(self, data: bytes) -> bool:
+        """Return True if the signature is right, or none is asked for."""
+        body, signature = (data[:-SIGNATURE], data[-SIGNATURE:]) if self._secret else (data, b"")
+        return hmac.compare_digest(self._sign(body), signature)
+
+    def content(self, head: Header, data: bytes) -> Measurement | Command | None:
+        """Return what a measurement or a command carries; None if its length is wrong."""
+        joints, first, second = self._joints, bool(head.flags & 1), bool(head.flags & 2)
+        counts = [joints, joints, *[joints] * first, 3, 3, *[12] * second]
+        if head.kind == COMMAND:
+            counts = [joints, *[joints] * (2 * first + 2 * second)]
+        end = len(data) - (SIGNATURE if self._secret else 0)
+        if end != HEADER.size + 8 * sum(counts):
+            return None
+        values = np.frombuffer(data[HEADER.size : end], "<f8").astype(np.float64)
+        parts = np.split(values, np.cumsum(counts)[:-1])
+        if head.kind == COMMAND:
+            q, v = parts[1:3] if first else (None, None)
+            kp, kd = parts[-2:] if second else (None, None)
+            return Command(parts[0], q, v, kp=kp, kd=kd)
+        torque = parts.pop(2) if first else None
         q, v, gyroscope, accelerometer = parts[:4]
-        wrench = parts[4].reshape(2, 6) if flags & 2 else None
-        return kind, number, Measurement(stamp, q, v, gyroscope, accelerometer, wrench, joint_torque=torque)
-    references, gains = bool(flags & 1), bool(flags & 2)
-    return (
-        kind,
-        number,
-        Command(
-            parts[0],
-            parts[1] if references else None,
-            parts[2] if references else None,
-            kp=parts[-2] if gains else None,
-            kd=parts[-1] if gains else None,
-        ),
-    )
+        wrench = parts[4].reshape(2, 6) if second else None
+        return Measurement(head.time, q, v, gyroscope, accelerometer, wrench, joint_torque=torque)
 
 
-def _in_turn(number: int, newest: int) -> bool:
-    """Return whether a packet is newer than the newest one, or of a sender that has begun anew."""
-    return number > newest or number == 1 or number < newest - OLD
+def _checked_secret(host: str, secret: str | None, unsigned: bool) -> str | None:
+    """Return the secret with which packets are signed, None if they are not."""
+    if secret is not None and len(secret) < SHORTEST:
+        raise InputError(f"secret must have {SHORTEST} characters at least, got {len(secret)}")
+    if secret is not None and unsigned:
+        raise InputError("packets are signed with a secret or unsigned: give one of both")
+    if secret is None and not unsigned and not _is_here(host):
+        raise InputError(
+            f"packets to and from other computers are signed: {host} needs secret='…', the same at both ends, "
+            f"{SHORTEST} characters at least; unsigned=True does without"
+        )
+    return secret
+
+
+def _is_here(host: str) -> bool:
+    try:
+        return ipaddress.ip_address(host).is_loopback
+    except ValueError:  # a name
+        return host == "localhost"
 
 
 class UdpDriver:
@@ -130,25 +203,37 @@ class UdpDriver:
     """
 
     @checked
-    def __init__(self, description: RobotDescription, host: str = "127.0.0.1", port: int = PORT) -> None:
+    def __init__(
+        self,
+        description: RobotDescription,
+        host: str = "127.0.0.1",
+        port: int = PORT,
+        *,
+        secret: str | None = None,
+        unsigned: bool = False,
+    ) -> None:
         """Store the address; the socket is opened at the first call.
 
         Args:
             description: The robot.
             host: Host of the robot.
             port: Its port.
+            secret: Secret that the robot shares, with which packets are signed; a robot on another computer needs one.
+            unsigned: Do without on another computer.
 
         Raises:
-            InputError: A port out of range.
+            InputError: A port out of range; a secret that is missing or short.
         """
         if not 0 < port < 65536:
             raise InputError(f"port must be in 1 … 65535, got {port}")
         self.description, self.address = description, (host, port)
-        self._joints = len(description.joint_names)
+        joints = len(description.joint_names)
+        self._end = End(joints, _checked_secret(host, secret, unsigned))
+        self._zero = np.zeros(joints)
         self._gains = np.array(description.kp), np.array(description.kd)
-        self._resolved = self.address  # with the number of the host, found when the socket is opened
         self._socket: socket.socket | None = None
-        self._number = self._newest = 0
+        self._robot = 0
+        self._newest: dict[int, int] = {}  # number of the last packet of each key: of one robot, begun anew
         self._greeted = False
 
     def __getstate__(self) -> dict[str, object]:
@@ -159,29 +244,32 @@ class UdpDriver:
         end = time.monotonic() + timeout
         if not self._greeted:
             self._greeted = True
-            self._send(_packet(HELLO, 0, self._joints, self._count(), 0.0, []))
+            self._send(HELLO, 0)
         while True:
             newest = self._receive()
             left = end - time.monotonic()
             if newest is not None or left <= 0.0:
                 return newest
             if not select.select([self._open()], [], [], min(left, 0.1))[0]:
-                self._send(_packet(HELLO, 0, self._joints, self._count(), 0.0, []))
+                self._send(HELLO, 0)
 
     def write(self, command: Command) -> None:
-        """See `Driver`; a gain that the command leaves out is the description's, or zero in torque control."""
+        """See `Driver`; a gain that the command leaves out is the description's, or zero in torque control.
+
+        The robot obeys commands that come after a measurement or a hello of its own has been read.
+        """
         if (command.kp is None) is not (command.kd is None):
-            kp, kd = self._gains if command.joint_position is not None else (np.zeros(self._joints),) * 2
+            kp, kd = self._gains if command.joint_position is not None else (self._zero, self._zero)
             command = replace(
                 command,
                 kp=kp if command.kp is None else command.kp,
                 kd=kd if command.kd is None else command.kd,
             )
-        self._send(pack_command(command, self._count()))
+        self._send(COMMAND, self._robot, command)
 
     def damp(self) -> None:
         """See `Driver`."""
-        self._send(_packet(DAMP, 0, self._joints, self._count(), 0.0, []))
+        self._send(DAMP, 0)
 
     def close(self) -> None:
         """Close the socket."""
@@ -192,53 +280,75 @@ class UdpDriver:
     def _open(self) -> socket.socket:
         if self._socket is None:
             host, port = self.address
+            wire = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+            wire.setblocking(False)
             try:
-                self._resolved = socket.gethostbyname(host), port
+                wire.connect((host, port))  # packets of other addresses do not arrive
             except (OSError, UnicodeError) as error:
+                wire.close()
                 raise MachineError(f"the robot's host '{host}' cannot be found ({error})") from error
-            self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
-            self._socket.setblocking(False)
+            self._socket = wire
         return self._socket
 
-    def _count(self) -> int:
-        self._number += 1
-        return self._number
-
-    def _send(self, data: bytes) -> None:
-        wire = self._open()
-        with contextlib.suppress(OSError):  # nobody listens, no cable: `read` will tell
-            wire.sendto(data, self._resolved)
+    def _send(self, kind: int, to: int, content: Command | None = None) -> None:
+        wire, data = self._open(), self._end.pack(kind, to, content)
+        for _ in range(2):  # a first attempt may tell of a packet sent before: refused, unreachable
+            with contextlib.suppress(OSError):  # nobody listens, no cable: `read` will tell
+                wire.send(data)
+                return
 
     def _receive(self) -> Measurement | None:
         newest = None
-        while True:
-            try:
-                data = self._open().recv(LARGEST)
-            except BlockingIOError:
-                return newest
-            except OSError:  # what has become of a packet sent before: refused, unreachable
+        for data, _ in _taken(self._open(), self._end.longest):
+            head = self._end.header(data)
+            if head is None or head.to != self._end.key or not self._end.genuine(data):
                 continue
-            got = unpack(data, self._joints)
-            if got is not None and isinstance(got[2], Measurement) and _in_turn(got[1], self._newest):
-                self._newest, newest = got[1], got[2]
+            if head.number <= self._newest.get(head.key, 0):
+                continue
+            self._newest[head.key] = head.number
+            self._robot = head.key
+            if head.kind == HELLO:
+                self._send(HELLO, self._robot)
+            elif head.kind == MEASUREMENT:
+                content = self._end.content(head, data)
+                newest = content if isinstance(content, Measurement) else newest
+        return newest
 
 
 class UdpRobot:
-    """The robot's end of the wire: for a simulator, or a program on the machine."""
+    """The robot's end of the wire: for a simulator, or a program on the machine.
+
+    Attributes:
+        port: Port at which it listens.
+        refused: Packets so far that were not the owner's, not signed rightly, or no packets of this wire.
+        sender: Address of the owner, the last one included; None before there is one.
+    """
 
     @checked
-    def __init__(self, description: RobotDescription, port: int = PORT, host: str = "127.0.0.1") -> None:
+    def __init__(
+        self,
+        description: RobotDescription,
+        port: int = PORT,
+        host: str = "127.0.0.1",
+        *,
+        secret: str | None = None,
+        unsigned: bool = False,
+    ) -> None:
         """Listen.
 
         Args:
             description: The robot.
             port: Port to listen at; any free one when 0.
             host: Address to listen at.
+            secret: Secret that drivers share, with which packets are signed; needed where other computers are heard.
+            unsigned: Do without there.
 
         Raises:
-            InputError: A port that is taken or out of range, an address that is not of this machine.
+            InputError: A port that is taken or out of range, an address that is not of this machine; a secret that is
+                missing or short.
         """
-        self._joints = len(description.joint_names)
+        self._names = tuple(description.joint_names)
+        self._end = End(len(self._names), _checked_secret(host, secret, unsigned))
         self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         try:
             self._socket.bind((host, port))
@@ -246,38 +356,108 @@ class UdpRobot:
             self._socket.close()
             raise InputError(f"cannot listen at {host}, port {port} ({error})") from error
         self._socket.setblocking(False)
-        self.port = int(self._socket.getsockname()[1])
-        self._peer: tuple[str, int] | None = None
-        self._number = self._newest = 0
+        self._host, self.port = host, int(self._socket.getsockname()[1])
+        self._line: socket.socket | None = None  # the owner's
+        self.sender: tuple[str, int] | None = None
+        self._owner, self._heard = 0, -np.inf
+        self._newest: dict[int, int] = {}  # number of the last packet of each key
+        self.refused = 0
 
     def receive(self) -> tuple[bool, Command | None]:
-        """Return whether anything asked for damping, and the newest command, since the last call."""
-        damped, newest = False, None
-        while True:
-            try:
-                data, peer = self._socket.recvfrom(LARGEST)
-            except BlockingIOError:
-                return damped, newest
-            except OSError:  # what has become of a packet sent before: refused, unreachable
+        """Return whether anything asked for damping, and the newest command, since the last call.
+
+        A command that no drive must get asks for damping.
+        """
+        damped, newest, answers = False, None, ANSWERS
+        for data, peer in self._packets():
+            head, now = self._end.header(data), time.monotonic()
+            owned = now - self._heard < SILENCE
+            if head is None or (owned and head.key != self._owner) or not self._end.genuine(data):
+                self._refuse(peer)
                 continue
-            got = unpack(data, self._joints)
-            if got is None:
+            if head.number <= self._newest.get(head.key, 0):
                 continue
-            if got[0] == DAMP:
+            if head.kind == HELLO and head.to == 0:
+                answers -= 1
+                if answers >= 0:
+                    self._write(self._socket, self._end.pack(HELLO, head.key), peer)
+            elif head.kind == DAMP:
                 damped, newest = True, None
-            elif got[0] == HELLO:
-                self._peer, self._newest = peer, got[1]
-            elif isinstance(got[2], Command) and (peer != self._peer or _in_turn(got[1], self._newest)):
-                self._peer, self._newest = peer, got[1]
-                damped, newest = False, got[2]
+                if owned:
+                    self._newest[head.key], self._heard = head.number, now
+            elif head.to == self._end.key and head.kind in (HELLO, COMMAND):
+                self._newest[head.key], self._owner, self._heard = head.number, head.key, now
+                self._connect(peer)
+                if head.kind == COMMAND:
+                    newest = self._command(head, data, peer)
+                    damped = newest is None
+            else:
+                self._refuse(peer)
+        return damped, newest
+
+    def _command(self, head: Header, data: bytes, peer: tuple[str, int]) -> Command | None:
+        command = self._end.content(head, data)
+        try:
+            if not isinstance(command, Command):
+                raise InputError(f"command: a packet of {len(data)} bytes has not the length that it says")
+            command.check(self._names)
+        except InputError as error:
+            logger.warning("packet of %s, port %d: %s: the joints are damped", *peer, error)
+            return None
+        return command
+
+    def _refuse(self, peer: tuple[str, int]) -> None:
+        self.refused += 1
+        if self.refused in (1, 10, 100) or self.refused % 1000 == 0:
+            logger.warning("%d packets refused, the last one of %s, port %d", self.refused, *peer)
+
+    def _packets(self) -> Iterator[tuple[bytes, tuple[str, int]]]:
+        yield from _taken(self._socket, self._end.longest)
+        if self._line is not None:
+            yield from _taken(self._line, self._end.longest)
+
+    def _connect(self, peer: tuple[str, int]) -> None:
+        """Receive the owner's packets in a socket of their own: a flood of others does not fill it."""
+        if peer == self.sender:
+            return
+        self.sender = peer
+        if self._line is not None:
+            self._line.close()
+        self._line = None
+        with contextlib.suppress(OSError, AttributeError):  # where a port can be shared
+            line = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+            line.setblocking(False)
+            self._line = line
+            # Another program that does not ask to share the port is refused, as is one of another user.
+            for wire in (self._socket, line):
+                wire.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEPORT, 1)
+            line.bind((self._host, self.port))
+            line.connect(peer)
 
     def send(self, measurement: Measurement) -> None:
-        """Send a measurement to whoever sent the last hello or command."""
-        if self._peer is not None:
-            self._number += 1
-            with contextlib.suppress(OSError):  # nobody listens, no cable: its watchdog will tell
-                self._socket.sendto(pack_measurement(measurement, self._number), self._peer)
+        """Send a measurement to the owner, or to the last one."""
+        if self.sender is not None:
+            data = self._end.pack(MEASUREMENT, self._owner, measurement)
+            self._write(self._socket, data, self.sender)
+
+    @staticmethod
+    def _write(wire: socket.socket, data: bytes, peer: tuple[str, int]) -> None:
+        with contextlib.suppress(OSError):  # nobody listens, no cable: its watchdog will tell
+            wire.sendto(data, peer)
 
     def close(self) -> None:
-        """Close the socket."""
+        """Close the sockets."""
         self._socket.close()
+        if self._line is not None:
+            self._line.close()
+
+
+def _taken(wire: socket.socket, longest: int) -> Iterator[tuple[bytes, tuple[str, int]]]:
+    """Yield the packets that have arrived, with their senders; a longer one is cut and not a packet any more."""
+    for _ in range(MOST):
+        try:
+            yield wire.recvfrom(longest + 1)
+        except BlockingIOError:
+            return
+        except OSError:  # what has become of a packet sent before: refused, unreachable
+            continue

@@ -5,32 +5,51 @@ Source of modes and the law on the motor: unitree_sdk2_python 37116c5, unitree_m
 
 from __future__ import annotations
 
+import logging
 import time
+from typing import Any
 
 import numpy as np
 
 from wbc.core.arguments import checked
-from wbc.core.errors import Array
+from wbc.core.errors import Array, InputError
+from wbc.core.gate import CommandGate
+from wbc.core.settings import Positive
 from wbc.core.signals import Command, Measurement
 from wbc.machine.unitree.dds import COMMAND_TOPIC, STATE_TOPIC, Topics
 from wbc.machine.unitree.wire import ENABLED, G1_GAINS, LOW_CMD, LOW_STATE, intact, motor_index, sealed
 from wbc.robots import RobotDescription
 
+logger = logging.getLogger(__name__)
+
 DAMPING = 3.0
 """Damping of a damped joint, Nms/rad."""
+
+SIMULATORS = 1
+"""DDS domain of Unitree's simulators, which do not sign their states."""
+
+LOOPBACK = ("lo", "lo0", "127.0.0.1")
+"""Network interfaces of this computer alone."""
+
+SWITCHED_ON = 0.5
+"""Time after the first command from which a motor that is off is a fault, s."""
 
 
 class UnitreeDriver:
     """Driver of a G1 in its low-level mode.
 
-    It echoes mode_machine, enables the motors of its joints, signs what it sends and drops what is signed wrongly. It
-    sends nothing before the first state has come. The G1 has no force sensors in its feet: controls estimate the
-    wrenches from the torques that it reports.
+    It echoes mode_machine, enables the motors of its joints, signs what it sends and drops what is signed wrongly; what
+    is not signed, too, but from simulators on this computer. It sends nothing before the first state has come, and damping in place
+    of a command that is not finite; torques keep within the limits. The G1 has no force sensors in its feet: controls
+    estimate the wrenches from the torques that it reports.
 
     Attributes:
         description: The robot.
         gains: kp and kd of the machine, used where a command brings none, each of shape (na,).
         refused: States with a wrong checksum so far.
+        fault: Reason for which the joints must be damped, by the last state: a motor that is off, another mode_machine;
+            empty while there is none. `wbc.run` ends damped.
+        warnings: Errors and temperatures of motors in the last state.
     """
 
     @checked
@@ -40,6 +59,7 @@ class UnitreeDriver:
         interface: str = "lo",
         *,
         domain: int = 1,
+        temperature: Positive = 90.0,
     ) -> None:
         """Store the settings; DDS begins at the first call.
 
@@ -47,20 +67,29 @@ class UnitreeDriver:
             description: A G1: its joints have the names of `G1_MOTORS`.
             interface: Network interface of the robot.
             domain: DDS domain: 0 on the machine, 1 in simulators.
+            temperature: Temperature from which a motor is named, °C; the library's choice, not Unitree's.
 
         Raises:
             InputError: Joints that the machine has not.
         """
         self.description, self._interface, self._domain = description, interface, domain
-        self._index = motor_index(description.joint_names)
+        self._names = tuple(description.joint_names)
+        self._index = motor_index(self._names)
+        self._hot = temperature
         self.gains = _machine_gains(description)
+        self._gate: CommandGate | None = None
         self._topics: Topics | None = None
         self._machine: int | None = None
-        self._position = np.zeros(len(description.joint_names))
+        self._position = self._velocity = self._zero = np.zeros(len(self._names))
+        self._on = np.zeros(len(self._names), dtype=bool)
+        self._begun = np.inf  # time of the first command, s
         self.refused = 0
+        self.fault = ""
+        self.warnings: tuple[str, ...] = ()
+        self._said: set[str] = set()
 
     def __getstate__(self) -> dict[str, object]:
-        return self.__dict__ | {"_topics": None, "description": None}  # the guard only damps
+        return self.__dict__ | {"_topics": None, "description": None, "_gate": None}  # the guard only damps
 
     def _open(self) -> Topics:
         if self._topics is None:
@@ -74,42 +103,100 @@ class UnitreeDriver:
             state = self._open().read(LOW_STATE, max(end - time.monotonic(), 0.0))
             if state is None:
                 return None
-            if state["crc"] == 0 or intact(state):  # Unitree's own simulators do not sign
+            if self._is_signed(state):
                 break
             self.refused += 1
-        self._machine = int(state["mode_machine"])
         motors, imu = state["motor"][self._index], state["imu"]
-        self._position = motors["q"].astype(float)
+        self._look(state, motors)
+        self._position, self._velocity = motors["q"].astype(float), motors["dq"].astype(float)
         stamp = float(state["tick"]) * 1e-3 if state["tick"] else time.monotonic()
         return Measurement(
             stamp,
             self._position,
-            motors["dq"].astype(float),
+            self._velocity,
             imu["gyroscope"].astype(float),
             imu["accelerometer"].astype(float),
             None,
             joint_torque=motors["tau_est"].astype(float),
         )
 
+    def _is_signed(self, state: Any) -> bool:
+        """Return True for a state whose checksum is right, or missing where simulators send none."""
+        if intact(state):
+            return True
+        if state["crc"] == 0:
+            if self._domain == SIMULATORS and self._interface in LOOPBACK:
+                return True
+            self._say(
+                f"states without a checksum on interface '{self._interface}', domain {self._domain} are refused: only "
+                f"simulators send them, on loopback in domain {SIMULATORS}"
+            )
+        return False
+
+    def _look(self, state: Any, motors: Any) -> None:
+        """Name what is wrong with the machine."""
+        machine, fault = int(state["mode_machine"]), ""
+        if self._machine is None:
+            self._machine = machine
+        if machine != self._machine:
+            fault = f"mode_machine changed from {self._machine} to {machine}"
+        on = motors["mode"] == ENABLED
+        self._on |= on
+        if state["crc"] and time.monotonic() - self._begun > SWITCHED_ON:
+            self._on[:] = True
+        off = self._on & ~on
+        if off.any():
+            fault = f"motor off: {self._named(off)}"
+        found = []
+        if motors["motorstate"].any():
+            wrong = motors["motorstate"] != 0
+            codes = ", ".join(f"{code:#x}" for code in motors["motorstate"][wrong])
+            found.append(f"motor error {codes}: {self._named(wrong)}")
+        if motors["temperature"].max() > self._hot:
+            found.append(
+                f"motor above {self._hot:g} °C: {self._named(motors['temperature'].max(1) > self._hot)}"
+            )
+        self.fault, self.warnings = fault, tuple(found)
+        for text in (fault, *found):
+            if text:
+                self._say(text)
+
+    def _named(self, chosen: Array) -> str:
+        return ", ".join(self._names[i] for i in np.flatnonzero(chosen))
+
+    def _say(self, text: str) -> None:
+        """Log a text once."""
+        if text not in self._said:
+            self._said.add(text)
+            logger.warning("%s", text)
+
     def write(self, command: Command) -> None:
         """See `Driver`; without references the motors get the torque alone."""
-        zero = np.zeros(len(self._index))
-        servo = command.joint_position is not None
-        kp, kd = self.gains if servo else (zero, zero)
-        self._send(
-            self._position if command.joint_position is None else command.joint_position,
-            zero if command.joint_velocity is None else command.joint_velocity,
+        kp, kd = self.gains if command.joint_position is not None else (self._zero, self._zero)
+        whole = Command(
             command.joint_torque,
-            kp if command.kp is None else command.kp,
-            kd if command.kd is None else command.kd,
+            self._position if command.joint_position is None else command.joint_position,
+            self._zero if command.joint_velocity is None else command.joint_velocity,
+            kp=kp if command.kp is None else command.kp,
+            kd=kd if command.kd is None else command.kd,
         )
+        if self._gate is None:
+            self._gate = CommandGate(self.description.robot(), 0.002)
+        try:
+            whole = self._gate.admit(whole, (self._position, self._velocity))
+        except InputError as error:
+            self._say(f"{error}: the joints are damped")
+            self.damp()
+            return
+        self._begun = min(self._begun, time.monotonic())
+        self._send(whole.joint_position, whole.joint_velocity, whole.joint_torque, whole.kp, whole.kd)
 
     def damp(self) -> None:
         """See `Driver`."""
-        zero = np.zeros(len(self._index))
-        self._send(self._position, zero, zero, zero, np.full(len(self._index), DAMPING))
+        position = np.nan_to_num(self._position, posinf=0.0, neginf=0.0)
+        self._send(position, self._zero, self._zero, self._zero, np.full(len(self._names), DAMPING))
 
-    def _send(self, *values: Array) -> None:
+    def _send(self, *values: Array | None) -> None:
         if self._machine is None:
             self.read(0.0)
         if self._machine is None:  # nobody there
