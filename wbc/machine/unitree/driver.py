@@ -39,9 +39,9 @@ class UnitreeDriver:
     """Driver of a G1 in its low-level mode.
 
     It echoes mode_machine, enables the motors of its joints, signs what it sends and drops what is signed wrongly; what
-    is not signed, too, but from simulators on this computer. It sends nothing before the first state has come, and damping in place
-    of a command that is not finite; torques keep within the limits. The G1 has no force sensors in its feet: controls
-    estimate the wrenches from the torques that it reports.
+    is not signed, too, but from simulators on this computer. It sends nothing before the first state has come, and
+    damping in place of a command that is not finite; torques keep within the limits. The G1 has no force sensors in its
+    feet: controls estimate the wrenches from the torques that it reports.
 
     Attributes:
         description: The robot.
