@@ -152,7 +152,11 @@ class Command:
                 raise InputError(f"{name} of a command must be numbers of shape ({na},), got {value!r}")
             if not (np.abs(array) <= LARGEST).all():  # or NaN
                 place = int(np.argmin(np.abs(array) <= LARGEST))
-                found = f"is {array[place]:g}, beyond ±{LARGEST:g}" if np.isfinite(array[place]) else "is not finite"
+                found = (
+                    f"is {array[place]:g}, beyond ±{LARGEST:g}"
+                    if np.isfinite(array[place])
+                    else "is not finite"
+                )
                 raise InputError(f"command: {name} of joint '{joint_names[place]}' {found}")
             if name in ("kp", "kd") and (array < 0.0).any():
                 joint = joint_names[int(np.argmax(array < 0.0))]
