@@ -16,7 +16,7 @@ import polars as pl
 import pyarrow as pa
 import pytest
 from full_disk import limited_file_size
-from log_writing import HEADER, columns, values, write
+from log_writing import HEADER, signals, unread, values, write
 from pyarrow import ipc
 
 import wbc.app.log as package
@@ -50,7 +50,7 @@ def test_what_is_written_comes_back(log_file: Path) -> None:
     assert [i for i, scan in enumerate(scans) if scan is not None] == list(range(0, n, 7))
     assert all(scans[i].tolist() == list(range(i % 4)) for i in range(0, n, 7))
     assert log.units["com/estimated/z"] == "m" and log.signals["time"].about == "clock"
-    assert list(log) == [s.name for s in columns().signals if s is not None]
+    assert list(log) == [signal.name for signal, _ in signals().columns]
     assert log.header == HEADER
 
 
@@ -223,7 +223,7 @@ def test_full_disk_ends_the_log_and_not_the_run(
     monkeypatch.setattr(writer, "_out", type("Full", (), {"write_batch": full, "close": lambda self: None})())
     for _ in range(3 * ROWS):
         writer.row[:] = np.nan
-        writer.commit()
+        writer.commit([None, None])
     assert writer.failure is not None and "No space left" in writer.failure
     assert len([r for r in caplog.records if "the run goes on" in r.message]) == 1
     writer.close()
@@ -259,12 +259,12 @@ def test_recording_without_a_tick_leaves_the_old_log(log_file: Path) -> None:
 
 
 def test_names_are_checked() -> None:
-    made = columns()
+    made = signals()
     for name in ("", "a//b", "/a", "a/", "a\nb"):
         with pytest.raises(InputError, match="parts separated by '/'"):
-            made.add(name)
+            made.one(name, "1", "", unread)
     with pytest.raises(InputError, match="'time' already"):
-        made.add("time")
+        made.one("time", "1", "", unread)
 
 
 def test_documented_ways_to_open_a_log_work(log_file: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -6,25 +6,29 @@ from pathlib import Path
 
 import numpy as np
 
-from wbc.app.log.columns import Columns
 from wbc.app.log.header import FORMAT
+from wbc.app.log.signals import Signals, Tick
 from wbc.app.log.writer import ROWS, LogWriter
 
-__all__ = ["HEADER", "ROWS", "columns", "values", "write"]
+__all__ = ["HEADER", "ROWS", "signals", "values", "write"]
 
 HEADER = {"format": FORMAT, "program": "wbc test"}
 
 
-def columns() -> Columns:
-    made = Columns()
-    made.add("time", "s", "clock", "double")
-    made.group("com/estimated", ("x", "y", "z"), "m", "world")
-    made.hidden(2)
-    made.add("walk/phase", "1", "phase", "text")
-    made.add("foot/contact", "1", "touches", "flag")
-    made.add("walk/step", "1", "step", "whole")
-    made.add("scan", "m", "profile", "list")
+def signals() -> Signals:
+    """Signals of which nothing is read: `write` fills the rows."""
+    made = Signals()
+    made.one("time", "s", "clock", unread, "double")
+    made.group("com/estimated", ("x", "y", "z"), "m", "world", unread)
+    made.one("walk/phase", "1", "phase", unread, "text")
+    made.one("foot/contact", "1", "touches", unread, "flag")
+    made.one("walk/step", "1", "step", unread, "whole")
+    made.one("scan", "m", "profile", unread, "list")
     return made
+
+
+def unread(tick: Tick) -> None:
+    """Never called."""
 
 
 def values(i: int) -> tuple[float, float, float, float]:
@@ -33,14 +37,11 @@ def values(i: int) -> tuple[float, float, float, float]:
 
 def write(path: Path, ticks: int) -> LogWriter:
     """Write ticks without ending the file."""
-    made, writer = columns(), LogWriter(path)
-    writer.begin(made, HEADER)
+    writer = LogWriter(path)
+    writer.begin(signals(), HEADER)
     for i in range(ticks):
-        row = writer.row
-        row[0:4] = values(i)
-        row[4:6] = np.nan
-        row[6] = made.text("single" if i % 3 else "double") if i % 5 else np.nan
-        row[7], row[8] = i % 2, i
-        row[9] = writer.keep(np.arange(i % 4)) if i % 7 == 0 else np.nan
-        writer.commit()
+        time, *com = values(i)
+        writer.row[:] = (*com, i, i % 2, time)
+        phase = ("single" if i % 3 else "double") if i % 5 else None
+        writer.commit([phase, np.arange(float(i % 4)) if i % 7 == 0 else None])
     return writer

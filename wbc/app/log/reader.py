@@ -13,8 +13,8 @@ import pyarrow as pa  # type: ignore[import-untyped]
 from numpy.typing import NDArray
 from pyarrow import ipc
 
-from wbc.app.log.columns import Kind, Signal
 from wbc.app.log.header import decode
+from wbc.app.log.signals import Kind, Signal
 from wbc.app.log.writer import MAGIC, TYPES, part_path
 from wbc.core.errors import Array, InputError, unknown_name
 

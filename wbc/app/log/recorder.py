@@ -12,11 +12,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from wbc.app.log.columns import XY, XYZ, Columns, Signal
 from wbc.app.log.header import make_header
-from wbc.app.log.sources import sources_for
-from wbc.app.log.stiffness import StiffnessSource
-from wbc.app.log.tick import Control, Source, Tick, drives_of
+from wbc.app.log.signals import Control, Read, Signal, Signals, Tick, drives_of
+from wbc.app.log.sources import tick_signals
 from wbc.app.log.writer import LogWriter
 from wbc.core.errors import Array, InputError
 from wbc.core.files import FileError
@@ -67,7 +65,7 @@ class Recorder(WalkHook):
         self._spec, self._title, self._seed = spec, title, seed
         self._stiffness = stiffness
         self._added: dict[str, tuple[Signal, Callable[..., Any], tuple[str, ...] | None]] = {}
-        self._sources: list[Source] | None = None
+        self._signals: Signals | None = None
         self._model: Robot | None = None  # of a controller of one's own
 
     def add(
@@ -94,7 +92,7 @@ class Recorder(WalkHook):
         Raises:
             InputError: A name that is taken or malformed, no function, or the first tick has been recorded.
         """
-        if self._sources is not None:
+        if self._signals is not None:
             raise InputError(f"signal '{name}' comes too late: add it before the first tick is recorded")
         if not callable(value):
             raise InputError(
@@ -179,14 +177,9 @@ class Recorder(WalkHook):
 
     def _record(self, tick: Tick) -> None:
         self._refuse_more()
-        if self._sources is None:
-            self._begin(tick)
-            assert self._sources is not None
-        writer = self._writer
-        row = writer.row
-        for source in self._sources:
-            source.write(tick, row)
-        writer.commit()
+        if self._signals is None:
+            self._signals = self._begin(tick)
+        self._writer.commit(self._signals.read(tick, self._writer.row))
 
     def start(self, trial: WalkTrial) -> None:
         """Take specification and seed of the walk; see `WalkHook`.
@@ -206,26 +199,19 @@ class Recorder(WalkHook):
         """End the file; see `WalkHook`."""
         self.close()
 
-    def _begin(self, tick: Tick) -> None:
-        """Make the sources and write the header."""
-        for what, value, kind in (
-            ("measurement", tick.measurement, Measurement),
-            ("command", tick.command, Command),
-        ):
-            _check_kind(what, value, kind)
-        columns = Columns()
-        sources = sources_for(columns, tick)
-        stiffness = self._stiffness or getattr(tick.control, "stiffness", None)
-        if stiffness is not None:
-            sources.append(StiffnessSource(columns, stiffness, self._writer.keep))
+    def _begin(self, tick: Tick) -> Signals:
+        """Describe the signals of the run and write the header."""
+        _check_kind("measurement", tick.measurement, Measurement)
+        _check_kind("command", tick.command, Command)
+        signals = tick_signals(tick, self._stiffness or getattr(tick.control, "stiffness", None))
         for signal, function, axes in self._added.values():
-            sources.append(_AddedSignal(self._writer, columns, signal, function, axes, function(tick)))
+            _add_own(signals, signal, function, axes, function(tick))
         period = None if tick.controller is None else tick.controller.dt
         plant = tick.plant if isinstance(tick.plant, Plant) else None
         description = None if plant is not None else tick.description
         header = make_header(tick.robot, period, plant, description, self._spec, self._title, self._seed)
-        self._writer.begin(columns, header, [source.finish for source in sources])
-        self._sources = sources
+        self._writer.begin(signals, header)
+        return signals
 
     @property
     def ticks(self) -> int:
@@ -253,64 +239,51 @@ class Recorder(WalkHook):
         self.close()
 
 
-class _AddedSignal(Source):
-    """A signal of `Recorder.add`; its first value decides its kind and shape."""
+def _add_own(
+    signals: Signals, signal: Signal, function: Read, axes: tuple[str, ...] | None, first: Any
+) -> None:
+    """Describe a signal of `Recorder.add`; its first value decides its kind and shape."""
+    name, kind, waiting = signal.name, signal.kind, [first]
 
-    def __init__(
-        self,
-        writer: LogWriter,
-        columns: Columns,
-        signal: Signal,
-        function: Callable[[Tick], Any],
-        axes: tuple[str, ...] | None,
-        first: Any,
-    ) -> None:
-        self._writer, self._columns = writer, columns
-        self._name, self._function = signal.name, function
-        self._place: int | slice
-        self._kind = signal.kind
-        self._first = [first]
-        name, unit, about = signal.name, signal.unit, signal.about
-        if self._kind == "list":
-            self._place = columns.add(name, unit, about, "list")
-        elif isinstance(first, str):
-            self._kind, self._place = "text", columns.add(name, unit, about, "text")
-        elif isinstance(first, (bool, np.bool_)):
-            self._place = columns.add(name, unit, about, "flag")
-        else:
-            shape = self._numbers(first).shape
-            if len(shape) > 1:
-                raise InputError(
-                    f"signal '{name}' must be a number or an array of one dimension, got shape {shape}"
-                )
-            if not shape:
-                self._place = columns.add(name, unit, about)
-            else:
-                parts = axes or {2: XY, 3: XYZ}.get(shape[0]) or tuple(map(str, range(shape[0])))
-                if len(parts) != shape[0]:
-                    raise InputError(f"signal '{name}' has {shape[0]} parts, but {len(parts)} axes")
-                self._place = columns.group(name, parts, unit, about)
+    def value(tick: Tick) -> Any:
+        return waiting.pop() if waiting else function(tick)
 
-    def write(self, tick: Tick, row: Array) -> None:
-        value = self._first.pop() if self._first else self._function(tick)
-        if self._kind == "list":
-            row[self._place] = np.nan if value is None else self._writer.keep(self._numbers(value))
-        elif self._kind == "text":
-            row[self._place] = np.nan if value is None else self._columns.text(str(value))
-        else:
-            parts = (self._place.stop - self._place.start,) if isinstance(self._place, slice) else ()
-            if value is not None and np.shape(value) != parts:
-                raise InputError(f"signal '{self._name}' has changed from shape {parts} to {np.shape(value)}")
-            try:
-                row[self._place] = value
-            except (TypeError, ValueError) as error:
-                raise InputError(f"signal '{self._name}' cannot keep {value!r}: {error}") from error
-
-    def _numbers(self, value: Any) -> Array:
+    def numbers(value: Any) -> Array:
         try:
-            return np.asarray(value, dtype=np.float64)
+            return np.array(value, dtype=np.float64)
         except (TypeError, ValueError) as error:
-            raise InputError(f"signal '{self._name}' cannot keep {value!r}") from error
+            raise InputError(f"signal '{name}' cannot keep {value!r}") from error
+
+    def text(tick: Tick) -> str | None:
+        return None if (given := value(tick)) is None else str(given)
+
+    def list_of_numbers(tick: Tick) -> Array | None:
+        return None if (given := value(tick)) is None else numbers(given).reshape(-1)
+
+    if kind == "list":
+        signals.one(name, signal.unit, signal.about, list_of_numbers, "list")
+        return
+    if isinstance(first, str):
+        signals.one(name, signal.unit, signal.about, text, "text")
+        return
+    shape = numbers(first).shape
+
+    def same_shape(tick: Tick) -> Any:
+        given = value(tick)
+        if given is not None and np.shape(given) != shape:
+            raise InputError(f"signal '{name}' has changed from shape {shape} to {np.shape(given)}")
+        return None if given is None else numbers(given)
+
+    if len(shape) > 1:
+        raise InputError(f"signal '{name}' must be a number or an array of one dimension, got shape {shape}")
+    if not shape:
+        flag = isinstance(first, (bool, np.bool_))
+        signals.one(name, signal.unit, signal.about, same_shape, "flag" if flag else "number")
+        return
+    parts = axes or {2: ("x", "y"), 3: ("x", "y", "z")}.get(shape[0]) or tuple(map(str, range(shape[0])))
+    if len(parts) != shape[0]:
+        raise InputError(f"signal '{name}' has {shape[0]} parts, but {len(parts)} axes")
+    signals.group(name, parts, signal.unit, signal.about, same_shape)
 
 
 def _takes_the_tick(function: Callable[..., Any]) -> bool:

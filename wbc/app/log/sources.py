@@ -1,307 +1,481 @@
-"""Sources of signals: clock, measurement, command, estimate and controller."""
-# ruff: noqa: D102 - overrides are documented where they are declared
+"""Sources of signals: names, units, meanings and values of all that a run has, in the order of the file.
+
+A new signal is one more line in the function of its object. `Signals.each` describes signals whose values are one
+array, `Signals.one` a number, truth value, text or list; the last argument of both reads the value from a `Tick`, None
+where there is none. Signals that share an intermediate result read it through `once`, which computes it once a tick.
+"""
 
 from __future__ import annotations
 
+import json
 import math
+from collections.abc import Callable, Sequence
 from time import perf_counter
-from typing import Any
+from typing import TYPE_CHECKING, Any, NamedTuple, cast
 
 import numpy as np
 import pinocchio as pin
 
-from wbc.app.log.columns import (
-    QUATERNION,
-    WRENCH,
-    WRENCH_UNITS,
-    XYZ,
-    Columns,
-    foot_names,
-    joint_units,
-    torque_units,
-)
-from wbc.app.log.tick import Source, Tick, copy
-from wbc.app.log.truth import GroundTruthSource, TruthSource
-from wbc.app.log.walking import WalkSource
+from wbc.app.log.signals import Read, Signals, Tick, once
+from wbc.core.conventions import configuration_from_mujoco, velocity_from_mujoco
 from wbc.core.drive.position import PositionControl
 from wbc.core.errors import Array
 from wbc.core.qp.solution import Solution
+from wbc.core.robot import SIDES, Robot
 from wbc.sim.plant.plant import Plant
-from wbc.walking.load import HeldLoad
+from wbc.tasks.stabilizer.admittance import FootCorrection
+from wbc.tasks.stabilizer.pendulum import dcm
+from wbc.tasks.stabilizer.stabilizer import StabilizerOutput
+from wbc.walking.planning.footsteps import Footstep
+from wbc.walking.progress import ReferenceLike, WalkingLike
+
+if TYPE_CHECKING:
+    from wbc.tasks.scheduling.stiffness import StiffnessScheduler
+
+XYZ, XY, QUATERNION = ("x", "y", "z"), ("x", "y"), ("x", "y", "z", "w")
+WRENCH = ("fx", "fy", "fz", "mx", "my", "mz")
+WRENCH_UNITS = ("N", "N", "N", "Nm", "Nm", "Nm")
+VELOCITY, VELOCITY_UNITS = ("forward", "left", "turn"), ("m/s", "m/s", "rad/s")
 
 
-def sources_for(columns: Columns, tick: Tick) -> list[Source]:
-    """Return a source for each object of a run that has signals.
+def tick_signals(tick: Tick, stiffness: StiffnessScheduler | None) -> Signals:
+    """Return the signals of all objects of a run.
 
     Args:
-        columns: Takes the columns of the signals.
         tick: The first tick.
+        stiffness: Stiffness scheduling; None without one.
     """
-    sources: list[Source] = [ClockSource(columns)]
-    estimate, omega = None if tick.estimate is None else EstimateSource(columns, tick), None
-    if estimate is not None and tick.walking is not None:
-        walk = WalkSource(columns, tick, estimate.com, estimate.com_velocity)
-        omega = walk.omega
-        sources.append(walk)
-    if estimate is not None:
-        sources.append(estimate)
+    signals = Signals()
+    signals.one("time", "s", "time stamp of the measurement", lambda t: t.measurement.time, "double")
+    signals.one("tick/clock", "s", "wall-clock time of the recording", lambda t: perf_counter(), "double")
+    if tick.estimate is not None and tick.walking is not None:
+        _add_walk(signals, tick)
+    if tick.estimate is not None:
+        _add_estimate(signals, tick)
     if tick.drives is not None and tick.drives.observer.outside is not None:
-        sources.append(OutsideSource(columns, tick))
-    sources += [MeasurementSource(columns, tick), CommandSource(columns, tick)]
+        _add_outside(signals, tick)
+    _add_measurement(signals, tick)
+    _add_command(signals, tick)
     if tick.control is not None or tick.solution is not None:
-        sources.append(SolverSource(columns, tick))
+        _add_solver(signals, tick)
     if isinstance(tick.plant, Plant):
-        sources.append(TruthSource(columns, tick.plant, omega))
+        _add_plant(signals, tick)
     elif tick.truth is not None:
-        sources.append(GroundTruthSource(columns, tick, omega))
-    return sources
+        _add_truth(signals, tick)
+    if stiffness is not None:
+        _add_stiffness(signals, stiffness)
+    return signals
 
 
-class ClockSource(Source):
-    """Simulated or measured time, and wall-clock time."""
+def _add_walk(signals: Signals, tick: Tick) -> None:
+    """Phase, references and stabilizer of a walk; NaN and null without a reference or a stabilizer."""
+    one, group, feet = signals.one, signals.group, foot_names(tick.robot)
+    told: list[Any] = []
 
-    def __init__(self, columns: Columns) -> None:
-        self._time = columns.add("time", "s", "time stamp of the measurement", "double")
-        self._clock = columns.add("tick/clock", "s", "wall-clock time of the recording", "double")
+    def planned(read: Callable[[ReferenceLike], Any]) -> Read:
+        return lambda t: None if (reference := t.reference) is None else read(reference)
 
-    def write(self, tick: Tick, row: Array) -> None:
-        row[self._time] = tick.measurement.time
-        row[self._clock] = perf_counter()
+    def stabilized(read: Callable[[StabilizerOutput], Any]) -> Read:
+        return lambda t: None if (output := t.output) is None else read(output)
 
+    def of_walk(read: Callable[[WalkingLike], Any]) -> Read:
+        return lambda t: None if t.reference is None else read(cast(WalkingLike, t.walking))
 
-class MeasurementSource(Source):
-    """Measurements of the sensors."""
+    def events(walk: WalkingLike) -> str | None:
+        assert walk.reference is not None
+        texts = [event.value for event in walk.reference.events]
+        if walk.fallen is not None and not told:
+            told.append(walk.fallen)
+            texts.append(f"fallen: {walk.fallen.value}")
+        return "; ".join(texts) or None
 
-    def __init__(self, columns: Columns, tick: Tick) -> None:
-        robot = tick.robot
-        joints, units = robot.joint_names, joint_units(robot)
-        rates = [f"{unit}/s" for unit in units]
-        start = columns.group("joint/position", joints, units, "encoder").start
-        columns.group("joint/velocity", joints, rates, "velocity from the drive")
-        columns.group("imu/angular_velocity", XYZ, "rad/s", "gyroscope, IMU frame")
-        about = "accelerometer: acceleration minus gravity, IMU frame"
-        columns.group("imu/specific_force", XYZ, "m/s²", about)
-        feet = foot_names(robot)
-        about = "of the ground on the sole, sole frame"
-        for foot in feet:
-            columns.group(f"foot/{foot}/wrench_measured", WRENCH, WRENCH_UNITS, about)
-        about = "range sensor under the toe; NaN without an echo"
-        columns.each([f"foot/{foot}/range" for foot in feet], "m", about)
-        columns.each([f"foot/{foot}/stiffness" for foot in feet], "Nm/rad", "actual, of the sole")
-        self._torque = tick.measurement.joint_torque is not None
-        if self._torque:
-            columns.group("joint/torque_measured", joints, torque_units(robot), "of the drive")
-        wrists = tick.measurement.hand_wrenches
-        self._wrists = 0 if wrists is None else len(wrists)
-        named = list(robot.frames) if len(robot.frames) == self._wrists else range(self._wrists)
-        for hand in named:
-            about = "on the hand, less its own weight, frame of the hand"
-            columns.group(f"hand/{hand}/wrench_measured", WRENCH, WRENCH_UNITS, about)
-        self._copied = columns.since(start)
+    def next_step(read: Callable[[Footstep], Any]) -> Read:
+        return lambda t: None if (steps := upcoming(t)) is None or not steps else read(steps[0])
 
-    def write(self, tick: Tick, row: Array) -> None:
-        m = tick.measurement
-        parts = [  # in the order of the columns
-            m.joint_position,
-            m.joint_velocity,
-            m.angular_velocity,
-            m.specific_force,
-            np.full(m.sole_range.size * 6, math.nan) if m.sole_wrench is None else m.sole_wrench.ravel(),
-            m.sole_range,
-            m.sole_stiffness,
-        ]
-        if self._torque:
-            none = np.full(m.joint_position.size, math.nan)
-            parts.append(none if m.joint_torque is None else m.joint_torque)
-        if self._wrists:
-            wrists = m.hand_wrenches
-            parts.append(np.full(6 * self._wrists, math.nan) if wrists is None else wrists.ravel())
-        np.concatenate(parts, out=row[self._copied])
-
-
-class CommandSource(Source):
-    """Commands to the joint drives and soles."""
-
-    def __init__(self, columns: Columns, tick: Tick) -> None:
-        robot = tick.robot
-        joints, units = robot.joint_names, joint_units(robot)
-        rates = [f"{unit}/s" for unit in units]
-        self._position = columns.group("joint/position_reference", joints, units, "of the servo")
-        self._velocity = columns.group("joint/velocity_reference", joints, rates, "of the servo")
-        self._torque = columns.group(
-            "joint/torque_command", joints, torque_units(robot), "torque, or feed-forward of the servo"
+    upcoming = once(of_walk(lambda w: w.progress.upcoming))
+    one("walk/phase", "1", "phase of the walk", planned(lambda r: r.phase.value), "text")
+    one("walk/event", "1", "events of this tick, separated by ';'", of_walk(events), "text")
+    one("walk/step", "1", "index of the step that swings, or swings next", planned(lambda r: r.step), "whole")
+    one("walk/steps_done", "1", "single supports that have ended", of_walk(lambda w: w.steps_done), "whole")
+    one("walk/heading", "rad", "desired heading of pelvis and torso", planned(lambda r: r.heading))
+    one("step/side", "1", "foot that swings, or swings next", next_step(lambda s: s.side), "text")
+    parts, units = ("x", "y", "z", "yaw"), ("m", "m", "m", "rad")
+    landing = next_step(lambda s: (s.x, s.y, s.z, s.yaw))
+    group("step/landing", parts, units, "planned landing, world", landing)
+    one("pendulum/omega", "1/s", "natural frequency", planned(lambda r: r.pendulum.omega))
+    lean = of_walk(lambda w: (0.0, 0.0) if w.lean is None else w.lean.angle)
+    group("walk/lean", ("roll", "pitch"), "rad", "of the trunk, about x and y of the world", lean)
+    bias = of_walk(lambda w: (0.0, 0.0) if w.bias is None else w.bias.bias)
+    group("stabilizer/bias", XY, "m", "estimated in the measured DCM and subtracted, world", bias)
+    commanded = of_walk(lambda w: w.velocity or None)
+    group("drive/commanded", VELOCITY, VELOCITY_UNITS, "commanded velocity; NaN while none is", commanded)
+    about = "velocity that the planned footsteps give"
+    group("drive/granted", VELOCITY, VELOCITY_UNITS, about, of_walk(lambda w: w.granted_velocity))
+    one("stabilizer/in_air", "1", "neither foot has contact", stabilized(lambda o: o.in_air), "flag")
+    for i, foot in enumerate(feet):
+        contact = planned(lambda r, i=i: r.contact[i])  # type: ignore[misc]
+        one(f"foot/{foot}/contact", "1", "planned contact", contact, "flag")
+        correction = stabilized(lambda o, i=i: _tilts(o.corrections[i]))  # type: ignore[misc]
+        group(
+            f"foot/{foot}/correction",
+            ("roll", "pitch", "height"),
+            ("rad", "rad", "m"),
+            "added by the stabilizer",
+            correction,
         )
-        self._gains: slice | None = None
-        if tick.command.kp is not None or tick.command.kd is not None:
-            torques = torque_units(robot)
-            per_angle = [f"{torque}/{unit}" for torque, unit in zip(torques, units, strict=True)]
-            per_speed = [f"{torque}s/{unit}" for torque, unit in zip(torques, units, strict=True)]
-            start = columns.group("joint/kp_command", joints, per_angle, "gain of the servo").start
-            columns.group("joint/kd_command", joints, per_speed, "gain of the servo")
-            self._gains = columns.since(start)
-        self._stiffness = columns.each(
-            [f"foot/{foot}/stiffness_command" for foot in foot_names(robot)],
-            "Nm/rad",
-            "commanded, of the sole",
+    group("com/reference", XYZ, "m", "world", planned(lambda r: r.pendulum.com))
+    group("com/reference_velocity", XYZ, "m/s", "world", planned(lambda r: r.pendulum.com_velocity))
+    group("com/reference_acceleration", XYZ, "m/s²", "world", planned(lambda r: r.pendulum.com_acceleration))
+    group("zmp/reference", XYZ, "m", "world", planned(lambda r: r.pendulum.zmp))
+    group("zmp/desired", XYZ, "m", "of the desired net wrench, world", stabilized(lambda o: o.zmp))
+    about = "of the measured foot wrenches, world"
+    group("zmp/measured", XYZ, "m", about, stabilized(lambda o: o.measured_zmp))
+    about = "target minus measured, world"
+    group("stabilizer/dcm_error", XY, "m", about, stabilized(lambda o: o.errors.dcm))
+    group("stabilizer/dcm_error_average", XY, "m", "world", stabilized(lambda o: o.errors.average))
+    group("stabilizer/dcm_error_rate", XY, "m/s", "world", stabilized(lambda o: o.errors.rate))
+    about = "desired, world"
+    group("stabilizer/com_acceleration", XYZ, "m/s²", about, stabilized(lambda o: o.com_acceleration))
+    about = "desired, at the world origin"
+    group("stabilizer/net_wrench", WRENCH, WRENCH_UNITS, about, stabilized(lambda o: o.net_wrench))
+    about = "added to the CoM target, world"
+    group("stabilizer/com_offset", XY, "m", about, stabilized(lambda o: o.com_offset))
+    for i, foot in enumerate(feet):
+        desired = stabilized(lambda o, i=i: o.feet.wrenches[i])  # type: ignore[misc]
+        about = "desired by the stabilizer, sole frame"
+        group(f"foot/{foot}/wrench_desired", WRENCH, WRENCH_UNITS, about, desired)
+    for i, foot in enumerate(feet):
+        pose = planned(lambda r, i=i: pin.SE3ToXYZQUAT(r.feet[i].placement))  # type: ignore[misc]
+        velocity = planned(lambda r, i=i: r.feet[i].velocity)  # type: ignore[misc]
+        _add_motion(signals, f"foot/{foot}/reference", "sole", "world", pose, velocity)
+    about = "of the estimated CoM, world"
+    group("dcm/reference", XY, "m", "world", planned(lambda r: r.pendulum.dcm[:2]))
+    group("dcm/estimated", XY, "m", about, lambda t: _dcm(t, t.estimate))
+
+
+def _tilts(correction: FootCorrection) -> tuple[float, float, float]:
+    return correction.roll, correction.pitch, correction.height
+
+
+def _dcm(tick: Tick, state: Robot | _TrueState | None) -> Array | None:
+    """Return the DCM of an estimated or true state; None without a reference."""
+    if tick.reference is None or state is None:
+        return None
+    return dcm(state.com[:2], state.com_velocity[:2], tick.reference.pendulum.omega)
+
+
+def _add_motion(
+    signals: Signals, name: str, what: str, frame: str, pose: Read, velocity: Read | None
+) -> None:
+    """Describe the pose (position, quaternion) and velocity (linear, angular) of a base or sole."""
+    about = "sole centre, world" if what == "sole" else "world"
+    parts = [f"{name}/position/{axis}" for axis in XYZ]
+    parts += [f"{name}/orientation/{axis}" for axis in QUATERNION]
+    signals.each(parts, ["m"] * 3 + ["1"] * 4, f"{about}; {what} frame in the world", pose)
+    if velocity is not None:
+        parts = [f"{name}/{kind}_velocity/{axis}" for kind in ("linear", "angular") for axis in XYZ]
+        signals.each(parts, ["m/s"] * 3 + ["rad/s"] * 3, frame, velocity)
+
+
+def _add_estimate(signals: Signals, tick: Tick) -> None:
+    """Describe the estimated state of the robot and, in position control, the commanded base."""
+    robot = cast(Robot, tick.estimate)
+    group = signals.group
+
+    def estimated(read: Callable[[Robot], Any]) -> Read:
+        return lambda t: read(cast(Robot, t.estimate))
+
+    def base(state: Callable[[Tick], Any], name: str) -> None:
+        pose: Read = lambda t: state(t).q[:7]  # noqa: E731
+        _add_motion(signals, name, "base", "base frame", pose, lambda t: state(t).v[:6])
+
+    base(lambda t: t.estimate, "base/estimated")
+    group("com/estimated", XYZ, "m", "world", estimated(lambda r: r.com))
+    group("com/estimated_velocity", XYZ, "m/s", "world", estimated(lambda r: r.com_velocity))
+    for foot, sole in zip(foot_names(robot), robot.soles, strict=True):
+        frame = robot.frame_id(sole.frame)
+        pose = estimated(lambda r, frame=frame: pin.SE3ToXYZQUAT(r.data.oMf[frame]))  # type: ignore[misc]
+        _add_motion(signals, f"foot/{foot}/estimated", "sole", "world", pose, None)
+    if isinstance(tick.drives, PositionControl):
+        base(lambda t: t.drives, "base/commanded")
+
+
+def _add_outside(signals: Signals, tick: Tick) -> None:
+    """Describe the outside wrench of an observer that estimates it, and the load of a walk that carries one."""
+    about = (
+        "of the surroundings besides the ground, without the load that the models carry; about the CoM, world"
+    )
+    outside: Read = lambda t: cast(Any, t.drives).observer.outside.wrench  # noqa: E731
+    signals.group("outside/wrench", WRENCH, WRENCH_UNITS, about, outside)
+    if tick.walking is not None and tick.walking.load is not None:
+        signals.one("load/mass", "kg", "as estimated", lambda t: cast(Any, t.walking).load.mass)
+        place: Read = lambda t: cast(Any, t.walking).load.place  # noqa: E731
+        signals.group("load/place", XYZ, "m", "as estimated, world", place)
+
+
+def _add_measurement(signals: Signals, tick: Tick) -> None:
+    """Describe the measurements of the sensors."""
+    group, robot, first = signals.group, tick.robot, tick.measurement
+    joints, units, feet = robot.joint_names, joint_units(robot), foot_names(robot)
+
+    def measured(name: str, parts: Sequence[str], units: str | Sequence[str], about: str, field: str) -> None:
+        group(name, parts, units, about, lambda t: getattr(t.measurement, field))
+
+    measured("joint/position", joints, units, "encoder", "joint_position")
+    rates = [f"{unit}/s" for unit in units]
+    measured("joint/velocity", joints, rates, "velocity from the drive", "joint_velocity")
+    measured("imu/angular_velocity", XYZ, "rad/s", "gyroscope, IMU frame", "angular_velocity")
+    about = "accelerometer: acceleration minus gravity, IMU frame"
+    measured("imu/specific_force", XYZ, "m/s²", about, "specific_force")
+    _add_wrenches(
+        signals,
+        [f"foot/{foot}/wrench_measured" for foot in feet],
+        "of the ground on the sole, sole frame",
+        lambda t: t.measurement.sole_wrench,
+    )
+    about = "range sensor under the toe; NaN without an echo"
+    signals.each([f"foot/{foot}/range" for foot in feet], "m", about, lambda t: t.measurement.sole_range)
+    names = [f"foot/{foot}/stiffness" for foot in feet]
+    signals.each(names, "Nm/rad", "actual, of the sole", lambda t: t.measurement.sole_stiffness)
+    if first.joint_torque is not None:
+        measured("joint/torque_measured", joints, torque_units(robot), "of the drive", "joint_torque")
+    if first.hand_wrenches is not None:
+        count = len(first.hand_wrenches)
+        hands = list(robot.frames) if len(robot.frames) == count else range(count)
+        _add_wrenches(
+            signals,
+            [f"hand/{hand}/wrench_measured" for hand in hands],
+            "on the hand, less its own weight, frame of the hand",
+            lambda t: t.measurement.hand_wrenches,
         )
 
-    def write(self, tick: Tick, row: Array) -> None:
-        c = tick.command
-        row[self._torque] = c.joint_torque
-        copy(row, self._position, c.joint_position)
-        copy(row, self._velocity, c.joint_velocity)
-        if self._gains is not None:
-            none = np.full(c.joint_torque.size, math.nan)
-            np.concatenate([none if gain is None else gain for gain in (c.kp, c.kd)], out=row[self._gains])
-        copy(row, self._stiffness, c.sole_stiffness)
+
+def _add_wrenches(
+    signals: Signals, names: Sequence[str], about: str, read: Callable[[Tick], Array | None]
+) -> None:
+    parts = [f"{name}/{axis}" for name in names for axis in WRENCH]
+    flat: Read = lambda t: None if (wrenches := read(t)) is None else wrenches.ravel()  # noqa: E731
+    signals.each(parts, WRENCH_UNITS * len(names), about, flat)
 
 
-class EstimateSource(Source):
-    """Estimated state of the robot and, in position control, the commanded base.
+def _add_command(signals: Signals, tick: Tick) -> None:
+    """Describe the commands to the joint drives and soles."""
+    robot, first = tick.robot, tick.command
+    joints, units, torques = robot.joint_names, joint_units(robot), torque_units(robot)
+    rates = [f"{unit}/s" for unit in units]
+    group = signals.group
+    group("joint/position_reference", joints, units, "of the servo", lambda t: t.command.joint_position)
+    group("joint/velocity_reference", joints, rates, "of the servo", lambda t: t.command.joint_velocity)
+    about = "torque, or feed-forward of the servo"
+    group("joint/torque_command", joints, torques, about, lambda t: t.command.joint_torque)
+    if first.kp is not None or first.kd is not None:
+        per_angle = [f"{torque}/{unit}" for torque, unit in zip(torques, units, strict=True)]
+        per_speed = [f"{torque}s/{unit}" for torque, unit in zip(torques, units, strict=True)]
+        group("joint/kp_command", joints, per_angle, "gain of the servo", lambda t: t.command.kp)
+        group("joint/kd_command", joints, per_speed, "gain of the servo", lambda t: t.command.kd)
+    names = [f"foot/{foot}/stiffness_command" for foot in foot_names(robot)]
+    signals.each(names, "Nm/rad", "commanded, of the sole", lambda t: t.command.sole_stiffness)
 
-    Attributes:
-        com: Columns of the estimated centre of mass.
-        com_velocity: Columns of its velocity.
+
+def _add_solver(signals: Signals, tick: Tick) -> None:
+    """Describe status, residuals, active limits and timings of the QP; NaN after other tasks than the first tick's."""
+    one, layout = signals.one, None if tick.solution is None else tick.solution.layout
+
+    def solved(read: Callable[[Solution], Any]) -> Read:
+        return lambda t: None if t.solution is None else read(t.solution)
+
+    def of_layout(read: Callable[[Solution], Any]) -> Read:
+        return lambda t: None if (found := t.solution) is None or found.layout is not layout else read(found)
+
+    one("solver/status", "1", "status of the QP", solved(lambda s: s.status.value), "text")
+    one("solver/iterations", "1", "outer iterations", solved(lambda s: s.iterations), "whole")
+    failures: Read = lambda t: 0 if t.drives is None else t.drives.failures  # noqa: E731
+    one("solver/failures", "1", "failed ticks so far", failures, "whole")
+    parts, about = ("model", "assembly", "solve", "decode"), "wall time of a part of the controller's tick"
+    signals.group("tick", parts, "s", about, solved(lambda s: s.timings))
+    if tick.solution is None or layout is None:
+        return
+    feet = dict(zip((s.name for s in tick.robot.soles), foot_names(tick.robot), strict=True))
+    for name, variables in layout.contacts.items():
+        size = variables.stop - variables.start
+        where = f"foot/{feet[name]}" if name in feet else f"contact/{name}"
+        wrench = of_layout(lambda s, at=variables: s.variables[at])  # type: ignore[misc]
+        about = "solution of the QP, sole frame"
+        signals.group(f"{where}/wrench_solved", WRENCH[:size], WRENCH_UNITS[:size], about, wrench)
+    sums = np.zeros((len(layout.tasks), tick.solution.residual_rows.size))
+    for of_task, rows in zip(sums, layout.tasks.values(), strict=True):
+        of_task[rows] = 1.0
+    signals.each(
+        [f"solver/residual/{name}" for name in layout.tasks],
+        [layout.units[name] for name in layout.tasks],
+        "norm of achieved minus desired acceleration, torque or wrench",
+        of_layout(lambda s: np.sqrt(sums @ np.square(s.residual_rows))),
+    )
+    texts: dict[bytes, str | None] = {}
+
+    def active_limits(solution: Solution) -> str | None:
+        size = np.abs(solution.multipliers)
+        pattern = (size > 1e-6 * max(1.0, float(size.max(initial=0.0)))).tobytes()  # as in `active_limits`
+        if pattern not in texts:
+            texts[pattern] = "; ".join(solution.active_limits) or None
+        return texts[pattern]
+
+    one("solver/active_limits", "1", "active limits, separated by ';'", of_layout(active_limits), "text")
+
+
+def _add_plant(signals: Signals, tick: Tick) -> None:
+    """Describe base, joints, soles, centre of mass and pushes of a plant, copied from MuJoCo's state.
+
+    That takes a few microseconds; `Plant.truth` takes 0.1 ms, mostly for contacts.
     """
+    import mujoco  # noqa: PLC0415 - a plant has imported it
 
-    def __init__(self, columns: Columns, tick: Tick) -> None:
-        robot = tick.estimate
-        assert robot is not None
-        start = _base(columns, "estimated")
-        self.com = columns.group("com/estimated", XYZ, "m", "world")
-        self.com_velocity = columns.group("com/estimated_velocity", XYZ, "m/s", "world")
-        self._soles = [robot.frame_id(sole.frame) for sole in robot.soles]
-        for foot in foot_names(robot):
-            columns.group(f"foot/{foot}/estimated/position", XYZ, "m", "sole centre, world")
-            columns.group(f"foot/{foot}/estimated/orientation", QUATERNION, "1", "sole frame in the world")
-        if isinstance(tick.drives, PositionControl):
-            _base(columns, "commanded")
-        self._copied = columns.since(start)
+    plant = cast(Plant, tick.plant)
+    model, data = plant.model, plant.data
+    own = [i for i in range(1, model.njnt) if plant.of_robot[model.jnt_bodyid[i]]]
+    joints = [model.joint(i) for i in own]
+    units = ["m" if joint.type[0] == mujoco.mjtJoint.mjJNT_SLIDE else "rad" for joint in joints]
+    end, base = 7 + len(joints), int(model.jnt_bodyid[0])  # furniture comes after the robot
+    sites = [model.site(foot.wrench_site).id for foot in plant.feet]
+    still = np.array([math.nan] * 3 + [0.0] * 3)
 
-    def write(self, tick: Tick, row: Array) -> None:
-        drives, robot = tick.drives, tick.estimate
-        assert robot is not None
-        placements = robot.data.oMf
-        # In the order of the columns.
-        parts = [robot.q[:7], robot.v[:6], robot.com, robot.com_velocity]
-        parts += [pin.SE3ToXYZQUAT(placements[sole]) for sole in self._soles]
-        if isinstance(drives, PositionControl):
-            parts += [drives.q[:7], drives.v[:6]]
-        np.concatenate(parts, out=row[self._copied])
+    def state(_: Tick) -> _TrueState:
+        mujoco.mj_subtreeVel(model, data)
+        q = configuration_from_mujoco(data.qpos[:end])
+        v = velocity_from_mujoco(q, data.qvel[:6])
+        com, velocity, feet = data.subtree_com[base], data.subtree_linvel[base], data.site_xpos[sites]
+        return _TrueState(q, v, plant.joint_torque, com, velocity, feet.ravel())
 
+    def push(_: Tick) -> Array:
+        forces = data.xfrc_applied[:, :3]
+        if not forces.any():
+            return still
+        body = int(np.argmax(np.square(forces).sum(axis=1)))
+        return np.concatenate([data.xipos[body], forces[body]])
 
-class OutsideSource(Source):
-    """Outside wrench of an observer that estimates it, and the load of a walk that carries one."""
-
-    def __init__(self, columns: Columns, tick: Tick) -> None:
-        about = "of the surroundings besides the ground, without the load that the models carry; about the CoM, world"
-        self._wrench = columns.group("outside/wrench", WRENCH, WRENCH_UNITS, about)
-        load = _load(tick)
-        self._load = None if load is None else columns.add("load/mass", "kg", "as estimated")
-        self._place = None if load is None else columns.group("load/place", XYZ, "m", "as estimated, world")
-
-    def write(self, tick: Tick, row: Array) -> None:
-        assert tick.drives is not None and tick.drives.observer.outside is not None
-        row[self._wrench] = tick.drives.observer.outside.wrench
-        load = _load(tick)
-        if load is not None and self._load is not None and self._place is not None:
-            row[self._load], row[self._place] = load.mass, load.place
+    names, limit = [joint.name for joint in joints], np.array(plant.description.torque_limit)
+    _add_true_state(signals, tick, state, names, units, limit)
+    parts = [f"truth/push/{kind}/{axis}" for kind in ("point", "force") for axis in XYZ]
+    about = "point of attack of the largest push, and its force, world"
+    signals.each(parts, ["m"] * 3 + ["N"] * 3, about, push)
 
 
-def _load(tick: Tick) -> HeldLoad | None:
-    """Return the load of a walk; None where none is expected."""
-    return None if tick.walking is None else tick.walking.load
+def _add_truth(signals: Signals, tick: Tick) -> None:
+    """Describe the true state of a loop that is no plant, under the names of a plant's."""
+    robot = tick.robot.clone()
+
+    def state(tick: Tick) -> _TrueState | None:
+        truth = tick.truth
+        if truth is None:
+            return None
+        pin.framesForwardKinematics(robot.model, robot.data, truth.q)
+        feet = np.concatenate([robot.placement(sole.frame).translation for sole in robot.soles[:2]])
+        return _TrueState(truth.q, truth.v, truth.joint_torque, truth.com, truth.com_velocity, feet)
+
+    names, units = robot.joint_names, joint_units(robot)
+    _add_true_state(signals, tick, state, names, units, np.array(robot.torque_limit))
 
 
-class SolverSource(Source):
-    """Status, residuals, active limits and timings of the QP."""
+class _TrueState(NamedTuple):
+    """True state of a robot: configuration with the joints of soft soles, velocity, torques, CoM and sole centres."""
 
-    def __init__(self, columns: Columns, tick: Tick) -> None:
-        solution = tick.solution
-        self._columns = columns
-        self._status = columns.add("solver/status", "1", "status of the QP", "text")
-        self._iterations = columns.add("solver/iterations", "1", "outer iterations", "whole")
-        self._failures = columns.add("solver/failures", "1", "failed ticks so far", "whole")
-        self._times = columns.group(
-            "tick",
-            ("model", "assembly", "solve", "decode"),
-            "s",
-            "wall time of a part of the controller's tick",
-        )
-        self._layout = None if solution is None else solution.layout
-        self._wrenches: list[tuple[slice, slice]] = []
-        self._norms: dict[int, slice] = {}
-        self._active = -1
-        self._last: tuple[Any, int] = (None, 0)  # status, and index of its text
-        self._patterns: dict[bytes, int] = {}  # index of the text of each set of active limits
-        if solution is not None:
-            self._prepare(columns, tick, solution)
-
-    def _prepare(self, columns: Columns, tick: Tick, solution: Solution) -> None:
-        layout = solution.layout
-        feet = dict(zip((s.name for s in tick.robot.soles), foot_names(tick.robot), strict=True))
-        for name, variables in layout.contacts.items():
-            parts = WRENCH[: variables.stop - variables.start]
-            where = f"foot/{feet[name]}" if name in feet else f"contact/{name}"
-            about = "solution of the QP, sole frame"
-            units = WRENCH_UNITS[: len(parts)]
-            self._wrenches.append((variables, columns.group(f"{where}/wrench_solved", parts, units, about)))
-        self._residuals = columns.hidden(solution.residual_rows.size)
-        for name, rows in layout.tasks.items():
-            about = "norm of achieved minus desired acceleration, torque or wrench"
-            place = columns.add(f"solver/residual/{name}", layout.units[name], about)
-            start = self._residuals.start
-            self._norms[place] = slice(start + rows.start, start + rows.stop)
-        self._active = columns.add("solver/active_limits", "1", "active limits, separated by ';'", "text")
-        self._multipliers = columns.hidden(solution.multipliers.size)
-
-    def write(self, tick: Tick, row: Array) -> None:
-        drives, solution = tick.drives, tick.solution
-        row[self._failures] = 0 if drives is None else drives.failures
-        if solution is None:
-            row[self._status] = row[self._iterations] = math.nan
-            row[self._times] = math.nan
-        else:
-            if solution.status is not self._last[0]:
-                self._last = (solution.status, self._columns.text(solution.status.value))
-            row[self._status] = self._last[1]
-            row[self._iterations] = solution.iterations
-            row[self._times] = solution.timings
-        if self._layout is None:
-            return
-        if solution is None or solution.layout is not self._layout:  # other tasks than in the first tick
-            row[self._residuals] = row[self._multipliers] = math.nan
-            for _, places in self._wrenches:
-                row[places] = math.nan
-            return
-        row[self._residuals] = solution.residual_rows
-        row[self._multipliers] = solution.multipliers
-        variables = solution.variables
-        for source, places in self._wrenches:
-            row[places] = variables[source]
-
-    def finish(self, rows: Array) -> None:
-        if self._layout is None:
-            return
-        for place, places in self._norms.items():
-            rows[:, place] = np.sqrt(np.square(rows[:, places]).sum(axis=1))
-        size = np.abs(rows[:, self._multipliers])
-        largest = size.max(axis=1, initial=0.0)  # the threshold is that of `Solution.active_limits`
-        active = size > 1e-6 * np.maximum(1.0, np.nan_to_num(largest))[:, None]
-        rows[:, self._active] = math.nan
-        patterns = np.packbits(active, axis=1)
-        for i in np.flatnonzero(active.any(axis=1)):
-            pattern = patterns[i].tobytes()
-            if pattern not in self._patterns:
-                names = [self._layout.limits[k] for k in np.flatnonzero(active[i])]
-                self._patterns[pattern] = self._columns.text("; ".join(names))
-            rows[i, self._active] = self._patterns[pattern]
+    q: Array
+    v: Array
+    joint_torque: Array
+    com: Array
+    com_velocity: Array
+    feet: Array
 
 
-def _base(columns: Columns, which: str) -> int:
-    """Add the columns of a base, pose and velocity in its own frame, and return the first."""
-    start = columns.group(f"base/{which}/position", XYZ, "m", "world").start
-    columns.group(f"base/{which}/orientation", QUATERNION, "1", "base frame in the world")
-    columns.group(f"base/{which}/linear_velocity", XYZ, "m/s", "base frame")
-    columns.group(f"base/{which}/angular_velocity", XYZ, "rad/s", "base frame")
-    return int(start)
+def _add_true_state(
+    signals: Signals,
+    tick: Tick,
+    state: Callable[[Tick], _TrueState | None],
+    joints: Sequence[str],
+    units: Sequence[str],
+    limit: Array,
+) -> None:
+    robot, group, found = tick.robot, signals.group, once(state)
+
+    def true(read: Callable[[_TrueState], Any]) -> Read:
+        return lambda t: None if (known := found(t)) is None else read(known)
+
+    base = "truth/base"
+    _add_motion(signals, base, "base", "base frame", true(lambda s: s.q[:7]), true(lambda s: s.v[:6]))
+    names = [position_signal(joint, robot) for joint in joints]
+    signals.each(names, units, "without sensor errors", true(lambda s: s.q[7:]))
+    about = "last applied by the drives"
+    group("truth/joint/torque", robot.joint_names, torque_units(robot), about, true(lambda s: s.joint_torque))
+    group("truth/com", XYZ, "m", "of everything, feet included, world", true(lambda s: s.com))
+    group("truth/com_velocity", XYZ, "m/s", "world", true(lambda s: s.com_velocity))
+    soles = [f"truth/foot/{side}/position/{axis}" for side in SIDES for axis in XYZ]
+    signals.each(soles, "m", "sole centre, world", true(lambda s: s.feet))
+    about = "torque over its limit"
+    group("truth/joint/torque_ratio", robot.joint_names, "1", about, true(lambda s: s.joint_torque / limit))
+    if tick.walking is not None:
+        group("truth/dcm", XY, "m", "world", lambda t: _dcm(t, found(t)))
+
+
+def _add_stiffness(signals: Signals, task: StiffnessScheduler) -> None:
+    """Describe scan, decision and result of each step of the stiffness scheduling, in the tick of its landing."""
+    last: list[Any] = [task.steps[-1] if task.steps else None]
+
+    def find(_: Tick) -> Any:
+        if not task.steps or task.steps[-1] is last[0]:
+            return None
+        last[0] = task.steps[-1]
+        return last[0]
+
+    landed = once(find)
+
+    def step(read: Callable[[Any], Any]) -> Read:
+        return lambda t: None if (done := landed(t)) is None else read(done)
+
+    def scan(read: Callable[[Any], Any]) -> Read:
+        return step(lambda s: None if s.profile is None else read(s.profile))
+
+    def decision(read: Callable[[Any], Any]) -> Read:
+        return step(lambda s: None if s.decision is None else read(s.decision))
+
+    one = signals.one
+    one("stiffness/side", "1", "foot that landed", step(lambda s: s.side), "text")
+    signals.group(
+        "stiffness",
+        ("commanded", "actual", "wanted", "time_before_landing", "computing"),
+        ("Nm/rad", "Nm/rad", "Nm/rad", "s", "s"),
+        "at the landing; time_before_landing and computing belong to the decision",
+        step(lambda s: (s.commanded, s.actual, s.requested, s.decided_before, s.computing)),
+    )
+    one("stiffness/cluster", "1", "cluster chosen by the policy", decision(lambda d: d.cluster), "whole")
+    about = "reason for the fallback stiffness"
+    one("stiffness/fallback", "1", about, step(lambda s: s.fallback), "text")
+    features = decision(lambda d: json.dumps(dict(d.features)))
+    one("stiffness/features", "1", "features of the decision, as JSON", features, "text")
+    about = "profile: distance along the walking direction from the world origin"
+    one("stiffness/scan/x", "m", about, scan(lambda p: p.x), "list")
+    one("stiffness/scan/z", "m", "profile: height in the world", scan(lambda p: p.z), "list")
+    one("stiffness/scan/lateral", "m", "profile: to the left of that line", scan(lambda p: p.lateral), "list")
+    heading = scan(lambda p: math.atan2(p.forward[1], p.forward[0]))
+    one("stiffness/scan/heading", "rad", "walking direction of the profile", heading)
+
+
+def foot_names(robot: Robot) -> list[str]:
+    """Return the names of the feet in a log: left and right, or the names of the soles of any other robot."""
+    names = [sole.name for sole in robot.soles]
+    return list(SIDES) if names == ["left_foot", "right_foot"] else names
+
+
+def joint_units(robot: Robot) -> list[str]:
+    """Return the unit of each joint's position: rad, or m for a prismatic joint."""
+    kinds = [joint.shortname() for joint in robot.model.joints[2:]]
+    return ["m" if kind.startswith("JointModelP") else "rad" for kind in kinds]
+
+
+def torque_units(robot: Robot) -> list[str]:
+    """Return the unit of each joint's torque: Nm, or N for a prismatic joint."""
+    return ["N" if unit == "m" else "Nm" for unit in joint_units(robot)]
+
+
+def position_signal(joint: str, robot: Robot) -> str:
+    """Return the name of the signal of a joint's true position; sole hinges are not in the robot model."""
+    return f"truth/joint/position/{joint}" if joint in robot.joint_names else f"truth/sole/{joint}"

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import atexit
 import logging
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
 from typing import IO, Any
@@ -20,8 +20,8 @@ import numpy as np
 import pyarrow as pa  # type: ignore[import-untyped]
 from pyarrow import ipc
 
-from wbc.app.log.columns import Columns, Kind, Signal
 from wbc.app.log.header import KEY, encode
+from wbc.app.log.signals import Kind, Signal, Signals
 from wbc.core.errors import Array, InputError
 from wbc.core.files import FileError, claimed, move_into_place
 
@@ -74,32 +74,22 @@ class LogWriter:
             raise InputError(f"cannot write the log {self.path}: {error.strerror or error}") from error
         self.failure: str | None = None
         self.rows = self.written = 0
-        self._columns: Columns | None = None
         self._out: Any = None
         self._pending: Future[None] | None = None
         self._thread: ThreadPoolExecutor | None = None
         atexit.register(self.close)
 
-    def begin(
-        self, columns: Columns, header: dict[str, Any], finish: Sequence[Callable[[Array], None]] = ()
-    ) -> None:
-        """Write the schema; columns cannot be added afterwards.
-
-        Args:
-            columns: Columns of the rows.
-            header: Header of the log.
-            finish: Called with the rows of each batch, shape (rows, columns), to compute columns from others.
-        """
-        self._columns, self._finish = columns, tuple(finish)
-        self._written = [(i, s) for i, s in enumerate(columns.signals) if s is not None]
-        self._numbers = np.array([i for i, s in self._written if s.kind == "number"], dtype=np.intp)
-        fields = [_field(signal) for _, signal in self._written]
+    def begin(self, signals: Signals, header: dict[str, Any]) -> None:
+        """Write the schema; signals cannot be added afterwards."""
+        self._signals = signals.columns
+        numbers = [place for signal, place in signals.columns if signal.kind == "number"]
+        self._numbers = np.array(numbers, dtype=np.intp)
+        fields = [_field(signal) for signal, _ in signals.columns]
         self._schema = pa.schema(fields, metadata={KEY: encode(header)})
         self._attempt(self._write_schema)
-        width = len(columns.signals)
-        self._blocks = [np.full((ROWS, width), np.nan) for _ in range(2)]
-        self._block, self._count = self._blocks[0], 0
-        self._objects: list[Any] = []
+        self._blocks = [np.full((ROWS, signals.width), np.nan) for _ in range(2)]
+        self._block = self._blocks[0]
+        self._objects: list[list[Any]] = []
         self._thread = ThreadPoolExecutor(1, thread_name_prefix="wbc-log")
 
     def _write_schema(self) -> None:
@@ -109,20 +99,15 @@ class LogWriter:
 
     @property
     def row(self) -> Array:
-        """The row to fill next, shape (columns,); its values are undefined."""
-        row: Array = self._block[self._count]
+        """The row of numbers to fill next, shape (width,); its values are undefined."""
+        row: Array = self._block[len(self._objects)]
         return row
 
-    def keep(self, values: Array) -> int:
-        """Store a list for the current row and return its index."""
-        self._objects.append(np.array(values, dtype=np.float32).reshape(-1))
-        return len(self._objects) - 1
-
-    def commit(self) -> None:
-        """Finish the current row."""
-        self._count += 1
+    def commit(self, objects: list[Any]) -> None:
+        """Finish the current row with its texts and lists; lists are not copied."""
+        self._objects.append(objects)
         self.rows += 1
-        if self._count == ROWS:
+        if len(self._objects) == ROWS:
             self._hand_over()
 
     def _hand_over(self) -> None:
@@ -132,7 +117,7 @@ class LogWriter:
         if self.failure is None:
             self._pending = self._thread.submit(self._write, self._block, self._objects)
         self._block = self._blocks[1] if self._block is self._blocks[0] else self._blocks[0]
-        self._count, self._objects = 0, []
+        self._objects = []
 
     def _wait(self) -> None:
         """Wait until the thread is idle."""
@@ -148,37 +133,26 @@ class LogWriter:
                 _log.error("the log %s ends here, the run goes on: %s", self.part, error)
             self.failure = self.failure or f"{error}"
 
-    def _write(self, rows: Array, objects: list[Any]) -> None:
+    def _write(self, rows: Array, objects: list[list[Any]]) -> None:
         with np.errstate(all="ignore"):  # NaN stays NaN
-            for finish in self._finish:
-                finish(rows)
-            numbers = rows.T[self._numbers].astype(np.float32)
-        arrays, next_number = [], iter(numbers)
-        for place, signal in self._written:
+            numbers = iter(rows.T[self._numbers].astype(np.float32))
+        arrays = []
+        for signal, place in self._signals:
             if signal.kind == "number":
-                arrays.append(pa.array(next(next_number)))
+                arrays.append(pa.array(next(numbers)))
+            elif signal.kind in ("text", "list"):
+                arrays.append(pa.array([row[place] for row in objects], TYPES[signal.kind]))
             else:
-                arrays.append(self._array(signal, rows[:, place], objects))
+                column = np.ascontiguousarray(rows[:, place])
+                mask = None if signal.kind == "double" else np.isnan(column)
+                arrays.append(
+                    pa.array(np.nan_to_num(column) if mask is not None else column, mask=mask).cast(
+                        TYPES[signal.kind]
+                    )
+                )
         self._out.write_batch(pa.RecordBatch.from_arrays(arrays, schema=self._schema))
         self._file.flush()
         self.written += len(rows)
-
-    def _array(self, signal: Signal, column: Array, objects: list[Any]) -> Any:
-        """Return the column of a signal of another kind than "number"."""
-        assert self._columns is not None
-        if signal.kind == "double":
-            return pa.array(np.ascontiguousarray(column))
-        missing = np.isnan(column)
-        if signal.kind == "flag":
-            return pa.array(column != 0.0, mask=missing)
-        places = np.where(missing, 0.0, column).astype(np.int32)
-        if signal.kind == "whole":
-            return pa.array(places, mask=missing)
-        if signal.kind == "text":
-            texts = pa.array(self._columns.texts or [""], pa.string())
-            return texts.take(pa.array(places, mask=missing))
-        lists = [None if gone else objects[i] for i, gone in zip(places, missing, strict=True)]
-        return pa.array(lists, TYPES["list"])
 
     def close(self) -> None:
         """Write the last batch, end the file and give it its name, if nothing was lost. A second call does nothing."""
@@ -189,9 +163,9 @@ class LogWriter:
             self._wait()
             self._thread.shutdown()
             if (
-                self._count and self.failure is None
+                self._objects and self.failure is None
             ):  # not in the thread: the interpreter may be shutting down
-                self._attempt(lambda: self._write(self._block[: self._count], self._objects))
+                self._attempt(lambda: self._write(self._block[: len(self._objects)], self._objects))
         file, out, self._file, self._out = self._file, self._out, None, None
         if out is None and self.failure is None:  # there was not a single row
             file.close()

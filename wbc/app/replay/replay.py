@@ -10,8 +10,8 @@ import numpy as np
 import pinocchio as pin
 
 from wbc.app.log import Log
-from wbc.app.log.columns import position_signal
 from wbc.app.log.plain import from_plain
+from wbc.app.log.sources import position_signal
 from wbc.app.replay.overlays import Overlays
 from wbc.app.scene.colours import stiffness_colour
 from wbc.app.scene.layers import sole_paths

@@ -1,0 +1,203 @@
+"""Signals of a log: one tick as a recorder gets it, and descriptions with the functions that read values from it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any, Literal, TypeVar, cast
+
+import numpy as np
+
+from wbc.core.drive.position import PositionControl
+from wbc.core.drive.torque import TorqueControl
+from wbc.core.errors import Array, InputError
+from wbc.core.qp.controller import Controller
+from wbc.core.qp.solution import Solution
+from wbc.core.robot import Robot
+from wbc.core.settings import settings
+from wbc.core.signals import Command, Measurement
+from wbc.tasks.stabilizer.stabilizer import StabilizerOutput
+from wbc.walking.progress import ReferenceLike, WalkingLike
+
+if TYPE_CHECKING:
+    from wbc.robots import RobotDescription
+    from wbc.sim import MujocoLoop, Plant
+    from wbc.sim.plant import GroundTruth
+
+T = TypeVar("T")
+
+Kind = Literal["number", "double", "whole", "flag", "text", "list"]
+"""Storage of a signal: 4-byte float, 8-byte float, 4-byte integer, truth value, text, list of 4-byte floats."""
+
+Control = PositionControl | TorqueControl | WalkingLike
+"""Controllers that answer a measurement with a command."""
+
+
+@dataclass(slots=True, eq=False)
+class Tick:
+    """State of a run after a command has been computed and before the plant takes it.
+
+    Attributes:
+        plant: The plant or loop; None without one.
+        control: The walk, or position or torque control; None for a controller of one's own.
+        measurement: Input of the control.
+        command: Output of the control.
+        description: The robot as data; None if only its model is known.
+        solution: Solution of the QP; None without one.
+        truth: True state of a loop that is no `Plant`; None if nobody knows it.
+        estimate: Estimated robot, up to date; None if nothing estimates it.
+        model: Robot of a run without a control, for names and sizes.
+        drives: Position or torque control, also that inside a walk; None for a controller of one's own.
+        walking: Controller of a walk; None for any other.
+        reference: Reference of the walk; None without one.
+        output: Output of the stabilizer to that reference; None without one.
+    """
+
+    plant: Plant | MujocoLoop | None
+    control: Control | None
+    measurement: Measurement
+    command: Command
+    description: RobotDescription | None = None
+    solution: Solution | None = None
+    truth: GroundTruth | None = None
+    estimate: Robot | None = None
+    model: Robot | None = None
+    drives: PositionControl | TorqueControl | None = field(init=False)
+    walking: WalkingLike | None = field(init=False)
+    reference: ReferenceLike | None = field(init=False)
+    output: StabilizerOutput | None = field(init=False)
+
+    def __post_init__(self) -> None:
+        control = self.control
+        self.walking = None if isinstance(control, (PositionControl, TorqueControl)) else control
+        self.drives = None if control is None else drives_of(control)
+        self.reference = None if self.walking is None else self.walking.reference
+        self.output = None if self.walking is None or self.reference is None else self.walking.output
+
+    @property
+    def controller(self) -> Controller | None:
+        """The whole-body controller; None for a controller of one's own."""
+        return None if self.control is None else self.control.controller
+
+    @property
+    def robot(self) -> Robot:
+        """The robot, for names and sizes."""
+        if self.controller is not None:
+            return self.controller.robot
+        assert self.model is not None
+        return self.model
+
+
+Read = Callable[[Tick], Any]
+"""Value of a signal in a tick; None where there is none."""
+
+
+def drives_of(control: Control) -> PositionControl | TorqueControl:
+    """Return position or torque control, also that inside a walk."""
+    return control if isinstance(control, (PositionControl, TorqueControl)) else control.control
+
+
+@settings
+class Signal:
+    """One column of a log.
+
+    Attributes:
+        name: Parts separated by "/".
+        unit: "1" without a unit.
+        about: Description, with the frame.
+        kind: Storage.
+    """
+
+    name: str
+    unit: str = "1"
+    about: str = ""
+    kind: Kind = "number"
+
+    def __post_init__(self) -> None:
+        if not self.name or any(not part.strip() for part in self.name.split("/")) or "\n" in self.name:
+            raise InputError(f"a signal's name is made of parts separated by '/', got {self.name!r}")
+
+
+class Signals:
+    """Signals in the order of the file, and the functions that read their values.
+
+    Attributes:
+        columns: Each signal with its place: in the row of numbers that `read` fills, or among the texts and lists.
+        width: Length of a row of numbers: the arrays from the front, single numbers from the back.
+    """
+
+    def __init__(self) -> None:
+        self.columns: list[tuple[Signal, int]] = []
+        self.width = 0
+        self._arrays: list[tuple[Read, Array]] = []
+        self._numbers: list[Read] = []
+        self._objects: list[Read] = []
+        self._names: set[str] = set()
+        self._groups: set[str] = set()
+
+    def one(self, name: str, unit: str, about: str, read: Read, kind: Kind = "number") -> None:
+        """Describe a signal of a single value.
+
+        Raises:
+            InputError: The name is taken or malformed.
+        """
+        if kind in ("text", "list"):
+            self._add(Signal(name, unit, about, kind), len(self._objects))
+            self._objects.append(read)
+        else:
+            self._numbers.append(read)
+            self._add(Signal(name, unit, about, kind), -len(self._numbers))
+            self.width += 1
+
+    def each(self, names: Sequence[str], units: str | Sequence[str], about: str, read: Read) -> None:
+        """Describe signals whose values are one array; units are one for all, or one each.
+
+        Raises:
+            InputError: A name is taken or malformed.
+        """
+        start = self.width - len(self._numbers)
+        units = [units] * len(names) if isinstance(units, str) else units
+        for i, (name, unit) in enumerate(zip(names, units, strict=True)):
+            self._add(Signal(name, unit, about), start + i)
+        self._arrays.append((read, np.full(len(names), math.nan)))
+        self.width += len(names)
+
+    def group(
+        self, name: str, parts: Sequence[str], units: str | Sequence[str], about: str, read: Read
+    ) -> None:
+        """Describe the parts of an array, each by the name of the group and its own."""
+        self.each([f"{name}/{part}" for part in parts], units, about, read)
+
+    def _add(self, signal: Signal, place: int) -> None:
+        name = signal.name
+        if name in self._names:
+            raise InputError(f"there is a signal '{name}' already; choose another name")
+        parts = name.split("/")
+        groups = {"/".join(parts[:i]) for i in range(1, len(parts))}
+        if name in self._groups or (taken := groups & self._names):
+            what = f"a group '{name}'" if name in self._groups else f"a signal '{taken.pop()}'"
+            raise InputError(f"signal '{name}' cannot be: there is {what} already; choose another name")
+        self._groups |= groups
+        self._names.add(name)
+        self.columns.append((signal, place))
+
+    def read(self, tick: Tick, row: Array) -> list[Any]:
+        """Fill a row with the numbers of a tick and return its texts and lists."""
+        values = [gap if (value := read(tick)) is None else value for read, gap in self._arrays]
+        np.concatenate(values, out=row[: self.width - len(self._numbers)])
+        numbers = [math.nan if (value := read(tick)) is None else value for read in self._numbers]
+        row[-1 : -1 - len(numbers) : -1] = numbers
+        return [read(tick) for read in self._objects]
+
+
+def once(find: Callable[[Tick], T]) -> Callable[[Tick], T]:
+    """Return a function that computes a value once a tick, for several signals."""
+    last: list[Any] = [None, None]
+
+    def found(tick: Tick) -> T:
+        if last[0] is not tick:
+            last[:] = tick, find(tick)
+        return cast(T, last[1])
+
+    return found
