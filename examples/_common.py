@@ -26,8 +26,10 @@ class Options(argparse.Namespace):
     port: int | None
 
     @contextlib.contextmanager
-    def watch(self, plant: wbc.Plant, walking: WalkingLike | None = None) -> Iterator[MeshcatView | NoView]:
-        """Show the plant (and the walk) in the browser, in real time, if `--view` was given."""
+    def watch(
+        self, plant: wbc.Plant | wbc.RobotDescription, walking: WalkingLike | None = None
+    ) -> Iterator[MeshcatView | NoView]:
+        """Show the plant (and the walk), or the robot that `update` is given, live in the browser with `--view`."""
         if not self.view:
             yield NoView()
             return
@@ -43,7 +45,7 @@ class Options(argparse.Namespace):
 class NoView:
     """Placeholder for a view without `--view`."""
 
-    def update(self) -> None:
+    def update(self, *_: wbc.Robot) -> None:
         """Do nothing."""
 
 

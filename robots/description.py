@@ -36,7 +36,7 @@ class RobotDescription:
     Attributes:
         name: Name of the robot.
         urdf: The one URDF string that Pinocchio and MuJoCo read, with all limits.
-        soles: Left and right sole.
+        soles: Left and right sole; none of a robot without feet, such as an arm or a quadruped.
         half_sitting: Joint → position, for every joint, rad or m.
         armature: Joint → rotor inertia seen at the joint, for every joint, kg m² (kg for prismatic joints).
         imu: Frame of the inertial measurement unit.
@@ -56,7 +56,7 @@ class RobotDescription:
 
     name: str
     urdf: str
-    soles: tuple[SoleDescription, SoleDescription]
+    soles: tuple[SoleDescription, ...]
     half_sitting: Mapping[str, float]
     armature: Mapping[str, float]
     imu: FrameDescription
@@ -77,8 +77,10 @@ class RobotDescription:
         check_fields(self)
         for mapping in ("half_sitting", "armature", "hands", "gains", "damping", "frictionloss", "sensors"):
             object.__setattr__(self, mapping, MappingProxyType(dict(getattr(self, mapping))))
-        if tuple(sole.name for sole in self.soles) != frames.SOLE_NAMES:
-            raise InputError(f"soles must be {frames.SOLE_NAMES}, got {tuple(s.name for s in self.soles)}")
+        if self.soles and tuple(sole.name for sole in self.soles) != frames.SOLE_NAMES:
+            raise InputError(
+                f"soles must be {frames.SOLE_NAMES}, or none, got {tuple(s.name for s in self.soles)}"
+            )
         names = self.joint_names
         for what, given in (("half-sitting", self.half_sitting), ("armature", self.armature)):
             missing = [name for name in names if name not in given]
@@ -88,8 +90,9 @@ class RobotDescription:
             names, self._model, self.half_sitting, self.armature, self.damping, self.frictionloss, self.gains
         )
         q = self._half_sitting_configuration()
-        posture.check_posture(self._model, self._sole_frames, q)
-        posture.check_balance(self._model, self.soles, q)
+        if self.soles:
+            posture.check_posture(self._model, self._sole_frames, q)
+            posture.check_balance(self._model, self.soles, q)
         self.robot()  # raises for frames that do not exist
 
     def __reduce__(self) -> tuple[Any, ...]:
@@ -106,22 +109,22 @@ class RobotDescription:
         cls,
         source: str | Path,
         *,
-        left_sole: str | FrameDescription,
-        right_sole: str | FrameDescription,
+        left_sole: str | FrameDescription | None = None,
+        right_sole: str | FrameDescription | None = None,
         name: str | None = None,
         sole_size: tuple[float, float] | None = None,
         package_dirs: tuple[str | Path, ...] = (),
         provenance: str | None = None,
         **options: Unpack[DescriptionOptions],
     ) -> RobotDescription:
-        """Return the description of any humanoid; what is not given is derived from the model.
+        """Return the description of any robot; what is not given is derived from the model.
 
         `wbc.robots.derivation.defaults` states the rules; `derived` lists the results.
 
         Args:
             source: URDF, a path or the XML itself.
             left_sole: Frame of the URDF (link or fixed joint), or a placement in a link; a `SoleDescription` gives
-                the rectangle, too.
+                the rectangle, too. None for both: a robot without feet, for a `Controller` of its own.
             right_sole: Same for the right foot.
             name: Name of the robot; that in the URDF when None.
             sole_size: Length and width of both soles, m; from the geometry of the feet when None.
@@ -134,13 +137,17 @@ class RobotDescription:
             InputError: A file, frame, joint or value that cannot be used.
             ModelError: A URDF that cannot be simulated or controlled as it stands.
         """
+        if (left_sole is None) != (right_sole is None):
+            raise InputError("give left_sole and right_sole, or none of both for a robot without feet")
         is_file = urdf.is_file(source)
         base = Path(source).expanduser().resolve().parent if is_file else None
         directories = tuple(str(Path(d).expanduser()) for d in package_dirs)
         return cls(
             **complete(
                 urdf.read(source),
-                from_geometry(left_sole, right_sole, sole_size, directories, base),
+                None
+                if left_sole is None or right_sole is None
+                else from_geometry(left_sole, right_sole, sole_size, directories, base),
                 name=name,
                 source=provenance or (str(source) if is_file else "URDF string"),
                 notes=[],
@@ -160,6 +167,7 @@ class RobotDescription:
         right_sole: str | FrameDescription | None = None,
         name: str | None = None,
         sole_size: tuple[float, float] | None = None,
+        feet: bool = True,
         root: str | None = None,
         meshes: bool = True,
         use_gains: bool = True,
@@ -177,6 +185,7 @@ class RobotDescription:
             right_sole: Same for the right foot.
             name: Name of the robot; that in the file when None.
             sole_size: Length and width of both soles, m; from the geoms that can touch the ground when None.
+            feet: False for a robot without feet, such as an arm or a quadruped, for a `Controller` of its own.
             root: Body that floats; the one with a free joint when None. Joints of its own are replaced.
             meshes: False to read a file whose meshes are missing; every body must then give its inertia.
             use_gains: False to derive all servo gains instead of taking those of the file.
@@ -200,6 +209,7 @@ class RobotDescription:
                 right_sole=right_sole,
                 name=name,
                 sole_size=sole_size,
+                feet=feet,
                 root=root,
                 meshes=meshes,
                 use_gains=use_gains,
@@ -267,7 +277,10 @@ class RobotDescription:
         return self._model.copy()
 
     def robot(self) -> Robot:
-        """Return a new `Robot` at half-sitting, the soles on z = 0 and the origin midway between them."""
+        """Return a new `Robot` at half-sitting, the soles on z = 0 and the origin midway between them.
+
+        That of a robot without feet has its base at the origin.
+        """
         model = self.pinocchio_model()
         return Robot(
             model,
@@ -278,6 +291,23 @@ class RobotDescription:
             frames=self.hands,
             servos=self.servos,
         )
+
+    def needs_feet(self, what: str) -> None:
+        """Refuse what needs two feet where the robot has none.
+
+        Args:
+            what: What needs them, such as "a walk".
+
+        Raises:
+            InputError: The robot has no feet.
+        """
+        if not self.soles:
+            links = frames.link_names(self._model)
+            feet = [link for link in links if any(word in link.lower() for word in ("foot", "sole", "ankle"))]
+            raise InputError(
+                f"{what} needs two feet, robot '{self.name}' is described without: left_sole and right_sole "
+                f"(--left, --right) say which links they are, of {', '.join((feet or list(links))[:8])}"
+            )
 
     def urdf_without_geometry(self) -> str:
         """Return the URDF without visuals, collisions and meshes: the same kinematics and inertias."""
@@ -371,7 +401,9 @@ class RobotDescription:
         """Servo gains as the robot's controls use them."""
         bound = self.servo.bound(self._model, self._half_sitting_configuration(), self._sole_frames)
         ankles = tuple(joint for leg in self.legs for joint in leg[-2:])
-        tipping = float(bound[self.joint_names.index(ankles[-1])]) / self.servo.ankle_stiffness
+        tipping = (
+            float(bound[self.joint_names.index(ankles[-1])]) / self.servo.ankle_stiffness if ankles else 0.0
+        )
         return Servos(self.kp, self.kd, frozenset(self.gains), self.joint_names, ankles, tipping)
 
     @cached_property
@@ -391,7 +423,9 @@ class RobotDescription:
 
     @cached_property
     def legs(self) -> tuple[tuple[str, ...], tuple[str, ...]]:
-        """Joints of the left and the right leg, from the root to the sole."""
+        """Joints of the left and the right leg, from the root to the sole; none without feet."""
+        if not self.soles:
+            return (), ()
         names = list(self._model.names)
         left, right = (
             tuple(names[joint] for joint in joints_to(self._model, frame)) for frame in self._sole_frames
@@ -423,8 +457,8 @@ class RobotDescription:
         return model
 
     @property
-    def _sole_frames(self) -> tuple[str, str]:
-        return self.soles[0].frame, self.soles[1].frame
+    def _sole_frames(self) -> tuple[str, ...]:
+        return tuple(sole.frame for sole in self.soles)
 
     def _gain(self, which: int) -> Array:
         q = self._half_sitting_configuration()

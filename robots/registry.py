@@ -20,6 +20,8 @@ _FACTORIES: Registry[Callable[[], RobotDescription]] = Registry(
 )
 
 _OTHERS: dict[str, tuple[str, Callable[[], RobotDescription]]] = {
+    "panda": (example_robots.DISTRIBUTION, example_robots.panda),
+    "go1": (example_robots.DISTRIBUTION, example_robots.go1),
     "jvrc1": (other_wheels.JVRC, other_wheels.jvrc1),
     **{
         name: (other_wheels.PLAYGROUND, partial(other_wheels.playground, name))

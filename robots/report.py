@@ -141,6 +141,8 @@ def doubts(robot: Any) -> tuple[str, ...]:
 def standing_torques(robot: Any) -> dict[str, float]:
     """Return joint → share of its torque limit that half-sitting takes, the weight on both soles."""
     model = robot.robot()
+    if not model.soles:
+        return {}
     gravity = pin.computeGeneralizedGravity(model.model, model.data, model.q)
     jacobian = np.concatenate(
         [
@@ -196,6 +198,8 @@ def _legs(robot: Any) -> list[str]:
             found.append(
                 f"the {side} leg has {len(leg)} joints: it cannot shift the weight sideways on a flat sole"
             )
+    if not robot.soles:
+        return ["no feet: it has a QP (docs/robots.md), but neither stands nor walks"]
     left, right = robot.soles
     if max(abs(left.length - right.length), abs(left.width - right.width)) > 5e-3:
         sizes = [f"{1e3 * sole.length:.0f} x {1e3 * sole.width:.0f} mm" for sole in robot.soles]

@@ -26,7 +26,6 @@ from wbc.core.errors import InputError, shown, shown_path
 from wbc.core.files import read_text, write_text
 from wbc.core.registry import call_checked
 from wbc.core.settings import from_json
-from wbc.robots import urdf
 from wbc.robots.derivation.servo import ServoRule
 from wbc.robots.description import RobotDescription
 from wbc.robots.frames import FrameDescription, SoleDescription
@@ -96,13 +95,6 @@ def describe(path: Path, parameters: Mapping[str, Any]) -> RobotDescription:
     known.setdefault("name", path.stem)
     if not _is_urdf(path):
         return call_checked("MJCF reader", RobotDescription.from_mjcf, {"source": path, **known})
-    if "left_sole" not in known or "right_sole" not in known:
-        links = [str(link.get("name")) for link in urdf.read(path).findall("link")]
-        feet = [link for link in links if any(word in link.lower() for word in ("foot", "sole", "ankle"))]
-        raise InputError(
-            "a URDF does not say which links are feet: give left_sole and right_sole (--left, --right); "
-            f"{shown_path(path)} has {', '.join((feet or links)[:8])}"
-        )
     return call_checked("URDF reader", RobotDescription.from_urdf, {"source": path, **known})
 
 

@@ -63,8 +63,9 @@ def balance_controller(
         The controller, with joint and torque limits.
 
     Raises:
-        InputError: A period that is not positive.
+        InputError: A period that is not positive, or a robot without feet.
     """
+    robot.needs_feet("the balance controller")
     gains = gains or BalanceGains()
     controller = Controller(robot, dt, settings=solver)
     controller.add(CoMTask(weight=gains.com_weight, stiffness=gains.com_stiffness))

@@ -12,7 +12,12 @@ from wbc._version import __version__
 
 if TYPE_CHECKING:
     from wbc.core.control import FailurePolicy, SafetySettings
-    from wbc.core.conventions import velocity_from_mujoco, velocity_to_mujoco
+    from wbc.core.conventions import (
+        configuration_from_mujoco,
+        configuration_to_mujoco,
+        velocity_from_mujoco,
+        velocity_to_mujoco,
+    )
     from wbc.core.drive.hybrid import HybridControl
     from wbc.core.drive.position import PositionControl
     from wbc.core.drive.torque import TorqueControl
@@ -21,7 +26,7 @@ if TYPE_CHECKING:
     from wbc.core.limits.collision import CollisionCapsule, CollisionSphere, SelfCollisionLimit
     from wbc.core.limits.com_polygon import CoMPolygonLimit
     from wbc.core.limits.rows import JointLimits, RowLimit, TorqueLimits, damped_bound
-    from wbc.core.qp.contact import PointContact, SoleContact, rectangle_wrench_cone
+    from wbc.core.qp.contact import FixedContact, PointContact, SoleContact, rectangle_wrench_cone
     from wbc.core.qp.controller import Controller
     from wbc.core.qp.foothold import Foothold
     from wbc.core.qp.solver import SolverSettings
@@ -56,6 +61,7 @@ __all__ = [
     "MotionTask",
     "SoleContact",
     "PointContact",
+    "FixedContact",
     "Foothold",
     "JointLimits",
     "TorqueLimits",
@@ -77,6 +83,8 @@ __all__ = [
     "HybridControl",
     "FailurePolicy",
     "SafetySettings",
+    "configuration_from_mujoco",
+    "configuration_to_mujoco",
     "velocity_from_mujoco",
     "velocity_to_mujoco",
     # Standing and walking
@@ -110,6 +118,8 @@ _PLACES = {
         "SafetySettings",
     ),
     "wbc.core.conventions": (
+        "configuration_from_mujoco",
+        "configuration_to_mujoco",
         "velocity_from_mujoco",
         "velocity_to_mujoco",
     ),
@@ -134,6 +144,7 @@ _PLACES = {
         "damped_bound",
     ),
     "wbc.core.qp.contact": (
+        "FixedContact",
         "PointContact",
         "SoleContact",
         "rectangle_wrench_cone",

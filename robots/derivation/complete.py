@@ -58,7 +58,7 @@ def from_geometry(
 
 def complete(
     root: urdf.Element,
-    find_soles: SoleFinder,
+    find_soles: SoleFinder | None,
     *,
     name: str | None,
     source: str,
@@ -73,7 +73,7 @@ def complete(
 
     Args:
         root: The `<robot>` element; changed.
-        find_soles: Finder of the soles.
+        find_soles: Finder of the soles; None for a robot without feet.
         name: Name of the robot; that in the URDF when None.
         source: Origin of the model.
         notes: Remarks so far.
@@ -100,9 +100,12 @@ def complete(
     name = name or str(root.get("name") or "robot")
     model = urdf.pinocchio_model(urdf.to_string(root), name)
     remarks: list[str] = []
-    soles = _add_soles(root, model, find_soles, 0.0, remarks)
-    turn = heading(model, soles, feet_found) if options.get("turn_root") is not False else 0.0
-    if turn:
+    soles: defaults.Soles = ()
+    turn = 0.0
+    if find_soles is not None:
+        soles = _add_soles(root, model, find_soles, 0.0, remarks)
+        turn = heading(model, soles, feet_found) if options.get("turn_root") is not False else 0.0
+    if turn and find_soles is not None:
         turned = urdf.turn_root(root, turn)
         notes.append(
             f"the root looks to {np.degrees(turn):.0f}° of where the feet point: new root link '{turned}'"
@@ -110,14 +113,18 @@ def complete(
         model, remarks = urdf.pinocchio_model(urdf.to_string(root), name), []
         soles = _add_soles(root, model, find_soles, turn, remarks)
     notes += remarks
-    defaults.check_sides(model, soles)
-    _refuse_at_ankle(model, soles)
+    if soles:
+        defaults.check_sides(model, soles)
+        _refuse_at_ankle(model, soles)
 
     joints = defaults.complete_half_sitting(model, soles, options.get("half_sitting") or {}, notes, postures)
-    q = posture.standing_configuration(model, (soles[0].frame, soles[1].frame), joints)
-    com_height = float(pin.centerOfMass(model, model.createData(), q)[2])
+    q = posture.standing_configuration(model, tuple(sole.frame for sole in soles), joints)
+    # Sizes follow from the height over the soles.
+    com_height = float(pin.centerOfMass(model, model.createData(), q)[2]) if soles else 0.0
     mass = pin.computeTotalMass(model)
     missing = urdf.joints_without_torque_limit(root)
+    if missing and not soles:
+        raise ModelError(f"joints without torque limits: {', '.join(missing)}; give torque_limits")
     if missing:
         torques = defaults.torque_limits(model, soles, missing, mass * GRAVITY * com_height)
         urdf.set_limits(root, torque=torques)

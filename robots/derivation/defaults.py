@@ -31,7 +31,8 @@ from wbc.robots.derivation.soles import sole_rectangle
 from wbc.robots.frames import FrameDescription, SoleDescription, SoleName
 from wbc.robots.urdf import Element
 
-Soles: TypeAlias = tuple[SoleDescription, SoleDescription]
+Soles: TypeAlias = tuple[SoleDescription, ...]
+"""Left and right sole; none of a robot without feet."""
 
 SOLE_RATIO = (0.152 / 0.530, 0.055 / 0.530)
 """Length and width of a sole over the height of the hip above it (Winter 2009, fig. 4.1)."""
@@ -66,8 +67,8 @@ def complete_half_sitting(
         postures: Postures of the file. The first in which the robot stands is taken; without one the first gives the
             joints that are not in the legs.
     """
-    frame_names = (soles[0].frame, soles[1].frame)
-    for title, joints in postures:
+    frame_names = tuple(sole.frame for sole in soles)
+    for title, joints in postures if soles else ():
         taken = {**joints, **given}
         if posture.stands(model, soles, taken):
             notes.append(f"half-sitting: keyframe '{title}'")
@@ -78,7 +79,9 @@ def complete_half_sitting(
         if any(upper_body.values()):
             given = {**upper_body, **given}
             notes.append(f"half-sitting of {len(upper_body)} joints above the legs: keyframe '{title}'")
-    joints = posture.half_sitting(model, frame_names, given, max(sole.width for sole in soles) + 0.02)
+    joints = posture.half_sitting(
+        model, frame_names, given, max((sole.width for sole in soles), default=0.0) + 0.02
+    )
     names = list(model.names)[2:]
     legs = [names[j - 2] for frame in frame_names for j in joints_to(model, frame)]
     solved = [f"{name} {round(np.degrees(joints[name]), 2) + 0.0}" for name in legs if name not in given]

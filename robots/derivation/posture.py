@@ -30,7 +30,7 @@ FLATNESS = 5e-3
 
 
 def half_sitting(
-    model: pin.Model, soles: tuple[str, str], given: Mapping[str, float], stance_width: float
+    model: pin.Model, soles: tuple[str, ...], given: Mapping[str, float], stance_width: float
 ) -> dict[str, float]:
     """Return the half-sitting position of every joint, in the order of the model.
 
@@ -38,7 +38,7 @@ def half_sitting(
 
     Args:
         model: Pinocchio model with a free-flyer and limits.
-        soles: Sole frames, left first.
+        soles: Sole frames, left first; none of a robot without feet.
         given: Joint → position, rad or m, of some joints or none.
         stance_width: Smallest distance between the sole centres, m.
 
@@ -59,13 +59,12 @@ def half_sitting(
     free = [i for leg in legs for i in (joint - 2 for joint in leg) if names[i] not in given]
     if free:
         q[7:] = _solve(model, soles, legs, q, sorted(set(free)), stance_width)
-    check_posture(model, soles, q)
+    if soles:
+        check_posture(model, soles, q)
     return dict(zip(names, q[7:].tolist(), strict=True))
 
 
-def stands(
-    model: pin.Model, soles: tuple[SoleDescription, SoleDescription], joints: Mapping[str, float]
-) -> bool:
+def stands(model: pin.Model, soles: tuple[SoleDescription, ...], joints: Mapping[str, float]) -> bool:
     """Return True if a posture can serve as half-sitting: inside all limits, soles flat, knees bent, balanced.
 
     Args:
@@ -90,7 +89,7 @@ def stands(
     return True
 
 
-def upper_body(model: pin.Model, soles: tuple[str, str], joints: Mapping[str, float]) -> dict[str, float]:
+def upper_body(model: pin.Model, soles: tuple[str, ...], joints: Mapping[str, float]) -> dict[str, float]:
     """Return the positions of the joints that are in no leg, moved inside their limits by `INSIDE` where necessary.
 
     Args:
@@ -108,25 +107,27 @@ def upper_body(model: pin.Model, soles: tuple[str, str], joints: Mapping[str, fl
     return kept
 
 
-def standing_configuration(model: pin.Model, soles: tuple[str, str], joints: Mapping[str, float]) -> Array:
+def standing_configuration(model: pin.Model, soles: tuple[str, ...], joints: Mapping[str, float]) -> Array:
     """Return the configuration, shape (nq,), with an upright base and the origin midway between the soles.
 
-    The lower sole is on z = 0.
+    The lower sole is on z = 0. The base of a robot without feet is at the origin.
 
     Args:
         model: Pinocchio model with a free-flyer.
-        soles: Sole frames, left first.
+        soles: Sole frames, left first, or none.
         joints: Position of every joint.
     """
     q = pin.neutral(model)
     q[7:] = [joints[name] for name in list(model.names)[2:]]
+    if not soles:
+        return np.asarray(q)
     left, right, _ = _feet(model, soles, q)
     q[:2] = -0.5 * (left.translation + right.translation)[:2]
     q[2] = -min(left.translation[2], right.translation[2])
     return np.asarray(q)
 
 
-def check_posture(model: pin.Model, soles: tuple[str, str], q: Array) -> None:
+def check_posture(model: pin.Model, soles: tuple[str, ...], q: Array) -> None:
     """Check that both soles are flat and level.
 
     Raises:
@@ -147,7 +148,7 @@ def check_posture(model: pin.Model, soles: tuple[str, str], q: Array) -> None:
         )
 
 
-def check_balance(model: pin.Model, soles: tuple[SoleDescription, SoleDescription], q: Array) -> None:
+def check_balance(model: pin.Model, soles: tuple[SoleDescription, ...], q: Array) -> None:
     """Check that the centre of mass is above the rectangle around both soles.
 
     Raises:
@@ -168,7 +169,7 @@ def check_balance(model: pin.Model, soles: tuple[SoleDescription, SoleDescriptio
         )
 
 
-def _feet(model: pin.Model, soles: tuple[str, str], q: Array) -> tuple[pin.SE3, pin.SE3, Array]:
+def _feet(model: pin.Model, soles: tuple[str, ...], q: Array) -> tuple[pin.SE3, pin.SE3, Array]:
     """Return the placements of the left and the right sole, and the centre of mass."""
     data = model.createData()
     pin.framesForwardKinematics(model, data, q)
@@ -178,7 +179,7 @@ def _feet(model: pin.Model, soles: tuple[str, str], q: Array) -> tuple[pin.SE3, 
 
 def _solve(
     model: pin.Model,
-    soles: tuple[str, str],
+    soles: tuple[str, ...],
     legs: list[list[int]],
     start: Array,
     free: list[int],

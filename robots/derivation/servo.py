@@ -87,14 +87,16 @@ class ServoRule:
         Args:
             model: Pinocchio model with a free-flyer.
             q: Configuration, shape (nq,).
-            sole_frames: Frames of the soles.
+            sole_frames: Frames of the soles; without any, no joint has a bound.
         """
+        bound = np.full(model.nv - 6, np.inf)
+        if not sole_frames:
+            return bound
         data = model.createData()
         com = pin.centerOfMass(model, data, q)
         pin.updateFramePlacements(model, data)
         sole = min(data.oMf[model.getFrameId(frame)].translation[2] for frame in sole_frames)
         tipping = pin.computeTotalMass(model) * GRAVITY * (com[2] - sole)
-        bound = np.full(model.nv - 6, np.inf)
         for frame in sole_frames:
             leg = [model.joints[joint].idx_v - 6 for joint in joints_to(model, frame)]
             bound[leg] = self.leg_stiffness * tipping

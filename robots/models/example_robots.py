@@ -1,4 +1,4 @@
-"""Talos and G1 from the installed `example-robot-data` distribution; nothing is downloaded."""
+"""Talos, G1 and robots without feet from the installed `example-robot-data` distribution; nothing is downloaded."""
 
 from __future__ import annotations
 
@@ -97,4 +97,40 @@ def g1() -> RobotDescription:
         height=1.32,
         provenance=f"{DISTRIBUTION}: g1_29dof_rev_1_0",
         licence="BSD-3-Clause",
+    )
+
+
+@cache
+def panda() -> RobotDescription:
+    """Return Franka Emika Panda, an arm of seven joints with a gripper, its hand in front of it; no feet."""
+    return RobotDescription.from_urdf(
+        _path("panda_description/urdf/panda.urdf"),
+        package_dirs=(share_directory(),),
+        half_sitting={
+            "panda_joint2": -0.3,
+            "panda_joint4": -2.0,
+            "panda_joint6": 1.7,
+            "panda_joint7": 0.8,
+        },
+        hands={"hand": "panda_hand"},
+        armature=0.01,
+        provenance=f"{DISTRIBUTION}: panda",
+        licence="Apache-2.0",
+    )
+
+
+@cache
+def go1() -> RobotDescription:
+    """Return Unitree Go1, a quadruped with twelve joints, its legs bent; no soles."""
+    half_sitting = {}
+    for leg in ("FL", "FR", "RL", "RR"):
+        half_sitting |= {f"{leg}_hip_joint": 0.0, f"{leg}_thigh_joint": 0.9, f"{leg}_calf_joint": -1.8}
+    return RobotDescription.from_urdf(
+        _path("go1_description/urdf/go1.urdf"),
+        package_dirs=(share_directory(),),
+        half_sitting=half_sitting,
+        armature=0.01,
+        repair=True,
+        provenance=f"{DISTRIBUTION}: go1",
+        licence="MPL-2.0",
     )

@@ -149,7 +149,8 @@ def _lowest(tree: Tree, data: mujoco.MjData, left: Array, taken: list[int]) -> l
         return []
     if len(ends) < missing:
         raise ModelError(
-            "no feet: fewer than two limbs end in a body that moves; give left_sole and right_sole"
+            "a humanoid needs two feet, but fewer than two limbs end in a body that moves; give left_sole and "
+            "right_sole, or feet=False for a robot without"
         )
     ends = sorted(ends, key=lambda body: float(data.xpos[body, 2]))[:missing]
     ends.sort(key=lambda body: -float(data.xpos[body] @ left))
@@ -203,7 +204,8 @@ def _sole(
         ):
             raise ModelError(
                 f"{name}: the geoms of '{link}' touch the ground over {1e3 * length:.0f} x {1e3 * width:.0f} mm, "
-                f"which is no sole ({1e3 * PLAUSIBLE[0]:.0f} to {1e3 * PLAUSIBLE[1]:.0f} mm); give sole_size"
+                f"which is no sole ({1e3 * PLAUSIBLE[0]:.0f} to {1e3 * PLAUSIBLE[1]:.0f} mm); give sole_size. "
+                "A humanoid needs two feet; feet=False describes a robot without, such as a quadruped"
             )
         if size is None:
             tree.notes.append(

@@ -26,6 +26,7 @@ def fields(
     right_sole: str | FrameDescription | None,
     name: str | None,
     sole_size: tuple[float, float] | None,
+    feet: bool,
     root: str | None,
     meshes: bool,
     use_gains: bool,
@@ -82,7 +83,7 @@ def fields(
         notes.append(f"IMU: site '{found_imu.frame}' on link '{found_imu.link}'")
     return complete(
         writer.root,
-        find_soles,
+        find_soles if feet else None,
         name=name,
         source=provenance or where,
         notes=notes,

@@ -50,6 +50,7 @@ class BalanceSpec:
 
     def __post_init__(self) -> None:
         description = load(self.robot).with_servos(self.servo)
+        description.needs_feet("standing")
         object.__setattr__(self, "mode", chosen_mode(description, self.mode))
         foot_by_name(self.foot)
         NOISE_PRESETS[self.noise]

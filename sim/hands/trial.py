@@ -53,6 +53,7 @@ class HandTrialSpec:
 
     def __post_init__(self) -> None:
         description = load(self.robot)
+        description.needs_feet("a trial of hands")
         hand_frames(description.robot())
         object.__setattr__(self, "mode", chosen_mode(description, self.mode))
         NOISE_PRESETS[self.noise]

@@ -119,6 +119,7 @@ class MujocoLoop:
                 "a MuJoCo model of one's own has friction and payload in itself, and its hands are not measured: put "
                 "them into the model, and leave friction, payload and hand_sensors of the machine alone"
             )
+        description.needs_feet("a loop with sensors of a humanoid")
         self.noise = NOISE_PRESETS[noise] if isinstance(noise, str) else noise
         self.seed = whole_number("seed", seed, low=0)
         self.description, self.model = description, model

@@ -154,6 +154,7 @@ class Plant:
             ModelError: A robot that cannot be simulated.
         """
         choose("interpolation", interpolation, get_args(Interpolation))
+        description.needs_feet("the plant")
         self.interpolation = interpolation
         self.steps = steps_per_tick(control_period, timestep)
         self.averaging = bool(averaging)

@@ -138,6 +138,7 @@ class WalkSpec:
 
         store("robot", stamped(self.robot))
         description = load(self.robot).with_servos(self.servo)
+        description.needs_feet("a walk")
         if self.law == "stepping" and self.mode is None:  # in position control it falls
             store("mode", "torque")
         store("mode", chosen_mode(description, self.mode))

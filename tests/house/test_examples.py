@@ -20,7 +20,7 @@ import pytest
 import wbc
 
 FOLDER = Path(__file__).parents[2] / "examples"
-STANDING = ("own_robot", "push_recovery", "stand")
+STANDING = ("own_robot", "push_recovery", "stand", "without_feet")
 WALKING = (
     "walk",
     "walk_push",
@@ -124,6 +124,12 @@ def test_own_robot_stands_though_pushed(load: Load, capsys: pytest.CaptureFixtur
     result = run(load("own_robot"))
     assert result["moved_mm"] < 1.0
     assert "half-sitting of the legs solved for" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("robot", ["panda", "go1"])
+def test_robots_without_feet_follow_a_circle(load: Load, robot: str) -> None:
+    result = load("without_feet").main(["--robot", robot, "--seconds", "1"])
+    assert result["solved"] and result["error_mm"] < 10.0
 
 
 @pytest.mark.slow

@@ -1,4 +1,4 @@
-"""A floating-base robot: its model, and its state with all quantities that a tick reads.
+"""A robot with a floating base: its model, and its state with all quantities that a tick reads.
 
 `Robot.update(q, v)` runs Pinocchio once; afterwards the mass matrix, bias forces, centre of mass and all frames
 are plain attributes. Frames and joints are looked up by name once, when a task or contact is made, never in a tick.
@@ -112,7 +112,7 @@ class Robot:
         name: Name of the robot.
         model: Pinocchio model with a free-flyer root; after construction only `carry` changes its inertias.
         data: Pinocchio data of the current state.
-        soles: The soles that can make contact, left first.
+        soles: The soles that can make contact, left first; none of a robot without feet.
         half_sitting: Reference configuration with the soles on the ground z = 0, shape (nq,).
         nq: Size of a configuration: base position (world, m), base quaternion (xyzw), joints (rad or m).
         nv: Size of a velocity: base linear and angular velocity in the base frame, joints.
@@ -355,6 +355,18 @@ class Robot:
             unknown_name("joint", name, self.joint_names)
         return self.joint_names.index(name)
 
+    def needs_feet(self, what: str) -> None:
+        """Refuse what needs two feet where the robot has none.
+
+        Args:
+            what: What needs them, such as "an observer".
+
+        Raises:
+            InputError: The robot has no soles.
+        """
+        if not self.soles:
+            raise InputError(f"{what} needs two feet, robot '{self.name}' is described without")
+
     def sole(self, name: str) -> Sole:
         """Return a sole by its name or by its frame.
 
@@ -395,7 +407,7 @@ class Robot:
 
     @checked
     def configuration(self, joints: Mapping[str, float] | None = None) -> Array:
-        """Return half-sitting with some joints changed and the lower sole on the ground z = 0.
+        """Return half-sitting with some joints changed and the lower sole, if there is one, on the ground z = 0.
 
         Args:
             joints: Joint name → position, rad (or m).
@@ -412,7 +424,7 @@ class Robot:
             q[7 + self.joint_index(name)] = value
         data = self.model.createData()
         pin.framesForwardKinematics(self.model, data, q)
-        q[2] -= min(data.oMf[self.frame_id(sole.frame)].translation[2] for sole in self.soles)
+        q[2] -= min((data.oMf[self.frame_id(sole.frame)].translation[2] for sole in self.soles), default=0.0)
         return q
 
     def __repr__(self) -> str:

@@ -117,6 +117,7 @@ class Observer:
             dynamics: Update mass matrix, bias forces and Jacobians of the estimated robot, too. Without them
                 (`Robot.update_kinematics`) an update is faster; an adopted robot always has them.
         """
+        robot.needs_feet("an observer of the base")
         q = np.array(robot.q)
         self.robot = robot if adopt else robot.clone()
         self._update_robot = self.robot.update if adopt or dynamics else self.robot.update_kinematics

@@ -463,13 +463,25 @@ class Contact(ABC):
         return f"{type(self).__name__}('{self.name}', frame='{self.frame}', active={self.active})"
 
 
-class SoleContact(Contact):
+class _HeldFrame(Contact):
+    """Base of contacts that hold position and orientation of a frame; force and moment are in its axes."""
+
+    dim = 6
+    _local = pin.LOCAL
+
+    def evaluate(self, jacobian: Array, error: Array, drift: Array) -> None:
+        """Fill the motion rows in the axes of the frame; see `Contact.evaluate`."""
+        model, data, local = self._model, self._data, self._local
+        jacobian[:] = pin.getFrameJacobian(model, data, self._id, local)
+        error[:] = pin.log6(self._placement.actInv(self._target)).vector
+        drift[:] = pin.getFrameAcceleration(model, data, self._id, local).vector
+
+
+class SoleContact(_HeldFrame):
     """A rectangular sole flat on the ground; its wrench is in the sole frame at the sole centre.
 
     Smallest normal force 10 N, cost 10⁻⁵ per N² of shear, 10⁻⁶ per N² of normal force and 10⁻³ per (Nm)² by default.
     """
-
-    dim = 6
 
     @checked
     def __init__(
@@ -517,7 +529,6 @@ class SoleContact(Contact):
         self._size = sole.length, sole.width
         self._make_cone()
         super().bind(robot)
-        self._local = pin.LOCAL
 
     @property
     def margin(self) -> float:
@@ -574,13 +585,6 @@ class SoleContact(Contact):
         )
         self.revision += 1
 
-    def evaluate(self, jacobian: Array, error: Array, drift: Array) -> None:
-        """Fill the motion rows in the sole frame; see `Contact.evaluate`."""
-        model, data, local = self._model, self._data, self._local
-        jacobian[:] = pin.getFrameJacobian(model, data, self._id, local)
-        error[:] = pin.log6(self._placement.actInv(self._target)).vector
-        drift[:] = pin.getFrameAcceleration(model, data, self._id, local).vector
-
 
 class PointContact(Contact):
     """A point, such as a hand on a wall; its force is in a contact frame whose z axis is the surface normal.
@@ -636,3 +640,36 @@ class PointContact(Contact):
         jacobian[:] = turn.dot(pin.getFrameJacobian(model, data, self._id, world)[:3])
         np.dot(turn, self._target.translation - self._placement.translation, out=error)
         drift[:] = turn.dot(pin.getFrameClassicalAcceleration(model, data, self._id, world).linear)
+
+
+class FixedContact(_HeldFrame):
+    """A frame that is fixed to the world, and holds any wrench: a bolted base, a robot on a gantry, a gripped rail.
+
+    Its wrench is in the frame; no cone bounds it. Cost 10⁻⁸ per N² and (Nm)² by default; a `max_force` bounds the force
+    along the z axis both ways, 10⁶ N by default.
+    """
+
+    @checked
+    def __init__(self, frame: str, **options: Unpack[ContactOptions]) -> None:
+        """Describe the contact.
+
+        Args:
+            frame: Frame that is fixed where it is when the contact is added.
+            **options: See `ContactOptions`.
+
+        Raises:
+            UnknownNameError: An unknown option.
+            InputError: A value out of range.
+        """
+        check_options(self, ContactOptions, options)
+        chosen: ContactOptions = {"max_force": 1e6, "wrench_weight": 1e-8, **options}
+        super().__init__(frame, frame, np.zeros((0, 6)), **chosen)
+
+    @property
+    def normal_force_range(self) -> tuple[float, float]:
+        """Smallest and greatest force along the z axis of the frame allowed now, N."""
+        _, high = super().normal_force_range
+        return -high, high
+
+    def _make_cone(self) -> None:
+        """Nothing: no cone bounds the wrench."""
