@@ -122,7 +122,7 @@ def panda() -> RobotDescription:
 @cache
 def go1() -> RobotDescription:
     """Return Unitree Go1, a quadruped with twelve joints, its legs bent; no soles."""
-    half_sitting = {}
+    half_sitting: dict[str, float] = {}
     for leg in ("FL", "FR", "RL", "RR"):
         half_sitting |= {f"{leg}_hip_joint": 0.0, f"{leg}_thigh_joint": 0.9, f"{leg}_calf_joint": -1.8}
     return RobotDescription.from_urdf(
