@@ -59,6 +59,7 @@ def rotation_of(quaternion: Array) -> Array:
     )
 
 
+@checked_on_failure
 def configuration_to_mujoco(q: Array, joint_qpos: Index | None = None, out: Array | None = None) -> Array:
     """Translate a configuration to MuJoCo's `qpos`.
 
@@ -78,6 +79,7 @@ def configuration_to_mujoco(q: Array, joint_qpos: Index | None = None, out: Arra
     return qpos
 
 
+@checked_on_failure
 def configuration_from_mujoco(
     qpos: Array, joint_qpos: Index | None = None, out: Array | None = None
 ) -> Array:
