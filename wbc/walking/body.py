@@ -6,6 +6,7 @@ cannot reach is refused by name. Nothing of it is computed before something is s
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -39,8 +40,11 @@ MARGIN = 0.05
 """Distance of a joint to its limit that is left at an extreme set-point, rad."""
 
 GAZE_WEIGHT, TORSO_GAZE_WEIGHT, GAZE_STIFFNESS, GAZE_BOUND = 1.0, 200.0, 30.0, 0.3
-"""Cost per (rad/s²)², a tenth of that of the trunk; that of a torso that looks; 1/s²; greatest error that acts, rad: a
-gaze turns at 0.8 rad/s."""
+"""Cost per (rad/s²)², a tenth of that of the trunk; that of a torso without a task of its own; 1/s²; greatest error that
+acts, rad: a gaze turns at 0.8 rad/s."""
+
+NEAREST = 0.3
+"""Horizontal distance of a point from the torso from which on a torso turns to it, m: below, its direction whirls."""
 
 ARRIVED = 1e-3
 """Way left, m and rad, from which a set-point counts as reached."""
@@ -72,9 +76,12 @@ class Body(FixedAttributes):
         self._goal = np.zeros(4)  # height − nominal, roll, pitch, turn
         self._now, self._rate, self._push = np.zeros(4), np.zeros(4), np.zeros(4)
         self._waist = waist and _vertical(self._robot, _waist_joints(self._robot))
+        self._most = self._most_turn()
         self._lowest: float | None = None
         self._gaze: GazeTask | None = None
         self._gaze_weight = np.zeros(0)
+        self._point: Array | None = None  # that the torso turns to
+        self._off = np.inf  # of the torso from its direction, rad
         self.active = False
 
     # ---- set-points -------------------------------------------------------------------------------------------------
@@ -129,19 +136,23 @@ class Body(FixedAttributes):
 
     @turn.setter
     def turn(self, value: float) -> None:
-        most = MOST_TURN
-        if self._waist:
-            joint = next(j for j in _waist_joints(self._robot) if _vertical(self._robot, [j]))
-            robot = self._robot
-            most = min(-float(robot.position_lower[joint]), float(robot.position_upper[joint])) - MARGIN
-        self._set(
-            3, finite_scalar(f"turn of the trunk (rad) of '{self._robot.name}'", value, low=-most, high=most)
-        )
+        most, what = self._most, f"turn of the trunk (rad) of '{self._robot.name}'"
+        self._set(3, finite_scalar(what, value, low=-most, high=most))
+        self._point = None
+
+    def _most_turn(self) -> float:
+        """Return how far the waist, or without its joint the hips, turn either way, rad."""
+        if not self._waist:
+            return MOST_TURN
+        robot = self._robot
+        joint = next(j for j in _waist_joints(robot) if _vertical(robot, [j]))
+        return min(-float(robot.position_lower[joint]), float(robot.position_upper[joint])) - MARGIN
 
     def look_at(self, point: ArrayLike | None) -> None:
         """Look at a point with the neck, and a little with the waist where the neck does not reach.
 
-        A robot without a neck turns its torso to the point, about the vertical alone.
+        A robot without a neck turns its torso to the point, about the vertical alone: that is its `turn`, as far as the
+        waist goes; assigning `turn` ends it.
 
         Args:
             point: In the world, shape (3,), m; None to look ahead with the posture again.
@@ -152,8 +163,13 @@ class Body(FixedAttributes):
         if point is None:
             if self._gaze is not None:
                 self._gaze.weight = 0.0
+            if self._point is not None:
+                self.turn = 0.0
             return
         place = finite_array("point to look at (m)", point, (3,))
+        if self._waist and not _neck_joints(self._robot):
+            self._point, self.active, self._off = place, True, np.inf
+            return
         if self._gaze is None:
             self._gaze = self._controller.add(_gaze_task(self._robot, place))
             self._gaze_weight = self._gaze.weight.copy()
@@ -172,6 +188,8 @@ class Body(FixedAttributes):
     @property
     def looking(self) -> bool:
         """True while the gaze is within 0.05 rad of the point that it was given, and turns by less than 0.2 rad/s."""
+        if self._point is not None:
+            return self._off < 0.05 and abs(float(self._rate[3])) < 0.2
         gaze = self._gaze
         return gaze is not None and not gaze.idle and gaze.reached
 
@@ -181,12 +199,18 @@ class Body(FixedAttributes):
 
     # ---- the tick -----------------------------------------------------------------------------------------------
 
-    def update(self) -> None:
-        """Move on by one tick, while `active`."""
+    def update(self, heading: float) -> None:
+        """Move on by one tick, while `active`.
+
+        Args:
+            heading: Heading of the walk, rad.
+        """
+        if self._point is not None:
+            self._turn_to(self._point, heading)
         before, displacement = self._rate, self._goal - self._now
         if not (displacement.any() or before.any()):
             self._push = np.zeros(4)
-            self.active = bool(self._now.any())
+            self.active = bool(self._now.any()) or self._point is not None
             return
         self._rate = rate = np.empty(4)
         rate[:1] = approach(displacement[:1], before[:1], SPEED, ACCELERATION, self._dt)
@@ -195,6 +219,15 @@ class Body(FixedAttributes):
         self._now = self._now + self._dt * rate
         if np.abs(displacement).max() < 1e-7 and np.abs(rate).max() < 1e-6:
             self._now, self._rate = self._goal.copy(), np.zeros(4)
+
+    def _turn_to(self, point: Array, heading: float) -> None:
+        """Turn to a point; where the waist does not reach, stay at that end of its range where it is."""
+        x, y, _ = point - self._robot.com
+        if math.hypot(x, y) < NEAREST:
+            return
+        angle, most = math.remainder(math.atan2(y, x) - heading, 2.0 * math.pi), self._most
+        self._goal[3] = angle if abs(angle) <= most else math.copysign(most, self._goal[3] or angle)
+        self._off = abs(angle - float(self._now[3]))
 
     def raised(self, pendulum: Pendulum) -> Pendulum:
         """Return a reference of the pendulum at the height that is set.
@@ -278,6 +311,10 @@ def _waist_joints(robot: Robot) -> list[int]:
     return robot.joints_between(robot.torso_frame, robot.base_frame)
 
 
+def _neck_joints(robot: Robot) -> list[str]:
+    return [joint for joint in robot.joint_names if "neck" in joint.lower() or "head" in joint.lower()]
+
+
 def _vertical(robot: Robot, joints: Sequence[int]) -> bool:
     """Return true if one of some joints turns about the vertical in half-sitting."""
     data = robot.model.createData()
@@ -289,7 +326,7 @@ def _vertical(robot: Robot, joints: Sequence[int]) -> bool:
 
 def _gaze_task(robot: Robot, place: Array) -> GazeTask:
     """Return the task of the last link of the neck, or of the torso, with its axis that points forward in a stand."""
-    neck = [joint for joint in robot.joint_names if "neck" in joint.lower() or "head" in joint.lower()]
+    neck = _neck_joints(robot)
     waist = [robot.joint_names[joint] for joint in _waist_joints(robot)]
     if not neck and not waist:
         raise InputError(f"'{robot.name}' has neither a neck nor a waist to look with")

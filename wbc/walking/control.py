@@ -316,7 +316,7 @@ class WalkingControl:
         self.reference = reference = self._update_walk(bias)
         body = self.body
         if body.active:
-            body.update()
+            body.update(reference.heading)
             self.reference = reference = reference._replace(pendulum=body.raised(reference.pendulum))
         if reference.contact != self._in_contact:
             self._switch_contacts(reference.contact)

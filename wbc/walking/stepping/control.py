@@ -259,7 +259,7 @@ class SteppingControl:
         self.arms.update(reference.feet, reference.heading)
         points = self.body
         if points.active:
-            points.update()
+            points.update(reference.heading)
             self.reference = reference = reference._replace(pendulum=points.raised(reference.pendulum))
             self.tasks.follow(reference, points.leaned(UPRIGHT, reference.heading), points.twist)
         else:
