@@ -40,8 +40,8 @@ MARGIN = 0.05
 """Distance of a joint to its limit that is left at an extreme set-point, rad."""
 
 GAZE_WEIGHT, TORSO_GAZE_WEIGHT, GAZE_STIFFNESS, GAZE_BOUND = 1.0, 200.0, 30.0, 0.3
-"""Cost per (rad/s²)², a tenth of that of the trunk; that of a torso without a task of its own; 1/s²; most error that
-acts, rad: a gaze turns at 0.8 rad/s."""
+"""Cost per (rad/s²)², a tenth of that of the trunk; that of a torso without a task of its own; 1/s²; greatest error
+that acts, rad: a gaze turns at 0.8 rad/s."""
 
 NEAREST = 0.3
 """Horizontal distance of a point from the torso from which on a torso turns to it, m: below, its direction whirls."""
