@@ -110,9 +110,14 @@ use_gains = false
     assert set(robot.armature.values()) == {0.03}
 
 
+def test_a_urdf_whose_feet_are_not_named_is_described_and_said_not_to_walk(capfd: Captured) -> None:
+    code, out, err = wbc_command(capfd, "robots", "check", "examples/biped.urdf")
+    assert code == 0 and not err
+    assert "no feet: it has a QP (docs/robots.md), but neither stands nor walks" in out
+
+
 BAD = {
     "no file": (["check", "nowhere.xml"], "no robot file 'nowhere.xml'"),
-    "a URDF without feet": (["check", "examples/biped.urdf"], "give left_sole and right_sole"),
     "a lock without position": (
         ["check", "{file}", "--lock", "waist"],
         "must be joint=position, got 'waist'",

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, Literal, TypeVar, cast
+from typing import Any, Literal, TypeVar, cast
 
 import numpy as np
 
@@ -17,13 +17,11 @@ from wbc.core.qp.solution import Solution
 from wbc.core.robot import Robot
 from wbc.core.settings import settings
 from wbc.core.signals import Command, Measurement
+from wbc.robots import RobotDescription
+from wbc.sim import MujocoLoop, Plant
+from wbc.sim.plant import GroundTruth
 from wbc.tasks.stabilizer.stabilizer import StabilizerOutput
 from wbc.walking.progress import ReferenceLike, WalkingLike
-
-if TYPE_CHECKING:
-    from wbc.robots import RobotDescription
-    from wbc.sim import MujocoLoop, Plant
-    from wbc.sim.plant import GroundTruth
 
 T = TypeVar("T")
 
