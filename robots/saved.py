@@ -15,7 +15,6 @@ from __future__ import annotations
 import json
 import math
 import re
-import tomllib
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -23,7 +22,7 @@ from typing import Any
 import platformdirs
 
 from wbc.core.errors import InputError, shown, shown_path
-from wbc.core.files import read_text, write_text
+from wbc.core.files import decoding, read_text, read_toml, write_text
 from wbc.core.registry import call_checked
 from wbc.core.settings import from_json
 from wbc.robots.derivation.servo import ServoRule
@@ -69,10 +68,7 @@ def read(path: str | Path) -> RobotDescription:
         raise InputError(f"no robot file {shown_path(path)}; give an MJCF, a URDF or a TOML description")
     if place.suffix.lower() != ".toml":
         return describe(place, {})
-    try:
-        values = tomllib.loads(read_text(place, "TOML"))
-    except tomllib.TOMLDecodeError as error:
-        raise InputError(f"{shown_path(path)} is no TOML: {error}") from error
+    values = read_toml(place)
     source = values.pop("file", None)
     if not isinstance(source, str):
         raise InputError(f'{shown_path(path)} must name the file of the robot: file = "my.xml"')
@@ -91,11 +87,12 @@ def describe(path: Path, parameters: Mapping[str, Any]) -> RobotDescription:
         UnknownNameError: A parameter that the reader does not have.
         InputError: A file or value that cannot be used.
     """
-    known = {name: _typed(name, value) for name, value in parameters.items()}
-    known.setdefault("name", path.stem)
-    if not _is_urdf(path):
-        return call_checked("MJCF reader", RobotDescription.from_mjcf, {"source": path, **known})
-    return call_checked("URDF reader", RobotDescription.from_urdf, {"source": path, **known})
+    with decoding(path, "robot that can be read"):
+        known = {name: _typed(name, value) for name, value in parameters.items()}
+        known.setdefault("name", path.stem)
+        if not _is_urdf(path):
+            return call_checked("MJCF reader", RobotDescription.from_mjcf, {"source": path, **known})
+        return call_checked("URDF reader", RobotDescription.from_urdf, {"source": path, **known})
 
 
 def save(name: str, path: str | Path, parameters: Mapping[str, Any]) -> Path:

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from wbc.core.errors import Array, InputError, choose, finite_array, shown
-from wbc.core.files import csv_rows, read_text, replacing
+from wbc.core.files import csv_rows, decoding, parsing, read_text, replacing
 from wbc.core.settings import Positive, from_json, settings, to_json
 from wbc.feet.sensing.scan import PROFILE_STEP
 from wbc.feet.stiffness.clusters import Clusters
@@ -223,22 +223,23 @@ class StiffnessTable:
         target = Path(path)
         if not target.is_file():
             raise InputError(f"no stiffness table '{target}'")
-        first, _, rest = read_text(target, FORMAT).partition("\n")
-        head = parse_head(first.removeprefix("#"), FORMAT, VERSION, target)
-        for key in ("recipe", "made"):
-            if key not in head:
-                raise InputError(f"{target}: '{key}' is missing from its first line")
-        lines = csv_rows(rest, target, FORMAT)
-        if not lines:
-            raise InputError(f"{target}: no columns")
-        names, rows = lines[0], lines[1:]
-        for i, row in enumerate(rows):
-            if len(row) != len(names):
-                raise InputError(f"{target}: row {i + 1} has {len(row)} entries, {len(names)} are needed")
-        columns = {name: [row[i] for row in rows] for i, name in enumerate(names)}
-        return cls.from_columns(
-            columns, recipe=complete_settings(ProfileRecipe, head["recipe"]), made=head["made"]
-        )
+        with decoding(target, FORMAT):
+            first, _, rest = read_text(target, FORMAT).partition("\n")
+            head = parse_head(first.removeprefix("#"), FORMAT, VERSION, target)
+            for key in ("recipe", "made"):
+                if key not in head:
+                    raise InputError(f"{target}: '{key}' is missing from its first line")
+            lines = csv_rows(rest, target, FORMAT)
+            if not lines:
+                raise InputError(f"{target}: no columns")
+            names, rows = lines[0], lines[1:]
+            for i, row in enumerate(rows):
+                if len(row) != len(names):
+                    raise InputError(f"{target}: row {i + 1} has {len(row)} entries, {len(names)} are needed")
+            columns = {name: [row[i] for row in rows] for i, name in enumerate(names)}
+            return cls.from_columns(
+                columns, recipe=complete_settings(ProfileRecipe, head["recipe"]), made=head["made"]
+            )
 
     def fingerprint(self) -> str:
         """Return a hash of rows and recipe, hex digits; equal tables have equal hashes on every machine."""
@@ -258,10 +259,8 @@ def parse_head(text: str, kind: str, version: int, path: Path) -> dict[str, Any]
     Raises:
         InputError: Not JSON, another format or another version, or a provenance ("made") that is no object.
     """
-    try:
+    with parsing(path, kind):
         head = json.loads(text)
-    except (json.JSONDecodeError, RecursionError) as error:
-        raise InputError(f"{path} is not a {kind}: {error}") from error
     if not isinstance(head, dict) or head.get("format") != kind:
         other = head.get("format") if isinstance(head, dict) else None
         raise InputError(f"{path} is not a {kind}" + (f" but a {other}" if other else ""))

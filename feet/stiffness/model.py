@@ -15,7 +15,7 @@ from pydantic import Field
 
 from wbc._version import __version__
 from wbc.core.errors import Array, InputError, finite_array
-from wbc.core.files import read_text, write_text
+from wbc.core.files import decoding, read_text, write_text
 from wbc.core.settings import Count, settings, to_json
 from wbc.feet.stiffness.clusters import Clusters
 from wbc.feet.stiffness.dataset import ProfileRecipe, StiffnessTable, complete_settings, parse_head
@@ -229,7 +229,7 @@ class StiffnessModel:
         if not target.is_file():
             raise InputError(f"no stiffness model '{target}'")
         given = parse_head(read_text(target, FORMAT), FORMAT, VERSION, target)
-        try:
+        with decoding(target, FORMAT):
             model_settings = complete_settings(ModelSettings, given["settings"])
             rows = finite_array(f"{target}: rows", given["rows"])
             count, neighbours = len(model_settings.features), model_settings.neighbours
@@ -252,10 +252,6 @@ class StiffnessModel:
                     f"{target}: scale and reach must be positive, got {model.scale} and {model.reach}"
                 )
             model_settings.clusters.of(model.stiffness)
-        except (KeyError, TypeError, ValueError) as error:
-            if isinstance(error, InputError):
-                raise
-            raise InputError(f"{target} is not a whole {FORMAT}: {type(error).__name__} {error}") from error
         return model
 
 

@@ -23,6 +23,7 @@ import lzma
 import math
 import os
 import re
+import sys
 import time
 from collections.abc import Iterator, Mapping
 from dataclasses import field
@@ -34,6 +35,7 @@ from pydantic_core import from_json
 
 from wbc.core.arguments import checked
 from wbc.core.errors import InputError, WbcError, choose, shown_path
+from wbc.core.files import decoding
 from wbc.core.settings import settings, to_json
 from wbc.sim.studies.provenance import provenance, renamed
 from wbc.sim.walks.stiffness_policy import CONTENT, FILE
@@ -47,6 +49,9 @@ second ago, or never. A killed process loses nothing in any case."""
 
 PACKED = ".xz"
 """Ending of a compressed journal."""
+
+LARGEST = 2**28
+"""Largest size that a compressed journal unpacks to, bytes."""
 
 SYNC_TIME = 1.0
 """Shortest time between two forced writes with the policy "second", s."""
@@ -195,29 +200,36 @@ these can be found there."""
 
 
 @checked
-def read_journal(path: Path | str) -> Mapping[str, Entry]:
+def read_journal(path: Path | str, *, largest: int = LARGEST) -> Mapping[str, Entry]:
     """Return all entries of a journal, by key; the last one of each.
 
     Lines that are torn or damaged are skipped, and their number is logged.
 
     Args:
         path: The file; one that does not exist is empty, one whose name ends in .xz is compressed.
+        largest: Largest size that a compressed one may unpack to, bytes.
 
     Raises:
         JournalError: The file cannot be read, or is no journal.
     """
-    return _read(path)
+    return _read(path, largest)
 
 
-def _read(path: Path | str) -> Entries:
+def _read(path: Path | str, largest: int = LARGEST) -> Entries:
+    packed = Path(path).suffix == PACKED
     try:
-        content = Path(path).read_bytes()
-        if Path(path).suffix == PACKED:
-            content = lzma.decompress(content)
-    except FileNotFoundError:
-        return Entries()
-    except (OSError, lzma.LZMAError) as error:
-        raise JournalError(f"journal {path} cannot be read: {error}") from error
+        with decoding(path, "journal", largest=largest if packed else sys.maxsize) as file:
+            with lzma.open(file) if packed else file.open("rb") as stream:
+                content = stream.read(largest + 1 if packed else -1)
+            if packed and len(content) > largest:
+                raise InputError(
+                    f"{path} unpacks to more than {largest} bytes: read_journal(…, largest=…) raises the bound, "
+                    "`xz -dk` unpacks it to a file that has none"
+                )
+    except InputError as error:
+        if isinstance(error.__cause__, FileNotFoundError):
+            return Entries()
+        raise JournalError(f"journal {error}") from error
     *lines, rest = content.split(b"\n")
     found: dict[str, bytes] = {}
     bad = []

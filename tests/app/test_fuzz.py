@@ -7,6 +7,11 @@ every public constructor and function with hostile values, one at a time. A seed
 from __future__ import annotations
 
 import json
+import lzma
+import os
+import re
+import struct
+import zlib
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +20,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from mjcf_biped import biped
 from properties import examples
 
 import wbc
@@ -29,8 +35,9 @@ from wbc.tasks import BalanceGains, StabilizerGains
 from wbc.walking import Gait
 
 
-@pytest.mark.parametrize(("kind", "size"), [("commands", 12), ("api", 30)])
+@pytest.mark.parametrize(("kind", "size"), [("commands", 12), ("api", 30), ("files", 40)])
 def test_a_sample_of_hostile_input_ends_in_a_result_or_a_refusal(kind: str, size: int) -> None:
+    """Files are valid ones of every kind with bits, numbers and pieces changed."""
     sample = np.random.default_rng(7).choice(fuzzing.LEAST[kind], size=size, replace=False)
     ran, failures = fuzzing.fuzz(kind, sorted(sample.tolist()))
     assert ran == size and not failures, failures
@@ -47,6 +54,77 @@ def test_every_function_takes_the_valid_arguments_beside_which_one_is_hostile() 
 def test_all_hostile_input_ends_in_a_result_or_a_refusal(kind: str) -> None:
     ran, failures = fuzzing.fuzz(kind, range(10**6))
     assert ran >= fuzzing.LEAST[kind] and not failures, failures
+
+
+@pytest.mark.slow
+def test_a_thousand_mutated_files_end_in_a_result_or_a_refusal() -> None:
+    ran, failures = fuzzing.fuzz("files", range(1000))
+    assert ran == 1000 and not failures, failures
+
+
+def big_png(path: Path) -> None:
+    """Write the header of a picture of 30,000 x 30,000 pixels."""
+    parts = ((b"IHDR", struct.pack(">IIBBBBB", 30_000, 30_000, 8, 0, 0, 0, 0)), (b"IDAT", zlib.compress(b"")))
+    chunks = (
+        struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))
+        for kind, data in parts
+    )
+    path.write_bytes(b"\x89PNG\r\n\x1a\n" + b"".join(chunks))
+
+
+IMAGE = "terrain image --param metres_per_pixel=0.1 --param source={file}"
+BAD_FILES = {
+    "pipe.npy": (os.mkfifo, IMAGE, "is a pipe"),
+    "pipe.toml": (os.mkfifo, "walk --spec {file}", "is a pipe"),
+    "pipe.xml": (os.mkfifo, "robots check {file}", "no robot file"),
+    "zero.json": (lambda path: path.symlink_to("/dev/zero"), "study show {file}", "is a device"),
+    "zero.arrow": (
+        lambda path: path.symlink_to("/dev/zero"),
+        "view {file} -o {folder}/new.html",
+        "is a device",
+    ),
+    "brace.npy": (
+        lambda path: path.write_bytes(b"\x93NUMPY\x01\x00\x01\x00{"),
+        IMAGE,
+        "is not a grey image or array",
+    ),
+    "big.png": (big_png, IMAGE, "decompression bomb|pixels"),
+    "digits.toml": (
+        lambda path: path.write_text("seed = " + "1" * 5000),
+        "walk --spec {file}",
+        "is not TOML",
+    ),
+    "huge.xml": (
+        lambda path: path.write_text(biped().replace("0.13", "1e308", 1)),
+        "robots check {file}",
+        "huge.xml is not a robot that can be read",
+    ),
+    "drive.json": (
+        lambda path: path.write_text(json.dumps({"plan": {"drive": [[0, 0.1, 0, 0], [1e9, 0, 0, 0]]}})),
+        "walk --spec {file}",
+        "a drive of 1e\\+09 s takes longer than 3600 s: give its longest time, --seconds",
+    ),
+}
+
+
+@pytest.mark.parametrize("name", BAD_FILES)
+def test_a_file_that_cannot_be_used_is_refused_in_one_line(
+    name: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    make, words, message = BAD_FILES[name]
+    make(file := tmp_path / name)
+    assert main([word.format(file=file, folder=tmp_path) for word in words.split()]) == BAD_INPUT
+    error = capsys.readouterr().err
+    assert re.search(message, error) and error.count("\n") == 1
+
+
+def test_packed_journals_unpack_to_a_bound(tmp_path: Path) -> None:
+    path = tmp_path / "zeros.jsonl.xz"
+    path.write_bytes(lzma.compress(bytes(2_000_000)))
+    with pytest.raises(
+        WbcError, match=r"more than 1000000 bytes: read_journal\(…, largest=…\) raises the bound"
+    ):
+        read_journal(path, largest=1_000_000)
 
 
 PLAIN = st.recursive(

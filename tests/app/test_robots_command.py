@@ -148,7 +148,7 @@ def test_bad_input_is_named_in_one_line(capfd: Captured, file: Path, configurati
         ("file = 'biped.xml'\nleft_foot = 'a'", "no parameter of the MJCF reader 'left_foot'; did you mean"),
         ("file = 'gone.xml'", "gone.xml"),
         ("file = 3", "must name the file"),
-        ("file =", "is no TOML"),
+        ("file =", "is not TOML"),
         ("file = 'biped.xml'\nsole_size = [0.1]", "sole_size must be"),
         ("file = 'biped.xml'\nservo = { frequncy = 3 }", "did you mean 'frequency'"),
     ],

@@ -175,7 +175,7 @@ def test_images_that_are_no_height_map_are_refused(tmp_path: Path) -> None:
     for source, message in (
         (path, "not grey"),
         (colour, "grey"),
-        (text, "cannot read"),
+        (text, "cannot be read: cannot identify"),
         (tmp_path / "none.png", "no file"),
         (None, "source is missing"),
         (np.full((5, 5), 7.0), "one brightness"),

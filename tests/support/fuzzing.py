@@ -1,8 +1,8 @@
 """Hostile input for every option of every command and every parameter of the public packages, run in a worker.
 
 A worker is a process of its own with bounded memory: a case that hangs or crashes ends the worker, not the tests, and
-the next worker goes on behind it. `python tests/support/fuzzing.py commands|api|plain [from [to [step]]]` lists what
-failed.
+the next worker goes on behind it. `python tests/support/fuzzing.py commands|api|plain|files [from [to [step]]]` lists
+what failed; files are mutated ones (`mutated`).
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ import time
 import traceback
 import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, is_dataclass
+from dataclasses import dataclass, is_dataclass, replace
 from enum import Enum
 from functools import cache
 from pathlib import Path
@@ -58,7 +58,10 @@ HARD_WORDS = (
 )
 PAIRS = ("nothing=1", "no_value", "seed=nan")
 
-LEAST = {"commands": 10_000, "api": 37_000}
+MUTATIONS = 10_000
+"""Mutations of each file that there are."""
+
+LEAST = {"commands": 10_000, "api": 37_000, "files": 20 * MUTATIONS}
 """Number of cases that there are at least."""
 
 PACKAGES = ("wbc", "wbc.tasks", "wbc.robots", "wbc.feet", "wbc.walking", "wbc.sim")
@@ -277,7 +280,12 @@ def _set_cases(base: Sequence[str]) -> Iterator[list[str]]:
             ]
 
 
-def run_command(words: list[str]) -> str | None:
+def run_file(case: Any, folder: Path) -> str | None:
+    """Run a command on a mutated file; on a valid one it must not be refused."""
+    return run_command(case.words(folder), refusable=case.seed is not None)
+
+
+def run_command(words: list[str], *, refusable: bool = True) -> str | None:
     """Run a command line; return why it failed, None if it ended as it should."""
     from wbc.app import cli  # noqa: PLC0415
 
@@ -293,7 +301,7 @@ def run_command(words: list[str]) -> str | None:
     if code == 0:
         return None if out.getvalue().strip() else "silence"
     said = [line for line in lines if line.startswith("wbc: ")]
-    if code not in (1, 2) or len(said) != 1 or len(said[0]) < 12:
+    if code not in (1, 2) or not refusable or len(said) != 1 or len(said[0]) < 12:
         return f"exit {code}: {lines[-3:]}"
     if code == 1 and "diverged" not in said[0] and "journal" not in said[0]:
         return f"exit 1: {said[0][:300]}"
@@ -782,16 +790,19 @@ def worker(kind: str, indices: Sequence[int]) -> None:
     warnings.simplefilter("ignore")
     folder = Path(os.environ["FUZZ_FOLDER"])
     os.chdir(folder)
-    cases: Sequence[Any] = (
-        command_cases(folder / "files")
-        if kind == "commands"
-        else api_cases()
-        if kind == "api"
-        else plain_calls()
-    )
-    run: Any = {"commands": run_command, "api": run_api, "plain": run_plain}[kind]
+    import mutated  # noqa: PLC0415 - the parent does not need it
+
+    makers: dict[str, tuple[Callable[[], Sequence[Any]], Callable[[Any], str | None]]] = {
+        "commands": (lambda: command_cases(folder / "files"), run_command),
+        "files": (lambda: mutated.cases(folder, MUTATIONS), lambda case: run_file(case, folder)),
+        "api": (api_cases, run_api),
+        "plain": (plain_calls, run_plain),
+    }
+    make, run = makers[kind]
+    cases = make()
     stub_long_work()
     print(json.dumps({"total": len(cases)}), file=channel, flush=True)
+    warm = False
     for index in indices:
         if index >= len(cases):
             break
@@ -802,13 +813,17 @@ def worker(kind: str, indices: Sequence[int]) -> None:
             else " ".join(word[:80].encode("unicode_escape").decode() for word in case)
         )
         print(json.dumps({"begin": index, "case": text}), file=channel, flush=True)
+        if str(case).startswith("journal") and not warm:
+            warm = (
+                run_command(replace(case, seed=None).words(folder)) is None
+            )  # its first table hashes the code
         start = time.monotonic()
         try:
             why = run(case)
         except BaseException as error:
             why = _trace(error)
         took = time.monotonic() - start
-        if why is None and took > LIMIT and kind != "plain":
+        if why is None and took > LIMIT and kind != "plain" and getattr(case, "seed", 0) is not None:
             why = f"took {took:.1f} s"
         print(json.dumps({"end": index, "why": why, "took": took}), file=channel, flush=True)
 

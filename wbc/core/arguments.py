@@ -179,7 +179,7 @@ Numbers = Annotated[Any, PlainValidator(_numbers)]
 def _rule(hint: Any) -> Any:
     """Return an annotation as Pydantic checks it: classes by their instances, arrays by their numbers."""
     origin, inside = typing.get_origin(hint), typing.get_args(hint)
-    if hint == ArrayLike:
+    if hint in (ArrayLike, Any):
         return Any  # `finite_array` checks it where its shape and unit are known
     if origin is np.ndarray:
         return Numbers if hint == Array else _instance(np.ndarray)

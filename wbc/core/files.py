@@ -11,6 +11,7 @@ import json
 import os
 import stat
 import tempfile
+import tomllib
 from collections.abc import Iterator
 from pathlib import Path
 from typing import IO, TYPE_CHECKING, Any
@@ -28,6 +29,82 @@ class FileError(WbcError):
     """A file that could not be written to its end, because the disk is full for example; an old one is unchanged."""
 
 
+LARGEST = 2**30
+"""Largest file that is read, bytes; a journal that unpacks to more says how to raise it."""
+
+
+@contextlib.contextmanager
+def decoding(path: str | Path, kind: str, *, largest: int = LARGEST) -> Iterator[Path]:
+    """Read a file of any kind: every reader of files goes through here.
+
+        with decoding("ground.npy", "array") as file:
+            heights = np.load(file)
+
+    A pipe or a device, which might never end, is refused before it is opened. Decoders of other libraries raise
+    exceptions of any kind on damaged files; each becomes one line.
+
+    Args:
+        path: The file.
+        kind: Kind of file in messages.
+        largest: Largest size, bytes.
+
+    Yields:
+        The path.
+
+    Raises:
+        InputError: No regular file, a larger one, or one that the block cannot decode.
+    """
+    with parsing(path, kind):
+        found = os.stat(path)
+        if not stat.S_ISREG(found.st_mode):
+            raise InputError(
+                f"{path} cannot be read: it is {_SORTS.get(stat.S_IFMT(found.st_mode), 'no file')}"
+            )
+        if found.st_size > largest:
+            raise InputError(f"{path} has {found.st_size} bytes; a {kind} may have {largest} at most")
+        yield Path(path)
+
+
+@contextlib.contextmanager
+def parsing(path: str | Path, kind: str) -> Iterator[None]:
+    """Turn whatever the block raises on the content of a file into one line; see `decoding`, which reads the file.
+
+    Args:
+        path: The file, for messages.
+        kind: Kind of file in messages.
+
+    Raises:
+        InputError: The block has failed.
+    """
+    kind = kind if kind in ("JSON", "TOML") else f"a {kind}"
+    try:
+        yield
+    except WbcError:
+        raise
+    except OSError as error:
+        raise InputError(f"{path} cannot be read: {error.strerror or error}") from error
+    except UnicodeDecodeError as error:
+        raise InputError(f"{path} is not {kind}: it is no text") from error
+    except RecursionError as error:
+        raise InputError(f"{path} is not {kind}: its values are nested too deeply") from error
+    except MemoryError as error:
+        raise InputError(f"{path} is not {kind} that fits into memory") from error
+    except Exception as error:
+        if not str(path).isprintable():  # a name with NUL or a surrogate
+            raise InputError(f"{shown(str(path))} cannot be the name of a file") from error
+        said = " ".join(str(error).split())[:500] or type(error).__name__
+        raise InputError(f"{path} is not {kind}: {said}") from error
+
+
+_SORTS = {
+    stat.S_IFDIR: "a folder",
+    stat.S_IFIFO: "a pipe",
+    stat.S_IFCHR: "a device",
+    stat.S_IFBLK: "a device",
+    stat.S_IFSOCK: "a socket",
+}
+
+
 def read_text(path: Path, kind: str = "text file") -> str:
     """Return the content of a text file without its byte order mark.
 
@@ -38,14 +115,8 @@ def read_text(path: Path, kind: str = "text file") -> str:
     Raises:
         InputError: A file that cannot be read, or is not text.
     """
-    try:
-        return path.read_text(encoding="utf-8-sig")
-    except OSError as error:
-        raise InputError(f"{path} cannot be read: {error.strerror}") from error
-    except UnicodeDecodeError as error:
-        raise InputError(f"{path} is not a {kind}: it is no text") from error
-    except ValueError as error:  # a name with NUL or a surrogate
-        raise InputError(f"{shown(str(path))} cannot be the name of a file") from error
+    with decoding(path, kind) as file:
+        return file.read_text(encoding="utf-8-sig")
 
 
 def csv_rows(text: str, path: Path, kind: str = "CSV") -> list[list[str]]:
@@ -59,10 +130,8 @@ def csv_rows(text: str, path: Path, kind: str = "CSV") -> list[list[str]]:
     Raises:
         InputError: A cell that does not end.
     """
-    try:
+    with parsing(path, kind):
         return [row for row in csv.reader(text.splitlines()) if any(map(str.strip, row))]
-    except csv.Error as error:
-        raise InputError(f"{path} is not a {kind}: {error}") from error
 
 
 def read_json(path: Path, kind: str = "JSON", **how: Any) -> Any:
@@ -76,13 +145,18 @@ def read_json(path: Path, kind: str = "JSON", **how: Any) -> Any:
     Raises:
         InputError: A file that cannot be read, is not JSON, or is nested too deeply.
     """
-    text = read_text(path)
-    try:
-        return json.loads(text, **how)
-    except ValueError as error:
-        raise InputError(f"{path} is not {kind}: {error}") from error
-    except RecursionError as error:
-        raise InputError(f"{path} is not {kind}: its values are nested too deeply") from error
+    with parsing(path, kind):
+        return json.loads(read_text(path), **how)
+
+
+def read_toml(path: Path) -> dict[str, Any]:
+    """Return the values in a TOML file.
+
+    Raises:
+        InputError: A file that cannot be read, is not TOML, or is nested too deeply.
+    """
+    with parsing(path, "TOML"):
+        return tomllib.loads(read_text(path, "TOML"))
 
 
 @contextlib.contextmanager
@@ -218,10 +292,8 @@ def file_hash(path: str | Path) -> str:
     Raises:
         InputError: It cannot be read.
     """
-    try:
-        return hashlib.sha256(Path(path).read_bytes()).hexdigest()[:16]
-    except OSError as error:
-        raise InputError(f"{path} cannot be read: {error.strerror}") from error
+    with decoding(path, "file") as file:
+        return hashlib.sha256(file.read_bytes()).hexdigest()[:16]
 
 
 def check_hash(path: str | Path, content: object) -> None:

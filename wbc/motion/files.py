@@ -23,7 +23,7 @@ import numpy as np
 
 from wbc.core.arguments import checked
 from wbc.core.errors import Array, InputError, positive, shown
-from wbc.core.files import csv_rows, read_text, replacing
+from wbc.core.files import csv_rows, decoding, read_text, replacing
 from wbc.core.registry import Registry
 from wbc.motion.clip import MotionClip
 
@@ -111,21 +111,13 @@ def read_motion(
 
 def _arrays(path: Path) -> dict[str, Any]:
     """Return the arrays of an .npz without opening a pickle."""
-    try:
-        size = path.stat().st_size
-        if size > LARGEST:
-            raise InputError(f"a motion must have at most {LARGEST} bytes, got {size} in {path}")
-        with zipfile.ZipFile(path) as archive:
+    with decoding(path, "motion of plain arrays", largest=LARGEST) as place:
+        with zipfile.ZipFile(place) as archive:
             unpacked = sum(entry.file_size for entry in archive.infolist())
         if unpacked > 4 * LARGEST:
             raise InputError(f"a motion must unpack to at most {4 * LARGEST} bytes, got {unpacked} in {path}")
-        with np.load(path, allow_pickle=False) as file:
+        with np.load(place, allow_pickle=False) as file:
             return {name: file[name] for name in file.files}
-    except OSError as error:
-        raise InputError(f"{path} cannot be read: {error.strerror or error}") from error
-    except (ValueError, zipfile.BadZipFile, EOFError) as error:
-        more = "; arrays of objects are pickles and are not opened" if "pickle" in str(error) else ""
-        raise InputError(f"{path} is not an .npz of plain arrays{more}") from error
 
 
 def _columns(path: Path) -> dict[str, Any]:

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import hashlib
+import warnings
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -12,10 +13,14 @@ from typing import Annotated, Any
 import numpy as np
 
 from wbc.core.errors import Array, InputError, finite_array
+from wbc.core.files import decoding
 from wbc.core.settings import Positive
 from wbc.sim.terrain.families.base import FieldFamily, family, param
 from wbc.sim.terrain.families.site import Site
 from wbc.sim.terrain.heightmap import HeightMap
+
+LARGEST_PICTURE = 50_000_000
+"""Largest number of pixels of a picture."""
 
 GREY_MODES = ("1", "L", "I", "F", "I;16", "I;16L", "I;16B", "I;16N")
 """Pillow's names for images with one channel of brightness."""
@@ -74,19 +79,24 @@ class GreyMap:
 
 def _read(path: Path) -> Array:
     """Read brightness from a file."""
-    if not path.is_file():
+    if not path.exists():
         raise InputError(f"image: no file {path}")
-    try:
+    with decoding(path, "grey image or array") as file:
         if path.suffix == ".npy":
-            return np.asarray(np.load(path, allow_pickle=False), dtype=np.float64)
+            return np.asarray(np.load(file, allow_pickle=False), dtype=np.float64)
         if path.suffix in (".csv", ".txt"):
-            return np.loadtxt(path, delimiter="," if path.suffix == ".csv" else None, ndmin=2)
+            return np.loadtxt(file, delimiter="," if path.suffix == ".csv" else None, ndmin=2)
         from PIL import Image as Picture  # noqa: PLC0415 - only for pictures
 
-        with Picture.open(path) as picture:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # Pillow's own limit is beyond the one below
+            picture = Picture.open(file)
+        with picture:
+            if picture.width * picture.height > LARGEST_PICTURE:
+                raise InputError(
+                    f"image {path} has {picture.width} x {picture.height} pixels, {LARGEST_PICTURE} at most can be used"
+                )
             mode, pixels = picture.mode, np.asarray(picture, dtype=np.float64)
-    except (OSError, EOFError, ValueError) as error:
-        raise InputError(f"image: cannot read {path}: {error}") from error
     if mode == "RGB" and (pixels == pixels[:, :, :1]).all():
         return np.asarray(pixels[:, :, 0])
     if mode not in GREY_MODES:

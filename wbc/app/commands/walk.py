@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import tomllib
 from collections.abc import Mapping
 from contextlib import ExitStack
 from dataclasses import fields, replace
@@ -18,7 +17,7 @@ from wbc.app.output import Flat, Output, OutputOptions, Report, reports
 from wbc.app.walk_report import walk_text
 from wbc.core.changes import read_changes, setting_names
 from wbc.core.errors import InputError, finite_scalar, shown, unknown_name
-from wbc.core.files import read_text
+from wbc.core.files import read_toml
 from wbc.core.settings import Positive, nested_settings, settings, to_json
 from wbc.sim.terrain import check_clearance
 from wbc.sim.walks import WalkHook, WalkSpec, WalkTrial
@@ -171,14 +170,35 @@ def walk_spec(given: Mapping[str, Any], options: WalkOptions) -> WalkSpec:
             )
     if options.drive:
         plan["drive"] = [[options.seconds or DRIVE_TIME, 0.0, 0.0, 0.0]]
-    elif options.seconds is not None:
+    elif options.seconds is not None and "drive" not in (plan or lower.get("plan") or {}):
         raise InputError("seconds belong to a drive; give --drive as well")
     law = upper.get("law", lower.get("law", "lipm"))
     for name, value in read_changes(options.set).items():
         *groups, last = place_of(name, law).split(".", 1)
         place = upper.setdefault(groups[0], {}) if groups else upper
         place[last] = value
-    return WalkSpec.from_json(_over(upper, _over(lower, DEFAULTS)))
+    spec = WalkSpec.from_json(_over(upper, _over(lower, DEFAULTS)))
+    return (
+        spec if options.drive or spec.plan.drive is None else _bounded(spec, spec.plan.drive, options.seconds)
+    )
+
+
+def _bounded(
+    spec: WalkSpec, rows: tuple[tuple[float, float, float, float], ...], seconds: float | None
+) -> WalkSpec:
+    """Return a walk whose drive ends with a stand after some seconds at the latest.
+
+    Raises:
+        InputError: A drive that takes longer than an hour, and no time that bounds it.
+    """
+    if seconds is None and rows[-1][0] > DRIVE_TIME:
+        raise InputError(
+            f"a drive of {rows[-1][0]:g} s takes longer than {DRIVE_TIME:g} s: give its longest time, --seconds"
+        )
+    if seconds is None or rows[-1][0] <= seconds:
+        return spec
+    kept = (*(row for row in rows if row[0] < seconds), (seconds, 0.0, 0.0, 0.0))
+    return replace(spec, plan=replace(spec.plan, drive=kept))
 
 
 def place_of(name: str, law: str) -> str:
@@ -221,10 +241,7 @@ def read_spec(name: str) -> dict[str, Any]:
     """
     path = Path(name)
     if path.suffix.lower() == ".toml":
-        try:
-            data: dict[str, Any] = tomllib.loads(read_text(path))
-        except (tomllib.TOMLDecodeError, RecursionError) as error:
-            raise InputError(f"{path} is not TOML: {error}") from error
+        data = read_toml(path)
     elif path.suffix.lower() == ".json" or path.exists():
         data = read_object("walk", path)
     else:

@@ -16,7 +16,9 @@ from pyarrow import ipc
 from wbc.app.log.header import decode
 from wbc.app.log.signals import Kind, Signal
 from wbc.app.log.writer import MAGIC, TYPES, part_path
+from wbc.core.arguments import checked
 from wbc.core.errors import Array, InputError, unknown_name
+from wbc.core.files import decoding
 
 STREAM = 8
 """Offset of the Arrow stream in an Arrow IPC file, bytes: after the magic bytes and their padding."""
@@ -44,6 +46,7 @@ class Log:
         self._arrays: dict[str, Any] = {}
 
     @staticmethod
+    @checked
     def open(path: str | Path) -> Log:
         """Read a log. One that ends early is read up to the break, and `broken` says why.
 
@@ -54,19 +57,22 @@ class Log:
             InputError: No such file, not a log, a log of another format, or one without a single batch.
         """
         place = Path(path)
-        try:
-            with place.open("rb") as file:
-                start = file.read(len(MAGIC))
-                if start != MAGIC:
-                    what = f"no log: it begins with {start!r}" if start else "empty: nothing was recorded"
-                    raise InputError(f"{place} is {what}")
-            with pa.OSFile(str(place)) as file:
-                table, broken = _read(place, file)
-        except OSError as error:
+        if not place.exists():
             part = part_path(place)
             hint = f"; {part} is a recording of that name that was not ended" if part.is_file() else ""
-            raise InputError(f"cannot read the log {place}: {error.strerror or error}{hint}") from error
-        return Log(place, table, decode(str(place), table.schema.metadata), broken)
+            raise InputError(f"cannot read the log {place}: No such file{hint}")
+        with decoding(place, "log"):
+            with place.open("rb") as file:
+                start = file.read(len(MAGIC))
+            if start != MAGIC:
+                what = f"no log: it begins with {start!r}" if start else "empty: nothing was recorded"
+                raise InputError(f"{place} is {what}")
+            with pa.OSFile(str(place)) as file:
+                table, broken = _read(place, file)
+            log = Log(place, table, decode(str(place), table.schema.metadata), broken)
+            if "time" in log and (not np.isfinite(log.time).all() or (np.diff(log.time) < 0.0).any()):
+                raise InputError(f"{place} is not a log: its times are not numbers that increase")
+            return log
 
     def __len__(self) -> int:
         return int(self._table.num_rows)

@@ -16,6 +16,7 @@ from wbc.app.log.header import make_header
 from wbc.app.log.signals import Control, Read, Signal, Signals, Tick, drives_of
 from wbc.app.log.sources import tick_signals
 from wbc.app.log.writer import LogWriter
+from wbc.core.arguments import checked
 from wbc.core.errors import Array, InputError
 from wbc.core.files import FileError
 from wbc.core.qp.solution import Solution
@@ -24,12 +25,12 @@ from wbc.core.signals import Command, Measurement
 from wbc.robots import RobotDescription
 from wbc.sim.plant.plant import Plant
 from wbc.sim.walks import WalkHook
+from wbc.tasks.scheduling.stiffness import StiffnessScheduler
 
 if TYPE_CHECKING:
     from wbc.sim import MujocoLoop
     from wbc.sim.plant import GroundTruth
     from wbc.sim.walks import WalkResult, WalkTick, WalkTrial
-    from wbc.tasks.scheduling.stiffness import StiffnessScheduler
 
 
 class Recorder(WalkHook):
@@ -39,6 +40,7 @@ class Recorder(WalkHook):
         path: The file; until the end, and after a failure, the name of what there is has ".part" in it.
     """
 
+    @checked
     def __init__(
         self,
         path: str | Path,

@@ -10,6 +10,7 @@ from matplotlib.backends.backend_pdf import PdfPages
 from matplotlib.figure import Figure
 
 from wbc.app.files import check_target
+from wbc.core.arguments import checked
 from wbc.core.files import replacing, save_figure
 
 FORMATS = (".png", ".svg", ".pdf")
@@ -29,6 +30,7 @@ def check_output(path: str | Path, inputs: Iterable[str | Path] = ()) -> Path:
     return check_target("a figure", path, FORMATS, inputs)
 
 
+@checked
 def save(figures: Mapping[str, Figure], path: str | Path) -> list[Path]:
     """Write figures: several into the pages of one PDF, or into files whose names end in theirs.
 

@@ -11,6 +11,7 @@ from matplotlib.figure import Figure
 
 from wbc.app.log import Log
 from wbc.app.plot.style import COLOURS, STYLES, grid, labels, legend, new_figure
+from wbc.core.arguments import checked
 from wbc.core.errors import InputError, unknown_name
 
 if TYPE_CHECKING:
@@ -53,6 +54,7 @@ def select(logs: Sequence[Log], words: Sequence[str]) -> list[str]:
     return list(chosen)
 
 
+@checked
 def draw_signals(logs: Sequence[Log], words: Sequence[str]) -> Figure:
     """Draw signals over time: one panel for each unit, one colour for each signal, one line style for each log.
 

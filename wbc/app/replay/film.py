@@ -22,6 +22,7 @@ from wbc.app.replay.caption import caption
 from wbc.app.replay.mujoco_scene import MujocoScene
 from wbc.app.replay.replay import Replay
 from wbc.app.scene.colours import ARROW_COLOURS
+from wbc.core.arguments import checked
 from wbc.core.errors import InputError, WbcError
 from wbc.core.files import replacing
 
@@ -76,6 +77,7 @@ def find_ffmpeg() -> str:
     return path
 
 
+@checked
 def render_video(
     replay: Replay,
     path: str | Path,

@@ -16,6 +16,7 @@ from wbc.app.replay.caption import caption
 from wbc.app.replay.replay import Replay
 from wbc.app.view.page import Page
 from wbc.app.view.viewer_commands import empty_scene, object_commands, transform_command
+from wbc.core.arguments import checked
 
 PAGES = (".html", ".htm")
 
@@ -26,6 +27,7 @@ RATE = 30.0
 """Rate of pictures, 1/s, as in the live view."""
 
 
+@checked
 def replay_page(
     replay: Replay,
     *,

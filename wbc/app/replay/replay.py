@@ -18,7 +18,9 @@ from wbc.app.scene.layers import sole_paths
 from wbc.app.scene.scene import Scene, Snapshot
 from wbc.app.scene.shapes import Colour
 from wbc.app.scene.sources import Force, PlantSource, RobotSource, sole_force
+from wbc.core.arguments import checked
 from wbc.core.errors import Array, InputError, positive
+from wbc.core.files import decoding
 from wbc.core.robot import SIDES
 from wbc.sim.plant.plant import Plant
 from wbc.sim.terrain import terrain as make_terrain
@@ -40,6 +42,7 @@ class Replay:
         base_places: Places of the base as it is shown, shape (ticks, 3), m.
     """
 
+    @checked
     def __init__(self, log: Log) -> None:
         """Rebuild the plant.
 
@@ -52,20 +55,23 @@ class Replay:
         self.log = log
         if not len(log):
             raise InputError(f"{log.path} holds no ticks; there is nothing to replay")
-        self.plant = None if log.header.get("plant") is None else rebuild_plant(log)
-        self._stage = _LoopStage(log) if self.plant is None else _PlantStage(log, self.plant)
-        self.terrain = make_terrain("flat") if self.plant is None else self.plant.terrain
-        scene = self._stage.source.scene
-        self.overlays = Overlays(log, scene.com_height)
-        self.scene: Scene = scene.extended(self.overlays.objects, self.overlays.moving, self.overlays.legend)
-        self._com = log["truth/com" if "truth/com/x" in log else "com/estimated"]
-        self._wrenches = [log[f"foot/{side}/wrench_measured"] for side in SIDES]
-        self._zmp = log["zmp/measured"] if "zmp/measured/x" in log else None
-        self.sole_paths, self.base_places = self._stage.sole_paths, self._stage.q[:, :3]
-        self._stiffness = [log[f"foot/{side}/stiffness"] for side in SIDES]
-        self._push: tuple[Array, ...] = ()
-        if "truth/push/point/x" in log:
-            self._push = (log["truth/push/point"], log["truth/push/force"])
+        with decoding(log.path, "log that can be replayed"):
+            self.plant = None if log.header.get("plant") is None else rebuild_plant(log)
+            self._stage = _LoopStage(log) if self.plant is None else _PlantStage(log, self.plant)
+            self.terrain = make_terrain("flat") if self.plant is None else self.plant.terrain
+            scene = self._stage.source.scene
+            self.overlays = Overlays(log, scene.com_height)
+            self.scene: Scene = scene.extended(
+                self.overlays.objects, self.overlays.moving, self.overlays.legend
+            )
+            self._com = log["truth/com" if "truth/com/x" in log else "com/estimated"]
+            self._wrenches = [log[f"foot/{side}/wrench_measured"] for side in SIDES]
+            self._zmp = log["zmp/measured"] if "zmp/measured/x" in log else None
+            self.sole_paths, self.base_places = self._stage.sole_paths, self._stage.q[:, :3]
+            self._stiffness = [log[f"foot/{side}/stiffness"] for side in SIDES]
+            self._push: tuple[Array, ...] = ()
+            if "truth/push/point/x" in log:
+                self._push = (log["truth/push/point"], log["truth/push/force"])
 
     def __len__(self) -> int:
         return len(self.log)

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 from wbc.app.view.controls import intervention_text
 from wbc.app.view.meshcat_view import MeshcatView
+from wbc.core.arguments import checked
 from wbc.core.errors import non_negative
 from wbc.sim.walks import WalkHook
 
@@ -20,6 +21,7 @@ class WatchWalk(WalkHook):
         view: The view; None before the walk starts.
     """
 
+    @checked
     def __init__(
         self,
         *,
