@@ -18,6 +18,7 @@ from wbc.app.replay.mujoco_scene import MujocoScene
 from wbc.app.scene import PlantSource
 from wbc.motion import make_feasible, make_motion, read_motion
 from wbc.sim import TrackSpec, TrackTrial
+from wbc.sim.trial import TrialHook
 
 ROBOT, MOTION, SEED = "g1", "one_leg", 0
 """Robot, and motion that is filmed without a clip."""
@@ -66,7 +67,14 @@ def main() -> None:
                 renderer.update_scene(drawn.data, camera)
                 frames.append(Image.fromarray(renderer.render()))
 
-        if not trial.run(film).completed:
+        class Film(TrialHook):
+            """Draws the pictures that are due."""
+
+            def after(self, trial: TrackTrial) -> None:
+                """See `TrialHook`."""
+                film()
+
+        if not trial.run([Film()]).completed:
             raise RuntimeError("the filmed robot has fallen")
     duration = round(1000.0 / rate)
     frames[0].save(

@@ -14,12 +14,10 @@ from wbc.sim.balance.push_recovery import (
     push_standing,
     push_table,
 )
-from wbc.sim.balance.setup import BalanceSpec
 from wbc.sim.balance.standing import StandResult, StandSpec, StandTrial, centre_of_pressure, stand
 from wbc.sim.balance.tracking import TrackResult, TrackSpec, TrackTrial, track_motion
 
 __all__ = [
-    "BalanceSpec",
     # Standing
     "StandResult",
     "StandSpec",

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Annotated, Any, Literal
 
@@ -15,9 +15,9 @@ from wbc.core.errors import Array, InputError
 from wbc.core.robot import BASE_DOF, GRAVITY, Robot, joints_to
 from wbc.core.settings import NonNegative, Positive, Seed, settings
 from wbc.robots import load as load_robot
-from wbc.sim.plant.falls import TrueFallDetector
 from wbc.sim.plant.plant import Plant
 from wbc.sim.plant.sensors import NOISE_PRESETS
+from wbc.sim.trial.loop import Trial, TrialHook
 from wbc.walking.control import WalkingControl
 from wbc.walking.load import LoadSettings, hand_frames
 from wbc.walking.planning.footsteps import FootstepPlan
@@ -112,7 +112,7 @@ class CarryResult:
     seed: int
 
 
-class CarryTrial:
+class CarryTrial(Trial):
     """One carry about to begin.
 
     Attributes:
@@ -129,7 +129,7 @@ class CarryTrial:
         standing = float(robot.com[2])
         chest = spec.hold == "chest"
         q = np.array(robot.half_sitting) if chest else arms_forward(robot, spec.forward, spec.load)
-        self.plant = Plant(
+        plant = Plant(
             description,
             control_period=PERIOD,
             noise=spec.noise,
@@ -149,19 +149,24 @@ class CarryTrial:
         settings = WalkingControlSettings(
             com_height=_walkable(robot, standing), load=LoadSettings(hands=hands) if spec.known else None
         )
-        self.walking = WalkingControl(robot, FootstepPlan.standing(robot), PERIOD, settings)
-        self._falls = TrueFallDetector(self.plant.robot)
+        super().__init__(plant, WalkingControl(robot, FootstepPlan.standing(robot), PERIOD, settings))
         self._errors = [0.0, 0.0]
 
-    def run(self, after_tick: Callable[[], None] | None = None) -> CarryResult:
+    @property
+    def walker(self) -> WalkingControl:
+        """The controller."""
+        walking: WalkingControl = self.walking
+        return walking
+
+    def run(self, hooks: Sequence[TrialHook] = ()) -> CarryResult:
         """Carry and return the result.
 
         Args:
-            after_tick: Called after each control period, for a viewer.
+            hooks: Look on.
         """
         spec, plant, walking = self.spec, self.plant, self.walking
-        self._after_tick = after_tick
-        stage = self._stages()
+        with self.running(hooks):
+            stage = self._stages()
         upright = stage == "done"
         return CarryResult(
             robot=spec.robot,
@@ -180,50 +185,37 @@ class CarryTrial:
     def _stages(self) -> str:
         """Go through all stages; return the one of the fall, or "done"."""
         spec, walking = self.spec, self.walking
-        if not self._advance(EMPTY):
+        if not self.advance(EMPTY):
             return "empty hands"
         for turn in range(spec.hand_overs):
             if turn:
                 self._put(0.0, spec.hand_over)
-                if not self._advance(spec.hand_over + IDENTIFIED):
+                if not self.advance(spec.hand_over + IDENTIFIED):
                     return f"give-back {turn}"
             self._put(self._mass, spec.hand_over)
-            if not self._advance(spec.hand_over + IDENTIFIED):
+            if not self.advance(spec.hand_over + IDENTIFIED):
                 return f"hand-over {turn + 1}"
             self._judge()
         if spec.steps:
             walking.velocity = (SPEED, 0.0, 0.0)
             begun = walking.steps_done
             while walking.steps_done - begun < spec.steps - 1:
-                if not self._advance(0.1):
+                if not self.advance(0.1):
                     return "steps"
                 if walking.driver.reason:
                     return f"steps refused: {walking.driver.reason}"
             walking.velocity = None
-            if not self._advance(4.0):
+            if not self.advance(4.0):
                 return "steps"
         if spec.end != "keep":
             self._put(0.0, 0.0 if spec.end == "drop" else spec.hand_over)
-            if not self._advance(4.0):
+            if not self.advance(4.0):
                 return spec.end
         return "done"
 
     def _put(self, mass: float, over: float) -> None:
         for frame in self._frames:
             self.plant.load(frame, mass / len(self._frames), over=over, at=self._at)
-
-    def _advance(self, seconds: float) -> bool:
-        """Simulate; False if the robot falls."""
-        plant, walking = self.plant, self.walking
-        end = plant.time + seconds
-        while plant.time < end - 0.5 * PERIOD:
-            plant.step(walking.command(plant.measure()))
-            plant.raise_if_diverged()
-            if self._after_tick is not None:
-                self._after_tick()
-            if walking.fallen or self._falls.fallen(plant.truth().q):
-                return False
-        return True
 
     def _judge(self) -> None:
         """Compare the estimate with the load that the plant carries."""

@@ -13,10 +13,8 @@ from wbc.core.control import Mode
 from wbc.core.errors import InputError, positive
 from wbc.core.settings import Count, NonNegative, Positive, Seed, settings
 from wbc.robots import load
-from wbc.sim.balance.standing import MODES, Feedback, StandSpec, StandTrial
-
-PUSH_DURATION = 0.1
-"""Duration of a push, s: short against the time constant of a falling humanoid, √(0.8 m / g) ≈ 0.29 s."""
+from wbc.sim.balance.standing import MODES, Feedback, StandSpec, StandTrial, Sway
+from wbc.sim.trial.push import PUSH_DURATION, PushSchedule, WalkPush
 
 REST_SPEED = 0.1
 """Horizontal speed of the centre of mass below which a robot is at rest, m/s: above the sway of a standing robot with
@@ -73,22 +71,18 @@ def push_standing(spec: StandPushSpec) -> PushResult:
     Args:
         spec: Robot and push.
     """
-    trial = StandTrial(spec)
+    push = WalkPush(time=spec.before, impulse=spec.impulse, direction=spec.direction, duration=spec.duration)
+    trial = StandTrial(spec, [PushSchedule([push])])
     plant = trial.plant
-    start = plant.truth().com[:2].copy()
-    for _ in trial.advance(spec.before):
-        pass
-    force = spec.impulse * plant.robot.mass / spec.duration
-    across = np.array([math.cos(spec.direction), math.sin(spec.direction), 0.0])
-    plant.push("torso", force * across, spec.duration)
-    offset = 0.0
-    for truth in trial.advance(spec.seconds):
-        offset = max(offset, float(np.linalg.norm(truth.com[:2] - start)))
+    start, sway = plant.truth().com[:2].copy(), Sway()
+    trial.meters.append(sway)
+    trial.advance(spec.seconds)
+    pushed = sway.com[round(spec.before / spec.period) :]
     speed = float(np.linalg.norm(plant.truth().com_velocity[:2]))
     return PushResult(
         recovered=not trial.fallen and speed < REST_SPEED,
         fell_at=plant.time if trial.fallen else None,
-        com_offset=offset,
+        com_offset=max((float(np.linalg.norm(com[:2] - start)) for com in pushed), default=0.0),
         failures=trial.control.failures,
     )
 

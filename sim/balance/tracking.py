@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import time
-from collections.abc import Callable
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Annotated
 
@@ -15,8 +14,11 @@ from wbc.core.errors import Array
 from wbc.core.robot import GRAVITY
 from wbc.core.settings import NonNegative, settings
 from wbc.motion import MotionClip, MotionControl, TrackSettings, first_configuration
-from wbc.sim.balance.setup import BalanceSpec
-from wbc.sim.plant.falls import PelvisLimits, TrueFallDetector
+from wbc.sim.plant.falls import PelvisLimits
+from wbc.sim.trial.loop import Trial, TrialHook, TrialTick
+from wbc.sim.trial.result import TrialResult
+from wbc.sim.trial.spec import TrialSpec
+from wbc.walking.falls import FallReason
 from wbc.walking.settings import WalkingControlSettings
 
 LOADED = 0.05
@@ -24,8 +26,8 @@ LOADED = 0.05
 
 
 @settings(kw_only=True)
-class TrackSpec(BalanceSpec):
-    """The simulation in which a clip is tracked: the fields of `BalanceSpec`, and the time after the clip.
+class TrackSpec(TrialSpec):
+    """The simulation in which a clip is tracked: the fields of `TrialSpec`, and the time after the clip.
 
     Attributes:
         after: Time of standing after the clip, s.
@@ -36,16 +38,14 @@ class TrackSpec(BalanceSpec):
     after: Annotated[NonNegative, "s"] = 1.0
 
 
-@dataclass(frozen=True, slots=True)
-class TrackResult:
+@dataclass(frozen=True, kw_only=True)
+class TrackResult(TrialResult):
     """Result of a tracked clip; all but `tick_us` follows from clip and spec.
 
     Attributes:
         motion: Name of the clip.
-        robot: Name of the robot.
         mode: Command of the drives.
         completed: True if the clip was tracked to its end and the robot stands.
-        seconds: Simulated time, s.
         clip_seconds: Duration of the clip, s.
         fall: Reason of the fall; None if there was none.
         joint_rms_deg: Root mean square over time and joints of true minus given joint position, degrees.
@@ -55,15 +55,12 @@ class TrackResult:
         com_rms_mm: Horizontal error of the true centre of mass, mm.
         foot_slide_mm: Greatest distance of a sole from where it was first loaded, while it bore 5 % of the weight, mm.
         landings: Feet that have landed.
-        failures: Ticks without a solution, or with a measurement that could not be used.
         tick_us: Wall time from measurement to command, median and 99th percentile.
     """
 
     motion: str
-    robot: str
     mode: Mode
     completed: bool
-    seconds: float
     clip_seconds: float
     fall: str | None
     joint_rms_deg: float
@@ -73,18 +70,18 @@ class TrackResult:
     com_rms_mm: float
     foot_slide_mm: float
     landings: int
-    failures: int
     tick_us: dict[str, float]
 
 
-class TrackTrial:
+class TrackTrial(Trial):
     """One clip about to be tracked: plant and controller, connected.
 
     Attributes:
         spec: The simulation.
-        plant: The plant.
-        control: The controller.
+        walking: The controller.
     """
+
+    walking: MotionControl
 
     @checked
     def __init__(
@@ -102,81 +99,101 @@ class TrackTrial:
             InputError: The robot leaves the ground in the clip, a foot that does not fit.
         """
         self.spec = spec = spec or TrackSpec()
-        robot, self.plant, observer = spec.build()
+        robot, plant, observer = spec.build()
         q = first_configuration(robot, clip)
-        self.plant.reset(self.plant.on_ground(q))
+        plant.reset(plant.on_ground(q))
         observer.reset(q)
         robot.update(q, np.zeros(robot.nv))
-        self.control = MotionControl(
+        control = MotionControl(
             robot, clip, spec.period, _with_mode(track or TrackSettings(), spec.chosen), observer=observer
         )
-        limits = self.control.falls.settings
-        self._falls = TrueFallDetector(self.plant.robot, PelvisLimits(-limits.drop, limits.tilt))
-        self._weight = robot.mass * GRAVITY
+        limits = control.falls.settings
+        super().__init__(plant, control, PelvisLimits(-limits.drop, limits.tilt))
+        self._errors = _TrackMeter(robot.mass * GRAVITY)
+        self.meters.append(self._errors)
 
-    def run(self, after_tick: Callable[[], None] | None = None) -> TrackResult:
+    @property
+    def given(self) -> int:
+        """Number of the frame of the clip that the robot should be at."""
+        return min(self.walking.tick + 1, len(self.walking.motion) - 1)
+
+    def true_fall(self) -> FallReason | None:
+        """Return why the robot is not where the clip has it; None if it is."""
+        q = self.walking.motion.q[self.given]
+        return self._falls.reason(self.plant.truth().q, q[2], _vertical(q[3:7]))
+
+    def run(self, hooks: Sequence[TrialHook] = ()) -> TrackResult:
         """Track the clip to its end or a fall, once only.
 
         Args:
-            after_tick: Called after each control period, for a viewer.
+            hooks: Look on.
+
+        Raises:
+            DivergedError: The simulation has diverged.
         """
-        plant, control, spec = self.plant, self.control, self.spec
-        motion, sites = control.motion, list(plant.sole_sites)
-        joints: list[Array] = []
-        com: list[Array] = []
-        anchors: list[Array | None] = [None, None]
-        slide, times, fall = 0.0, [], None
-        end = (len(motion) - 1) * spec.period + spec.after
-        while plant.time < end - 0.5 * spec.period and fall is None:
-            measurement = plant.measure()
-            start = time.perf_counter()
-            command = control.command(measurement)
-            times.append(time.perf_counter() - start)
-            plant.step(command)
-            plant.raise_if_diverged()
-            truth, i = plant.truth(), min(control.tick + 1, len(motion) - 1)
-            felt = truth.sole_wrench if measurement.sole_wrench is None else measurement.sole_wrench
-            joints.append(truth.q[7:] - motion.q[i, 7:])
-            com.append(truth.com[:2] - motion.pendulum[i].com[:2])
-            for side, place in enumerate(plant.data.site_xpos[sites]):
-                if felt[side, 2] < LOADED * self._weight:
-                    anchors[side] = None
-                    continue
-                anchor = anchors[side]
-                if anchor is None:
-                    anchors[side] = anchor = place.copy()
-                slide = max(slide, float(np.linalg.norm((place - anchor)[:2])))
-            reason = control.fallen or self._falls.reason(
-                truth.q, motion.q[i, 2], _vertical(motion.q[i, 3:7])
-            )
-            if reason is not None:
-                fall = reason.value
-            if after_tick is not None:
-                after_tick()
-        errors = np.degrees(np.array(joints))
-        each = np.sqrt((errors**2).mean(axis=0))
+        control, spec, errors = self.walking, self.spec, self._errors
+        with self.running(hooks):
+            self.advance((len(control.motion) - 1) * spec.period + spec.after)
+        joints = np.degrees(np.array(errors.joints))
+        each = np.sqrt((joints**2).mean(axis=0))
         worst = int(each.argmax())
         return TrackResult(
             motion=control.clip.name,
             robot=spec.robot,
+            seed=spec.seed,
             mode=control.settings.mode,
-            completed=fall is None and control.finished,
-            seconds=plant.time,
+            completed=not self.fallen and control.finished,
+            seconds=self.plant.time,
             clip_seconds=control.clip.duration,
-            fall=fall,
-            joint_rms_deg=float(np.sqrt((errors**2).mean())),
+            fall=None if self.fall is None else self.fall.value,
+            joint_rms_deg=float(np.sqrt((joints**2).mean())),
             worst_joint=self.plant.robot.joint_names[worst],
             worst_joint_rms_deg=float(each[worst]),
-            largest_deg=float(abs(errors).max()),
-            com_rms_mm=1e3 * float(np.sqrt((np.array(com) ** 2).sum(axis=1).mean())),
-            foot_slide_mm=1e3 * slide,
+            largest_deg=float(abs(joints).max()),
+            com_rms_mm=1e3 * float(np.sqrt((np.array(errors.com) ** 2).sum(axis=1).mean())),
+            foot_slide_mm=1e3 * errors.slide,
             landings=control.landings,
             failures=control.control.failures,
-            tick_us={
-                "median": 1e6 * float(np.median(times)),
-                "p99": 1e6 * float(np.percentile(times, 99)),
-            },
+            tick_us=self.tick_us(),
         )
+
+
+class _TrackMeter(TrialHook):
+    """Errors of joints and centre of mass, and how far loaded feet slide.
+
+    Attributes:
+        joints: Errors of all joints, rad.
+        com: Horizontal errors of the centre of mass, m.
+        slide: Greatest distance of a sole from where it was first loaded, m.
+    """
+
+    def __init__(self, weight: float) -> None:
+        self.joints: list[Array] = []
+        self.com: list[Array] = []
+        self.slide = 0.0
+        self._weight = weight
+        self._felt: Array | None = None  # wrenches on the soles, measured
+        self._anchors: list[Array | None] = [None, None]
+
+    def tick(self, tick: TrialTick) -> None:
+        """See `TrialHook`."""
+        self._felt = tick.measurement.sole_wrench
+
+    def after(self, trial: TrackTrial) -> None:
+        """See `TrialHook`."""
+        plant, motion, i = trial.plant, trial.walking.motion, trial.given
+        truth = plant.truth()
+        felt = truth.sole_wrench if self._felt is None else self._felt
+        self.joints.append(truth.q[7:] - motion.q[i, 7:])
+        self.com.append(truth.com[:2] - motion.pendulum[i].com[:2])
+        for side, place in enumerate(plant.data.site_xpos[list(plant.sole_sites)]):
+            if felt[side, 2] < LOADED * self._weight:
+                self._anchors[side] = None
+                continue
+            anchor = self._anchors[side]
+            if anchor is None:
+                self._anchors[side] = anchor = place.copy()
+            self.slide = max(self.slide, float(np.linalg.norm((place - anchor)[:2])))
 
 
 @checked

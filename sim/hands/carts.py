@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from types import MappingProxyType
 from typing import Annotated, Any
@@ -17,6 +17,7 @@ from wbc.robots import load
 from wbc.sim.hands.trial import SIDES, ArmSpace, HandTrial, HandTrialResult, HandTrialSpec
 from wbc.sim.scenes import make_scene
 from wbc.sim.scenes.things import GRIP
+from wbc.sim.trial.loop import TrialHook
 from wbc.walking.hands.hand import HandSettings, HandState
 from wbc.walking.planning.footsteps import FootstepPlan, mean_heading
 from wbc.walking.planning.planners import walk_distance, walk_velocity
@@ -135,14 +136,14 @@ class CartTrial(HandTrial):
         self._greatest = np.zeros(3)  # tilt of the cart and of the pelvis, rad, and force, N
         self._corrections = 0
 
-    def run(self, after_tick: Callable[[], None] | None = None) -> CartResult:
+    def run(self, hooks: Sequence[TrialHook] = ()) -> CartResult:
         """Push, turn and pull the cart, and return the result.
 
         Args:
-            after_tick: Called after each control period, for a viewer.
+            hooks: Look on.
         """
-        self._after_tick = after_tick
-        self._stages()
+        with self.running(hooks):
+            self._stages()
         error = self._goal.actInv(self._pose())
         cart, pelvis, force = self._greatest.tolist()
         return CartResult(

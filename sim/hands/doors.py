@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, replace
 from typing import Annotated, Any
 
@@ -15,6 +15,7 @@ from wbc.core.settings import NonNegative, Positive, settings
 from wbc.robots import load
 from wbc.sim.hands.trial import ArmSpace, HandTrial, HandTrialResult, HandTrialSpec
 from wbc.sim.scenes import make_scene
+from wbc.sim.trial.loop import TrialHook
 from wbc.walking.hands.hand import HandSettings, HandState
 from wbc.walking.planning.planners import turn_in_place, walk_distance
 
@@ -122,14 +123,14 @@ class DoorTrial(HandTrial):
         self._released = math.nan
         self._force = self._touch = self._given = 0.0
 
-    def run(self, after_tick: Callable[[], None] | None = None) -> DoorResult:
+    def run(self, hooks: Sequence[TrialHook] = ()) -> DoorResult:
         """Open the door, walk through, and return the result.
 
         Args:
-            after_tick: Called after each control period, for a viewer.
+            hooks: Look on.
         """
-        self._after_tick = after_tick
-        self._stages()
+        with self.running(hooks):
+            self._stages()
         frame = self._handle[0] + LEAF
         return DoorResult(
             **asdict(self.common()),

@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
 from typing import Annotated, Any
 
 from wbc.core.robot import Robot
 from wbc.core.settings import NonNegative, Positive, settings
 from wbc.robots import load
-from wbc.sim.balance.push_recovery import PUSH_DURATION
 from wbc.sim.hands.trial import ArmSpace, HandTrial, HandTrialResult, HandTrialSpec
 from wbc.sim.scenes import make_scene
+from wbc.sim.trial.loop import TrialHook
+from wbc.sim.trial.push import PUSH_DURATION
 from wbc.walking.hands.hand import HandSettings, HandState
 from wbc.walking.planning.footsteps import FootstepPlan
 from wbc.walking.planning.gait import Gait
@@ -91,14 +92,14 @@ class OneFootTrial(HandTrial):
         plan = FootstepPlan.standing(robot, Gait(single_support=swing, initial_double_support=self._first))
         return replace(plan, steps=(plan.left,))
 
-    def run(self, after_tick: Callable[[], None] | None = None) -> OneFootResult:
+    def run(self, hooks: Sequence[TrialHook] = ()) -> OneFootResult:
         """Lift a foot, push, and return the result.
 
         Args:
-            after_tick: Called after each control period, for a viewer.
+            hooks: Look on.
         """
-        self._after_tick = after_tick
-        self._stages()
+        with self.running(hooks):
+            self._stages()
         spec = self.spec
         return OneFootResult(
             **asdict(self.common()),

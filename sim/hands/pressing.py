@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
 from typing import Annotated, Any, Literal
 
@@ -14,6 +14,7 @@ from wbc.core.settings import Positive, settings
 from wbc.robots import load
 from wbc.sim.hands.trial import SIDES, ArmSpace, HandTrial, HandTrialResult, HandTrialSpec
 from wbc.sim.scenes import Scene, make_scene
+from wbc.sim.trial.loop import TrialHook
 from wbc.walking.hands.hand import HandSettings, HandState
 
 Surface = Literal["table", "wall", "rail"]
@@ -122,14 +123,14 @@ class HandPressTrial(HandTrial):
         self._rows: list[tuple[float, ...]] = []  # force of the surface, forces as measured, before the toes
         self._bounded = False
 
-    def run(self, after_tick: Callable[[], None] | None = None) -> HandPressResult:
+    def run(self, hooks: Sequence[TrialHook] = ()) -> HandPressResult:
         """Press and return the result.
 
         Args:
-            after_tick: Called after each control period, for a viewer.
+            hooks: Look on.
         """
-        self._after_tick = after_tick
-        self._stages()
+        with self.running(hooks):
+            self._stages()
         spec, dt = self.spec, self.walking.dt
         rows = np.array(self._rows).reshape(-1, 4)
         each = 0.5 * spec.force

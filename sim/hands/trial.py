@@ -15,11 +15,11 @@ from wbc.core.robot import SIDES as FEET
 from wbc.core.robot import Robot
 from wbc.core.settings import Seed, settings
 from wbc.robots import load
-from wbc.sim.balance.setup import CONTROL_PERIOD, chosen_mode
-from wbc.sim.plant.falls import TrueFallDetector
 from wbc.sim.plant.plant import Plant
 from wbc.sim.plant.sensors import NOISE_PRESETS
 from wbc.sim.scenes import Scene
+from wbc.sim.trial.loop import Trial
+from wbc.sim.trial.spec import CONTROL_PERIOD, chosen_mode
 from wbc.walking.control import WalkingControl
 from wbc.walking.hands.arm import HandArm
 from wbc.walking.hands.hand import HandSettings
@@ -107,16 +107,13 @@ def hand_length(robot: str) -> float:
     return HAND_LENGTH.get(robot, HandSettings().length)
 
 
-class HandTrial:
+class HandTrial(Trial):
     """Robot, scene and controller, connected.
 
     Attributes:
-        plant: The plant.
         robot: Robot that the controller moves.
-        walking: The controller.
         hands: Its hands.
         stage: Stage in which the trial is; "done" when it has come to its end.
-        fallen: True once the robot has fallen.
     """
 
     def __init__(
@@ -140,56 +137,23 @@ class HandTrial:
         description = load(spec.robot)
         assert spec.mode is not None
         period = CONTROL_PERIOD[spec.mode]
-        self.plant = Plant(description, scene=scene, noise=spec.noise, seed=spec.seed, control_period=period)
+        plant = Plant(description, scene=scene, noise=spec.noise, seed=spec.seed, control_period=period)
         self.robot = description.robot()
         hands = hands or HandSettings()
         if hands.length == HandSettings().length:
             hands = replace(hands, length=hand_length(spec.robot))
         settings = WalkingControlSettings(mode=spec.mode, hands=hands)
-        self.walking = WalkingControl(self.robot, plan(self.robot), period, settings)
+        super().__init__(plant, WalkingControl(self.robot, plan(self.robot), period, settings))
         assert self.walking.hands is not None
         self.hands: Hands = self.walking.hands
         self.stage = "start"
-        self.fallen = False
         self._spec = spec
-        self._falls = TrueFallDetector(self.plant.robot)
-        self._after_tick: Callable[[], None] | None = None
 
-    def advance(self, seconds: float, look: Callable[[], None] | None = None) -> bool:
-        """Simulate; False if the robot falls.
-
-        Args:
-            seconds: Simulated time, s.
-            look: Called after each control period.
-
-        Raises:
-            DivergedError: The simulation has diverged: no fall, and no result.
-        """
-        plant, walking = self.plant, self.walking
-        end = plant.time + seconds
-        while plant.time < end - 0.5 * walking.dt and not self.fallen:
-            plant.step(walking.command(plant.measure()))
-            plant.raise_if_diverged()
-            if look is not None:
-                look()
-            if self._after_tick is not None:
-                self._after_tick()
-            self.fallen = walking.fallen is not None or self._falls.fallen(plant.truth().q)
-        return not self.fallen
-
-    def until(self, what: Callable[[], bool], most: float, look: Callable[[], None] | None = None) -> bool:
-        """Simulate until something is true; False if the robot falls or the time is over.
-
-        Args:
-            what: Condition, asked every 0.1 s.
-            most: Longest time, s.
-            look: Called after each control period.
-        """
-        begin = self.plant.time
-        while not what():
-            if self.plant.time - begin > most or not self.advance(0.1, look):
-                return False
-        return True
+    @property
+    def walker(self) -> WalkingControl:
+        """The controller."""
+        walking: WalkingControl = self.walking
+        return walking
 
     def stand(self) -> FootstepPlan:
         """Return the robot's stand as the start of a plan."""

@@ -17,11 +17,12 @@ from typing import Annotated, Any, ClassVar, NamedTuple
 import numpy as np
 from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
 
-from wbc.core.errors import InputError, MeasurementError
+from wbc.core.errors import InputError
 from wbc.core.settings import NonNegative, Positive, Share, settings, to_json
-from wbc.sim.balance.push_recovery import PUSH_DURATION
 from wbc.sim.studies.intervals import rate_interval
 from wbc.sim.studies.trials import Check, Outcome, TrialKind, register_trial
+from wbc.sim.trial.loop import TrialHook
+from wbc.sim.trial.push import PUSH_DURATION
 from wbc.sim.walks import WalkPlan, WalkSpec, WalkTrial
 
 SETTLED = 30.0
@@ -151,43 +152,57 @@ def _drive(
 ) -> _Drive:
     """Drive from a stand until a fall or for a time."""
     trial = WalkTrial(replace(spec.walk, noise_seed=int(rng.integers(2**31))))
+    scenario = _RandomDrive(spec, trial, rng, check)
+    trial.meters, trial.scenario = [], [scenario]
     plant, walking = trial.plant, trial.walking
-    forward, back, aside, turn = walking.velocity_limits
-    low, high = (-back, -aside, -turn), (forward, aside, turn)
-    force = spec.push * plant.robot.mass / PUSH_DURATION
-    draw, push, path = 2.0, spec.every, 0.0
-    place = plant.data.qpos[:2].copy()
-    reason: str | None = None
-    while plant.time < seconds - 1e-9:
-        check()
-        if plant.time >= draw - 1e-9:
-            draw += spec.draw
-            velocity, stands = rng.uniform(low, high), rng.random() < spec.rest
-            walking.velocity = None if stands else velocity.tolist()
-        if plant.time >= push - 1e-9:
-            push += spec.every
-            angle = rng.uniform(0.0, 2.0 * math.pi)
-            plant.push("torso", force * np.array([math.cos(angle), math.sin(angle), 0.0]), PUSH_DURATION)
-        try:
-            measurement = plant.measure()
-        except MeasurementError:
-            reason = DIVERGED
-            break
-        plant.step(walking.command(measurement))
-        now = plant.data.qpos[:2].copy()
-        path, place = path + math.hypot(*(now - place).tolist()), now
+    while plant.time < seconds - 1e-9 and trial.step():
         memory.update(driven + plant.time)
-        fall = walking.fallen or (None if plant.diverged else trial.true_fall())
-        if plant.diverged or fall is not None:
-            reason = DIVERGED if fall is None else fall.name.lower()
-            break
+    reason = (
+        DIVERGED if trial.diverged is not None else None if trial.fall is None else trial.fall.name.lower()
+    )
     truth, estimate = plant.truth(), walking.control.observer.robot
     drift = math.hypot(*(truth.com[:2] - estimate.com[:2]).tolist())
     turned = math.remainder(_yaw(estimate.q[3:7].tolist()) - _yaw(truth.q[3:7].tolist()), 2.0 * math.pi)
-    since = plant.time - (push - spec.every) if push > spec.every else None
+    since = plant.time - (scenario.push - spec.every) if scenario.push > spec.every else None
     return _Drive(
-        plant.time, reason, walking.steps_done, path, drift, turned, walking.granted_velocity, since
+        plant.time, reason, walking.steps_done, scenario.path, drift, turned, walking.granted_velocity, since
     )
+
+
+class _RandomDrive(TrialHook):
+    """Random velocities and pushes.
+
+    Attributes:
+        push: Time of the next push, s.
+        path: Length of the way of the pelvis so far, m.
+    """
+
+    def __init__(self, spec: DrivingSpec, trial: WalkTrial, rng: np.random.Generator, check: Check) -> None:
+        self._spec, self._rng, self._check = spec, rng, check
+        forward, back, aside, turn = trial.walking.velocity_limits
+        self._low, self._high = (-back, -aside, -turn), (forward, aside, turn)
+        self._draw, self.push, self.path = 2.0, spec.every, 0.0
+        self._place = trial.plant.data.qpos[:2].copy()
+
+    def before(self, trial: WalkTrial) -> None:
+        """Command a velocity and begin a push when they are due."""
+        spec, rng, plant = self._spec, self._rng, trial.plant
+        self._check()
+        if plant.time >= self._draw - 1e-9:
+            self._draw += spec.draw
+            velocity, stands = rng.uniform(self._low, self._high), rng.random() < spec.rest
+            trial.walking.velocity = None if stands else velocity.tolist()
+            del trial.tick_times[:]  # else they count among the memory of the walk
+        if plant.time >= self.push - 1e-9:
+            self.push += spec.every
+            angle = rng.uniform(0.0, 2.0 * math.pi)
+            force = spec.push * plant.robot.mass / PUSH_DURATION
+            plant.push("torso", force * np.array([math.cos(angle), math.sin(angle), 0.0]), PUSH_DURATION)
+
+    def after(self, trial: WalkTrial) -> None:
+        """Add up the way of the pelvis."""
+        now = trial.plant.data.qpos[:2].copy()
+        self.path, self._place = self.path + math.hypot(*(now - self._place).tolist()), now
 
 
 def _yaw(quaternion: list[float]) -> float:

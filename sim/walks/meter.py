@@ -12,6 +12,7 @@ from wbc.core.hull import hull_and_area
 from wbc.core.robot import GRAVITY
 from wbc.core.signals import Measurement
 from wbc.sim.plant.plant import Plant
+from wbc.sim.trial.loop import Trial, TrialHook, TrialTick
 from wbc.sim.walks.result import Fall, Spread, Touchdowns
 from wbc.tasks.stabilizer.stabilizer import StabilizerOutput
 from wbc.walking.planning.phases import Event, Phase
@@ -69,7 +70,7 @@ class _Moment(NamedTuple):
         return math.atan2(side, up), -math.asin(min(1.0, max(-1.0, down)))
 
 
-class WalkMeter:
+class WalkMeter(TrialHook):
     """The figures of one walk."""
 
     def __init__(self, plant: Plant, walking: WalkingLike) -> None:
@@ -100,7 +101,7 @@ class WalkMeter:
         self._middle = -1  # last step whose middle has been recorded
         self._reference: ReferenceLike | None = None  # of the last recorded tick
 
-    def update(self, measurement: Measurement) -> None:
+    def tick(self, tick: TrialTick) -> None:
         """Record a tick, before the plant moves on."""
         reference, output = self._walking.reference, self._walking.output
         if reference is None or reference is self._reference:
@@ -108,12 +109,13 @@ class WalkMeter:
         self._reference = reference
         progress = self._walking.progress
         dcm_error = None if output is None else self._record_errors(reference, output)
-        self._record_events(reference.events, measurement)
+        self._record_events(reference.events, tick.measurement)
         self._swing = progress.swing
         self._record_stance(progress, dcm_error)
 
-    def after_step(self) -> None:
+    def after(self, trial: Trial) -> None:
         """Record torques and work of the joints, after the plant has moved on."""
+        del trial
         torque, ratio = np.abs(self._plant.joint_torque, out=self._torque), self._ratio
         np.maximum(self._peak, torque, out=self._peak)
         self.work += float(torque @ np.abs(self._plant.joint_velocity)) * self._plant.control_period

@@ -10,6 +10,7 @@ from wbc.core.errors import InputError
 from wbc.core.settings import Count, settings
 from wbc.sim.terrain import Terrain
 from wbc.sim.terrain.families.stairs import Steps
+from wbc.sim.trial.loop import Trial, TrialHook
 from wbc.walking.planning.footsteps import Footstep, FootstepPlan, mean_heading
 from wbc.walking.planning.gait import Gait
 from wbc.walking.planning.planners import climb_stairs, turn_in_place, walk_distance, walk_velocity
@@ -144,7 +145,7 @@ def check_drive(rows: Sequence[Sequence[float]]) -> None:
         )
 
 
-class Drive:
+class Drive(TrialHook):
     """Commanded velocities of a walk that is under way."""
 
     def __init__(self, rows: Sequence[Sequence[float]] | None, walking: WalkingLike) -> None:
@@ -156,9 +157,9 @@ class Drive:
         """
         self._pending, self._walking = list(rows or ()), walking
 
-    def update(self, time: float) -> None:
-        """Command the velocity that is due at a time (s)."""
-        while self._pending and time >= self._pending[0][0] - 1e-9:
+    def before(self, trial: Trial) -> None:
+        """Command the velocity that is due."""
+        while self._pending and trial.plant.time >= self._pending[0][0] - 1e-9:
             self._walking.velocity = self._pending.pop(0)[1:]
 
     @property

@@ -6,30 +6,28 @@ import copy
 from collections.abc import Mapping
 from dataclasses import field
 from functools import lru_cache
-from typing import Annotated, Any, ClassVar
+from typing import Annotated, Any, ClassVar, Self
 
 from pydantic import PlainValidator
 
 from wbc.core.changes import Changes, as_changes, changed, normal_changes
-from wbc.core.control import Mode
-from wbc.core.errors import InputError, choose, shown, whole_number
+from wbc.core.errors import InputError, shown, whole_number
 from wbc.core.files import check_hash, file_hash
-from wbc.core.settings import NonNegative, Positive, Seed, from_json, settings, to_json
+from wbc.core.settings import NonNegative, Seed, settings
 from wbc.feet import Foot
 from wbc.feet.soles.catalog import foot as foot_by_name
 from wbc.robots import load
 from wbc.robots.registry import stamped
-from wbc.sim.balance.setup import CONTROL_PERIOD, chosen_mode
 from wbc.sim.plant.model import body_frame
-from wbc.sim.plant.sensors import NOISE_PRESETS
-from wbc.sim.plant.settings import Machine, steps_per_tick
+from wbc.sim.plant.settings import Machine
 from wbc.sim.scenes import Scene, make_scene
 from wbc.sim.terrain import Terrain
 from wbc.sim.terrain import terrain as terrain_by_name
 from wbc.sim.terrain.spec import RAMP
+from wbc.sim.trial.push import WalkPush
+from wbc.sim.trial.spec import TrialSpec
 from wbc.sim.walks.plans import WalkPlan
 from wbc.sim.walks.prepare import PreparedWalk, prepare
-from wbc.sim.walks.push import WalkPush
 from wbc.sim.walks.settings import (
     NO_BIAS,
     Law,
@@ -66,15 +64,13 @@ _WHOLE = ("terrain", "terrain_params", "noise_seed", "control_period", "timestep
 
 
 @settings(kw_only=True)
-class WalkSpec:
-    """One simulated walk. A spec that exists can be walked: whatever is wrong is refused when it is made.
+class WalkSpec(TrialSpec):
+    """One simulated walk: the fields of `TrialSpec`, and these.
 
     Equal specs give equal records, bit for bit. A spec is small, hashable and readable as JSON. With a file
     (of a robot, "path" of a policy, "source" of a ground) the hash of its content is added ("sha256").
 
     Attributes:
-        robot: Robot that `wbc robots` lists, or the path of its file (MJCF, URDF, TOML).
-        foot: Foot under both ankles, one that `wbc foot` lists; flat is the robot's own sole.
         stiffness: Stiffness of soft or variable soles, Nm/rad; their own if not given.
         foot_changes: Further parameters of the foot, such as contact.row_spacing.
         policy: Policy of variable soles: model, fixed or oracle, or one's own. `stiffness` is then that of the start.
@@ -85,15 +81,10 @@ class WalkSpec:
         scene: What stands on the ground, one that `wbc terrain` lists.
         scene_params: Parameters of the scene.
         seed: Fixes the ground and the errors of the sensors.
-        noise: Errors of the sensors, none or realistic.
         noise_seed: Another seed for the errors of the sensors.
         mode: Command of the drives; position if not given, hybrid on soft servos, torque if the law is stepping.
-        servo: Gains of servos in place of the description's, as pattern=kp,kd such as `*knee*=100,2`.
         machine: Delays, friction, payload and which sensors there are. The delays are stated to the observer
             unless settings state others ("observer.command_delay").
-        control_period: Time between two commands, s; 5 ms in position control, 2 ms in torque and hybrid control when
-            None.
-        timestep: Physics step, s.
         plan: Distance, velocity, turn, stairs, footsteps or velocities over time.
         gait: Sizes and timings of steps of a LIPM walk.
         law: lipm plans footsteps, stepping decides place and time of each as it goes.
@@ -105,8 +96,7 @@ class WalkSpec:
 
     kind: ClassVar[str] = "walk"
 
-    robot: str = "hrp4_class"
-    foot: str = "flat"
+    noise: str = "realistic"
     stiffness: Annotated[NonNegative, "Nm/rad"] | None = None
     foot_changes: NamedValues = ()
     policy: str | None = None
@@ -116,14 +106,7 @@ class WalkSpec:
     terrain_params: NamedValues = ()
     scene: str | None = None
     scene_params: NamedValues = ()
-    seed: Seed = 0
-    noise: str = "realistic"
     noise_seed: Seed | None = None
-    mode: Mode | None = None
-    servo: tuple[str, ...] = ()
-    machine: Machine = field(default_factory=Machine)
-    control_period: Annotated[Positive, "s"] | None = None
-    timestep: Annotated[Positive, "s"] = 0.001
     plan: WalkPlan = field(default_factory=WalkPlan)
     gait: Gait = field(default_factory=Gait)
     law: Law = "lipm"
@@ -137,11 +120,10 @@ class WalkSpec:
             object.__setattr__(self, name, value)
 
         store("robot", stamped(self.robot))
-        description = load(self.robot).with_servos(self.servo)
-        description.needs_feet("a walk")
+        load(self.robot).needs_feet("a walk")
         if self.law == "stepping" and self.mode is None:  # in position control it falls
             store("mode", "torque")
-        store("mode", chosen_mode(description, self.mode))
+        super().__post_init__()
         if max(self.seed, self.noise_seed or 0) >= SEED_LIMIT:
             raise InputError(
                 f"a seed must be below 2**63, got seed {self.seed} and noise_seed {self.noise_seed}"
@@ -153,8 +135,6 @@ class WalkSpec:
         if self.scene is None and self.scene_params:
             raise InputError(f"parameters of a scene need a scene; got {dict(self.scene_params)}")
         self.things()
-        NOISE_PRESETS[self.noise]
-        steps_per_tick(self.period, self.timestep)
         store("changes", checked_changes(self.law, self.gains, self.changes))
         policy, params = checked_policy(
             self.foot_design(), self.policy, self.policy_params, self.settings().stiffness, ground
@@ -167,12 +147,6 @@ class WalkSpec:
             body_frame(push.body, prepared.robot())
             if push.step is not None and push.step > steps > 0 and self.plan.drive is None:
                 raise InputError(f"a push at step {push.step} of a walk of {steps} steps")
-
-    @property
-    def period(self) -> float:
-        """Control period, s."""
-        assert self.mode is not None
-        return CONTROL_PERIOD[self.mode] if self.control_period is None else self.control_period
 
     def foot_design(self) -> Foot:
         """Return the foot.
@@ -216,12 +190,11 @@ class WalkSpec:
 
     def settings(self) -> TrialSettings | SteppingTrialSettings:
         """Return preset and changes as settings."""
-        assert self.mode is not None
         stated = {name: getattr(self.machine, name) for name in ("measurement_delay", "command_delay")}
         given = dict(self.changes)
         delays = {f"observer.{k}": v for k, v in stated.items() if v > 0.0 and f"observer.{k}" not in given}
         changes = as_changes({**given, **delays})
-        return trial_settings(self.law, self.gains, changes, self.mode, self.timestep)
+        return trial_settings(self.law, self.gains, changes, self.chosen, self.timestep)
 
     def prepare(self) -> PreparedWalk:
         """Return everything that does not depend on seeds; built once for all specs that differ in seeds alone."""
@@ -254,7 +227,7 @@ class WalkSpec:
 
     def to_json(self) -> dict[str, Any]:
         """Return the whole spec as plain values, with its kind."""
-        data: dict[str, Any] = to_json(self)
+        data = super().to_json()
         if self.machine == Machine():
             del data["machine"]
         if not self.servo:
@@ -269,10 +242,10 @@ class WalkSpec:
             del data["policy"], data["policy_params"]
         if self.scene is None:
             del data["scene"], data["scene_params"]
-        return {"kind": self.kind, **data}
+        return data
 
-    @staticmethod
-    def from_json(data: Mapping[str, Any]) -> WalkSpec:
+    @classmethod
+    def from_json(cls, data: Mapping[str, Any]) -> Self:
         """Return the spec that `to_json` wrote, or a shorter one: what is left out has its default.
 
         The grounds of a whole spec without a ramp, as those of walks before version 9, begin with a sharp edge.
@@ -282,10 +255,9 @@ class WalkSpec:
             InputError: A value that cannot be used.
         """
         values = dict(data)
-        choose("kind of trial", values.pop("kind", WalkSpec.kind), (WalkSpec.kind,))
         if "gains" in values:
             values["gains"] = NO_BIAS.get(str(values["gains"]), values["gains"])
-        return from_json(WalkSpec, with_ramp(values))
+        return super().from_json(with_ramp(values))
 
 
 def with_ramp(data: Mapping[str, Any]) -> Mapping[str, Any]:

@@ -10,11 +10,12 @@ from wbc.core.errors import Array
 from wbc.core.robot import SIDES
 from wbc.feet.sensing.scan import Profile
 from wbc.sim.plant.plant import Plant
+from wbc.sim.trial.loop import TrialHook, TrialTick
 from wbc.tasks.scheduling.record import StepStiffness
 from wbc.walking.progress import WalkingLike
 
 
-class StiffnessMeter:
+class StiffnessMeter(TrialHook):
     """Comparison of each scan with the true ground when its step is decided, and the record of all steps.
 
     A scan is made with estimated poses, and the estimate drifts along a walk. Its *shape*, which decides the stiffness,
@@ -36,8 +37,9 @@ class StiffnessMeter:
         self._errors: dict[int, tuple[Array, Array]] = {}
         self._times: list[float] = []
 
-    def update(self) -> None:
+    def tick(self, tick: TrialTick) -> None:
         """Record a tick, before the plant moves on."""
+        del tick
         decided = self._task.decided
         if decided is None or decided is self._last:
             return

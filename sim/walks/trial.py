@@ -8,27 +8,27 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import fields, replace
 from typing import Any
 
 import numpy as np
 from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
 
 from wbc.core.arguments import checked
-from wbc.core.errors import Array, InputError, MeasurementError, choose
+from wbc.core.errors import Array, InputError, choose
 from wbc.core.estimation.observer import Observer
 from wbc.core.robot import GRAVITY, Robot
-from wbc.core.signals import Command, Measurement
 from wbc.feet import RangeSensor
 from wbc.feet.soles.soft import VariableStiffnessFoot
-from wbc.sim.plant.falls import PelvisLimits, TrueFallDetector
+from wbc.sim.plant.falls import PelvisLimits
 from wbc.sim.plant.plant import Plant
+from wbc.sim.trial.loop import Trial, TrialHook, TrialTick
+from wbc.sim.trial.push import PushSchedule
 from wbc.sim.walks.arrival import Arrival
 from wbc.sim.walks.meter import WalkMeter
 from wbc.sim.walks.plans import Drive, WalkPlan
 from wbc.sim.walks.prepare import PreparedWalk, moved
-from wbc.sim.walks.push import PushSchedule
-from wbc.sim.walks.result import Fall, WalkResult, WallClock, identity, objective
+from wbc.sim.walks.result import WalkResult, WallClock, identity, objective
 from wbc.sim.walks.settings import SteppingTrialSettings, TrialSettings
 from wbc.sim.walks.spec import WalkSpec
 from wbc.sim.walks.stiffness_meter import StiffnessMeter
@@ -36,9 +36,14 @@ from wbc.sim.walks.stiffness_policy import make_policy
 from wbc.tasks.scheduling.policies import PolicyLike
 from wbc.tasks.scheduling.stiffness import StiffnessScheduler
 from wbc.walking.control import WalkingControl
-from wbc.walking.falls import FallReason
 from wbc.walking.progress import WalkingLike
 from wbc.walking.stepping.control import SteppingControl
+
+WalkTick = TrialTick
+"""A tick of a walk: that of any trial."""
+
+WalkHook = TrialHook
+"""Base of the hooks of a walk: that of any trial."""
 
 PLAN_FIELDS = tuple(f.name for f in fields(WalkPlan))
 LEAST_WAY = 0.05
@@ -87,43 +92,11 @@ def walk(
     return WalkTrial(spec, policy=policy).run(hooks)
 
 
-@dataclass(frozen=True, slots=True)
-class WalkTick:
-    """One tick of a walk: the measurement, and the command that follows from it.
-
-    Attributes:
-        plant: The plant in the state that was measured; it moves on after the hooks.
-        walking: The controller, with the references of this tick, or of the last one whose measurement was good.
-        measurement: Readings of the sensors.
-        command: Command to the drives.
-    """
-
-    plant: Plant
-    walking: WalkingLike
-    measurement: Measurement
-    command: Command
-
-
-class WalkHook:
-    """An observer of a walk; the result is the same with any hooks. Override what is needed."""
-
-    def start(self, trial: WalkTrial) -> None:
-        """Called once, before the first tick."""
-
-    def tick(self, tick: WalkTick) -> None:
-        """Called in every tick, before the plant moves on."""
-
-    def end(self, result: WalkResult) -> None:
-        """Called once, after the last tick."""
-
-
-class WalkTrial:
+class WalkTrial(Trial):
     """One walk that is about to begin: plant and controller, connected.
 
     Attributes:
         spec: The walk.
-        plant: The plant.
-        walking: The controller.
         meter: Measures the figures of the result.
         sole_meter: Measures those of soles of variable stiffness; None without a policy.
     """
@@ -145,23 +118,33 @@ class WalkTrial:
         prepared = self._prepared = spec.prepare()
         with threadpool_limits(1):
             robot = prepared.robot()
-            self.plant = _plant(spec, prepared, robot)
+            plant = _plant(spec, prepared, robot)
             scheduler = _scheduler(spec, prepared, robot, policy)
-            self.walking, height = _walking(spec, prepared, robot, scheduler)
+            walking, height = _walking(spec, prepared, robot, scheduler)
         standing_com = float(robot.com[2]) - 0.5 * (prepared.plan.left.z + prepared.plan.right.z)
-        self.meter = WalkMeter(self.plant, self.walking)
-        self.sole_meter = None if self.walking.stiffness is None else StiffnessMeter(self.plant, self.walking)
         lowering = 0.0 if height is None else max(0.0, standing_com - height)
-        pelvis = float(self.plant.data.qpos[2]) - self._ground() - lowering
-        limits = PelvisLimits.walking(pelvis, prepared.settings.falls)
-        self._falls = TrueFallDetector(self.plant.robot, limits)
-        self._origin = self._middle()
-        self._arrival = prepared.arrival()
-        self._steered = self.walking.steered
+        pelvis = float(plant.data.qpos[2]) - _ground(plant) - lowering
+        self.walking: WalkingLike
+        super().__init__(plant, walking, PelvisLimits.walking(pelvis, prepared.settings.falls))
+        self._drive, self._arrival = Drive(prepared.orders, walking), prepared.arrival()
+        self.scenario += [self._drive, PushSchedule(spec.pushes), _Track(self._arrival)]
+        self.meter = WalkMeter(plant, walking)
+        self.sole_meter = None if walking.stiffness is None else StiffnessMeter(plant, walking)
+        self.meters += [self.meter] if self.sole_meter is None else [self.meter, self.sole_meter]
+        self._origin = middle(plant)
+        self._steered = walking.steered
         if self._arrival is not None and self._steered:
-            self.walking.go_to(*self._arrival.goal)
-        self._drive = Drive(prepared.orders, self.walking)
-        self._pushes = PushSchedule(spec.pushes, self.plant, self.walking)
+            walking.go_to(*self._arrival.goal)
+
+    @property
+    def walker(self) -> WalkingLike:
+        """The controller."""
+        return self.walking
+
+    @property
+    def ground(self) -> float:
+        """Height of the lower sole, m."""
+        return _ground(self.plant)
 
     def run(self, hooks: Sequence[WalkHook] = ()) -> WalkResult:
         """Walk to the end, a fall or the time limit; once only.
@@ -169,80 +152,27 @@ class WalkTrial:
         Args:
             hooks: Look on.
         """
-        with threadpool_limits(1):  # sums that several threads make depend on their number
-            return self._run(hooks)
-
-    def true_fall(self) -> FallReason | None:
-        """Return why the robot has fallen in the simulation, whatever the controller's estimate; None if it has not."""
-        x, y, z, qw, qx, qy, qz = self.plant.data.qpos[:7].tolist()
-        return self._falls.reason((x, y, z, qx, qy, qz, qw), self._ground())
-
-    def _run(self, hooks: Sequence[WalkHook]) -> WalkResult:
-        plant, walking, meter, soles = self.plant, self.walking, self.meter, self.sole_meter
-        limit = self._prepared.time_limit
-        ticks: list[float] = []
-        physics = 0.0
-        fall: Fall | None = None
-        diverged: str | None = None
-        for hook in hooks:
-            hook.start(self)
-        begin = time.perf_counter()
-        hook_time = 0.0
-        drive = self._drive
-        while not drive.over and plant.time < limit:
-            drive.update(plant.time)
-            try:
-                measurement = plant.measure()
-            except MeasurementError as error:
-                diverged = str(error)
-                break
-            start = time.perf_counter()
-            command = walking.command(measurement)
-            end = time.perf_counter()
-            ticks.append(end - start)
-            meter.update(measurement)
-            if soles is not None:
-                soles.update()
-            if hooks:
-                tick = WalkTick(plant, walking, measurement, command)
-                start = time.perf_counter()
-                for hook in hooks:
-                    hook.tick(tick)
-                hook_time += time.perf_counter() - start
-            self._pushes.update()
-            start = time.perf_counter()
-            plant.step(command)
-            physics += time.perf_counter() - start
-            meter.after_step()
-            diverged = plant.diverged
-            reason = walking.fallen or (None if diverged else self.true_fall())
-            if reason is FallReason.DIVERGED and diverged is None:
-                diverged = f"estimated speeds beyond any robot's before {plant.time:.4f} s"
-            if diverged is not None:
-                break
-            if self._arrival is not None:
-                self._arrival.update(self._middle())
-            if reason is not None:
-                fall = meter.fall(reason.name.lower())
-                break
-        loop = time.perf_counter() - begin - hook_time
+        plant, drive, limit = self.plant, self._drive, self._prepared.time_limit
+        with self.running(hooks):
+            begin = time.perf_counter()
+            while not drive.over and plant.time < limit and self.step():
+                pass
+            loop = time.perf_counter() - begin - self.hook_time
         clock = WallClock(
             wall_s=time.perf_counter() - self._begin,
             real_time_factor=plant.time / loop if loop > 0.0 else math.inf,
-            tick_us={
-                "median": 1e6 * float(np.median(ticks)) if ticks else math.nan,
-                "p99": 1e6 * float(np.percentile(ticks, 99)) if ticks else math.nan,
-            },
-            physics_share=physics / loop if loop > 0.0 else math.nan,
-            decision_us=None if soles is None else soles.decision_us(),
+            tick_us=self.tick_us(),
+            physics_share=self.physics_time / loop if loop > 0.0 else math.nan,
+            decision_us=None if self.sole_meter is None else self.sole_meter.decision_us(),
         )
-        result = self._result(fall, diverged, clock)
-        for hook in hooks:
+        result = self._result(clock)
+        for hook in self.hooks:
             hook.end(result)
         return result
 
-    def _result(self, fall: Fall | None, diverged: str | None, clock: WallClock) -> WalkResult:
-        walking = self.walking
+    def _result(self, clock: WallClock) -> WalkResult:
+        walking, diverged = self.walking, self.diverged
+        fall = None if self.fall is None else self.meter.fall(self.fall.name.lower())
         # A robot that a hook has steered on the way has another goal than its plan's.
         arrival = None if walking.steered and not self._steered else self._arrival
         if diverged is not None:
@@ -252,7 +182,7 @@ class WalkTrial:
         elif not self._drive.over:
             outcome = "unfinished"
         else:
-            there = arrival is None or arrival.arrived(self._middle(), self._heading())
+            there = arrival is None or arrival.arrived(middle(self.plant), self._heading())
             outcome = "completed" if there else "strayed"
         planned = len(self._prepared.plan) or walking.steps_done
         figures = self.meter.figures()
@@ -276,15 +206,6 @@ class WalkTrial:
             clock=clock,
         )
 
-    def _ground(self) -> float:
-        """Return the height of the lower sole, m."""
-        places, (left, right) = self.plant.data.site_xpos, self.plant.sole_sites
-        return min(float(places[left, 2]), float(places[right, 2]))
-
-    def _middle(self) -> Array:
-        """Return the middle between the true soles, shape (2,), m."""
-        return np.asarray(np.mean(self.plant.data.site_xpos[list(self.plant.sole_sites), :2], axis=0))
-
     def _heading(self) -> float:
         """Return the true heading of the pelvis, rad."""
         w, i, j, k = self.plant.data.qpos[3:7].tolist()
@@ -298,7 +219,7 @@ class WalkTrial:
             return found | {"cost_of_transport": None}
         yaw = self.spec.start[2]
         c, s = math.cos(yaw), math.sin(yaw)
-        dx, dy = (self._middle() - self._origin).tolist()
+        dx, dy = (middle(self.plant) - self._origin).tolist()
         weight = self.plant.robot.mass * GRAVITY
         reference = self.walking.reference
         desired = yaw if reference is None else reference.heading
@@ -306,11 +227,34 @@ class WalkTrial:
             "distance": c * dx + s * dy,
             "drift": c * dy - s * dx,
             "yaw_error": math.remainder(self._heading() - desired, 2.0 * math.pi),
-            "goal_error": None if arrival is None else arrival.error(self._middle()),
+            "goal_error": None if arrival is None else arrival.error(middle(self.plant)),
             "cost_of_transport": self.meter.work / (weight * way)
             if (way := math.hypot(dx, dy)) >= LEAST_WAY
             else None,
         }
+
+
+class _Track(TrialHook):
+    """Comparison of the true place of the feet with the track of a walk."""
+
+    def __init__(self, arrival: Arrival | None) -> None:
+        self._arrival = arrival
+
+    def after(self, trial: Trial) -> None:
+        """See `TrialHook`."""
+        if self._arrival is not None and trial.diverged is None:
+            self._arrival.update(middle(trial.plant))
+
+
+def middle(plant: Plant) -> Array:
+    """Return the middle between the true soles, shape (2,), m."""
+    return np.asarray(np.mean(plant.data.site_xpos[list(plant.sole_sites), :2], axis=0))
+
+
+def _ground(plant: Plant) -> float:
+    """Return the height of the lower sole, m."""
+    places, (left, right) = plant.data.site_xpos, plant.sole_sites
+    return min(float(places[left, 2]), float(places[right, 2]))
 
 
 def _walking(

@@ -25,8 +25,8 @@ from own_loop import Row, journal
 from wbc.robots import load as load_robot
 from wbc.sim import Plant, TrueFallDetector
 from wbc.sim.balance import CarrySpec, carry
-from wbc.sim.balance.setup import CONTROL_PERIOD, chosen_mode
 from wbc.sim.hands import CartSpec, DoorSpec, HandPressSpec, open_door, press_hands, push_cart
+from wbc.sim.trial.spec import CONTROL_PERIOD, chosen_mode
 from wbc.walking import (
     ArmSettings,
     FootstepPlan,

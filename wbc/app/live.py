@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
@@ -12,28 +11,13 @@ from cyclopts import Parameter
 from wbc.app.address import Host, Port
 from wbc.core.errors import InputError
 from wbc.core.settings import settings
-from wbc.sim.plant.plant import Plant
 
 if TYPE_CHECKING:
     from wbc.app.view import WatchWalk
-    from wbc.sim.walks import WalkTrial
-    from wbc.walking.progress import WalkingLike
+    from wbc.sim.trial import Trial
 
 BROWSER_TIME = 20.0
 """Longest time that a run waits for a page to be opened, s."""
-
-
-@dataclass(frozen=True, eq=False)
-class ShownRun:
-    """A run with or without a live view.
-
-    Attributes:
-        after_tick: To be called after every tick; None without a view.
-        interventions: Changes made from the page, each with its time.
-    """
-
-    after_tick: Callable[[], None] | None
-    interventions: list[dict[str, Any]]
 
 
 @settings(kw_only=True)
@@ -55,49 +39,35 @@ class LiveView:
             raise InputError("host and port are those of the live view: they need --view")
 
     @contextmanager
-    def show(self, plant: Plant, walking: WalkingLike | None = None) -> Iterator[ShownRun]:
-        """Show a plant if `view` is set.
+    def watch(self, trial: Trial) -> Iterator[list[WatchWalk]]:
+        """Give the hooks of a trial that show it if `view` is set; none otherwise.
+
+        The port is taken now, the trial waits for the page when it starts.
 
         Args:
-            plant: The plant.
-            walking: The controller, where it is one that walks.
+            trial: The trial.
 
         Raises:
             InputError: A port that is out of range or in use.
             ViewError: The page cannot be served there.
         """
         if not self.view:
-            yield ShownRun(None, [])
-            return
-        from wbc.app.view import MeshcatView  # noqa: PLC0415 - most runs are not watched
-
-        with MeshcatView(plant, walking=walking, host=self.host, port=self.port, speed=1.0) as view:
-            view.wait_for_page(BROWSER_TIME)
-            yield ShownRun(view.update, view.interventions)
-
-    @contextmanager
-    def watch(self, trial: WalkTrial) -> Iterator[WatchWalk | None]:
-        """Show a walk if `view` is set: the port is taken now, the walk waits for the page when it starts.
-
-        Args:
-            trial: The walk.
-
-        Raises:
-            InputError: A port that is out of range or in use.
-            ViewError: The page cannot be served there.
-        """
-        if not self.view:
-            yield None
+            yield []
             return
         from wbc.app.view import WatchWalk  # noqa: PLC0415 - most runs are not watched
 
         with WatchWalk(host=self.host, port=self.port, wait=BROWSER_TIME) as hook:
             hook.open(trial)
-            yield hook
+            yield [hook]
 
 
 LiveOptions = Annotated[LiveView, Parameter(name="*")]
 """Type of the argument `live` of a command."""
+
+
+def changes_of(watching: list[WatchWalk]) -> list[dict[str, Any]]:
+    """Return the changes made from the page, each with its time."""
+    return [change for hook in watching for change in hook.interventions]
 
 
 def interactive(interventions: list[dict[str, Any]]) -> dict[str, Any]:

@@ -227,8 +227,8 @@ def _clocks_on(trial: WalkTrial, hooks: Sequence[WalkHook]) -> Iterator[_Clocks]
         (control.gate, "pass_on", "gate"),
         (control.gate, "pass_on_with_gains", "gate"),
         (walking, "command", TICK),
-        (trial.meter, "update", "figures"),
-        (trial.meter, "after_step", "figures"),
+        (trial.meter, "tick", "figures"),
+        (trial.meter, "after", "figures"),
         *named,
     ]
     balance = getattr(getattr(walking, "tasks", None), "com", None)
@@ -237,7 +237,7 @@ def _clocks_on(trial: WalkTrial, hooks: Sequence[WalkHook]) -> Iterator[_Clocks]
     if walking.stiffness is not None:
         timed.append((walking.stiffness, "update", "scheduling"))
     if trial.sole_meter is not None:
-        timed.append((trial.sole_meter, "update", "figures"))
+        timed.append((trial.sole_meter, "tick", "figures"))
     for task in controller.tasks:
         if type(task).observe is not Task.observe:
             timed.append((task, "observe", f"task '{task.name}'"))

@@ -6,7 +6,7 @@ import logging
 
 from rich.progress import track
 
-from wbc.app.live import LiveOptions, LiveView, interactive, interactive_text
+from wbc.app.live import LiveOptions, LiveView, changes_of, interactive, interactive_text
 from wbc.app.output import Flat, Output, OutputOptions, Report, progress_console, quiet, reports
 from wbc.core.settings import to_json
 from wbc.sim.balance import (
@@ -27,8 +27,8 @@ def stand(
 ) -> Report:
     """Let a robot stand in the simulator, and report how still it stands and how fast the controller is."""
     trial = StandTrial(options)
-    with live.show(trial.plant) as watching:
-        result = trial.run(watching.after_tick)
+    with live.watch(trial) as watching:
+        result = trial.run(watching)
     state = "stood" if result.upright else "FELL after"
     steps = f", {result.steps_taken} steps" if options.steps == "allowed" else ""
     text = (
@@ -39,7 +39,7 @@ def stand(
         f"  {result.real_time_factor:.2f} x real time; a tick takes {result.tick_us['median']:.0f} us, "
         f"99 % take less than {result.tick_us['p99']:.0f} us; {result.failures} failed"
     )
-    changes = watching.interventions
+    changes = changes_of(watching)
     return output.report(to_json(result) | interactive(changes), text + interactive_text(changes))
 
 

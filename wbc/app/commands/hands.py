@@ -9,7 +9,7 @@ from typing import Annotated, Any, Literal, NamedTuple
 from cyclopts import Parameter
 from rich.progress import track
 
-from wbc.app.live import LiveOptions, LiveView, interactive, interactive_text
+from wbc.app.live import LiveOptions, LiveView, changes_of, interactive, interactive_text
 from wbc.app.output import Flat, Output, OutputOptions, Report, progress_console, reports
 from wbc.core.changes import changed, read_changes, setting_names
 from wbc.core.errors import InputError
@@ -86,9 +86,9 @@ def hands(
     runs = range(options.seeds)
     for run in track(runs, "running", console=progress_console()) if options.seeds > 1 else runs:
         trial = kind.trial(replace(spec, seed=options.seed + run))
-        with live.show(trial.plant, trial.walking) as watching:
-            results.append(trial.run(watching.after_tick))
-        interventions += [{"seed": options.seed + run, **change} for change in watching.interventions]
+        with live.watch(trial) as watching:
+            results.append(trial.run(watching))
+        interventions += [{"seed": options.seed + run, **change} for change in changes_of(watching)]
     lines = []
     for each in results:
         ended = f"{'ended' if each.upright else 'FELL'} in stage {each.stage}"

@@ -11,7 +11,7 @@ from cyclopts import Parameter
 
 from wbc import robots
 from wbc.app.files import check_picture, check_target
-from wbc.app.live import LiveOptions, LiveView, interactive, interactive_text
+from wbc.app.live import LiveOptions, LiveView, changes_of, interactive, interactive_text
 from wbc.app.output import Flat, Output, OutputOptions, Report, reports
 from wbc.core.errors import InputError
 from wbc.core.files import save_figure
@@ -144,8 +144,8 @@ def _track(file: Path, options: MotionOptions, live: LiveView, output: Output) -
         data |= {"feasible": feasible.after.feasible, "stretched": feasible.stretched}
     spec = TrackSpec(**{each.name: getattr(options, each.name) for each in fields(TrackSpec)})
     trial = TrackTrial(clip, spec)
-    with live.show(trial.plant) as watching:
-        result = trial.run(watching.after_tick)
+    with live.watch(trial) as watching:
+        result = trial.run(watching)
     state = "tracked to its end" if result.completed else f"FELL after {result.seconds:.2f} s: {result.fall}"
     lines += [
         f"{result.motion} on {result.robot}, {result.mode} control, {spec.foot} feet, noise {spec.noise}, "
@@ -157,7 +157,7 @@ def _track(file: Path, options: MotionOptions, live: LiveView, output: Output) -
         f"  a tick takes {result.tick_us['median']:.0f} us, 99 % less than {result.tick_us['p99']:.0f} us; "
         f"{result.failures} failed",
     ]
-    changes = watching.interventions
+    changes = changes_of(watching)
     report = data | to_json(result) | interactive(changes)
     return output.report(report, "\n".join(lines) + interactive_text(changes))
 

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 from wbc.app.arguments import NONE_GIVEN, Fields
 from wbc.app.bench.profile import ProfileRow, profile_text, profile_walk
 from wbc.app.files import check_target, read_object
-from wbc.app.live import LiveOptions, LiveView, interactive, interactive_text
+from wbc.app.live import LiveOptions, LiveView, changes_of, interactive, interactive_text
 from wbc.app.output import Flat, Output, OutputOptions, Report, reports
 from wbc.app.walk_report import walk_text
 from wbc.core.changes import read_changes, setting_names
@@ -125,22 +125,21 @@ def walk(
     record: Recorder | None = None
     with ExitStack() as stack:
         trial = WalkTrial(spec)
-        watch = stack.enter_context(live.watch(trial))
+        watching = stack.enter_context(live.watch(trial))
         if target is not None:
             from wbc.app.log import Recorder as LogFile  # noqa: PLC0415 - most walks are not recorded
 
             record = stack.enter_context(LogFile(target, spec=spec))
-            if watch is not None:
+            for watch in watching:
                 record.add("view/change", watch.news, about="changed from the page since the tick before")
             hooks.append(record)
-        if watch is not None:
-            hooks.append(watch)
+        hooks += watching
         profile: tuple[ProfileRow, ...] = ()
         if options.profile:
             result, profile = profile_walk(trial, hooks)
         else:
             result = trial.run(hooks)
-    changes = [] if watch is None else watch.interventions
+    changes = changes_of(watching)
     data = result.to_json() | interactive(changes) | {"spec": spec.to_json()}
     lost = None if record is None else record.loss
     if options.record is not None:

@@ -1,4 +1,4 @@
-"""Hook that shows a simulated walk in the live view."""
+"""Hook that shows a trial in the live view."""
 
 from __future__ import annotations
 
@@ -8,14 +8,14 @@ from wbc.app.view.controls import intervention_text
 from wbc.app.view.meshcat_view import MeshcatView
 from wbc.core.arguments import checked
 from wbc.core.errors import non_negative
-from wbc.sim.walks import WalkHook
+from wbc.sim.trial import TrialHook
 
 if TYPE_CHECKING:
-    from wbc.sim.walks import WalkResult, WalkTick, WalkTrial
+    from wbc.sim.trial import Trial, TrialTick
 
 
-class WatchWalk(WalkHook):
-    """Live view of a walk. The result is that of the same walk without it, unless the page's controls changed it.
+class WatchWalk(TrialHook):
+    """Live view of a trial. The result is that of the same trial without it, unless the page's controls changed it.
 
     Attributes:
         view: The view; None before the walk starts.
@@ -61,30 +61,30 @@ class WatchWalk(WalkHook):
         self._reported += len(entries)
         return "; ".join(intervention_text(entry) for entry in entries)
 
-    def open(self, trial: WalkTrial) -> None:
+    def open(self, trial: Trial) -> None:
         """Serve the page; `start` does so, too, but a caller may want to know earlier that the port is free.
 
         Raises:
             InputError: An option out of range.
             PortError: The port is in use.
         """
-        self.view = MeshcatView(trial.plant, walking=trial.walking, **self._options)
+        self.view = MeshcatView(trial.plant, walking=trial.walker, **self._options)
 
-    def start(self, trial: WalkTrial) -> None:
-        """See `WalkHook`."""
+    def start(self, trial: Trial) -> None:
+        """See `TrialHook`."""
         if self.view is None or self.view.closed:
             self._reported = 0
             self.open(trial)
         if self._wait > 0.0 and self.view is not None:
             self.view.wait_for_page(self._wait)
 
-    def tick(self, tick: WalkTick) -> None:
-        """See `WalkHook`."""
+    def tick(self, tick: TrialTick) -> None:
+        """See `TrialHook`."""
         if self.view is not None:
             self.view.update(measurement=tick.measurement)
 
-    def end(self, result: WalkResult) -> None:
-        """See `WalkHook`."""
+    def end(self, result: object) -> None:
+        """See `TrialHook`."""
         del result
         self.close()
 

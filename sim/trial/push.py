@@ -1,4 +1,4 @@
-"""Pushes on a walk: at a time, or at a phase of a step."""
+"""Pushes: at a time, or at a phase of a step."""
 
 from __future__ import annotations
 
@@ -10,10 +10,11 @@ import numpy as np
 
 from wbc.core.errors import InputError
 from wbc.core.settings import Count, NonNegative, Positive, Share, settings
-from wbc.sim.balance.push_recovery import PUSH_DURATION
-from wbc.sim.plant.plant import Plant
+from wbc.sim.trial.loop import TrialHook, TrialTick
 from wbc.walking.planning.phases import Event
-from wbc.walking.progress import WalkingLike
+
+PUSH_DURATION = 0.1
+"""Duration of a push, s: short against the time constant of a falling humanoid, √(0.8 m / g) ≈ 0.29 s."""
 
 LIFT_OFFS = (Event.LIFT_OFF, Event.FORCED_LIFT_OFF)
 """Events that begin a step."""
@@ -21,7 +22,7 @@ LIFT_OFFS = (Event.LIFT_OFF, Event.FORCED_LIFT_OFF)
 
 @settings(kw_only=True)
 class WalkPush:
-    """A constant horizontal force on a body; it begins at a time, or at a phase of a step.
+    """A constant horizontal force on a body, from a time or a phase of a step on.
 
     Attributes:
         impulse: Force times duration over the robot's mass, Ns/kg.
@@ -46,33 +47,28 @@ class WalkPush:
             raise InputError("a push begins either at a time or at a step; give one of them")
 
 
-class PushSchedule:
-    """The pushes of a walk that have not begun yet."""
+class PushSchedule(TrialHook):
+    """The pushes of a trial that have not begun yet."""
 
-    def __init__(self, pushes: Sequence[WalkPush], plant: Plant, walking: WalkingLike) -> None:
-        """Keep all pushes for later.
-
-        Args:
-            pushes: The pushes.
-            plant: Plant that is pushed.
-            walking: Controller, for the lift-offs and the duration of a step.
-        """
-        self._pending, self._plant, self._walking = list(pushes), plant, walking
+    def __init__(self, pushes: Sequence[WalkPush]) -> None:
+        """Keep all pushes for later."""
+        self._pending = list(pushes)
         self._lift_off: dict[int, tuple[float, float]] = {}  # step, from 1 → time and duration of the step, s
 
-    def update(self) -> None:
-        """Begin the pushes that are due; to be called in each tick, before the plant moves on."""
+    def tick(self, tick: TrialTick) -> None:
+        """Begin the pushes that are due."""
         if not self._pending:
             return
-        reference, now = self._walking.reference, self._plant.time
+        plant, now = tick.plant, tick.plant.time
+        reference = getattr(tick.walking, "reference", None)  # none of a robot that cannot step
         if reference is not None and any(event in LIFT_OFFS for event in reference.events):
-            progress = self._walking.progress
+            progress = tick.walking.progress
             self._lift_off.setdefault(progress.steps_done + 1, (now, progress.cycle))
         for push in [push for push in self._pending if now >= self._due(push) - 1e-9]:
             self._pending.remove(push)
-            force = push.impulse * self._plant.robot.mass / push.duration
+            force = push.impulse * plant.robot.mass / push.duration
             along = np.array([math.cos(push.direction), math.sin(push.direction), 0.0])
-            self._plant.push(push.body, force * along, push.duration)
+            plant.push(push.body, force * along, push.duration)
 
     def _due(self, push: WalkPush) -> float:
         """Return the time at which a push begins, s; infinite if its step has not begun."""

@@ -1,14 +1,19 @@
-"""Robot, drives, foot and sensors of a simulation on the floor: what the specs of this room have in common."""
+"""Robot, drives, foot and sensors of a simulation: what the specs of all trials have in common.
+
+The command line, files and journals of a trial are made from the fields of its spec.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import field, replace
-from typing import Annotated
+from typing import Annotated, Any, ClassVar, Self
 
 from wbc.core.control import Mode
+from wbc.core.errors import choose
 from wbc.core.estimation.observer import Observer, ObserverSettings
 from wbc.core.robot import Robot
-from wbc.core.settings import Positive, Seed, settings
+from wbc.core.settings import Positive, Seed, from_json, settings, to_json
 from wbc.feet.soles.catalog import foot as foot_by_name
 from wbc.robots import RobotDescription, load
 from wbc.sim.plant.fitting import with_feet
@@ -21,8 +26,8 @@ CONTROL_PERIOD: dict[Mode, float] = {"position": 0.005, "torque": 0.002, "hybrid
 
 
 @settings(kw_only=True)
-class BalanceSpec:
-    """Robot, drives, foot and sensors of a simulation on the floor.
+class TrialSpec:
+    """Robot, drives, foot and sensors of a simulation. A spec that exists can be run: what is wrong is refused here.
 
     Attributes:
         robot: Robot: a name that `wbc robots` lists, or a file (MJCF, URDF or TOML).
@@ -37,6 +42,8 @@ class BalanceSpec:
         servo: Gains of the servos in place of the description's, each as pattern=kp,kd, such as `*knee*=100,2`.
         machine: Delays, friction, payload and which sensors there are; the delays are stated to the observer.
     """
+
+    kind: ClassVar[str] = "trial"
 
     robot: str = "hrp4_class"
     mode: Mode | None = None
@@ -55,6 +62,22 @@ class BalanceSpec:
         foot_by_name(self.foot)
         NOISE_PRESETS[self.noise]
         steps_per_tick(self.period, self.timestep)
+
+    def to_json(self) -> dict[str, Any]:
+        """Return the spec as plain values, with its kind."""
+        return {"kind": self.kind, **to_json(self)}
+
+    @classmethod
+    def from_json(cls, data: Mapping[str, Any]) -> Self:
+        """Return the spec that `to_json` wrote, or a shorter one: what is left out has its default.
+
+        Raises:
+            UnknownNameError: A key that a spec does not have.
+            InputError: A value that cannot be used.
+        """
+        values = dict(data)
+        choose("kind of trial", values.pop("kind", cls.kind), (cls.kind,))
+        return from_json(cls, values)
 
     @property
     def chosen(self) -> Mode:

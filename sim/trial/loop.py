@@ -1,0 +1,236 @@
+"""The loop of all simulations: orders, measure, command, looks, step, fallen?
+
+    trial = WalkTrial(WalkSpec(robot="talos"))
+    trial.scenario.append(Shove())      # a `TrialHook`: pushes, orders to the controller, whatever a trial is about
+    result = trial.run()
+
+A trial that is a sequence of stages advances by itself: `trial.advance(2.0)`, `trial.until(arrived, 10.0)`.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from array import array
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+import numpy as np
+from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
+
+from wbc.core.errors import MeasurementError
+from wbc.core.signals import Command, Measurement
+from wbc.sim.plant.falls import PelvisLimits, TrueFallDetector
+from wbc.sim.plant.plant import DivergedError, Plant
+from wbc.walking.falls import FallReason
+from wbc.walking.progress import WalkingLike
+
+
+class CommandSource(Protocol):
+    """A controller: a measurement in, a command out."""
+
+    def command(self, measurement: Measurement, /) -> Command:
+        """Return the command of this tick."""
+
+
+@dataclass(frozen=True, slots=True)
+class TrialTick:
+    """One tick of a trial: the measurement, and the command that follows from it.
+
+    Attributes:
+        plant: The plant in the state that was measured; it moves on after the hooks.
+        walking: The controller, with the references of this tick, or of the last one whose measurement was good.
+        measurement: Readings of the sensors.
+        command: Command to the drives.
+    """
+
+    plant: Plant
+    walking: Any
+    measurement: Measurement
+    command: Command
+
+
+class TrialHook:
+    """Part of a trial that is called in every tick: a look, a record, a scenario. Override what is needed.
+
+    The result is the same with any hooks that only look on.
+    """
+
+    def start(self, trial: Any) -> None:
+        """Called once, before the first tick."""
+
+    def before(self, trial: Any) -> None:
+        """Called in every tick, before the measurement: the time for orders to the controller."""
+
+    def tick(self, tick: TrialTick) -> None:
+        """Called in every tick, after the command and before the plant moves on: the time for pushes."""
+
+    def after(self, trial: Any) -> None:
+        """Called in every tick, after the plant has moved on and the fall test was made."""
+
+    def end(self, result: Any) -> None:
+        """Called once, after the last tick."""
+
+
+class Trial:
+    """A robot in the simulator and its controller, connected; each trial runs once.
+
+    Attributes:
+        plant: The plant.
+        walking: The controller.
+        meters: Hooks that measure the figures of the result; they come first in every tick.
+        hooks: Hooks that look on, whose time is not counted.
+        scenario: Hooks that act: steer, push, give orders.
+        fall: Reason of the fall; None before.
+        diverged: Reason of a divergence of the simulation; None as a rule.
+        tick_times: Wall time of each tick, from measurement to command, s.
+        physics_time: Wall time in the simulator, s.
+        hook_time: Wall time in `hooks`, s.
+    """
+
+    def __init__(
+        self,
+        plant: Plant,
+        walking: CommandSource,
+        limits: PelvisLimits | None = None,
+        scenario: Sequence[TrialHook] = (),
+    ) -> None:
+        """Connect plant and controller.
+
+        Args:
+            plant: The plant.
+            walking: The controller.
+            limits: Limits of the pelvis in the fall test; those of a standing robot when None.
+            scenario: Hooks that act.
+        """
+        self.plant = plant
+        self.walking: Any = walking
+        self.meters: list[TrialHook] = []
+        self.hooks: list[TrialHook] = []
+        self.scenario = list(scenario)
+        self.fall: FallReason | None = None
+        self.diverged: str | None = None
+        self.tick_times = array("d")
+        self.physics_time = self.hook_time = 0.0
+        self._falls = TrueFallDetector(plant.robot, limits)
+
+    @property
+    def fallen(self) -> bool:
+        """True once the robot has fallen."""
+        return self.fall is not None
+
+    @property
+    def walker(self) -> WalkingLike | None:
+        """The controller, if it is one that walks and can be steered: a view shows its steps and drives it."""
+        return None
+
+    @property
+    def ground(self) -> float:
+        """Height of the ground under the robot, for the fall test, m."""
+        return 0.0
+
+    def true_fall(self) -> FallReason | None:
+        """Return why the robot has fallen in the simulation, whatever the controller's estimate; None if it has not."""
+        x, y, z, qw, qx, qy, qz = self.plant.data.qpos[:7].tolist()
+        return self._falls.reason((x, y, z, qx, qy, qz, qw), self.ground)
+
+    def find_fall(self) -> FallReason | None:
+        """Return why the robot has fallen, by its controller or in truth; None if it has not."""
+        return self.walking.fallen or (None if self.plant.diverged else self.true_fall())
+
+    def step(self) -> bool:
+        """Advance by one control period; False once the robot has fallen or the simulation has diverged."""
+        plant, walking = self.plant, self.walking
+        for part in self.scenario:
+            part.before(self)
+        try:
+            measurement = plant.measure()
+        except MeasurementError as error:
+            self.diverged = str(error)
+            return False
+        start = time.perf_counter()
+        command = walking.command(measurement)
+        self.tick_times.append(time.perf_counter() - start)
+        tick = TrialTick(plant, walking, measurement, command)
+        for meter in self.meters:
+            meter.tick(tick)
+        if self.hooks:
+            with self._not_counted():
+                for hook in self.hooks:
+                    hook.tick(tick)
+        for part in self.scenario:
+            part.tick(tick)
+        start = time.perf_counter()
+        plant.step(command)
+        self.physics_time += time.perf_counter() - start
+        self.diverged = plant.diverged
+        reason = self.find_fall()
+        if reason is FallReason.DIVERGED and self.diverged is None:
+            self.diverged = f"estimated speeds beyond any robot's before {plant.time:.4f} s"
+        if self.diverged is None:
+            self.fall = reason
+        for part in (*self.meters, *self.scenario):
+            part.after(self)
+        if self.hooks:
+            with self._not_counted():
+                for hook in self.hooks:
+                    hook.after(self)
+        return self.fall is None and self.diverged is None
+
+    def advance(self, seconds: float, look: Callable[[], None] | None = None) -> bool:
+        """Simulate for a time; False if the robot falls.
+
+        Args:
+            seconds: Simulated time, s.
+            look: Called after each control period.
+
+        Raises:
+            DivergedError: The simulation has diverged: no fall, and no result.
+        """
+        plant = self.plant
+        end = plant.time + seconds - 0.5 * plant.control_period
+        while not self.fallen and plant.time < end:
+            if not self.step() and self.diverged is not None:
+                raise DivergedError(f"the simulation cannot go on: {self.diverged}; reset it")
+            if look is not None:
+                look()
+        return not self.fallen
+
+    def until(self, what: Callable[[], bool], most: float, look: Callable[[], None] | None = None) -> bool:
+        """Simulate until something is true; False if the robot falls or the time is over.
+
+        Args:
+            what: Condition, asked every 0.1 s.
+            most: Longest time, s.
+            look: Called after each control period.
+
+        Raises:
+            DivergedError: The simulation has diverged.
+        """
+        begin = self.plant.time
+        while not what():
+            if self.plant.time - begin > most or not self.advance(0.1, look):
+                return False
+        return True
+
+    @contextmanager
+    def running(self, hooks: Sequence[TrialHook] = ()) -> Iterator[None]:
+        """Add hooks and start all of them; sums are made by one thread, as those of several depend on their number."""
+        self.hooks += hooks
+        with threadpool_limits(1):
+            for hook in (*self.meters, *self.hooks, *self.scenario):
+                hook.start(self)
+            yield
+
+    def tick_us(self) -> dict[str, float]:
+        """Return the wall time of a tick, from measurement to command: median and 99th percentile, µs."""
+        times = 1e6 * np.array(self.tick_times) if self.tick_times else np.array([math.nan])
+        return {"median": float(np.median(times)), "p99": float(np.percentile(times, 99))}
+
+    @contextmanager
+    def _not_counted(self) -> Iterator[None]:
+        start = time.perf_counter()
+        yield
+        self.hook_time += time.perf_counter() - start
