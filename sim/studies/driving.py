@@ -9,21 +9,20 @@ import math
 import resource
 import sys
 import time
-from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated, Any, ClassVar, NamedTuple
+from typing import Annotated, ClassVar, NamedTuple
 
 import numpy as np
 from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
 
 from wbc.core.errors import InputError
-from wbc.core.settings import NonNegative, Positive, Share, settings, to_json
+from wbc.core.settings import NonNegative, Positive, Share, settings
 from wbc.sim.studies.intervals import rate_interval
-from wbc.sim.studies.trials import Check, Outcome, TrialKind, register_trial
+from wbc.sim.studies.trials import Check, OfWalksSpec, Outcome, TrialKind, register_trial
 from wbc.sim.trial.loop import TrialHook
 from wbc.sim.trial.push import PUSH_DURATION
-from wbc.sim.walks import WalkPlan, WalkSpec, WalkTrial
+from wbc.sim.walks import WalkPlan, WalkTrial
 
 SETTLED = 30.0
 """Time after which the memory of the process is read for the first time, s."""
@@ -35,7 +34,7 @@ DIVERGED = "diverged"
 
 
 @settings(kw_only=True)
-class DrivingSpec:
+class DrivingSpec(OfWalksSpec):
     """Random driving of a robot that is steered, with pushes.
 
     Attributes:
@@ -48,8 +47,8 @@ class DrivingSpec:
     """
 
     kind: ClassVar[str] = "driving"
+    unused: ClassVar[tuple[str, ...]] = ("plan",)
 
-    walk: WalkSpec
     minutes: Annotated[Positive, "min"] = 5.0
     draw: Annotated[Positive, "s"] = 3.0
     rest: Share = 0.1
@@ -63,22 +62,6 @@ class DrivingSpec:
             )
         # The plan is not used: specs that differ in it alone must be equal.
         object.__setattr__(self, "walk", replace(self.walk, plan=WalkPlan(drive=((0.0, 0.0, 0.0, 0.0),))))
-
-    def to_json(self) -> dict[str, Any]:
-        """Return the spec as plain values: those of the walk and of the drive."""
-        data = self.walk.to_json()
-        del data["kind"], data["plan"]
-        return {"kind": self.kind, **data, **{name: to_json(getattr(self, name)) for name in _OWN}}
-
-    @staticmethod
-    def from_json(data: Mapping[str, Any]) -> DrivingSpec:
-        """Return the spec that `to_json` wrote."""
-        values = {key: value for key, value in data.items() if key not in ("kind", "plan")}
-        own = {name: values.pop(name) for name in _OWN if name in values}
-        return DrivingSpec(walk=WalkSpec.from_json(values), **own)
-
-
-_OWN = ("minutes", "draw", "rest", "every", "push")
 
 
 class _Drive(NamedTuple):

@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Mapping
 from dataclasses import replace
 from typing import Annotated, Any, ClassVar, Literal
 
@@ -18,9 +17,9 @@ import numpy as np
 
 from wbc.core.changes import as_changes
 from wbc.core.errors import InputError
-from wbc.core.settings import Positive, settings, to_json
+from wbc.core.settings import Positive, settings
 from wbc.sim.balance.push_recovery import largest_recovered
-from wbc.sim.studies.trials import Check, CheckTime, Outcome, TrialKind, register_trial
+from wbc.sim.studies.trials import Check, CheckTime, OfWalksSpec, Outcome, TrialKind, register_trial
 from wbc.sim.walks import WalkHook, WalkPlan, WalkSpec, WalkTick, walk
 
 Heading = Literal["forward", "back", "left", "turn"]
@@ -38,7 +37,7 @@ _DIRECTIONS: dict[str, tuple[float, float, float]] = {
 
 
 @settings(kw_only=True)
-class SpeedLimitSpec:
+class SpeedLimitSpec(OfWalksSpec):
     """Search for the highest speed of a robot that is steered, by bisection.
 
     Bisection takes speeds below one that is walked to be walked as well; the result lies within `resolution` of a
@@ -53,8 +52,8 @@ class SpeedLimitSpec:
     """
 
     kind: ClassVar[str] = "speed_limit"
+    unused: ClassVar[tuple[str, ...]] = ("plan",)
 
-    walk: WalkSpec
     heading: Heading = "forward"
     seconds: Annotated[Positive, "s"] = 12.0
     highest: Annotated[Positive, "m/s or rad/s"] = 0.8
@@ -74,21 +73,6 @@ class SpeedLimitSpec:
         plan = WalkPlan(drive=((0.0, forward, left, turn), (self.seconds, 0.0, 0.0, 0.0)))
         limits = {"drive.fastest": (self.highest,) * 3, "drive.fastest_back": self.highest}
         return replace(self.walk, plan=plan, changes=as_changes({**limits, **dict(self.walk.changes)}))
-
-    def to_json(self) -> dict[str, Any]:
-        """Return the spec as plain values: those of the walk and of the search."""
-        own = {name: to_json(getattr(self, name)) for name in ("heading", "seconds", "highest", "resolution")}
-        data = self.walk.to_json()
-        del data["kind"], data["plan"]
-        return {"kind": self.kind, **data, **own}
-
-    @staticmethod
-    def from_json(data: Mapping[str, Any]) -> SpeedLimitSpec:
-        """Return the spec that `to_json` wrote."""
-        values = {key: value for key, value in data.items() if key not in ("kind", "plan")}
-        names = ("heading", "seconds", "highest", "resolution")
-        search = {name: values.pop(name) for name in names if name in values}
-        return SpeedLimitSpec(walk=WalkSpec.from_json(values), **search)
 
 
 class _Speed(WalkHook):

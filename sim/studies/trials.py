@@ -13,8 +13,8 @@ import math
 import time
 import traceback
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
-from typing import Annotated, Any, ClassVar, Protocol
+from dataclasses import dataclass, fields, replace
+from typing import Annotated, Any, ClassVar, Protocol, Self
 
 from wbc.core.errors import InputError, positive
 from wbc.core.registry import Registry
@@ -155,7 +155,40 @@ def walk_outcome(spec: WalkSpec, check: Check) -> Outcome:
 
 
 @settings(kw_only=True)
-class WalkPushLimitSpec:
+class OfWalksSpec:
+    """Trial that is made of walks: a walk, and fields of its own, written side by side.
+
+    Attributes:
+        walk: The walk; what the trial decides itself is not used.
+    """
+
+    kind: ClassVar[str]
+    unused: ClassVar[tuple[str, ...]] = ()
+    """Fields of the walk that are not written."""
+
+    walk: WalkSpec
+
+    def to_json(self) -> dict[str, Any]:
+        """Return the spec as plain values: those of the walk and its own."""
+        data = self.walk.to_json()
+        for name in ("kind", *self.unused):
+            del data[name]
+        return {"kind": self.kind, **data, **{name: to_json(getattr(self, name)) for name in self._own()}}
+
+    @classmethod
+    def from_json(cls, data: Mapping[str, Any]) -> Self:
+        """Return the spec that `to_json` wrote."""
+        values = {key: value for key, value in data.items() if key not in ("kind", *cls.unused)}
+        own = {name: values.pop(name) for name in cls._own() if name in values}
+        return cls(walk=WalkSpec.from_json(values), **own)
+
+    @classmethod
+    def _own(cls) -> list[str]:
+        return [each.name for each in fields(cls) if each.name != "walk"]
+
+
+@settings(kw_only=True)
+class WalkPushLimitSpec(OfWalksSpec):
     """Search for the largest push from which a walk recovers, by bisection: it does all its steps, wherever they end.
 
     Bisection takes recovery to be monotonic; the result lies within `resolution` of a change.
@@ -168,7 +201,6 @@ class WalkPushLimitSpec:
 
     kind: ClassVar[str] = "push_limit"
 
-    walk: WalkSpec
     highest: Annotated[Positive, "Ns/kg"] = 1.0
     resolution: Annotated[Positive, "Ns/kg"] = 0.02
 
@@ -192,19 +224,11 @@ class WalkPushLimitSpec:
         object.__setattr__(twin, "walk", self.walk.with_seed(seed))
         return twin
 
-    def to_json(self) -> dict[str, Any]:
-        """Return the spec as plain values: those of the walk and of the search."""
-        walk = self.walk.to_json()
-        del walk["kind"]
-        return {"kind": self.kind, **walk, "highest": self.highest, "resolution": self.resolution}
-
-    @staticmethod
-    def from_json(data: Mapping[str, Any]) -> WalkPushLimitSpec:
+    @classmethod
+    def from_json(cls, data: Mapping[str, Any]) -> Self:
         """Return the spec that `to_json` wrote; the push may leave its impulse out."""
-        values = {key: value for key, value in data.items() if key != "kind"}
-        search = {name: values.pop(name) for name in ("highest", "resolution") if name in values}
-        pushes = [{"impulse": 0.0, **push} for push in values.pop("pushes", [])]
-        return WalkPushLimitSpec(walk=WalkSpec.from_json(values | {"pushes": pushes}), **search)
+        pushes = [{"impulse": 0.0, **push} for push in data.get("pushes", [])]
+        return super().from_json({**data, "pushes": pushes})
 
 
 class _Diverged(Exception):  # noqa: N818 - it is a result

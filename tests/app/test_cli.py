@@ -12,6 +12,7 @@ import sys
 from contextlib import nullcontext
 from dataclasses import fields, is_dataclass
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Annotated, Any, Literal, get_type_hints
 
 import pytest
@@ -269,7 +270,7 @@ class Ended:
     def __init__(self, spec: Any) -> None:
         self.spec = spec
 
-    def run(self, after_tick: object) -> CarryResult | OneFootResult:
+    def run(self, hooks: object) -> CarryResult | OneFootResult:
         """Return a result without a simulation."""
         if isinstance(self.spec, CarrySpec):
             return CarryResult("g1", True, "done", 1.0, 0.3, 0.0, 0.0, 4, 9.0, 0, self.spec.seed)
@@ -282,8 +283,8 @@ def test_changes_from_the_page_are_reported_of_every_run(
 ) -> None:
     changes: list[list[dict[str, Any]]] = [[{"what": "stop", "time": 2.0}], []]
     pages = iter(changes)
-    shown = lambda *_: nullcontext(live.ShownRun(None, next(pages)))  # noqa: E731
-    monkeypatch.setattr(live.LiveView, "show", shown)
+    shown = lambda *_: nullcontext([SimpleNamespace(interventions=next(pages))])  # noqa: E731
+    monkeypatch.setattr(live.LiveView, "watch", shown)
     for what, kind in hands._KINDS.items():
         monkeypatch.setitem(hands._KINDS, what, kind._replace(trial=Ended))
     code, out, err = wbc_command(capfd, *words.split(), "--seeds", "2", "--seed", "7", "--json")

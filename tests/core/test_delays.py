@@ -92,7 +92,7 @@ def test_wrenches_are_estimated_where_there_are_no_sensors(mode: str) -> None:
     trial = StandTrial(StandSpec(robot="g1", mode=mode, seconds=1.0, noise="realistic", machine=machine))  # type: ignore[arg-type]
     weight = 9.80665 * trial.plant.robot.mass
     for _ in range(100):
-        next(trial.advance(1.0))
+        trial.step()
     plant, control = trial.plant, trial.control
     assert plant.measure().sole_wrench is None
     used = control.measurement

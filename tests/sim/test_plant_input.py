@@ -20,6 +20,7 @@ from wbc.sim import DivergedError, PhysicsSettings, Plant, SensorNoise, SignalNo
 from wbc.sim.balance import CarrySpec, CarryTrial, StandSpec, StandTrial, TrackSpec, TrackTrial
 from wbc.sim.hands import HandPressSpec, HandPressTrial
 from wbc.sim.plant.settings import steps_per_tick
+from wbc.sim.trial import TrialHook
 
 FEW_SPHERES = FlatFoot(ContactSpheres(row_spacing=0.1))
 
@@ -170,11 +171,12 @@ def test_a_simulation_that_diverges_is_no_fall(
     monkeypatch.chdir(tmp_path)  # MuJoCo writes a log
     run = trial()
 
-    def poison() -> None:
-        run.plant.data.qvel[7] = float("nan")
+    class Poison(TrialHook):
+        def after(self, trial: Any) -> None:
+            trial.plant.data.qvel[7] = float("nan")
 
     with pytest.raises(DivergedError, match=r"cannot go on: simulation diverged before 0\.01"):
-        run.run(poison)
+        run.run([Poison()])
 
 
 def test_divergence_is_recorded_refused_and_undone(

@@ -640,7 +640,7 @@ def test_refuses_bad_specs(values: dict[str, Any], message: str) -> None:
         (lambda: WalkPush(impulse=0.1, step=0), "at least 1"),
         (lambda: from_json(WalkPush, {"step": 1}), "impulse .* is missing"),
         (lambda: WalkPlan(footsteps=3), "footsteps must be a list, each item Footstep"),  # type: ignore[arg-type]
-        (lambda: walk(hooks=[3]), r"hooks must be a list, each item WalkHook, got \[3\]"),  # type: ignore[list-item]
+        (lambda: walk(hooks=[3]), r"hooks must be a list, each item TrialHook, got \[3\]"),  # type: ignore[list-item]
         (lambda: Gait(single_support=1e9), r"single_support \(s\) must be .* at most 60"),
         (
             lambda: WalkSpec.from_json({"gait": {"step_length": "0.1"}}),
