@@ -1,6 +1,6 @@
 """Simulation: the MuJoCo plant, stands and walks on it, terrains, the rig for feet, and studies.
 
-A new experiment goes to a room of its own beside `balance` and `walks`: spec, result, one function.
+A new experiment goes to a room of its own beside `balance` and `walks`: a `TrialSpec`, a `Trial`, a `TrialResult`.
 """
 
 from wbc.sim.balance import StandSpec, TrackSpec, TrackTrial, arms_forward, stand, track_motion
@@ -32,6 +32,7 @@ from wbc.sim.terrain import FieldFamily, ShapeFamily, bar, dome, family, param, 
 from wbc.sim.terrain import (
     terrain as make_terrain,
 )
+from wbc.sim.trial import Trial, TrialHook
 from wbc.sim.walks import WalkHook, WalkPlan, WalkPush, WalkSpec, WalkTrial, walk
 
 __all__ = [
@@ -56,6 +57,9 @@ __all__ = [
     "TrackSpec",
     "TrackTrial",
     "track_motion",
+    # The loop of all simulations
+    "Trial",
+    "TrialHook",
     # Walks: spec in, result out
     "WalkHook",
     "WalkPlan",
