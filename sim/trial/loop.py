@@ -20,6 +20,7 @@ from typing import Any, Protocol
 import numpy as np
 from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
 
+from wbc.core.arguments import checked
 from wbc.core.errors import MeasurementError
 from wbc.core.signals import Command, Measurement
 from wbc.sim.plant.falls import PelvisLimits, TrueFallDetector
@@ -90,6 +91,7 @@ class Trial:
         hook_time: Wall time in `hooks`, s.
     """
 
+    @checked
     def __init__(
         self,
         plant: Plant,
