@@ -23,6 +23,7 @@ from wbc.machine import Runner, RunReport, RunSettings
 from wbc.machine.inlet import Inlet
 from wbc.machine.report import Phase
 from wbc.machine.run import mixed
+from wbc.walking import WalkingControlSettings
 
 MODES: dict[str, Any] = {"torque": TorqueControl, "hybrid": HybridControl}
 
@@ -138,6 +139,29 @@ def test_a_robot_that_is_lifted_hangs_again_and_runs_when_it_is_let_down(mode: s
     got = take_over(mode, 250.0, 0.5, seconds=20.0, script=lift)
     assert got.stood and got.wild == 0
     assert got.phases == ["START", "HANG", "STAND", "RUN", "HANG", "STAND", "RUN", "STOP", "DAMPED"]
+
+
+@pytest.mark.slow
+def test_a_torque_walk_does_not_jump_when_an_ankle_in_the_air_meets_its_limit() -> None:
+    """Over 0.6 m the steps widen until the ankle of the swing foot rolls to its limit."""
+    robot = wbc.load_robot("g1").robot()
+    stance = wbc.FootstepPlan.standing(robot)
+    walking = wbc.WalkingControl(robot, stance, 0.004, WalkingControlSettings(mode="torque"))
+    forces: list[float] = []
+    saturated = 0
+
+    def walk(robot: HangingMachine, runner: Runner, free: float) -> None:
+        nonlocal saturated
+        if free > 1.0 and not forces:
+            walking.follow(wbc.walk_distance(stance, 0.6))
+        if free > 1.0:
+            forces.append(float(robot.loop.data.qfrc_constraint[2]) / robot.weight)
+            limit = robot.description.robot().torque_limit
+            saturated += bool((np.abs(robot.sent[-1].joint_torque) > 0.999 * limit).any())
+
+    got = take_over(seconds=10.0, control=walking, script=walk, heavier=True, seed=9600)
+    assert got.stood and walking.finished and walking.fallen is None
+    assert saturated == 0 and max(forces) < 1.6
 
 
 BAD: dict[str, Callable[[np.ndarray], Any]] = {

@@ -36,6 +36,8 @@ class TaskGains:
         com_weight: Cost per (m/s²)².
         com_stiffness: 1/s².
         swing_weight: Pose of the foot in the air, cost per (m/s²)² and (rad/s²)².
+        swing_turn_weight: Rotation of the foot in the air in torque control, cost per (rad/s²)²: where a joint of the
+            ankle meets its limit the foot turns by a hundred rad/s², which the CoM must not pay for.
         swing_stiffness: 1/s².
         orientation_weight: Pelvis and torso, cost per (rad/s²)².
         orientation_stiffness: 1/s².
@@ -52,6 +54,7 @@ class TaskGains:
     com_weight: Positive = 100.0
     com_stiffness: Annotated[Positive, "1/s²"] = 100.0
     swing_weight: Positive = 1000.0
+    swing_turn_weight: Positive = 1.0
     swing_stiffness: Annotated[Positive, "1/s²"] = 400.0
     orientation_weight: Positive = 10.0
     orientation_stiffness: Annotated[Positive, "1/s²"] = 100.0
@@ -94,7 +97,8 @@ class WalkTasks:
             torque: Torque control; position control when False.
         """
         robot, friction = controller.robot, distribution.friction
-        self._swing_weight = gains.swing_weight
+        turn = gains.swing_turn_weight if torque else gains.swing_weight
+        self._swing_weight = np.repeat([gains.swing_weight, turn], 3)
         self.contacts = [
             SoleContact(
                 sole.name,
