@@ -11,7 +11,7 @@ from typing import Any
 import wbc
 from wbc.app import MeshcatView, WatchWalk
 from wbc.sim import TrueFallDetector
-from wbc.walking import WalkingLike
+from wbc.walking import ReferenceControl
 
 BROWSER_TIME = 20.0
 """Longest time that a run with `--view` waits for a page to be opened, s."""
@@ -27,7 +27,7 @@ class Options(argparse.Namespace):
 
     @contextlib.contextmanager
     def watch(
-        self, plant: wbc.Plant | wbc.RobotDescription, walking: WalkingLike | None = None
+        self, plant: wbc.Plant | wbc.RobotDescription, walking: ReferenceControl | None = None
     ) -> Iterator[MeshcatView | NoView]:
         """Show the plant (and the walk), or the robot that `update` is given, live in the browser with `--view`."""
         if not self.view:

@@ -202,8 +202,8 @@ class CarryTrial(Trial):
             while walking.steps_done - begun < spec.steps - 1:
                 if not self.advance(0.1):
                     return "steps"
-                if walking.driver.reason:
-                    return f"steps refused: {walking.driver.reason}"
+                if walking.source.reason:
+                    return f"steps refused: {walking.source.reason}"
             walking.velocity = None
             if not self.advance(4.0):
                 return "steps"

@@ -115,11 +115,11 @@ class TrackTrial(Trial):
     @property
     def given(self) -> int:
         """Number of the frame of the clip that the robot should be at."""
-        return min(self.walking.tick + 1, len(self.walking.motion) - 1)
+        return min(self.walking.source.tick + 1, len(self.walking.source.motion) - 1)
 
     def true_fall(self) -> FallReason | None:
         """Return why the robot is not where the clip has it; None if it is."""
-        q = self.walking.motion.q[self.given]
+        q = self.walking.source.motion.q[self.given]
         return self._falls.reason(self.plant.truth().q, q[2], _vertical(q[3:7]))
 
     def run(self, hooks: Sequence[TrialHook] = ()) -> TrackResult:
@@ -133,18 +133,18 @@ class TrackTrial(Trial):
         """
         control, spec, errors = self.walking, self.spec, self._errors
         with self.running(hooks):
-            self.advance((len(control.motion) - 1) * spec.period + spec.after)
+            self.advance((len(control.source.motion) - 1) * spec.period + spec.after)
         joints = np.degrees(np.array(errors.joints))
         each = np.sqrt((joints**2).mean(axis=0))
         worst = int(each.argmax())
         return TrackResult(
-            motion=control.clip.name,
+            motion=control.source.clip.name,
             robot=spec.robot,
             seed=spec.seed,
             mode=control.settings.mode,
             completed=not self.fallen and control.finished,
             seconds=self.plant.time,
-            clip_seconds=control.clip.duration,
+            clip_seconds=control.source.clip.duration,
             fall=None if self.fall is None else self.fall.value,
             joint_rms_deg=float(np.sqrt((joints**2).mean())),
             worst_joint=self.plant.robot.joint_names[worst],
@@ -152,7 +152,7 @@ class TrackTrial(Trial):
             largest_deg=float(abs(joints).max()),
             com_rms_mm=1e3 * float(np.sqrt((np.array(errors.com) ** 2).sum(axis=1).mean())),
             foot_slide_mm=1e3 * errors.slide,
-            landings=control.landings,
+            landings=control.source.landings,
             failures=control.control.failures,
             tick_us=self.tick_us(),
         )
@@ -181,7 +181,7 @@ class _TrackMeter(TrialHook):
 
     def after(self, trial: TrackTrial) -> None:
         """See `TrialHook`."""
-        plant, motion, i = trial.plant, trial.walking.motion, trial.given
+        plant, motion, i = trial.plant, trial.walking.source.motion, trial.given
         truth = plant.truth()
         felt = truth.sole_wrench if self._felt is None else self._felt
         self.joints.append(truth.q[7:] - motion.q[i, 7:])

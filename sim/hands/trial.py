@@ -177,7 +177,7 @@ class HandTrial(Trial):
             return False
         if not self.until(lambda: walking.finished, 3.0 * (len(plan) + 4), look):
             return False
-        return not walking.driver.reason and self.advance(rest, look)
+        return not walking.source.reason and self.advance(rest, look)
 
     def common(self) -> HandTrialResult:
         """Return what all results have in common, as it is now."""

@@ -26,7 +26,7 @@ from wbc.core.signals import Command, Measurement
 from wbc.sim.plant.falls import PelvisLimits, TrueFallDetector
 from wbc.sim.plant.plant import DivergedError, Plant
 from wbc.walking.falls import FallReason
-from wbc.walking.progress import WalkingLike
+from wbc.walking.control import ReferenceControl
 
 
 class CommandSource(Protocol):
@@ -124,7 +124,7 @@ class Trial:
         return self.fall is not None
 
     @property
-    def walker(self) -> WalkingLike | None:
+    def walker(self) -> ReferenceControl | None:
         """The controller, if it is one that walks and can be steered: a view shows its steps and drives it."""
         return None
 

@@ -15,8 +15,9 @@ from wbc.sim.plant.plant import Plant
 from wbc.sim.trial.loop import Trial, TrialHook, TrialTick
 from wbc.sim.walks.result import Fall, Spread, Touchdowns
 from wbc.tasks.stabilizer.stabilizer import StabilizerOutput
+from wbc.walking.control import ReferenceControl
 from wbc.walking.planning.phases import Event, Phase
-from wbc.walking.progress import Progress, ReferenceLike, WalkingLike
+from wbc.walking.source import Progress, Reference
 
 EXCURSION = 0.06
 """DCM error at the onset of a fall, m: the threshold of a first study of 108 falls."""
@@ -73,7 +74,7 @@ class _Moment(NamedTuple):
 class WalkMeter(TrialHook):
     """The figures of one walk."""
 
-    def __init__(self, plant: Plant, walking: WalkingLike) -> None:
+    def __init__(self, plant: Plant, walking: ReferenceControl) -> None:
         """Begin without any tick.
 
         Args:
@@ -99,7 +100,7 @@ class WalkMeter(TrialHook):
         self._landed = 0
         self._swing: int | None = None  # foot in the air in the last recorded tick
         self._middle = -1  # last step whose middle has been recorded
-        self._reference: ReferenceLike | None = None  # of the last recorded tick
+        self._reference: Reference | None = None  # of the last recorded tick
 
     def tick(self, tick: TrialTick) -> None:
         """Record a tick, before the plant moves on."""
@@ -122,7 +123,7 @@ class WalkMeter(TrialHook):
         np.divide(torque, self._limits, out=ratio)
         self._effort.append(float(ratio[ratio.argmax()]))
 
-    def _record_errors(self, reference: ReferenceLike, output: StabilizerOutput) -> list[float]:
+    def _record_errors(self, reference: Reference, output: StabilizerOutput) -> list[float]:
         """Record the errors of a stabilizer, and return that of the DCM, target minus measured, m."""
         (x, y, _), (desired_x, desired_y, _) = output.measured_zmp.tolist(), reference.pendulum.zmp.tolist()
         distance = math.hypot(desired_x - x, desired_y - y)

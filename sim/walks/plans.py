@@ -11,11 +11,11 @@ from wbc.core.settings import Count, settings
 from wbc.sim.terrain import Terrain
 from wbc.sim.terrain.families.stairs import Steps
 from wbc.sim.trial.loop import Trial, TrialHook
+from wbc.walking.control import ReferenceControl
 from wbc.walking.planning.footsteps import Footstep, FootstepPlan, mean_heading
 from wbc.walking.planning.gait import Gait
 from wbc.walking.planning.planners import climb_stairs, turn_in_place, walk_distance, walk_velocity
 from wbc.walking.planning.sources import checked_velocity
-from wbc.walking.progress import WalkingLike
 
 DISTANCE = 3.0
 """Default distance of a walk, m: the length of the paper's tracks; 22 steps of 0.145 m."""
@@ -148,7 +148,7 @@ def check_drive(rows: Sequence[Sequence[float]]) -> None:
 class Drive(TrialHook):
     """Commanded velocities of a walk that is under way."""
 
-    def __init__(self, rows: Sequence[Sequence[float]] | None, walking: WalkingLike) -> None:
+    def __init__(self, rows: Sequence[Sequence[float]] | None, walking: ReferenceControl) -> None:
         """Begin with the first row.
 
         Args:

@@ -143,7 +143,7 @@ def _orders(
             raise InputError(
                 f"a stepping walk takes no {name}: it decides each step as it goes; choose the law 'lipm'"
             )
-    s = walking.gait.settings
+    s = walking.source.gait.settings
     pause = s.shift_time + 8.0 * s.step_time  # to set off and to stop
     orders = plan.drive
     if plan.velocity is not None and plan.steps is not None:

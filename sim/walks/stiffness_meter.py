@@ -12,7 +12,7 @@ from wbc.feet.sensing.scan import Profile
 from wbc.sim.plant.plant import Plant
 from wbc.sim.trial.loop import TrialHook, TrialTick
 from wbc.tasks.scheduling.record import StepStiffness
-from wbc.walking.progress import WalkingLike
+from wbc.walking.control import ReferenceControl
 
 
 class StiffnessMeter(TrialHook):
@@ -23,7 +23,7 @@ class StiffnessMeter(TrialHook):
     estimated pose.
     """
 
-    def __init__(self, plant: Plant, walking: WalkingLike) -> None:
+    def __init__(self, plant: Plant, walking: ReferenceControl) -> None:
         """Begin without any step.
 
         Args:

@@ -35,8 +35,7 @@ from wbc.sim.walks.stiffness_meter import StiffnessMeter
 from wbc.sim.walks.stiffness_policy import make_policy
 from wbc.tasks.scheduling.policies import PolicyLike
 from wbc.tasks.scheduling.stiffness import StiffnessScheduler
-from wbc.walking.control import WalkingControl
-from wbc.walking.progress import WalkingLike
+from wbc.walking.control import ReferenceControl, WalkingControl
 from wbc.walking.stepping.control import SteppingControl
 
 WalkTick = TrialTick
@@ -124,7 +123,7 @@ class WalkTrial(Trial):
         standing_com = float(robot.com[2]) - 0.5 * (prepared.plan.left.z + prepared.plan.right.z)
         lowering = 0.0 if height is None else max(0.0, standing_com - height)
         pelvis = float(plant.data.qpos[2]) - _ground(plant) - lowering
-        self.walking: WalkingLike
+        self.walking: ReferenceControl
         super().__init__(plant, walking, PelvisLimits.walking(pelvis, prepared.settings.falls))
         self._drive, self._arrival = Drive(prepared.orders, walking), prepared.arrival()
         self.scenario += [self._drive, PushSchedule(spec.pushes), _Track(self._arrival)]
@@ -137,7 +136,7 @@ class WalkTrial(Trial):
             walking.go_to(*self._arrival.goal)
 
     @property
-    def walker(self) -> WalkingLike:
+    def walker(self) -> ReferenceControl:
         """The controller."""
         return self.walking
 
@@ -259,7 +258,7 @@ def _ground(plant: Plant) -> float:
 
 def _walking(
     spec: WalkSpec, prepared: PreparedWalk, robot: Robot, scheduler: StiffnessScheduler | None
-) -> tuple[WalkingLike, float | None]:
+) -> tuple[ReferenceControl, float | None]:
     """Return the controller of a robot that stands at the start, and the height of its CoM while it walks, m."""
     settings, adopt = prepared.settings, spec.mode != "position"
     if isinstance(settings, SteppingTrialSettings):
@@ -267,7 +266,7 @@ def _walking(
         observer.reset(prepared.configuration)
         robot.update(prepared.configuration, np.zeros(robot.nv))
         stepping = SteppingControl(robot, spec.period, settings, observer=observer, stiffness=scheduler)
-        return stepping, stepping.gait.scale.height
+        return stepping, stepping.source.gait.scale.height
     # Only a walk on torques needs more of the estimate than where its parts are and how they move.
     observer = Observer(robot, settings.observer, adopt=adopt, dynamics=False)
     observer.reset(prepared.configuration)

@@ -219,7 +219,6 @@ class StabilizerTask(CoMTask):
         contact: tuple[bool, bool],
         places: Sequence[pin.SE3],
         push: tuple[float, float] = (0.0, 0.0),
-        output: StabilizerOutput | None = None,
     ) -> None:
         """Set the references of this task, of the standing feet and of their wrenches; unchecked.
 
@@ -228,9 +227,8 @@ class StabilizerTask(CoMTask):
             contact: True for each foot that is to carry.
             places: Placements of the left and the right sole as planned.
             push: Acceleration of the CoM beyond that of the pendulum, m/s².
-            output: Output of the stabilizer; that of the last `update` when None.
         """
-        output = self.output if output is None else output
+        output = self.output
         assert output is not None
         self._stands = False
         for side, stands in enumerate(contact):

@@ -17,17 +17,21 @@ from wbc.app.scene import Annotations, PlantSource, make_layers
 from wbc.app.scene.shapes import HIDDEN
 from wbc.app.view.controls import LiveControls
 from wbc.sim.walks import WalkHook, WalkPlan, WalkPush, WalkResult, WalkSpec, WalkTick, WalkTrial, walk
-from wbc.walking import Gait, WalkingControl, WalkingLike
+from wbc.walking import Gait, ReferenceControl, WalkingControl
 
 GAIT = Gait(single_support=0.5, double_support=0.2, initial_double_support=0.5, final_double_support=0.5)
 MISSING = ("output", "stabilizer", "lean", "bias", "hands", "load")
-MEMBERS = {name for name in {**vars(WalkingLike), **WalkingLike.__annotations__} if not name.startswith("_")}
+MEMBERS = {
+    name
+    for name in {**vars(ReferenceControl), **ReferenceControl.__annotations__}
+    if not name.startswith("_")
+}
 STABILIZED = ("stabilizer/", "zmp/", "walk/lean/", *(f"foot/{side}/" for side in ("left", "right")))
 ERRORS = {"zmp_error", "com_error", "dcm_error", "dcm_error_max", "J"}
 
 
 class Bare:
-    """A walk of which nothing can be seen but `WalkingLike`, and no stabilizer."""
+    """A walk of which nothing can be seen but `ReferenceControl`, and no stabilizer."""
 
     def __init__(self, *args: Any, **values: Any) -> None:
         vars(self)["_walking"] = WalkingControl(*args, **values)

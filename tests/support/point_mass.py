@@ -15,7 +15,8 @@ import pinocchio as pin
 from pendulum import com_after
 
 from wbc.core.errors import Array
-from wbc.walking.stepping import BodyState, Scale, SteppingGait, SteppingSettings, StepReference
+from wbc.walking.source import Reference
+from wbc.walking.stepping import BodyState, Scale, SteppingGait, SteppingSettings
 
 SCALE = Scale(height=0.6, leg=0.62, mass=33.0, sole=(0.085, 0.03), ankle=0.035, spacing=0.22)
 """Size of the robot g1, in round numbers."""
@@ -29,7 +30,7 @@ class Tick(NamedTuple):
     time: float
     state: BodyState
     frames: Frames
-    reference: StepReference
+    reference: Reference
 
 
 def scaled(k: float) -> Scale:
@@ -95,10 +96,10 @@ class PointMass:
         self._move(reference)
         return Tick(self.time, state, frames, reference)
 
-    def _move(self, reference: StepReference) -> None:
+    def _move(self, reference: Reference) -> None:
         dt, omega = self.dt, self.scale.omega
         com, speed = self.com[:2], self.speed
-        if reference.balanced:
+        if reference.support.balanced:
             acceleration: Array = reference.pendulum.com_acceleration[:2]
             self.com[:2], self.speed = (
                 com + speed * dt + 0.5 * acceleration * dt**2,
@@ -106,12 +107,12 @@ class PointMass:
             )
             self._load = [0.5, 0.5]
             return
-        stance = reference.stance
+        stance = reference.support.stance
         contact = self._feet[stance].act(np.array([self.gait.settings.foothold, 0.0, 0.0]))[:2]
         self.com[:2], self.speed = com_after(com, speed, contact, omega, dt)
         self._load = [0.0, 0.0]
         self._load[stance] = 1.0
-        swing = reference.swing
+        swing = reference.support.swing
         if swing is not None:
             motion = reference.feet[swing].placement
             self._feet[swing] = pin.SE3(

@@ -13,7 +13,7 @@ import wbc
 from wbc.core.errors import InputError
 from wbc.robots import load
 from wbc.walking import FootstepPlan, Gait, WalkingControl, climb_stairs, walk_distance
-from wbc.walking.driver import Driver
+from wbc.walking.lipm import LipmWalk
 from wbc.walking.planning.phases import Event, Phase, PhaseSettings
 from wbc.walking.planning.reach import Reach, bent_height, check_plan
 from wbc.walking.planning.sources import (
@@ -24,9 +24,9 @@ from wbc.walking.planning.sources import (
     PlanSource,
     Standing,
     VelocitySource,
-    checked_velocity,
 )
-from wbc.walking.walk import Walk, WalkReference, WalkSettings
+from wbc.walking.source import Reference
+from wbc.walking.walk import Walk, WalkSettings
 
 DT = 0.005
 ROBOTS = {name: load(name).robot() for name in ("hrp4_class", "talos", "g1")}
@@ -42,23 +42,17 @@ class Stage:
         start = FootstepPlan.standing(robot) if plan is None else plan
         settings = WalkSettings(phases=PhaseSettings.by_time(), adjustment=None)
         self.walk = Walk(robot, start, float(robot.com[2]), DT, settings, com=np.array(robot.com))
-        self.driver = Driver(self.walk, robot)
+        self.source = LipmWalk(self.walk, robot)
         self.time = 0.0
-        self.references: list[WalkReference] = []
-        if len(start):
-            self.walk.start()
+        self.references: list[Reference] = []
 
     def steer(self, velocity: tuple[float, float, float] | None) -> None:
-        source = self.driver.source
-        if not isinstance(source, VelocitySource):
-            source = self.driver.velocity_source()
-            self.driver.follow(source)
-        source.target = checked_velocity(velocity)
+        self.source.velocity = velocity
 
     def run(self, seconds: float) -> None:
         for _ in range(round(seconds / DT)):
             self.time += DT
-            self.driver.update(self.time)
+            self.source.plan_steps(self.time)
             self.references.append(self.walk.update([0.0, 0.0]))
 
     @property
@@ -115,7 +109,7 @@ def test_a_steered_walk_goes_where_it_is_told_and_its_references_never_jump() ->
         stage.steer(velocity)
         stage.run(5.0 if velocity is not None else 4.0)
         if velocity is not None:
-            assert stage.driver.granted == pytest.approx(velocity, abs=0.05)
+            assert stage.source.granted == pytest.approx(velocity, abs=0.05)
             phases = stage.walk.phases
             assert len(phases.plan) - phases.step >= 3, "two steps ahead and the one that closes up"
     assert stage.walk.finished
@@ -136,7 +130,7 @@ def test_it_stands_within_two_steps(when: float, speed: float) -> None:
     stage.steer(None)
     stage.run(5.0)
     assert stage.walk.finished and stage.walk.steps_done - done <= 2
-    assert stage.driver.granted == AT_REST
+    assert stage.source.granted == AT_REST
     left, right = (motion.placement.translation for motion in stage.references[-1].feet)
     assert (
         abs(left[0] - right[0]) < 1e-6 and np.linalg.norm(stage.references[-1].pendulum.com_velocity) < 0.02
@@ -168,17 +162,17 @@ def test_a_robot_that_is_told_to_go_on_as_it_closes_up_sets_off_without_a_jump(l
 
 def test_a_quick_walk_whose_source_is_exchanged_closes_up_quickly() -> None:
     stage = Stage()
-    stage.driver.follow(GoalSource((20.0, 0.0, 0.0), stage.driver.velocity_source()))
+    stage.source.follow(GoalSource((20.0, 0.0, 0.0), stage.source.velocity_source()))
     stage.run(6.15)
     quick = stage.walk.phases.plan.gait
     assert quick.single_support < 0.6
-    source = stage.driver.velocity_source()
+    source = stage.source.velocity_source()
     source.target = (0.0, 0.0, 0.0)
-    stage.driver.follow(source)
+    stage.source.follow(source)
     stage.run(0.02)
     assert stage.walk.phases.plan.gait.single_support == quick.single_support
     stage.run(4.0)
-    assert stage.walk.finished and stage.driver.velocity_source().pace == 0.0
+    assert stage.walk.finished and stage.source.velocity_source().pace == 0.0
 
 
 def test_velocity_and_turn_are_those_commanded() -> None:
@@ -211,8 +205,8 @@ def test_velocity_and_turn_are_those_commanded() -> None:
 )
 def test_it_goes_to_a_place_and_stands_there(goal: tuple[float, float, float]) -> None:
     stage = Stage()
-    source = GoalSource(goal, stage.driver.velocity_source())
-    stage.driver.follow(source)
+    source = GoalSource(goal, stage.source.velocity_source())
+    stage.source.follow(source)
     stage.run(45.0)
     place, yaw = stage.middle
     start = 0.5 * (ROBOTS["hrp4_class"].placement("left_sole").translation[:2] * 0.0)
@@ -231,12 +225,12 @@ def test_sources_are_exchanged_while_it_walks() -> None:
     ahead = max(left[0], right[0])
     feet = FootstepPlan.standing(ROBOTS["hrp4_class"])
     there = replace(feet, left=replace(feet.left, x=ahead), right=replace(feet.right, x=ahead))
-    stage.driver.follow(PlanSource(walk_distance(there, 0.5)))
+    stage.source.follow(PlanSource(walk_distance(there, 0.5)))
     stage.run(14.0)
-    assert stage.walk.finished and stage.driver.reason == ""
+    assert stage.walk.finished and stage.source.reason == ""
     assert stage.middle[0][0] == pytest.approx(ahead + 0.5, abs=0.02)
 
-    class Own:
+    class Own(FootstepSource):
         asked = 0
 
         def footsteps(self, now: Standing) -> FootstepPlan:
@@ -248,7 +242,7 @@ def test_sources_are_exchanged_while_it_walks() -> None:
             )
 
     done, own = stage.walk.steps_done, Own()
-    stage.driver.follow(own)
+    stage.source.follow(own)
     stage.run(10.0)
     assert own.asked > 3 and stage.walk.finished and stage.walk.steps_done - done >= 3
     assert phases.completed == stage.walk.steps_done
@@ -272,7 +266,7 @@ def test_stairs_of_a_plan_that_is_followed_are_climbed_as_those_of_a_walk_and_no
     start = FootstepPlan.standing(ROBOTS["hrp4_class"])
     stairs = climb_stairs(start, rise=0.05, tread=0.25, count=2, first_edge=0.2)
     walked, followed = Stage(plan=stairs), Stage()
-    followed.driver.follow(stairs)
+    followed.source.follow(stairs)
     swings: list[list[np.ndarray]] = [[], []]
     for stage, heights in zip((walked, followed), swings, strict=True):
         while stage.walk.steps_done < 2:
@@ -296,10 +290,10 @@ def test_timings_that_are_rounded_while_a_robot_is_steered_are_not_logged(
     robot, period = ROBOTS["hrp4_class"], 0.004
     settings = WalkSettings(phases=PhaseSettings.by_time(), adjustment=None)
     walk = Walk(robot, FootstepPlan.standing(robot), float(robot.com[2]), period, settings)
-    driver = Driver(walk, robot)
-    driver.velocity = (0.3, 0.0, 0.0)
+    source = LipmWalk(walk, robot)
+    source.velocity = (0.3, 0.0, 0.0)
     for tick in range(700):
-        driver.update(tick * period)
+        source.plan_steps(tick * period)
         walk.update([0.0, 0.0])
     assert walk.phases.plan.gait.single_support == pytest.approx(142 * period) and not caplog.records
     gait = Gait(single_support=0.801)
@@ -307,23 +301,23 @@ def test_timings_that_are_rounded_while_a_robot_is_steered_are_not_logged(
     assert "single_support of 0.801 s rounded to 0.8 s" in caplog.text, "what the user gave is said"
 
 
-class _Raises:
+class _Raises(FootstepSource):
     def footsteps(self, now: Standing) -> FootstepPlan:
         raise RuntimeError("no map")
 
 
-class _Far:
+class _Far(FootstepSource):
     def footsteps(self, now: Standing) -> FootstepPlan:
         return walk_distance(replace(now.start, gait=Gait(step_length=1.0)), 1.0, first=now.first or "left")
 
 
-class _SameSide:
+class _SameSide(FootstepSource):
     def footsteps(self, now: Standing) -> FootstepPlan:
         side = "right" if now.first == "left" else "left"
         return walk_distance(now.start, 0.2, first=side)
 
 
-class _Nothing:
+class _Nothing(FootstepSource):
     def footsteps(self, now: Standing) -> FootstepPlan:
         return None  # type: ignore[return-value]
 
@@ -342,9 +336,9 @@ def test_a_planner_that_fails_brings_the_robot_to_a_stand(source: FootstepSource
     stage.steer((0.15, 0.0, 0.0))
     stage.run(5.0)
     done = stage.walk.steps_done
-    stage.driver.follow(source)
+    stage.source.follow(source)
     stage.run(5.0)
-    assert stage.walk.finished and reason in stage.driver.reason and stage.walk.steps_done - done <= 3
+    assert stage.walk.finished and reason in stage.source.reason and stage.walk.steps_done - done <= 3
 
 
 def test_velocities_that_are_refused() -> None:
@@ -357,7 +351,7 @@ def test_velocities_that_are_refused() -> None:
             Gait.for_speed(bad[:2])  # type: ignore[arg-type]
     assert walking.velocity is None
     for bad in (None, "left", VelocitySource.footsteps):
-        with pytest.raises(InputError, match="footsteps come from a FootstepPlan or an object with"):
+        with pytest.raises(InputError, match="footsteps come from a FootstepPlan or a FootstepSource"):
             walking.follow(bad)  # type: ignore[arg-type]
     with pytest.raises(InputError, match="the ground extends"):
         walking.go_to(3.0, 0.0, 0.0)

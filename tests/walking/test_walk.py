@@ -27,7 +27,8 @@ from wbc.walking.planning.phases import Event, Phase
 from wbc.walking.planning.planners import climb_stairs, turn_in_place, walk_distance, walk_velocity
 from wbc.walking.planning.reach import Reach
 from wbc.walking.planning.schedule import schedule, support_area
-from wbc.walking.walk import TOUCH_DOWNS, Walk, WalkReference, WalkSettings
+from wbc.walking.source import Reference
+from wbc.walking.walk import TOUCH_DOWNS, Walk, WalkSettings
 
 ROBOT = load("hrp4_class").robot()
 START = FootstepPlan.standing(ROBOT)
@@ -42,7 +43,7 @@ STEADY = WalkSettings(adjustment=None)
 class Result:
     walk: Walk
     fell: bool = False
-    references: list[WalkReference] = field(default_factory=list)
+    references: list[Reference] = field(default_factory=list)
     dcm_error: list[np.ndarray] = field(default_factory=list)
     events: list[tuple[float, Event]] = field(default_factory=list)
 
@@ -122,9 +123,7 @@ def project(point: np.ndarray, normals: np.ndarray, offsets: np.ndarray) -> np.n
     return point
 
 
-def loads(
-    reference: WalkReference, soles: list[pin.SE3], touching: list[bool], zmp: np.ndarray
-) -> np.ndarray:
+def loads(reference: Reference, soles: list[pin.SE3], touching: list[bool], zmp: np.ndarray) -> np.ndarray:
     if all(touching):
         left, right = (X.translation[:2] for X in soles)
         share = float(

@@ -55,6 +55,9 @@ class State(NamedTuple):
         load: Filtered vertical forces on the soles, shape (number of soles,), N.
         received: The measurement as it came.
         ok: False if the tick has failed already: by its measurement, or by what was to follow from it.
+        time: Time since the control was made, one period a tick, s.
+        dcm: Divergent component of motion less its estimated bias, shape (3,), m, from a control that estimates it;
+            None otherwise, and while hands hold on to something.
     """
 
     robot: Robot
@@ -62,6 +65,8 @@ class State(NamedTuple):
     load: Array
     received: Measurement
     ok: bool
+    time: float = 0.0
+    dcm: Array | None = None
 
 
 @settings
@@ -108,6 +113,7 @@ class DriveControl:
         policy: Reaction to failures.
         solution: Result of the last tick.
         measurement: Measurement of the last tick, with what was refused replaced by predictions.
+        time: Time since the control was made, one period a tick, s.
         wrenches: Estimator of the wrenches of feet without force sensors; None while they are measured.
         failures: Number of failed ticks so far.
         reason: Reason of the last failure, or of the first of a row.
@@ -147,6 +153,7 @@ class DriveControl:
         self.reason = ""
         self.solution: Solution | None = None
         self.measurement: Measurement | None = None
+        self.time = 0.0
         self._torques = np.zeros(controller.robot.na)
         self._failing = 0
         self._stamp = math.nan  # of the last measurement with wrenches estimated, s
@@ -227,6 +234,7 @@ class DriveControl:
             The state. Nothing is raised: `State.ok` is False for a measurement that cannot be used.
         """
         observer, start = self.observer, perf_counter()
+        self.time = time = self.time + self.controller.dt
         try:
             self.measurement = plausible = self._estimate(measurement, self._begin())
             estimate, robot = observer.robot, self.controller.robot
@@ -234,8 +242,9 @@ class DriveControl:
                 robot.update(estimate.q, estimate.v)
             self.controller.model_time = perf_counter() - start
         except Exception as error:  # a robot gets a command in every tick
-            return self.refuse(State(observer.robot, measurement, observer.load, measurement, True), error)
-        return State(estimate, plausible, observer.load, measurement, True)
+            failed = State(observer.robot, measurement, observer.load, measurement, True, time)
+            return self.refuse(failed, error)
+        return State(estimate, plausible, observer.load, measurement, True, time)
 
     def refuse(self, state: State, error: Exception) -> State:
         """Fail a tick between `estimate` and `act`, because its targets could not be computed.

@@ -1,4 +1,4 @@
-"""Tracking of a clip: the stabilizer of a walk, with references that come from the clip.
+"""Tracking of a clip: a source of references for the stabilizer of a walk.
 
     clip  →  pendulum, feet, contacts  →  stabilizer  →  tasks  →  command
           →  joints and trunk, with velocities and accelerations  ↗
@@ -16,7 +16,8 @@ import numpy as np
 import pinocchio as pin
 
 from wbc.core.arguments import checked
-from wbc.core.errors import Array, InputError, shown
+from wbc.core.control import State
+from wbc.core.errors import Array, InputError, as_period
 from wbc.core.estimation.observer import Observer
 from wbc.core.robot import GRAVITY, Robot
 from wbc.core.settings import NonNegative, Positive, Share, settings
@@ -25,16 +26,13 @@ from wbc.motion.contacts import ContactSettings, find_contacts
 from wbc.motion.kinematics import BodyMotion, leg_joints
 from wbc.motion.reference import ClipReference, placed
 from wbc.tasks.stabilizer.distribution import DistributionSettings
-from wbc.tasks.stabilizer.stabilizer import StabilizerOutput
 from wbc.walking.control import WalkingControl
-from wbc.walking.driver import Driver
 from wbc.walking.pattern.swing import FootMotion
-from wbc.walking.planning.footsteps import FootstepPlan
 from wbc.walking.planning.phases import Event, Phase
-from wbc.walking.planning.sources import DriveSettings, FootstepSource
+from wbc.walking.planning.reach import bent_height
 from wbc.walking.settings import WalkingControlSettings
+from wbc.walking.source import Reference, ReferenceSource, WholeBody
 from wbc.walking.tasks import TaskGains
-from wbc.walking.walk import Walk, WalkReference
 
 START = 0.1
 """Greatest distance of a joint from the first frame of a clip at which tracking may begin, rad."""
@@ -68,65 +66,36 @@ class TrackSettings:
     early: Annotated[NonNegative, "s"] = 0.1
 
 
-class _ClipDriver(Driver):
-    """Driver of a robot that tracks a clip: its steps are those of the clip, and all others are refused."""
-
-    def __init__(self, walk: Walk, robot: Robot, settings: DriveSettings) -> None:
-        super().__init__(walk, robot, settings)
-        self.steered = False
-
-    def follow(self, source: FootstepPlan | FootstepSource) -> None:
-        """Refuse footsteps, those of a velocity or a goal as well.
-
-        Raises:
-            InputError: Always.
-        """
-        raise InputError(f"a robot that tracks a clip cannot be steered, got {shown(source)}")
-
-    def stop(self) -> None:
-        """Refuse to stop.
-
-        Raises:
-            InputError: Always.
-        """
-        raise InputError(
-            "a robot that tracks a clip stands when the clip is over; it cannot be stopped before"
-        )
-
-
-class MotionControl(WalkingControl):
-    """Controller that tracks a clip, then stands in its last frame. It cannot be steered: that is an `InputError`.
-
-        result = make_feasible(robot, clip)
-        robot.update(first_configuration(robot, result.clip), np.zeros(robot.nv))
-        control = MotionControl(robot, result.clip, plant.control_period)
+class ClipSource(ReferenceSource):
+    """References of a clip, then a stand in its last frame.
 
     Attributes:
         clip: The clip, where the robot is.
         motion: References of each tick.
         tick: Index of the present tick in `motion`.
         landings: Number of landings so far.
+        com_height: Height of the CoM over the soles at the start, m.
     """
 
-    @checked
+    unsteered = (
+        "a robot that tracks a clip cannot be steered, nor stopped before: it stands when the clip is over"
+    )
+
     def __init__(
         self,
         robot: Robot,
         clip: MotionClip,
         dt: float,
         settings: TrackSettings | None = None,
-        *,
-        observer: Observer | None = None,
         contacts: ContactSettings | None = None,
     ) -> None:
-        """Make all parts for a robot that stands as the clip begins; the motion begins with the first tick.
+        """Put the clip where the robot stands; the motion begins with the first tick.
 
         Args:
             robot: The robot, in the first frame of the clip, anywhere on level ground.
             clip: Clip of its joints.
             dt: Control period, s.
             settings: Settings; the defaults when None.
-            observer: Estimates the robot's state; a new one when None.
             contacts: Settings of the search for contacts in a clip that does not name them.
 
         Raises:
@@ -135,50 +104,44 @@ class MotionControl(WalkingControl):
                 not stand as the clip begins.
         """
         s = settings or TrackSettings()
-        found = contacts or ContactSettings()
         q = clip.configurations(robot)
-        motion = find_contacts(BodyMotion.of(robot, q, clip.rate), found, clip.standing)
-        motion.refuse_flight(found.flight)
+        found = find_contacts(
+            BodyMotion.of(robot, q, clip.rate), contacts or ContactSettings(), clip.standing
+        )
+        found.refuse_flight((contacts or ContactSettings()).flight)
         _check_start(robot, q[0])
-        super().__init__(robot, FootstepPlan.standing(robot), dt, s.walking, observer=observer)
-        self.driver = _ClipDriver(self.walk, robot, s.walking.drive)
-        left, right = (robot.placement(sole.frame).copy() for sole in robot.soles[:2])
+        self._soles = [robot.placement(sole.frame) for sole in robot.soles[:2]]
+        left, right = (place.copy() for place in self._soles)
         ground = 0.5 * float(left.translation[2] + right.translation[2])
+        self.com_height = s.walking.com_height
+        if self.com_height is None:
+            self.com_height = min(float(robot.com[2]) - ground, bent_height(robot, s.walking.drive.stretch))
         self.clip = placed(robot, clip, q[0], (left, right))
-        self.motion = ClipReference.of(robot, self.clip, motion.fill().standing, ground, self.dt)
+        self.motion = ClipReference.of(robot, self.clip, found.fill().standing, ground, dt)
         self.tick = 0
         self.landings = 0
+        self._dt, self._fade = dt, s.fade
         self._places: list[pin.SE3] = [left, right]  # of feet that stand
-        self._swings: list[tuple[int, Array] | None] = [
-            None,
-            None,
-        ]  # tick of lift-off, offset from the clip there
+        # Tick of lift-off, and offset from the clip there.
+        self._swings: list[tuple[int, Array] | None] = [None, None]
         self._early = [False, False]  # feet that stand before their time
-        self._load, self._ahead = s.touch_down * robot.mass * GRAVITY, round(s.early / self.dt)
-        self._fade = s.fade
-        posture = self.tasks.posture
-        weight = np.full(robot.na, s.posture_weight)
-        weight[leg_joints(robot)] = s.leg_weight
-        posture.stiffness, posture.weight = s.posture_stiffness, weight
+        self._load, self._ahead = s.touch_down * robot.mass * GRAVITY, round(s.early / dt)
 
     @property
     def finished(self) -> bool:
         """True when the clip is over and the robot stands in its last frame."""
         return self.tick >= len(self.motion) - 1
 
-    @property
-    def steps_done(self) -> int:
-        """Number of landings so far."""
-        return self.landings
-
-    def _update_walk(self, bias: Array | None) -> WalkReference:
+    def update(self, state: State) -> Reference:
+        """Return the references of this tick, and land or lift the feet."""
         motion = self.motion
-        self.tick = i = min(round(self.time / self.dt), len(motion) - 1)
-        loads = self.control.observer.load.tolist()
+        self.tick = i = min(round(state.time / self._dt), len(motion) - 1)
+        loads = state.load.tolist()
         events = tuple(event for side in (0, 1) for event in self._switch(side, i, loads[side]))
         contact = (self._swings[0] is None, self._swings[1] is None)
         phase = Phase.STANDING if self.finished else (Phase.DOUBLE if all(contact) else Phase.SINGLE)
-        return WalkReference(
+        q, v, a = motion.q[i, 7:], motion.v[i, 6:], motion.a[i, 6:]
+        return Reference(
             motion.pendulum[i],
             (self._foot(0, i), self._foot(1, i)),
             contact,
@@ -186,6 +149,7 @@ class MotionControl(WalkingControl):
             phase,
             self.landings,
             events,
+            body=WholeBody(motion.com_acceleration[i], motion.trunk[i], q, v, a),
         )
 
     def _switch(self, side: int, i: int, load: float) -> tuple[Event, ...]:
@@ -214,7 +178,7 @@ class MotionControl(WalkingControl):
         if swing is None:
             return FootMotion.at_rest(self._places[side])
         begin, offset = swing
-        x = (i - begin) * self.dt / self._fade
+        x = (i - begin) * self._dt / self._fade
         if x >= 1.0:
             return given
         share, rate = 1.0 - x * x * (3.0 - 2.0 * x), -6.0 * x * (1.0 - x) / self._fade
@@ -222,28 +186,45 @@ class MotionControl(WalkingControl):
         placement = pin.SE3(turn @ placement.rotation, placement.translation + share * offset[:3])
         return FootMotion(placement, given.velocity + rate * offset, given.acceleration)
 
-    def _move(self, reference: WalkReference, output: StabilizerOutput) -> None:
-        motion, i = self.motion, self.tick
-        self.arms.update(reference.feet, reference.heading)
-        self.tasks.move_feet(reference)
-        true = reference.pendulum._replace(com_acceleration=motion.com_acceleration[i])
-        turned = motion.com_acceleration[i, :2] - reference.pendulum.com_acceleration[:2]
-        if self.settings.mode != "position":
-            acceleration = output.com_acceleration.copy()
-            acceleration[:2] += turned
-            output = output._replace(com_acceleration=acceleration)
-        places = [foot.placement for foot in reference.feet]
-        self.tasks.com.apply(true, reference.contact, places, reference.push, output)
-        lean = self._lean(output)
-        if self.body.active:
-            lean = self.body.leaned(lean, reference.heading)
-        self.tasks.pose_trunk(motion.trunk[i], lean)
-        self.tasks.posture.follow(motion.q[i, 7:], motion.v[i, 6:], motion.a[i, 6:])
 
-    def _torso_up(self) -> Array:
-        """Axis of the estimated torso that is vertical in the clip: a robot that bends as the clip does is upright."""
-        *_, (given, _, _) = self.motion.trunk[self.tick]
-        return np.asarray(self._torso.rotation @ given[2])
+class MotionControl(WalkingControl):
+    """Control that tracks a clip, then stands in its last frame. It cannot be steered: that is an `InputError`.
+
+    result = make_feasible(robot, clip)
+    robot.update(first_configuration(robot, result.clip), np.zeros(robot.nv))
+    control = MotionControl(robot, result.clip, plant.control_period)
+    """
+
+    source: ClipSource
+
+    @checked
+    def __init__(
+        self,
+        robot: Robot,
+        clip: MotionClip,
+        dt: float,
+        settings: TrackSettings | None = None,
+        *,
+        observer: Observer | None = None,
+        contacts: ContactSettings | None = None,
+    ) -> None:
+        """Make all parts for a robot that stands as the clip begins; see `ClipSource`.
+
+        Args:
+            robot: The robot, in the first frame of the clip, anywhere on level ground.
+            clip: Clip of its joints.
+            dt: Control period, s.
+            settings: Settings; the defaults when None.
+            observer: Estimates the robot's state; a new one when None.
+            contacts: Settings of the search for contacts in a clip that does not name them.
+        """
+        s = settings or TrackSettings()
+        source = ClipSource(robot, clip, as_period(dt), s, contacts)
+        super().__init__(robot, source, dt, s.walking, observer=observer)
+        posture = self.tasks.posture
+        weight = np.full(robot.na, s.posture_weight)
+        weight[leg_joints(robot)] = s.leg_weight
+        posture.stiffness, posture.weight = s.posture_stiffness, weight
 
 
 @checked

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 import pinocchio as pin
@@ -48,6 +49,22 @@ NEAREST = 0.3
 
 ARRIVED = 1e-3
 """Way left, m and rad, from which a set-point counts as reached."""
+
+
+class Twist(NamedTuple):
+    """Turn of the trunk against the heading.
+
+    Attributes:
+        angle: rad.
+        rate: Its speed, rad/s.
+        push: Its acceleration, rad/s².
+        by_waist: True if the waist turns the torso against the pelvis; otherwise both turn on the hips.
+    """
+
+    angle: float
+    rate: float
+    push: float
+    by_waist: bool
 
 
 class Body(FixedAttributes):
@@ -259,14 +276,9 @@ class Body(FixedAttributes):
         return LeanMotion(lean.rotation @ set_here, lean.velocity + rates[0], lean.acceleration + rates[1])
 
     @property
-    def twist(self) -> tuple[float, float, float]:
-        """Turn of the trunk against the heading now, its speed and its acceleration, rad, rad/s and rad/s²."""
-        return float(self._now[3]), float(self._rate[3]), float(self._push[3])
-
-    @property
-    def by_waist(self) -> bool:
-        """True if the waist turns the torso against the pelvis; otherwise both turn on the hips."""
-        return self._waist
+    def twist(self) -> Twist:
+        """Turn of the trunk against the heading now."""
+        return Twist(float(self._now[3]), float(self._rate[3]), float(self._push[3]), self._waist)
 
 
 def lowest_com(robot: Robot) -> float:

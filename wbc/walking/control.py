@@ -1,286 +1,105 @@
-"""A walk as whole-body control: a measurement in, a command out.
+"""The tick of every robot that follows a source of references: a measurement in, a command out.
 
-    walk        references of pendulum and feet, and which feet stand    `wbc.walking.walk`
-    stabilizer  desired foot wrenches, and corrections of the feet       `wbc.tasks.stabilizer.stabilizer`
-    tasks       both as targets of tasks and contacts                    `wbc.walking.tasks`
-    controller  all tasks and contacts as one QP                         `wbc.core.qp.controller`
+    state = control.estimate(measurement)              plausibility, observer                  `wbc.core.control`
+    state = balance.correct(state)                     bias of the DCM, load in the hands      `wbc.walking.balance`
+    reference = source.update(state)                   pendulum, feet, contacts                `wbc.walking.source`
+    reference = balance.update(reference, state)       desired wrenches, admittances, lean     `wbc.walking.balance`
+    tasks.follow(reference, lean)                      targets of tasks and contacts           `wbc.walking.tasks`
+    command = control.act(state, balance.wrenches)     QP, drive, gate                         `wbc.core.control`
 
-In position control the feet yield to the measured wrenches, the QP moves the commanded robot, and the servos get the
-torques of the desired wrenches on top. In torque control the desired acceleration of the CoM and the desired wrenches
-are tasks of the QP itself.
+A robot that balances by its steps has no `balance`: its source says how each foot carries, and its tasks do the rest.
 """
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import replace
-
-import numpy as np
+from typing import Protocol
 
 from wbc.core.arguments import checked
 from wbc.core.control import FEET_STEP, State
 from wbc.core.drive.hybrid import HybridControl
 from wbc.core.drive.position import PositionControl
 from wbc.core.drive.torque import TorqueControl
-from wbc.core.errors import Array, InputError, as_period, scalar
+from wbc.core.errors import InputError, as_period, shown
 from wbc.core.estimation.observer import Observer
-from wbc.core.estimation.outside import OutsideWrench
 from wbc.core.qp.controller import Controller
-from wbc.core.robot import GRAVITY, SIDES, Robot
+from wbc.core.robot import Robot
 from wbc.core.signals import Command, Measurement
+from wbc.tasks.motion.com import CoMTask
+from wbc.tasks.motion.posture import PostureTask
 from wbc.tasks.scheduling.stiffness import StiffnessScheduler
 from wbc.tasks.stabilizer.bias import BiasEstimator
 from wbc.tasks.stabilizer.lean import UPRIGHT, Lean, LeanMotion
-from wbc.tasks.stabilizer.stabilizer import StabilizerOutput
-from wbc.walking.body import Body
-from wbc.walking.driver import Driver
-from wbc.walking.falls import FallDetector, FallReason
-from wbc.walking.hands.hand import HandSettings
+from wbc.tasks.stabilizer.stabilizer import Stabilizer, StabilizerOutput
+from wbc.walking.balance import Balance
+from wbc.walking.body import Body, Twist
+from wbc.walking.falls import FallDetector, FallReason, FallSettings
 from wbc.walking.hands.hands import Hands
 from wbc.walking.hands.reaching import Arms
+from wbc.walking.lipm import LipmWalk
 from wbc.walking.load import HeldLoad
-from wbc.walking.planning.footsteps import Footstep, FootstepPlan, check_start
-from wbc.walking.planning.reach import Reach, bent_height
-from wbc.walking.planning.schedule import SoleSizes, support_area
+from wbc.walking.planning.footsteps import FootstepPlan
 from wbc.walking.planning.sources import FootstepSource, Velocity
-from wbc.walking.progress import Progress, VelocityLimits, with_sole_stiffness
 from wbc.walking.settings import WalkingControlSettings
+from wbc.walking.source import Progress, Reference, ReferenceSource, VelocityLimits
 from wbc.walking.tasks import WalkTasks
-from wbc.walking.walk import Walk, WalkReference
+from wbc.walking.walk import Walk
 
 
-class WalkingControl:
-    """Controller of a robot that stands, walks along a plan or where it is steered, and stands for ever.
+class _Tasks(Protocol):
+    """Tasks and contacts that follow references."""
 
-        walking = WalkingControl(robot, FootstepPlan.standing(robot), plant.control_period)
-        walking.velocity = (0.2, 0.0, 0.1)  # at any tick; None for a stand
+    @property
+    def com(self) -> CoMTask:
+        """Task of the centre of mass."""
+
+    @property
+    def posture(self) -> PostureTask:
+        """Task of all joints."""
+
+    def follow(self, reference: Reference, lean: LeanMotion, twist: Twist | None = None) -> None:
+        """Set all targets of a tick."""
+
+
+class ReferenceControl:
+    """Control that follows a source of references, with the parts that all robots have.
 
     Attributes:
-        settings: Settings.
+        source: Source of the references.
         dt: Control period, s.
-        walk: Phases and references.
-        driver: Source of the footsteps of a robot that is steered.
-        stabilizer: Feedback and admittances.
-        lean: Lean of the trunk; None keeps it upright.
-        bias: Estimator of the error of the measured DCM; None takes it as measured.
-        hands: Hands that press on things; None without.
-        load: Load in the hands as estimated; None where none is expected.
-        falls: Fall detector.
-        stiffness: Scheduler that sets the soles while they swing; None leaves them alone.
-        controller: Whole-body controller with all tasks and contacts of the walk.
+        controller: Whole-body controller with all tasks and contacts.
+        control: Position, torque or hybrid control, with the observer.
         tasks: The tasks and contacts.
         arms: Hands, which can be given targets at any tick.
         body: Height of the CoM, lean and turn of the trunk, and gaze, which can be set at any tick.
-        control: Position or torque control, with the observer.
+        balance: Stabilizer; None for a robot that balances by its steps, and so are `output`, `stabilizer`, `lean`,
+            `bias`, `hands` and `load`.
+        falls: Fall detector.
+        stiffness: Scheduler that sets the soles while they swing; None leaves them alone.
         reference: References of the last tick with a good measurement; None before the first one.
-        output: Output of the stabilizer in that tick; None before the first one.
-        time: Time since the start, s.
     """
 
-    @checked
     def __init__(
         self,
-        robot: Robot,
-        plan: FootstepPlan,
-        dt: float,
-        settings: WalkingControlSettings | None = None,
-        *,
-        observer: Observer | None = None,
-        stiffness: StiffnessScheduler | None = None,
-        extent: tuple[float, float, float, float] | None = None,
+        source: ReferenceSource,
+        control: PositionControl | TorqueControl,
+        tasks: _Tasks,
+        arms: Arms,
+        body: Body,
+        balance: Balance | None,
+        falls: FallSettings,
+        stiffness: StiffnessScheduler | None,
     ) -> None:
-        """Make all parts for a robot that stands at the start of a plan; the walk begins with the first tick.
-
-        Args:
-            robot: The robot, standing; becomes the commanded one (position control) or the estimated one (torque).
-            plan: Footstep plan; its timings are rounded to the control period.
-            dt: Control period, s.
-            settings: Settings; the defaults when None.
-            observer: Estimates the robot's state; a new one when None.
-            stiffness: Sets the soles while they swing; needs feet of variable stiffness.
-            extent: Least and greatest x, least and greatest y of the ground, m; endless when None.
-
-        Raises:
-            InputError: A robot without exactly two soles, a plan that cannot be walked or begins elsewhere, bad
-                settings.
-        """
-        if len(robot.soles) != 2:
-            raise InputError(f"a walk needs a robot with a left and a right sole, got {len(robot.soles)}")
-        check_start(robot, plan)
-        self.settings = s = settings or WalkingControlSettings()
-        self.dt = as_period(dt)
-        self._robot = robot
-        ground = 0.5 * (plan.left.z + plan.right.z)
-        height = float(robot.com[2]) - ground if s.com_height is None else s.com_height
-        reach = None
-        if not len(plan):
-            if s.com_height is None:
-                height = min(height, bent_height(robot, s.drive.stretch))
-            # Bent knees reach further ahead; to the side ankles must roll by what the robot sways, less in quick steps.
-            reach = Reach.of(robot, height)
-            narrow = Reach.of(robot).max_spacing
-            reach = replace(reach, max_spacing=narrow, quick_spacing=reach.max_spacing)
-        self.walk = Walk(robot, plan, height, dt, s.walk, reach=reach, extent=extent, com=np.array(robot.com))
-        self.driver = Driver(self.walk, robot, s.drive, extent)
-        self._omega = scalar(self.walk.omega)
-        self._sizes: SoleSizes = self.walk.sole_sizes
-        self.lean = None if s.lean is None else Lean(robot.mass, height, s.lean)
-        self.bias = None if s.bias is None else BiasEstimator(s.bias)
-        self.falls = FallDetector(s.falls)
-        self.stiffness = stiffness
-
-        self._torque = torque = s.mode != "position"
-        self.controller = Controller(robot, dt, settings=s.solver)
-        observer = observer or Observer(robot, adopt=torque)
-        self.tasks = WalkTasks(
-            self.controller, s.tasks, s.gains, s.distribution, observer.robot, torque=torque
-        )
-        self.stabilizer = self.tasks.com.stabilizer
-        self.hands: Hands | None = None
-        self.arms = Arms(self.controller, self.tasks.com, self.tasks.posture, self.dt, s.arms)
-        self.body = Body(self.controller, height, self.dt, waist=True)
-        self.control: PositionControl | TorqueControl
-        if s.mode == "hybrid":
-            self.control = HybridControl(self.controller, observer, safety=s.safety)
-        elif torque:
-            self.control = TorqueControl(self.controller, observer, safety=s.safety)
-        else:
-            self.control = PositionControl(
-                self.controller, observer, feedforward=s.feedforward, safety=s.safety
-            )
-        self.control.reach = FEET_STEP
-        if s.hands is not None:
-            self.hands = self._make_hands(s.hands, height)
-        self.load: HeldLoad | None = None
-        if s.load is not None:
-            observing = self.control.observer
-            self.load = HeldLoad(observing.robot, s.load)
-            if observing.outside is None:
-                observing.outside = OutsideWrench(observing.robot)
-        self.reference: WalkReference | None = None
-        self.output: StabilizerOutput | None = None
-        self.time = 0.0
-        self._in_contact = (True, True)
-        self._wrench_targets = np.zeros((2, 6))
-        self._dcm = np.zeros(3)  # as measured, with its bias
-
-        # Views of the soles of the robot that the QP moves (commanded, or estimated in torque control) and of the
-        # estimated torso: they move on with their models.
-        self._soles = [robot.placement(sole.frame) for sole in robot.soles]
-        estimate = self.control.observer.robot
-        self._torso = estimate.placement(estimate.torso_frame)
-        self._area = self._support_area()
-        if len(plan):
-            self.walk.start()
-
-    def _make_hands(self, settings: HandSettings, height: float) -> Hands:
-        """Return the hands; a loss is survived within a sole: while the robot walks it has no more."""
-        (length, width), _ = self._sizes
-        return Hands(
-            self.controller,
-            self.control.observer.robot,
-            settings,
-            (0.5 * length, 0.5 * width),
-            height,
-            self.arms,
-        )
-
-    @property
-    def finished(self) -> bool:
-        """True when the plan, or what a source has asked for, is walked and the robot stands."""
-        return self.walk.finished and not self.driver.pending
-
-    @property
-    def fallen(self) -> FallReason | None:
-        """Reason of the robot's fall; None while it has not fallen."""
-        return self.falls.reason
-
-    @property
-    def steps_done(self) -> int:
-        """Single supports that have ended; a foot that found no ground is taken to stand where it is."""
-        return self.walk.steps_done
-
-    @property
-    def done(self) -> bool:
-        """True when the walk is over: finished, or ended by a fall."""
-        return self.finished or self.fallen is not None
-
-    @property
-    def progress(self) -> Progress:
-        """Phase and steps now."""
-        phases = self.walk.phases
-        steps, gait, swing = phases.plan.steps, phases.plan.gait, phases.swing
-        return Progress(
-            phases.phase,
-            None if swing is None else SIDES.index(swing),
-            1 - SIDES.index(steps[min(phases.step, len(steps) - 1)].side) if steps else 0,
-            phases.completed,
-            phases.elapsed,
-            phases.duration,
-            steps[phases.step :],
-            gait.single_support + gait.double_support,
-        )
-
-    @property
-    def velocity_limits(self) -> VelocityLimits:
-        """Greatest velocities that are granted."""
-        (forward, aside, turn), back = self.settings.drive.fastest, self.settings.drive.fastest_back
-        return VelocityLimits(forward, back, aside, turn)
-
-    def stop(self) -> None:
-        """Come to a stand safely."""
-        self.driver.stop()
-
-    @property
-    def velocity(self) -> Velocity | None:
-        """Commanded velocity of the robot's middle: forward (m/s), left (m/s) and turn (rad/s).
-
-        Set it at any tick: footsteps are planned as the robot goes. None, or zero, brings it to a stand within two
-        steps. None as well while another source gives the footsteps. A velocity that is not three finite numbers up to
-        10 is an `InputError`; one that cannot be had is limited (`granted_velocity`).
-        """
-        return self.driver.velocity
-
-    @velocity.setter
-    def velocity(self, velocity: Sequence[float] | None) -> None:
-        self.driver.velocity = velocity
-
-    @property
-    def steered(self) -> bool:
-        """True if the robot is steered, or stands without a plan and may be."""
-        return self.driver.steered
-
-    @property
-    def granted_velocity(self) -> Velocity:
-        """Velocity that the present footsteps give: forward (m/s), left (m/s) and turn (rad/s)."""
-        return self.driver.granted
-
-    @checked
-    def go_to(self, x: float, y: float, yaw: float) -> None:
-        """Walk to a place and stand there.
-
-        Args:
-            x: Place of the middle between the feet in the world, m.
-            y: The same, m.
-            yaw: Heading there, rad.
-
-        Raises:
-            InputError: A place beyond the ground.
-        """
-        self.driver.go_to(x, y, yaw)
-
-    def follow(self, source: FootstepPlan | FootstepSource) -> None:
-        """Take the footsteps from a plan, or from a planner of one's own, from the next tick on.
-
-        Args:
-            source: Footsteps in the world, or an object with the method of `FootstepSource`. A plan that cannot be
-                walked from where the robot is brings it to a stand (`driver.reason`).
-
-        Raises:
-            InputError: Neither a plan nor an object with that method.
-        """
-        self.driver.follow(source)
+        """Put the parts together; see the attributes."""
+        self.source, self.control, self.controller, self.tasks = source, control, control.controller, tasks
+        self.dt = control.controller.dt
+        self.arms, self.body, self.balance = arms, body, balance
+        self.falls, self.stiffness = FallDetector(falls), stiffness
+        self.reference: Reference | None = None
+        control.reach = FEET_STEP
+        estimate = control.observer.robot
+        self._torso = estimate.placement(estimate.torso_frame)  # a view, which moves on with the estimate
 
     def command(self, measurement: Measurement) -> Command:
         """Run one tick.
@@ -292,155 +111,274 @@ class WalkingControl:
             Command of the drives until the next tick. Nothing is raised: a tick that fails follows the policy of the
             control.
         """
-        self.time += self.dt
-        state = self.control.estimate(measurement)
+        control, balance = self.control, self.balance
+        state = control.estimate(measurement)
         if state.ok:
             try:
-                self._set_targets(state)
-            except Exception as error:  # of a source of footsteps, or of hands, of the user's own
-                state = self.control.refuse(state, error)
-        command = self.control.act(state, None if self._torque else self._wrench_targets)
+                self._follow(state)
+            except Exception as error:  # of a source, or of hands, of the user's own
+                state = control.refuse(state, error)
+        command = control.act(state, None if balance is None else balance.wrenches)
         self._detect_fall()
-        return with_sole_stiffness(command, self)
+        return command if self.stiffness is None else self._with_stiffness(command, self.stiffness)
 
-    # Steps of a tick
-
-    def _set_targets(self, state: State) -> None:
+    def _follow(self, state: State) -> None:
         """Set the targets of all tasks and contacts of this tick."""
-        estimate, measurement = state.robot, state.measurement
-        if self.load is not None:
-            self._hold(self.load)
-        com, velocity = estimate.com, estimate.com_velocity
-        self._dcm = com + velocity / self._omega
-        bias = None if self.bias is None else self._estimate_bias(self.bias)
-        self.reference = reference = self._update_walk(bias)
-        body = self.body
+        balance, body = self.balance, self.body
+        if balance is not None:
+            state = balance.correct(state)
+        self.reference = reference = self.source.update(state)
         if body.active:
             body.update(reference.heading)
             self.reference = reference = reference._replace(pendulum=body.raised(reference.pendulum))
-        if reference.contact != self._in_contact:
-            self._switch_contacts(reference.contact)
-        outside = None
-        if self.hands is not None:
-            self.controller.outside = None
-            outside = self.hands.update(measurement, reference, self.dt)
-            if outside is not None:
-                self.reference = reference = reference._replace(
-                    pendulum=self.hands.shifted(reference.pendulum)
-                )
-                self.controller.outside = self.hands.forces()
-        self.output = output = self.tasks.com.update(
-            reference.pendulum,
-            measurement.wrenches,
-            reference.contact,
-            reference.heading,
-            self.dt,
-            bias=bias,
-            outside=outside,
-        )
-        self._wrench_targets = output.feet.wrenches
-        if outside is not None and self.hands is not None and not output.in_air:
-            self.hands.help(output.feet.shortfall[3:5], output.zmp, self.dt)
-        self._move(reference, output)
-
-    def _move(self, reference: WalkReference, output: StabilizerOutput) -> None:
-        """Hand targets to the tasks."""
+        lean, twist = UPRIGHT, None
+        if balance is not None:
+            self.reference = reference = balance.update(reference, state)
+            lean = balance.leaning
         self.arms.update(reference.feet, reference.heading)
-        self.tasks.move_feet(reference)
-        places = [foot.placement for foot in reference.feet]
-        self.tasks.com.apply(reference.pendulum, reference.contact, places, reference.push)
-        lean, body = self._lean(output), self.body
         if body.active:
-            self.tasks.turn_trunk(
-                reference.heading, body.leaned(lean, reference.heading), body.twist, by_waist=body.by_waist
-            )
-        else:
-            self.tasks.turn_trunk(reference.heading, lean)
-
-    def _hold(self, load: HeldLoad) -> None:
-        """Follow the estimate of the load; the models have it from the next tick on."""
-        outside = self.control.observer.outside
-        assert outside is not None
-        if self.hands is None or not self.hands.active:  # what they press on is no load
-            load.update(outside, self.dt)
-        mass = self._robot.mass
-        if mass != self.stabilizer.mass:  # taken over, given back or let go of
-            self.stabilizer.mass = mass
-            self.walk.phases.weight = mass * GRAVITY
-            if self.lean is not None:
-                self.lean.bear(mass)
-
-    def _estimate_bias(self, estimator: BiasEstimator) -> Array:
-        """Bias of the measured DCM, shape (2,), m; the ZMP is that of the last tick, which has driven the DCM."""
-        output, reference = self.output, self.reference
-        if output is None or reference is None or output.in_air or not math.isfinite(output.measured_zmp[0]):
-            return estimator.bias
-        if self.load is not None and self.load.changing:
-            estimator.pause()
-            return estimator.bias
-        return estimator.update(self._dcm, output.measured_zmp, reference.heading, self.walk.omega, self.dt)
-
-    def _update_walk(self, bias: Array | None) -> WalkReference:
-        dcm = self._dcm
-        if bias is not None:
-            dcm = dcm.copy()
-            dcm[:2] -= bias
-        if self.hands is not None and self.hands.active:  # the plan is that without hands
-            dcm = dcm.copy()
-            dcm[:2] -= self.hands.shift
-        self.driver.update(self.time)
-        # What hands hold pulls at the DCM and holds it as well: landings stay as planned.
-        held = self.hands is not None and self.hands.gripping
-        # Filtered loads: a foot that has just met the ground presses in jerks.
-        load, told = self.control.observer.load.tolist(), None if held else dcm
-        return self.walk.update(load, self._soles, told)
-
-    def _switch_contacts(self, contact: tuple[bool, bool]) -> None:
-        for side, stands in enumerate(contact):
-            if stands != self._in_contact[side]:
-                self.tasks.switch(side, stands)
-                self.stabilizer.feet.reset(side)
-        self._in_contact = contact
-        self._area = self._support_area()
-
-    def _lean(self, output: StabilizerOutput) -> LeanMotion:
-        """Lean of the trunk that gives the moment which the feet cannot give."""
-        if self.lean is None:
-            return UPRIGHT
-        x, y = (0.0, 0.0) if output.in_air else output.feet.shortfall[3:5].tolist()
-        return self.lean.update((x, y), self.dt)
-
-    def _support_area(self) -> tuple[Array, Array]:
-        """Half-planes of the hull of both soles as they are now, for the fall test."""
-        feet = tuple(
-            replace(Footstep.of(side, sole), roll=0.0, pitch=0.0)
-            for side, sole in zip(SIDES, self._soles, strict=True)
-        )
-        return support_area(feet, self._sizes)
+            lean, twist = body.leaned(lean, reference.heading), body.twist
+        self.tasks.follow(reference, lean, twist)
 
     def _detect_fall(self) -> None:
-        if self.reference is None:
+        reference = self.reference
+        if reference is None:
             return
-        estimate, pendulum = self.control.observer.robot, self.reference.pendulum
-        normals, offsets = self._area
-        dcm = self._dcm[:2]
-        if self.hands is not None:
-            dcm = dcm - self.hands.shift
-        beyond = normals.dot(dcm)
-        beyond -= offsets
-        solution = self.control.solution
+        estimate, solution, up = (
+            self.control.observer.robot,
+            self.control.solution,
+            self._torso.rotation[:, 2],
+        )
+        if reference.body is not None:  # a robot that bends as its source does is upright
+            up = self._torso.rotation @ reference.body.trunk[-1][0][2]
         self.falls.update(
             self.time,
             self.dt,
             q=estimate.q,
             v=estimate.v,
-            drop=float(pendulum.com[2] - estimate.com[2]),
-            torso_up=self._torso_up(),
-            dcm_distance=float(beyond[beyond.argmax()]),
+            drop=float(reference.pendulum.com[2] - estimate.com[2]),
+            torso_up=up,
+            dcm_distance=0.0 if self.balance is None else self.balance.dcm_distance(),
             solved=(solution is None or solution.ok) and not self.control.stopped,
         )
 
-    def _torso_up(self) -> Array:
-        """Vertical axis of the estimated torso in the world, shape (3,), for the fall test."""
-        up: Array = self._torso.rotation[:, 2]
-        return up
+    def _with_stiffness(self, command: Command, scheduler: StiffnessScheduler) -> Command:
+        """Return a command with the stiffness of both soles from the state of the swing."""
+        control, now = self.control, self.control.measurement
+        if control.failing or now is None:
+            return replace(command, sole_stiffness=scheduler.command)
+        progress = self.progress
+        landing = progress.landing
+        soles = scheduler.update(
+            progress.swing_side,
+            min(progress.elapsed / max(progress.duration, self.dt), 1.0),
+            max(progress.duration - progress.elapsed, 0.0),
+            control.observer.robot,
+            now,
+            None if landing is None else landing.position,
+        )
+        return replace(command, sole_stiffness=soles)
+
+    # ---- what can be asked between ticks ----------------------------------------------------------------------------
+
+    @property
+    def time(self) -> float:
+        """Time since the start, s."""
+        return self.control.time
+
+    @property
+    def progress(self) -> Progress:
+        """Phase and steps now."""
+        return self.source.progress(self.reference)
+
+    @property
+    def steps_done(self) -> int:
+        """Steps that have ended; a foot that found no ground is taken to stand where it is."""
+        return self.progress.steps_done
+
+    @property
+    def finished(self) -> bool:
+        """True when all that was asked for is done and the robot stands."""
+        return self.source.finished
+
+    @property
+    def fallen(self) -> FallReason | None:
+        """Reason of the robot's fall; None while it has not fallen."""
+        return self.falls.reason
+
+    @property
+    def done(self) -> bool:
+        """True when the walk is over: finished, or ended by a fall."""
+        return self.finished or self.fallen is not None
+
+    @property
+    def output(self) -> StabilizerOutput | None:
+        """Output of the stabilizer in the tick of `reference`; None before the first one."""
+        return None if self.balance is None else self.balance.output
+
+    @property
+    def stabilizer(self) -> Stabilizer | None:
+        """Feedback and admittances."""
+        return None if self.balance is None else self.balance.stabilizer
+
+    @property
+    def lean(self) -> Lean | None:
+        """Lean of the trunk; None keeps it upright."""
+        return None if self.balance is None else self.balance.lean
+
+    @property
+    def bias(self) -> BiasEstimator | None:
+        """Estimator of the error of the measured DCM; None takes it as measured."""
+        return None if self.balance is None else self.balance.bias
+
+    @property
+    def hands(self) -> Hands | None:
+        """Hands that press on things; None without."""
+        return None if self.balance is None else self.balance.hands
+
+    @property
+    def load(self) -> HeldLoad | None:
+        """Load in the hands as estimated; None where none is expected."""
+        return None if self.balance is None else self.balance.load
+
+    # ---- steering, which is the source's ----------------------------------------------------------------------------
+
+    @property
+    def velocity(self) -> Velocity | None:
+        """Commanded velocity of the robot's middle: forward (m/s), left (m/s) and turn (rad/s).
+
+        Set it at any tick: steps are planned as the robot goes. None, or zero, brings it to a stand. None as well while
+        something else gives the steps. A velocity that is not three finite numbers up to 10 is an `InputError`; one
+        that cannot be had is limited (`granted_velocity`).
+        """
+        return self.source.velocity
+
+    @velocity.setter
+    def velocity(self, velocity: Sequence[float] | None) -> None:
+        self.source.velocity = velocity
+
+    @property
+    def granted_velocity(self) -> Velocity:
+        """Velocity that the present steps give: forward (m/s), left (m/s) and turn (rad/s)."""
+        return self.source.granted
+
+    @property
+    def velocity_limits(self) -> VelocityLimits:
+        """Greatest velocities that are granted."""
+        return self.source.limits
+
+    @property
+    def steered(self) -> bool:
+        """True if the robot is steered, or stands without a plan and may be."""
+        return self.source.steered
+
+    def go_to(self, x: float, y: float, yaw: float) -> None:
+        """Walk to a place and stand there.
+
+        Args:
+            x: Place of the robot in the world, m.
+            y: Place of the robot in the world, m.
+            yaw: Heading there, rad.
+
+        Raises:
+            InputError: A place beyond the ground, or a source that cannot be steered.
+        """
+        self.source.go_to(x, y, yaw)
+
+    def follow(self, source: FootstepPlan | FootstepSource) -> None:
+        """Take the footsteps from a plan, or from a planner of one's own, from the next tick on.
+
+        Args:
+            source: Footsteps in the world, or a planner. A plan that cannot be walked from where the robot is brings it
+                to a stand (`source.reason`).
+
+        Raises:
+            InputError: Neither a plan nor a planner, or a source that takes no footsteps.
+        """
+        self.source.follow(source)
+
+    def stop(self) -> None:
+        """Come to a stand safely."""
+        self.source.stop()
+
+
+class WalkingControl(ReferenceControl):
+    """Control by the stabilizer of a robot that stands, walks along a plan or where it is steered, and stands for ever.
+
+        walking = WalkingControl(robot, FootstepPlan.standing(robot), plant.control_period)
+        walking.velocity = (0.2, 0.0, 0.1)  # at any tick; None for a stand
+
+    Attributes:
+        settings: Settings.
+    """
+
+    balance: Balance
+    tasks: WalkTasks
+    stabilizer: Stabilizer
+
+    @checked
+    def __init__(
+        self,
+        robot: Robot,
+        source: FootstepPlan | ReferenceSource,
+        dt: float,
+        settings: WalkingControlSettings | None = None,
+        *,
+        observer: Observer | None = None,
+        stiffness: StiffnessScheduler | None = None,
+        extent: tuple[float, float, float, float] | None = None,
+    ) -> None:
+        """Make all parts for a robot that stands at the start; the walk begins with the first tick.
+
+        Args:
+            robot: The robot, standing; becomes the commanded one (position control) or the estimated one (torque).
+            source: Footstep plan of a LIPM walk, of which timings are rounded to the control period; or any source of
+                references, made with the same robot.
+            dt: Control period, s.
+            settings: Settings; the defaults when None.
+            observer: Estimates the robot's state; a new one when None.
+            stiffness: Sets the soles while they swing; needs feet of variable stiffness.
+            extent: Least and greatest x, least and greatest y of the ground, m; endless when None. For a plan alone.
+
+        Raises:
+            InputError: A robot without exactly two soles, a plan that cannot be walked or begins elsewhere, bad
+                settings.
+        """
+        if len(robot.soles) != 2:
+            raise InputError(f"a walk needs a robot with a left and a right sole, got {len(robot.soles)}")
+        self.settings = s = settings or WalkingControlSettings()
+        dt = as_period(dt)
+        if isinstance(source, FootstepPlan):
+            source = LipmWalk.of(robot, source, dt, s, extent)
+        elif source.by_steps:
+            raise InputError(f"steps balance the robot in {shown(source)}: use its own control")
+        height = source.com_height
+        if height is None:
+            soles = [float(robot.placement(sole.frame).translation[2]) for sole in robot.soles]
+            height = float(robot.com[2]) - 0.5 * (soles[0] + soles[1])
+        torque = s.mode != "position"
+        controller = Controller(robot, dt, settings=s.solver)
+        observer = observer or Observer(robot, adopt=torque)
+        tasks = WalkTasks(controller, s.tasks, s.gains, s.distribution, observer.robot, torque=torque)
+        arms = Arms(controller, tasks.com, tasks.posture, dt, s.arms)
+        body = Body(controller, height, dt, waist=True)
+        control: PositionControl | TorqueControl
+        if s.mode == "hybrid":
+            control = HybridControl(controller, observer, safety=s.safety)
+        elif torque:
+            control = TorqueControl(controller, observer, safety=s.safety)
+        else:
+            control = PositionControl(controller, observer, feedforward=s.feedforward, safety=s.safety)
+        balance = Balance(control, tasks, arms, s, height)
+        super().__init__(source, control, tasks, arms, body, balance, s.falls, stiffness)
+
+    @property
+    def walk(self) -> Walk:
+        """Phases, pattern and planned steps of a LIPM walk.
+
+        Raises:
+            InputError: The references come from another source.
+        """
+        if not isinstance(self.source, LipmWalk):
+            raise InputError(f"only a LIPM walk has phases and a pattern, got {shown(self.source)}")
+        return self.source.walk

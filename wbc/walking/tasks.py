@@ -21,8 +21,9 @@ from wbc.tasks.stabilizer.distribution import DistributionSettings
 from wbc.tasks.stabilizer.gains import StabilizerGains
 from wbc.tasks.stabilizer.lean import UPRIGHT, LeanMotion
 from wbc.tasks.stabilizer.task import StabilizerTask
+from wbc.walking.body import Twist
 from wbc.walking.planning.footsteps import heading
-from wbc.walking.walk import WalkReference
+from wbc.walking.source import Reference
 
 FREE_FRICTION = 2.0
 """Friction of the contacts in position control: the QP's own wrenches are not commanded there and must not bind."""
@@ -97,6 +98,7 @@ class WalkTasks:
             torque: Torque control; position control when False.
         """
         robot, friction = controller.robot, distribution.friction
+        self._torque = torque
         turn = gains.swing_turn_weight if torque else gains.swing_weight
         self._swing_weight = np.repeat([gains.swing_weight, turn], 3)
         self.contacts = [
@@ -163,33 +165,36 @@ class WalkTasks:
         self.contacts[side].active = contact
         self._swings[side].weight = 0.0 if contact else self._swing_weight
 
-    def move_feet(self, reference: WalkReference) -> None:
-        """Follow the reference of the foot in the air.
+    def follow(self, reference: Reference, lean: LeanMotion = UPRIGHT, twist: Twist | None = None) -> None:
+        """Set all targets of a tick, after the stabilizer's.
 
         Args:
-            reference: References of the walk.
+            reference: References of the source.
+            lean: Lean of the trunk; `UPRIGHT` itself for none.
+            twist: Turn of the trunk against the heading; None for none.
         """
-        for side, stands in enumerate(reference.contact):
+        pendulum, push, body, places = reference.pendulum, reference.push, reference.body, []
+        for motion, stands, swing in zip(reference.feet, reference.contact, self._swings, strict=True):
+            places.append(motion.placement)
             if not stands:
-                motion = reference.feet[side]
-                self._swings[side].follow(motion.placement, motion.velocity, motion.acceleration)
+                swing.follow(*motion)
+        if body is None:
+            self.com.apply(pendulum, reference.contact, places, push)
+            self._turn_trunk(reference.heading, lean, twist)
+            return
+        if self._torque:  # the feedback's acceleration is about that of the pendulum
+            x, y = (body.com_acceleration[:2] - pendulum.com_acceleration[:2]).tolist()
+            push = x, y
+        pendulum = pendulum._replace(com_acceleration=body.com_acceleration)
+        self.com.apply(pendulum, reference.contact, places, push)
+        for task, (rotation, velocity, acceleration) in zip(self._trunk, body.trunk, strict=True):
+            task.follow(
+                lean.rotation.dot(rotation), velocity + lean.velocity, acceleration + lean.acceleration
+            )
+        self.posture.follow(body.position, body.velocity, body.acceleration)
 
-    def turn_trunk(
-        self,
-        yaw: float,
-        lean: LeanMotion,
-        twist: tuple[float, float, float] | None = None,
-        *,
-        by_waist: bool = False,
-    ) -> None:
-        """Turn pelvis and torso to a heading and let them lean.
-
-        Args:
-            yaw: Heading, rad.
-            lean: Lean; `UPRIGHT` itself for none.
-            twist: Turn against the heading, its speed and its acceleration, rad, rad/s and rad/s²; None for none.
-            by_waist: True to turn the torso alone.
-        """
+    def _turn_trunk(self, yaw: float, lean: LeanMotion, twist: Twist | None) -> None:
+        """Turn pelvis and torso to a heading (rad) and let them lean."""
         if yaw == self._trunk_target[0] and lean is self._trunk_target[1]:
             return
         self._trunk_target = yaw, lean
@@ -197,24 +202,12 @@ class WalkTasks:
         for task, tilt in zip(self._trunk, self._trunk_tilts, strict=True):
             task.follow(turn.dot(tilt), lean.velocity, lean.acceleration)
         if twist is not None:
-            angle, rate, push = twist
-            turn, up = lean.rotation.dot(_yaw_rotation(yaw + angle)), np.array([0.0, 0.0, 1.0])
-            first = 1 if by_waist else 0
+            turn, up = lean.rotation.dot(_yaw_rotation(yaw + twist.angle)), np.array([0.0, 0.0, 1.0])
+            first = 1 if twist.by_waist else 0
             for task, tilt in list(zip(self._trunk, self._trunk_tilts, strict=True))[first:]:
-                task.follow(turn.dot(tilt), lean.velocity + rate * up, lean.acceleration + push * up)
-
-    def pose_trunk(self, motions: Sequence[tuple[Array, Array, Array]], lean: LeanMotion) -> None:
-        """Turn pelvis and torso as a motion does, and let them lean.
-
-        Args:
-            motions: Rotation, angular velocity and acceleration of pelvis and torso (of one if they are the same), in
-                world axes.
-            lean: Lean.
-        """
-        for task, (rotation, velocity, acceleration) in zip(self._trunk, motions, strict=True):
-            task.follow(
-                lean.rotation.dot(rotation), velocity + lean.velocity, acceleration + lean.acceleration
-            )
+                task.follow(
+                    turn.dot(tilt), lean.velocity + twist.rate * up, lean.acceleration + twist.push * up
+                )
 
 
 def leave_to_walk(com: CoMTask, swings: Sequence[PoseTask], trunk: Sequence[OrientationTask]) -> None:

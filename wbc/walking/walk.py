@@ -12,7 +12,7 @@ import logging
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from typing import Annotated, NamedTuple
+from typing import Annotated
 
 import numpy as np
 import pinocchio as pin
@@ -33,10 +33,9 @@ from wbc.walking.planning.ground import GroundEstimate
 from wbc.walking.planning.phases import Event, Phase, PhaseSettings, WalkPhases
 from wbc.walking.planning.reach import Reach, check_plan
 from wbc.walking.planning.schedule import SoleSizes, ZmpTarget
+from wbc.walking.source import Reference
 
 logger = logging.getLogger(__name__)
-
-NO_PUSH = (0.0, 0.0)
 
 STEADY = 0.3
 """Least time to touch-down to which a step is hurried while the CoM gives way to the reaction, s: a swing that is quick
@@ -71,30 +70,6 @@ class WalkSettings:
     rise_memory: Share = 0.1
 
 
-class WalkReference(NamedTuple):
-    """References of one tick.
-
-    Attributes:
-        pendulum: CoM, ZMP and their derivatives.
-        feet: Motions of left and right sole.
-        contact: True for each foot on the ground, left and right.
-        heading: Heading of pelvis and torso, rad.
-        phase: Phase of the feet.
-        step: Index of the step that swings, or that swings next.
-        events: Events of this tick.
-        push: Acceleration of the CoM beyond that of the pendulum, by the reaction to the swing, m/s².
-    """
-
-    pendulum: Pendulum
-    feet: tuple[FootMotion, FootMotion]
-    contact: tuple[bool, bool]
-    heading: float
-    phase: Phase
-    step: int
-    events: tuple[Event, ...]
-    push: tuple[float, float] = NO_PUSH
-
-
 @dataclass(frozen=True, slots=True)
 class _PlannedSwing:
     """The plan that a swing is adjusted against.
@@ -127,6 +102,7 @@ class Walk:
         reach: Reach of the robot's legs.
         sole_sizes: (length, width) of the left and of the right sole, m.
         omega: Natural frequency of the pendulum, 1/s.
+        com_height: Height of the CoM over the support while walking, m.
         reaction: Share of the reaction to the swing of a leg that the CoM gives way to, 0 to 1; the feet hold the
             rest.
     """
@@ -185,7 +161,7 @@ class Walk:
         if s.preview.target == WalkSettings().preview.target and preview.target.inward > room > 0.0:
             preview = replace(preview, target=replace(preview.target, inward=0.5 * room))
         self._preview = PreviewController(self.sole_sizes, com_height, preview)
-        self.omega = self._preview.omega
+        self.omega, self.com_height = self._preview.omega, com_height
         self.reaction = 0.0
         self._reaction = SwingReaction(leg_share(robot, com_height), self.omega, self.period)
         self._adjuster: StepAdjuster | None = None
@@ -195,6 +171,7 @@ class Walk:
             self._steady = StepAdjuster(self.omega, self.reach, self.sole_sizes, steady)
 
         self.phases = WalkPhases(plan, robot.mass * GRAVITY, s.phases)
+        self._robot, self._mass = robot, robot.mass
         self._events: tuple[Event, ...] = ()  # those of `start`, for the next update
         self._feet = [FootMotion.at_rest(plan.left.placement), FootMotion.at_rest(plan.right.placement)]
         self._yaws = [heading(motion.placement.rotation) for motion in self._feet]
@@ -280,7 +257,7 @@ class Walk:
         loads: Sequence[float],
         soles: Sequence[pin.SE3] | None = None,
         dcm: Array | None = None,
-    ) -> WalkReference:
+    ) -> Reference:
         """Compute one tick.
 
         Args:
@@ -293,6 +270,9 @@ class Walk:
             The references.
         """
         self._time += self.period
+        if self._robot.mass != self._mass:  # a load is taken over, given back or let go of
+            self._mass = self._robot.mass
+            self.phases.weight = self._mass * GRAVITY
         events = self._events + self.phases.update(loads, self.period)
         self._events = ()
         placements = [motion.placement for motion in self._feet] if soles is None else list(soles)
@@ -312,7 +292,7 @@ class Walk:
             side = SIDES.index(self._swing.landing.side)
             self._feet[side] = motion = self._swing.at(self.phases.elapsed)
             self._yaws[side] = heading(motion.placement.rotation)
-        return WalkReference(
+        return Reference(
             self._reacted(self._pattern.at(self._time)) if self._rest is None else self._rest,
             (self._feet[0], self._feet[1]),
             self.phases.contact,

@@ -25,7 +25,8 @@ from point_mass import (
 from properties import examples
 
 from wbc.walking.planning.phases import Event, Phase
-from wbc.walking.stepping import BodyState, SteppingGait, SteppingSettings, StepReference
+from wbc.walking.source import Reference
+from wbc.walking.stepping import BodyState, SteppingGait, SteppingSettings
 
 DT = 0.004
 VELOCITY = (0.25, 0.05, 0.2)
@@ -48,7 +49,7 @@ def pushed_aside() -> tuple[Tick, ...]:
 
 def replay(
     inputs: list[tuple[BodyState, Frames]], heading: float, velocity: tuple[float, float, float]
-) -> list[StepReference]:
+) -> list[Reference]:
     """References of another gait for the inputs of `pushed_aside`, steered at the same ticks."""
     gait, references = SteppingGait(SteppingSettings(), SCALE, heading, DT), []
     for tick, (state, frames) in enumerate(inputs):
@@ -78,8 +79,10 @@ def test_a_mirrored_world_gives_mirrored_references() -> None:
         assert reference.phase is real.phase and reference.events == real.events
         assert reference.heading == pytest.approx(-real.heading, abs=1e-9)
         assert reference.contact == real.contact[::-1]
-        assert reference.most_force == pytest.approx(real.most_force[::-1], abs=1e-6)
-        assert (reference.dcm.x, reference.dcm.y) == pytest.approx((real.dcm.x, -real.dcm.y), abs=1e-9)
+        assert reference.support.most_force == pytest.approx(real.support.most_force[::-1], abs=1e-6)
+        assert (reference.support.dcm.x, reference.support.dcm.y) == pytest.approx(
+            (real.support.dcm.x, -real.support.dcm.y), abs=1e-9
+        )
         for name in ("com", "com_velocity", "com_acceleration", "zmp"):
             expected = MIRROR @ getattr(real.pendulum, name)
             np.testing.assert_allclose(getattr(reference.pendulum, name), expected, atol=1e-9)
@@ -106,7 +109,7 @@ def test_a_moved_and_turned_world_gives_moved_and_turned_references(yaw: float, 
     references = replay([moved(tick, place) for tick in ticks], yaw, VELOCITY)
     for tick, reference in list(zip(ticks, references, strict=True))[::7]:
         real = tick.reference
-        assert reference.phase is real.phase and reference.stance == real.stance
+        assert reference.phase is real.phase and reference.support.stance == real.support.stance
         assert angle(reference.heading, real.heading + yaw) == pytest.approx(0.0, abs=1e-9)
         np.testing.assert_allclose(reference.pendulum.com, place.act(real.pendulum.com), atol=1e-8)
         np.testing.assert_allclose(reference.pendulum.zmp, place.act(real.pendulum.zmp), atol=1e-8)
@@ -135,9 +138,11 @@ def test_a_larger_robot_does_the_same_in_larger_steps_and_longer_times(k: float)
     assert len(small.ticks) == len(large.ticks) and small.gait.steps_done >= 4
     for one, other in zip(small.ticks, large.ticks, strict=True):
         a, b = one.reference, other.reference
-        assert (a.phase, a.stance, a.events) == (b.phase, b.stance, b.events)
+        assert (a.phase, a.support.stance, a.events) == (b.phase, b.support.stance, b.events)
         assert b.duration == pytest.approx(root * a.duration, rel=1e-6)
-        assert b.most_force == pytest.approx([k**3 * force for force in a.most_force], rel=1e-6)
+        assert b.support.most_force == pytest.approx(
+            [k**3 * force for force in a.support.most_force], rel=1e-6
+        )
         np.testing.assert_allclose(b.pendulum.zmp, k * a.pendulum.zmp, atol=1e-6)
         if a.landing is not None:
             assert b.landing is not None
@@ -190,7 +195,7 @@ def test_phases_follow_each_other_and_steps_are_counted() -> None:
     place = body.com[:2].copy()
     body.run(2.0)
     np.testing.assert_allclose(body.com[:2], place, atol=5e-3)
-    assert body.ticks[-1].reference.contact == (True, True) and body.ticks[-1].reference.balanced
+    assert body.ticks[-1].reference.contact == (True, True) and body.ticks[-1].reference.support.balanced
 
 
 def test_feet_never_land_inside_each_other_nor_out_of_reach() -> None:
@@ -206,7 +211,7 @@ def test_feet_never_land_inside_each_other_nor_out_of_reach() -> None:
             landing, heading = tick.reference.landing, tick.reference.heading
             if landing is None:
                 continue
-            stance = tick.frames[tick.reference.stance]
+            stance = tick.frames[tick.reference.support.stance]
             foot = stance.act(np.array([settings.foothold, 0.0, 0.0]))
             cos, sin = math.cos(heading), math.sin(heading)
             dx, dy = landing.x - foot[0], landing.y - foot[1]
@@ -226,8 +231,8 @@ def test_the_swing_foot_stays_level_and_turns_with_the_walk() -> None:
     body.run(0.6)
     body.gait.steering.command((0.2, 0.0, 0.3))
     for tick in body.run(3.0):
-        if tick.reference.swing is not None:
-            rotation = tick.reference.feet[tick.reference.swing].placement.rotation
+        if tick.reference.support.swing is not None:
+            rotation = tick.reference.feet[tick.reference.support.swing].placement.rotation
             np.testing.assert_allclose(rotation[2], [0.0, 0.0, 1.0], atol=1e-12)
             heading = math.atan2(rotation[1, 0], rotation[0, 0])
             assert tick.reference.heading <= heading < tick.reference.heading + 0.3
@@ -238,8 +243,8 @@ def test_a_push_of_a_stand_is_answered_by_the_foot_on_its_side() -> None:
         body = PointMass()
         body.run(0.7)
         body.speed += [0.0, sign * 0.6]
-        first = next(tick for tick in body.run(1.0) if tick.reference.swing is not None)
-        assert first.reference.swing == foot
+        first = next(tick for tick in body.run(1.0) if tick.reference.support.swing is not None)
+        assert first.reference.support.swing == foot
         body.run(2.0)
         assert body.gait.stands and abs(body.com[1]) < 0.5
     body = PointMass()
@@ -269,14 +274,14 @@ def test_a_foot_that_lands_early_waits_for_the_dcm_with_a_part_of_the_weight() -
     waits = [
         tick.reference
         for tick in body.run(4.0)
-        if tick.reference.phase is Phase.SINGLE and tick.reference.swing is None
+        if tick.reference.phase is Phase.SINGLE and tick.reference.support.swing is None
     ]
     assert waits, "feet land 20 mm before the ground at which they aim"
     settings = body.gait.settings
     for reference in waits:
         assert reference.contact == (True, True)
-        assert reference.most_force[1 - reference.stance] == pytest.approx(settings.share)
-        assert reference.most_force[reference.stance] == settings.most_force
+        assert reference.support.most_force[1 - reference.support.stance] == pytest.approx(settings.share)
+        assert reference.support.most_force[reference.support.stance] == settings.most_force
 
 
 @pytest.mark.parametrize("goal", [(1.0, 0.4, 0.5), (-0.2, 0.15, 0.0)])

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import itertools
-from typing import Any
 
 import numpy as np
 import pytest
@@ -12,13 +11,13 @@ from task_factory import make_robot
 from wbc.core.qp.controller import Controller
 from wbc.core.robot import GRAVITY
 from wbc.walking.planning.phases import Phase
+from wbc.walking.source import Reference, Support
 from wbc.walking.stepping import (
     BodyState,
     Scale,
     SteppingGains,
     SteppingGait,
     SteppingSettings,
-    StepReference,
 )
 from wbc.walking.stepping.tasks import SteppingTasks
 
@@ -28,7 +27,7 @@ WEIGHT = ROBOT.mass * GRAVITY
 MOST = 1.4 * WEIGHT
 
 
-def standing() -> tuple[Controller, SteppingTasks, StepReference]:
+def standing() -> tuple[Controller, SteppingTasks, Reference]:
     """Controller and tasks of a robot that stands, and the reference of its stand."""
     robot = make_robot("g1")
     scale = Scale.of(robot, 0.162, float(robot.com[2]))  # as high as it stands
@@ -44,48 +43,14 @@ def standing() -> tuple[Controller, SteppingTasks, StepReference]:
     return controller, tasks, gait.update(state, frames)
 
 
-STATES: dict[str, dict[str, Any]] = {
-    "on both feet": {},
-    "left foot up": {
-        "contact": (False, True),
-        "most_force": (0.0, MOST),
-        "stance": 1,
-        "swing": 0,
-        "balanced": False,
-        "phase": Phase.SINGLE,
-    },
-    "left foot unloads": {
-        "contact": (True, True),
-        "most_force": (0.01 * WEIGHT, MOST),
-        "stance": 1,
-        "swing": 0,
-        "balanced": False,
-        "phase": Phase.SINGLE,
-    },
-    "left foot waits": {
-        "contact": (True, True),
-        "most_force": (0.3 * WEIGHT, MOST),
-        "stance": 1,
-        "swing": None,
-        "balanced": False,
-        "phase": Phase.SINGLE,
-    },
-    "right foot unloads": {
-        "contact": (True, True),
-        "most_force": (MOST, 0.01 * WEIGHT),
-        "stance": 0,
-        "swing": 1,
-        "balanced": False,
-        "phase": Phase.SINGLE,
-    },
-    "right foot up": {
-        "contact": (True, False),
-        "most_force": (MOST, 0.0),
-        "stance": 0,
-        "swing": 1,
-        "balanced": False,
-        "phase": Phase.SINGLE,
-    },
+# Contacts, greatest forces, stance and swing foot.
+STATES: dict[str, tuple[tuple[bool, bool], tuple[float, float], int, int | None] | None] = {
+    "on both feet": None,
+    "left foot up": ((False, True), (0.0, MOST), 1, 0),
+    "left foot unloads": ((True, True), (0.01 * WEIGHT, MOST), 1, 0),
+    "left foot waits": ((True, True), (0.3 * WEIGHT, MOST), 1, None),
+    "right foot unloads": ((True, True), (MOST, 0.01 * WEIGHT), 0, 1),
+    "right foot up": ((True, False), (MOST, 0.0), 0, 1),
 }
 
 
@@ -94,16 +59,23 @@ def test_any_state_of_the_feet_may_follow_any_other(before: str, after: str) -> 
     """A foot that has given up its load, and must carry at once, can."""
     controller, tasks, reference = standing()
     for name in (before, after):
-        changed = reference._replace(**STATES[name])
+        changed, state = reference, STATES[name]
+        assert reference.support is not None
+        if state is not None:
+            contact, most, stance, swing = state
+            support = Support(stance, swing, most, False, reference.support.dcm)
+            changed = reference._replace(contact=contact, phase=Phase.SINGLE, support=support)
+        support = changed.support
+        assert support is not None
         tasks.follow(changed)
         solution = controller.solve()
         assert solution.ok
-        for contact, on, most in zip(tasks.contacts, changed.contact, changed.most_force, strict=True):
-            force = solution.wrenches[contact.name][2]
-            assert force <= most + 1e-6
+        for foot, on, limit in zip(tasks.contacts, changed.contact, support.most_force, strict=True):
+            force = solution.wrenches[foot.name][2]
+            assert force <= limit + 1e-6
             if not on:
-                np.testing.assert_allclose(solution.wrenches[contact.name], 0.0, atol=1e-7)
-        assert solution.wrenches[tasks.contacts[changed.stance].name][2] > 0.01 * WEIGHT
+                np.testing.assert_allclose(solution.wrenches[foot.name], 0.0, atol=1e-7)
+        assert solution.wrenches[tasks.contacts[support.stance].name][2] > 0.01 * WEIGHT
 
 
 def test_a_robot_that_stands_where_it_is_to_stand_is_at_rest_under_its_weight() -> None:

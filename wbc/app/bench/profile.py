@@ -16,7 +16,7 @@ from typing import Any
 from wbc.core.qp.controller import Controller
 from wbc.core.qp.task import Task
 from wbc.sim.walks import WalkHook, WalkResult, WalkTrial
-from wbc.tasks.stabilizer.task import StabilizerTask
+from wbc.walking.lipm import LipmWalk
 
 MODEL, ASSEMBLY, SOLVE, DECODE = "QP: model", "QP: assembly", "QP: solve", "QP: decode"
 
@@ -53,15 +53,6 @@ QP's, with each task, contact and limit beside the assembly by name; the gate cl
 the soles' stiffness. Figures are the result's. The rest is the loop around, the fall test on the true state and the
 making of the result.
 """
-
-WALK_PARTS = (
-    ("driver", "update", "footsteps"),
-    ("walk", "update", "references"),
-    ("stabilizer", "update", "stabilizer"),
-    *(("tasks", method, "targets") for method in ("move_feet", "turn_trunk", "switch")),
-    ("falls", "update", "fall test"),
-)
-"""Attribute, method and part of what a controller that walks may have."""
 
 HOOKS = {"Recorder": "recording", "WatchWalk": "live view"}
 """Names of hooks that the commands use; another one is called after its class."""
@@ -218,11 +209,9 @@ def _clocks_on(trial: WalkTrial, hooks: Sequence[WalkHook]) -> Iterator[_Clocks]
         (control.observer, "update", "observer"),
         (control.observer, "commanded", "observer"),
         (control.monitor, "update", "monitor"),
-        *(
-            (getattr(walking, owner), method, part)
-            for owner, method, part in WALK_PARTS
-            if getattr(walking, owner, None) is not None
-        ),
+        (walking.source, "update", "references"),
+        (walking.tasks, "follow", "targets"),
+        (walking.falls, "update", "fall test"),
         (controller.robot, "update", MODEL),
         (control.gate, "pass_on", "gate"),
         (control.gate, "pass_on_with_gains", "gate"),
@@ -231,9 +220,10 @@ def _clocks_on(trial: WalkTrial, hooks: Sequence[WalkHook]) -> Iterator[_Clocks]
         (trial.meter, "after", "figures"),
         *named,
     ]
-    balance = getattr(getattr(walking, "tasks", None), "com", None)
-    if isinstance(balance, StabilizerTask):
-        timed.append((balance, "apply", "targets"))
+    if isinstance(walking.source, LipmWalk):
+        timed.append((walking.source, "plan_steps", "footsteps"))
+    if walking.stabilizer is not None:
+        timed.append((walking.stabilizer, "update", "stabilizer"))
     if walking.stiffness is not None:
         timed.append((walking.stiffness, "update", "scheduling"))
     if trial.sole_meter is not None:

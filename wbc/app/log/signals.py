@@ -21,14 +21,15 @@ from wbc.robots import RobotDescription
 from wbc.sim import MujocoLoop, Plant
 from wbc.sim.plant import GroundTruth
 from wbc.tasks.stabilizer.stabilizer import StabilizerOutput
-from wbc.walking.progress import ReferenceLike, WalkingLike
+from wbc.walking.control import ReferenceControl
+from wbc.walking.source import Reference
 
 T = TypeVar("T")
 
 Kind = Literal["number", "double", "whole", "flag", "text", "list"]
 """Storage of a signal: 4-byte float, 8-byte float, 4-byte integer, truth value, text, list of 4-byte floats."""
 
-Control = PositionControl | TorqueControl | WalkingLike
+Control = PositionControl | TorqueControl | ReferenceControl
 """Controllers that answer a measurement with a command."""
 
 
@@ -62,8 +63,8 @@ class Tick:
     estimate: Robot | None = None
     model: Robot | None = None
     drives: PositionControl | TorqueControl | None = field(init=False)
-    walking: WalkingLike | None = field(init=False)
-    reference: ReferenceLike | None = field(init=False)
+    walking: ReferenceControl | None = field(init=False)
+    reference: Reference | None = field(init=False)
     output: StabilizerOutput | None = field(init=False)
 
     def __post_init__(self) -> None:

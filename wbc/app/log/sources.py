@@ -26,8 +26,9 @@ from wbc.sim.plant.plant import Plant
 from wbc.tasks.stabilizer.admittance import FootCorrection
 from wbc.tasks.stabilizer.pendulum import dcm
 from wbc.tasks.stabilizer.stabilizer import StabilizerOutput
+from wbc.walking.control import ReferenceControl
 from wbc.walking.planning.footsteps import Footstep
-from wbc.walking.progress import ReferenceLike, WalkingLike
+from wbc.walking.source import Reference
 
 if TYPE_CHECKING:
     from wbc.tasks.scheduling.stiffness import StiffnessScheduler
@@ -72,16 +73,16 @@ def _add_walk(signals: Signals, tick: Tick) -> None:
     one, group, feet = signals.one, signals.group, foot_names(tick.robot)
     told: list[Any] = []
 
-    def planned(read: Callable[[ReferenceLike], Any]) -> Read:
+    def planned(read: Callable[[Reference], Any]) -> Read:
         return lambda t: None if (reference := t.reference) is None else read(reference)
 
     def stabilized(read: Callable[[StabilizerOutput], Any]) -> Read:
         return lambda t: None if (output := t.output) is None else read(output)
 
-    def of_walk(read: Callable[[WalkingLike], Any]) -> Read:
-        return lambda t: None if t.reference is None else read(cast(WalkingLike, t.walking))
+    def of_walk(read: Callable[[ReferenceControl], Any]) -> Read:
+        return lambda t: None if t.reference is None else read(cast(ReferenceControl, t.walking))
 
-    def events(walk: WalkingLike) -> str | None:
+    def events(walk: ReferenceControl) -> str | None:
         assert walk.reference is not None
         texts = [event.value for event in walk.reference.events]
         if walk.fallen is not None and not told:

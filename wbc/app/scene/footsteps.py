@@ -18,7 +18,7 @@ from wbc.walking.planning.footsteps import Footstep, other
 
 if TYPE_CHECKING:
     from wbc.sim import Plant
-    from wbc.walking.progress import WalkingLike
+    from wbc.walking.control import ReferenceControl
 
 MAX_STEPS = 128
 """Largest number of footsteps of each kind; of a longer walk the last ones, and half as many to come."""
@@ -38,7 +38,7 @@ class FootstepsLayer(Layer):
     Both have the same indices: 0 is the first swing foot, 1 the first stance foot, 2 the first landing.
     """
 
-    def __init__(self, plant: Plant, walking: WalkingLike) -> None:
+    def __init__(self, plant: Plant, walking: ReferenceControl) -> None:
         """Make marks for all steps, and for one that a stop may add.
 
         Args:
@@ -136,7 +136,7 @@ class FootstepsLayer(Layer):
         return pose
 
 
-def walk_lines(walking: WalkingLike) -> list[str]:
+def walk_lines(walking: ReferenceControl) -> list[str]:
     """Return step, phase, DCM error and outcome of a walk as lines of text."""
     progress = walking.progress
     total = progress.steps_done + len(progress.upcoming)

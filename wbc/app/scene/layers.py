@@ -46,7 +46,7 @@ if TYPE_CHECKING:
     from wbc.core.signals import Measurement
     from wbc.feet import FootParts
     from wbc.sim import Plant
-    from wbc.walking.progress import WalkingLike
+    from wbc.walking.control import ReferenceControl
 
 CORNERS, POINTS = 24, 64
 """Largest number of corners of the support polygon and of points of a scanned profile."""
@@ -55,7 +55,7 @@ MIN_LOAD_SHARE = 0.005
 """Contacts that bear less than this share of the robot's weight are no corners of the support polygon."""
 
 
-def make_layers(plant: Plant, scene: Scene, walking: WalkingLike | None = None) -> tuple[Layer, ...]:
+def make_layers(plant: Plant, scene: Scene, walking: ReferenceControl | None = None) -> tuple[Layer, ...]:
     """Return all layers that a run has data for.
 
     Args:
@@ -76,7 +76,7 @@ def make_layers(plant: Plant, scene: Scene, walking: WalkingLike | None = None) 
 class BalanceLayer(Layer):
     """DCM and support polygon of the ground truth, ZMP and DCM as planned."""
 
-    def __init__(self, plant: Plant, com_height: float, walking: WalkingLike | None) -> None:
+    def __init__(self, plant: Plant, com_height: float, walking: ReferenceControl | None) -> None:
         """Make the markers.
 
         Args:
@@ -123,7 +123,7 @@ class BalanceLayer(Layer):
 class OutsideLayer(Layer):
     """Outside force as estimated, with the weight of the load in the models: a rod from the middle of the hands."""
 
-    def __init__(self, walking: WalkingLike, scene: Scene) -> None:
+    def __init__(self, walking: ReferenceControl, scene: Scene) -> None:
         """Make the rod.
 
         Args:
@@ -157,7 +157,7 @@ class OutsideLayer(Layer):
 class SolesLayer(Layer):
     """Colour of the soles by their stiffness."""
 
-    def __init__(self, plant: Plant, walking: WalkingLike | None) -> None:
+    def __init__(self, plant: Plant, walking: ReferenceControl | None) -> None:
         """Find the hinges of variable stiffness, and their bodies."""
         super().__init__()
         self._model, self._walking = plant.model, walking
@@ -187,7 +187,7 @@ class RangeLayer(Layer):
         measurement: The latest measurement.
     """
 
-    def __init__(self, plant: Plant, walking: WalkingLike | None) -> None:
+    def __init__(self, plant: Plant, walking: ReferenceControl | None) -> None:
         """Find the sensors."""
         super().__init__()
         self.measurement: Measurement | None = None

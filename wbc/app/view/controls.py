@@ -27,7 +27,7 @@ from wbc.feet.soles.soft import VariableStiffnessFoot
 
 if TYPE_CHECKING:
     from wbc.sim import Plant
-    from wbc.walking.progress import WalkingLike
+    from wbc.walking.control import ReferenceControl
 
 _log = logging.getLogger(__name__)
 
@@ -62,7 +62,7 @@ class LiveControls:
         message: Outcome of the last request, for the page.
     """
 
-    def __init__(self, plant: Plant | None, walking: WalkingLike | None) -> None:
+    def __init__(self, plant: Plant | None, walking: ReferenceControl | None) -> None:
         """Find the controls that the run has.
 
         Args:

@@ -36,7 +36,7 @@ if TYPE_CHECKING:
     from wbc.core.signals import Measurement
     from wbc.sim import MujocoLoop
     from wbc.sim.plant import GroundTruth
-    from wbc.walking.progress import WalkingLike
+    from wbc.walking.control import ReferenceControl
 
 PAUSE_TICK = 0.02
 """Period at which a paused run checks whether it may go on, s."""
@@ -69,7 +69,7 @@ class MeshcatView:
         self,
         source: Plant | MujocoLoop | RobotDescription,
         *,
-        walking: WalkingLike | None = None,
+        walking: ReferenceControl | None = None,
         terrain: Terrain | None = None,
         host: str = "127.0.0.1",
         port: int | None = None,

@@ -40,7 +40,7 @@ from wbc.walking.hands.motion import MovingFrame
 from wbc.walking.hands.reaching import Arms
 from wbc.walking.planning.footsteps import heading
 from wbc.walking.planning.phases import Phase
-from wbc.walking.walk import WalkReference
+from wbc.walking.source import Reference
 
 SLOW_TIME = 1.0
 """Time constant of the share of a force that moves the CoM, s, of hands that grip: mc_rtc's; the ZMP takes the rest.
@@ -343,7 +343,7 @@ class Hands:
 
     # ---- in a tick ------------------------------------------------------------------------------------------------
 
-    def update(self, measurement: Measurement, reference: WalkReference, dt: float) -> Array | None:
+    def update(self, measurement: Measurement, reference: Reference, dt: float) -> Array | None:
         """Advance all hands; return the filtered wrench of the surroundings on them, None while there is none.
 
         Args:

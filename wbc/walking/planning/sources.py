@@ -2,7 +2,7 @@
 
 A source is asked again while the robot walks, and answers with the steps from where the feet stand then:
 
-    class Own:
+    class Own(FootstepSource):
         def footsteps(self, now: Standing) -> FootstepPlan:
             return walk_distance(now.start, 0.3, first=now.first or "left")
 
@@ -12,9 +12,10 @@ An answer without steps is a stand. Sources are exchanged at any time; the step 
 from __future__ import annotations
 
 import math
+from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Annotated, NamedTuple, Protocol
+from typing import Annotated, NamedTuple
 
 from pydantic import Field
 
@@ -124,19 +125,31 @@ class Standing(NamedTuple):
         return cls(FootstepPlan(left, right, (), gait), first, phases.completed + swings, swings, time)
 
 
-class FootstepSource(Protocol):
-    """Planner of footsteps that is asked while the robot walks."""
+class FootstepSource(ABC):
+    """Planner of footsteps that is asked while the robot walks; one of your own writes `footsteps`.
 
+    Attributes:
+        target: Commanded velocity; None for a planner that takes none.
+        granted: Velocity of the present plan; None for the mean of its next two steps.
+        pace: Speed of the gait (`SPEEDS`), m/s, from which on the CoM gives way to the reaction of quick legs.
+        within_reach: True if the steps are within reach by construction, also quick ones, which reach further.
+    """
+
+    target: Velocity | None = None
+    granted: Velocity | None = None
+    pace = 0.0
+    within_reach = False
+
+    @abstractmethod
     def footsteps(self, now: Standing) -> FootstepPlan:
         """Return the feet with the steps from now on; without steps the robot stands.
 
         Args:
             now: Feet, side that steps next, and time.
         """
-        ...
 
 
-class VelocitySource:
+class VelocitySource(FootstepSource):
     """Footsteps of a commanded velocity.
 
     Sideways the foot on the side of the motion opens by two steps' worth and the other one closes; in turns the outer
@@ -149,6 +162,10 @@ class VelocitySource:
         pace: Speed of the gait (`SPEEDS`), m/s: that of the velocity, or more where the legs reach less far.
         settings: Settings.
     """
+
+    target: Velocity
+    granted: Velocity
+    within_reach = True
 
     @checked
     def __init__(
@@ -167,8 +184,7 @@ class VelocitySource:
             granted: Velocity of the robot now.
         """
         self.settings = settings or DriveSettings()
-        self.target: Velocity = AT_REST
-        self.granted: Velocity = granted
+        self.target, self.granted = AT_REST, granted
         self._wish: Velocity = granted  # before the limits of the reach
         self.pace = 0.0
         self._asked: tuple[Velocity, float, Gait] | None = None  # last asked of the reach
@@ -304,13 +320,15 @@ class VelocitySource:
         return _foot(middle, side, half, z), middle
 
 
-class GoalSource:
+class GoalSource(FootstepSource):
     """Footsteps to a place: face first from afar, the last steps with the heading of the goal.
 
     Attributes:
         goal: Place of the robot's middle and heading: x, y (m) and yaw (rad).
         reached: True when the robot stands there.
     """
+
+    within_reach = True
 
     @checked
     def __init__(self, goal: tuple[float, float, float], drive: VelocitySource) -> None:
@@ -323,18 +341,8 @@ class GoalSource:
         x, y, yaw = finite_array("goal (m, m, rad)", goal, (3,)).tolist()
         self.goal = (x, y, yaw)
         self.reached = False
-        self._drive = drive
+        self._drive, self.granted, self.pace = drive, drive.granted, drive.pace
         self._stops = False  # the goal has been reached by feet that stride
-
-    @property
-    def granted(self) -> Velocity:
-        """Velocity of the present plan."""
-        return self._drive.granted
-
-    @property
-    def pace(self) -> float:
-        """Speed of the gait, m/s."""
-        return self._drive.pace
 
     def footsteps(self, now: Standing) -> FootstepPlan:
         """See `FootstepSource`."""
@@ -344,7 +352,9 @@ class GoalSource:
         drive.target = self._velocity(now)
         if drive.target == AT_REST:
             self.reached = now.first is None
-        return drive.footsteps(now)
+        plan = drive.footsteps(now)
+        self.granted, self.pace = drive.granted, drive.pace
+        return plan
 
     def _velocity(self, now: Standing) -> Velocity:
         """Velocity towards the goal, at most what the next two steps need."""
@@ -373,7 +383,7 @@ class GoalSource:
         return dx / two, dy / two, turn / two
 
 
-class PlanSource:
+class PlanSource(FootstepSource):
     """Steps of a footstep plan, one after the other; then a stand.
 
     The steps stay where they are planned, at the height at which the last landing has found the ground: the estimate of

@@ -24,6 +24,7 @@ from wbc.tasks.stabilizer.pendulum import Pendulum
 from wbc.walking.pattern.swing import FootMotion
 from wbc.walking.planning.footsteps import Footstep
 from wbc.walking.planning.phases import Event, Phase
+from wbc.walking.source import NO_PUSH, Reference, Support
 from wbc.walking.stepping.law import (
     SIDEWAYS,
     Divergent,
@@ -36,7 +37,6 @@ from wbc.walking.stepping.law import (
 from wbc.walking.stepping.settings import Scale, SteppingSettings
 from wbc.walking.stepping.steering import Steering
 from wbc.walking.stepping.swing import SwingReference
-from wbc.walking.walk import NO_PUSH
 
 LEVEL: Vector = (0.0, 0.0, 0.0)
 
@@ -59,46 +59,6 @@ class BodyState(NamedTuple):
     places: tuple[Vector, Vector]
     turns: tuple[Rows, Rows]
     wrenches: Rows
-
-
-class StepReference(NamedTuple):
-    """References of one tick; the first fields are those of `wbc.walking.walk.WalkReference`.
-
-    Attributes:
-        pendulum: CoM as measured at its desired height, with its desired acceleration, and the contact point as ZMP.
-        feet: Motions of left and right sole.
-        contact: True for each foot that carries, left and right.
-        heading: Heading of pelvis and torso, rad.
-        phase: Phase of the feet.
-        step: Number of steps that have ended.
-        events: Events of this tick.
-        push: None of its own; zero.
-        stance: Foot that carries: 0 left, 1 right.
-        swing: Foot that follows its motion; None on both feet, and while a foot that has met the ground waits.
-        most_force: Greatest normal force of each foot, N.
-        balanced: True if the CoM follows `pendulum` horizontally too, on two feet; steps alone balance it otherwise.
-        dcm: Divergent component of motion, by the angular momentum about the contact.
-        landing: Landing of the foot in the air; None on both feet.
-        elapsed: Time in this phase, s.
-        duration: Planned time of this phase, s.
-    """
-
-    pendulum: Pendulum
-    feet: tuple[FootMotion, FootMotion]
-    contact: tuple[bool, bool]
-    heading: float
-    phase: Phase
-    step: int
-    events: tuple[Event, ...]
-    push: tuple[float, float]
-    stance: int
-    swing: int | None
-    most_force: tuple[float, float]
-    balanced: bool
-    dcm: Divergent
-    landing: Footstep | None
-    elapsed: float
-    duration: float
 
 
 class _Mode(enum.Enum):
@@ -157,7 +117,7 @@ class SteppingGait:
         """Foot that carries, or carried last: 0 left, 1 right."""
         return self._stance
 
-    def update(self, state: BodyState, frames: tuple[pin.SE3, pin.SE3]) -> StepReference:
+    def update(self, state: BodyState, frames: tuple[pin.SE3, pin.SE3]) -> Reference:
         """Compute one tick.
 
         Args:
@@ -249,7 +209,7 @@ class SteppingGait:
 
     def _on_both_feet(
         self, state: BodyState, dcm: Divergent, frames: tuple[pin.SE3, pin.SE3], events: tuple[Event, ...]
-    ) -> StepReference:
+    ) -> Reference:
         """References on both feet: the CoM is held over them, or shifted over one of them."""
         s, omega = self.settings, dcm.omega
         feet = [self._foothold(state, side) for side in (0, 1)]
@@ -299,7 +259,7 @@ class SteppingGait:
         dcm: Divergent,
         frames: tuple[pin.SE3, pin.SE3],
         events: tuple[Event, ...],
-    ) -> StepReference:
+    ) -> Reference:
         """Decide time and place of the step, move the swing foot, and change feet when it has landed."""
         s, dt = self.settings, self._dt
         assert self._contact is not None
@@ -478,7 +438,7 @@ class SteppingGait:
         push: Point | None,
         duration: float,
         landing: Footstep | None = None,
-    ) -> StepReference:
+    ) -> Reference:
         assert self._contact is not None
         (x, y, _), (u, v, _) = state.com, state.velocity
         pendulum = Pendulum(
@@ -494,7 +454,7 @@ class SteppingGait:
         if landing is not None and self._met is None:
             swing = 1 - self._stance
             feet[swing] = self._swing_motion(landing.yaw)
-        return StepReference(
+        return Reference(
             pendulum,
             (feet[0], feet[1]),
             contact,
@@ -503,14 +463,10 @@ class SteppingGait:
             self.steps_done,
             events,
             NO_PUSH,
-            self._stance,
-            swing,
-            most_force,
-            push is not None,
-            dcm,
             landing,
             self._elapsed,
             duration,
+            Support(self._stance, swing, most_force, push is not None, dcm),
         )
 
     def _swing_motion(self, yaw: float) -> FootMotion:

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 from wbc.walking.planning.sources import Velocity, checked_velocity
-from wbc.walking.progress import VelocityLimits
+from wbc.walking.source import VelocityLimits
 from wbc.walking.stepping.law import SIDEWAYS, Point
 from wbc.walking.stepping.settings import SteppingSettings
 

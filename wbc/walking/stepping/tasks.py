@@ -15,9 +15,10 @@ from wbc.tasks.motion.com import CoMTask
 from wbc.tasks.motion.frame import OrientationTask, PoseTask
 from wbc.tasks.motion.posture import PostureTask
 from wbc.tasks.stabilizer.lean import UPRIGHT, LeanMotion
+from wbc.walking.body import Twist
 from wbc.walking.planning.footsteps import heading
 from wbc.walking.planning.phases import Phase
-from wbc.walking.stepping.gait import StepReference
+from wbc.walking.source import Reference, Support
 from wbc.walking.stepping.settings import Scale, SteppingSettings
 from wbc.walking.tasks import leave_to_walk
 
@@ -185,27 +186,28 @@ class SteppingTasks:
 
     def follow(
         self,
-        reference: StepReference,
+        reference: Reference,
         lean: LeanMotion = UPRIGHT,
-        twist: tuple[float, float, float] | None = None,
+        twist: Twist | None = None,
     ) -> None:
         """Set all targets of a tick.
 
         Args:
             reference: References of the gait.
             lean: Lean of the trunk; `UPRIGHT` itself for none.
-            twist: Turn against the heading, its speed and its acceleration, rad, rad/s and rad/s²; None for none.
+            twist: Turn of the trunk against the heading; None for none.
         """
-        self._stand(reference)
-        if reference.swing is not None:
-            motion = reference.feet[reference.swing]
-            self._swings[reference.swing].follow(motion.placement, motion.velocity, motion.acceleration)
+        support = reference.support
+        assert support is not None
+        self._stand(reference, support)
+        if support.swing is not None:
+            self._swings[support.swing].follow(*reference.feet[support.swing])
         pendulum = reference.pendulum
         self.com.follow(pendulum.com, pendulum.com_velocity, pendulum.com_acceleration)
         if twist is None:
             self._pelvis.follow(pin.rpy.rpyToMatrix(0.0, 0.0, reference.heading) @ self._pelvis_tilt)
             return
-        angle, rate, push = twist
+        angle, rate, push, _ = twist
         turn, up = pin.rpy.rpyToMatrix(0.0, 0.0, reference.heading + angle), np.array([0.0, 0.0, 1.0])
         self._pelvis.follow(
             lean.rotation @ turn @ self._pelvis_tilt,
@@ -213,11 +215,11 @@ class SteppingTasks:
             lean.acceleration + push * up,
         )
 
-    def _stand(self, reference: StepReference) -> None:
+    def _stand(self, reference: Reference, support: Support) -> None:
         """Switch contacts, and the weights that go with them, where they change."""
-        gait, most = self._gait, reference.most_force
-        balanced, standing = reference.balanced, reference.phase is Phase.STANDING
-        state = (reference.contact, most, reference.stance, balanced, standing, reference.swing)
+        gait, most = self._gait, support.most_force
+        balanced, standing = support.balanced, reference.phase is Phase.STANDING
+        state = (reference.contact, most, support.stance, balanced, standing, support.swing)
         if state == self._state:
             return
         before, self._state = self._state, state
@@ -231,10 +233,10 @@ class SteppingTasks:
         for side, contact in enumerate(self.contacts):
             on = reference.contact[side]
             contact.active = on
-            self._swings[side].weight = self._swing_weight if side == reference.swing else 0.0
+            self._swings[side].weight = self._swing_weight if side == support.swing else 0.0
             if not on:
                 continue
-            full = balanced or side == reference.stance
+            full = balanced or side == support.stance
             weight = self._firm if balanced else self._held
             contact.motion_weight = weight if full else self._yielding * weight
             contact.min_force = 0.0  # first: a foot that was unloading may have less than it must carry now

@@ -1,0 +1,210 @@
+"""Balance of a robot whose source gives a pendulum: the stabilizer, and what is known of the pendulum's errors.
+
+    state = balance.correct(state)                  DCM less its bias and the shift by hands; load in the hands
+    reference = balance.update(reference, state)    hands, stabilizer, lean
+
+In position control the feet yield to the measured wrenches, the QP moves the commanded robot, and the servos get the
+torques of the desired wrenches on top. In torque control the desired acceleration of the CoM and the desired wrenches
+are tasks of the QP itself.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+
+from wbc.core.control import DriveControl, State
+from wbc.core.errors import Array, scalar
+from wbc.core.estimation.outside import OutsideWrench
+from wbc.core.robot import SIDES
+from wbc.tasks.stabilizer.bias import BiasEstimator
+from wbc.tasks.stabilizer.lean import UPRIGHT, Lean, LeanMotion
+from wbc.tasks.stabilizer.pendulum import natural_frequency
+from wbc.tasks.stabilizer.stabilizer import StabilizerOutput
+from wbc.walking.hands.hands import Hands
+from wbc.walking.hands.reaching import Arms
+from wbc.walking.load import HeldLoad
+from wbc.walking.planning.footsteps import Footstep
+from wbc.walking.planning.schedule import SoleSizes, support_area
+from wbc.walking.settings import WalkingControlSettings
+from wbc.walking.source import Reference
+from wbc.walking.tasks import WalkTasks
+
+
+class Balance:
+    """Balance of one robot.
+
+    Attributes:
+        stabilizer: Feedback and admittances.
+        lean: Lean of the trunk; None keeps it upright.
+        bias: Estimator of the error of the measured DCM; None takes it as measured.
+        hands: Hands that press on things; None without.
+        load: Load in the hands as estimated; None where none is expected.
+        output: Output of the stabilizer in the last tick; None before the first one.
+        leaning: Motion of the trunk's lean in that tick.
+        wrenches: Wrenches on the feet that the torques are to make in place of the QP's; None on torques.
+    """
+
+    def __init__(
+        self,
+        control: DriveControl,
+        tasks: WalkTasks,
+        arms: Arms,
+        settings: WalkingControlSettings,
+        height: float,
+    ) -> None:
+        """Make all parts for a robot that stands.
+
+        Args:
+            control: Its drives.
+            tasks: Its tasks and contacts.
+            arms: Its arms.
+            settings: Settings.
+            height: Height of the CoM over the soles while walking, m.
+
+        Raises:
+            InputError: Hands that the robot does not have.
+        """
+        s, robot = settings, control.controller.robot
+        self._control, self._tasks, self._robot = control, tasks, robot
+        self._dt = control.controller.dt
+        self._omega = natural_frequency(height)
+        self._divisor = scalar(self._omega)
+        left, right = robot.soles
+        self._sizes: SoleSizes = ((left.length, left.width), (right.length, right.width))
+        self.stabilizer = tasks.com.stabilizer
+        self.lean = None if s.lean is None else Lean(robot.mass, height, s.lean)
+        self.bias = None if s.bias is None else BiasEstimator(s.bias)
+        self.hands: Hands | None = None
+        estimate = control.observer.robot
+        if s.hands is not None:  # a loss is survived within a sole: while the robot walks it has no more
+            edges = 0.5 * left.length, 0.5 * left.width
+            self.hands = Hands(control.controller, estimate, s.hands, edges, height, arms)
+        self.load: HeldLoad | None = None
+        if s.load is not None:
+            self.load = HeldLoad(estimate, s.load)
+            if control.observer.outside is None:
+                control.observer.outside = OutsideWrench(estimate)
+        self.output: StabilizerOutput | None = None
+        self.leaning: LeanMotion = UPRIGHT
+        self._feedforward = s.mode == "position"
+        self.wrenches: Array | None = np.zeros((2, 6)) if self._feedforward else None
+        self._contact = (True, True)
+        self._heading = 0.0  # of the last reference
+        self._dcm = np.zeros(3)  # as measured, with its bias
+        self._bias: Array | None = None
+        # Views of the soles of the robot that the QP moves (commanded, or estimated in torque control).
+        self._soles = [robot.placement(sole.frame) for sole in robot.soles]
+        self._area = self._support_area()
+
+    def correct(self, state: State) -> State:
+        """Return the state with the DCM that references are to be compared with.
+
+        Args:
+            state: State of this tick; the models get the load that it shows from the next tick on.
+        """
+        if self.load is not None:
+            self._hold(self.load)
+        robot, hands = state.robot, self.hands
+        self._dcm = dcm = robot.com + robot.com_velocity / self._divisor
+        self._bias = None if self.bias is None else self._estimate_bias(self.bias)
+        if hands is not None and hands.gripping:
+            # What hands hold pulls at the DCM and holds it as well: landings stay as planned.
+            return state
+        if self._bias is not None:
+            dcm = dcm.copy()
+            dcm[:2] -= self._bias
+        if hands is not None and hands.active:  # the plan is that without hands
+            dcm = dcm.copy()
+            dcm[:2] -= hands.shift
+        return state._replace(dcm=dcm)
+
+    def update(self, reference: Reference, state: State) -> Reference:
+        """Run hands, stabilizer and lean for one tick.
+
+        Args:
+            reference: References of the source.
+            state: State of this tick.
+
+        Returns:
+            The references with the shift of the pendulum by hands that press.
+        """
+        measurement, hands, dt = state.measurement, self.hands, self._dt
+        self._heading = reference.heading
+        if reference.contact != self._contact:
+            self._switch_contacts(reference.contact)
+        outside = None
+        if hands is not None:
+            controller = self._control.controller
+            controller.outside = None
+            outside = hands.update(measurement, reference, dt)
+            if outside is not None:
+                reference = reference._replace(pendulum=hands.shifted(reference.pendulum))
+                controller.outside = hands.forces()
+        self.output = output = self._tasks.com.update(
+            reference.pendulum,
+            measurement.wrenches,
+            reference.contact,
+            reference.heading,
+            dt,
+            bias=self._bias,
+            outside=outside,
+        )
+        if self._feedforward:
+            self.wrenches = output.feet.wrenches
+        if outside is not None and hands is not None and not output.in_air:
+            hands.help(output.feet.shortfall[3:5], output.zmp, dt)
+        if self.lean is not None:  # towards the moment that the feet cannot give
+            x, y = (0.0, 0.0) if output.in_air else output.feet.shortfall[3:5].tolist()
+            self.leaning = self.lean.update((x, y), dt)
+        return reference
+
+    def dcm_distance(self) -> float:
+        """Return the distance of the measured DCM beyond the hull of both soles, m; negative within it."""
+        normals, offsets = self._area
+        dcm = self._dcm[:2]
+        if self.hands is not None:
+            dcm = dcm - self.hands.shift
+        beyond = normals.dot(dcm)
+        beyond -= offsets
+        return float(beyond[beyond.argmax()])
+
+    def _hold(self, load: HeldLoad) -> None:
+        """Follow the estimate of the load; the models have it from the next tick on."""
+        outside = self._control.observer.outside
+        assert outside is not None
+        if self.hands is None or not self.hands.active:  # what they press on is no load
+            load.update(outside, self._dt)
+        mass = self._robot.mass
+        if mass != self.stabilizer.mass:  # taken over, given back or let go of
+            self.stabilizer.mass = mass
+            if self.lean is not None:
+                self.lean.bear(mass)
+
+    def _estimate_bias(self, estimator: BiasEstimator) -> Array:
+        """Bias of the measured DCM, shape (2,), m; the ZMP is that of the last tick, which has driven the DCM."""
+        output = self.output
+        if output is None or output.in_air or not math.isfinite(output.measured_zmp[0]):
+            return estimator.bias
+        if self.load is not None and self.load.changing:
+            estimator.pause()
+            return estimator.bias
+        return estimator.update(self._dcm, output.measured_zmp, self._heading, self._omega, self._dt)
+
+    def _switch_contacts(self, contact: tuple[bool, bool]) -> None:
+        for side, stands in enumerate(contact):
+            if stands != self._contact[side]:
+                self._tasks.switch(side, stands)
+                self.stabilizer.feet.reset(side)
+        self._contact = contact
+        self._area = self._support_area()
+
+    def _support_area(self) -> tuple[Array, Array]:
+        """Half-planes of the hull of both soles as they are now, for the fall test."""
+        feet = tuple(
+            replace(Footstep.of(side, sole), roll=0.0, pitch=0.0)
+            for side, sole in zip(SIDES, self._soles, strict=True)
+        )
+        return support_area(feet, self._sizes)

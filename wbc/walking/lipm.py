@@ -1,0 +1,326 @@
+"""The LIPM walk as a source of references: along a plan of footsteps, or steered.
+
+    planner  →  steps from where the feet stand  →  check  →  walk  →  references
+
+On both feet the steps are planned anew every tenth of a second; with a foot in the air only when the planner or its
+command has changed, and not while the last foot is about to land. A planner that fails, or asks for a step that the
+robot cannot take, is dropped: the robot comes to a stand, and the reason is logged.
+"""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from wbc.core.arguments import checked
+from wbc.core.control import State
+from wbc.core.errors import InputError, shown
+from wbc.core.robot import SIDES, Robot
+from wbc.walking.planning.footsteps import FootstepPlan, check_start
+from wbc.walking.planning.gait import reaction
+from wbc.walking.planning.phases import Phase
+from wbc.walking.planning.reach import Reach, bent_height, check_plan
+from wbc.walking.planning.sources import (
+    AT_REST,
+    DriveSettings,
+    FootstepSource,
+    GoalSource,
+    PlanSource,
+    Standing,
+    Velocity,
+    VelocitySource,
+    checked_velocity,
+    close_up,
+)
+from wbc.walking.settings import WalkingControlSettings
+from wbc.walking.source import Progress, Reference, ReferenceSource, VelocityLimits
+from wbc.walking.walk import Walk
+
+logger = logging.getLogger(__name__)
+
+Extent = tuple[float, float, float, float]
+"""Least and greatest x, least and greatest y of the ground, m."""
+
+
+class LipmWalk(ReferenceSource):
+    """LIPM walk along a plan of footsteps, or steered by velocities, goals, plans and planners.
+
+    Attributes:
+        walk: Phases, pattern and swing foot.
+        settings: Settings of a walk that is steered.
+        planner: Planner of the footsteps; None for the plan that the walk began with.
+        com_height: Height of the CoM over the support while walking, m.
+        reason: Reason for which the last planner was dropped; empty if none was.
+    """
+
+    def __init__(
+        self,
+        walk: Walk,
+        robot: Robot,
+        settings: DriveSettings | None = None,
+        extent: Extent | None = None,
+    ) -> None:
+        """Leave the walk to its plan, which begins with the first tick.
+
+        Args:
+            walk: The walk.
+            robot: Its robot, for the soles.
+            settings: Settings; the defaults when None.
+            extent: The ground; endless when None.
+        """
+        self.walk, self.com_height = walk, walk.com_height
+        self.settings = settings or DriveSettings()
+        self.planner: FootstepSource | None = None
+        self._robot, self._extent = robot, extent
+        self._soles = [robot.placement(sole.frame) for sole in robot.soles]
+        plan = walk.phases.plan
+        self._gait = replace(plan.gait, feet_spacing=plan.spacing)
+        self._pace = 0.0  # of the last plan, m/s
+        self._next = 0.0  # time of the next plan, s
+        self._planned: tuple[FootstepSource | None, Velocity | None] = (None, None)
+        self._landed = False
+        self._steered = not len(plan)  # a plan from the start is walked as it is
+        if len(plan):
+            walk.start()
+
+    @classmethod
+    def of(
+        cls,
+        robot: Robot,
+        plan: FootstepPlan,
+        dt: float,
+        settings: WalkingControlSettings,
+        extent: Extent | None = None,
+    ) -> LipmWalk:
+        """Return the walk of a robot that stands at the start of a plan.
+
+        Args:
+            robot: The robot, standing.
+            plan: Footstep plan; without steps the robot stands until it is steered.
+            dt: Control period, s.
+            settings: Settings.
+            extent: The ground; endless when None.
+
+        Raises:
+            InputError: A plan that cannot be walked or begins elsewhere.
+        """
+        check_start(robot, plan)
+        s = settings
+        ground = 0.5 * (plan.left.z + plan.right.z)
+        height = float(robot.com[2]) - ground if s.com_height is None else s.com_height
+        reach = None
+        if not len(plan):
+            if s.com_height is None:
+                height = min(height, bent_height(robot, s.drive.stretch))
+            # Bent knees reach further ahead; to the side ankles must roll by what the robot sways, less in quick steps.
+            reach = Reach.of(robot, height)
+            narrow = Reach.of(robot).max_spacing
+            reach = replace(reach, max_spacing=narrow, quick_spacing=reach.max_spacing)
+        walk = Walk(robot, plan, height, dt, s.walk, reach=reach, extent=extent, com=np.array(robot.com))
+        return cls(walk, robot, s.drive, extent)
+
+    def update(self, state: State) -> Reference:
+        """Plan the footsteps anew if it is time to, and return the references of the walk."""
+        self.plan_steps(state.time)
+        # Filtered loads: a foot that has just met the ground presses in jerks.
+        return self.walk.update(state.load.tolist(), self._soles, state.dcm)
+
+    def progress(self, last: Reference | None) -> Progress:
+        """Return phase and steps now."""
+        phases = self.walk.phases
+        steps, gait, swing = phases.plan.steps, phases.plan.gait, phases.swing
+        return Progress(
+            phases.phase,
+            None if swing is None else SIDES.index(swing),
+            1 - SIDES.index(steps[min(phases.step, len(steps) - 1)].side) if steps else 0,
+            phases.completed,
+            phases.elapsed,
+            phases.duration,
+            steps[phases.step :],
+            gait.single_support + gait.double_support,
+        )
+
+    @property
+    def finished(self) -> bool:
+        """True when the plan, or what a planner has asked for, is walked and the robot stands."""
+        pending = self.planner is not None and self._planned[0] is not self.planner
+        return self.walk.finished and not pending
+
+    @property
+    def steered(self) -> bool:
+        """True if footsteps come, or may come, from a planner; False for a walk along its first plan."""
+        return self._steered
+
+    @property
+    def limits(self) -> VelocityLimits:
+        """Greatest velocities that are granted."""
+        (forward, aside, turn), back = self.settings.fastest, self.settings.fastest_back
+        return VelocityLimits(forward, back, aside, turn)
+
+    def velocity_source(self) -> VelocitySource:
+        """Return a planner of velocities that goes on from the velocity granted now."""
+        source = VelocitySource(self.walk.reach, self.walk.sole_sizes, self.settings, self.granted)
+        source.pace = 0.0 if self.walk.finished else self._pace
+        return source
+
+    @property
+    def granted(self) -> Velocity:
+        """Velocity of the present plan: forward (m/s), left (m/s) and turn (rad/s)."""
+        granted = None if self.planner is None else self.planner.granted
+        if granted is None:
+            return _mean_velocity(self.walk)
+        return AT_REST if self.walk.finished else granted
+
+    @property
+    def velocity(self) -> Velocity | None:
+        """Commanded velocity: forward (m/s), left (m/s) and turn (rad/s); None while another planner gives the steps.
+
+        A velocity that is not three finite numbers is an `InputError`; None brings the robot to a stand.
+        """
+        return None if self.planner is None else self.planner.target
+
+    @velocity.setter
+    def velocity(self, velocity: Sequence[float] | None) -> None:
+        target, planner = checked_velocity(velocity), self.planner
+        if planner is None or planner.target is None:
+            planner = self.velocity_source()
+            self.follow(planner)
+        planner.target = target
+
+    def stop(self) -> None:
+        """Come to a stand."""
+        if self.planner is None:
+            self.walk.stop()
+        else:
+            self.velocity = None
+
+    def follow(self, source: FootstepPlan | FootstepSource) -> None:
+        """Take the footsteps from a plan or a planner, from the next tick on.
+
+        Raises:
+            InputError: Neither a plan nor a planner.
+        """
+        if not isinstance(source, (FootstepPlan, FootstepSource)):
+            raise InputError(f"footsteps come from a FootstepPlan or a FootstepSource, got {shown(source)}")
+        self.planner = PlanSource(source) if isinstance(source, FootstepPlan) else source
+        self.reason, self._steered = "", True
+        self._next = 0.0
+
+    @checked
+    def go_to(self, x: float, y: float, yaw: float) -> None:
+        """Walk to a place and stand there.
+
+        Args:
+            x: Place of the middle between the feet in the world, m.
+            y: Place of the middle between the feet in the world, m.
+            yaw: Heading there, rad.
+
+        Raises:
+            InputError: A place beyond the ground.
+        """
+        if self._extent is not None:
+            low_x, high_x, low_y, high_y = self._extent
+            if not (low_x <= x <= high_x and low_y <= y <= high_y):
+                raise InputError(
+                    f"the ground extends over x from {low_x:g} to {high_x:g} and y from {low_y:g} to {high_y:g} m, "
+                    f"got the goal ({x:g}, {y:g})"
+                )
+        self.follow(GoalSource((x, y, yaw), self.velocity_source()))
+
+    def plan_steps(self, time: float) -> None:
+        """Plan the footsteps anew if it is time to.
+
+        Args:
+            time: Time since the start of the walk, s.
+        """
+        planner, phases = self.planner, self.walk.phases
+        if planner is None:
+            return
+        swings = phases.phase is Phase.SINGLE
+        if swings:
+            if (planner, planner.target) == self._planned or time < self._next or self._comes_to_rest:
+                self._landed = True
+                return
+        elif time < self._next and not self._landed:
+            return
+        self._landed = False
+        self._next = time + self.settings.replan
+        self._planned = (planner, planner.target)
+        now = Standing.of(phases, self._gait, time)
+        try:
+            plan = planner.footsteps(now)
+            self._check(plan, now, planner)
+            self._steer(plan, planner)
+            self._pace = planner.pace
+        except Exception as error:  # of a planner of the user's own, too: the robot comes to a stand
+            self._drop(error, now)
+
+    @property
+    def _comes_to_rest(self) -> bool:
+        """True in the last moments of the last step: no ZMP takes the DCM from its rest to another step that soon."""
+        phases = self.walk.phases
+        last = phases.step + 1 >= len(phases.plan)
+        return last and phases.duration - phases.elapsed < self.settings.replan
+
+    def _check(self, plan: FootstepPlan, now: Standing, planner: FootstepSource) -> None:
+        """Check the steps of a plan from where the feet are.
+
+        Raises:
+            InputError: A side out of turn, a step out of reach, or one that leaves the ground.
+        """
+        if not isinstance(plan, FootstepPlan):
+            raise InputError(f"a planner of footsteps returns a FootstepPlan, got {shown(plan)}")
+        if not plan.steps:
+            return
+        if now.first is not None and plan.steps[0].side != now.first:
+            raise InputError(
+                f"the {now.first} foot steps next, but the first step of the plan is of the {plan.steps[0].side} foot"
+            )
+        if planner.within_reach and self._extent is None:
+            return
+        checked = replace(plan, left=now.start.left, right=now.start.right)
+        reach = self.walk.reach
+        if planner.within_reach:
+            reach = replace(reach, max_spacing=reach.widest)
+        check_plan(checked, self._robot, reach, self._extent)
+
+    def _steer(self, plan: FootstepPlan, planner: FootstepSource) -> None:
+        walk = self.walk
+        if not plan.steps and walk.phases.step >= len(walk.phases.plan):
+            return  # it stands, or comes to rest
+        gait = plan.gait
+        if plan.steps:
+            walk.reaction = reaction(planner.pace)
+        if gait is not walk.phases.plan.gait:
+            gait, _ = gait.on_grid(walk.period)
+        walk.steer(plan.steps, gait)
+
+    def _drop(self, error: Exception, now: Standing) -> None:
+        """Come to a stand for a reason."""
+        ours = isinstance(error, InputError)
+        self.reason = str(error) if ours else f"{type(error).__name__}: {error}"
+        logger.warning(
+            "footsteps refused (%s); the robot comes to a stand",
+            self.reason,
+            exc_info=None if ours else error,
+        )
+        self.planner = stand = self.velocity_source()
+        try:
+            self._steer(stand.footsteps(now), stand)
+        except InputError:
+            side = now.first
+            self.walk.steer(() if side is None else close_up(now.start, side).steps)
+
+
+def _mean_velocity(walk: Walk) -> Velocity:
+    """Mean velocity over the next two steps of a plan, seen from the foot that stands."""
+    phases = walk.phases
+    plan, step = phases.plan, phases.step
+    if step + 2 > len(plan):
+        return AT_REST
+    forward, left, _, turn = plan.steps[step + 1].seen_from(plan.stance(step))
+    two = 2.0 * (plan.gait.single_support + plan.gait.double_support)
+    return forward / two, left / two, turn / two

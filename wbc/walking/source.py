@@ -1,0 +1,261 @@
+"""Sources of references: what a walk, a stand, a clip or a user's own hands to the controller in every tick.
+
+    reference = source.update(state)
+
+A source knows neither the QP nor the drives. `wbc.walking.lipm`, `wbc.walking.stepping.walk` and `wbc.motion.track` are
+sources beside each other; `Stand` is the smallest one.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, NamedTuple
+
+import pinocchio as pin
+
+from wbc.core.control import State
+from wbc.core.errors import Array, InputError
+from wbc.core.robot import SIDES, Robot
+from wbc.tasks.stabilizer.pendulum import Pendulum
+from wbc.walking.pattern.swing import FootMotion
+from wbc.walking.planning.footsteps import Footstep, FootstepPlan, heading
+from wbc.walking.planning.phases import Event, Phase
+from wbc.walking.planning.sources import AT_REST, FootstepSource, Velocity
+
+if TYPE_CHECKING:
+    from wbc.walking.stepping.law import Divergent
+
+NO_PUSH = (0.0, 0.0)
+
+
+class Support(NamedTuple):
+    """Share of each foot in carrying a robot that balances by its steps.
+
+    Attributes:
+        stance: Foot that carries: 0 left, 1 right.
+        swing: Foot that follows its motion; None on both feet, and while a foot that has met the ground waits.
+        most_force: Greatest normal force of each foot, N.
+        balanced: True if the CoM follows the pendulum horizontally too, on two feet; steps alone balance it otherwise.
+        dcm: Divergent component of motion, by the angular momentum about the contact.
+    """
+
+    stance: int
+    swing: int | None
+    most_force: tuple[float, float]
+    balanced: bool
+    dcm: Divergent
+
+
+class WholeBody(NamedTuple):
+    """Motion of all joints and of the trunk, from a source that gives more than pendulum and feet.
+
+    Attributes:
+        com_acceleration: Acceleration of the CoM, of which the pendulum has what its ZMP makes, shape (3,), m/s².
+        trunk: Rotation, angular velocity and acceleration of pelvis and torso (of one if they are the same), in the
+            world.
+        position: Joint positions, shape (na,), rad.
+        velocity: Joint velocities, shape (na,), rad/s.
+        acceleration: Joint accelerations, shape (na,), rad/s².
+    """
+
+    com_acceleration: Array
+    trunk: Sequence[tuple[Array, Array, Array]]
+    position: Array
+    velocity: Array
+    acceleration: Array
+
+
+class Reference(NamedTuple):
+    """References of one tick.
+
+    Attributes:
+        pendulum: CoM, ZMP and their derivatives. Of a robot that balances by its steps the CoM as measured at its
+            desired height, with its desired acceleration, and the contact point.
+        feet: Motions of left and right sole.
+        contact: True for each foot on the ground, left and right.
+        heading: Heading of pelvis and torso, rad.
+        phase: Phase of the feet.
+        step: Index of the step that swings, or that swings next; number of the steps that have ended.
+        events: Events of this tick.
+        push: Acceleration of the CoM beyond that of the pendulum, by the reaction to the swing, m/s².
+        landing: Planned landing of the foot in the air; None where none is planned.
+        elapsed: Time in this phase, s.
+        duration: Planned length of this phase, s.
+        support: Of a robot that balances by its steps; None for the stabilizer.
+        body: Motion of all joints and of the trunk; None for the posture, and for a trunk that is upright.
+    """
+
+    pendulum: Pendulum
+    feet: tuple[FootMotion, FootMotion]
+    contact: tuple[bool, bool] = (True, True)
+    heading: float = 0.0
+    phase: Phase = Phase.STANDING
+    step: int = 0
+    events: tuple[Event, ...] = ()
+    push: tuple[float, float] = NO_PUSH
+    landing: Footstep | None = None
+    elapsed: float = 0.0
+    duration: float = 0.0
+    support: Support | None = None
+    body: WholeBody | None = None
+
+
+class Progress(NamedTuple):
+    """Phase and steps of a walk at one instant.
+
+    Attributes:
+        phase: Phase of the feet.
+        swing: Foot in the air, 0 left and 1 right; None on both feet.
+        stance: Foot that stands while the present or next step swings; after the last step, the one that stood in it.
+        steps_done: Single supports that have ended.
+        elapsed: Time in this phase, s.
+        duration: Planned length of this phase, s.
+        upcoming: Planned landings from now on, that of the foot in the air first; empty where none is planned.
+        cycle: Planned time of one step, single and double support, s.
+    """
+
+    phase: Phase
+    swing: int | None
+    stance: int
+    steps_done: int
+    elapsed: float
+    duration: float
+    upcoming: tuple[Footstep, ...]
+    cycle: float
+
+    @property
+    def swing_side(self) -> str | None:
+        """Side of the foot in the air, "left" or "right"; None on both feet."""
+        return None if self.swing is None else SIDES[self.swing]
+
+    @property
+    def landing(self) -> Footstep | None:
+        """Planned landing of the foot in the air; None without one."""
+        return self.upcoming[0] if self.swing is not None and self.upcoming else None
+
+
+class VelocityLimits(NamedTuple):
+    """Greatest velocities that are granted.
+
+    Attributes:
+        forward: m/s.
+        back: m/s.
+        aside: m/s.
+        turn: rad/s.
+    """
+
+    forward: float
+    back: float
+    aside: float
+    turn: float
+
+
+class ReferenceSource(ABC):
+    """Base of all sources of references; one of your own writes `update` and what it has to say of the rest.
+
+    Attributes:
+        by_steps: True if the references say how each foot carries: steps balance the robot, not a stabilizer.
+        unsteered: Sentence with which a source refuses to be steered.
+        com_height: Height of the CoM over the soles, m; None for that of the robot as it stands.
+        reason: Reason for which the source has dropped the last order; empty if it has not.
+    """
+
+    by_steps = False
+    unsteered = "references that do not come from footsteps cannot be steered"
+    com_height: float | None = None
+    reason = ""
+
+    @abstractmethod
+    def update(self, state: State) -> Reference:
+        """Return the references of this tick.
+
+        Args:
+            state: State of the robot. What this raises fails the tick, and the robot gets a command all the same.
+        """
+
+    def progress(self, last: Reference | None) -> Progress:
+        """Return phase and steps now.
+
+        Args:
+            last: References of the last tick; None before the first one.
+        """
+        if last is None:
+            return Progress(Phase.STANDING, None, 0, 0, 0.0, 0.0, (), 1.0)
+        swing = None if all(last.contact) else last.contact.index(False)
+        upcoming = () if last.landing is None else (last.landing,)
+        stance = 0 if swing is None else 1 - swing
+        cycle = last.duration or 1.0
+        return Progress(last.phase, swing, stance, last.step, last.elapsed, last.duration, upcoming, cycle)
+
+    @property
+    def finished(self) -> bool:
+        """True when all that was asked for is done and the robot stands."""
+        return False
+
+    @property
+    def steered(self) -> bool:
+        """True if the robot is steered, or may be."""
+        return False
+
+    @property
+    def velocity(self) -> Velocity | None:
+        """Commanded velocity: forward (m/s), left (m/s) and turn (rad/s); None while none is commanded."""
+        return None
+
+    @velocity.setter
+    def velocity(self, velocity: Sequence[float] | None) -> None:
+        raise InputError(self.unsteered)
+
+    @property
+    def granted(self) -> Velocity:
+        """Velocity that the present steps give: forward (m/s), left (m/s) and turn (rad/s)."""
+        return AT_REST
+
+    @property
+    def limits(self) -> VelocityLimits:
+        """Greatest velocities that are granted."""
+        return VelocityLimits(0.0, 0.0, 0.0, 0.0)
+
+    def go_to(self, x: float, y: float, yaw: float) -> None:
+        """Walk to a place (m) and heading (rad), and stand there."""
+        raise InputError(self.unsteered)
+
+    def follow(self, source: FootstepPlan | FootstepSource) -> None:
+        """Take the footsteps from a plan or a planner."""
+        raise InputError(self.unsteered)
+
+    def stop(self) -> None:
+        """Come to a stand safely."""
+        raise InputError(self.unsteered)
+
+
+class Stand(ReferenceSource):
+    """Stand on both feet, with the CoM where it is or where it is sent; the start of a source of one's own.
+
+    Attributes:
+        com: CoM to hold, shape (3,), m; assign another one in small steps.
+        places: Placements of the left and the right sole.
+        heading: Heading of the robot, rad.
+    """
+
+    unsteered = "a robot that stands cannot be steered"
+
+    def __init__(self, robot: Robot) -> None:
+        """Stand as the robot stands.
+
+        Args:
+            robot: Robot with two soles.
+        """
+        self.com = robot.com.copy()
+        self.places = [pin.SE3(robot.placement(sole.frame)) for sole in robot.soles]
+        self.heading = heading(robot.placement(robot.base_frame).rotation)
+
+    def pendulum(self) -> Pendulum:
+        """Return the pendulum that rests at `com`, over the ground between the soles."""
+        return Pendulum.at_rest(self.com, 0.5 * sum(float(place.translation[2]) for place in self.places))
+
+    def update(self, state: State) -> Reference:
+        """Return the stand."""
+        left, right = (FootMotion.at_rest(place) for place in self.places)
+        return Reference(self.pendulum(), (left, right), heading=self.heading)

@@ -1,0 +1,125 @@
+"""The stepping walk as a source of references: place and time of every step are decided at every tick."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from wbc.core.arguments import checked
+from wbc.core.control import State
+from wbc.core.robot import Robot
+from wbc.walking.planning.footsteps import heading
+from wbc.walking.planning.phases import Phase
+from wbc.walking.planning.sources import Velocity
+from wbc.walking.source import Progress, Reference, ReferenceSource, VelocityLimits
+from wbc.walking.stepping.gait import BodyState, SteppingGait
+from wbc.walking.stepping.settings import Scale, SteppingSettings
+
+
+class SteppingWalk(ReferenceSource):
+    """Walk that balances by its steps: it stands, walks where it is steered, and stands.
+
+    Attributes:
+        gait: Law of the steps, with the steering.
+        com_height: Height of the CoM over the soles while walking, m.
+    """
+
+    by_steps = True
+    unsteered = "a stepping walk decides each step as it goes: it takes a velocity or a goal, no footsteps"
+
+    def __init__(
+        self,
+        robot: Robot,
+        dt: float,
+        settings: SteppingSettings | None = None,
+        com_height: float | None = None,
+    ) -> None:
+        """Stand.
+
+        Args:
+            robot: The robot, standing.
+            dt: Control period, s.
+            settings: Settings; the defaults when None.
+            com_height: Height of the CoM over the soles while walking, m; from the settings' `bend` when None.
+
+        Raises:
+            InputError: A robot without two feet, or steps that cannot be walked.
+        """
+        settings = settings or SteppingSettings()
+        scale = Scale.of(robot, settings.bend, com_height)
+        self.com_height = scale.height
+        self.gait = SteppingGait(settings, scale, heading(robot.placement(robot.base_frame).rotation), dt)
+        self._steering = self.gait.steering
+        self._robot: Robot | None = None  # that of the state
+
+    def update(self, state: State) -> Reference:
+        """Decide the step, and return where it leaves the robot."""
+        robot = state.robot
+        if robot is not self._robot:  # in the first tick
+            self._robot, (left, right) = robot, robot.soles
+            self._frames = robot.placement(left.frame), robot.placement(right.frame)
+        left_sole, right_sole = self._frames
+        body = BodyState(
+            robot.com.tolist(),
+            robot.com_velocity.tolist(),
+            robot.data.hg.angular.tolist(),
+            (left_sole.translation.tolist(), right_sole.translation.tolist()),
+            (left_sole.rotation.tolist(), right_sole.rotation.tolist()),
+            state.measurement.wrenches.tolist(),
+        )
+        return self.gait.update(body, self._frames)
+
+    def progress(self, last: Reference | None) -> Progress:
+        """Return phase and steps now."""
+        cycle = self.gait.settings.step_time
+        if last is None or last.support is None:
+            return Progress(Phase.STANDING, None, self.gait.stance, 0, 0.0, 0.0, (), cycle)
+        stance = last.support.stance
+        swing = 1 - stance if last.phase is Phase.SINGLE else None
+        upcoming = () if last.landing is None else (last.landing,)
+        return Progress(last.phase, swing, stance, last.step, last.elapsed, last.duration, upcoming, cycle)
+
+    @property
+    def finished(self) -> bool:
+        """True when nothing asks for steps and the robot has stood for as long as a step takes."""
+        return self.gait.stands and not self._steering.pending
+
+    @property
+    def steered(self) -> bool:
+        """True: no footsteps are planned."""
+        return True
+
+    @property
+    def velocity(self) -> Velocity | None:
+        """Commanded velocity: forward (m/s), left (m/s) and turn (rad/s); None for a stand, or with a goal."""
+        return self._steering.target
+
+    @velocity.setter
+    def velocity(self, velocity: Sequence[float] | None) -> None:
+        self._steering.command(velocity)
+
+    @property
+    def granted(self) -> Velocity:
+        """Velocity of the steps now: forward (m/s), left (m/s) and turn (rad/s)."""
+        steering = self._steering
+        turn = 0.0 if steering.target is None else steering.limited(steering.target)[2]
+        return (*steering.velocity, turn)
+
+    @property
+    def limits(self) -> VelocityLimits:
+        """Greatest velocities that are granted."""
+        return self._steering.limits
+
+    @checked
+    def go_to(self, x: float, y: float, yaw: float) -> None:
+        """Walk to a place and stand there.
+
+        Args:
+            x: Place of the robot in the world, m.
+            y: Place of the robot in the world, m.
+            yaw: Heading there, rad.
+        """
+        self._steering.go_to(x, y, yaw)
+
+    def stop(self) -> None:
+        """Come to a stand."""
+        self._steering.command(None)
