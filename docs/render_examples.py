@@ -35,7 +35,7 @@ INSTANTS = {
     "walk_stairs": 5.7,
     "walk_push": 4.9,
     "step_over_stones": 4.6,
-    "walk_tune": 3.4,
+    "own_source": 3.0,
     "own_robot": 1.0,
     "hands/carry": 4.0,
     "hands/lean": 8.0,

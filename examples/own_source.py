@@ -1,6 +1,6 @@
-"""References of your own: a class with one method says where pendulum and feet are to be, the controller does the rest.
+"""References of your own: one method says where pendulum and feet are to be, the controller does the rest.
 
-The robot marches in place, slowly enough that its ZMP is under the sole that stands before the other foot lifts.
+The robot marches in place: a foot lifts once the ZMP is under the other sole.
 """
 
 from __future__ import annotations
@@ -29,30 +29,23 @@ class March(Stand):
         stand, w, t = super().update(state), self.rate, state.time
         rest, sway = stand.pendulum, math.sin(w * t)
         share = self.aside / (1.0 + (w / rest.omega) ** 2)  # of the CoM: the ZMP is at c - c̈ / ω²
-        pendulum = rest._replace(
-            com=rest.com + sway * share,
-            com_velocity=w * math.cos(w * t) * share,
-            com_acceleration=-w * w * sway * share,
-            zmp=rest.zmp + sway * self.aside,
-        )
-        lifted = max(0.0, 5.0 * abs(sway) - 4.0)
-        if lifted == 0.0:
-            return stand._replace(pendulum=pendulum)
-        feet, up = list(stand.feet), 1 if sway > 0.0 else 0
-        place = self.places[up].copy()
-        place.translation += (0.0, 0.0, self.height * lifted**2 * (3.0 - 2.0 * lifted))
-        feet[up] = FootMotion.at_rest(place)
-        return stand._replace(pendulum=pendulum, feet=(feet[0], feet[1]), contact=(up != 0, up != 1))
+        com, speed, push = sway * share, w * math.cos(w * t) * share, -w * w * sway * share
+        zmp = rest.zmp + sway * self.aside
+        pendulum = rest._replace(com=rest.com + com, com_velocity=speed, com_acceleration=push, zmp=zmp)
+        lifted, up = max(0.0, 5.0 * abs(sway) - 4.0), 1 if sway > 0.0 else 0
+        if lifted > 0.0:
+            feet, place = list(stand.feet), self.places[up].copy()
+            place.translation += (0.0, 0.0, self.height * lifted**2 * (3.0 - 2.0 * lifted))
+            feet[up] = FootMotion.at_rest(place)
+            stand = stand._replace(feet=tuple(feet), contact=(up != 0, up != 1))
+        return stand._replace(pendulum=pendulum)
 
 
 def main(arguments: Sequence[str] | None = None) -> dict[str, Any]:
     """Run the example."""
-    options = parse(
-        __doc__, arguments, seconds=9.0, robot="hrp4_class", mode=("position", "torque", "hybrid")
-    )
-    description = wbc.load_robot(options.robot)
-    plant = wbc.Plant(description, control_period=0.002)
-    robot, settings = description.robot(), WalkingControlSettings(mode=options.mode)
+    options = parse(__doc__, arguments, seconds=9.0, robot="hrp4_class", mode=("torque", "position"))
+    plant = wbc.Plant(wbc.load_robot(options.robot), control_period=0.002)
+    robot, settings = plant.description.robot(), WalkingControlSettings(mode=options.mode)
     walking = WalkingControl(robot, March(robot), plant.control_period, settings)
     estimate, high = walking.control.observer.robot, 0.0
     with options.watch(plant, walking) as view:

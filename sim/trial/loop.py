@@ -25,8 +25,8 @@ from wbc.core.errors import MeasurementError
 from wbc.core.signals import Command, Measurement
 from wbc.sim.plant.falls import PelvisLimits, TrueFallDetector
 from wbc.sim.plant.plant import DivergedError, Plant
-from wbc.walking.falls import FallReason
 from wbc.walking.control import ReferenceControl
+from wbc.walking.falls import FallReason
 
 
 class CommandSource(Protocol):

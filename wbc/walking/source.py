@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import pinocchio as pin
 
+from wbc.core.arguments import checked
 from wbc.core.control import State
 from wbc.core.errors import Array, InputError
 from wbc.core.robot import SIDES, Robot
@@ -218,15 +219,27 @@ class ReferenceSource(ABC):
         return VelocityLimits(0.0, 0.0, 0.0, 0.0)
 
     def go_to(self, x: float, y: float, yaw: float) -> None:
-        """Walk to a place (m) and heading (rad), and stand there."""
+        """Walk to a place (m) and heading (rad), and stand there.
+
+        Raises:
+            InputError: The source cannot be steered.
+        """
         raise InputError(self.unsteered)
 
     def follow(self, source: FootstepPlan | FootstepSource) -> None:
-        """Take the footsteps from a plan or a planner."""
+        """Take the footsteps from a plan or a planner.
+
+        Raises:
+            InputError: The source takes no footsteps.
+        """
         raise InputError(self.unsteered)
 
     def stop(self) -> None:
-        """Come to a stand safely."""
+        """Come to a stand safely.
+
+        Raises:
+            InputError: The source cannot be steered.
+        """
         raise InputError(self.unsteered)
 
 
@@ -241,6 +254,7 @@ class Stand(ReferenceSource):
 
     unsteered = "a robot that stands cannot be steered"
 
+    @checked
     def __init__(self, robot: Robot) -> None:
         """Stand as the robot stands.
 

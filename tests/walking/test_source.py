@@ -1,0 +1,97 @@
+"""Sources of references: anything with `update` is followed, steered or not, measured, logged and shown."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import wbc
+from wbc.app.log import Log, Recorder
+from wbc.app.scene import Annotations, PlantSource, make_layers
+from wbc.app.scene.shapes import HIDDEN
+from wbc.core.errors import InputError
+from wbc.robots import load
+from wbc.walking import FootstepPlan, Reference, Stand, State, WalkingControl
+from wbc.walking.planning.phases import Phase
+from wbc.walking.stepping import SteppingWalk
+
+DESCRIPTION = load("hrp4_class")
+
+
+class Sway(Stand):
+    """CoM that goes from side to side; says nothing of steering, progress or an end."""
+
+    def update(self, state: State) -> Reference:
+        stand, rate = super().update(state), 2.0
+        rest, far = stand.pendulum, np.array([0.0, 0.03, 0.0])
+        com = np.sin(rate * state.time) * far
+        speed, push = rate * np.cos(rate * state.time) * far, -rate * rate * com
+        zmp = rest.zmp + com - push / rest.omega**2
+        pendulum = rest._replace(com=rest.com + com, com_velocity=speed, com_acceleration=push, zmp=zmp)
+        return stand._replace(pendulum=pendulum)
+
+
+class Fails(Stand):
+    def update(self, state: State) -> Reference:
+        if state.time > 0.1025:  # from the 21st tick of 5 ms on
+            raise RuntimeError("no reference")
+        return super().update(state)
+
+
+def test_a_source_of_ones_own_is_followed_logged_and_shown(tmp_path: Path) -> None:
+    plant, robot = wbc.Plant(DESCRIPTION), DESCRIPTION.robot()
+    walking = WalkingControl(robot, Sway(robot), plant.control_period)
+    assert walking.progress.phase is Phase.STANDING and walking.progress.steps_done == 0
+    scene, sides, error = PlantSource(plant).scene, [], 0.0
+    layers = make_layers(plant, scene, walking)
+    with Recorder(tmp_path / "own.arrow") as record:
+        while plant.time < 1.6:
+            measurement = plant.measure()
+            command = walking.command(measurement)
+            record(plant, walking, measurement, command)
+            plant.step(command)
+            assert walking.reference is not None and walking.output is not None
+            sides.append(float(plant.truth().com[1]))
+            error = max(error, abs(sides[-1] - float(walking.reference.pendulum.com[1])))
+    for layer in layers:
+        layer.fill(np.tile(HIDDEN, (len(layer.moving), 1, 1)), Annotations())
+    assert walking.fallen is None and not walking.finished and error < 0.01
+    assert max(sides) - min(sides) > 0.015
+    wanted = Log.open(tmp_path / "own.arrow")["com/reference"]
+    assert np.ptp(wanted[:, 1]) == pytest.approx(0.03, abs=2e-3)
+
+
+def test_a_source_that_raises_fails_its_ticks_and_the_robot_gets_commands() -> None:
+    plant, robot = wbc.Plant(DESCRIPTION), DESCRIPTION.robot()
+    walking = WalkingControl(robot, Fails(robot), plant.control_period)
+    for _ in range(40):
+        command = walking.command(plant.measure())
+        assert np.isfinite(command.joint_torque).all()
+        plant.step(command)
+    assert walking.control.failures == 20 and "no reference" in walking.control.reason
+
+
+def test_a_source_that_cannot_be_steered_says_so_in_one_sentence() -> None:
+    robot = DESCRIPTION.robot()
+    walking = WalkingControl(robot, Stand(robot), 0.005)
+    for order in (
+        lambda: setattr(walking, "velocity", (0.1, 0.0, 0.0)),
+        lambda: walking.go_to(1.0, 0.0, 0.0),
+        lambda: walking.follow(FootstepPlan.standing(robot)),
+        walking.stop,
+    ):
+        with pytest.raises(InputError, match="a robot that stands cannot be steered"):
+            order()
+    assert walking.velocity is None and not walking.steered and walking.granted_velocity == (0.0, 0.0, 0.0)
+    with pytest.raises(InputError, match="only a LIPM walk has phases"):
+        _ = walking.walk
+
+
+def test_sources_that_the_stabilizer_cannot_follow_are_refused() -> None:
+    robot = DESCRIPTION.robot()
+    with pytest.raises(InputError, match="steps balance the robot"):
+        WalkingControl(robot, SteppingWalk(robot, 0.005), 0.005)
+    with pytest.raises(InputError, match="source"):
+        WalkingControl(robot, "stand", 0.005)  # type: ignore[arg-type]
