@@ -10,7 +10,7 @@ if TYPE_CHECKING:
     from wbc.app.log import Log, Recorder
     from wbc.app.plot import draw, draw_signals, save
     from wbc.app.replay import Replay, render_video, replay_page
-    from wbc.app.view import MeshcatView, WatchWalk
+    from wbc.app.view import MeshcatView, WatchWalk, Workbench
 
 __all__ = [
     "Log",
@@ -18,6 +18,7 @@ __all__ = [
     "Recorder",
     "Replay",
     "WatchWalk",
+    "Workbench",
     "draw",
     "draw_signals",
     "render_video",
@@ -29,7 +30,7 @@ _ROOMS = {
     "log": ("Log", "Recorder"),
     "plot": ("draw", "draw_signals", "save"),
     "replay": ("Replay", "render_video", "replay_page"),
-    "view": ("MeshcatView", "WatchWalk"),
+    "view": ("MeshcatView", "WatchWalk", "Workbench"),
 }
 
 

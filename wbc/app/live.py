@@ -26,21 +26,28 @@ class LiveView:
 
     Attributes:
         view: Show the run in the browser, in real time.
+        workbench: Show it with controls of tasks, gains, contacts and pushes; needs the extra wbc[workbench].
         host: Address of the page; 0.0.0.0 is reached from other machines, too.
         port: Port of the page; the first free one from 7000 on if not given.
     """
 
     view: bool = False
+    workbench: bool = False
     host: Host = "127.0.0.1"
     port: Port | None = None
 
+    @property
+    def watched(self) -> bool:
+        """True if there is a page."""
+        return self.view or self.workbench
+
     def __post_init__(self) -> None:
-        if not self.view and (self.port is not None or self.host != "127.0.0.1"):
-            raise InputError("host and port are those of the live view: they need --view")
+        if not self.watched and (self.port is not None or self.host != "127.0.0.1"):
+            raise InputError("host and port are those of the live view: they need --view or --workbench")
 
     @contextmanager
     def watch(self, trial: Trial) -> Iterator[list[WatchWalk]]:
-        """Give the hooks of a trial that show it if `view` is set; none otherwise.
+        """Give the hooks of a trial that show it if there is a page; none otherwise.
 
         The port is taken now, the trial waits for the page when it starts.
 
@@ -51,18 +58,35 @@ class LiveView:
             InputError: A port that is out of range or in use.
             ViewError: The page cannot be served there.
         """
-        if not self.view:
+        if not self.watched:
             yield []
             return
         from wbc.app.view import WatchWalk  # noqa: PLC0415 - most runs are not watched
 
-        with WatchWalk(host=self.host, port=self.port, wait=BROWSER_TIME) as hook:
+        with WatchWalk(workbench=self.workbench, host=self.host, port=self.port, wait=BROWSER_TIME) as hook:
             hook.open(trial)
             yield [hook]
 
 
+@settings(kw_only=True)
+class LiveDrive(LiveView):
+    """Options of the live view of a walk.
+
+    Attributes:
+        drive: Drive from the live page: arrow keys, stick, gamepad.
+    """
+
+    drive: bool = False
+
+    @property
+    def watched(self) -> bool:
+        """True if there is a page."""
+        return self.view or self.workbench or self.drive
+
+
 LiveOptions = Annotated[LiveView, Parameter(name="*")]
-"""Type of the argument `live` of a command."""
+DriveOptions = Annotated[LiveDrive, Parameter(name="*")]
+"""Types of the argument `live` of a command, and of one that can be driven."""
 
 
 def changes_of(watching: list[WatchWalk]) -> list[dict[str, Any]]:

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 from wbc.app.arguments import NONE_GIVEN, Fields
 from wbc.app.bench.profile import ProfileRow, profile_text, profile_walk
 from wbc.app.files import check_target, read_object
-from wbc.app.live import LiveOptions, LiveView, changes_of, interactive, interactive_text
+from wbc.app.live import DriveOptions, LiveDrive, changes_of, interactive, interactive_text
 from wbc.app.output import Flat, Output, OutputOptions, Report, reports
 from wbc.app.walk_report import walk_text
 from wbc.core.changes import read_changes, setting_names
@@ -84,7 +84,6 @@ class WalkOptions:
     """What is done with the walk, and the rest of its spec.
 
     Attributes:
-        drive: Drive from the live page: arrow keys, stick, gamepad.
         seconds: Longest time of a drive, s.
         set: Any other setting, as name=value: dcm_p=5, swing_height=0.07, payload=2.
         spec: Walk to begin with: a preset (frizza, the paper's), or a file, whole or in part (JSON, TOML; --json prints
@@ -93,7 +92,6 @@ class WalkOptions:
         profile: Divide the time of the walk, from physics to each task.
     """
 
-    drive: bool = False
     seconds: Positive | None = None
     set: tuple[str, ...] = ()
     spec: str | None = None
@@ -106,7 +104,7 @@ def walk(
     given: Annotated[Mapping[str, Any], OPTIONS] = NONE_GIVEN,
     *,
     options: Flat[WalkOptions] = WalkOptions(),
-    live: LiveOptions = LiveView(),
+    live: DriveOptions = LiveDrive(),
     output: OutputOptions = Output(),
 ) -> Report:
     """Walk in the simulator, and report how far the robot came and how well. A fall is a result like any other."""
@@ -116,9 +114,7 @@ def walk(
             each for name in ("terrain_params", "policy_params") for each in given.get(name, {}).values()
         )
         target = check_target("a log", options.record, (".arrow",), [options.spec, *map(str, named)])
-    spec = walk_spec(given, options)
-    if options.drive:
-        live = replace(live, view=True)
+    spec = walk_spec(given, options, live.drive)
     if spec.plan.stairs is None:  # a swing over stairs counts its height from the higher end
         check_clearance(spec.ground(), spec.gait.swing_height)
     hooks: list[WalkHook] = []
@@ -131,7 +127,7 @@ def walk(
 
             record = stack.enter_context(LogFile(target, spec=spec))
             for watch in watching:
-                record.add("view/change", watch.news, about="changed from the page since the tick before")
+                record.add("view/change", watch.news, about="orders of the page since the tick before, JSON")
             hooks.append(record)
         hooks += watching
         profile: tuple[ProfileRow, ...] = ()
@@ -151,8 +147,13 @@ def walk(
     return output.report(data, text, lost)
 
 
-def walk_spec(given: Mapping[str, Any], options: WalkOptions) -> WalkSpec:
+def walk_spec(given: Mapping[str, Any], options: WalkOptions, drive: bool = False) -> WalkSpec:
     """Return the walk: what is given, over what the file of `--spec` says, over the defaults of the command.
+
+    Args:
+        given: Fields by name.
+        options: The other options.
+        drive: The robot is driven from the page.
 
     Raises:
         InputError: A walk that cannot be walked, or a file that cannot be read.
@@ -167,7 +168,7 @@ def walk_spec(given: Mapping[str, Any], options: WalkOptions) -> WalkSpec:
             push["direction"] = math.radians(
                 finite_scalar("direction of a push (degrees)", push["direction"])
             )
-    if options.drive:
+    if drive:
         plan["drive"] = [[options.seconds or DRIVE_TIME, 0.0, 0.0, 0.0]]
     elif options.seconds is not None and "drive" not in (plan or lower.get("plan") or {}):
         raise InputError("seconds belong to a drive; give --drive as well")
@@ -177,9 +178,7 @@ def walk_spec(given: Mapping[str, Any], options: WalkOptions) -> WalkSpec:
         place = upper.setdefault(groups[0], {}) if groups else upper
         place[last] = value
     spec = WalkSpec.from_json(_over(upper, _over(lower, DEFAULTS)))
-    return (
-        spec if options.drive or spec.plan.drive is None else _bounded(spec, spec.plan.drive, options.seconds)
-    )
+    return spec if drive or spec.plan.drive is None else _bounded(spec, spec.plan.drive, options.seconds)
 
 
 def _bounded(

@@ -11,6 +11,7 @@ import numpy as np
 
 from wbc.app.scene.colours import TILE_COLOURS
 from wbc.app.scene.ground import TILE
+from wbc.app.scene.robot_shapes import read_mesh
 from wbc.app.scene.scene import Scene
 from wbc.app.scene.shapes import (
     ROOT,
@@ -180,12 +181,3 @@ def _add_mesh(spec: mujoco.MjSpec, name: str, shape: Shape) -> None:
         raise InputError(f"a {type(shape).__name__} cannot be filmed")
     mesh.uservert = np.asarray(vertices, dtype=np.float64).ravel()
     mesh.userface = np.asarray(faces, dtype=np.int32).ravel()
-
-
-def read_mesh(path: str) -> tuple[Array, Any]:
-    """Return vertices and triangles of a mesh file of any format that assimp reads."""
-    import coal  # noqa: PLC0415 - for COLLADA alone
-
-    model = coal.MeshLoader().load(path, np.ones(3))
-    faces = [[model.tri_indices(i)[k] for k in range(3)] for i in range(model.num_tris)]
-    return np.array(model.vertices()), np.array(faces)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 from xml.etree import ElementTree
 
 import numpy as np
@@ -50,6 +51,15 @@ def robot_parts(description: RobotDescription) -> list[Part]:
                     parts[body] += _parts(str(link.get("name")), element, colours, directories)
     sticks = _sticks(description)
     return [part for body, shapes in parts.items() for part in shapes or sticks[body]]
+
+
+def read_mesh(path: str) -> tuple[Array, Any]:
+    """Return vertices and triangles of a mesh file of any format that assimp reads."""
+    import coal  # noqa: PLC0415 - for COLLADA alone
+
+    model = coal.MeshLoader().load(path, np.ones(3))
+    faces = [[model.tri_indices(i)[k] for k in range(3)] for i in range(model.num_tris)]
+    return np.array(model.vertices()), np.array(faces)
 
 
 def homogeneous(placement: pin.SE3) -> Array:

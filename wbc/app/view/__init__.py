@@ -1,18 +1,43 @@
-"""Live view in the browser: page, drawing process and the controls of a run.
+"""Live views in the browser, and the controls of a run.
 
     with MeshcatView(plant) as view:  # or a MujocoLoop, or a description and update(state, measurement=…)
         while plant.time < 10.0:
             plant.step(control.command(plant.measure()))
             view.update()
 
+    with Workbench(plant, control) as view:  # the same, with controls of everything that the run has
     walk(spec, hooks=[WatchWalk()])     # a simulated walk, with its footsteps
+    walk(spec, hooks=[RepeatWalk(interventions_of("walk.arrow"))])  # once more, with what was changed from the page
 
-What is drawn lives in `wbc.app.scene`; a new control of the page goes into `wbc.app.view.controls`. Who may
-open the page and change the run, see `wbc.app.view.guard` and `wbc.app.view.server`.
+What is drawn lives in `wbc.app.scene`; a new control of a run goes into `wbc.app.view.controls`. Who may open a page
+and change the run, see `wbc.app.view.guard`.
 """
 
-from wbc.app.address import PortError, ViewError
-from wbc.app.view.meshcat_view import MeshcatView
-from wbc.app.view.walk_hook import WatchWalk
+import importlib
+from typing import TYPE_CHECKING, Any
 
-__all__ = ["MeshcatView", "PortError", "ViewError", "WatchWalk"]
+from wbc.app.address import PortError, ViewError
+from wbc.app.view.controls import LiveControls, RepeatWalk, interventions_of
+from wbc.app.view.meshcat_view import MeshcatView
+from wbc.app.view.walk_hook import WatchWalk, open_view
+
+if TYPE_CHECKING:
+    from wbc.app.view.workbench import Workbench
+
+__all__ = [
+    "LiveControls",
+    "MeshcatView",
+    "PortError",
+    "RepeatWalk",
+    "ViewError",
+    "WatchWalk",
+    "Workbench",
+    "interventions_of",
+    "open_view",
+]
+
+
+def __getattr__(name: str) -> Any:
+    if name == "Workbench":  # needs an extra
+        return importlib.import_module("wbc.app.view.workbench").Workbench
+    raise AttributeError(f"module 'wbc.app.view' has no attribute '{name}'")

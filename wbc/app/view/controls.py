@@ -1,14 +1,17 @@
-"""Controls of the page: what a user can change in a run.
+"""Controls of a run: what its page, or a program that repeats it, may change.
 
-Pause and speed change only when things happen on the clock. The others change the run; each is recorded as an
-intervention with its time, and results say that there were any.
+Pause and speed change only when things happen on the clock. Everything else is an order: orders are queued, carried out
+at a tick, and kept as interventions with their simulated time, which results and logs hold and which repeat the run.
 
     push        a push on the torso, from the robot's front, back or sides
+    pull        a force on a link for as long as it is held, as by the mouse
     stop        the walk stops safely, with the present step
     drive       velocity of a robot that is steered: forward, left and turn; a stand when no page that may is left
-    gains       of the stabilizer, where the controller has one, from the next tick on
+    gain        of the stabilizer, where the controller has one, from the next tick on
     stiffness   of variable soles: each foot gets it in its next swing, as if decided by a policy, as far as its
                 actuator is sure to reach it before the landing
+    task        weight, stiffness, target of a task, or whether it is on
+    own         a button, slider or gizmo of the program
 
 Not offered: a footstep plan, gait, terrain and seed are checked before a walk starts and belong to another run. The
 stiffness of a passive sole is fixed by its material. A run cannot go back in time: record and replay it (`wbc view`).
@@ -16,17 +19,29 @@ stiffness of a passive sole is fixed by its material. A run cannot go back in ti
 
 from __future__ import annotations
 
+import json
 import logging
 import math
-from collections.abc import Callable
-from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from collections import deque
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
-from wbc.core.errors import InputError, WbcError, choose, finite_scalar
+import numpy as np
+import pinocchio as pin
+
+from wbc.core.errors import InputError, WbcError, choose, finite_array, finite_scalar
+from wbc.core.qp.controller import Controller
+from wbc.core.qp.task import Task
+from wbc.core.robot import GRAVITY
 from wbc.feet.soles.soft import VariableStiffnessFoot
+from wbc.sim.walks import WalkHook
+from wbc.tasks.stabilizer.gains import LIMITS
 
 if TYPE_CHECKING:
     from wbc.sim import Plant
+    from wbc.sim.walks import WalkTick, WalkTrial
     from wbc.walking.control import ReferenceControl
 
 _log = logging.getLogger(__name__)
@@ -54,66 +69,207 @@ PUSH_DURATION = 0.1
 """Duration of a push, s; as in `wbc push`."""
 
 
+ValueT = TypeVar("ValueT")
+
+
+@dataclass
+class Setting(Generic[ValueT]):
+    """Setting of a slider or gizmo of a program.
+
+    Attributes:
+        value: Value at the present tick.
+    """
+
+    value: ValueT
+
+
 class LiveControls:
-    """Controls of one run, which carry out the requests of pages.
+    """Controls of one run, which carry out orders; without a page they repeat the interventions of a former run.
 
     Attributes:
         interventions: Changes of the run, each with its simulated time (s); empty if nobody changed it.
-        message: Outcome of the last request, for the page.
+        message: Outcome of the last order, for the page.
     """
 
-    def __init__(self, plant: Plant | None, walking: ReferenceControl | None) -> None:
+    def __init__(
+        self,
+        plant: Plant | None,
+        walking: ReferenceControl | None,
+        controller: Controller | None = None,
+        *,
+        repeat: Iterable[dict[str, Any]] = (),
+    ) -> None:
         """Find the controls that the run has.
 
         Args:
-            plant: The plant; None for no controls.
+            plant: The plant; None for a run that cannot be pushed.
             walking: The controller of a walk.
+            controller: Controller whose tasks may be changed; that of the walk when None.
+            repeat: Interventions of a former run, carried out again at their times; see `interventions_of`.
         """
         self._plant, self._walking = plant, walking
+        self.controller = walking.controller if controller is None and walking is not None else controller
         self.interventions: list[dict[str, Any]] = []
         self.message = ""
-        self._actions: dict[str, Callable[[dict[str, Any]], dict[str, Any]]] = {}
+        self._orders: deque[dict[str, Any]] = deque()  # of pages, until the next tick
+        self._repeat = deque(sorted(repeat, key=lambda entry: float(entry["time"])))
+        self._own: dict[str, Callable[[Any], object]] = {}
+        self._pull: tuple[str, list[float]] | None = None
+        self._weights: dict[str, Any] = {}  # of tasks that are off
+        self._reported, self._time = 0, 0.0
+        self._actions: dict[str, Callable[[dict[str, Any]], dict[str, Any]]] = {"own": self._call}
+        if self.controller is not None:
+            self._actions["task"] = self._set_task
         if plant is not None:
-            self._actions["push"] = self._push
-            if walking is not None:
-                self._actions["stop"] = self._stop
-                if walking.stabilizer is not None:
-                    self._actions["gain"] = self._set_gain
-                if walking.steered:
-                    self._actions["drive"] = self._drive
-                if isinstance(plant.foot, VariableStiffnessFoot):
-                    self._actions["stiffness"] = self._set_stiffness
+            self._actions |= {"push": self._push, "pull": self._hold}
+        if walking is not None:
+            self._actions["stop"] = self._stop
+            if walking.stabilizer is not None:
+                self._actions["gain"] = self._set_gain
+            if walking.steered:
+                self._actions["drive"] = self._drive
+            if plant is not None and isinstance(plant.foot, VariableStiffnessFoot):
+                self._actions["stiffness"] = self._set_stiffness
+
+    # ---- controls of the program ------------------------------------------------------------------------------------
+
+    def button(self, name: str, call: Callable[[], object]) -> None:
+        """Add a button; see `Workbench.button`."""
+        self._add_own(name, lambda value: call(), call)
+
+    def slider(
+        self,
+        name: str,
+        low: float,
+        high: float,
+        value: float,
+        call: Callable[[float], object] | None = None,
+        unit: str = "",
+    ) -> Setting[float]:
+        """Add a slider; see `Workbench.slider`."""
+        del unit
+        what = f"value of slider '{name}'"
+        if not finite_scalar(what, low) < finite_scalar(what, high):
+            raise InputError(f"slider '{name}' needs low below high, got {low:g} and {high:g}")
+        setting = Setting(finite_scalar(what, value, low=low, high=high))
+
+        def take(given: Any) -> None:
+            setting.value = _number(what, given, low=low, high=high)
+            if call is not None:
+                call(setting.value)
+
+        self._add_own(name, take, call)
+        return setting
+
+    def gizmo(
+        self,
+        thing: Task | str,
+        place: pin.SE3 | None = None,
+        call: Callable[[pin.SE3], object] | None = None,
+    ) -> Setting[pin.SE3] | None:
+        """Add a gizmo; see `Workbench.gizmo`."""
+        if isinstance(thing, Task):
+            self.check_task(thing)
+            return None
+        setting = Setting(pin.SE3.Identity() if place is None else pin.SE3(place))
+
+        def take(given: Any) -> None:
+            numbers = finite_array(f"place of gizmo '{thing}' (m, xyzw)", given, (7,))
+            setting.value = pin.XYZQUATToSE3(numbers)
+            if call is not None:
+                call(setting.value)
+
+        self._add_own(thing, take, call)
+        return setting
+
+    def plot(self, name: str, function: Callable[[], Any], unit: str = "") -> None:
+        """Do nothing: a repetition shows nothing; see `Workbench.plot`."""
+
+    def _add_own(self, name: str, take: Callable[[Any], object], call: object) -> None:
+        """Add a control of the program: an order with its name is taken by a function.
+
+        Raises:
+            InputError: A name that is taken, or something else than a function to call.
+        """
+        if name in self._own:
+            raise InputError(f"there is a control '{name}' already; choose another name")
+        if call is not None and not callable(call):
+            raise InputError(f"control '{name}' needs a function, got {call!r}")
+        self._own[name] = take
+
+    def check_task(self, task: Task) -> Task:
+        """Return a task, after a check that it belongs to the controller of this run and that its target may be set.
+
+        Raises:
+            InputError: A task of another controller, or of none; or whose target another part sets.
+        """
+        if self.controller is None or not any(task is each for each in self.controller.tasks):
+            raise InputError(f"{task!r} is no task of the controller that is shown; add it there first")
+        if task.held_by is not None:
+            raise InputError(f"the target of task '{task.name}' is set at every tick: use {task.held_by}")
+        return task
+
+    # ---- the tick ---------------------------------------------------------------------------------------------------
+
+    def order(self, request: dict[str, Any]) -> None:
+        """Queue an order until the next tick; may be called from any thread."""
+        self._orders.append(request)
+
+    def update(self, time: float | None = None, **_: Any) -> None:
+        """Run one tick: carry out what is due, and pull where somebody holds a link.
+
+        Args:
+            time: Simulated time, s; that of the plant when None.
+            **_: What a view takes beside it, so that a repetition can stand in for a view.
+        """
+        self.carry_out(self._now if time is None else time)
+        if self._pull is not None and self._plant is not None:
+            self._plant.push(self._pull[0], self._pull[1], self._plant.control_period)
+
+    def carry_out(self, time: float) -> None:
+        """Carry out the orders that are due at a time, s."""
+        self._time = time
+        while self._repeat and self._repeat[0]["time"] <= time:
+            entry = dict(self._repeat.popleft())
+            self.apply({"do": entry.pop("what"), **entry})
+        while self._orders:
+            self.apply(self._orders.popleft())
+
+    def news(self) -> str:
+        """Return the interventions since the last call, for a log: a JSON list; empty text if there are none."""
+        entries = self.interventions[self._reported :]
+        self._reported += len(entries)
+        return json.dumps(entries) if entries else ""
 
     def available(self) -> dict[str, Any]:
-        """Return the controls and their present values, for the page."""
+        """Return the controls and their ranges and present values, for a page."""
         controls: dict[str, Any] = {}
+        walking, plant = self._walking, self._plant
         if "push" in self._actions:
             controls["push"] = {"impulse": IMPULSE, "largest": MAX_IMPULSE, "directions": list(DIRECTIONS)}
         if "stop" in self._actions:
             controls["stop"] = True
-        if "drive" in self._actions:
-            assert self._walking is not None
-            forward, back, aside, turn = self._walking.velocity_limits
+        if "drive" in self._actions and walking is not None:
+            forward, back, aside, turn = walking.velocity_limits
             controls["drive"] = {"forward": forward, "back": back, "left": aside, "turn": turn}
-        if "gain" in self._actions:
-            assert self._walking is not None and self._walking.stabilizer is not None
-            gains = self._walking.stabilizer.gains
+        if "gain" in self._actions and walking is not None and walking.stabilizer is not None:
+            gains = walking.stabilizer.gains
             controls["gains"] = [
-                {"name": name, "unit": unit, "value": _first(getattr(gains, name))}
+                {"name": name, "unit": unit, "largest": LIMITS[name], "value": _first(getattr(gains, name))}
                 for name, unit in GAINS.items()
             ]
-        if "stiffness" in self._actions:
-            assert self._plant is not None and isinstance(self._plant.foot, VariableStiffnessFoot)
-            actuator = self._plant.foot.actuator
-            value = float(self._plant.foot.stiffness)
+        if "stiffness" in self._actions and plant is not None:
+            assert isinstance(plant.foot, VariableStiffnessFoot)
+            actuator = plant.foot.actuator
+            value = float(plant.foot.stiffness)
             controls["stiffness"] = {"low": actuator.low, "high": actuator.high, "value": value}
         return controls
 
     def apply(self, request: Any) -> None:
-        """Carry out a request; `message` says whether it was refused.
+        """Carry out an order now; `message` says whether it was refused.
 
         Args:
-            request: Request of a page: {"do": name, …}.
+            request: The order: {"do": name, …}.
         """
         try:
             if not isinstance(request, dict) or not isinstance(request.get("do"), str):
@@ -124,13 +280,59 @@ class LiveControls:
             if not isinstance(error, WbcError):
                 _log.warning("a request of the page failed", exc_info=True)
             return
-        assert self._plant is not None
-        entry = {"time": self._plant.time, "what": request["do"], **facts}
+        entry = {"time": self._now, "what": request["do"], **facts}
         last = self.interventions[-1] if self.interventions else None
         if last is not None and last["what"] == "drive" == entry["what"] and last["time"] == entry["time"]:
             self.interventions.pop()  # only the last of several commands to one tick counts
         self.interventions.append(entry)
         self.message = intervention_text(entry)
+
+    @property
+    def _now(self) -> float:
+        """Simulated time, s."""
+        return self._time if self._plant is None else self._plant.time
+
+    def _call(self, request: dict[str, Any]) -> dict[str, Any]:
+        name = choose("control", str(request.get("name")), self._own)
+        self._own[name](request.get("value"))
+        return {"name": name, "value": request.get("value")}
+
+    def _set_task(self, request: dict[str, Any]) -> dict[str, Any]:
+        assert self.controller is not None
+        task: Any = self.controller.task(str(request.get("task")))
+        facts: dict[str, Any] = {
+            key: request[key] for key in ("weight", "stiffness", "on", "target") if key in request
+        }
+        if len(facts) != 1:
+            raise InputError("an order to a task has one of weight, stiffness, on and target")
+        ((what, value),) = facts.items()
+        if what == "target":
+            self.check_task(task)
+            task.target = target_of(task, value)
+        elif what == "on":
+            if task.hard:
+                raise InputError(f"task '{task.name}' is hard: it cannot be switched off")
+            if value and task.name in self._weights:
+                task.weight = self._weights.pop(task.name)
+            elif not value and task.name not in self._weights:
+                self._weights[task.name], task.weight = np.array(task.weight), 0.0
+        elif what == "weight" and task.name in self._weights:
+            self._weights[task.name] = finite_array(f"weight of task '{task.name}'", value)
+        else:
+            setattr(task, what, value)
+        return {"task": task.name, **facts}
+
+    def _hold(self, request: dict[str, Any]) -> dict[str, Any]:
+        assert self._plant is not None
+        body = str(request.get("body"))
+        force = finite_array("force of a pull (N)", request.get("force", math.nan), (3,))
+        weight = self._plant.robot.mass * GRAVITY
+        size = float(np.linalg.norm(force))
+        if size > weight:
+            force = force * (weight / size)
+        self._plant.robot.frame_id(body)
+        self._pull = (body, force.tolist()) if size > 0.0 else None
+        return {"body": body, "force": force.tolist()}
 
     def _push(self, request: dict[str, Any]) -> dict[str, Any]:
         assert self._plant is not None
@@ -195,6 +397,48 @@ class LiveControls:
         return {"value": value}
 
 
+def target_of(task: Any, value: Any) -> Any:
+    """Return numbers as a target of a task: a point, shape (3,), a rotation, (3, 3), or a pose as position and xyzw."""
+    if isinstance(task.target, pin.SE3):
+        return pin.XYZQUATToSE3(finite_array(f"target of task '{task.name}' (m, xyzw)", value, (7,)))
+    return finite_array(f"target of task '{task.name}'", value, np.shape(task.target))
+
+
+def interventions_of(log: Any) -> list[dict[str, Any]]:
+    """Return the interventions of a run that was watched, to repeat it.
+
+    Args:
+        log: Its log, or the path of it.
+    """
+    from wbc.app.log import Log  # noqa: PLC0415 - a repetition needs it, a view does not
+
+    opened = Log.open(log) if isinstance(log, (str, Path)) else log
+    found = opened.texts("view/change") if "view/change" in opened else []
+    return [entry for text in found if text for entry in json.loads(text)]
+
+
+class RepeatWalk(WalkHook):
+    """Repetition of the interventions of a walk: with the same spec, the walk is the same bit for bit.
+
+    Attributes:
+        controls: Controls that carry them out; None before the walk starts.
+    """
+
+    def __init__(self, interventions: Iterable[dict[str, Any]]) -> None:
+        """Store the interventions; see `interventions_of`."""
+        self._interventions = list(interventions)
+        self.controls: LiveControls | None = None
+
+    def start(self, trial: WalkTrial) -> None:
+        """See `WalkHook`."""
+        self.controls = LiveControls(trial.plant, trial.walking, repeat=self._interventions)
+
+    def tick(self, tick: WalkTick) -> None:
+        """See `WalkHook`."""
+        assert self.controls is not None
+        self.controls.update(tick.plant.time)
+
+
 def intervention_text(entry: dict[str, Any]) -> str:
     """Return an intervention as text."""
     what = {
@@ -203,6 +447,9 @@ def intervention_text(entry: dict[str, Any]) -> str:
         "drive": "driven at {forward:.2f} m/s forward, {left:.2f} m/s left, {turn:.2f} rad/s",
         "gain": "gain {name} set to {value:g}",
         "stiffness": "soles told to take {value:g} Nm/rad",
+        "pull": "pulled at {body} with {force} N",
+        "task": "task {task} changed",
+        "own": "{name}",
     }[entry["what"]]
     return f"{entry['time']:.2f} s: {what.format(**entry)}"
 

@@ -1,7 +1,8 @@
 """Guard of served pages: which requests are answered, what an answer may do in a browser, and its limits.
 
 A page is asked for by the address that it is served at, never by the name of another site (DNS rebinding) and never by
-another site's page. No page frames it, and its own scripts run, no others.
+another site's page. No page frames it, unless it was asked to let those of this machine do so (notebooks), and its own
+scripts run, no others.
 """
 
 from __future__ import annotations
@@ -26,7 +27,11 @@ PING_TIME = 60.0
 IDLE_TIME = 60.0
 """Longest time for a request to come in over an open connection, s."""
 
-CLOSED_POLICY = "default-src 'none'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
+FRAMES = "frame-ancestors 'none'"
+LOCAL_FRAMES = "frame-ancestors http://localhost:* http://127.0.0.1:* https://localhost:* https://127.0.0.1:*"
+"""Parts of a policy that let no page, or those of this machine, show the page in a frame."""
+
+CLOSED_POLICY = "default-src 'none'; base-uri 'none'; form-action 'none'; " + FRAMES
 """Content security policy of everything that is served."""
 
 PAGE_POLICY = (
@@ -52,6 +57,17 @@ def new_nonce() -> str:
     return secrets.token_urlsafe(16)
 
 
+def admitted(served: ServedAddress, host: str, origin: str | None) -> bool:
+    """Return true for a request that is meant for a served address and comes from its own page, or from no page.
+
+    Args:
+        served: The address.
+        host: `Host` of the request.
+        origin: `Origin` of the request, if it has one.
+    """
+    return served.admits(host) and origin in (None, f"http://{host}")
+
+
 class GuardedHandler(tornado.web.RequestHandler):
     """Handler that answers only requests for the address that is served; others get status 403."""
 
@@ -62,12 +78,7 @@ class GuardedHandler(tornado.web.RequestHandler):
 
     def prepare(self) -> None:
         """Refuse a request with the host or the origin of another site."""
-        served: ServedAddress = self.settings["served"]
-        host = self.request.host
-        if (
-            not served.admits(host)
-            or self.request.headers.get("Origin", f"http://{host}") != f"http://{host}"
-        ):
+        if not admitted(self.settings["served"], self.request.host, self.request.headers.get("Origin")):
             raise tornado.web.HTTPError(403, reason="Refused")
 
     def write_error(self, status_code: int, **_: Any) -> None:
@@ -85,6 +96,9 @@ class GuardedHandler(tornado.web.RequestHandler):
         """
         if nonce is not None:
             policy = PAGE_POLICY.format(nonce=nonce, host=self.request.host)
+            if self.settings["framed"]:
+                policy = policy.replace(FRAMES, LOCAL_FRAMES)
+                self.clear_header("X-Frame-Options")
             self.set_header("Content-Security-Policy", policy)
         sent = self.finish(body)
         await asyncio.wait([sent], timeout=SEND_TIME)
@@ -101,16 +115,20 @@ class _NotFound(GuardedHandler):
         raise tornado.web.HTTPError(404)
 
 
-def guarded_server(served: ServedAddress, routes: list[Any]) -> tornado.httpserver.HTTPServer:
+def guarded_server(
+    served: ServedAddress, routes: list[Any], *, framed: bool = False
+) -> tornado.httpserver.HTTPServer:
     """Return a server of pages.
 
     Args:
         served: The address that it is asked for by.
         routes: Rules of tornado; the handlers derive from `GuardedHandler`.
+        framed: Pages of this machine may show these in a frame.
     """
     application = tornado.web.Application(
         routes,
         served=served,
+        framed=framed,
         default_handler_class=_NotFound,
         websocket_max_message_size=MAX_MESSAGE,
         websocket_ping_interval=PING_TIME,

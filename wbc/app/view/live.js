@@ -14,64 +14,38 @@ function make(tag, parent, attributes = {}, text = "") {
     made.append(text);
     return made;
 }
-function number(parent, label, unit, value, limits, then) {
-    const box = make("label", parent, {}, label + " ");
-    const field = make("input", box, {type: "number", step: "any", value: value, ...limits});
-    box.append(" " + unit);
-    if (then) field.onchange = () => { if (field.value !== "") then(Number(field.value)); };
-    return field;
-}
 function build(controls) {
     const place = byId("change");
     place.replaceChildren();
     byId("pause").disabled = byId("speed").disabled = !mayChange;
     if (!mayChange) { place.append("to change the run, open the link that it has printed"); return; }
-    if (controls.push) {
-        const group = make("span", place, {class: "group"});
-        const button = make("button", group, {id: "push"}, "push");
-        const direction = make("select", group, {"aria-label": "direction of the push"});
-        for (const name of controls.push.directions) make("option", direction, {}, name);
-        const limits = {min: 0, max: controls.push.largest};
-        const impulse = number(group, "", "Ns/kg", controls.push.impulse, limits);
-        button.onclick = () =>
-            order({do: "push", direction: direction.value, impulse: Number(impulse.value)});
-    }
     drive(controls.drive, place);
-    if (controls.stop) make("button", place, {id: "stop"}, "stop walking").onclick = () => order({do: "stop"});
-    if (controls.stiffness) {
-        const limits = {min: controls.stiffness.low, max: controls.stiffness.high, id: "stiffness"};
-        number(place, "soles", "Nm/rad", controls.stiffness.value, limits,
-            (value) => order({do: "stiffness", value: value}));
-    }
-    if (controls.gains) {
-        const fold = make("details", place, {id: "gains"});
-        make("summary", fold, {}, "gains");
-        const group = make("span", fold, {class: "gains"});
-        for (const gain of controls.gains) {
-            number(group, gain.name, gain.unit, gain.value, {min: 0, "data-gain": gain.name},
-                (value) => order({do: "gain", name: gain.name, value: value}));
-        }
-    }
+    if (!controls.stop) return;
+    const [label, title] = controls.drive
+        ? ["stand", "the robot comes to a stand and can be driven on; end the run in its terminal with Ctrl-C"]
+        : ["stop walking", "the present step is the last; the run ends when the robot stands"];
+    make("button", place, {id: "stop", title}, label).onclick = () => order({do: "stop"});
 }
+
 // ---- driving: arrow keys (with shift to the side), the stick, or a gamepad; a command is sent when it changes
 
-let fastest = null, sent = "", held = new Set(), stick = [0, 0];
+let fastest = null, sent = "", otherDrives = false, held = new Set(), stick = [0, 0], knob = null;
 function drive(limits, place) {
     fastest = limits || null;
     held.clear();
     sent = "";
     if (!fastest) return;
     const pad = make("span", place, {id: "stick", title: "drive: drag, or use the arrow keys, with shift to the side"});
-    const knob = make("span", pad, {id: "knob"});
+    knob = make("span", pad, {id: "knob"});
+    make("span", place, {id: "driver"});
     const move = (event) => {
         const box = pad.getBoundingClientRect(), half = box.width / 2;
         const limit = (value) => Math.max(-1, Math.min(1, value / half));
         stick = [limit(event.clientX - box.left - half), limit(event.clientY - box.top - half)];
-        knob.style.transform = `translate(${stick[0] * 20}px, ${stick[1] * 20}px)`;
     };
     pad.onpointerdown = (event) => { pad.setPointerCapture(event.pointerId); move(event); };
     pad.onpointermove = (event) => { if (pad.hasPointerCapture(event.pointerId)) move(event); };
-    pad.onpointerup = pad.onpointercancel = () => { stick = [0, 0]; knob.style.transform = ""; };
+    pad.onpointerup = pad.onpointercancel = () => { stick = [0, 0]; };
 }
 function steer() {
     if (!fastest || !mayChange) return;
@@ -83,10 +57,13 @@ function steer() {
         if (!pad || !pad.connected) continue;
         ahead -= free(pad.axes[1] || 0); left -= free(pad.axes[0] || 0); turn -= free(pad.axes[2] || 0);
     }
+    const inside = (value) => 20 * Math.max(-1, Math.min(1, value));
+    knob.style.transform = `translate(${inside(-(left || turn))}px, ${inside(-ahead)}px)`;
     const part = (value, most) => Math.round(100 * Math.max(-1, Math.min(1, value)) * most) / 100;
     const wish = {do: "drive", forward: part(ahead, ahead > 0 ? fastest.forward : fastest.back),
                   left: part(left, fastest.left), turn: part(turn, fastest.turn)};
     const text = JSON.stringify(wish);
+    if (otherDrives && !wish.forward && !wish.left && !wish.turn) sent = text;  // nor stops what the other page drives
     if (text === sent || (sent === "" && !wish.forward && !wish.left && !wish.turn)) return;
     if (socket && socket.readyState === 1) { order(wish); sent = text; }
 }
@@ -114,6 +91,8 @@ document.addEventListener("keydown", (event) => {
 });
 function state(facts) {
     paused = facts.paused;
+    otherDrives = facts.other_drives;
+    if (byId("driver")) say("driver", facts.other_drives ? "another page drives" : "");
     byId("pause").textContent = paused ? "go on" : "pause";
     const speed = facts.speed === null ? "" : String(facts.speed), select = byId("speed");
     if (![...select.options].some((option) => option.value === speed)) make("option", select, {value: speed}, speed);

@@ -1,68 +1,38 @@
-"""Live view of a robot in a web browser.
+"""Live view by MeshCat, which comes with every installation: drawing happens in a process of its own.
 
-Drawing happens in a process of its own. `update` takes a snapshot at most 30 times a second and leaves it in shared
-memory; all other calls return at once. It reads the plant and never writes to it, so that a run gives the same numbers
-with and without a view, unless somebody uses the page's controls that change a run (`wbc.app.view.controls`): these
-changes are in `MeshcatView.interventions`.
+`update` leaves a snapshot in shared memory, so that a run waits for nothing but its own pace.
 """
 
 from __future__ import annotations
 
-import math
 import secrets
-import sys
-import time as clock
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
-import numpy as np
-
-from wbc.app.address import Address, ViewError
-from wbc.app.scene.layer import Annotations, Layer
-from wbc.app.scene.layers import RangeLayer, make_layers
-from wbc.app.scene.scene import Scene, Snapshot
-from wbc.app.scene.shapes import HIDDEN
-from wbc.app.scene.sources import PlantSource, RobotSource
-from wbc.app.view.controls import LiveControls
-from wbc.app.view.pace import Pace
+from wbc.app.address import Address
+from wbc.app.scene.layer import Annotations
+from wbc.app.view.base import View
 from wbc.app.view.process import DrawingProcess, ServerSetup
 from wbc.app.view.user_input import unpack
-from wbc.core.errors import Array, InputError, finite_scalar, positive
-from wbc.core.robot import Robot
+from wbc.core.errors import Array
 from wbc.robots import RobotDescription
 from wbc.sim.plant.plant import Plant
 from wbc.sim.terrain import Terrain
 
 if TYPE_CHECKING:
-    from wbc.core.signals import Measurement
     from wbc.sim import MujocoLoop
-    from wbc.sim.plant import GroundTruth
     from wbc.walking.control import ReferenceControl
-
-PAUSE_TICK = 0.02
-"""Period at which a paused run checks whether it may go on, s."""
 
 TOKEN_BYTES = 16
 """Length of the random token in the link, bytes."""
 
 
-class MeshcatView:
-    """A page in the browser that shows a robot as it moves.
+class MeshcatView(View):
+    """A page in the browser that shows a robot as it moves; see `View` for what it shows.
 
-    Robot and ground; soft soles as they are bent, in the colour of their stiffness; contact forces (an arrow as long as
-    the centre of mass is high is the robot's weight) and pushes; centre of mass, ZMP, DCM and support polygon. Of a
-    walk also footsteps, planned and real, ZMP and DCM as planned, scans of range sensors, and text: time, step, phase,
-    stiffness. The camera follows the robot if that is checked on the page.
-
-    The page can pause a run and set its speed; and, unless `controls` are off, push the robot, stop a walk and change
-    gains and stiffness (see `wbc.app.view.controls`, also for what cannot be changed live). A paused run goes on when
-    the last page is closed.
+    Unless `controls` are off, the page can stop a walk and drive a robot that is steered. `Workbench` changes the rest.
 
     The view ends when it is closed or when the program ends; the page then keeps its last picture, and a later view on
     the same port continues in the same page.
-
-    Attributes:
-        scene: The scene.
-        controls: Controls of the page, with the changes so far.
     """
 
     def __init__(
@@ -76,6 +46,7 @@ class MeshcatView:
         rate: float = 30.0,
         speed: float | None = None,
         controls: bool = True,
+        notebook: bool = False,
     ) -> None:
         """Start serving the page; its address goes to the standard error.
 
@@ -92,52 +63,21 @@ class MeshcatView:
             speed: Hold the run back to this multiple of real time, 1 for real time; None never waits. The page can
                 change it.
             controls: Let the page change the run; pause and speed are always available.
+            notebook: Let pages of this machine, such as a notebook, show the page in a frame.
 
         Raises:
             InputError: A value out of range, no host, a terrain given with a plant, or a walk without one.
             PortError: The port is in use; nothing is left running.
             ViewError: The process does not start; nothing is left running.
         """
-        self._period = 1.0 / positive("rate of the view (1/s)", rate)
-        self._pace = Pace(None if speed is None else positive("speed of the view", speed))
         address = Address(host, port)
-        self._source: PlantSource | RobotSource
-        self._plant: Plant | None = None
-        self._layers: tuple[Layer, ...] = ()
-        self._loop = None if isinstance(source, (RobotDescription, Plant)) else source
-        if self._loop is not None:
-            if not callable(getattr(self._loop, "truth", None)):
-                raise InputError(
-                    "a view of a loop needs its truth(); give the description of the robot, and update(robot) its state"
-                )
-            source = self._loop.description
-        if isinstance(source, RobotDescription):
-            if walking is not None:
-                raise InputError("a walk is shown with its plant; give the plant in place of the description")
-            self._source = RobotSource(source, terrain)
-        elif terrain is not None:
-            raise InputError("a plant has its own terrain; leave `terrain` out")
-        else:
-            assert isinstance(source, Plant)
-            self._plant, self._source = source, PlantSource(source)
-            self._layers = make_layers(source, self._source.scene, walking)
-        self.scene: Scene = self._source.scene.extended(
-            [thing for layer in self._layers for thing in layer.objects],
-            [path for layer in self._layers for path in layer.moving],
-            tuple(entry for layer in self._layers for entry in layer.legend),
-        )
-        self.controls = LiveControls(self._plant if controls else None, walking)
+        super().__init__(source, walking, terrain=terrain, rate=rate, speed=speed, controls=controls)
         token = secrets.token_urlsafe(TOKEN_BYTES)
         self._process = DrawingProcess(
-            ServerSetup(self.scene, address, rate, speed, self.controls.available(), token)
+            ServerSetup(self.scene, address, rate, speed, self.controls.available(), token, notebook)
         )
-        self._next = -math.inf
         self._input_number = self._request_number = 0  # of the last ones that were read
-        self._paused = False
-        self._measurement: Measurement | None = None
-        print(f"live view: {self.url}", file=sys.stderr, flush=True)
-        if self._plant is not None or self._loop is not None:
-            self.update()
+        self._begin()
 
     @property
     def url(self) -> str:
@@ -155,97 +95,29 @@ class MeshcatView:
         return self._process.channel.pages if self._process.running else 0
 
     @property
+    def drivers(self) -> int:
+        """Number of open pages that may change the run."""
+        return self._process.channel.drivers if self._process.running else 0
+
+    @property
     def closed(self) -> bool:
         """True after `close`."""
         return self._process.closed
+
+    @property
+    def running(self) -> bool:
+        """True as long as the page is served."""
+        return self._process.running
 
     @property
     def frames(self) -> int:
         """Number of pictures so far."""
         return self._process.channel.newest
 
-    @property
-    def interventions(self) -> list[dict[str, Any]]:
-        """Changes made from the page, each with its simulated time (s); empty if nobody changed the run."""
-        return self.controls.interventions
-
-    def update(
-        self,
-        state: Robot | Array | None = None,
-        *,
-        sole_wrench: Array | None = None,
-        time: float | None = None,
-        measurement: Measurement | None = None,
-        truth: GroundTruth | None = None,
-    ) -> None:
-        """Show the present state, unless the last picture is too recent; wait while the page is paused.
-
-        Args:
-            state: Only without a plant: the robot, up to date, or a configuration of shape (nq,).
-            sole_wrench: Only without a plant: contact wrench of each sole, [force; moment] in the sole frame, shape
-                (number of soles, 6), N and Nm.
-            time: Only without a plant: s.
-            measurement: The latest measurement: with a plant, to show the rays of range sensors; without one, for time
-                and sole wrenches that are not given.
-            truth: Only without a plant: true state of the robot, in place of `state`, `time` and `sole_wrench`; a loop
-                is asked for its own.
-
-        Raises:
-            InputError: A state given with a plant, none without, or one of another robot.
-            ViewError: The view has been closed.
-        """
-        if self.closed:
-            raise ViewError("the live view has been closed; open another one")
-        if self._loop is not None and state is None and truth is None:
-            truth = self._loop.truth()
-        if self._plant is None:
-            if truth is not None:
-                state, time, sole_wrench = truth.q, truth.time, truth.sole_wrench
-            elif measurement is not None:
-                time = measurement.time if time is None else time
-                sole_wrench = measurement.sole_wrench if sole_wrench is None else sole_wrench
-        if self._plant is None and state is None:
-            raise InputError("a view of a robot description needs a state: update(robot)")
-        if self._plant is not None and any(value is not None for value in (state, sole_wrench, time, truth)):
-            raise InputError("a view of a plant takes its state from the plant; call update() alone")
-        self._measurement = measurement
-        self._read_input()
-        if self.controls.interventions and not (self._process.running and self._process.channel.drivers):
-            self.controls.halt()  # nobody is left who may
-        if self._paused:
-            self._draw(self._snapshot(state, sole_wrench, time))
-            self._wait_for_end_of_pause()
-        now = clock.perf_counter()
-        self._pace.wait(time if self._plant is None else self._plant.time, self._read_input)
-        if now >= self._next:
-            self._next = now + self._period
-            self._draw(self._snapshot(state, sole_wrench, time))
-
-    def _snapshot(
-        self, state: Robot | Array | None, sole_wrench: Array | None, time: float | None
-    ) -> Snapshot:
-        if isinstance(self._source, PlantSource):
-            return self._source.snapshot()
-        assert state is not None
-        return self._source.snapshot(state, sole_wrench, 0.0 if time is None else time)
-
-    def _draw(self, snapshot: Snapshot) -> None:
-        matrices = np.tile(HIDDEN, (len(self.scene.moving), 1, 1))
-        robot = self.scene.frame(snapshot)
-        place = len(robot)
-        matrices[:place] = robot
-        annotations = Annotations(target=tuple(snapshot.com.tolist()))
-        for layer in self._layers:
-            if isinstance(layer, RangeLayer):
-                layer.measurement = self._measurement
-            layer.fill(matrices[place : place + len(layer.moving)], annotations)
-            place += len(layer.moving)
-        if self.controls.message:
-            annotations.text.append(self.controls.message)
-        self._process.draw(snapshot.time, matrices, annotations)
+    def _send(self, time: float, matrices: Array, annotations: Annotations) -> None:
+        self._process.draw(time, matrices, annotations)
 
     def _read_input(self) -> None:
-        """Take over pause and speed from the pages, and carry out their requests."""
         newer = self._process.channel.read_input(self._input_number)
         if newer is None:
             return
@@ -259,30 +131,7 @@ class MeshcatView:
         for number, request in data.orders:
             if number > self._request_number:
                 self._request_number = number
-                self.controls.apply(request)
-
-    def _wait_for_end_of_pause(self) -> None:
-        while self._paused and self.pages > 0 and self._process.running:
-            clock.sleep(PAUSE_TICK)
-            self._read_input()
-        self._paused = False
-        self._pace.restart()
-
-    def wait_for_page(self, seconds: float) -> bool:
-        """Wait until a page is open; say so on the standard error.
-
-        Args:
-            seconds: Longest time to wait, s.
-
-        Returns:
-            True if a page is open.
-        """
-        end = clock.perf_counter() + finite_scalar("time to wait for a page (s)", seconds, low=0.0)
-        if seconds > 0.0:
-            print(f"open it now: the run begins with it, or in {seconds:.0f} s", file=sys.stderr, flush=True)
-        while self.pages == 0 and self._process.running and clock.perf_counter() < end:
-            clock.sleep(0.02)
-        return self.pages > 0
+                self.controls.order(request)
 
     def html(self) -> str:
         """Return the present picture as a self-contained page that opens without network.
@@ -292,16 +141,5 @@ class MeshcatView:
         """
         return self._process.html()
 
-    def close(self) -> None:
-        """Show the last state of a plant and end the view; the page keeps its picture."""
-        if self._process.closed:
-            return
-        if self._plant is not None and self._process.running:
-            self._draw(self._snapshot(None, None, None))
+    def _end(self) -> None:
         self._process.close()
-
-    def __enter__(self) -> MeshcatView:
-        return self
-
-    def __exit__(self, *error: object) -> None:
-        self.close()

@@ -43,6 +43,7 @@ class ServerSetup:
         speed: Multiple of real time at the start; None for as fast as possible.
         controls: Controls of the page and their values at the start; see `wbc.app.view.controls`.
         token: Secret that a page shows to be allowed to change the run, or to pause it.
+        framed: Pages of this machine may show the page in a frame.
     """
 
     scene: Scene
@@ -51,6 +52,7 @@ class ServerSetup:
     speed: float | None
     controls: dict[str, Any]
     token: str
+    framed: bool = False
 
 
 class DrawingProcess:

@@ -45,6 +45,9 @@ MAX_POLL_TIME = 0.03
 MAX_PAGES = 32
 """Largest number of open pages."""
 
+HALT = '{"order": {"do": "drive", "forward": 0.0, "left": 0.0, "turn": 0.0}}'
+"""Message of a page that lets the robot stand."""
+
 POLICY_VIOLATION, TRY_LATER = 1008, 1013
 """Codes of closed connections (RFC 6455, and IANA's WebSocket Close Code registry)."""
 
@@ -58,7 +61,9 @@ class Broadcast:
         self.page = Page(scene.title, scene.legend, scene.com_height)
         self._channel = channel
         self._input = UserInput(setup.speed)
-        self._controls, self._token = setup.controls, setup.token
+        self._controls = {name: setup.controls[name] for name in ("stop", "drive") if name in setup.controls}
+        self._token = setup.token
+        self._driver: PageConnection | None = None  # the page that has given the last velocity
         fixed = [thing for thing in scene.objects if not thing.deformable]
         self._objects = [command for thing in fixed for command in object_commands(thing)]
         self._deformable = [thing for thing in scene.objects if thing.deformable]
@@ -90,7 +95,11 @@ class Broadcast:
     def scene_messages(self, connection: PageConnection) -> list[bytes | str]:
         """Return the messages for a new page: what it may change, the whole scene and the facts."""
         hello = {"page": self.page.key, "controls": self._controls, "may_change": connection.may_change}
-        messages: list[bytes | str] = [json.dumps({"hello": hello}), *self.commands(), self._facts()]
+        messages: list[bytes | str] = [
+            json.dumps({"hello": hello}),
+            *self.commands(),
+            self._facts(connection),
+        ]
         connection.shown, connection.colours = self._matrices, self._annotations.get("colours", {})
         return messages
 
@@ -99,7 +108,7 @@ class Broadcast:
         moved = np.flatnonzero((connection.shown != self._matrices).any(axis=1)).tolist()
         moves, colours = self._moves(self._matrices, moved), self._colours(connection.colours)
         connection.shown, connection.colours = self._matrices, self._annotations.get("colours", {})
-        return [*moves, *colours, self._facts()]
+        return [*moves, *colours, self._facts(connection)]
 
     def add(self, connection: PageConnection) -> bool:
         """Add a page; return false if there are too many."""
@@ -110,8 +119,10 @@ class Broadcast:
         return True
 
     def remove(self, connection: PageConnection) -> None:
-        """Remove a page; a pause ends with the last one that could end it."""
+        """Remove a page: a robot that it drove stands, and a pause ends with the last one that could end it."""
         self._connections.discard(connection)
+        if connection is self._driver:
+            self.take_input(HALT, connection)
         if not any(other.may_change for other in self._connections):
             self.take_input('{"paused": false}')
         self._count()
@@ -128,9 +139,12 @@ class Broadcast:
             if connection.shown is not self._matrices:
                 connection.news.set()
 
-    def take_input(self, message: str | bytes) -> None:
-        """Pass on a page's message, and tell all pages about pause and speed."""
-        self._input.take(message)
+    def take_input(self, message: str | bytes, page: PageConnection | None = None) -> None:
+        """Pass on a page's message, and tell all pages about pause, speed, and which of them drives."""
+        order = self._input.take(message)
+        if order is not None and order.get("do") == "drive":
+            moves = any(order.get(name) for name in ("forward", "left", "turn"))
+            self._driver = page if moves else None
         self._channel.write_input(self._input.pack())
         for connection in self._connections:
             connection.news.set()
@@ -155,9 +169,10 @@ class Broadcast:
         changed = {path: colour for path, colour in colours.items() if known.get(path) != colour}
         return [property_command(path, "color", colour) for path, colour in changed.items()]
 
-    def _facts(self) -> str:
+    def _facts(self, page: PageConnection) -> str:
         facts = {key: value for key, value in self._annotations.items() if key != "colours"}
-        state = {"paused": self._input.paused, "speed": self._input.speed}
+        other = self._driver is not None and self._driver is not page
+        state = {"paused": self._input.paused, "speed": self._input.speed, "other_drives": other}
         return json.dumps({"time": self.time, **facts, **state})
 
 
@@ -204,7 +219,7 @@ class PageConnection(GuardedHandler, tornado.websocket.WebSocketHandler):
     def on_message(self, message: str | bytes) -> None:
         """Take the user's input, if the page may give any."""
         if self.may_change:
-            self._broadcast.take_input(message)
+            self._broadcast.take_input(message, self)
         else:
             self.close(POLICY_VIOLATION, "changes need the link that the run printed")
 
@@ -251,7 +266,7 @@ async def serve(setup: ServerSetup, channel: Channel, ended: asyncio.Event) -> N
     """
     listening, served = listen(setup.address)
     broadcast = Broadcast(setup, channel)
-    guarded_server(served, page_routes(broadcast)).add_socket(listening)
+    guarded_server(served, page_routes(broadcast), framed=setup.framed).add_socket(listening)
     print(json.dumps(dataclasses.asdict(served)), flush=True)
     tornado.ioloop.PeriodicCallback(broadcast.tick, 1000.0 * min(1.0 / setup.rate, MAX_POLL_TIME)).start()
     await ended.wait()

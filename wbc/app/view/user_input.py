@@ -70,18 +70,18 @@ class UserInput:
         self.requests: list[tuple[int, Request]] = []
         self._count = 0
 
-    def take(self, message: str | bytes) -> None:
-        """Take over a page's message; malformed ones are dropped.
+    def take(self, message: str | bytes) -> Request | None:
+        """Take over a page's message, and return its order if it has one; malformed ones are dropped.
 
         Args:
             message: JSON of a `PageMessage`.
         """
         if len(message) > MAX_MESSAGE:
-            return
+            return None
         try:
             said = PageMessage.model_validate_json(message)
         except ValidationError:
-            return
+            return None
         if "paused" in said.model_fields_set:
             self.paused = said.paused
         if "speed" in said.model_fields_set:
@@ -89,6 +89,7 @@ class UserInput:
         if said.order is not None:
             self._count += 1
             self.requests = [*self.requests, (self._count, said.order)][-MAX_REQUESTS:]
+        return said.order
 
     def pack(self) -> bytes:
         """Return the input as JSON, without the oldest requests if it is too long."""

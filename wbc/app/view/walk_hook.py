@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from wbc.app.view.controls import intervention_text
+from wbc.app.view.base import View
 from wbc.app.view.meshcat_view import MeshcatView
 from wbc.core.arguments import checked
 from wbc.core.errors import non_negative
@@ -12,6 +12,25 @@ from wbc.sim.trial import TrialHook
 
 if TYPE_CHECKING:
     from wbc.sim.trial import Trial, TrialTick
+
+
+def open_view(source: Any, control: Any, workbench: bool, **options: Any) -> View:
+    """Return a live view, or a workbench.
+
+    Args:
+        source: See `MeshcatView`.
+        control: What drives the robot: a walk, or a control of drives.
+        workbench: True for a workbench.
+        **options: Of the view.
+
+    Raises:
+        ViewError: A workbench without viser.
+    """
+    if workbench:
+        from wbc.app.view.workbench import Workbench  # noqa: PLC0415 - needs an extra
+
+        return Workbench(source, control, **options)
+    return MeshcatView(source, walking=control if hasattr(control, "progress") else None, **options)
 
 
 class WatchWalk(TrialHook):
@@ -25,9 +44,10 @@ class WatchWalk(TrialHook):
     def __init__(
         self,
         *,
+        workbench: bool = False,
         host: str = "127.0.0.1",
         port: int | None = None,
-        rate: float = 30.0,
+        rate: float | None = None,
         speed: float | None = 1.0,
         controls: bool = True,
         wait: float = 0.0,
@@ -35,6 +55,7 @@ class WatchWalk(TrialHook):
         """Store the options of the view.
 
         Args:
+            workbench: Show a `Workbench` instead of a `MeshcatView`.
             host: See `MeshcatView`.
             port: See `MeshcatView`.
             rate: See `MeshcatView`.
@@ -46,9 +67,11 @@ class WatchWalk(TrialHook):
             InputError: A negative time to wait.
         """
         self._wait = non_negative("time to wait for a page (s)", wait)
-        self._options: dict[str, Any] = dict(host=host, port=port, rate=rate, speed=speed, controls=controls)
-        self.view: MeshcatView | None = None
-        self._reported = 0
+        self._workbench = workbench
+        self._options: dict[str, Any] = dict(host=host, port=port, speed=speed, controls=controls)
+        if rate is not None:
+            self._options["rate"] = rate
+        self.view: View | None = None
 
     @property
     def interventions(self) -> list[dict[str, Any]]:
@@ -56,10 +79,8 @@ class WatchWalk(TrialHook):
         return [] if self.view is None else self.view.interventions
 
     def news(self) -> str:
-        """Return the changes made from the page since the last call, for a log; empty if none."""
-        entries = self.interventions[self._reported :]
-        self._reported += len(entries)
-        return "; ".join(intervention_text(entry) for entry in entries)
+        """Return the changes made from the page since the last call as JSON, for a log; empty if none."""
+        return "" if self.view is None else self.view.controls.news()
 
     def open(self, trial: Trial) -> None:
         """Serve the page; `start` does so, too, but a caller may want to know earlier that the port is free.
@@ -68,12 +89,12 @@ class WatchWalk(TrialHook):
             InputError: An option out of range.
             PortError: The port is in use.
         """
-        self.view = MeshcatView(trial.plant, walking=trial.walker, **self._options)
+        control = trial.walking if self._workbench else trial.walker
+        self.view = open_view(trial.plant, control, self._workbench, **self._options)
 
     def start(self, trial: Trial) -> None:
         """See `TrialHook`."""
         if self.view is None or self.view.closed:
-            self._reported = 0
             self.open(trial)
         if self._wait > 0.0 and self.view is not None:
             self.view.wait_for_page(self._wait)

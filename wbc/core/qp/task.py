@@ -277,6 +277,11 @@ class Task(FixedAttributes):
         self._set_by = setting
         self._held = setting is not None
 
+    @property
+    def held_by(self) -> str | None:
+        """What to use instead of assigning a target that another part sets at every tick; None where it is free."""
+        return self._set_by
+
     def move_on(self, dt: float) -> bool:
         """Move a target that is on its way on by one tick; `wbc.tasks` has the tasks whose targets move.
 

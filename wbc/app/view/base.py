@@ -1,0 +1,291 @@
+"""Base of live views: the source of pictures, the layers, the pace and the controls of a run.
+
+`update` takes a snapshot at most so many times a second; all other calls return at once. It reads the plant and never
+writes to it, so that a run gives the same numbers with and without a view, unless somebody uses the controls that
+change a run (`wbc.app.view.controls`): these changes are in `View.interventions`.
+"""
+
+from __future__ import annotations
+
+import math
+import sys
+import time as clock
+from abc import ABC, abstractmethod
+from collections.abc import Iterable
+from typing import TYPE_CHECKING, Any, Self
+
+import numpy as np
+
+from wbc.app.address import ViewError
+from wbc.app.scene.layer import Annotations, Layer
+from wbc.app.scene.layers import RangeLayer, make_layers
+from wbc.app.scene.scene import Scene, Snapshot
+from wbc.app.scene.shapes import HIDDEN
+from wbc.app.scene.sources import PlantSource, RobotSource
+from wbc.app.view.controls import LiveControls
+from wbc.app.view.pace import Pace
+from wbc.core.errors import Array, InputError, finite_scalar, positive
+from wbc.core.qp.controller import Controller
+from wbc.core.robot import Robot
+from wbc.robots import RobotDescription
+from wbc.sim.plant.plant import Plant
+from wbc.sim.terrain import Terrain
+
+if TYPE_CHECKING:
+    from wbc.core.signals import Measurement
+    from wbc.sim import MujocoLoop
+    from wbc.sim.plant import GroundTruth
+    from wbc.walking.control import ReferenceControl
+
+PAUSE_TICK = 0.02
+"""Period at which a paused run checks whether it may go on, s."""
+
+
+class View(ABC):
+    """A page in the browser that shows a robot as it moves.
+
+    Robot and ground; soft soles as they are bent, in the colour of their stiffness; contact forces (an arrow as long as
+    the centre of mass is high is the robot's weight) and pushes; centre of mass, ZMP, DCM and support polygon. Of a
+    walk also footsteps, planned and real, ZMP and DCM as planned, scans of range sensors, and text: time, step, phase,
+    stiffness. The camera follows the robot if that is checked on the page. The page can pause a run and set its speed;
+    a paused run goes on when the last page is closed.
+
+    Attributes:
+        scene: The scene.
+        controls: Controls of the page, with the changes so far.
+        walking: Controller of a walk; None for any other.
+    """
+
+    def __init__(
+        self,
+        source: Plant | MujocoLoop | RobotDescription,
+        control: Any,
+        *,
+        terrain: Terrain | None,
+        rate: float,
+        speed: float | None,
+        controls: bool,
+        repeat: Iterable[dict[str, Any]] = (),
+    ) -> None:
+        """Make the scene.
+
+        Args:
+            source: A plant; another loop, of which the robot is shown; or the description of a robot whose states are
+                given to `update`.
+            control: Controller of a walk, a control of drives, or a `Controller`; None for none.
+            terrain: The ground under a described robot; flat when None. A plant has its own.
+            rate: Largest rate of pictures, 1/s.
+            speed: Hold the run back to this multiple of real time, 1 for real time; None never waits.
+            controls: Let the page change the run; pause and speed are always available.
+            repeat: Interventions of a former run.
+
+        Raises:
+            InputError: A value out of range, a terrain given with a plant, or a walk without one.
+        """
+        self._period = 1.0 / positive("rate of the view (1/s)", rate)
+        self._pace = Pace(None if speed is None else positive("speed of the view", speed))
+        self._source: PlantSource | RobotSource
+        self._plant: Plant | None = None
+        self._layers: tuple[Layer, ...] = ()
+        self._loop = None if isinstance(source, (RobotDescription, Plant)) else source
+        self.walking: ReferenceControl | None = control if hasattr(control, "progress") else None
+        controller = control if isinstance(control, Controller) else getattr(control, "controller", None)
+        if control is not None and not isinstance(controller, Controller):
+            raise InputError(f"a view shows a walk, a control or a Controller, got {control!r}")
+        if self._loop is not None:
+            if not callable(getattr(self._loop, "truth", None)):
+                raise InputError(
+                    "a view of a loop needs its truth(); give the description of the robot, and update(robot) its state"
+                )
+            source = self._loop.description
+        if isinstance(source, RobotDescription):
+            if self.walking is not None:
+                raise InputError("a walk is shown with its plant; give the plant in place of the description")
+            self._source = RobotSource(source, terrain)
+        elif terrain is not None:
+            raise InputError("a plant has its own terrain; leave `terrain` out")
+        else:
+            assert isinstance(source, Plant)
+            self._plant, self._source = source, PlantSource(source)
+            self._layers = make_layers(source, self._source.scene, self.walking)
+        self.scene: Scene = self._source.scene.extended(
+            [thing for layer in self._layers for thing in layer.objects],
+            [path for layer in self._layers for path in layer.moving],
+            tuple(entry for layer in self._layers for entry in layer.legend),
+        )
+        given = (self._plant, self.walking, controller) if controls else (None, None, None)
+        self.controls = LiveControls(*given, repeat=repeat)
+        self._next = -math.inf
+        self._paused = False
+        self._simulated = 0.0  # time of the run, s
+        self._measurement: Measurement | None = None
+
+    def _begin(self) -> None:
+        """Say where the page is, and draw the first picture if the state is known."""
+        print(f"live view: {self.url}", file=sys.stderr, flush=True)
+        if self._plant is not None:
+            self._draw(self._snapshot(None, None, None))
+        elif self._loop is not None:
+            truth = self._loop.truth()
+            self._draw(self._snapshot(truth.q, truth.sole_wrench, truth.time))
+
+    # ---- what a kind of page does -----------------------------------------------------------------------------------
+
+    @property
+    @abstractmethod
+    def url(self) -> str:
+        """Link to the page, with the token that its controls need."""
+
+    @property
+    @abstractmethod
+    def pages(self) -> int:
+        """Number of open browser pages; 0 when nothing is served any more."""
+
+    @property
+    @abstractmethod
+    def drivers(self) -> int:
+        """Number of open pages that may change the run."""
+
+    @property
+    @abstractmethod
+    def closed(self) -> bool:
+        """True after `close`."""
+
+    @property
+    @abstractmethod
+    def running(self) -> bool:
+        """True as long as the page is served."""
+
+    @abstractmethod
+    def _send(self, time: float, matrices: Array, annotations: Annotations) -> None:
+        """Show a picture."""
+
+    @abstractmethod
+    def _read_input(self) -> None:
+        """Take over pause, speed and orders from the pages."""
+
+    @abstractmethod
+    def _end(self) -> None:
+        """End the page."""
+
+    # ---- the run ----------------------------------------------------------------------------------------------------
+
+    @property
+    def interventions(self) -> list[dict[str, Any]]:
+        """Changes made from the page, each with its simulated time (s); empty if nobody changed the run."""
+        return self.controls.interventions
+
+    def update(
+        self,
+        state: Robot | Array | None = None,
+        *,
+        sole_wrench: Array | None = None,
+        time: float | None = None,
+        measurement: Measurement | None = None,
+        truth: GroundTruth | None = None,
+    ) -> None:
+        """Show the present state, unless the last picture is too recent; wait while the page is paused.
+
+        Args:
+            state: Only without a plant: the robot, up to date, or a configuration of shape (nq,).
+            sole_wrench: Only without a plant: contact wrench of each sole, [force; moment] in the sole frame, shape
+                (number of soles, 6), N and Nm.
+            time: Only without a plant: s.
+            measurement: The latest measurement: with a plant, to show the rays of range sensors; without one, for time
+                and sole wrenches that are not given.
+            truth: Only without a plant: true state of the robot, in place of `state`, `time` and `sole_wrench`; a loop
+                is asked for its own.
+
+        Raises:
+            InputError: A state given with a plant, none without, or one of another robot.
+            ViewError: The view has been closed.
+        """
+        if self.closed:
+            raise ViewError("the live view has been closed; open another one")
+        if self._loop is not None and state is None and truth is None:
+            truth = self._loop.truth()
+        if self._plant is None:
+            if truth is not None:
+                state, time, sole_wrench = truth.q, truth.time, truth.sole_wrench
+            elif measurement is not None:
+                time = measurement.time if time is None else time
+                sole_wrench = measurement.sole_wrench if sole_wrench is None else sole_wrench
+        if self._plant is None and state is None:
+            raise InputError("a view of a robot description needs a state: update(robot)")
+        if self._plant is not None and any(value is not None for value in (state, sole_wrench, time, truth)):
+            raise InputError("a view of a plant takes its state from the plant; call update() alone")
+        self._measurement = measurement
+        now = time if self._plant is None else self._plant.time
+        self._simulated = 0.0 if now is None else now
+        self._read_input()
+        self.controls.update(self._simulated)
+        if self.controls.interventions and not self.drivers:
+            self.controls.halt()  # nobody is left who may
+        if self._paused:
+            self._draw(self._snapshot(state, sole_wrench, time))
+            self._wait_for_end_of_pause()
+        self._pace.wait(time if self._plant is None else self._plant.time, self._read_input)
+        if (present := clock.perf_counter()) >= self._next:
+            self._next = present + self._period
+            self._draw(self._snapshot(state, sole_wrench, time))
+
+    def _snapshot(
+        self, state: Robot | Array | None, sole_wrench: Array | None, time: float | None
+    ) -> Snapshot:
+        if isinstance(self._source, PlantSource):
+            return self._source.snapshot()
+        assert state is not None
+        return self._source.snapshot(state, sole_wrench, 0.0 if time is None else time)
+
+    def _draw(self, snapshot: Snapshot) -> None:
+        matrices = np.tile(HIDDEN, (len(self.scene.moving), 1, 1))
+        robot = self.scene.frame(snapshot)
+        place = len(robot)
+        matrices[:place] = robot
+        annotations = Annotations(target=tuple(snapshot.com.tolist()))
+        for layer in self._layers:
+            if isinstance(layer, RangeLayer):
+                layer.measurement = self._measurement
+            layer.fill(matrices[place : place + len(layer.moving)], annotations)
+            place += len(layer.moving)
+        if self.controls.message:
+            annotations.text.append(self.controls.message)
+        self._send(snapshot.time, matrices, annotations)
+
+    def _wait_for_end_of_pause(self) -> None:
+        while self._paused and self.pages > 0 and self.running:
+            clock.sleep(PAUSE_TICK)
+            self._read_input()
+            self.controls.carry_out(self._simulated)
+        self._paused = False
+        self._pace.restart()
+
+    def wait_for_page(self, seconds: float) -> bool:
+        """Wait until a page is open; say so on the standard error.
+
+        Args:
+            seconds: Longest time to wait, s.
+
+        Returns:
+            True if a page is open.
+        """
+        end = clock.perf_counter() + finite_scalar("time to wait for a page (s)", seconds, low=0.0)
+        if seconds > 0.0:
+            print(f"open it now: the run begins with it, or in {seconds:.0f} s", file=sys.stderr, flush=True)
+        while self.pages == 0 and self.running and clock.perf_counter() < end:
+            clock.sleep(0.02)
+        return self.pages > 0
+
+    def close(self) -> None:
+        """Show the last state of a plant and end the view; the page keeps its picture."""
+        if self.closed:
+            return
+        if self._plant is not None and self.running:
+            self._draw(self._snapshot(None, None, None))
+        self._end()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        self.close()
