@@ -1,7 +1,7 @@
 """Push while walking: a shove in the middle of a step, and how the robot steps aside to catch itself.
 
-An error that the standing foot cannot correct needs another landing, or an earlier one. On the page of `--view` you can
-push the robot yourself.
+An error that the standing foot cannot correct needs another landing, or an earlier one. With `wbc walk --workbench` you
+can push the robot yourself.
 """
 
 from __future__ import annotations

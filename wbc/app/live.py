@@ -26,7 +26,7 @@ class LiveView:
 
     Attributes:
         view: Show the run in the browser, in real time.
-        workbench: Show it with controls of tasks, gains, contacts and pushes; needs the extra wbc[workbench].
+        workbench: Show it with controls of tasks and gains.
         host: Address of the page; 0.0.0.0 is reached from other machines, too.
         port: Port of the page; the first free one from 7000 on if not given.
     """

@@ -330,7 +330,8 @@ class LiveControls:
         size = float(np.linalg.norm(force))
         if size > weight:
             force = force * (weight / size)
-        self._plant.robot.frame_id(body)
+        if body not in ("torso", "base"):  # which `Plant.push` takes beside frames
+            self._plant.robot.frame_id(body)
         self._pull = (body, force.tolist()) if size > 0.0 else None
         return {"body": body, "force": force.tolist()}
 

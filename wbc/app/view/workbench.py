@@ -1,6 +1,6 @@
 """Workbench: a live view whose page changes tasks, gains, targets and whatever a program of one's own offers.
 
-It needs viser (`pip install 'wbc[workbench]'`), and shows the scene of the live view. Folders are closed and plots are
+It needs viser (`pip install -e ".[workbench]"`), and shows the scene of the live view. Folders are closed and plots are
 off until somebody asks for them, so that nothing is computed for a page that nobody looks at.
 """
 
@@ -15,7 +15,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pinocchio as pin
-from viser import uplot
 
 from wbc.app.address import Address
 from wbc.app.arguments import attribute_docs
@@ -532,6 +531,8 @@ class Workbench(View):
             if len(kept) < 2:  # a line needs two points
                 return
             data = [np.array([row[i] for row in kept], dtype=float).T for i in range(len(curves) + 1)]
+            from viser import uplot  # noqa: PLC0415 - an extra
+
             for i, title in enumerate(curves):
                 columns = (data[0][0], *_without_noise(data[i + 1]))
                 if i < len(handles):
@@ -673,9 +674,9 @@ def cone_margin(contact: Contact, wrench: Array) -> float:
 
 
 def _without_noise(values: Array) -> Array:
-    """Return values to seven digits of the largest: uPlot cannot draw an axis whose ticks differ by less."""
+    """Return values to seven digits of the largest, and to 1e-9: uPlot cannot draw an axis with finer ticks."""
     largest = float(np.nanmax(np.abs(values), initial=0.0))
-    return values if largest == 0.0 else np.round(values / largest, 7) * largest
+    return values if largest == 0.0 else np.round(np.round(values / largest, 7) * largest, 9)
 
 
 def _has_place(task: Any) -> bool:

@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import trimesh
-import viser
 from scipy.spatial.transform import Rotation
 
 from wbc.app.scene.layer import Annotations
@@ -24,6 +22,9 @@ from wbc.app.scene.shapes import (
     VisualEllipsoid,
 )
 from wbc.core.errors import Array
+
+if TYPE_CHECKING:
+    import viser
 
 SMALLEST = 1e-4
 """Scale below which an object is hidden."""
@@ -114,6 +115,8 @@ class WorkbenchScene:
         x, y, z, w = Rotation.from_matrix(thing.placement[:3, :3]).as_quat().tolist()
         place: dict[str, Any] = {"wxyz": (w, x, y, z), "position": thing.placement[:3, 3]}
         if colours is not None and isinstance(shape, Surface):
+            import trimesh  # noqa: PLC0415 - an extra
+
             paint = np.column_stack([255 * colours, np.full(len(colours), 255)]).astype(np.uint8)
             mesh = trimesh.Trimesh(shape.vertices, shape.faces, process=False, vertex_colors=paint)
             return self._server.scene.add_mesh_trimesh(thing.path, mesh, cast_shadow=False, **place)
@@ -141,6 +144,8 @@ class WorkbenchScene:
 
 def _triangles(thing: SceneObject) -> tuple[Array, Any]:
     """Return vertices, shape (n, 3), m, and triangles of a shape."""
+    import trimesh  # noqa: PLC0415 - an extra
+
     shape = thing.shape
     if isinstance(shape, Surface):
         return shape.vertices, shape.faces

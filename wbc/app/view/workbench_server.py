@@ -13,23 +13,15 @@ import http
 import io
 import secrets
 from collections.abc import Callable
-from typing import Any
+from typing import TYPE_CHECKING, Any
 from urllib.parse import parse_qs, quote, urlsplit
 
 from wbc.app.address import Address, PortError, ServedAddress, ViewError, listen
 from wbc.app.view.guard import FRAMES, HEADERS, LOCAL_FRAMES, admitted
 
-try:
+if TYPE_CHECKING:
     import viser
-    import viser.infra
-    import websockets.asyncio.server
-    from viser import _messages
-    from websockets import Headers, Request, Response
-except ImportError as missing:
-    raise ViewError(
-        f"the workbench needs viser, which is not installed ({missing}): pip install 'wbc[workbench]'; "
-        "the live view without it shows the run, and drives it"
-    ) from missing
+    from websockets import Request, Response
 
 PAGE_POLICY = (
     "default-src 'none'; script-src 'self' 'unsafe-inline' 'unsafe-eval' blob: data:; "
@@ -60,6 +52,8 @@ class Guard:
 
     def around(self, answer: Callable[[Any, Request], Any]) -> Callable[[Any, Request], Any]:
         """Return a function that answers a request, or refuses it before `answer` sees it."""
+        from websockets import Headers, Response  # noqa: PLC0415 - an extra
+
         self.asked = True
 
         def guarded(connection: Any, request: Request) -> Any:
@@ -100,8 +94,17 @@ def start_server(address: Address, title: str, framed: bool) -> tuple[viser.Vise
 
     Raises:
         PortError: The port is in use.
-        ViewError: A viser that cannot be guarded; nothing is left running.
+        ViewError: No viser, or one that cannot be guarded; nothing is left running.
     """
+    try:
+        import viser  # noqa: PLC0415 - an extra
+        import websockets.asyncio.server  # noqa: PLC0415
+        from viser import _messages  # noqa: PLC0415
+    except ImportError as missing:
+        raise ViewError(
+            f"the workbench needs viser ({missing}): in a clone, pip install -e '.[workbench]'; the live view without "
+            "it shows the run, and drives it"
+        ) from missing
     try:
         listening, served = listen(address)
     except OSError as error:
