@@ -211,3 +211,47 @@ def test_choosing_by_the_family_owes_most_of_its_gain_to_early_falls() -> None:
         f"with families as the unit p = {p:.2f}; {sum(gain[at] for at in edge):.0f} of its "
         f"{sum(gain.values()):.0f} steps come from the {len(edge)} layouts with an early fall"
     )
+
+
+def test_stiffness_by_the_phase_of_the_step_gains_nothing() -> None:
+    """The table of the study 'phase', and what the ramp changes."""
+    arms: dict[str, dict[Layout, Result]] = defaultdict(dict)
+    for spec, result in walks("phase"):
+        given = spec.get("policy_params", {})
+        if spec.get("policy") == "phase":
+            name = f"phase: {given['landing']:g}, on one foot {given['single']:g}"
+        elif spec.get("policy") == "edge":
+            name = f"edge: {given['edge']:g}, else {given['smooth']:g}"
+        else:
+            name = f"soft, {spec['stiffness']:g}" if spec["foot"] == "soft" else spec["foot"]
+        arms[name][spec["terrain"], spec["seed"]] = result
+    assert all(arm.keys() == arms["rigid"].keys() and len(arm) == 340 for arm in arms.values())
+
+    def over(arm: str, other: str, part: Callable[[Result], float]) -> tuple[list[float], list[str]]:
+        at = list(arms[arm])
+        return [part(arms[arm][i]) - part(arms[other][i]) for i in at], [family for family, _ in at]
+
+    for arm, results in arms.items():
+        steps = sum(result["steps_done"] for result in results.values()) / 1e3
+        causes = [cause_of(result) for result in results.values()]
+        falls = sum(bool(result["fell"]) for result in results.values())
+        low, high = rate_interval(falls, steps)
+        gain = ""
+        if arm != "soft, 80":
+            found = mean_interval(*over(arm, "soft, 80", lambda result: float(result["steps_done"])))
+            assert found.low is not None and found.high is not None
+            gain = f"{found.mean:.1f} [{found.low:.1f}, {found.high:.1f}] ".replace("-", "−").replace(
+                "−0.0", "0.0"
+            )
+        says(
+            f"| {arm} | {sum(map(arrived, results.values()))} | {gain}| {falls / steps:.1f} [{low:.1f}, {high:.1f}] "
+            f"| {causes.count('sideways') / steps:.1f} | {causes.count('forward') / steps:.1f} |"
+        )
+    says(f"Of these 2,380 walks {sum(early(r) for arm in arms.values() for r in arm.values())} fall within")
+    for arm, text in (
+        ("soft, 5", "lets {} % more of the walks arrive (families as the unit, p = {:.2f})"),
+        ("soft, 80", "{} % (p = {:.2f})"),
+    ):
+        values, families = over(arm, "rigid", lambda result: 100.0 * arrived(result))
+        found, p = mean_interval(values, families), sign_flip_p(values, families)
+        says(text.format(f"{found.mean:.0f} [{found.low:.0f}, {found.high:.0f}]".replace("-", "−"), p))
