@@ -16,6 +16,7 @@ import pinocchio as pin
 from wbc.core.arguments import check_fields, checked, spelled_out
 from wbc.core.drive.servos import Servos
 from wbc.core.errors import Array, InputError, ModelError, choose
+from wbc.core.html import html_text
 from wbc.core.robot import Robot, Sole, joints_to
 from wbc.robots import frames, urdf
 from wbc.robots.derivation import inertia, posture
@@ -439,6 +440,13 @@ class RobotDescription:
     def report(self) -> str:
         """Return the summary as text."""
         return report(self.summary())
+
+    def __repr__(self) -> str:
+        mass = pin.computeTotalMass(self._model)
+        return f"RobotDescription('{self.name}', {len(self.joint_names)} joints, {mass:.1f} kg)"
+
+    def _repr_html_(self) -> str:
+        return html_text(self.report())
 
     def doubts(self) -> tuple[str, ...]:
         """Return what is doubtful, one line each: guessed limits, soft servos, legs that differ, …."""

@@ -14,6 +14,7 @@ import numpy as np
 
 from wbc.core.arguments import checked
 from wbc.core.errors import Array, InputError, WbcError, as_period, choose, positive, shown
+from wbc.core.html import html_text
 from wbc.core.limits.rows import JointLimits, RowLimit, TorqueLimits
 from wbc.core.qp.assembly import Assembly, Limit
 from wbc.core.qp.contact import Contact
@@ -356,6 +357,21 @@ class Controller:
             self._assembly.write(self._dt, self._torques, self.outside)
         problem, places = self.problem, self._assembly.layout.tasks
         return groups_not_finite(problem, self._tasks, places) or violated_groups(problem)
+
+    def __repr__(self) -> str:
+        names = {
+            kind: ", ".join(item.name for item in items)
+            for kind, items in (
+                ("tasks", self._tasks),
+                ("contacts", self._contacts),
+                ("limits", self._limits),
+            )
+        }
+        held = "; ".join(f"{kind} {listed}" for kind, listed in names.items() if listed)
+        return f"Controller({self.robot!r}, dt={self._dt:g} s{f'; {held}' if held else ''})"
+
+    def _repr_html_(self) -> str:
+        return html_text(self.status_table() if self._solution is not None else repr(self))
 
     def status_table(self) -> str:
         """Return a table of tasks, contacts and limits as of the last tick, to print."""
