@@ -104,7 +104,6 @@ STUBS = (
     "wbc.app.commands.bench:bench_walk",
     "wbc.app.commands.study.run:sweep",
     "wbc.app.commands.terrain:plot_families",
-    "wbc.app.live:LiveView.show",
     "wbc.app.live:LiveView.watch",
 )
 """Long work that legal values start: a word that gets here was accepted."""
