@@ -1,0 +1,209 @@
+"""A humanoid under its controller as an environment of gymnasium (extra `gymnasium`).
+
+    env = gymnasium.make("wbc/Walk-v0", terrain="stones", amplitude=0.02)
+    observation, info = env.reset(seed=0)
+    observation, reward, terminated, truncated, info = env.step([0.2, 0.0, 0.1])
+
+The controller of the library keeps the balance; an action tells it what to do: a velocity in "wbc/Walk-v0", the height
+of the centre of mass and the lean and turn of the trunk in "wbc/Stand-v0", in which the robot is pushed.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import gymnasium
+import numpy as np
+from numpy.typing import ArrayLike
+
+from wbc.core.arguments import checked
+from wbc.core.errors import Array, InputError, choose, finite_array
+from wbc.core.robot import GRAVITY
+from wbc.core.settings import Positive
+from wbc.sim.plant.plant import DivergedError
+from wbc.sim.walks import WalkPlan, WalkPush, WalkSpec, WalkTrial
+from wbc.walking.planning.footsteps import heading
+
+TASKS = ("walk", "stand")
+
+VELOCITY = (0.3, 0.15, 0.4)
+"""Bounds of an action of "walk": forward, m/s, left, m/s, and turn, rad/s."""
+
+POSTURE = (0.04, 0.15, 0.15, 0.4)
+"""Bounds of an action of "stand": height of the CoM, which is only lowered, m; lean (roll, pitch) and turn, rad."""
+
+PUSH = 0.15
+"""Greatest impulse of the pushes in "stand", Ns/kg; one every two seconds, in any direction."""
+
+
+class WbcEnv(gymnasium.Env[Array, Array]):  # type: ignore[misc]
+    """One robot that walks or stands.
+
+    **Action**, shape (3,) or (4,): velocity of the robot, forward (m/s), left (m/s) and turn (rad/s); or the height by
+    which its CoM is lowered (m), roll and pitch of its trunk and its turn against the feet (rad).
+
+    **Observation**, shape (14 + 2 na,), as the controller estimates it, in the heading of the pelvis: CoM from the
+    middle of the feet (3, m), its velocity (3, m/s), direction of gravity in the pelvis (3), angular velocity of the
+    pelvis (3, rad/s), normal force of left and right foot over the weight (2), positions (na, rad) and velocities (na,
+    rad/s) of the joints.
+
+    **Reward**: "walk": displacement of the feet along the world's x, m; "stand": minus the distance of the CoM from the
+    middle of the feet, m. A fall costs 1 and ends the episode, which is truncated after its time.
+
+    Attributes:
+        trial: The present episode; None before `reset`.
+    """
+
+    metadata: dict[str, Any] = {"render_modes": []}
+
+    @checked
+    def __init__(
+        self,
+        task: str = "walk",
+        *,
+        period: Positive = 0.1,
+        seconds: Positive = 20.0,
+        robot: str = "hrp4_class",
+        **fields: Any,
+    ) -> None:
+        """Choose robot, ground and feet.
+
+        Args:
+            task: "walk" or "stand".
+            period: Time for which an action holds, s; rounded to control periods.
+            seconds: Length of an episode, s.
+            robot: Name of the robot.
+            **fields: Other fields of `wbc.sim.WalkSpec`, such as foot, terrain, amplitude, mode, law.
+
+        Raises:
+            UnknownNameError: No such task, robot, foot or ground.
+            InputError: A walk that cannot be walked, or a field that the environment sets itself.
+        """
+        self._task = choose("task of the environment", task, TASKS)
+        for name in ("seed", "plan", "pushes"):
+            if name in fields:
+                raise InputError(f"{name} is set by the environment; leave it out")
+        self._fields = {"robot": robot, **fields}
+        first = self._spec(0, ())
+        self._ticks = max(1, round(period / first.period))
+        self._seconds = seconds
+        joints = first.prepare().robot().na
+        bounds = np.array(VELOCITY if task == "walk" else POSTURE)
+        low = -bounds if task == "walk" else -bounds * (0.0, 1.0, 1.0, 1.0)
+        self.action_space = gymnasium.spaces.Box(low, bounds, dtype=np.float64)
+        self.observation_space = gymnasium.spaces.Box(-np.inf, np.inf, (14 + 2 * joints,), dtype=np.float64)
+        self.trial: WalkTrial | None = None
+
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[Array, dict[str, Any]]:
+        """Begin an episode: another ground, other sensor errors and pushes for each seed.
+
+        Args:
+            seed: Seed of the episodes from here on; the series goes on when None.
+            options: None are known.
+        """
+        super().reset(seed=seed)
+        pushes: tuple[WalkPush, ...] = ()
+        if self._task == "stand":
+            pushes = tuple(
+                WalkPush(
+                    impulse=float(self.np_random.uniform(0.0, PUSH)),
+                    direction=float(self.np_random.uniform(-np.pi, np.pi)),
+                    time=float(time),
+                )
+                for time in np.arange(2.0, self._seconds, 2.0)
+            )
+        self.trial = WalkTrial(self._spec(int(self.np_random.integers(2**31)), pushes))
+        self._height = self.trial.walking.body.com_height
+        self.trial.step()
+        self._reached = self._progress()
+        return self._observation(), {}
+
+    def step(self, action: ArrayLike) -> tuple[Array, float, bool, bool, dict[str, Any]]:
+        """Let an action hold for a period; see the class for actions, observations and rewards.
+
+        Raises:
+            InputError: An action that is not finite or of another shape, or an episode that has not begun.
+            DivergedError: The simulation has diverged.
+        """
+        trial = self.trial
+        if trial is None:
+            raise InputError("reset the environment before its first step")
+        self._order(trial, np.clip(finite_array("action", action, self.action_space.shape), *self._bounds))
+        alive = True
+        for _ in range(self._ticks):
+            alive = trial.step()
+            if not alive:
+                break
+        if trial.diverged is not None:
+            raise DivergedError(trial.diverged)
+        place = self._progress()
+        reward = place - self._reached if self._task == "walk" else -self._off()
+        self._reached = place
+        info = {"time": trial.plant.time, "fall": None if trial.fall is None else trial.fall.value}
+        return (
+            self._observation(),
+            float(reward) - (not alive),
+            not alive,
+            alive and trial.plant.time >= self._seconds - 1e-9,
+            info,
+        )
+
+    @property
+    def _bounds(self) -> tuple[Array, Array]:
+        return self.action_space.low, self.action_space.high
+
+    def _spec(self, seed: int, pushes: tuple[WalkPush, ...]) -> WalkSpec:
+        plan = WalkPlan(drive=((3600.0, 0.0, 0.0, 0.0),))  # steered by actions
+        return WalkSpec(seed=seed, plan=plan, pushes=pushes, **self._fields)
+
+    def _order(self, trial: WalkTrial, action: Array) -> None:
+        if self._task == "walk":
+            trial.walking.velocity = tuple(action.tolist())
+            return
+        body = trial.walking.body
+        body.com_height = self._height - float(action[0])
+        body.lean, body.turn = (float(action[1]), float(action[2])), float(action[3])
+
+    def _progress(self) -> float:
+        """Return the place of the true feet along x, m."""
+        assert self.trial is not None
+        plant = self.trial.plant
+        return float(plant.data.site_xpos[list(plant.sole_sites), 0].mean())
+
+    def _off(self) -> float:
+        robot = self._estimate()
+        middle = 0.5 * sum(robot.placement(sole.frame).translation[:2] for sole in robot.soles)
+        return float(np.linalg.norm(robot.com[:2] - middle))
+
+    def _estimate(self) -> Any:
+        assert self.trial is not None
+        return self.trial.walking.control.observer.robot
+
+    def _observation(self) -> Array:
+        robot = self._estimate()
+        assert self.trial is not None
+        base = robot.placement(robot.base_frame).rotation
+        yaw = heading(base)
+        turn = np.array([[np.cos(yaw), np.sin(yaw), 0.0], [-np.sin(yaw), np.cos(yaw), 0.0], [0.0, 0.0, 1.0]])
+        middle = 0.5 * sum(robot.placement(sole.frame).translation for sole in robot.soles)
+        return np.concatenate(
+            [
+                turn @ (robot.com - middle),
+                turn @ robot.com_velocity,
+                -base[2],
+                robot.v[3:6],
+                self.trial.walking.control.observer.load / (robot.mass * GRAVITY),
+                robot.q[7:],
+                robot.v[6:],
+            ]
+        )
+
+
+def register() -> None:
+    """Register the environments; gymnasium calls it through the entry point "gymnasium.envs"."""
+    for task in TASKS:
+        name = f"wbc/{task.capitalize()}-v0"
+        if name not in gymnasium.registry:
+            gymnasium.register(name, entry_point="wbc.sim.environment:WbcEnv", kwargs={"task": task})

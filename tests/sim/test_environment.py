@@ -1,0 +1,67 @@
+"""The environment of gymnasium: its contract, seeds, and bad input."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from wbc.core.errors import InputError, UnknownNameError
+
+gymnasium = pytest.importorskip("gymnasium")
+
+from gymnasium.utils.env_checker import check_env  # noqa: E402 - an extra
+
+from wbc.sim.environment import WbcEnv, register  # noqa: E402 - an extra
+
+register()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["wbc/Walk-v0", "wbc/Stand-v0"])
+@pytest.mark.filterwarnings("ignore")
+def test_gymnasium_finds_nothing_wrong(name: str) -> None:
+    check_env(gymnasium.make(name, seconds=1.0, robot="g1").unwrapped, skip_render_check=True)
+
+
+def test_a_walk_is_driven_and_the_same_seed_gives_the_same_episode() -> None:
+    ways = []
+    for _ in range(2):
+        env = WbcEnv("walk", seconds=1.5, period=0.5)
+        first, _ = env.reset(seed=3)
+        assert first.shape == env.observation_space.shape
+        ends, way = [], 0.0
+        for _ in range(3):
+            observation, reward, terminated, truncated, info = env.step([0.3, 0.0, 0.0])
+            way += reward
+            ends.append((terminated, truncated))
+            assert env.observation_space.contains(observation) and info["fall"] is None
+        assert ends == [(False, False), (False, False), (False, True)]
+        ways.append(way)
+    assert ways[0] == ways[1] and ways[0] > 0.0
+    assert not np.array_equal(first, WbcEnv("walk").reset(seed=4)[0])
+
+
+def test_a_stand_is_pushed_and_takes_postures() -> None:
+    env = WbcEnv("stand", seconds=4.0, period=0.5)
+    env.reset(seed=0)
+    assert env.trial is not None and env.trial.spec.pushes[0].time == 2.0
+    *_, truncated, info = [env.step([0.03, 0.0, 0.1, 0.2]) for _ in range(2)][-1]
+    assert not truncated and info["fall"] is None
+    assert env.trial.walking.body.lean == (0.0, 0.1)
+    robot = env.trial.walking.control.observer.robot
+    assert env.trial.walking.body.com_height < float(robot.com[2]) + 0.04
+
+
+def test_bad_input_is_named() -> None:
+    with pytest.raises(UnknownNameError, match="walk"):
+        WbcEnv("run")
+    with pytest.raises(InputError, match="seed is set by the environment"):
+        WbcEnv("walk", seed=3)
+    env = WbcEnv("walk")
+    with pytest.raises(InputError, match="reset the environment"):
+        env.step([0.0, 0.0, 0.0])
+    env.reset(seed=0)
+    with pytest.raises(InputError, match="action"):
+        env.step([0.0, np.nan, 0.0])
+    with pytest.raises(InputError, match="action"):
+        env.step([0.0])
