@@ -1,6 +1,6 @@
 """A humanoid under its controller as an environment of gymnasium (extra `gymnasium`).
 
-    env = gymnasium.make("wbc/Walk-v0", terrain="stones", amplitude=0.02)
+    env = gymnasium.make("wbc.sim.environment:wbc/Walk-v0", terrain="stones", amplitude=0.02)
     observation, info = env.reset(seed=0)
     observation, reward, terminated, truncated, info = env.step([0.2, 0.0, 0.1])
 
@@ -201,9 +201,5 @@ class WbcEnv(gymnasium.Env[Array, Array]):  # type: ignore[misc]
         )
 
 
-def register() -> None:
-    """Register the environments; gymnasium calls it through the entry point "gymnasium.envs"."""
-    for task in TASKS:
-        name = f"wbc/{task.capitalize()}-v0"
-        if name not in gymnasium.registry:
-            gymnasium.register(name, entry_point="wbc.sim.environment:WbcEnv", kwargs={"task": task})
+for _task in TASKS:
+    gymnasium.register(f"wbc/{_task.capitalize()}-v0", entry_point=WbcEnv, kwargs={"task": _task})

@@ -11,16 +11,17 @@ gymnasium = pytest.importorskip("gymnasium")
 
 from gymnasium.utils.env_checker import check_env  # noqa: E402 - an extra
 
-from wbc.sim.environment import WbcEnv, register  # noqa: E402 - an extra
-
-register()
+from wbc.sim.environment import WbcEnv  # noqa: E402 - an extra
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", ["wbc/Walk-v0", "wbc/Stand-v0"])
+@pytest.mark.parametrize("name", ["Walk", "Stand"])
 @pytest.mark.filterwarnings("ignore")
 def test_gymnasium_finds_nothing_wrong(name: str) -> None:
-    check_env(gymnasium.make(name, seconds=1.0, robot="g1").unwrapped, skip_render_check=True)
+    check_env(
+        gymnasium.make(f"wbc.sim.environment:wbc/{name}-v0", seconds=1.0, robot="g1").unwrapped,
+        skip_render_check=True,
+    )
 
 
 def test_a_walk_is_driven_and_the_same_seed_gives_the_same_episode() -> None:
