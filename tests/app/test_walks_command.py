@@ -86,6 +86,11 @@ def test_a_part_of_a_walk_from_a_file_and_what_is_given_comes_first(
     assert other["plan"] == {"velocity": [0.1, 0.0, 0.0], "steps": 22}
 
 
+def test_a_policy_alone_brings_the_sole_that_it_sets(spec_of: Callable[..., Any]) -> None:
+    assert [spec_of(*words)["foot"] for words in ((), ("--policy", "model"))] == ["soft", "variable"]
+    assert main(["walk", "--policy", "model", "--foot", "rigid"]) == BAD_INPUT
+
+
 def test_the_preset_is_the_papers_walk_and_what_is_given_comes_first(
     capsys: pytest.CaptureFixture[str], spec_of: Callable[..., Any]
 ) -> None:

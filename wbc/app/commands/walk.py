@@ -28,8 +28,8 @@ from wbc.sim.walks.settings import SteppingTrialSettings, TrialSettings
 if TYPE_CHECKING:
     from wbc.app.log import Recorder
 
-DEFAULTS = {"foot": "variable", "terrain": "stones", "amplitude": 0.02}
-"""What a walk has that the command line does not name: an unknown ground, and soles that are set to it."""
+DEFAULTS = {"foot": "soft", "terrain": "stones", "amplitude": 0.02}
+"""What a walk has that the command line does not name: an unknown ground, and the sole that most walks arrive on."""
 
 FOLLOWERS = {
     "foot": ("stiffness", "foot_changes", "policy", "policy_params"),
@@ -172,6 +172,8 @@ def walk_spec(given: Mapping[str, Any], options: WalkOptions, drive: bool = Fals
         plan["drive"] = [[options.seconds or DRIVE_TIME, 0.0, 0.0, 0.0]]
     elif options.seconds is not None and "drive" not in (plan or lower.get("plan") or {}):
         raise InputError("seconds belong to a drive; give --drive as well")
+    if "policy" in {*upper, *lower} and "foot" not in {*upper, *lower}:
+        upper["foot"] = "variable"  # the only one that a policy sets
     law = upper.get("law", lower.get("law", "lipm"))
     for name, value in read_changes(options.set).items():
         *groups, last = place_of(name, law).split(".", 1)
