@@ -66,7 +66,7 @@ class Terrain:
 
     Equal terrains are identical grounds on every machine; a terrain is hashable and small when pickled.
 
-    Args:
+    Attributes:
         parameters: The family and its parameters.
         amplitude: Highest minus lowest point of the rough part, m.
         seed: Fixes every random draw. Another family, amplitude or parameter has an independent layout with the same

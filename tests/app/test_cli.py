@@ -137,7 +137,7 @@ def test_text_is_what_people_get(capfd: Captured, words: str) -> None:
 
 def configurations(words: str) -> list[type]:
     """The configuration classes whose fields are the options of a command."""
-    module, _, name = COMMANDS[words][0].partition(":")
+    module, _, name = COMMANDS[words].partition(":")
     function = getattr(importlib.import_module(f"wbc.app.commands.{module}"), name)
     hints = get_type_hints(function, include_extras=False)
     classes = [hint for hint in hints.values() if isinstance(hint, type) and is_dataclass(hint)]

@@ -13,9 +13,9 @@ from wbc.sim.terrain import terrain_families
 
 def test_descriptions_are_json_and_complete() -> None:
     for name in set(terrain_families()) - {"image"}:
-        report = describe_terrain(name, TerrainOptions(seed=1))
+        report = describe_terrain(name, given={"seed": 1})
         assert json.loads(json.dumps(report, allow_nan=False))["terrain"] == name
-    listed = {entry["name"]: entry for entry in json.loads(json.dumps(list_terrains(TerrainOptions())))}
+    listed = {entry["name"]: entry for entry in json.loads(json.dumps(list_terrains()))}
     assert {"flat", "stones", "random", "image"} <= listed.keys()
     assert all(p["about"] and p["unit"] for entry in listed.values() for p in entry["parameters"])
 
@@ -41,7 +41,7 @@ def test_options_read_parameters_as_text() -> None:
 
 
 def test_parameters_of_a_family_may_be_called_like_those_of_the_track() -> None:
-    facts = describe_terrain("stone_bricks", TerrainOptions(length=2.0, param=("length=0.3",)))
+    facts = describe_terrain("stone_bricks", TerrainOptions(param=("length=0.3",)), {"length": 2.0})
     assert facts["length_m"] == 2.0 and facts["parameters"]["length"] == 0.3
 
 

@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 from wbc.app.cli import RAN, main, make_app
-from wbc.app.commands import COMMANDS, GROUPS
+from wbc.app.commands import COMMANDS, GROUPS, summary
 
 ROOT = Path(__file__).resolve().parents[2]
 PAGES = [
@@ -81,10 +81,9 @@ def test_what_is_no_command_is_noticed() -> None:
 
 @pytest.mark.parametrize("words", COMMANDS)
 def test_the_list_says_what_the_command_says(words: str) -> None:
-    place, summary = COMMANDS[words]
-    module, _, function = place.partition(":")
+    module, _, function = COMMANDS[words].partition(":")
     command = getattr(importlib.import_module(f"wbc.app.commands.{module}"), function)
-    assert (inspect.getdoc(command) or "").splitlines()[0] == summary
+    assert (inspect.getdoc(command) or "").splitlines()[0] == summary(words)
 
 
 @pytest.mark.parametrize("words", ["", *GROUPS, *COMMANDS])

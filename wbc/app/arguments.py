@@ -57,15 +57,21 @@ class Fields:
 
     Attributes:
         spec: Class of the spec.
-        options: Option → field, "plan.distance" for one of a field that is settings itself.
+        fields: Fields, with spaces between; option=field where they differ, plan.distance of a field that is settings.
         defaults: Field → value shown as its default, where the command has another one than the spec.
         help: Option → help in place of the spec's.
     """
 
     spec: type
-    options: Mapping[str, str]
+    fields: str
     defaults: Mapping[str, Any] = field(default_factory=dict)
     help: Mapping[str, str] = field(default_factory=dict)
+
+    @functools.cached_property
+    def options(self) -> dict[str, str]:
+        """Option → field."""
+        pairs = (word.rpartition("=") for word in self.fields.split())
+        return {option or field.replace("_", "-"): field for option, _, field in pairs}
 
     def made(self) -> type:
         """Return a dataclass with a field for each option; what is not given is None, or empty."""

@@ -12,7 +12,7 @@ from collections.abc import Sequence
 from cyclopts import App, ArgumentCollection, CycloptsError, Parameter
 
 from wbc._version import __version__
-from wbc.app.commands import COMMANDS, GROUPS
+from wbc.app.commands import COMMANDS, GROUPS, summary
 from wbc.core.errors import InputError, WbcError
 
 RAN, FAILED, BAD_INPUT, INTERRUPTED = 0, 1, 2, 130
@@ -44,10 +44,10 @@ def make_app(words: Sequence[str] | None = ()) -> App:
     groups = {name: App(name=name, help=about, **options) for name, about in GROUPS.items()}
     for group in groups.values():
         app.command(group)
-    for command, (place, summary) in COMMANDS.items():
+    for command, place in COMMANDS.items():
         path = command.split()
         parent = app if len(path) == 1 else groups[path[0]]
-        about = None if words is None or list(words[: len(path)]) == path else summary
+        about = None if words is None or list(words[: len(path)]) == path else summary(command)
         parent.command(f"wbc.app.commands.{place}", name=path[-1], help=about, **options)
     return app
 

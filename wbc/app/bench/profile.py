@@ -8,54 +8,21 @@ from __future__ import annotations
 
 import functools
 import time
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Iterable, Sequence
+from contextlib import ExitStack
 from dataclasses import dataclass
 from typing import Any
 
-from wbc.core.qp.controller import Controller
+from wbc.core.qp.solution import Solution
 from wbc.core.qp.task import Task
 from wbc.sim.walks import WalkHook, WalkResult, WalkTrial
 from wbc.walking.lipm import LipmWalk
 
-MODEL, ASSEMBLY, SOLVE, DECODE = "QP: model", "QP: assembly", "QP: solve", "QP: decode"
-
-TICK, REST = "rest of the tick", "rest"
-
-PARTS = (
-    "physics",
-    "sensors",
-    "plausibility",
-    "observer",
-    "monitor",
-    "footsteps",
-    "references",
-    "stabilizer",
-    "targets",
-    MODEL,
-    ASSEMBLY,
-    SOLVE,
-    DECODE,
-    "gate",
-    "fall test",
-    "scheduling",
-    TICK,
-    "figures",
-    "recording",
-    "live view",
-    REST,
-)
-"""Parts of a walk's time, in the order of a control period; none counts what another one does inside it.
-
-Sensors are the plant's. Of the tick: plausibility checks the readings, the monitor compares sensors with each other;
-footsteps and references are the walk's, targets those of its tasks; model, assembly, solution and decoding are the
-QP's, with each task, contact and limit beside the assembly by name; the gate clips the command; scheduling is that of
-the soles' stiffness. Figures are the result's. The rest is the loop around, the fall test on the true state and the
-making of the result.
-"""
-
 HOOKS = {"Recorder": "recording", "WatchWalk": "live view"}
 """Names of hooks that the commands use; another one is called after its class."""
+
+Timed = tuple[str, object, tuple[str, ...]]
+"""Part, owner and methods that count to it; one without an owner has its place in the order alone."""
 
 
 @dataclass(frozen=True)
@@ -63,7 +30,7 @@ class ProfileRow:
     """One part of a walk's time.
 
     Attributes:
-        what: The part, one of `PARTS`, or task, contact, limit or hook by name.
+        what: The part, see `parts_of`, or task, contact, limit or hook by name.
         us: Its time of a control period, mean, µs; without that of the parts inside it.
         share: Its share of the whole.
         calls: Number of calls in the walk.
@@ -75,75 +42,45 @@ class ProfileRow:
     calls: int
 
 
-class _Clocks:
-    """Time by part, of calls inside each other: what an inner one takes is not counted to the outer one."""
+def parts_of(trial: WalkTrial, hooks: Sequence[WalkHook] = ()) -> list[Timed]:
+    """Return the parts of a walk in the order of a control period; none counts what another one does inside it.
 
-    def __init__(self) -> None:
-        self.spent: dict[str, list[float]] = {}  # part → time (s) and calls
-        self._inside = [0.0]
-        self._replaced: list[tuple[Any, str, Any]] = []
-
-    def entry(self, part: str) -> list[float]:
-        """Return time and calls of a part, to add to."""
-        return self.spent.setdefault(part, [0.0, 0])
-
-    def time(self, owner: object, method: str, part: str) -> None:
-        """Count a method of one object to a part."""
-        entry, inside, clock = self.entry(part), self._inside, time.perf_counter
-        call = getattr(owner, method)
-
-        @functools.wraps(call)
-        def timed(*args: Any, **kwargs: Any) -> Any:
-            inside.append(0.0)
-            start = clock()
-            try:
-                return call(*args, **kwargs)
-            finally:
-                spent = clock() - start
-                entry[0] += spent - inside.pop()
-                entry[1] += 1
-                inside[-1] += spent
-
-        self._replace(owner, method, timed)
-
-    def time_solution(self, controller: Controller) -> None:
-        """Count the solution of the QP to its parts, which the controller times itself."""
-        assembly, solve, decode = (self.entry(part) for part in (ASSEMBLY, SOLVE, DECODE))
-        inside, clock, call = self._inside, time.perf_counter, controller.solve
-
-        @functools.wraps(call)
-        def timed(*args: Any, **kwargs: Any) -> Any:
-            inside.append(0.0)
-            start = clock()
-            assembled = solved = 0.0
-            try:
-                solution = call(*args, **kwargs)
-                assembled, solved = solution.timings.assembly, solution.timings.solve
-                return solution
-            finally:
-                spent = clock() - start
-                assembled = assembled or spent  # a task that raises does so in the assembly
-                assembly[0] += assembled - inside.pop()
-                solve[0] += solved
-                decode[0] += spent - assembled - solved
-                for entry in (assembly, solve, decode):
-                    entry[1] += 1
-                inside[-1] += spent
-
-        self._replace(controller, "solve", timed)
-
-    def _replace(self, owner: object, method: str, timed: Callable[..., Any]) -> None:
-        self._replaced.append((owner, method, vars(owner).get(method)))
-        setattr(owner, method, timed)
-
-    def restore(self) -> None:
-        """Take all clocks off again."""
-        while self._replaced:
-            owner, method, before = self._replaced.pop()
-            if before is None:
-                delattr(owner, method)
-            else:
-                setattr(owner, method, before)
+    Sensors are the plant's. Of the tick: plausibility checks the readings, the monitor compares sensors with each
+    other; footsteps and references are the walk's, targets those of its tasks; model, assembly, solution and decoding
+    are the QP's, with each task, contact and limit beside the assembly by name; the gate clips the command; scheduling
+    is that of the soles' stiffness. Figures are the result's. The rest is the loop around, the fall test on the true
+    state and the making of the result.
+    """
+    plant, walking = trial.plant, trial.walking
+    control, controller, source = walking.control, walking.controller, walking.source
+    observing = [task for task in controller.tasks if type(task).observe is not Task.observe]
+    return [
+        ("physics", plant, ("step",)),
+        ("sensors", plant, ("measure",)),
+        ("plausibility", control.plausibility, ("check",)),
+        ("observer", control.observer, ("update", "commanded")),
+        ("monitor", control.monitor, ("update",)),
+        ("footsteps", source if isinstance(source, LipmWalk) else None, ("plan_steps",)),
+        ("references", source, ("update",)),
+        ("stabilizer", walking.stabilizer, ("update",)),
+        ("targets", walking.tasks, ("follow",)),
+        ("QP: model", controller.robot, ("update",)),
+        ("QP: assembly", None, ()),
+        *((f"task '{task.name}'", task, ("evaluate",)) for task in controller.tasks),
+        *((f"task '{task.name}'", task, ("observe",)) for task in observing),
+        *((f"contact '{contact.name}'", contact, ("evaluate",)) for contact in controller.contacts),
+        *((limit.name, limit, ("write",)) for limit in controller.limits),
+        ("QP: solve", None, ()),
+        ("QP: decode", None, ()),
+        ("gate", control.gate, ("pass_on", "pass_on_with_gains")),
+        ("fall test", walking.falls, ("update",)),
+        ("scheduling", walking.stiffness, ("update",)),
+        ("rest of the tick", walking, ("command",)),
+        ("figures", trial.meter, ("tick", "after")),
+        ("figures", trial.sole_meter, ("tick",)),
+        *((HOOKS.get(name := type(h).__name__, f"hook {name}"), h, ("start", "tick", "end")) for h in hooks),
+        ("rest", None, ()),
+    ]
 
 
 def profile_walk(
@@ -158,14 +95,21 @@ def profile_walk(
         hooks: Look on, and are timed.
 
     Returns:
-        The result, and the parts that took time, in the order of `PARTS`; their times add up to the whole.
+        The result, and the parts that took time, in the order of `parts_of`; their times add up to the whole.
     """
-    with _clocks_on(trial, hooks) as clocks:
+    parts = parts_of(trial, hooks)
+    spent: dict[str, list[float]] = {part: [0.0, 0] for part, _, _ in parts}  # time (s) and calls
+    inside = [0.0]  # time of the calls inside each call under way
+    with ExitStack() as clocks:
+        for part, owner, methods in parts:
+            for method in methods if owner is not None else ():
+                _time(clocks, owner, method, [spent[part]], inside)
+        solution = [spent[f"QP: {part}"] for part in ("assembly", "solve", "decode")]
+        _time(clocks, trial.walking.controller, "solve", solution, inside)
         start = time.perf_counter()
         result = trial.run(hooks)
         whole = time.perf_counter() - start
-    spent = clocks.spent
-    spent[REST] = [whole - sum(seconds for seconds, _ in spent.values()), 1]
+    spent["rest"] = [whole - sum(seconds for seconds, _ in spent.values()), 1]
     periods = max(1.0, spent["sensors"][1])
     rows = tuple(
         ProfileRow(part, 1e6 * seconds / periods, seconds / whole, int(calls))
@@ -182,61 +126,37 @@ def profile_text(rows: Sequence[ProfileRow]) -> str:
     return "\n".join([*lines, f"| all | {sum(row.us for row in rows):.1f} | 100 % | |"])
 
 
-@contextmanager
-def _clocks_on(trial: WalkTrial, hooks: Sequence[WalkHook]) -> Iterator[_Clocks]:
-    """Put clocks around the methods of a walk, and take them off again."""
-    clocks = _Clocks()
-    plant, walking = trial.plant, trial.walking
-    control, controller = walking.control, walking.controller
-    hook_names = [HOOKS.get(type(hook).__name__, f"hook {type(hook).__name__}") for hook in hooks]
-    named = [
-        *((task, "evaluate", f"task '{task.name}'") for task in controller.tasks),
-        *((contact, "evaluate", f"contact '{contact.name}'") for contact in controller.contacts),
-        *((limit, "write", limit.name) for limit in controller.limits),
-    ]
-    for part in PARTS:  # their order
-        clocks.entry(part)
-        if part == ASSEMBLY:
-            for _, _, name in named:
-                clocks.entry(name)
-        if part == "figures":
-            for name in hook_names:
-                clocks.entry(name)
-    timed: list[tuple[object, str, str]] = [
-        (plant, "step", "physics"),
-        (plant, "measure", "sensors"),
-        (control.plausibility, "check", "plausibility"),
-        (control.observer, "update", "observer"),
-        (control.observer, "commanded", "observer"),
-        (control.monitor, "update", "monitor"),
-        (walking.source, "update", "references"),
-        (walking.tasks, "follow", "targets"),
-        (walking.falls, "update", "fall test"),
-        (controller.robot, "update", MODEL),
-        (control.gate, "pass_on", "gate"),
-        (control.gate, "pass_on_with_gains", "gate"),
-        (walking, "command", TICK),
-        (trial.meter, "tick", "figures"),
-        (trial.meter, "after", "figures"),
-        *named,
-    ]
-    if isinstance(walking.source, LipmWalk):
-        timed.append((walking.source, "plan_steps", "footsteps"))
-    if walking.stabilizer is not None:
-        timed.append((walking.stabilizer, "update", "stabilizer"))
-    if walking.stiffness is not None:
-        timed.append((walking.stiffness, "update", "scheduling"))
-    if trial.sole_meter is not None:
-        timed.append((trial.sole_meter, "tick", "figures"))
-    for task in controller.tasks:
-        if type(task).observe is not Task.observe:
-            timed.append((task, "observe", f"task '{task.name}'"))
-    for hook, name in zip(hooks, hook_names, strict=True):
-        timed += [(hook, method, name) for method in ("start", "tick", "end")]
-    try:
-        for owner, method, part in timed:
-            clocks.time(owner, method, part)
-        clocks.time_solution(controller)
-        yield clocks
-    finally:
-        clocks.restore()
+def _time(
+    clocks: ExitStack, owner: object, method: str, entries: Sequence[list[float]], inside: list[float]
+) -> None:
+    """Count a method of one object to its part, or a solution of the QP to its three, until the stack closes."""
+    call, clock, before = getattr(owner, method), time.perf_counter, vars(owner).get(method)
+
+    @functools.wraps(call)
+    def timed(*args: Any, **kwargs: Any) -> Any:
+        inside.append(0.0)
+        result, start = None, clock()
+        try:
+            result = call(*args, **kwargs)
+            return result
+        finally:
+            spent = clock() - start
+            inner = inside.pop()
+            inside[-1] += spent
+            for entry, seconds in zip(entries, _divided(result, spent, inner), strict=False):
+                entry[0] += seconds
+                entry[1] += 1
+
+    setattr(owner, method, timed)
+    if before is None:
+        clocks.callback(delattr, owner, method)
+    else:
+        clocks.callback(setattr, owner, method, before)
+
+
+def _divided(result: object, spent: float, inner: float) -> Iterable[float]:
+    """Return a call's own time, s: of a solution that of assembly, solver and decoding, which the controller takes."""
+    if not isinstance(result, Solution):
+        return (spent - inner,)  # a task that raises does so in the assembly
+    assembled, solved = result.timings.assembly, result.timings.solve
+    return assembled - inner, solved, spent - assembled - solved

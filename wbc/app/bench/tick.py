@@ -20,7 +20,7 @@ from wbc.core.limits.rows import JointLimits, TorqueLimits
 from wbc.core.qp.contact import SoleContact
 from wbc.core.qp.controller import Controller
 from wbc.core.robot import Robot
-from wbc.core.settings import Count, NonNegative, Positive, settings, to_json
+from wbc.core.settings import Count, Positive, settings, to_json
 from wbc.robots import load
 from wbc.tasks.motion.com import CoMTask
 from wbc.tasks.motion.posture import PostureTask
@@ -32,6 +32,24 @@ FALL_BACK = 0.1
 """Time constant of braking after a tick without solution, s; the run continues and counts the tick."""
 
 
+TASK = {
+    "sole_length": 0.2,  # of the contact rectangles, m
+    "sole_width": 0.13,
+    "friction": 0.7,
+    "lateral_amplitude": 0.020,  # of the sway along y, m and Hz
+    "lateral_frequency": 0.5,
+    "sagittal_amplitude": 0.010,  # of the sway along x, m and Hz
+    "sagittal_frequency": 1.0,
+    "com_weight": 1000.0,  # cost per (m/s²)²
+    "com_stiffness": 100.0,  # 1/s²
+    "posture_weight": 0.1,  # cost per (rad/s²)²
+    "posture_stiffness": 25.0,  # 1/s²
+    "contact_stiffness": 100.0,  # pull of each sole back to where it started, 1/s²
+    "braking": 20.0,  # deceleration that the joint position limits count on, rad/s²
+}
+"""Numbers of the task, the same for all libraries that are compared."""
+
+
 @settings(kw_only=True)
 class BenchTickOptions:
     """A robot on two soles whose centre of mass sways.
@@ -41,62 +59,37 @@ class BenchTickOptions:
         ticks: Ticks measured.
         warm_up: Ticks before them, in which the velocity jump of the start dies out.
         period: Control period, s.
-        sole_length: Length of the contact rectangles, m.
-        sole_width: Width of the contact rectangles, m.
-        friction: Coulomb coefficient.
-        lateral_amplitude: Amplitude of the sway along y, m.
-        lateral_frequency: Frequency of the sway along y, Hz.
-        sagittal_amplitude: Amplitude of the sway along x, m.
-        sagittal_frequency: Frequency of the sway along x, Hz.
-        com_weight: Weight of the CoM task, cost per (m/s²)².
-        com_stiffness: Stiffness of the CoM task, 1/s².
-        posture_weight: Weight of the posture task, cost per (rad/s²)².
-        posture_stiffness: Stiffness of the posture task, 1/s².
-        contact_stiffness: Pull of each sole back to where it started, 1/s².
-        braking: Deceleration that the joint position limits count on, rad/s².
     """
 
     robot: str = "talos"
     ticks: Count = 4000
     warm_up: Annotated[int, Field(ge=0)] = 1000
     period: Annotated[Positive, "s"] = 0.001
-    sole_length: Annotated[Positive, "m"] = 0.2
-    sole_width: Annotated[Positive, "m"] = 0.13
-    friction: Positive = 0.7
-    lateral_amplitude: Annotated[NonNegative, "m"] = 0.020
-    lateral_frequency: Annotated[NonNegative, "Hz"] = 0.5
-    sagittal_amplitude: Annotated[NonNegative, "m"] = 0.010
-    sagittal_frequency: Annotated[NonNegative, "Hz"] = 1.0
-    com_weight: NonNegative = 1000.0
-    com_stiffness: Annotated[NonNegative, "1/s²"] = 100.0
-    posture_weight: NonNegative = 0.1
-    posture_stiffness: Annotated[NonNegative, "1/s²"] = 25.0
-    contact_stiffness: Annotated[NonNegative, "1/s²"] = 100.0
-    braking: Annotated[Positive, "rad/s²"] = 20.0
 
     def __post_init__(self) -> None:
         load(self.robot)
 
-    def sway(self, time: float) -> tuple[Array, Array, Array]:
-        """Return offset (m), velocity (m/s) and acceleration (m/s²) of the centre of mass at a time (s)."""
-        w = 2.0 * math.pi * np.array([self.sagittal_frequency, self.lateral_frequency, 0.0])
-        size = np.array([self.sagittal_amplitude, self.lateral_amplitude, 0.0])
-        sine, cosine = np.sin(w * time), np.cos(w * time)
-        return size * sine, size * w * cosine, -size * w * w * sine
 
-    def controller(self, robot: Robot) -> tuple[Controller, CoMTask]:
-        """Return the controller and its task on the centre of mass."""
-        controller = Controller(robot, self.period)
-        com = controller.add(CoMTask(weight=self.com_weight, stiffness=self.com_stiffness))
-        controller.add(PostureTask(weight=self.posture_weight, stiffness=self.posture_stiffness))
-        for sole in robot.soles:
-            contact = SoleContact(
-                sole.name, friction=self.friction, margin=0.0, stiffness=self.contact_stiffness
-            )
-            controller.add(contact)
-            contact.set_rectangle(self.sole_length, self.sole_width)
-        controller.add(JointLimits(braking=self.braking), TorqueLimits())
-        return controller, com
+def sway(time: float) -> tuple[Array, Array, Array]:
+    """Return offset (m), velocity (m/s) and acceleration (m/s²) of the centre of mass at a time (s)."""
+    w = 2.0 * math.pi * np.array([TASK["sagittal_frequency"], TASK["lateral_frequency"], 0.0])
+    size = np.array([TASK["sagittal_amplitude"], TASK["lateral_amplitude"], 0.0])
+    sine, cosine = np.sin(w * time), np.cos(w * time)
+    return size * sine, size * w * cosine, -size * w * w * sine
+
+
+def _controller(robot: Robot, period: float) -> tuple[Controller, CoMTask]:
+    """Return the controller and its task on the centre of mass."""
+    controller = Controller(robot, period)
+    com = controller.add(CoMTask(weight=TASK["com_weight"], stiffness=TASK["com_stiffness"]))
+    controller.add(PostureTask(weight=TASK["posture_weight"], stiffness=TASK["posture_stiffness"]))
+    for sole in robot.soles:
+        contact = controller.add(
+            SoleContact(sole.name, friction=TASK["friction"], margin=0.0, stiffness=TASK["contact_stiffness"])
+        )
+        contact.set_rectangle(TASK["sole_length"], TASK["sole_width"])
+    controller.add(JointLimits(braking=TASK["braking"]), TorqueLimits())
+    return controller, com
 
 
 def bench_tick(options: BenchTickOptions) -> dict[str, Any]:
@@ -115,7 +108,7 @@ def bench_tick(options: BenchTickOptions) -> dict[str, Any]:
     robot = load(options.robot).robot()
     q, v, dt = start_configuration(robot), np.zeros(robot.nv), options.period
     robot.update(q, v)
-    controller, com = options.controller(robot)
+    controller, com = _controller(robot, dt)
     start_com = np.array(robot.com)
     durations, parts = np.zeros(options.ticks), np.zeros((options.ticks, 4))
     com_actual, com_target = np.zeros((options.ticks, 3)), np.zeros((options.ticks, 3))
@@ -123,7 +116,7 @@ def bench_tick(options: BenchTickOptions) -> dict[str, Any]:
     failures, preempted = 0, 0
     counts: dict[str, int] = {}
     for tick in range(-options.warm_up, options.ticks):
-        offset, velocity, acceleration = options.sway((tick + options.warm_up) * dt)
+        offset, velocity, acceleration = sway((tick + options.warm_up) * dt)
         target = start_com + offset
         if tick == 0:
             preempted, counts = _preemptions(), controller.solver_counts

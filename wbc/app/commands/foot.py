@@ -25,7 +25,7 @@ from wbc.sim.plant.model import sole_geometries
 from wbc.sim.plant.settings import PhysicsSettings
 from wbc.sim.rig import HRP4C_SOLE, FootTest, PitchResult, PressResult
 from wbc.sim.rig.spec import fit_facts
-from wbc.sim.terrain import Rendering
+from wbc.sim.terrain import Terrain
 from wbc.sim.terrain import terrain as make_terrain
 from wbc.sim.terrain.families.base import make_family
 
@@ -37,19 +37,15 @@ PITCH = ("angle", "rate")
 """Options of a pitch alone."""
 
 
-SHARED = Fields(
-    FootTest,
-    {
-        "load": "load",
-        "ankle-stiffness": "ankle_stiffness",
-        "x": "x",
-        "y": "y",
-        "drop": "drop",
-        "settle": "settle",
-        "hold": "hold",
-    },
-)
+SHARED = Fields(FootTest, "load ankle_stiffness x y drop settle hold")
 """Options that are fields of the test."""
+
+GROUND = Fields(
+    Terrain,
+    "amplitude seed rendering resolution",
+    help={"amplitude": "Highest minus lowest point of the ground, m; the family's own if not given."},
+)
+"""Options that are fields of the ground."""
 
 
 @settings(kw_only=True)
@@ -62,11 +58,7 @@ class FootOptions:
         robot: Robot whose ankle the foot is fitted to, and only one in the list; 93 mm over 160 x 76 mm if not given.
         stiffness: Of the sole hinges of a soft foot, Nm/rad; the foot's own if not given.
         terrain: Family of grounds that `wbc terrain` lists.
-        amplitude: Highest minus lowest point of the ground, m; the family's own if not given.
         param: Parameters of the ground, each as name=value.
-        seed: Fixes every random draw of the ground.
-        rendering: Solids (geoms), height_field, or auto: solids wherever the family is made of them.
-        resolution: Greatest cell of a height field, m; fine enough for ground and sole if not given.
         yaw: Heading of the foot, degrees.
         timestep: Physics step, s.
         angle: Largest pitch that the ankle is asked for, degrees.
@@ -79,11 +71,7 @@ class FootOptions:
     robot: str | None = None
     stiffness: float | None = None
     terrain: str = "flat"
-    amplitude: float | None = None
     param: tuple[str, ...] = ()
-    seed: int = 0
-    rendering: Rendering = "auto"
-    resolution: float | None = None
     yaw: float = math.degrees(FootTest.yaw)
     timestep: float = PhysicsSettings.timestep
     angle: float = 5.0
@@ -100,28 +88,22 @@ class FootOptions:
             if getattr(self, name) != getattr(type(self), name):
                 raise InputError(f"--{name} is no option of 'foot {test}'")
 
-    def test(self, given: Mapping[str, Any]) -> FootTest:
+    def test(self, given: Mapping[str, Any], ground: Mapping[str, Any]) -> FootTest:
         """Return the test of one foot on one ground.
 
         Args:
             given: Further fields of the test.
+            ground: Fields of the ground.
 
         Raises:
             UnknownNameError: No such foot, robot, ground or parameter.
             InputError: A value out of range, a stiffness for a foot that has none, or a foot that does not fit.
         """
         design = self._foot()
-        ground = make_terrain(
-            make_family(self.terrain, read_changes(self.param)),
-            self.amplitude,
-            self.seed,
-            rendering=self.rendering,
-            resolution=self.resolution,
-            sole_radius=design.contact.radius,
-        )
+        family = make_family(self.terrain, read_changes(self.param))
         return FootTest(
             foot=design,
-            ground=ground,
+            ground=make_terrain(family, sole_radius=design.contact.radius, **ground),
             robot_sole=HRP4C_SOLE if self.robot is None else _sole(self.robot),
             yaw=math.radians(self.yaw),
             physics=PhysicsSettings(timestep=self.timestep),
@@ -149,6 +131,7 @@ def foot(
     *,
     options: Flat[FootOptions] = FootOptions(),
     given: Annotated[Mapping[str, Any], SHARED] = NONE_GIVEN,
+    ground: Annotated[Mapping[str, Any], GROUND] = NONE_GIVEN,
     output: OutputOptions = Output(),
 ) -> Report:
     """List the feet, or test one on a rig: press it on a ground, or pitch its ankle.
@@ -160,7 +143,7 @@ def foot(
         return _list(options.robot, output)
     options.check(test)
     target = check_picture(options.plot, options.param)
-    made = options.test(given)
+    made = options.test(given, ground)
     if test == "press":
         return _report(output, made, rig.press(made), _press_lines, rig.plot_press, target)
     angle, rate = math.radians(options.angle), math.radians(options.rate)

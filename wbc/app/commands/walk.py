@@ -47,29 +47,9 @@ DRIVE_TIME = 3600.0
 
 OPTIONS = Fields(
     WalkSpec,
-    {
-        "robot": "robot",
-        "gait": "law",
-        "foot": "foot",
-        "stiffness": "stiffness",
-        "foot-param": "foot_changes",
-        "policy": "policy",
-        "policy-param": "policy_params",
-        "terrain": "terrain",
-        "amplitude": "amplitude",
-        "param": "terrain_params",
-        "scene": "scene",
-        "seed": "seed",
-        "noise": "noise",
-        "distance": "plan.distance",
-        "velocity": "plan.velocity",
-        "steps": "plan.steps",
-        "turn": "plan.turn",
-        "stairs": "plan.stairs",
-        "mode": "mode",
-        "servo": "servo",
-        "push": "pushes",
-    },
+    "robot gait=law foot stiffness foot-param=foot_changes policy policy-param=policy_params terrain "
+    "amplitude param=terrain_params scene seed noise distance=plan.distance velocity=plan.velocity "
+    "steps=plan.steps turn=plan.turn stairs=plan.stairs mode servo push=pushes",
     defaults=DEFAULTS,
     help={
         "turn": "On the spot to the left, degrees.",
