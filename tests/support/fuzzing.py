@@ -96,7 +96,7 @@ STUBS = (
     "wbc.sim.hands.pressing:HandPressTrial.run",
     "wbc.feet.stiffness.figures:learning_curve",
     "wbc.feet.stiffness.comparison:cross_validate",
-    "wbc.machine.conformance:_Conformance.run",
+    "wbc.machine.conformance:_check_shapes",
     "wbc.machine.run:Runner._make_guard",
     "wbc.sim.studies.sweep:_run_locally",
     "wbc.app.commands.bench:bench_tick",
