@@ -137,16 +137,6 @@ def test_nothing_below_the_simulator_imports_mujoco_when_imported() -> None:
     assert not wrong, "\n".join(wrong)
 
 
-def test_the_folders_beside_wbc_are_imported_through_it() -> None:
-    wrong = []
-    for top in (*FOLDERS.values(), ROOT / "tests", ROOT / "examples", ROOT / "wbc"):
-        for file in sources(top):
-            for module, line in imports(parsed(file)):
-                if module.split(".")[0] in ("robots", "feet", "tasks", "sim"):
-                    wrong.append(f"{file.relative_to(ROOT)}:{line} imports {module}")
-    assert not wrong, "\n".join(wrong)
-
-
 @pytest.mark.parametrize("name", ["robots", "feet", "tasks", "sim"])
 def test_links_lead_to_the_folders_beside(name: str) -> None:
     link = ROOT / "wbc" / name

@@ -131,7 +131,9 @@ def test_equal_walks_and_a_prior_are_the_prior() -> None:
 
 def test_the_prior_of_a_ground_is_made_without_it() -> None:
     rng = np.random.default_rng(1)
-    study = dataset(DatasetSize(seeds=1, amplitudes=1, evaluations=8))
+    study = dataset(DatasetSize(seeds=1, amplitudes=1, evaluations=8)).narrowed(
+        ["ellipsoids", "cobble", "floor"]
+    )
     entries = {}
     for trial in study.trials():
         spec = trial.spec.to_json()
@@ -172,9 +174,6 @@ def test_the_dataset_is_the_papers_grounds_and_as_large_as_one_likes() -> None:
     assert dataset(DatasetSize(seeds=2, evaluations=50)).size == 6000
     higher = {dict(cell.values)["amplitude"] for cell in dataset(DatasetSize(height=1.5)).cells}
     assert max(higher) == pytest.approx(0.06)
-    for bad in ({"height": 0.0}, {"seeds": 0}, {"amplitudes": 0}, {"evaluations": 3}, {"distance": 0.0}):
-        with pytest.raises(InputError, match=f"^{next(iter(bad))}.* must be .* (above|at least) [014], got"):
-            dataset(DatasetSize(**bad))  # type: ignore[arg-type]
 
 
 def test_a_part_of_the_stiffnesses_covers_the_range_and_stays_when_there_are_more() -> None:
@@ -231,11 +230,13 @@ def test_a_journal_becomes_a_table_and_the_table_a_model(
 
 
 def test_labels_leave_out_what_did_not_end_and_what_others_have_run(tmp_path: Path) -> None:
-    study, path = small(), tmp_path / "walks.jsonl"
+    study, path = small().narrowed(["cobble", "floor"]), tmp_path / "walks.jsonl"
     journal_of(path, 9.0)
     entries = read_journal(path)
     found = labels(study, entries)
-    assert len(found) == 12 and {label.walks for label in found.values()} == {6}
+    assert set(found) == {cell.name for cell in study.cells} and {
+        label.walks for label in found.values()
+    } == {6}
     other = {
         key: Entry(e.spec, e.status, e.result, e.clock, None, {"wbc": "0"}) for key, e in entries.items()
     }

@@ -232,6 +232,7 @@ def test_a_stored_journal_names_its_code_as_today() -> None:
     assert renamed(stored.version) == stored.version
 
 
+@examples(30)
 @given(st.recursive(st.none() | st.booleans() | st.integers() | st.floats() | st.text(), st.lists))
 def test_canonical_json_is_json(value: object) -> None:
     text = canonical(value)

@@ -54,8 +54,8 @@ def test_every_robot_stands_still_in_both_modes(robot: str, mode: Mode) -> None:
 @pytest.mark.parametrize(
     "options",
     [
-        StandSpec(mode="torque", noise="realistic", seconds=1.0),
-        StandSpec(mode="position", feedback="closed", noise="realistic", seconds=1.0),
+        StandSpec(mode="torque", noise="realistic", seconds=0.5),
+        StandSpec(mode="position", feedback="closed", noise="realistic", seconds=0.5),
     ],
 )
 def test_stands_with_noisy_sensors_and_repeats_itself_bit_for_bit(options: StandSpec) -> None:

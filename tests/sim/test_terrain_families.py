@@ -46,7 +46,7 @@ def _peaks(t: Terrain) -> Array:
 
 
 @pytest.mark.parametrize("name", NAMES)
-@examples(8)
+@examples(4)
 @given(seed=st.integers(0, 2**40), share=st.floats(0.05, 1.0))
 def test_amplitude_is_highest_minus_lowest_point(name: str, seed: int, share: float) -> None:
     t = terrain(name, amplitude=share * terrain(name).amplitude, seed=seed, ramp=0.0)
@@ -195,7 +195,7 @@ def test_equal_terrains_are_one_key_and_survive_a_pickle() -> None:
 
 def test_seeds_give_different_grounds() -> None:
     for name in set(NAMES) - {"steps", "slope"}:
-        assert len({terrain(name, seed=s).fingerprint(0.05) for s in range(4)}) == 4, name
+        assert len({terrain(name, seed=s).fingerprint(0.05) for s in range(2)}) == 2, name
 
 
 def test_zero_amplitude_is_flat() -> None:
@@ -343,7 +343,7 @@ def test_slats_leave_gaps_to_the_floor_of_the_pit() -> None:
 
 @pytest.mark.parametrize("name", ["floor_tiles", "large_floor_tiles", "stone_bricks"])
 def test_high_plates_do_not_lean_out_of_the_track(name: str) -> None:
-    for seed in range(20):
+    for seed in range(8):
         assert terrain(name, 0.1, seed).shapes  # the ground is checked as it is built
 
 

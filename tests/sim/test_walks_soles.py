@@ -25,7 +25,7 @@ SPEC = WalkSpec(
     amplitude=0.015,
     seed=2,
     terrain_params={"start": 0.1, "ramp": 0.0},  # type: ignore[arg-type]
-    plan=WalkPlan(distance=0.45),
+    plan=WalkPlan(distance=0.3),
     changes={"stiffness.min_length": 0.1},  # type: ignore[arg-type]
 )
 
@@ -228,14 +228,11 @@ def test_bad_input(changes: dict[str, Any], message: str) -> None:
 
 
 def test_the_main_job_tells_about_its_soles(capfd: pytest.CaptureFixture[str]) -> None:
-    assert cli.main(["walk", "--distance", "0.3"]) == 0
+    assert cli.main(["walk", "--distance", "0.1"]) == 0
     text = capfd.readouterr().out
     assert (
         "variable feet, stones, 20 mm" in text and "soles     set by the policy 'model': decided in " in text
     )
-    assert "; stiffness reached before the landing in 4 of 4" in text
-    assert cli.main(["walk", "--distance", "0.05", "--json"]) == 0
-    data = json.loads(capfd.readouterr().out)
-    assert data["spec"]["policy"] == "model" and isinstance(data["stiffness"], list)
+    assert "; stiffness reached before the landing in 2 of 2" in text
     code = cli.main(["walk", "--policy", "best"])
     assert code == 2 and "fixed, model" in capfd.readouterr().err

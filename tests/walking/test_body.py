@@ -28,7 +28,7 @@ def upright(plant: Plant) -> bool:
     return not TrueFallDetector(plant.robot).fallen(plant.truth().q)
 
 
-@pytest.mark.parametrize("kind", ["lipm", "stepping"])
+@pytest.mark.parametrize("kind", ["lipm", pytest.param("stepping", marks=pytest.mark.slow)])
 def test_height_lean_turn_and_gaze_are_reached_with_bounded_speed(kind: str) -> None:
     plant, walking = standing("g1" if kind == "stepping" else "hrp4_class", kind)
     body, real = walking.body, plant.description.robot()
@@ -63,7 +63,7 @@ def test_a_walk_goes_on_while_its_body_is_set() -> None:
     plant, walking = standing()
     walking.body.look_at([4.0, -1.0, 0.5])
     walking.velocity = (0.2, 0.0, 0.0)
-    while plant.time < 4.0:
+    while plant.time < 3.2:
         if plant.time > 1.5:
             walking.body.com_height, walking.body.turn = 0.75, 0.2
         plant.step(walking.command(plant.measure()))
