@@ -46,14 +46,14 @@ DRAG_FORCE = 2.0
 """Force of a link that is dragged, in weights of the robot a metre."""
 
 KEYS = (
-    ("faster", "arrowup", None, 0, 1),
-    ("slower", "arrowdown", None, 0, -1),
-    ("turn left", "arrowleft", None, 2, 1),
-    ("turn right", "arrowright", None, 2, -1),
-    ("to the left", "arrowleft", "shift", 1, 1),
-    ("to the right", "arrowright", "shift", 1, -1),
+    ("faster", "i", 0, 1),
+    ("slower", "k", 0, -1),
+    ("turn left", "j", 2, 1),
+    ("turn right", "l", 2, -1),
+    ("to the left", "u", 1, 1),
+    ("to the right", "o", 1, -1),
 )
-"""Commands of a robot that is driven: label, key, modifier, part of the velocity, and its sign."""
+"""Commands of a robot that is driven: label, key, part of the velocity, and its sign. Arrows turn viser's camera."""
 
 COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7")
 
@@ -63,7 +63,7 @@ class Workbench(View):
 
     Each task has a folder: gizmo on its target, weight, stiffness, on or off, error and residual as plots. Each contact
     shows its force and margin to its cone, limits how often they act. Ctrl and the mouse pull at a link; a robot that
-    is steered is driven by sliders or the arrow keys. A program of one's own adds buttons, sliders, plots and gizmos.
+    is steered is driven by sliders or keys. A program of one's own adds buttons, sliders, plots and gizmos.
     Orders are carried out at ticks and kept in `interventions`; `repeat` carries them out again.
     """
 
@@ -336,14 +336,15 @@ class Workbench(View):
 
     def _drive_folder(self, limits: dict[str, float]) -> None:
         gui, parts = self._server.gui, ("forward", "left", "turn")
-        low = (-limits["back"], -limits["left"], -limits["turn"])
-        high = (limits["forward"], limits["left"], limits["turn"])
+        most = {name: math.floor(100.0 * limit) / 100.0 for name, limit in limits.items()}
+        low = (-most["back"], -most["left"], -most["turn"])
+        high = (most["forward"], most["left"], most["turn"])
         with gui.add_folder("drive"):
             sliders = [
                 gui.add_slider(f"{name} ({unit})", a, b, 0.01, 0.0)
                 for name, unit, a, b in zip(parts, ("m/s", "m/s", "rad/s"), low, high, strict=True)
             ]
-            gui.add_markdown("arrow keys: faster, slower, turn; with shift to the side; space: stand")
+            gui.add_markdown("keys i, k: faster, slower; j, l: turn; u, o: to the side; space: stand")
             stand = gui.add_button("stand", hint="the robot can be driven on")
 
         def drive(_: Any = None) -> None:
@@ -351,7 +352,7 @@ class Workbench(View):
 
         def step(index: int, sign: int, _: Any) -> None:
             value = sliders[index].value + 0.25 * sign * (high[index] if sign > 0 else -low[index])
-            sliders[index].value = min(max(value, low[index]), high[index])
+            sliders[index].value = round(min(max(value, low[index]), high[index]), 2)
             drive()
 
         def halt(_: Any) -> None:
@@ -362,8 +363,8 @@ class Workbench(View):
         for slider in sliders:
             when(slider.on_update, lambda event: drive() if event.client is not None else None)
         when(stand.on_click, halt)
-        for label, key, shift, index, sign in KEYS:
-            command = gui.add_command(label, hotkey=key, modifier=shift)
+        for label, key, index, sign in KEYS:
+            command = gui.add_command(label, hotkey=key)
             when(command.on_trigger, partial(step, index, sign))
         when(gui.add_command("stand", hotkey="space").on_trigger, halt)
 
