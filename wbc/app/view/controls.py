@@ -448,7 +448,7 @@ def intervention_text(entry: dict[str, Any]) -> str:
         "drive": "driven at {forward:.2f} m/s forward, {left:.2f} m/s left, {turn:.2f} rad/s",
         "gain": "gain {name} set to {value:g}",
         "stiffness": "soles told to take {value:g} Nm/rad",
-        "pull": "pulled at {body} with {force} N",
+        "pull": "pulled at {body} with ({force[0]:.0f}, {force[1]:.0f}, {force[2]:.0f}) N",
         "task": "task {task} changed",
         "own": "{name}",
     }[entry["what"]]
