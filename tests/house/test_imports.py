@@ -59,7 +59,7 @@ def imports(node: ast.AST, *, at_import_time: bool = False) -> Iterator[tuple[st
                 yield from imports(child, at_import_time=at_import_time)
 
 
-IN_PREFIX = {"pinocchio": "pin", "coal": "pin", "proxsuite": "proxsuite"}
+IN_PREFIX = {"pinocchio": "pin", "coal": "pin", "proxsuite": "proxsuite", "rerun": "rerun-sdk"}
 """Modules where their distributions do not list them; coal is released together with pin, which asks for it."""
 
 

@@ -10,6 +10,7 @@ import re
 from pathlib import Path
 
 GROUPS = {
+    "log": "Hand logs on to other viewers.",
     "study": "Run many walks, continue where they stopped, and compare them.",
     "bench": "Measure the library itself.",
 }
@@ -23,6 +24,7 @@ COMMANDS = {
     "motion": "motion:motion",
     "view": "view_log:view",
     "plot": "plot:plot",
+    "log convert": "view_log:convert",
     "robots": "robots:robots",
     "foot": "foot:foot",
     "terrain": "terrain:terrain",

@@ -1,4 +1,4 @@
-"""`wbc view`: replay of a recorded run."""
+"""`wbc view` and `wbc log`: replay of a recorded run, and conversion for other viewers."""
 
 from __future__ import annotations
 
@@ -100,6 +100,39 @@ def view(
         "broken": opened.broken,
     }
     return output.report(facts, f"{out}: {pictures} pictures" if out is not None else "replay ended")
+
+
+@settings(kw_only=True)
+class ConvertOptions:
+    """Scene of a converted log.
+
+    Attributes:
+        rate: Pictures of the scene a second; signals keep their rate.
+    """
+
+    rate: Annotated[Positive, "pictures a second"] = 30.0
+
+
+@reports
+def convert(
+    log: Annotated[Path, Parameter(help="Log to convert, as --record has written it.")],
+    out: Annotated[Path, Parameter(help="File to write: .mcap for Foxglove, .rrd for Rerun.")],
+    /,
+    *,
+    options: Flat[ConvertOptions] = ConvertOptions(),
+    output: OutputOptions = Output(),
+) -> Report:
+    """Write a log, its signals and its scene, for another viewer: MCAP for Foxglove, RRD for Rerun."""
+    from wbc.app.replay import check_conversion, convert_log  # noqa: PLC0415 - slow
+
+    check_conversion(out, [log])
+    opened = Log.open(log)
+    with _bar("converting") as progress:
+        reason = convert_log(opened, out, rate=options.rate, progress=progress)
+    facts = {"log": str(log), "file": str(out), "without_scene": reason, "broken": opened.broken}
+    notes = [f"; no scene: {reason}"] if reason else []
+    notes += [f"; the log ends early: {opened.broken}"] if opened.broken else []
+    return output.report(facts, f"{out}: {len(opened)} ticks{''.join(notes)}")
 
 
 @contextmanager
