@@ -11,6 +11,7 @@ from typing import Any
 import wbc
 from wbc.app import MeshcatView, WatchWalk
 from wbc.sim import TrueFallDetector
+from wbc.tasks import Program
 from wbc.walking import ReferenceControl
 
 BROWSER_TIME = 20.0
@@ -27,13 +28,17 @@ class Options(argparse.Namespace):
 
     @contextlib.contextmanager
     def watch(
-        self, plant: wbc.Plant | wbc.RobotDescription, walking: ReferenceControl | None = None
+        self,
+        plant: wbc.Plant | wbc.RobotDescription,
+        walking: ReferenceControl | None = None,
+        program: Program | None = None,
     ) -> Iterator[MeshcatView | NoView]:
-        """Show the plant (and the walk), or the robot that `update` is given, live in the browser with `--view`."""
+        """Show the plant (walk, program), or the robot that `update` is given, live in the browser with `--view`."""
         if not self.view:
             yield NoView()
             return
-        with MeshcatView(plant, walking=walking, host=self.host, port=self.port, speed=1.0) as view:
+        shown: dict[str, Any] = {"walking": walking, "program": program}
+        with MeshcatView(plant, **shown, host=self.host, port=self.port, speed=1.0) as view:
             view.wait_for_page(BROWSER_TIME)
             yield view
 

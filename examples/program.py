@@ -48,7 +48,7 @@ def main(arguments: Sequence[str] | None = None) -> dict[str, Any]:
         lowest = min(lowest, float(plant.truth().com[2]))
         view.update()
 
-    with options.watch(plant, walking) as view:
+    with options.watch(plant, walking, program) as view:
         outcome = program.run(plant, after_tick=watch)
     for time, path, ended in program.history:
         print(f"{time:6.2f} s  {path}: {ended}")

@@ -458,7 +458,12 @@ class Program:
             self.note(self.machine.name, self.outcome)
 
     def run(
-        self, plant: Any, *, seconds: float | None = None, after_tick: Callable[[], object] | None = None
+        self,
+        plant: Any,
+        *,
+        seconds: float | None = None,
+        after_tick: Callable[[], object] | None = None,
+        record: Callable[[Any, Program, Measurement, Command], object] | None = None,
     ) -> str | None:
         """Run in a simulation until the machine ends, and return its outcome.
 
@@ -466,6 +471,7 @@ class Program:
             plant: Object with `measure()` and `step(command)`, such as `wbc.Plant`.
             seconds: Longest time, s; None for a machine that ends by itself.
             after_tick: Called after each tick, for a viewer.
+            record: Called in each tick with plant, program, measurement and command, such as a `wbc.app.Recorder`.
 
         Returns:
             The outcome; None if the time was over before.
@@ -479,7 +485,11 @@ class Program:
                 "run it for a number of seconds"
             )
         while self.outcome is None and (seconds is None or self.time < seconds - 1e-9):
-            plant.step(self.command(plant.measure()))
+            measurement = plant.measure()
+            command = self.command(measurement)
+            if record is not None:
+                record(plant, self, measurement, command)
+            plant.step(command)
             if after_tick is not None:
                 after_tick()
         return self.outcome

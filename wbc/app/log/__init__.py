@@ -32,6 +32,7 @@ x y z w, wrenches fx fy fz mx my mz. Ground truth of a simulation begins with `t
     imu/…, foot/<side>/…    other measurements; wrenches measured, desired and solved for; references and corrections
     base/…                  estimated and commanded base
     com/… dcm/… zmp/…       reference, estimated, measured, desired
+    program/…               state of a program, and states that have ended
     stabilizer/…, walk/…, step/…   feedback, phase, step, events, next landing
     stiffness/…             of variable soles: scan, decision and result, once a step, at the landing
     truth/…                 base, joints and their torques, soles and their hinges, centre of mass, pushes

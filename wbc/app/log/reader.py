@@ -172,11 +172,12 @@ class Log:
 
     @property
     def events(self) -> list[tuple[float, str]]:
-        """Time (s) and text of each event; empty without a walk."""
-        if "walk/event" not in self:
-            return []
-        ticks = zip(self.time.tolist(), self.texts("walk/event"), strict=True)
-        return [(time, event) for time, text in ticks if text is not None for event in text.split("; ")]
+        """Time (s) and text of each event of a program or a walk; empty without either."""
+        columns = [self.texts(name) for name in ("program/event", "walk/event") if name in self]
+        ticks = zip(self.time.tolist(), *columns, strict=True)
+        return [
+            (time, event) for time, *texts in ticks for text in texts if text for event in text.split("; ")
+        ]
 
 
 def _read(path: Path, file: Any) -> tuple[Any, str | None]:

@@ -19,12 +19,14 @@ from wbc.app.log.writer import LogWriter
 from wbc.core.arguments import checked
 from wbc.core.errors import Array, InputError
 from wbc.core.files import FileError
+from wbc.core.qp.controller import Controller
 from wbc.core.qp.solution import Solution
 from wbc.core.robot import Robot
 from wbc.core.signals import Command, Measurement
 from wbc.robots import RobotDescription
 from wbc.sim.plant.plant import Plant
 from wbc.sim.walks import WalkHook
+from wbc.tasks.behaviours import Program
 from wbc.tasks.scheduling.stiffness import StiffnessScheduler
 
 if TYPE_CHECKING:
@@ -109,7 +111,7 @@ class Recorder(WalkHook):
     def __call__(
         self,
         plant: Plant | MujocoLoop | None,
-        control: Control,
+        control: Control | Program,
         measurement: Measurement,
         command: Command,
     ) -> None:
@@ -118,14 +120,20 @@ class Recorder(WalkHook):
         Args:
             plant: The plant or loop, for ground truth and for the robot that a replay shows; None without one: `write`
                 takes a description.
-            control: The walk, or position or torque control.
+            control: The walk, position or torque control, or a program that drives one of these.
             measurement: Input of the control.
             command: Output of the control.
 
         Raises:
-            InputError: The recording has ended, or an added signal whose name is taken, whose value cannot be stored or
-                whose length has changed.
+            InputError: The recording has ended, a program of a `Controller` alone, or an added signal whose name is
+                taken, whose value cannot be stored or whose length has changed.
         """
+        program = control if isinstance(control, Program) else None
+        control = control.control if isinstance(control, Program) else control
+        if isinstance(control, Controller):
+            raise InputError(
+                "a Controller alone is recorded by write(…); its program by add(…, lambda: program.path)"
+            )
         drives = drives_of(control)
         loop = None if plant is None or isinstance(plant, Plant) else plant
         self._record(
@@ -138,6 +146,7 @@ class Recorder(WalkHook):
                 drives.solution,
                 None if loop is None or not hasattr(loop, "truth") else loop.truth(),
                 drives.observer.robot,
+                program=program,
             )
         )
 

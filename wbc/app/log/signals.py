@@ -20,6 +20,7 @@ from wbc.core.signals import Command, Measurement
 from wbc.robots import RobotDescription
 from wbc.sim import MujocoLoop, Plant
 from wbc.sim.plant import GroundTruth
+from wbc.tasks.behaviours import Program
 from wbc.tasks.stabilizer.stabilizer import StabilizerOutput
 from wbc.walking.control import ReferenceControl
 from wbc.walking.source import Reference
@@ -47,6 +48,7 @@ class Tick:
         truth: True state of a loop that is no `Plant`; None if nobody knows it.
         estimate: Estimated robot, up to date; None if nothing estimates it.
         model: Robot of a run without a control, for names and sizes.
+        program: Program that drives the control; None without one.
         drives: Position or torque control, also that inside a walk; None for a controller of one's own.
         walking: Controller of a walk; None for any other.
         reference: Reference of the walk; None without one.
@@ -62,6 +64,7 @@ class Tick:
     truth: GroundTruth | None = None
     estimate: Robot | None = None
     model: Robot | None = None
+    program: Program | None = None
     drives: PositionControl | TorqueControl | None = field(init=False)
     walking: ReferenceControl | None = field(init=False)
     reference: Reference | None = field(init=False)

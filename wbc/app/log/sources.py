@@ -23,6 +23,7 @@ from wbc.core.errors import Array
 from wbc.core.qp.solution import Solution
 from wbc.core.robot import SIDES, Robot
 from wbc.sim.plant.plant import Plant
+from wbc.tasks.behaviours import Program
 from wbc.tasks.stabilizer.admittance import FootCorrection
 from wbc.tasks.stabilizer.pendulum import dcm
 from wbc.tasks.stabilizer.stabilizer import StabilizerOutput
@@ -49,6 +50,8 @@ def tick_signals(tick: Tick, stiffness: StiffnessScheduler | None) -> Signals:
     signals = Signals()
     signals.one("time", "s", "time stamp of the measurement", lambda t: t.measurement.time, "double")
     signals.one("tick/clock", "s", "wall-clock time of the recording", lambda t: perf_counter(), "double")
+    if tick.program is not None:
+        _add_program(signals, tick.program)
     if tick.estimate is not None and tick.walking is not None:
         _add_walk(signals, tick)
     if tick.estimate is not None:
@@ -66,6 +69,19 @@ def tick_signals(tick: Tick, stiffness: StiffnessScheduler | None) -> Signals:
     if stiffness is not None:
         _add_stiffness(signals, stiffness)
     return signals
+
+
+def _add_program(signals: Signals, program: Program) -> None:
+    """Describe the state of a program and the states that have ended."""
+    told = [0]
+
+    def events(_: Tick) -> str | None:
+        ended, told[0] = program.history[told[0] :], len(program.history)
+        return "; ".join(f"{path}: {outcome}" for _, path, outcome in ended) or None
+
+    signals.one("program/state", "1", "path of the state at work", lambda t: program.path, "text")
+    about = "states that have ended with their outcomes, separated by ';'"
+    signals.one("program/event", "1", about, events, "text")
 
 
 def _add_walk(signals: Signals, tick: Tick) -> None:

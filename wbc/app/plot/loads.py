@@ -20,6 +20,7 @@ from wbc.app.plot.style import (
     labels,
     legend,
     limit_to,
+    mark_states,
     new_figure,
 )
 from wbc.core.robot import GRAVITY, SIDES
@@ -44,6 +45,7 @@ def draw_feet(logs: Sequence[Log]) -> Figure:
         axes = [row[column] for row in rows]
         for ax, (label, part) in zip(axes, FEET_ROWS, strict=True):
             _one_part(ax, log, part)
+            mark_states(ax, log, names=ax is axes[0])
             if column == 0:
                 ax.set_ylabel(label)
         weight = float(log.header["robot"]["mass_kg"]) * GRAVITY

@@ -10,7 +10,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from wbc.app.log import Log
-from wbc.app.plot.style import COLOURS, STYLES, grid, labels, legend, new_figure
+from wbc.app.plot.style import COLOURS, STYLES, grid, labels, legend, mark_states, new_figure
 from wbc.core.arguments import checked
 from wbc.core.errors import InputError, unknown_name
 
@@ -85,6 +85,8 @@ def draw_signals(logs: Sequence[Log], words: Sequence[str]) -> Figure:
             ax.set_ylabel(members[0] if len(members) == 1 and unit == "1" else f"({unit})")
             if len(members) == 1 and unit != "1":
                 ax.set_ylabel(f"{members[0]} ({unit})")
+        if len(logs) == 1:
+            mark_states(ax, logs[0], names=ax is rows[0][0])
         legend(ax, columns=3)
     rows[-1][0].set_xlabel("time (s)")
     return figure

@@ -75,6 +75,28 @@ def band(axes: Axes, time: Array, low: Array, high: Array, label: str) -> None:
     axes.fill_between(time, low, high, step="post", color=SUPPORT, linewidth=0.0, label=label)
 
 
+def mark_states(axes: Axes, log: Log, *, names: bool) -> None:
+    """Shade every other state of a program over the height of the axes; with the names of the states at the top.
+
+    Args:
+        axes: Axes over time.
+        log: The log; without a program nothing is drawn.
+        names: Write the names of the states, without that of their machine.
+    """
+    if "program/state" not in log:
+        return
+    paths = log.texts("program/state")
+    starts = [0, *(np.flatnonzero(paths[1:] != paths[:-1]) + 1).tolist()]
+    across = axes.get_xaxis_transform()
+    for i, (start, end) in enumerate(zip(starts, [*starts[1:], len(log) - 1], strict=True)):
+        if i % 2:
+            axes.axvspan(log.time[start], log.time[end], color=SKY, alpha=0.12, linewidth=0.0, zorder=0)
+        name = str(paths[start]).partition("/")[2]  # empty before the first state and after the last
+        if names and name:
+            middle = 0.5 * (log.time[start] + log.time[end])
+            axes.text(middle, 0.98, name, transform=across, rotation=90, ha="center", va="top", fontsize=7)
+
+
 def limit_to(axes: Axes, *values: Array, margin: float = 0.08) -> None:
     """Let the vertical axis span these values."""
     joined = np.concatenate([np.ravel(v) for v in values])

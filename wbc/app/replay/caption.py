@@ -13,8 +13,10 @@ EVENT_TIME = 2.0
 
 
 def caption(log: Log, tick: int) -> str:
-    """Return phase and step, stiffness of the soles and the last event, one line each, as far as logged."""
+    """Return state of a program, phase, step, stiffness of the soles, last event, one line each, as far as logged."""
     lines = []
+    if "program/state" in log:
+        lines.append(str(log.texts("program/state")[tick]))
     if "walk/phase" in log:
         phase, side = log.texts("walk/phase")[tick], log.texts("step/side")[tick]
         swing = f", {side} foot swings" if phase == "single support" and side else ""

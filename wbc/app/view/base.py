@@ -30,6 +30,7 @@ from wbc.core.robot import Robot
 from wbc.robots import RobotDescription
 from wbc.sim.plant.plant import Plant
 from wbc.sim.terrain import Terrain
+from wbc.tasks.behaviours import Program
 
 if TYPE_CHECKING:
     from wbc.core.signals import Measurement
@@ -47,8 +48,8 @@ class View(ABC):
     Robot and ground; soft soles as they are bent, in the colour of their stiffness; contact forces (an arrow as long as
     the centre of mass is high is the robot's weight) and pushes; centre of mass, ZMP, DCM and support polygon. Of a
     walk also footsteps, planned and real, ZMP and DCM as planned, scans of range sensors, and text: time, step, phase,
-    stiffness. The camera follows the robot if that is checked on the page. The page can pause a run and set its speed;
-    a paused run goes on when the last page is closed.
+    stiffness, state of a program. The camera follows the robot if that is checked on the page. The page can pause a run
+    and set its speed; a paused run goes on when the last page is closed.
 
     Attributes:
         scene: The scene.
@@ -61,6 +62,7 @@ class View(ABC):
         source: Plant | MujocoLoop | RobotDescription,
         control: Any,
         *,
+        program: Program | None = None,
         terrain: Terrain | None,
         rate: float,
         speed: float | None,
@@ -72,7 +74,8 @@ class View(ABC):
         Args:
             source: A plant; another loop, of which the robot is shown; or the description of a robot whose states are
                 given to `update`.
-            control: Controller of a walk, a control of drives, or a `Controller`; None for none.
+            control: Controller of a walk, a control of drives, or a `Controller`; that of the program when None.
+            program: Program whose state is shown.
             terrain: The ground under a described robot; flat when None. A plant has its own.
             rate: Largest rate of pictures, 1/s.
             speed: Hold the run back to this multiple of real time, 1 for real time; None never waits.
@@ -82,6 +85,8 @@ class View(ABC):
         Raises:
             InputError: A value out of range, a terrain given with a plant, or a walk without one.
         """
+        self._program = program
+        control = program.control if control is None and program is not None else control
         self._period = 1.0 / positive("rate of the view (1/s)", rate)
         self._pace = Pace(None if speed is None else positive("speed of the view", speed))
         self._source: PlantSource | RobotSource
@@ -248,6 +253,8 @@ class View(ABC):
                 layer.measurement = self._measurement
             layer.fill(matrices[place : place + len(layer.moving)], annotations)
             place += len(layer.moving)
+        if self._program is not None:
+            annotations.text.insert(0, self._program.path)
         if self.controls.message:
             annotations.text.append(self.controls.message)
         self._send(snapshot.time, matrices, annotations)

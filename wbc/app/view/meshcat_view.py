@@ -20,6 +20,7 @@ from wbc.sim.terrain import Terrain
 
 if TYPE_CHECKING:
     from wbc.sim import MujocoLoop
+    from wbc.tasks.behaviours import Program
     from wbc.walking.control import ReferenceControl
 
 TOKEN_BYTES = 16
@@ -40,6 +41,7 @@ class MeshcatView(View):
         source: Plant | MujocoLoop | RobotDescription,
         *,
         walking: ReferenceControl | None = None,
+        program: Program | None = None,
         terrain: Terrain | None = None,
         host: str = "127.0.0.1",
         port: int | None = None,
@@ -54,6 +56,7 @@ class MeshcatView(View):
             source: A plant; another loop, of which the robot is shown; or the description of a robot whose states are
                 given to `update`.
             walking: Controller of a walk, to show its footsteps and references; only with a plant.
+            program: Program whose state is shown, with the walk that it drives.
             terrain: The ground under a described robot; flat when None. A plant has its own.
             host: Address to listen at. The default is reached from this machine alone; on a remote one use it with
                 `ssh -L` from the same port, or "0.0.0.0" to let everybody in the network watch. The controls need the
@@ -71,7 +74,9 @@ class MeshcatView(View):
             ViewError: The process does not start; nothing is left running.
         """
         address = Address(host, port)
-        super().__init__(source, walking, terrain=terrain, rate=rate, speed=speed, controls=controls)
+        super().__init__(
+            source, walking, program=program, terrain=terrain, rate=rate, speed=speed, controls=controls
+        )
         token = secrets.token_urlsafe(TOKEN_BYTES)
         self._process = DrawingProcess(
             ServerSetup(self.scene, address, rate, speed, self.controls.available(), token, notebook)

@@ -104,9 +104,15 @@ class Workbench(View):
             ViewError: viser cannot be guarded.
         """
         address = Address(host, port)
-        control = program.control if control is None and program is not None else control
         super().__init__(
-            source, control, terrain=terrain, rate=rate, speed=speed, controls=controls, repeat=repeat
+            source,
+            control,
+            program=program,
+            terrain=terrain,
+            rate=rate,
+            speed=speed,
+            controls=controls,
+            repeat=repeat,
         )
         server, self._url = start_server(address, self.scene.title, notebook)
         self._server: Any = server
