@@ -16,9 +16,21 @@ from recorded import recorded_walk
 import wbc
 from wbc.app.cli import main
 from wbc.app.log import Log, Recorder
-from wbc.app.log.stances import SIDES, corners, sole_sizes, stances, support_box, yaw_of
+from wbc.app.log.stances import (
+    SIDES,
+    corners,
+    estimated_dcm,
+    measured_zmp,
+    sole_sizes,
+    stances,
+    support_box,
+    yaw_of,
+    zmp_of_feet,
+)
 from wbc.app.plot import FIGURES, draw, draw_signals, missing, save, select
+from wbc.app.replay.caption import caption
 from wbc.core.errors import InputError, UnknownNameError
+from wbc.tasks import Machine, Program, State, after
 from wbc.tasks.balance import balance_controller
 from wbc.walking.planning.footsteps import Footstep
 
@@ -148,6 +160,41 @@ def test_support_region_is_that_of_the_feet_on_the_ground(log: Log) -> None:
     assert len(feet) == 2 + sum("touch-down" in text for _, text in log.events)
 
 
+def test_balance_of_standing_is_that_of_its_feet(log: Log, standing: Log) -> None:
+    off = np.linalg.norm(zmp_of_feet(log)[:, :2] - log["zmp/measured"][:, :2], axis=1)
+    first = log.events[1][0]  # end of the first double support
+    assert off[log.time < first].max() < 1e-3 < first  # from what the stabilizer had, which a walk logs
+    low, high = support_box(standing)
+    zmp, dcm = measured_zmp(standing)[:, :2], estimated_dcm(standing)
+    for point in (zmp, dcm, standing["com/estimated"][:, :2]):
+        assert (point > low).all() and (point < high).all()
+    np.testing.assert_allclose(zmp.mean(axis=0), standing["truth/com"][:, :2].mean(axis=0), atol=5e-3)
+    figure = draw("balance", [standing])
+    assert shows(figure, zmp[:, 0]) and shows(figure, standing["com/estimated"][:, 1])
+
+
+def test_states_of_a_program_are_drawn_as_bands(tmp_path: Path) -> None:
+    plant = wbc.Plant(wbc.load_robot("hrp4_class"))
+    control = wbc.PositionControl(balance_controller(plant.description.robot(), plant.control_period))
+    states = [State("wait", done=after(0.03)), State("look", done=after(0.03))]
+    program = Program(Machine("demo", states), control)
+    with Recorder(tmp_path / "demo.arrow") as record:
+        program.run(plant, record=record)
+    log = Log.open(tmp_path / "demo.arrow")
+    told = list(dict.fromkeys(log.texts("program/state")))
+    assert told == ["demo/wait", "demo/look", "demo"]
+    ended = [(path, how) for _, path, how in program.history]
+    assert [event for _, event in log.events] == [f"{path}: {how}" for path, how in ended]
+    assert log.events[0][0] == pytest.approx(program.history[0][0])
+    assert caption(log, 2) == "demo/wait" and caption(log, len(log) - 1).startswith("demo\n")
+    for figure in (draw("balance", [log]), draw_signals([log], ["com/estimated"])):
+        assert {text.get_text() for text in figure.axes[0].texts} >= {"wait", "look"}
+        assert figure.axes[0].patches
+    alone = Program(Machine("demo", states), control.controller)
+    with Recorder(tmp_path / "alone.arrow") as record, pytest.raises(InputError, match=r"write\(…\)"):
+        record(plant, alone, plant.measure(), control.command(plant.measure()))
+
+
 def test_corners_of_a_turned_sole() -> None:
     quaternion = np.array([[0.0, 0.0, np.sin(0.25 * np.pi), np.cos(0.25 * np.pi)]])
     assert yaw_of(quaternion) == pytest.approx(0.5 * np.pi)
@@ -157,12 +204,11 @@ def test_corners_of_a_turned_sole() -> None:
 
 
 def test_logs_without_a_walk_are_refused_by_name(standing: Log) -> None:
-    for name in ("balance", "plan"):
-        with pytest.raises(InputError, match=rf"'{name}' cannot be drawn: .*stand.arrow has no"):
-            draw(name, [standing])
+    with pytest.raises(InputError, match=r"'plan' cannot be drawn: .*stand.arrow has no"):
+        draw("plan", [standing])
     with pytest.raises(InputError, match="without a stiffness to set"):
         draw("stiffness", [standing])
-    for name in ("feet", "torque", "timing"):
+    for name in ("balance", "feet", "torque", "timing"):
         assert missing(name, standing) is None
         draw(name, [standing]).canvas.draw()
     with pytest.raises(UnknownNameError, match="did you mean 'torque'"):
@@ -223,8 +269,8 @@ def test_command_draws_lists_and_refuses(
     monkeypatch.chdir(tmp_path)
     assert main(["plot", str(standing.path), "--json"]) == 0
     facts = json.loads(capsys.readouterr().out)
-    assert facts["files"] == ["stand-feet.png", "stand-torque.png", "stand-timing.png"]
-    assert all(Path(file).is_file() for file in facts["files"]) and len(facts["notes"]) == 3
+    assert facts["files"] == [f"stand-{name}.png" for name in ("balance", "feet", "torque", "timing")]
+    assert all(Path(file).is_file() for file in facts["files"]) and len(facts["notes"]) == 2
     assert main(["plot", str(log.path), str(standing.path), "feet", "com/estimated", "-o", "two.pdf"]) == 0
     assert capsys.readouterr().out.strip() == "two.pdf"
     assert main(["plot", str(log.path), "--list", "--json"]) == 0

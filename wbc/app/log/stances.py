@@ -1,14 +1,18 @@
-"""Sole outlines, stances and support of a logged walk, for figures and replays."""
+"""Sole outlines, stances, support, ZMP and DCM of a logged run, for figures and replays."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from wbc.app.log.reader import Log
 from wbc.core.errors import Array
-from wbc.core.robot import SIDES
+from wbc.core.robot import GRAVITY, SIDES
+
+MIN_LOAD = 0.02
+"""Smallest share of the weight on a foot that counts as contact where no contact is planned."""
 
 
 def yaw_of(quaternions: Array) -> Array:
@@ -43,22 +47,64 @@ def sole_sizes(log: Log) -> list[tuple[float, float]]:
 
 
 def support_box(log: Log) -> tuple[Array, Array]:
-    """Return the bounding box of the planned support in every tick.
+    """Return the bounding box of the support in every tick: the planned one of a walk, else that of the loaded feet.
 
     Returns:
         Lower and upper x and y, each of shape (ticks, 2), m; NaN without a foot on the ground.
     """
     low = np.full((len(log), 2), np.inf)
     high = np.full((len(log), 2), -np.inf)
+    walk = "foot/left/contact" in log
+    weight = float(log.header["robot"]["mass_kg"]) * GRAVITY
     for side, size in zip(SIDES, sole_sizes(log), strict=True):
-        place = f"foot/{side}/reference"
+        place = f"foot/{side}/{'reference' if walk else 'estimated'}"
         shape = corners(log[f"{place}/position"], yaw_of(log[f"{place}/orientation"]), size)
-        on = log[f"foot/{side}/contact"] > 0.5
+        loaded = log[f"foot/{side}/wrench_measured/fz"] > MIN_LOAD * weight
+        on = log[f"foot/{side}/contact"] > 0.5 if walk else loaded
         low[on] = np.minimum(low[on], shape[on].min(axis=1))
         high[on] = np.maximum(high[on], shape[on].max(axis=1))
     none = ~np.isfinite(low[:, 0])
     low[none] = high[none] = np.nan
     return low, high
+
+
+def measured_zmp(log: Log) -> Array:
+    """Return the ZMP of the measured foot wrenches as a walk has logged it, else by `zmp_of_feet`."""
+    return log["zmp/measured"] if "zmp/measured/x" in log else zmp_of_feet(log)
+
+
+def zmp_of_feet(log: Log) -> Array:
+    """Return the ZMP of the measured foot wrenches at the estimated placements of the feet.
+
+    Returns:
+        In the plane of the lower foot, shape (ticks, 3), m, world; NaN without a force.
+    """
+    force, moment = np.zeros((2, len(log), 3))
+    level = np.full(len(log), np.inf)
+    for side in SIDES:
+        place, turn = (log[f"foot/{side}/estimated/{what}"] for what in ("position", "orientation"))
+        wrench, rotation = log[f"foot/{side}/wrench_measured"].copy(), Rotation.from_quat(turn)
+        on_foot = rotation.apply(wrench[:, :3])
+        force += on_foot
+        moment += np.cross(place, on_foot) + rotation.apply(wrench[:, 3:])
+        level = np.minimum(level, place[:, 2])
+    up = np.where(force[:, 2] > 1.0, force[:, 2], np.nan)
+    x, y = (level * force[:, 0] - moment[:, 1]) / up, (level * force[:, 1] + moment[:, 0]) / up
+    return np.stack([x, y, level], axis=1)
+
+
+def estimated_dcm(log: Log) -> Array:
+    """Return the DCM of the estimated CoM, as logged by a walk, else with its height above the lower foot.
+
+    Returns:
+        Shape (ticks, 2), m, world.
+    """
+    if "dcm/estimated/x" in log:
+        return log["dcm/estimated"]
+    com, velocity = log["com/estimated"], log["com/estimated_velocity"]
+    level = np.minimum(*(log[f"foot/{side}/estimated/position/z"] for side in SIDES))
+    capture: Array = com[:, :2] + velocity[:, :2] * np.sqrt((com[:, 2] - level) / GRAVITY)[:, None]
+    return capture
 
 
 @dataclass(frozen=True, eq=False)

@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Polygon
 
 from wbc.app.log import Log
-from wbc.app.log.stances import stances, support_box
+from wbc.app.log.stances import estimated_dcm, measured_zmp, stances, support_box
 from wbc.app.plot.style import (
     BLACK,
     BLUE,
@@ -21,6 +21,7 @@ from wbc.app.plot.style import (
     grid,
     labels,
     legend,
+    mark_states,
     new_figure,
 )
 
@@ -38,7 +39,7 @@ LINES = (
 
 
 def draw_balance(logs: Sequence[Log]) -> Figure:
-    """Draw x, y and the error of the DCM, one column for each log."""
+    """Draw x, y and the error of the DCM, or the sway without a walk, one column for each log."""
     figure = new_figure(max(11.0, 7.0 * len(logs)), 9.5)
     rows = grid(figure, 3, len(logs), sharex="col", height_ratios=(2.2, 2.2, 1.0))
     for column, (log, name) in enumerate(zip(logs, labels(logs), strict=True)):
@@ -47,21 +48,26 @@ def draw_balance(logs: Sequence[Log]) -> Figure:
 
 
 def _one_balance(axes: list[Axes], log: Log, name: str) -> None:
-    time = log.time
+    time, derived = log.time, {"zmp/measured": measured_zmp(log), "dcm/estimated": estimated_dcm(log)}
     low, high = support_box(log)
     for i, (ax, axis) in enumerate(zip(axes, "xy", strict=False)):
         band(ax, time, low[:, i], high[:, i], "support")
         for label, group, colour, style, width in LINES:
-            ax.plot(time, log[group][:, i], style, color=colour, linewidth=width, label=label)
+            if group in derived or f"{group}/x" in log:
+                values = derived[group] if group in derived else log[group]
+                ax.plot(time, values[:, i], style, color=colour, linewidth=width, label=label)
         ax.set_ylabel(f"{axis} (m)")
         room = 0.15 * float(np.nanmax(high[:, i]) - np.nanmin(low[:, i]))
         ax.set_ylim(np.nanmin(low[:, i]) - room, np.nanmax(high[:, i]) + room)
+    for ax in axes:
+        mark_states(ax, log, names=ax is axes[0])
     legend(axes[0], columns=4)
     axes[0].set_title(name, loc="left", fontsize=10)
-    errors = 1e3 * log["stabilizer/dcm_error"]
+    walk, com = "stabilizer/dcm_error/x" in log, log["com/estimated"]
+    errors = 1e3 * (log["stabilizer/dcm_error"] if walk else com - np.nanmean(com, axis=0))
     for i, (axis, colour) in enumerate((("x", BLUE), ("y", ORANGE))):
         axes[2].plot(time, errors[:, i], color=colour, linewidth=0.8, label=axis)
-    axes[2].set_ylabel("DCM error (mm)")
+    axes[2].set_ylabel("DCM error (mm)" if walk else "CoM off its mean (mm)")
     axes[2].set_xlabel("time (s)")
     legend(axes[2], columns=2)
 

@@ -14,6 +14,7 @@ from wbc.app.plot.stiffness import draw_stiffness
 from wbc.app.plot.timing import draw_timing
 from wbc.core.arguments import checked
 from wbc.core.errors import InputError, choose
+from wbc.core.robot import SIDES
 
 
 @dataclass(frozen=True)
@@ -31,12 +32,13 @@ class LogFigure:
     draw: Callable[[Sequence[Log]], Figure]
 
 
+_LOADED_FEET = ("wrench_measured", "estimated/position")
 _FEET = ("foot/left/reference/position", "foot/right/reference/position", "foot/left/contact")
 
 FIGURES = {
     "balance": LogFigure(
-        "centre of mass, DCM and ZMP in both axes, with the support region and the DCM's error",
-        ("com/reference", "dcm/reference", "zmp/measured", *_FEET),
+        "centre of mass, DCM and ZMP in both axes, with the support region, and the DCM's error or the sway",
+        ("com/estimated", *(f"foot/{side}/{what}" for side in SIDES for what in _LOADED_FEET)),
         draw_balance,
     ),
     "plan": LogFigure(
