@@ -107,7 +107,7 @@ class ConvertOptions:
     """Scene of a converted log.
 
     Attributes:
-        rate: Pictures of the scene a second; signals keep their rate.
+        rate: Rate of the scene, pictures a second; signals keep their own.
     """
 
     rate: Annotated[Positive, "pictures a second"] = 30.0
