@@ -8,6 +8,7 @@ import json
 import re
 import shutil
 import subprocess
+import sys
 import threading
 import time
 import urllib.request
@@ -74,6 +75,13 @@ def can_draw() -> bool:
             return True
     except RenderError:
         return False
+
+
+def ffmpeg_or_skip() -> str:
+    try:
+        return find_ffmpeg()
+    except RenderError:
+        return pytest.skip("no ffmpeg here")
 
 
 drawing = pytest.mark.skipif(not can_draw(), reason="no offscreen rendering here")
@@ -257,10 +265,7 @@ def test_film_moves_and_shows_the_robot(replay: Replay, tmp_path: Path) -> None:
 
 @drawing
 def test_film_as_mp4(replay: Replay, tmp_path: Path) -> None:
-    try:
-        ffmpeg = find_ffmpeg()
-    except RenderError:
-        pytest.skip("no ffmpeg here")
+    ffmpeg = ffmpeg_or_skip()
     path = tmp_path / "walk.mp4"
     count = render_video(replay, path, rate=2.0, size=SIZE)
     raw = subprocess.run(
@@ -275,8 +280,8 @@ def test_film_as_mp4(replay: Replay, tmp_path: Path) -> None:
 @drawing
 @pytest.mark.parametrize("ending", ["gif", "mp4"])
 def test_a_film_on_a_full_disk_leaves_the_old_one(replay: Replay, tmp_path: Path, ending: str) -> None:
-    if ending == "mp4" and shutil.which("ffmpeg") is None:
-        pytest.skip("no ffmpeg here")
+    if ending == "mp4":
+        ffmpeg_or_skip()
     path = tmp_path / f"walk.{ending}"
     path.write_text("old")
     with limited_file_size(1000), pytest.raises((FileError, RenderError), match="write"):
@@ -286,7 +291,8 @@ def test_a_film_on_a_full_disk_leaves_the_old_one(replay: Replay, tmp_path: Path
 
 def test_film_says_what_to_install(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(shutil, "which", lambda name: None)
-    with pytest.raises(RenderError, match=r"MP4 needs the program ffmpeg: install it .*GIF needs nothing"):
+    monkeypatch.setitem(sys.modules, "imageio_ffmpeg", None)
+    with pytest.raises(RenderError, match=r"MP4 needs ffmpeg: install it.*GIF needs none"):
         check_film(tmp_path / "walk.mp4")
     real = importlib.import_module
 

@@ -32,9 +32,7 @@ GL_HELP = (
     "offscreen rendering needs OpenGL without a display: install EGL (Debian, Ubuntu: apt install libegl1 "
     "libgl1-mesa-dri), or OSMesa (apt install libosmesa6) and set MUJOCO_GL=osmesa"
 )
-FFMPEG_HELP = (
-    "MP4 needs the program ffmpeg: install it (Debian, Ubuntu: apt install ffmpeg); GIF needs nothing"
-)
+FFMPEG_HELP = 'MP4 needs ffmpeg: install it, or the extra "film": pip install -e ".[film]"; GIF needs none'
 GIF_RATE = 20.0
 """Largest rate of a GIF, 1/s: players round the time between two pictures to hundredths of a second."""
 
@@ -66,15 +64,19 @@ def check_film(path: str | Path, inputs: Iterable[str | Path] = ()) -> Path:
 
 
 def find_ffmpeg() -> str:
-    """Return the path of the system's ffmpeg; packages that bring one are under the GPL.
+    """Return the path of ffmpeg: the system's, else the one that comes with the extra `film`, a program under the GPL.
 
     Raises:
-        RenderError: It is not installed.
+        RenderError: Neither is installed.
     """
-    path = shutil.which("ffmpeg")
-    if path is None:
-        raise RenderError(FFMPEG_HELP)
-    return path
+    if (path := shutil.which("ffmpeg")) is not None:
+        return path
+    try:
+        import imageio_ffmpeg  # noqa: PLC0415 - an extra
+
+        return str(imageio_ffmpeg.get_ffmpeg_exe())
+    except (ImportError, RuntimeError) as error:
+        raise RenderError(FFMPEG_HELP) from error
 
 
 @checked
