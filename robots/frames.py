@@ -80,13 +80,7 @@ def same_place(model: pin.Model, description: FrameDescription) -> bool:
 def add_frame(model: pin.Model, description: FrameDescription) -> None:
     """Add a frame to a Pinocchio model unless the very same frame is there already.
 
-    Args:
-        model: Changed.
-        description: Frame to add.
-
-    Raises:
-        UnknownNameError: The link does not exist.
-        InputError: A frame of that name exists elsewhere.
+    Raises `UnknownNameError` for a link that does not exist, `InputError` for a frame of that name elsewhere.
     """
     link = body_frame(model, description.link)
     placement = link.placement * description.placement

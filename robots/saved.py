@@ -55,14 +55,7 @@ def is_path(name: str) -> bool:
 
 
 def read(path: str | Path) -> RobotDescription:
-    """Return the description of a robot in a file.
-
-    Args:
-        path: MJCF, URDF or a TOML description.
-
-    Raises:
-        InputError: No such file, or one that cannot be used.
-    """
+    """Return the description of a robot in an MJCF, a URDF or a TOML description; `InputError` if it cannot be used."""
     place = Path(path).expanduser()
     if not place.is_file():
         raise InputError(f"no robot file {shown_path(path)}; give an MJCF, a URDF or a TOML description")
@@ -77,15 +70,10 @@ def read(path: str | Path) -> RobotDescription:
 
 
 def describe(path: Path, parameters: Mapping[str, Any]) -> RobotDescription:
-    """Return the description of an MJCF or a URDF with some parameters given.
+    """Return the description of an MJCF or a URDF with some parameters of its reader as plain values.
 
-    Args:
-        path: The file.
-        parameters: Parameters of `from_mjcf` or `from_urdf` as plain values: lists, tables, numbers, texts.
-
-    Raises:
-        UnknownNameError: A parameter that the reader does not have.
-        InputError: A file or value that cannot be used.
+    Raises `UnknownNameError` for a parameter that the reader does not have, `InputError` for a file or value that
+    cannot be used.
     """
     with decoding(path, "robot that can be read"):
         known = {name: _typed(name, value) for name, value in parameters.items()}
@@ -96,18 +84,9 @@ def describe(path: Path, parameters: Mapping[str, Any]) -> RobotDescription:
 
 
 def save(name: str, path: str | Path, parameters: Mapping[str, Any]) -> Path:
-    """Check a robot and write its TOML description to the user's configuration folder.
+    """Check a robot, write its TOML description to the user's configuration folder and return the file.
 
-    Args:
-        name: Name under which `load` finds it from now on.
-        path: MJCF or URDF.
-        parameters: Parameters of the reader as plain values.
-
-    Returns:
-        The TOML file.
-
-    Raises:
-        InputError: A name that cannot be used, or a robot that cannot be read.
+    `load` finds it by the name from now on. Raises `InputError` for a name or a robot that cannot be used.
     """
     usable = name and not name.startswith(("-", ".")) and all(c.isalnum() or c in "_-." for c in name)
     if not usable or name in RESERVED or is_path(name):

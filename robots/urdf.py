@@ -37,17 +37,9 @@ MOVING = ("revolute", "prismatic")
 
 
 def read(source: str | Path) -> Element:
-    """Parse a URDF.
+    """Parse a URDF, a path or the XML itself, and return its `<robot>` element.
 
-    Args:
-        source: Path of a file, or the XML itself.
-
-    Returns:
-        The `<robot>` element.
-
-    Raises:
-        InputError: The file does not exist.
-        ModelError: Not XML, or not a URDF.
+    Raises `InputError` for a file that does not exist, `ModelError` for what is no URDF.
     """
     if not isinstance(source, (str, Path)):
         raise InputError(f"a URDF must be a path or the XML itself, as text, got {shown(source)}")
@@ -100,14 +92,7 @@ def to_string(root: Element) -> str:
 
 
 def without_geometry(urdf: str) -> str:
-    """Return the links, inertias and joints of a URDF alone: the same kinematics and inertias, no meshes to find.
-
-    Args:
-        urdf: URDF string.
-
-    Returns:
-        URDF string that MuJoCo reads without any file.
-    """
+    """Return the links, inertias and joints of a URDF alone, which MuJoCo reads without any file."""
     root = ElementTree.fromstring(urdf)
     for child in list(root):
         if child.tag not in ("link", "joint"):
@@ -120,15 +105,7 @@ def without_geometry(urdf: str) -> str:
 
 
 def pinocchio_model(xml: str, name: str) -> pin.Model:
-    """Return the Pinocchio model of a tidied URDF, with a free-flyer root and standard gravity.
-
-    Args:
-        xml: URDF string.
-        name: Name of the model.
-
-    Raises:
-        ModelError: Pinocchio cannot read it.
-    """
+    """Return the Pinocchio model of a tidied URDF, with a free-flyer root and standard gravity, or a `ModelError`."""
     try:
         model = pin.buildModelFromXML(without_geometry(xml), pin.JointModelFreeFlyer())
     except (ValueError, RuntimeError) as error:
@@ -170,16 +147,9 @@ def moving_link_of(root: Element) -> dict[str, str]:
 
 
 def tidy(root: Element) -> list[str]:
-    """Settle in place what Pinocchio and MuJoCo would read differently.
+    """Settle in place what Pinocchio and MuJoCo would read differently; return the changes, one line each.
 
-    Args:
-        root: The `<robot>` element; changed.
-
-    Returns:
-        The changes, one line each.
-
-    Raises:
-        ModelError: A tree with several roots, a joint of a type that is not supported or whose limits are empty.
+    Raises `ModelError` for several roots, a joint of a type that is not supported or whose limits are empty.
     """
     notes = _drop_world(root)
     _check_tree(root)
@@ -224,15 +194,9 @@ def tidy(root: Element) -> list[str]:
 
 
 def lock(root: Element, positions: Mapping[str, float]) -> None:
-    """Fix joints at given positions.
+    """Fix joints of a tidied `<robot>` at given positions, joint → rad or m.
 
-    Args:
-        root: The `<robot>` element, tidied; changed.
-        positions: Joint → position, rad or m.
-
-    Raises:
-        UnknownNameError: No such moving joint.
-        InputError: A position that is not finite or beyond the limits of the file.
+    Raises `UnknownNameError` for no such moving joint, `InputError` for a position beyond the limits of the file.
     """
     for name, value in positions.items():
         moving = joints(root, MOVING)
@@ -263,15 +227,7 @@ def lock(root: Element, positions: Mapping[str, float]) -> None:
 
 
 def turn_root(root: Element, turn: float) -> str:
-    """Put a link above the root whose x axis points where the old one has the direction `turn` (rad) about z.
-
-    Args:
-        root: The `<robot>` element, tidied; changed.
-        turn: Angle about the z axis of the root, rad.
-
-    Returns:
-        Name of the new root link.
-    """
+    """Put a link above the root whose x axis points to where the old one has `turn` (rad); return its name."""
     children = {child for _, child in map(parent_and_child, joints(root).values())}
     links = [str(link.get("name")) for link in root.findall("link")]
     old = next(name for name in links if name not in children)
@@ -316,17 +272,10 @@ def set_limits(
     velocity: Mapping[str, float] | None = None,
     torque: Mapping[str, float] | None = None,
 ) -> None:
-    """Write limits into the joints.
+    """Write limits into the joints of a tidied `<robot>`.
 
-    Args:
-        root: The `<robot>` element, tidied; changed.
-        position: Joint → (lower, upper), rad or m.
-        velocity: Joint → largest speed, rad/s or m/s.
-        torque: Joint → largest torque or force, Nm or N.
-
-    Raises:
-        UnknownNameError: No such moving joint.
-        InputError: Not finite, not positive, or an empty range.
+    By joint: position (lower, upper), rad or m; velocity, rad/s or m/s; torque, Nm or N. Raises `UnknownNameError` for
+    no such moving joint, `InputError` for a number that is not finite or positive, or an empty range.
     """
     moving = joints(root, MOVING)
     for what, values in (("velocity", velocity), ("torque", torque)):

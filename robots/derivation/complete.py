@@ -38,12 +38,8 @@ def from_geometry(
 ) -> SoleFinder:
     """Return the finder of soles whose frames are given, from the geometry of a URDF.
 
-    Args:
-        left: Frame, placement or description of the left sole.
-        right: Same for the right one.
-        size: Length and width, m; from the geometry when None.
-        package_dirs: Folders for `package://`.
-        base: Directory of the URDF, for relative paths.
+    `left` and `right` are frames, placements or descriptions; `size` is length and width, m, from the geometry when
+    None; `base` is the folder of the URDF.
     """
 
     def find(root: urdf.Element, model: pin.Model, _: float, notes: list[str]) -> defaults.Soles:
@@ -167,20 +163,10 @@ def check_values(
     friction: Mapping[str, float],
     gains: Mapping[str, tuple[float, float]],
 ) -> None:
-    """Check the values that a description gives for single joints.
+    """Check the values that a description gives for single joints, each by the name of the joint.
 
-    Args:
-        names: Actuated joints.
-        model: Pinocchio model.
-        half_sitting: Joint → position, rad or m.
-        armature: Joint → rotor inertia, kg m².
-        damping: Joint → passive damping, Nms/rad.
-        friction: Joint → dry friction, Nm.
-        gains: Joint → (kp, kd), Nm/rad and Nms/rad.
-
-    Raises:
-        UnknownNameError: No such joint.
-        InputError: A value that is not finite, negative or outside its limits.
+    Raises `UnknownNameError` for a joint that is not in the model, `InputError` for a value that is not finite,
+    negative or outside its limits.
     """
     values = {"armature": (armature, " (kg m²)"), "damping": (damping, ""), "friction": (friction, "")}
     for what, (given, unit) in values.items():
@@ -235,12 +221,8 @@ def heading(model: pin.Model, soles: defaults.Soles, feet_found: bool) -> float:
     """Return the direction in which the feet point in the axes of the root, a multiple of a right angle, rad.
 
     Two signs must agree before a root is turned: the left foot lies to the left, and the toes are in front of the
-    ankles. With one of them alone the soles are more likely to be swapped.
-
-    Args:
-        model: Pinocchio model with the sole frames.
-        soles: Left and right sole.
-        feet_found: True if the left foot is only the one with the larger y.
+    ankles. With one of them alone the soles are more likely to be swapped. With `feet_found` the left foot is only the
+    one with the larger y.
     """
     data = model.createData()
     pin.framesForwardKinematics(model, data, pin.neutral(model))

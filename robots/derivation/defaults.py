@@ -57,15 +57,10 @@ def complete_half_sitting(
     notes: list[str],
     postures: Sequence[tuple[str, Mapping[str, float]]] = (),
 ) -> dict[str, float]:
-    """Return the half-sitting position of every joint, rad or m.
+    """Return the half-sitting position of every joint, rad or m; `given` has those of some joints or none.
 
-    Args:
-        model: Pinocchio model with the sole frames.
-        soles: Left and right sole.
-        given: Joint → position, of some joints or none.
-        notes: Gets a line for each rule that was used.
-        postures: Postures of the file. The first in which the robot stands is taken; without one the first gives the
-            joints that are not in the legs.
+    Of the postures of the file the first in which the robot stands is taken; without one the first gives the joints
+    that are not in the legs. `notes` gets a line for each rule that was used.
     """
     frame_names = tuple(sole.frame for sole in soles)
     for title, joints in postures if soles else ():
@@ -105,17 +100,10 @@ def complete_sole(
     base: Path | None,
     notes: list[str],
 ) -> SoleDescription:
-    """Return a sole with its frame and rectangle.
+    """Return a sole with its frame and rectangle; `notes` gets a line for each rule that was used.
 
-    Args:
-        root: The `<robot>` element.
-        model: Pinocchio model of it.
-        name: Name of the sole.
-        given: Frame of the URDF, placement in a link, or the whole description.
-        size: Length and width, m; from the geometry of the foot when None.
-        package_dirs: Folders for `package://` in the URDF.
-        base: Directory of the URDF, for relative paths.
-        notes: Gets a line for each rule that was used.
+    What is given is a frame of the URDF, a placement in a link, or the whole description; `size` is length and width,
+    m, from the geometry of the foot when None; `base` is the folder of the URDF.
     """
     if isinstance(given, SoleDescription):
         if given.name != name:
@@ -199,14 +187,7 @@ def check_sides(model: pin.Model, soles: Soles) -> None:
 def complete_armature(
     names: list[str], given: float | Mapping[str, float] | None, default: float, notes: list[str]
 ) -> dict[str, float]:
-    """Return the armature of every joint, kg m².
-
-    Args:
-        names: Joints.
-        given: One for all, or joint → value of some joints.
-        default: For all others, kg m².
-        notes: Gets a line if the default was used.
-    """
+    """Return the armature of every joint, kg m²: one for all is given, or those of some joints beside a default."""
     if given is not None and not isinstance(given, Mapping):
         return dict.fromkeys(names, non_negative("armature (kg m²)", given))
     known = dict(given or {})
@@ -220,14 +201,7 @@ def complete_armature(
 def torque_limits(
     model: pin.Model, soles: Soles, joints: list[str], weight_moment: float
 ) -> dict[str, float]:
-    """Return the torque limits of some joints by the rules above, Nm.
-
-    Args:
-        model: Pinocchio model with the sole frames.
-        soles: Left and right sole.
-        joints: Their names.
-        weight_moment: m g h of the robot, Nm.
-    """
+    """Return the torque limits of some joints by the rules above, Nm; `weight_moment` is m g h of the robot, Nm."""
     data = model.createData()
     pin.centerOfMass(model, data, pin.neutral(model))
     names = list(model.names)

@@ -42,14 +42,7 @@ def second_moments(inertia: Array) -> Array:
 
 
 def check(root: Element) -> None:
-    """Check that moving links have mass and that all inertias can belong to a body.
-
-    Args:
-        root: The `<robot>` element, tidied.
-
-    Raises:
-        ModelError: There are such links; the message names each with its defect.
-    """
+    """Raise a `ModelError` that names moving links without mass and inertias of no body in a tidied `<robot>`."""
     problems = [f"link '{name}': {problem}" for name, problem in _problems(root).items()]
     problems += [f"link '{name}': {problem}" for name, problem in _massless(root).items()]
     if problems:
@@ -61,18 +54,10 @@ def check(root: Element) -> None:
 
 
 def repair(root: Element) -> list[str]:
-    """Repair in place what `check` refuses.
+    """Repair in place what `check` refuses in a tidied `<robot>`, and return the changes, one line each.
 
-    Second moments of mass are clamped from below; a massless moving link gets a mass of 1 g.
-
-    Args:
-        root: The `<robot>` element, tidied; changed.
-
-    Returns:
-        The changes, one line each.
-
-    Raises:
-        ModelError: A mass or inertia that is not a number.
+    Second moments of mass are clamped from below; a massless moving link gets a mass of 1 g. A mass or inertia that is
+    not a number is a `ModelError`.
     """
     notes = []
     links = {str(link.get("name")): link for link in root.findall("link")}

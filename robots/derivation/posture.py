@@ -65,13 +65,7 @@ def half_sitting(
 
 
 def stands(model: pin.Model, soles: tuple[SoleDescription, ...], joints: Mapping[str, float]) -> bool:
-    """Return True if a posture can serve as half-sitting: inside all limits, soles flat, knees bent, balanced.
-
-    Args:
-        model: Pinocchio model with the sole frames.
-        soles: Left and right sole.
-        joints: Position of every joint, rad or m.
-    """
+    """Return True if a posture can serve as half-sitting: inside all limits, soles flat, knees bent, balanced."""
     names = list(model.names)[2:]
     values = np.array([joints[name] for name in names])
     if not ((values >= model.lowerPositionLimit[7:]) & (values <= model.upperPositionLimit[7:])).all():
@@ -90,13 +84,7 @@ def stands(model: pin.Model, soles: tuple[SoleDescription, ...], joints: Mapping
 
 
 def upper_body(model: pin.Model, soles: tuple[str, ...], joints: Mapping[str, float]) -> dict[str, float]:
-    """Return the positions of the joints that are in no leg, moved inside their limits by `INSIDE` where necessary.
-
-    Args:
-        model: Pinocchio model.
-        soles: Sole frames.
-        joints: Position of every joint, rad or m.
-    """
+    """Return the positions of the joints that are in no leg, moved inside their limits by `INSIDE` where necessary."""
     legs = {joint for frame in soles for joint in joints_to(model, frame)}
     lower, upper = model.lowerPositionLimit[7:], model.upperPositionLimit[7:]
     inside = INSIDE * (upper - lower)
@@ -111,11 +99,6 @@ def standing_configuration(model: pin.Model, soles: tuple[str, ...], joints: Map
     """Return the configuration, shape (nq,), with an upright base and the origin midway between the soles.
 
     The lower sole is on z = 0. The base of a robot without feet is at the origin.
-
-    Args:
-        model: Pinocchio model with a free-flyer.
-        soles: Sole frames, left first, or none.
-        joints: Position of every joint.
     """
     q = pin.neutral(model)
     q[7:] = [joints[name] for name in list(model.names)[2:]]

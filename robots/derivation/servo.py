@@ -105,17 +105,9 @@ class ServoRule:
 
 
 def read_gains(texts: Sequence[str], joint_names: Sequence[str]) -> dict[str, tuple[float, float]]:
-    """Return the gains of texts such as "*knee*=100,2": a pattern of joint names, kp and kd; later ones come before.
+    """Return joint → (kp, kd), Nm/rad and Nms/rad, of texts such as "*knee*=100,2"; later ones override earlier ones.
 
-    Args:
-        texts: Each as pattern=kp,kd, Nm/rad and Nms/rad; * stands for any letters.
-        joint_names: Joints of the robot.
-
-    Returns:
-        Joint → (kp, kd).
-
-    Raises:
-        InputError: Not of that form, or a pattern that fits no joint.
+    Raises `InputError` for a text of another form, or a pattern that fits no joint.
     """
     gains: dict[str, tuple[float, float]] = {}
     for text in texts:
@@ -136,18 +128,7 @@ def read_gains(texts: Sequence[str], joint_names: Sequence[str]) -> dict[str, tu
 def effective_inertia(
     model: pin.Model, q: Array, sole_frames: tuple[str, ...], armature: Array, stance_share: float
 ) -> Array:
-    """Return the inertia that each servo accelerates.
-
-    Args:
-        model: Pinocchio model with a free-flyer.
-        q: Configuration, shape (nq,).
-        sole_frames: Frames of the soles.
-        armature: Rotor inertia per joint, shape (na,), kg m².
-        stance_share: See `ServoRule`.
-
-    Returns:
-        Effective inertia, shape (na,), kg m² (kg for prismatic joints).
-    """
+    """Return the inertia that each servo accelerates at a configuration, shape (na,), kg m² (kg where it slides)."""
     data = model.createData()
     pin.computeJointJacobians(model, data, q)
     legs = {joint for frame in sole_frames for joint in joints_to(model, frame)}

@@ -40,9 +40,6 @@ def link_shapes(description: RobotDescription) -> list[LinkShape]:
     """Return the shapes of all links: collision geometry where a link has any, visual geometry otherwise.
 
     A mesh becomes the least box about its principal axes. What cannot be read is left out.
-
-    Args:
-        description: The robot.
     """
     return list(_link_shapes(description.urdf, description.package_dirs))
 

@@ -25,17 +25,8 @@ def sole_rectangle(
 ) -> tuple[Array, float, float] | None:
     """Return the rectangle around the geometry of a foot within 5 mm of its lowest point.
 
-    Collision geometry is used where there is any, visual geometry otherwise.
-
-    Args:
-        root: The `<robot>` element.
-        model: Pinocchio model of it.
-        frame: Frame whose z axis points away from the ground.
-        package_dirs: Folders for `package://` in the URDF.
-        base: Directory of the URDF, for relative paths.
-
-    Returns:
-        Centre in the frame (m, shape (3,)), length and width (m), or None without usable geometry.
+    Collision geometry is used where there is any, visual geometry otherwise; z of the frame points away from the
+    ground. Returned are the centre in the frame (m, shape (3,)), length and width (m); None without usable geometry.
     """
     sole = model.frames[model.getFrameId(frame)]
     owner = moving_link_of(root)

@@ -99,13 +99,7 @@ class Joint:
 def serial_chain(
     side: str, parent: str, *rows: tuple[str, str, Triple, Axis, tuple[float, float], float, float]
 ) -> list[Joint]:
-    """Return joints in series, each fixed to the child of the one before.
-
-    Args:
-        side: "left" or "right", prefix of all names.
-        parent: Link that carries the first joint, with its prefix.
-        rows: Name, child, origin, axis, range, velocity and torque of each joint, as in `Joint`.
-    """
+    """Return joints in series from a parent link on, each fixed to the child of the one before; rows are as `Joint`."""
     joints = []
     for name, child, at, axis, span, velocity, torque in rows:
         joints.append(Joint(f"{side}_{name}", parent, f"{side}_{child}", at, axis, span, velocity, torque))
@@ -114,14 +108,7 @@ def serial_chain(
 
 
 def to_urdf(name: str, links: Sequence[Link], joints: Iterable[Joint], mass: float) -> str:
-    """Return a robot as URDF, without meshes.
-
-    Args:
-        name: Name of the robot.
-        links: Its links; their masses are scaled so that they sum up to `mass`.
-        joints: Its joints.
-        mass: Total mass, kg.
-    """
+    """Return a robot as URDF, without meshes; the masses of its links are scaled so that they sum up to `mass`, kg."""
     scale = mass / sum(link.mass for link in links)
     root = ElementTree.Element("robot", name=name)
     for link in links:

@@ -44,17 +44,11 @@ def find_soles(
     size: tuple[float, float] | None,
     turn: float = 0.0,
 ) -> tuple[SoleDescription, SoleDescription]:
-    """Return the soles.
+    """Return the soles; `tree` gets a note for each rule that was used.
 
-    Args:
-        tree: The robot; gets a note for each rule that was used.
-        names: Body, site or geom of the left and the right foot; the two lowest ends of limbs when None.
-        size: Length and width, m; from the geoms when None.
-        turn: Angle from the x axis of the root to where the robot looks, about z, rad.
-
-    Raises:
-        UnknownNameError: A name that is no body, site or geom of the robot.
-        ModelError: No feet, or no geom on them.
+    Feet are named by body, site or geom; None for the two lowest ends of limbs. `size` is length and width, m, from the
+    geoms when None; `turn` the angle about z from the x axis of the root to where the robot looks, rad. Raises
+    `UnknownNameError` for a name that is none, `ModelError` without feet or geoms on them.
     """
     data = mujoco.MjData(tree.model)
     _posture(tree, data)

@@ -15,17 +15,9 @@ UNBOUNDED = 1e6
 
 
 def write(model: pin.Model, name: str) -> tuple[UrdfWriter, dict[str, dict[str, float]]]:
-    """Return the URDF of a model, and what a URDF does not hold.
+    """Return the URDF of a model, and armature, damping and friction as joint → value, where any is not zero.
 
-    Args:
-        model: Model with a free-flyer and joints of one degree of freedom.
-        name: Name of the robot.
-
-    Returns:
-        The URDF, and armature, damping and friction as joint → value, where any is not zero.
-
-    Raises:
-        ModelError: No free-flyer, or a joint of several degrees of freedom.
+    Raises `ModelError` without a free-flyer, or for a joint of several degrees of freedom.
     """
     if model.njoints < 2 or model.joints[1].shortname() != "JointModelFreeFlyer":
         raise ModelError(
@@ -98,13 +90,8 @@ def _by_joint(model: pin.Model, values: Array) -> dict[str, float]:
 def fields(model: Any, name: str | None, armature: Any) -> tuple[UrdfWriter, dict[str, Any]]:
     """Return the URDF of a model and the arguments that its armature, damping and friction make.
 
-    Args:
-        model: Pinocchio model.
-        name: Name of the robot; that of the model when None.
-        armature: Armature given by the user, in place of the model's.
-
-    Raises:
-        ModelError: Not a model that a description can be made of.
+    An armature that is given takes the place of the model's. Raises `ModelError` for what no description can be made
+    of.
     """
     if not isinstance(model, pin.Model):
         raise ModelError(f"a pinocchio.Model is needed, got {type(model).__name__}")

@@ -18,13 +18,7 @@ DRAWN = 3
 
 
 def add_visuals(root: Element, tree: Tree, meshes: Mapping[str, str]) -> None:
-    """Add the geoms of a robot to the links of its URDF.
-
-    Args:
-        root: The `<robot>` element; changed.
-        tree: The robot.
-        meshes: Mesh → file.
-    """
+    """Add the geoms of a robot to the links of its URDF, which is changed; `meshes` is mesh → file."""
     model = tree.model
     links = {str(link.get("name")): link for link in root.findall("link")}
     for body in tree.bodies:

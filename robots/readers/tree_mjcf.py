@@ -73,14 +73,9 @@ class Tree:
 def find_tree(model: mujoco.MjModel, root: str | None, lock: Mapping[str, float]) -> Tree:
     """Return the robot in a compiled model.
 
-    Args:
-        model: MuJoCo's model.
-        root: Body that floats; the one with a free joint and other joints below it when None.
-        lock: Joint → position at which it is fixed, rad or m.
-
-    Raises:
-        UnknownNameError: No such root or joint.
-        ModelError: No robot, several, a ball joint or a closed chain.
+    `root` is the body that floats; the one with a free joint and other joints below it when None. `lock` is joint →
+    position at which it is fixed, rad or m. Raises `UnknownNameError` for a name that is not there, `ModelError` for no
+    robot, several, a ball joint or a closed chain.
     """
     number = _root(model, root)
     bodies = [b for b in range(1, model.nbody) if int(model.body_rootid[b]) == number]
@@ -186,13 +181,7 @@ def placement_of(position: Array, quaternion: Array) -> pin.SE3:
 
 
 def write(tree: Tree, name: str, torque: Mapping[str, float]) -> UrdfWriter:
-    """Return the URDF of a robot.
-
-    Args:
-        tree: The robot.
-        name: Its name.
-        torque: Joint → largest torque or force, Nm or N, where it is known.
-    """
+    """Return the URDF of a robot; `torque` is joint → largest torque or force, Nm or N, where it is known."""
     model = tree.model
     urdf = UrdfWriter(name)
     for body in tree.bodies:

@@ -25,14 +25,7 @@ class UrdfWriter:
     def link(
         self, name: str, mass: float = 0.0, com: Array | None = None, inertia: Array | None = None
     ) -> None:
-        """Add a link.
-
-        Args:
-            name: Its name.
-            mass: Mass, kg; zero for a link without inertia.
-            com: Centre of mass in the link frame, shape (3,), m.
-            inertia: Inertia about the centre of mass in the axes of the link, shape (3, 3), kg m².
-        """
+        """Add a link: mass (kg), centre of mass (m) and inertia about it (3 × 3, kg m²) in its axes, or none."""
         link = ElementTree.SubElement(self.root, "link", name=name)
         if mass == 0.0 or com is None or inertia is None:
             return
@@ -54,16 +47,9 @@ class UrdfWriter:
         axis: Array | None = None,
         limits: dict[str, float] | None = None,
     ) -> None:
-        """Add a joint.
+        """Add a joint: "fixed", "revolute", "continuous" or "prismatic", about an axis in its own frame.
 
-        Args:
-            name: Its name.
-            kind: "fixed", "revolute", "continuous" or "prismatic".
-            parent: Parent link.
-            child: Child link.
-            placement: Placement of the joint in the parent link.
-            axis: Axis in the joint frame, shape (3,).
-            limits: Attributes of `<limit>`: lower, upper, velocity, effort, those that are known.
+        Limits are the known ones of lower, upper, velocity and effort.
         """
         joint = ElementTree.SubElement(self.root, "joint", name=name, type=kind)
         ElementTree.SubElement(joint, "parent", link=parent)

@@ -52,17 +52,7 @@ class JointActuators:
     def __init__(
         self, model: mujoco.MjModel, description: RobotDescription, joints: list[int], root: int
     ) -> None:
-        """Find the actuators.
-
-        Args:
-            model: The model.
-            description: The robot.
-            joints: MuJoCo's joints, in the order of the robot's.
-            root: Body of the floating base.
-
-        Raises:
-            ModelError: A joint whose actuator cannot be commanded.
-        """
+        """Find the actuators of MuJoCo's joints, in the order of the robot's, or raise a `ModelError`."""
         self._model = model
         self._names = description.joint_names
         na = len(joints)
@@ -128,14 +118,7 @@ class JointActuators:
             raise ModelError(f"actuator '{name}' of joint '{joint}' has a gain or a gear of zero")
 
     def reach(self, position: Array) -> tuple[Array, Array]:
-        """Return the least and greatest torque at rest that the ranges of the controls leave.
-
-        Args:
-            position: Joint positions, shape (na,).
-
-        Returns:
-            Arrays of shape (na,), Nm; infinite for joints whose controls have no range.
-        """
+        """Return least and greatest torque at rest that the controls' ranges leave, shape (na,), Nm; inf without."""
         least, most = np.full(position.size, -np.inf), np.full(position.size, np.inf)
         model, chosen = self._model, np.flatnonzero(self._main)
         for i in chosen[model.actuator_ctrllimited[self._actuators[chosen]].astype(bool)]:
@@ -152,12 +135,7 @@ class JointActuators:
         command.check(self._names)
 
     def apply(self, data: mujoco.MjData, command: Command) -> None:
-        """Write the controls of the coming physics step.
-
-        Args:
-            data: The simulation, positions and velocities up to date.
-            command: A checked command.
-        """
+        """Write the controls of the coming physics step for a checked command; the state is up to date."""
         position, torque = command.joint_position, command.joint_torque
         velocity = command.joint_velocity
         gains = command.kp is not None or command.kd is not None

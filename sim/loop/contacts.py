@@ -22,14 +22,7 @@ class SoleContacts:
     """
 
     def __init__(self, model: mujoco.MjModel, root: int, feet: list[int], placements: list[pin.SE3]) -> None:
-        """Find the geoms of the feet.
-
-        Args:
-            model: The model.
-            root: Body of the floating base.
-            feet: Body that carries each sole.
-            placements: Sole frame in that body.
-        """
+        """Find the geoms of the feet: body of the base, bodies that carry the soles, sole frames in these."""
         self._model, self._feet = model, np.array(feet, dtype=np.intp)
         self._offset = np.array([place.translation for place in placements])
         self._turn = np.array([place.rotation for place in placements])
@@ -46,8 +39,7 @@ class SoleContacts:
     def wrenches(self, data: mujoco.MjData) -> Array:
         """Return the wrench on each sole in the last physics step, in the sole frame, shape (n, 6), N and Nm.
 
-        Args:
-            data: The simulation after `mj_step`; its contacts and frames are those at the begin of that step.
+        After `mj_step` contacts and frames are those at the begin of that step.
         """
         world = np.zeros((len(self._feet), 6))
         rotation = data.xmat[self._feet].reshape(-1, 3, 3)

@@ -105,17 +105,10 @@ class RobotPlaces:
 def find_places(
     model: mujoco.MjModel, description: RobotDescription, names: Mapping[str, str], prefix: str
 ) -> RobotPlaces:
-    """Return the places of a robot in a model.
+    """Return the places of a robot in a model; `names` is joint of the robot → joint of the model where they differ.
 
-    Args:
-        model: The model.
-        description: The robot.
-        names: Joint of the robot → joint of the model, where they differ.
-        prefix: What the model puts before all names of the robot.
-
-    Raises:
-        UnknownNameError: A joint that the model has not.
-        ModelError: No free joint above them, or a joint elsewhere or about another axis than in the description.
+    Raises `UnknownNameError` for a joint that the model has not, `ModelError` without a free joint above them, or for a
+    joint elsewhere or about another axis than in the description.
     """
     for name in names:
         choose("joint", name, description.joint_names)
@@ -213,15 +206,7 @@ def find_imu(
 ) -> ImuSensors:
     """Return the sensors of the IMU: those named, else those that are fixed to the same body as the IMU.
 
-    Args:
-        model: The model.
-        places: Places of the robot.
-        gyroscope: Name of a sensor.
-        accelerometer: Name of a sensor.
-
-    Raises:
-        UnknownNameError: No such sensor.
-        InputError: A sensor of another kind, or on another body than the IMU.
+    Raises `UnknownNameError` for no such sensor, `InputError` for one of another kind or on another body.
     """
     kinds = mujoco.mjtSensor
     return ImuSensors(

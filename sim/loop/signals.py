@@ -31,16 +31,7 @@ class LoopSignals:
         actuators: JointActuators,
         steps: int,
     ) -> None:
-        """Lay out the vector.
-
-        Args:
-            model: The model.
-            places: Places of the robot in it.
-            imu: Its sensors.
-            contacts: Contacts of the feet.
-            actuators: Drives of the joints.
-            steps: Physics steps in a control period.
-        """
+        """Lay out the vector; `steps` is the number of physics steps in a control period."""
         self._model, self._places, self._imu = model, places, imu
         self._contacts, self._actuators = contacts, actuators
         na, n = len(places.joints), len(places.feet)
@@ -50,11 +41,7 @@ class LoopSignals:
         self._row = 0
 
     def begin(self, data: mujoco.MjData) -> None:
-        """Take the forces of a state at which a run begins as those of a whole period.
-
-        Args:
-            data: The simulation after `mj_forward`.
-        """
+        """Take the forces of a state at which a run begins, after `mj_forward`, as those of a whole period."""
         self._window[:] = self._forces(data)
         self._row = 0
         self.sample(data)
@@ -65,11 +52,7 @@ class LoopSignals:
         self._row = (self._row + 1) % len(self._window)
 
     def sample(self, data: mujoco.MjData) -> None:
-        """Write the present signals into `values`.
-
-        Args:
-            data: The simulation, positions, velocities and their sensors up to date.
-        """
+        """Write the present signals into `values`; positions, velocities and their sensors are up to date."""
         na, values = self._na, self.values
         values[:na] = data.qpos[self._places.joint_qpos]
         values[na : 2 * na] = data.qvel[self._places.joint_dof]
@@ -82,14 +65,7 @@ class LoopSignals:
         return self.values[self._soles].reshape(-1, 6).copy()
 
     def measurement(self, reading: Array, time: float, *, forces: bool, torques: bool) -> Measurement:
-        """Return a reading of the sensors as a measurement.
-
-        Args:
-            reading: The signals with their errors, shape of `values`.
-            time: s.
-            forces: False for feet without force sensors.
-            torques: False for drives that do not report their torques.
-        """
+        """Return a reading of the sensors, shape of `values`, as a measurement, with or without forces and torques."""
         na, none = self._na, np.full(len(self._places.feet), np.nan)
         return Measurement(
             time,

@@ -24,13 +24,7 @@ _KINDS = {
 
 
 def add_body_shapes(spec: mujoco.MjSpec, description: RobotDescription, robot: Robot) -> None:
-    """Let all links but the feet touch things and the ground; they do not touch each other.
-
-    Args:
-        spec: Model under construction that holds the robot, with a site at each hand.
-        description: The robot as data.
-        robot: Made from that description.
-    """
+    """Let all links but the feet touch things and the ground, not each other; each hand has a site in the model."""
     feet = {description.attachment(sole.frame)[0] for sole in description.soles}
     shaped = set()
     for shape in link_shapes(description):

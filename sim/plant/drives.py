@@ -25,11 +25,7 @@ class DelayLine(Generic[T]):
     """Items that come out some physics steps after they went in."""
 
     def __init__(self, steps: int) -> None:
-        """Begin without any item.
-
-        Args:
-            steps: Delay, physics steps.
-        """
+        """Begin without any item; the delay is in physics steps."""
         self._delay, self._now = steps, 0
         self._waiting: deque[tuple[int, T]] = deque()
 
@@ -70,16 +66,9 @@ class Drives:
         interpolation: Interpolation,
         delay: int = 0,
     ) -> None:
-        """Take the servo gains.
+        """Take the servo gains; servos are switched in the model, whose actuators come in the order of the joints.
 
-        Args:
-            model: MuJoCo's model, its actuators in the order of the joints; servos are switched in it.
-            description: The robot.
-            interpolation: "hold" or "linear".
-            delay: Physics steps from a command to its effect.
-
-        Raises:
-            InputError: Commands that are late as well as interpolated.
+        A delay of commands, physics steps, needs interpolation "hold", or an `InputError` is raised.
         """
         if delay > 0 and interpolation != "hold":
             raise InputError(f"a command delay needs interpolation 'hold', got '{interpolation}'")
@@ -136,11 +125,7 @@ class Drives:
         return target
 
     def follow(self, target: Array) -> None:
-        """Take targets and gains that `read` returned for the coming control period; a change of gains is sudden.
-
-        Args:
-            target: Targets, shape (na,).
-        """
+        """Take targets, shape (na,), and gains that `read` returned for the coming period; gains change suddenly."""
         if self.delay > 0:
             self._late.push((np.array(target), self._next))
             return

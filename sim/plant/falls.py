@@ -41,12 +41,7 @@ class PelvisLimits:
 
     @staticmethod
     def walking(height: float, limits: FallSettings) -> PelvisLimits:
-        """Return the limits of a robot that walks: those of its controller's fall test.
-
-        Args:
-            height: Pelvis height over the lower sole while walking, m.
-            limits: Settings of the controller's fall test.
-        """
+        """Return the limits of a robot that walks: pelvis height over the lower sole, m, and its fall settings."""
         return PelvisLimits(height - limits.drop, limits.tilt)
 
 

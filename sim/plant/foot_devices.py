@@ -16,13 +16,7 @@ class FootDevices:
     """Stiffness actuator and range sensor of every sole, left first."""
 
     def __init__(self, plant: PlantModel, foot: Foot, range_sensor: RangeSensor | None) -> None:
-        """Find the devices in the model.
-
-        Args:
-            plant: The compiled model.
-            foot: Foot that was built under both ankles.
-            range_sensor: Range sensor under each toe; none when None.
-        """
+        """Find the devices in the model of the feet that were built under both ankles."""
         self._plant = plant
         self._range_sensor = range_sensor
         actuator = foot.actuator if isinstance(foot, VariableStiffnessFoot) else None
@@ -38,11 +32,7 @@ class FootDevices:
         self._ranges: list[RangeFinder] = []
 
     def reset(self, seeds: list[int]) -> None:
-        """Restore the stiffness at the start and restart the range sensors.
-
-        Args:
-            seeds: Seed of the errors of each range sensor.
-        """
+        """Restore the stiffness at the start and restart the range sensors, each with the seed of its errors."""
         for sole in self._soles:
             sole.reset()
         if self._range_sensor is not None:
@@ -58,13 +48,9 @@ class FootDevices:
             ]
 
     def check(self, command: Array | None) -> None:
-        """Check a stiffness command; nothing changes.
+        """Check a stiffness command, shape (number of soles,), Nm/rad; nothing changes.
 
-        Args:
-            command: Commanded stiffness, shape (number of soles,), Nm/rad; None for none.
-
-        Raises:
-            InputError: Soles of fixed stiffness, wrong shape, or outside the range of the actuator.
+        Raises `InputError` for soles of fixed stiffness, a wrong shape, or a value outside the range of the actuator.
         """
         if command is None:
             return
@@ -80,15 +66,7 @@ class FootDevices:
             sole.actuator.check(stiffness)
 
     def advance(self, command: Array | None, duration: float) -> bool:
-        """Advance the stiffness actuators.
-
-        Args:
-            command: Commanded stiffness, checked; the last one when None.
-            duration: s.
-
-        Returns:
-            True if a stiffness has changed.
-        """
+        """Advance the stiffness actuators by a time, s, under a checked command, or the last; True for a change."""
         changed = False
         for i, sole in enumerate(self._soles if self._variable else ()):
             before = sole.actual

@@ -43,12 +43,7 @@ class HandSensor(NamedTuple):
 
 
 def add_hand_sensors(spec: mujoco.MjSpec, robot: Robot) -> None:
-    """Add a site and a force sensor at the frame of each hand.
-
-    Args:
-        spec: Model under construction that holds the robot.
-        robot: The robot.
-    """
+    """Add a site and a force sensor at the frame of each hand to a model under construction."""
     kinds = {"force": mujoco.mjtSensor.mjSENS_FORCE, "torque": mujoco.mjtSensor.mjSENS_TORQUE}
     for role, frame in robot.frames.items():
         body, place = _carrier(spec, robot, frame)
@@ -60,15 +55,10 @@ def add_hand_sensors(spec: mujoco.MjSpec, robot: Robot) -> None:
 
 
 def add_grips(spec: mujoco.MjSpec, robot: Robot, prefix: str) -> None:
-    """Add a grip for each hand and each handle, open at the start.
+    """Add a grip for each hand and each handle, open at the start; names of the scene begin with the prefix.
 
     A handle is a site of the scene whose name ends with "handle". A closed grip holds the handle where it was in the
     hand, and leaves the hand free to turn about it.
-
-    Args:
-        spec: Model under construction that holds robot and scene.
-        robot: The robot.
-        prefix: Beginning of the names of the scene.
     """
     handles = [site for site in spec.sites if site.name.startswith(prefix) and site.name.endswith("handle")]
     for role in robot.frames:
@@ -91,13 +81,7 @@ class Grips:
     """
 
     def __init__(self, model: mujoco.MjModel, robot: Robot, prefix: str) -> None:
-        """Find the handles.
-
-        Args:
-            model: The compiled model.
-            robot: The robot.
-            prefix: Beginning of the names of the scene.
-        """
+        """Find the handles: sites of the scene, whose names begin with the prefix."""
         self._model, self._hands = model, tuple(robot.frames)
         names = [model.site(i).name for i in range(model.nsite)]
         self.handles = {
@@ -107,16 +91,9 @@ class Grips:
         }
 
     def close(self, data: mujoco.MjData, hand: str, handle: str) -> None:
-        """Hold a handle where it is now.
+        """Hold a handle where it is now; positions are up to date.
 
-        Args:
-            data: The simulation, positions up to date.
-            hand: Role of the hand.
-            handle: Name of the handle.
-
-        Raises:
-            UnknownNameError: No such hand or handle.
-            InputError: The handle is out of the hand's reach.
+        Raises `UnknownNameError` for no such hand or handle, `InputError` for one out of the hand's reach.
         """
         choose("hand", hand, self._hands)
         choose("handle", handle, self.handles)
@@ -146,16 +123,7 @@ class Grips:
 
 
 def check_clear(model: mujoco.MjModel, data: mujoco.MjData, of_robot: np.ndarray[Any, Any]) -> None:
-    """Check that nothing goes through the robot at the start.
-
-    Args:
-        model: The compiled model.
-        data: The simulation, contacts up to date.
-        of_robot: True for geoms of the robot, shape (ngeom,).
-
-    Raises:
-        InputError: A link of the robot is inside a thing or the ground.
-    """
+    """Raise an `InputError` if a link of the robot is inside a thing or the ground; contacts are up to date."""
     deepest, where = DEEPEST, None
     for contact in data.contact:
         first, second = contact.geom.tolist()

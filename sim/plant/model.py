@@ -74,15 +74,7 @@ class PlantModel:
     hands: tuple[HandSensor, ...]
 
     def body(self, name: str, robot: Robot) -> tuple[int, pin.SE3]:
-        """Return the body that carries a frame, and the frame's placement in it.
-
-        Args:
-            name: Link or frame; "torso" and "base" stand for the robot's torso and base frames.
-            robot: The robot that the model was built from.
-
-        Raises:
-            UnknownNameError: Neither a link nor a frame of the robot.
-        """
+        """Return the body that carries a link or frame, "torso" or "base", and the frame's placement in it."""
         name = body_frame(name, robot)
         index = mujoco.mj_name2id(self.model, mujoco.mjtObj.mjOBJ_BODY, name)
         if index >= 0:
@@ -210,14 +202,9 @@ def build_model(
 
 
 def furniture(source: str | Path | mujoco.MjSpec | Scene) -> mujoco.MjSpec:
-    """Return the furniture of a scene, as a copy.
+    """Return the furniture of a scene, as a copy: a scene, its name, or MJCF as path, XML or specification.
 
-    Args:
-        source: A scene, the name of one, or MJCF: a path, the XML itself, or a specification under construction.
-
-    Raises:
-        UnknownNameError: No scene of that name.
-        InputError: A file that cannot be read, things that MuJoCo cannot build, or a scene with drives of its own.
+    Raises `UnknownNameError` for no scene of that name, `InputError` for things that MuJoCo cannot build, or drives.
     """
     if isinstance(source, str) and source.replace("_", "").isalnum():
         source = make_scene(source)

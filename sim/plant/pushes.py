@@ -34,17 +34,10 @@ class Push:
 
     @staticmethod
     def at(body: int, frame: pin.SE3, force: ArrayLike, duration: float, point: ArrayLike | None) -> Push:
-        """Return a push at a point of a frame.
+        """Return a push at a point of a frame of a body, m; at the centre of mass of the body when None.
 
-        Args:
-            body: Index of the body that carries the frame.
-            frame: Placement of the frame in the body.
-            force: In the world, shape (3,), N; constant.
-            duration: s.
-            point: Point of attack in the frame, shape (3,), m; the centre of mass of the body when None.
-
-        Raises:
-            InputError: A force or point that is not three finite numbers, a duration that is not above zero.
+        Raises `InputError` for a force (world, N) or point that is not three finite numbers, a duration (s) not above
+        zero.
         """
         attack = None if point is None else finite_array("point of attack (m)", point, (3,))
         return Push(
@@ -76,13 +69,9 @@ class Pushes:
         self._release(data)
 
     def apply(self, data: mujoco.MjData, timestep: float) -> None:
-        """Set the forces of the coming physics step.
+        """Set the forces of the coming physics step, s; positions are up to date.
 
         A push that ends within the step acts with the share of its force that gives the same impulse.
-
-        Args:
-            data: The simulation, its positions up to date.
-            timestep: Physics step, s.
         """
         self._release(data)
         for push in self._active:
@@ -149,14 +138,7 @@ class Loads:
         return sum(load.mass for load in self._loads.values())
 
     def put(self, body: int, point: Array, mass: float, over: float) -> None:
-        """Ramp the mass of a load, from what it is now.
-
-        Args:
-            body: Index of the body.
-            point: Place in the body, shape (3,), m.
-            mass: At the end, kg.
-            over: Duration of the ramp, s; zero is at once.
-        """
+        """Ramp the mass of a load, kg, at a point of a body, m, from what it is now over a time, s; 0 is at once."""
         key = body, tuple(point.tolist())
         load = self._loads.setdefault(key, _Load(body, np.array(point), 0.0, 0.0, 0.0))
         load.target = mass

@@ -130,15 +130,8 @@ class SensorChain:
     ) -> None:
         """Lay the errors out over the vector.
 
-        Args:
-            noise: The errors.
-            joints: Number of encoders.
-            soles: Number of force sensors.
-            timestep: Physics step, s.
-            steps: Physics steps from one reading to the next.
-            delay: Age of every reading on top of its latency, s.
-            torques: True if drives report their torques.
-            hands: Number of force sensors at the wrists.
+        `steps` is the number of physics steps from one reading to the next, `delay` the age of every reading on top of
+        its latency, s; `hands` is the number of force sensors at the wrists.
         """
         wrench = [noise.sole_force] * 3 + [noise.sole_moment] * 3
         channels = (
@@ -178,12 +171,7 @@ class SensorChain:
         self._rng = np.random.default_rng(0)
 
     def reset(self, truth: Array, seed: int) -> None:
-        """Draw new biases and fill the history with the present signals.
-
-        Args:
-            truth: True signals now, shape (size,).
-            seed: Seed of every draw from now on.
-        """
+        """Draw new biases and fill the history with the present signals, shape (size,); the seed fixes all draws."""
         self._rng = np.random.default_rng(np.random.SeedSequence(seed).spawn(1)[0])
         self._bias = self._bias_std * self._rng.standard_normal(self.size)
         self._history[:] = truth
@@ -198,14 +186,7 @@ class SensorChain:
         self._history[self._head] = truth
 
     def read(self, truth: Array) -> Array:
-        """Return the readings of the sensors.
-
-        Args:
-            truth: True signals now, shape (size,); with a latency, those last given to `push`.
-
-        Returns:
-            Readings, shape (size,), a new array.
-        """
+        """Return the readings, a new array of shape (size,), of the signals now; with a latency of those pushed."""
         out: Array = self._history.take(self._places[self._head]) if self.oldest else truth.copy()
         if self._biased:
             out += self._bias

@@ -89,25 +89,12 @@ class Machine:
 
 
 def whole_steps(time: float, timestep: float) -> int:
-    """Return a time as whole physics steps, rounded up: 3 steps of 0.001 s are 3 steps, not 4.
-
-    Args:
-        time: s.
-        timestep: Physics step, s.
-    """
+    """Return a time, s, as whole physics steps, rounded up: 3 steps of 0.001 s are 3 steps, not 4."""
     return math.ceil(time / timestep - 1e-9)
 
 
 def steps_per_tick(control_period: float, timestep: float) -> int:
-    """Return the number of physics steps in a control period.
-
-    Args:
-        control_period: s.
-        timestep: Physics step, s.
-
-    Raises:
-        InputError: One of them is not above zero, or the period is not a whole multiple of the step.
-    """
+    """Return the number of physics steps in a control period, both in s; `InputError` if it is no whole number."""
     finite_scalar("control period (s)", control_period, low=SHORTEST_STEP, high=LONGEST_PERIOD)
     finite_scalar("physics timestep (s)", timestep, low=SHORTEST_STEP, high=LONGEST_PERIOD)
     ratio = control_period / timestep

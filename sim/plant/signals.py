@@ -28,14 +28,7 @@ class TrueSignals:
     def __init__(
         self, plant: PlantModel, averaged_steps: int, *, forces: bool = True, torques: bool = False
     ) -> None:
-        """Look up the place of each signal.
-
-        Args:
-            plant: The compiled model.
-            averaged_steps: Physics steps over which forces are averaged.
-            forces: False for feet without force sensors.
-            torques: True for drives that report their torques.
-        """
+        """Look up the place of each signal; forces are averaged over some physics steps."""
         self._plant = plant
         na, model = len(plant.joint_qpos), plant.model
         gyro, accelerometer = plant.imu
@@ -66,11 +59,7 @@ class TrueSignals:
         self._hands = [(hand.site, *_subtree(model, hand.body)) for hand in plant.hands]
 
     def sample(self, data: mujoco.MjData) -> None:
-        """Write the present signals into `values`.
-
-        Args:
-            data: The simulation, positions and velocities up to date.
-        """
+        """Write the present signals into `values`; positions and velocities are up to date."""
         # With the default mode NumPy writes into a buffer first.
         data.qpos.take(self._plant.joint_qpos, out=self._positions, mode="clip")
         data.qvel.take(self._plant.joint_dof, out=self._velocities, mode="clip")
@@ -101,14 +90,7 @@ class TrueSignals:
             wrench[3:] -= np.cross(lever, weight)
 
     def measurement(self, reading: Array, time: float, ranges: Array, stiffness: Array) -> Measurement:
-        """Return a reading of the sensors as a measurement.
-
-        Args:
-            reading: The signals with their errors, shape of `values`.
-            time: s.
-            ranges: Readings of the range sensors, shape (number of soles,), m.
-            stiffness: Stiffness of the soles, shape (number of soles,), Nm/rad.
-        """
+        """Return a reading, shape of `values`, with ranges (m) and stiffness (Nm/rad) of soles, as a measurement."""
         na = self._na
         return Measurement(
             time,

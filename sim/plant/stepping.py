@@ -38,19 +38,7 @@ class PhysicsSteps:
         chain: SensorChain,
         truth: TruthReader,
     ) -> None:
-        """Put the parts together.
-
-        Args:
-            model: MuJoCo's model.
-            data: MuJoCo's state.
-            steps: Physics steps in a control period.
-            averaging: False to record the forces of the last physics step alone.
-            drives: Targets of the servos.
-            pushes: External forces.
-            signals: True signals of the sensors; forces are recorded in their window.
-            chain: Errors of the sensors, with their latencies.
-            truth: Reader of the contacts in the last physics step.
-        """
+        """Put the parts together."""
         self.steps, self.averaging = steps, averaging
         self._model, self._data = model, data
         self._drives, self._pushes = drives, pushes
@@ -109,11 +97,7 @@ class PhysicsSteps:
 
 
 def divergence(data: mujoco.MjData) -> str | None:
-    """Return MuJoCo's warnings, or what is not finite, of a state that has no meaning; None as a rule.
-
-    Args:
-        data: The simulation after a step.
-    """
+    """Return MuJoCo's warnings, or what is not finite, of a state that has no meaning; None as a rule."""
     warned, q, v = data.warning.number, data.qpos, data.qvel
     if any(warned.tolist()) or not math.isfinite(q.dot(q) + v.dot(v)):
         return ", ".join(mujoco.mjtWarning(i).name for i in np.flatnonzero(warned)) or "NaN in the state"

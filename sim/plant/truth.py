@@ -50,20 +50,12 @@ class TruthReader:
     """
 
     def __init__(self, plant: PlantModel) -> None:
-        """Find the soles in the model.
-
-        Args:
-            plant: The compiled model.
-        """
+        """Find the soles in the model."""
         self._plant = plant
         self._sites = np.array(plant.sole_sites, dtype=np.intp)
 
     def capture(self, data: mujoco.MjData) -> None:
-        """Copy the contacts of the physics step that has just ended.
-
-        Args:
-            data: The simulation after `mj_step`, `mj_step2` or `mj_forward`, before the next `mj_step1`.
-        """
+        """Copy the contacts of the physics step that has just ended, before the next `mj_step1`."""
         contact = data.contact
         self._address = contact.efc_address.copy()
         self._position = contact.pos.copy()
@@ -75,12 +67,7 @@ class TruthReader:
         self._sole_rotation = data.site_xmat.take(self._sites, axis=0)
 
     def read(self, data: mujoco.MjData, joint_torque: Array) -> GroundTruth:
-        """Return the ground truth, in new arrays.
-
-        Args:
-            data: The simulation, positions and velocities up to date.
-            joint_torque: Torques in the last step, shape (na,), Nm.
-        """
+        """Return the ground truth in new arrays, with the torques in the last step, shape (na,), Nm."""
         plant = self._plant
         q = configuration_from_mujoco(data.qpos, plant.joint_qpos)
         v = velocity_from_mujoco(q, data.qvel, plant.joint_dof)

@@ -43,11 +43,7 @@ class Rig:
     """
 
     def __init__(self, test: FootTest) -> None:
-        """Build the rig and put the foot over the ground.
-
-        Args:
-            test: Foot, ground and load.
-        """
+        """Build the rig and put the foot over the ground."""
         self.test = test
         fitted = test.foot.fit(test.robot_sole).sole
         cos, sin = math.cos(test.yaw), math.sin(test.yaw)

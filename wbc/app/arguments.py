@@ -148,9 +148,6 @@ def plain_options(command: Callable[..., None]) -> Callable[..., None]:
 
     cyclopts passes words to a Pydantic dataclass unconverted, and words the errors of its fields itself. Here it
     converts the words, and the settings, made from the plain dataclass, check the values.
-
-    Args:
-        command: A command with annotated parameters, some of them settings.
     """
 
     @functools.wraps(command)

@@ -65,14 +65,7 @@ def _prepare(app: App, commands: tuple[str, ...], arguments: ArgumentCollection)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run the command line.
-
-    Args:
-        arguments: Words after `wbc`; those of the process when None.
-
-    Returns:
-        Exit code.
-    """
+    """Run the command line, the words after `wbc` (those of the process when None), and return the exit code."""
     words = list(sys.argv[1:] if arguments is None else arguments)
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):

@@ -61,14 +61,9 @@ def unique(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
 
 
 def read_object(what: str, path: Path) -> dict[str, Any]:
-    """Return the object in a JSON file.
+    """Return the object in a JSON file, of a `what` such as "walk".
 
-    Args:
-        what: Noun for the messages: "walk".
-        path: The file.
-
-    Raises:
-        InputError: The file cannot be read, is not JSON, holds no object, or one with the same name twice.
+    Raises `InputError` if it cannot be read, is not JSON, holds no object, or one with the same name twice.
     """
     data = read_json(path, object_pairs_hook=unique)
     if not isinstance(data, dict):
@@ -77,13 +72,5 @@ def read_object(what: str, path: Path) -> dict[str, Any]:
 
 
 def check_picture(path: Path | None, inputs: Iterable[str | Path | None] = ()) -> Path | None:
-    """Return the path of a picture after a check; None without one.
-
-    Args:
-        path: File to write.
-        inputs: Files that it is made from, see `check_target`.
-
-    Raises:
-        InputError: As `check_target` raises it.
-    """
+    """Return the path of a picture after a check by `check_target`; None without one."""
     return None if path is None else check_target("a picture", path, PICTURES, inputs)

@@ -49,14 +49,8 @@ class LiveView:
     def watch(self, trial: Trial) -> Iterator[list[WatchWalk]]:
         """Give the hooks of a trial that show it if there is a page; none otherwise.
 
-        The port is taken now, the trial waits for the page when it starts.
-
-        Args:
-            trial: The trial.
-
-        Raises:
-            InputError: A port that is out of range or in use.
-            ViewError: The page cannot be served there.
+        The port is taken now, the trial waits for the page when it starts. Raises `InputError` for a port that is in
+        use, `ViewError` where the page cannot be served.
         """
         if not self.watched:
             yield []
@@ -95,11 +89,7 @@ def changes_of(watching: list[WatchWalk]) -> list[dict[str, Any]]:
 
 
 def interactive(interventions: list[dict[str, Any]]) -> dict[str, Any]:
-    """Return the part of a result about changes from the page: a run with changes does not follow its options.
-
-    Args:
-        interventions: The changes.
-    """
+    """Return the part of a result about changes from the page: a run with changes does not follow its options."""
     facts: dict[str, Any] = {"interactive": bool(interventions)}
     if interventions:
         facts["interventions"] = interventions

@@ -42,13 +42,7 @@ class Output:
     verbose: bool = False
 
     def report(self, data: Mapping[str, Any], text: str, failure: WbcError | None = None) -> Report:
-        """Make the report of a command that has ended.
-
-        Args:
-            data: The result as plain values; NaN and infinity become null.
-            text: The result as text.
-            failure: Failure of a part that leaves a result, such as a recording on a full disk.
-        """
+        """Make the report of a command that has ended: plain values, text, failure of a part such as a recording."""
         return Report(dict(data), text, self.json, failure)
 
 

@@ -38,13 +38,8 @@ def checked(function: Callable[P, T]) -> Callable[P, T]:
     """Decorate a public function or constructor: its arguments are checked against its annotations before it runs.
 
     Numbers are finite, arrays hold finite numbers, objects are instances of their class. Callables, protocols and
-    `**options` are not looked at.
-
-    Args:
-        function: The function; its annotations must be importable at run time.
-
-    Returns:
-        The function; it raises `InputError` naming the argument, the rule and the value.
+    `**options` are not looked at; annotations must be importable at run time. The function raises `InputError` naming
+    the argument, the rule and the value.
     """
     signature = inspect.signature(function)
 
@@ -59,13 +54,7 @@ def checked(function: Callable[P, T]) -> Callable[P, T]:
 def spelled_out(function: Callable[P, T]) -> Callable[P, T]:
     """Decorate a function with `**options: Unpack[Options]`: its signature names each option, for checks and for help.
 
-    The default of an option that may be None is None there, that of any other `...`.
-
-    Args:
-        function: The function, before `checked`; the annotation of its options must be importable at run time.
-
-    Returns:
-        The same function.
+    The default of an option that may be None is None there, that of any other `...`. Stands below `checked`.
     """
     signature = inspect.signature(function)
     *parameters, several = signature.parameters.values()
@@ -82,11 +71,7 @@ def spelled_out(function: Callable[P, T]) -> Callable[P, T]:
 
 
 def checked_on_failure(function: Callable[P, T]) -> Callable[P, T]:
-    """Decorate a public function of the tick: its arguments are checked only when it raises.
-
-    Args:
-        function: As in `checked`.
-    """
+    """Decorate a public function of the tick: its arguments are checked only when it raises."""
     signature = inspect.signature(function)
 
     @functools.wraps(function)

@@ -26,13 +26,9 @@ _OWN = ""
 
 
 def as_changes(values: Mapping[str, Any] | Iterable[tuple[str, Any]]) -> Changes:
-    """Return names and values in their normal form.
+    """Return names and values in their normal form, lists as tuples.
 
-    Args:
-        values: Names and values; lists become tuples.
-
-    Raises:
-        InputError: A name that is not text or is given twice, or a value that is not plain.
+    Raises `InputError` for a name that is not text or is given twice, or a value that is not plain.
     """
     pairs = list(values.items() if isinstance(values, Mapping) else values)
     for pair in pairs:
@@ -62,13 +58,9 @@ def _is_scalar(value: Any) -> bool:
 
 
 def read_changes(texts: Iterable[str]) -> dict[str, Value]:
-    """Return the names and values of name=value texts.
+    """Return the names and values of name=value texts, or raise an `InputError`.
 
-    Args:
-        texts: Each as name=value; numbers, true, false, none, text, or several of them with commas between.
-
-    Raises:
-        InputError: Not of that form, or a name twice.
+    Values are numbers, true, false, none, text, or several of them with commas between.
     """
     changes: dict[str, Value] = {}
     for text in texts:
@@ -112,15 +104,9 @@ def _leaves(settings: Any, prefix: str = "") -> Iterator[tuple[str, Any]]:
 
 
 def full_name(settings: Any, name: str) -> str:
-    """Return the full name of a setting of which the last part, or the last parts, are given.
+    """Return the full name of a setting, gains.dcm_p, of which the last part, or the last parts, are given.
 
-    Args:
-        settings: A dataclass.
-        name: Such as "dcm_p", "gains.dcm_p".
-
-    Raises:
-        UnknownNameError: No setting has that name; the nearest are given.
-        InputError: Several settings have it; they are given.
+    Raises `UnknownNameError` if no setting has that name, with the nearest, `InputError` if several have it.
     """
     names = setting_names(settings)
     if name in names:

@@ -214,24 +214,16 @@ class DriveControl:
         return min(math.hypot(*(dcm - sole[:2])) for sole in soles) > self.reach * height
 
     def command(self, measurement: Measurement) -> Command:
-        """Run one tick; targets of tasks and contacts are as they are.
+        """Run one tick and return the command until the next one; targets of tasks and contacts are as they are.
 
-        Args:
-            measurement: Measurement of this tick.
-
-        Returns:
-            Command of the drives until the next tick. Nothing is raised: a failed tick follows the policy.
+        Nothing is raised: a failed tick follows the policy.
         """
         return self.act(self.estimate(measurement))
 
     def estimate(self, measurement: Measurement) -> State:
-        """Begin a tick: estimate the state, and bring the controller's robot there.
+        """Begin a tick: estimate the state, bring the controller's robot there, and return it.
 
-        Args:
-            measurement: Measurement of this tick.
-
-        Returns:
-            The state. Nothing is raised: `State.ok` is False for a measurement that cannot be used.
+        Nothing is raised: `State.ok` is False for a measurement that cannot be used.
         """
         observer, start = self.observer, perf_counter()
         self.time = time = self.time + self.controller.dt
@@ -249,12 +241,7 @@ class DriveControl:
     def refuse(self, state: State, error: Exception) -> State:
         """Fail a tick between `estimate` and `act`, because its targets could not be computed.
 
-        Args:
-            state: State of this tick.
-            error: What went wrong.
-
-        Returns:
-            The state with `ok` False, for `act`: it holds the robot as after any failure.
+        Returned is the state with `ok` False, for `act`: it holds the robot as after any failure.
         """
         if isinstance(error, MeasurementError):
             self._fail(f"measurement refused: {error}")

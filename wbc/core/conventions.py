@@ -41,14 +41,7 @@ Index = NDArray[np.intp]
 
 
 def rotation_of(quaternion: Array) -> Array:
-    """Return the rotation matrix of a unit quaternion.
-
-    Args:
-        quaternion: xyzw, shape (4,), of unit length.
-
-    Returns:
-        Rotation, shape (3, 3).
-    """
+    """Return the rotation matrix, shape (3, 3), of a unit quaternion xyzw, shape (4,)."""
     x, y, z, w = quaternion.tolist()
     return np.array(
         [

@@ -65,16 +65,7 @@ def shown_path(path: str | Path) -> str:
 
 
 def unknown_name(kind: str, name: object, choices: Iterable[str]) -> NoReturn:
-    """Raise `UnknownNameError` for a name that is not among the choices.
-
-    Args:
-        kind: Kind of the name: "frame", "joint", "robot", …
-        name: The unknown name.
-        choices: Names that exist.
-
-    Raises:
-        UnknownNameError: Always.
-    """
+    """Raise `UnknownNameError` for a name of a kind ("frame", "joint", "robot", …) that is not among the choices."""
     names = sorted(choices)
     given = shown(name).strip("'") if isinstance(name, str) else shown(name)
     near = difflib.get_close_matches(given, names, n=3, cutoff=0.5)
@@ -114,16 +105,7 @@ def names_in(what: str, value: object) -> list[str]:
 
 
 def check_parts(what: str, value: object, *parts: str) -> None:
-    """Refuse an object that lacks a part of its protocol.
-
-    Args:
-        what: Name of the object in messages, such as "a driver".
-        value: The object.
-        parts: Names of the attributes and methods that it must have.
-
-    Raises:
-        InputError: One of them is missing.
-    """
+    """Raise an `InputError` for an object, such as "a driver", that lacks an attribute or method of its protocol."""
     for part in parts:
         if not hasattr(value, part):
             *most, last = parts
@@ -132,16 +114,7 @@ def check_parts(what: str, value: object, *parts: str) -> None:
 
 
 def check_options(owner: object, kind: type, options: Iterable[str]) -> None:
-    """Refuse options that a task or contact does not take.
-
-    Args:
-        owner: The task or contact.
-        kind: Typed dictionary of the options that it takes, such as `wbc.tasks.options.MotionOptions`.
-        options: Names of the options given.
-
-    Raises:
-        UnknownNameError: An unknown option; the nearest ones are named.
-    """
+    """Raise `UnknownNameError` for an option that is not in the typed dictionary of a task or contact."""
     known = frozenset(kind.__annotations__)
     if isinstance(options, Mapping):
         _check_name_and_hard(options)

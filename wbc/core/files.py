@@ -35,24 +35,14 @@ LARGEST = 2**30
 
 @contextlib.contextmanager
 def decoding(path: str | Path, kind: str, *, largest: int = LARGEST) -> Iterator[Path]:
-    """Read a file of any kind: every reader of files goes through here.
+    """Give the path of a file of some kind to read: every reader of files goes through here.
 
         with decoding("ground.npy", "array") as file:
             heights = np.load(file)
 
-    A pipe or a device, which might never end, is refused before it is opened. Decoders of other libraries raise
-    exceptions of any kind on damaged files; each becomes one line.
-
-    Args:
-        path: The file.
-        kind: Kind of file in messages.
-        largest: Largest size, bytes.
-
-    Yields:
-        The path.
-
-    Raises:
-        InputError: No regular file, a larger one, or one that the block cannot decode.
+    A pipe or a device, which might never end, is refused before it is opened, and so is a file of more than `largest`
+    bytes. Decoders of other libraries raise exceptions of any kind on damaged files; each becomes one line, an
+    `InputError`.
     """
     with parsing(path, kind):
         found = os.stat(path)
@@ -67,15 +57,7 @@ def decoding(path: str | Path, kind: str, *, largest: int = LARGEST) -> Iterator
 
 @contextlib.contextmanager
 def parsing(path: str | Path, kind: str) -> Iterator[None]:
-    """Turn whatever the block raises on the content of a file into one line; see `decoding`, which reads the file.
-
-    Args:
-        path: The file, for messages.
-        kind: Kind of file in messages.
-
-    Raises:
-        InputError: The block has failed.
-    """
+    """Turn what the block raises on the content of a file into an `InputError` of one line; see `decoding`."""
     kind = kind if kind in ("JSON", "TOML") else f"a {kind}"
     try:
         yield
@@ -106,45 +88,19 @@ _SORTS = {
 
 
 def read_text(path: Path, kind: str = "text file") -> str:
-    """Return the content of a text file without its byte order mark.
-
-    Args:
-        path: The file.
-        kind: Kind of file in messages.
-
-    Raises:
-        InputError: A file that cannot be read, or is not text.
-    """
+    """Return the content of a text file of some kind without its byte order mark, or raise an `InputError`."""
     with decoding(path, kind) as file:
         return file.read_text(encoding="utf-8-sig")
 
 
 def csv_rows(text: str, path: Path, kind: str = "CSV") -> list[list[str]]:
-    """Return the cells of all lines of a CSV that are not blank.
-
-    Args:
-        text: Content of the file.
-        path: The file, for messages.
-        kind: Kind of file in messages.
-
-    Raises:
-        InputError: A cell that does not end.
-    """
+    """Return the cells of all lines of a CSV that are not blank; path and kind are for messages."""
     with parsing(path, kind):
         return [row for row in csv.reader(text.splitlines()) if any(map(str.strip, row))]
 
 
 def read_json(path: Path, kind: str = "JSON", **how: Any) -> Any:
-    """Return the values in a JSON file.
-
-    Args:
-        path: The file.
-        kind: Kind of file in messages.
-        **how: Options of `json.loads`.
-
-    Raises:
-        InputError: A file that cannot be read, is not JSON, or is nested too deeply.
-    """
+    """Return the values in a JSON file, or raise an `InputError`; `how` are options of `json.loads`."""
     with parsing(path, kind):
         return json.loads(read_text(path), **how)
 
@@ -200,16 +156,7 @@ def write_text(path: str | Path, text: str) -> None:
 
 
 def save_figure(figure: Figure, path: str | Path, *, dpi: float) -> None:
-    """Write a figure of Matplotlib in place of an old file; the ending of its name chooses the format.
-
-    Args:
-        figure: The figure.
-        path: File to write.
-        dpi: Resolution, pixels per inch.
-
-    Raises:
-        FileError: As `replacing` raises it.
-    """
+    """Write a figure of Matplotlib in place of an old file, as `replacing` does; its ending chooses the format."""
     picture = io.BytesIO()  # a figure that fails in the middle of a file would leave it open
     figure.savefig(picture, format=Path(path).suffix[1:].lower(), dpi=dpi)
     with replacing(path) as new:

@@ -46,13 +46,7 @@ class CommandGate:
     """
 
     def __init__(self, robot: Robot, dt: float, settings: GateSettings | None = None) -> None:
-        """Take the limits from a robot.
-
-        Args:
-            robot: The robot.
-            dt: Control period, s.
-            settings: Settings; the defaults when None.
-        """
+        """Take the limits from a robot; dt is the control period, s."""
         s = settings or GateSettings()
         self._names = robot.joint_names
         self._torque = np.minimum(robot.torque_limit, UNLIMITED)
@@ -66,11 +60,7 @@ class CommandGate:
         self.reset(robot.q[7:])
 
     def reset(self, position: Array) -> None:
-        """Start from a posture.
-
-        Args:
-            position: Joint positions from which the first references move, shape (na,), rad (or m).
-        """
+        """Start from a posture, joint positions of shape (na,), from which the first references move."""
         self._position = np.array(position)
         self.clipped = 0
         self.faults: tuple[str, ...] = ()
@@ -110,14 +100,9 @@ class CommandGate:
         return Command(torque, sent.joint_position, sent.joint_velocity, kp=kp, kd=kd)
 
     def admit(self, command: Command, measured: tuple[Array, Array]) -> Command:
-        """Return a command of any origin with torques within the limits, its own gains counted.
+        """Return a command of any origin with torques within the limits, its own gains at the measured joints counted.
 
-        Args:
-            command: The command.
-            measured: Joint positions and velocities, each of shape (na,).
-
-        Raises:
-            InputError: A part of the wrong shape or not finite, or a negative gain.
+        Raises `InputError` for a part of the wrong shape or not finite, or a negative gain.
         """
         command.check(self._names)
         torque, kp, kd = command.joint_torque, command.kp, command.kd

@@ -43,13 +43,9 @@ def convex_hull(points: ArrayLike, tolerance: float = 1e-12) -> Array:
 
 
 def hull_and_area(points: Array) -> tuple[Array, float]:
-    """Return the convex hull of many points and its area, by Qhull.
+    """Return corners (counter-clockwise, shape (k, 2), m) and area (m²) of the hull of many points, by Qhull.
 
-    Args:
-        points: Shape (n, 2), m; rounded to nanometres.
-
-    Returns:
-        Corners counter-clockwise, shape (k, 2), m, and area, m²; points on a line have their ends and no area.
+    Points, shape (n, 2), are rounded to nanometres; those on a line have their ends and no area.
     """
     from scipy.spatial import ConvexHull, QhullError  # noqa: PLC0415 - slow to import
 

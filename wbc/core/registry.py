@@ -31,31 +31,17 @@ class Registry(dict[str, T]):
         super().__setitem__(name, value)
 
     def add(self, name: str, value: T) -> None:
-        """Register a value under a new name.
-
-        Args:
-            name: The name.
-            value: Its value.
-
-        Raises:
-            InputError: The name is not text, is empty or is taken.
-        """
+        """Register a value under a new name; `InputError` if that is not text, is empty or is taken."""
         if isinstance(name, str) and name in self:
             raise InputError(f"a {self.kind} '{name}' is registered already")
         self[name] = value
 
 
 def call_checked(what: str, make: Callable[..., T], parameters: Mapping[str, Any]) -> T:
-    """Call a function with named parameters, after a check that it takes them and gets those it needs.
+    """Call a function, in messages `what`, with named parameters, after a check that it takes and gets what it needs.
 
-    Args:
-        what: Its name in messages: "foot 'soft'", "stiffness policy 'fixed'", …
-        make: A class or function of named parameters.
-        parameters: Names and values.
-
-    Raises:
-        UnknownNameError: It has no such parameter.
-        InputError: A parameter that it needs is missing, or a value is out of range.
+    Raises `UnknownNameError` for a parameter that it does not have, `InputError` for one that is missing or out of
+    range.
     """
     known = inspect.signature(make).parameters
     for name in parameters:

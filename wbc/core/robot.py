@@ -68,15 +68,9 @@ def _live(array: Array, owner: pin.Data) -> Array:
 
 
 def checked_configuration(what: str, value: ArrayLike, nq: int) -> Array:
-    """Return a configuration after a check, as a copy.
+    """Return a copy of a configuration, shape (nq,), after a check; `what` is its name in messages.
 
-    Args:
-        what: Name of the configuration in messages.
-        value: Base position (m), base quaternion (xyzw), joints (rad or m), shape (nq,).
-        nq: Size of a configuration of the robot.
-
-    Raises:
-        InputError: Wrong shape, not finite, or a quaternion whose length is not 1 (to 1e-3).
+    Raises `InputError` for a wrong shape, not finite, or a quaternion whose length is not 1 (to 1e-3).
     """
     q = finite_array(what, value, (nq,))
     length = float(np.linalg.norm(q[3:7]))
@@ -86,16 +80,7 @@ def checked_configuration(what: str, value: ArrayLike, nq: int) -> Array:
 
 
 def joints_to(model: pin.Model, frame: str | int, trunk: str | int | None = None) -> list[int]:
-    """Return the joints that move a frame but not a trunk, from the base outwards.
-
-    Args:
-        model: Pinocchio model with a free-flyer, which is left out.
-        frame: Frame at the end of a limb, or its index.
-        trunk: Frame that the limb is fixed to, or its index; the base when None.
-
-    Returns:
-        Numbers of the joints in the model.
-    """
+    """Return the numbers of the joints that move a frame but not a trunk (or the base), from the base outwards."""
     ends = [
         each if isinstance(each, int) else model.getFrameId(each)
         for each in (frame, trunk)

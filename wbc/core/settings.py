@@ -136,11 +136,7 @@ def _check_usable(value: Any) -> None:
 
 
 def unusable(value: Any) -> str:
-    """Return what an argument lacks that is of the right kind, in words; empty for one that can be used.
-
-    Args:
-        value: A number, a text, a path, a tuple or list of them, or anything else, which can be used.
-    """
+    """Return what an argument lacks that is of the right kind, in words; empty for one that can be used."""
     if type(value) in (tuple, list):
         return next(filter(None, map(unusable, value)), "")
     if isinstance(value, float):
@@ -225,11 +221,7 @@ def _field_names(kind: Any) -> tuple[str, ...]:
 
 
 def to_json(value: Any) -> Any:
-    """Return settings as plain values: objects, lists, numbers, texts, truth values and null.
-
-    Args:
-        value: Settings, or a tuple, list or mapping of them.
-    """
+    """Return settings, or a tuple, list or mapping of them, as plain values for JSON."""
     if type(value) in _PLAIN:
         return value
     if dataclasses.is_dataclass(value) and not isinstance(value, type):
@@ -244,13 +236,8 @@ def to_json(value: Any) -> Any:
 def from_json(kind: type[T], data: Any) -> T:
     """Return the settings that `to_json` wrote, or shorter ones: what is left out has its default.
 
-    Args:
-        kind: Class of the settings.
-        data: Plain values, as JSON or TOML give them.
-
-    Raises:
-        UnknownNameError: A name that the settings do not have.
-        InputError: A value that breaks a rule; the message names where it stands.
+    Raises `UnknownNameError` for a name that the settings do not have, `InputError` for a value that breaks a rule,
+    with its place.
     """
     try:
         # As JSON, because there alone strict checks take an object for settings and a list for a tuple.
@@ -382,11 +369,7 @@ BOUNDS = (("gt", "above {:g}"), ("ge", "of at least {:g}"), ("lt", "below {:g}")
 
 
 def rule_of(hint: Any) -> str:
-    """Return the rule that an annotation states, in words.
-
-    Args:
-        hint: Annotation of a field, such as `Annotated[Positive, "m"] | None`.
-    """
+    """Return the rule that an annotation, such as `Annotated[Positive, "m"] | None`, states, in words."""
     inner, metadata = _split(hint)
     origin, args = typing.get_origin(inner), typing.get_args(inner)
     if inner == ArrayLike or origin is np.ndarray:
@@ -424,31 +407,16 @@ def _bounds(constraint: Any) -> list[tuple[str, float]]:
 
 
 def nested_settings(kind: type, name: str) -> Any:
-    """Return the settings class of a field; None if it has none.
-
-    Args:
-        kind: Class of the settings.
-        name: Name of the field.
-    """
+    """Return the settings class of a field; None if it has none."""
     return _class_of(_hints(kind)[name])
 
 
 def may_be_none(kind: type, name: str) -> bool:
-    """Return True for a field that can be switched off.
-
-    Args:
-        kind: Class of the settings.
-        name: Name of the field.
-    """
+    """Return True for a field that can be switched off."""
     return type(None) in _alternatives(_hints(kind)[name])
 
 
 def unit_and_choices(kind: type, name: str) -> tuple[str, list[str]]:
-    """Return the unit of a field, empty without one, and its choices, empty without any.
-
-    Args:
-        kind: Class of the settings.
-        name: Name of the field.
-    """
+    """Return the unit of a field, empty without one, and its choices, empty without any."""
     hint = _hints(kind)[name]
     return _unit(hint), choices_of(hint)

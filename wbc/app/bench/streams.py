@@ -50,14 +50,7 @@ class ProblemStream:
         scattered: bool,
         solver: SolverSettings | None = None,
     ) -> None:
-        """Draw everything that is constant over the stream.
-
-        Args:
-            description: The robot.
-            rng: Source of all draws.
-            scattered: Draw a new state for every tick.
-            solver: Settings of the solver; the defaults when None.
-        """
+        """Draw everything that is constant over the stream; a scattered one draws a new state for every tick."""
         self._rng, self.scattered = rng, scattered
         self._robot = robot = description.robot()
         self._falls = TrueFallDetector(robot)
@@ -204,13 +197,8 @@ class ProblemStream:
 def least_violation(problem: Problem) -> float:
     """Return the smallest violation of the inequalities under the equalities; zero for feasible problems.
 
-    A linear program, solved by HiGHS: another algorithm and another code than any in the controller.
-
-    Args:
-        problem: An assembled problem.
-
-    Returns:
-        Violation in units of the rows; infinite if the equalities contradict each other.
+    A linear program, solved by HiGHS: another algorithm and another code than any in the controller. In units of the
+    rows; infinite if the equalities contradict each other.
     """
     p = problem
     n = p.diagonal.size

@@ -89,15 +89,9 @@ class FootOptions:
                 raise InputError(f"--{name} is no option of 'foot {test}'")
 
     def test(self, given: Mapping[str, Any], ground: Mapping[str, Any]) -> FootTest:
-        """Return the test of one foot on one ground.
+        """Return the test of one foot on one ground, with further fields of both.
 
-        Args:
-            given: Further fields of the test.
-            ground: Fields of the ground.
-
-        Raises:
-            UnknownNameError: No such foot, robot, ground or parameter.
-            InputError: A value out of range, a stiffness for a foot that has none, or a foot that does not fit.
+        Raises `UnknownNameError` for no such foot, robot, ground or parameter, `InputError` for a value out of range.
         """
         design = self._foot()
         family = make_family(self.terrain, read_changes(self.param))

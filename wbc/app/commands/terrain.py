@@ -87,17 +87,8 @@ def describe_terrain(
 ) -> dict[str, Any]:
     """Return `Terrain.describe()`, roughness and whether the swing foot clears it; draw it if asked to.
 
-    Args:
-        name: Family.
-        options: Its parameters, height of the swing foot, picture.
-        given: Fields of `Terrain`.
-
-    Raises:
-        UnknownNameError: No such family or parameter.
-        InputError: A value is out of range, or the picture cannot be written.
-
-    Warns:
-        ClearanceWarning: The ground is higher than the clearance.
+    Raises `UnknownNameError` for no such family or parameter, `InputError` for a value out of range; a ground higher
+    than the clearance is a `ClearanceWarning`.
     """
     ground = make_terrain(make_family(name, read_changes(options.param)), **given)
     target = check_picture(options.plot, options.param)

@@ -130,13 +130,7 @@ def walk(
 def walk_spec(given: Mapping[str, Any], options: WalkOptions, drive: bool = False) -> WalkSpec:
     """Return the walk: what is given, over what the file of `--spec` says, over the defaults of the command.
 
-    Args:
-        given: Fields by name.
-        options: The other options.
-        drive: The robot is driven from the page.
-
-    Raises:
-        InputError: A walk that cannot be walked, or a file that cannot be read.
+    Raises `InputError` for a walk that cannot be walked, or a file that cannot be read.
     """
     upper = {name: dict(value) if isinstance(value, Mapping) else value for name, value in given.items()}
     lower = {} if options.spec is None else read_spec(options.spec)
@@ -184,13 +178,7 @@ def _bounded(
 def place_of(name: str, law: str) -> str:
     """Return the place in a spec of what `--set` names: one of its fields, or under "changes" one of the settings.
 
-    Args:
-        name: Full name, or as far as it is unique.
-        law: Law of the steps.
-
-    Raises:
-        UnknownNameError: Neither a field nor a setting; the nearest are given.
-        InputError: A field and a setting have it; they are given.
+    Names are full, or as far as they are unique. Raises `UnknownNameError` for none of these, `InputError` for both.
     """
     stepping = law == "stepping"  # has a gait of its own among its settings
     own = [each.name for each in fields(WalkSpec)]

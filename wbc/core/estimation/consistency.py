@@ -67,11 +67,7 @@ class AccelerometerCheck:
     """
 
     def __init__(self, dt: float) -> None:
-        """Start at rest.
-
-        Args:
-            dt: Control period, s.
-        """
+        """Start at rest; dt is the control period, s."""
         self._dt, self._gain, self._rate = dt, lag_gain(dt, MEAN), 1.0 / dt
         self.reset()
 
@@ -83,12 +79,7 @@ class AccelerometerCheck:
         self._legs: Vector | None = None
 
     def check(self, measurement: Measurement, observer: Observer) -> Measurement:
-        """Return the measurement, without the accelerometer's direction where it contradicts all others.
-
-        Args:
-            measurement: Plausible measurement of this tick.
-            observer: Observer that has seen the ticks before.
-        """
+        """Return a plausible measurement, without the accelerometer's direction where it contradicts all others."""
         inertial, before = observer.inertial, self._legs
         self._legs = legs = inertial.legs
         self._stands = self._stands + self._dt if observer.share.min() > CARRIES else 0.0
@@ -159,14 +150,7 @@ class ConsistencyMonitor:
     def __init__(
         self, robot: Robot, dt: float, channels: tuple[str, ...], settings: ConsistencySettings | None = None
     ) -> None:
-        """Prepare for a robot.
-
-        Args:
-            robot: The robot: its weight and soles.
-            dt: Control period, s.
-            channels: Name of every number of a measurement, in the order in which `update` gets them.
-            settings: Settings; the defaults when None.
-        """
+        """Prepare for a robot, a control period, s, and the names of the numbers that `update` gets."""
         self.settings = s = settings or ConsistencySettings()
         self._channels, self._dt = channels, dt
         self._weight = robot.mass * GRAVITY

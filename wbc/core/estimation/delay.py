@@ -20,12 +20,7 @@ class DelayPredictor:
     """Carries a state ahead by the sum of both delays, with the accelerations commanded meanwhile."""
 
     def __init__(self, model: pin.Model, delay: float) -> None:
-        """Start at rest.
-
-        Args:
-            model: Pinocchio model with a free-flyer.
-            delay: Sum of the delays of measurement and command, s.
-        """
+        """Start at rest; the delay is the sum of those of measurement and command, s."""
         self._model, self._delay = model, delay
         self._sent: deque[tuple[Array, float]] = deque()
         self._covered = 0.0
@@ -37,24 +32,14 @@ class DelayPredictor:
         self._covered = 0.0
 
     def commanded(self, acceleration: Array, dt: float) -> None:
-        """Take over the acceleration of the command that is sent now.
-
-        Args:
-            acceleration: Shape (nv,).
-            dt: Time for which the command is valid, s.
-        """
+        """Take over the acceleration, shape (nv,), of the command that is sent now and valid for dt, s."""
         self._sent.append((acceleration, dt))
         self._covered += dt
         while self._covered - self._sent[0][1] >= self._delay - 1e-9:
             self._covered -= self._sent.popleft()[1]
 
     def ahead(self, q: Array, v: Array) -> tuple[Array, Array]:
-        """Return configuration and velocity after the delay, shapes (nq,) and (nv,).
-
-        Args:
-            q: Configuration at the measurement, shape (nq,).
-            v: Velocity then, shape (nv,).
-        """
+        """Return configuration and velocity, shapes (nq,) and (nv,), after the delay from those at the measurement."""
         step, velocity = self._step, self._v
         np.multiply(v, self._delay, out=step)
         velocity[:] = v
@@ -77,11 +62,8 @@ class SentCommands:
     ) -> None:
         """Start without any command.
 
-        Args:
-            gains: kp and kd for commands that bring none, each of shape (na,); zero when None.
-            torque_limit: Largest torques, shape (na,), Nm.
-            dt: Control period, s.
-            delay: Sum of the delays of measurement and command, s.
+        Gains are kp and kd for commands that bring none, each of shape (na,), zero when None; the delay is the sum of
+        those of measurement and command, s.
         """
         whole = int(delay / dt + 1e-9)
         self._part = max(delay / dt - whole, 0.0)  # of a period, in which an older command still acted
@@ -99,11 +81,7 @@ class SentCommands:
         self._commands.append(command)
 
     def torque(self, measurement: Measurement) -> Array | None:
-        """Return the mean torque in the control period before a measurement, shape (na,), Nm; None before there is one.
-
-        Args:
-            measurement: Joint positions and velocities that the servos saw.
-        """
+        """Return the mean torque in the period before a measurement, shape (na,), Nm; None before there is one."""
         commands = self._commands
         if not commands:
             return None

@@ -75,35 +75,20 @@ class InertialFilter:
         self._velocity_gain, self._yaw_gain = LagGain(), LagGain()
 
     def reset(self, rotation: Array, velocity: Array | None = None) -> None:
-        """Restart from an attitude; the estimated gyro bias is kept.
-
-        Args:
-            rotation: Attitude of the IMU in the world, shape (3, 3).
-            velocity: Velocity of the IMU point in the world, shape (3,), m/s; zero when None.
-        """
+        """Restart from attitude (3, 3) and velocity (3,), m/s, of the IMU in the world; the gyro bias is kept."""
         self.rotation = np.array(rotation)
         self.velocity = np.zeros(3) if velocity is None else np.array(velocity)
         self._last = None
         self.unexplained, self._left, self.legs = 0j, None, None
 
     def align(self, specific_force: Array) -> None:
-        """Turn the attitude by the smallest rotation after which the specific force of a robot at rest points up.
-
-        Args:
-            specific_force: Accelerometer, in the IMU frame, shape (3,), m/s².
-        """
+        """Turn the attitude by the smallest rotation after which the specific force of a robot at rest points up."""
         up = self.rotation @ specific_force
         turn = pin.Quaternion.FromTwoVectors(up / np.linalg.norm(up), np.array([0.0, 0.0, 1.0]))
         self.rotation = turn.toRotationMatrix() @ self.rotation
 
     def predict(self, angular_velocity: Array, specific_force: Array, dt: float) -> None:
-        """Integrate over one period, with the mean of the samples at its two ends.
-
-        Args:
-            angular_velocity: Gyroscope, in the IMU frame, shape (3,), rad/s.
-            specific_force: Accelerometer, in the IMU frame, shape (3,), m/s².
-            dt: Time since the last call, s.
-        """
+        """Integrate gyroscope and accelerometer over dt, s, with the mean of the samples at its two ends."""
         gyro, force = self._last or (angular_velocity, specific_force)
         self._last = (angular_velocity.copy(), specific_force.copy())
         if dt <= 0.0:

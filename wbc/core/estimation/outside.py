@@ -63,12 +63,7 @@ class OutsideWrench:
     """
 
     def __init__(self, robot: Robot, settings: OutsideSettings | None = None) -> None:
-        """Start with empty hands.
-
-        Args:
-            robot: The estimated robot, whose state `update` reads.
-            settings: Settings; the defaults when None.
-        """
+        """Start with empty hands; `update` reads the state of the estimated robot."""
         self.settings = settings or OutsideSettings()
         self._robot = robot
         self._soles = [robot.placement(sole.frame) for sole in robot.soles]
@@ -94,12 +89,9 @@ class OutsideWrench:
         self._sum, self._tared, self._time = np.zeros(6), 0.0, self.settings.settling
 
     def explain(self, wrench: Vector) -> None:
-        """Take a wrench off the estimate that the model of the robot accounts for from now on.
+        """Take a wrench off the estimate, [force; moment about the CoM] in the world, that the model accounts for now.
 
         The momentum that the model gains with its new masses is that of no force.
-
-        Args:
-            wrench: [force; moment about the CoM] in the world, N and Nm.
         """
         if self._momentum is not None:
             self._momentum = self._momentum_now()
@@ -107,15 +99,9 @@ class OutsideWrench:
         self.wrench = self.wrench - wrench
 
     def update(self, wrenches: Array, dt: float) -> Array:
-        """Take in one measurement; the robot's kinematics are up to date.
+        """Take in measured wrenches on the soles, shape (soles, 6), after dt, s; return `wrench`, a new array.
 
-        Args:
-            wrenches: Measured wrench on each sole, [force; moment] in the sole frame, shape (number of soles, 6),
-                N and Nm.
-            dt: Time since the last one, s; zero for the first.
-
-        Returns:
-            `wrench`, a new array each time.
+        The robot's kinematics are up to date.
         """
         s, robot = self.settings, self._robot
         self._time += dt
@@ -187,16 +173,7 @@ class OutsideWrench:
 
 
 def moment_about(wrench: Array, com: Vector, point: Vector) -> tuple[float, float, float]:
-    """Return the moment of a wrench about another point than the CoM.
-
-    Args:
-        wrench: [force; moment about the CoM], shape (6,), N and Nm.
-        com: The CoM, m.
-        point: The other point, m.
-
-    Returns:
-        x, y, z in the world, Nm.
-    """
+    """Return the moment, Nm, of a wrench [force; moment about the CoM] in the world about another point, m."""
     fx, fy, fz, *moment = wrench.tolist()
     x, y, z = ((a - b) for a, b in zip(com, point, strict=True))
     return add_cross(moment, (x, y, z), (fx, fy, fz))

@@ -88,13 +88,7 @@ class Plausibility:
     """
 
     def __init__(self, robot: Robot, dt: float, settings: PlausibilitySettings | None = None) -> None:
-        """Take the ranges from a robot.
-
-        Args:
-            robot: The robot: joint limits, weight, soles.
-            dt: Control period, s.
-            settings: Settings; the defaults when None.
-        """
+        """Take the ranges from a robot; dt is the control period, s."""
         self.settings = s = settings or PlausibilitySettings()
         self._dt = dt
         n, na = len(robot.soles), robot.na
@@ -239,11 +233,7 @@ class Plausibility:
         return self._values
 
     def joint_velocity(self, measurement: Any) -> Array:
-        """Return joint velocities for damping, shape (na,), rad/s (or m/s): zero where a reading is impossible.
-
-        Args:
-            measurement: As it came.
-        """
+        """Return joint velocities for damping, shape (na,), rad/s (or m/s): zero where a reading is impossible."""
         if isinstance(measurement, Measurement) and measurement.sole_wrench is None:
             measurement = replace(measurement, sole_wrench=np.zeros(self._shapes[-1]))
         try:

@@ -65,15 +65,9 @@ class WrenchEstimator:
     """
 
     def __init__(self, robot: Robot, dt: float, settings: WrenchSettings | None = None) -> None:
-        """Start with the robot standing still on all soles.
+        """Start with the robot standing still on all soles; its state is not used, dt is the control period, s.
 
-        Args:
-            robot: Robot whose soles are estimated; its state is not used.
-            dt: Control period, s.
-            settings: Settings; the defaults when None.
-
-        Raises:
-            InputError: Lift-off at a greater force than touch-down.
+        Raises `InputError` for lift-off at a greater force than touch-down.
         """
         self.settings = s = settings or WrenchSettings()
         if s.lift_off > s.touch_down:

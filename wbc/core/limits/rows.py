@@ -35,12 +35,7 @@ class BrakingLaw:
     """
 
     def __init__(self, braking: Array, dt: float) -> None:
-        """Prepare for a deceleration ā that is always available and a control period.
-
-        Args:
-            braking: Deceleration ā, any shape, rad/s².
-            dt: Control period, s.
-        """
+        """Prepare for a deceleration ā, rad/s², that is always available and a control period, s."""
         self._dt = dt
         # v⁺² = 2 ā (d − (v + v⁺) dt/2), solved for v⁺, is √(2 ā d − ā dt v + (ā dt/2)²) − ā dt/2.
         self._per_distance, self._per_velocity = 2.0 * braking, braking * dt

@@ -40,13 +40,7 @@ class ActiveSet:
     """
 
     def __init__(self, problem: Problem, tolerance: float, changes: int) -> None:
-        """Start with no inequality active.
-
-        Args:
-            problem: The problem; its arrays are read by every `solve`.
-            tolerance: Largest primal residual.
-            changes: Number of corrections of the set in one solve.
-        """
+        """Start with no inequality active; `solve` reads the problem's arrays, correcting the set `changes` times."""
         self._p = p = problem
         self._tolerance, self._changes = tolerance, changes
         self._n_linear = p.n_eq + p.n_soft

@@ -410,9 +410,7 @@ class Assembly:
     def residuals(self, x: Array, values: Array) -> Array:
         """Return achieved minus reference, for all rows of the problem, then for all selections; a new array.
 
-        Args:
-            x: Solution.
-            values: All rows times x.
+        `values` are all rows times the solution x.
         """
         p = self.problem
         residual = np.empty(values.size + self._selected_target.size)
@@ -426,13 +424,9 @@ class Assembly:
 
 
 def reference(rows: Rows, error: Array, velocity: Array, out: Array) -> None:
-    """Reference acceleration of tasks: feed-forward, PD on error and velocity, minus drift.
+    """Fill `out` with the reference acceleration of tasks: feed-forward, PD on error and velocity, minus drift.
 
-    Args:
-        rows: Values of the tasks.
-        error: Their errors as they act.
-        velocity: Velocities of the tasks, overwritten.
-        out: To fill.
+    The velocity is overwritten.
     """
     np.subtract(rows.velocity, velocity, out=out)
     out *= rows.damping

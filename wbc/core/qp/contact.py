@@ -39,12 +39,7 @@ last; from ten times as much on, solutions are off by m/s²."""
 
 
 def mean_distance(half_length: float, half_width: float) -> float:
-    """Return the mean distance d of the points of a rectangle from its centre, m; even pressure holds μ f_z d.
-
-    Args:
-        half_length: Half extent along x, m.
-        half_width: Half extent along y, m.
-    """
+    """Return the mean distance d of the points of a rectangle from its centre, m; even pressure holds μ f_z d."""
     x, y = half_length, half_width
     return float(np.hypot(x, y) / 3 + x**2 / (6 * y) * np.arcsinh(y / x) + y**2 / (6 * x) * np.arcsinh(x / y))
 
@@ -92,17 +87,7 @@ def rectangle_wrench_cone(
 
 
 def friction_pyramid(friction: float) -> Array:
-    """Return the pyramid of forces that a point can transmit: |f_x|, |f_y| ≤ μ f_z.
-
-    Args:
-        friction: Coulomb coefficient μ.
-
-    Returns:
-        Matrix F with F f ≤ 0, shape (4, 3).
-
-    Raises:
-        InputError: Friction that is not positive.
-    """
+    """Return the pyramid of forces of a point, |f_x|, |f_y| ≤ μ f_z: a matrix F with F f ≤ 0, shape (4, 3)."""
     mu = positive("friction", friction)
     return np.array([[1, 0, -mu], [-1, 0, -mu], [0, 1, -mu], [0, -1, -mu]], dtype=float)
 

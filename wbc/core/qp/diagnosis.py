@@ -19,15 +19,10 @@ SLACK_TOLERANCE = 1e-4
 
 
 def violated_groups(problem: Problem) -> dict[str, float]:
-    """Solve the elastic QP: every row but those of the dynamics may be violated, at a quadratic cost.
+    """Return group → largest violation of those that cannot all be satisfied, worst first, by the elastic QP.
 
-    The dynamics of the floating base are physics and stay exact; all other rows have a slack for each bound.
-
-    Args:
-        problem: An assembled problem.
-
-    Returns:
-        Group → largest violation, for the groups that cannot all be satisfied, worst first; empty if all can.
+    The dynamics of the floating base are physics and stay exact; all other rows have a slack for each bound, at a
+    quadratic cost.
     """
     p = problem
     n, n_eq, n_in = p.diagonal.size, p.n_eq, p.lower.size
@@ -68,16 +63,7 @@ def violated_groups(problem: Problem) -> dict[str, float]:
 def groups_not_finite(
     problem: Problem, tasks: Sequence[Task], places: Mapping[str, slice]
 ) -> dict[str, float]:
-    """Return the tasks and the groups of constraints whose numbers are not finite.
-
-    Args:
-        problem: An assembled problem.
-        tasks: Tasks of the controller.
-        places: Name of a task → its rows, those of selections after all rows of the problem (`Layout.tasks`).
-
-    Returns:
-        Name → NaN.
-    """
+    """Return the tasks and the groups of constraints whose numbers are not finite: name → NaN."""
     p = problem
     finite: NDArray[np.bool_] = np.logical_and.reduce(np.isfinite(p.rows), axis=1)
     finite[: p.target.size] &= np.isfinite(p.target)
@@ -99,16 +85,7 @@ def status_table(
     regularisation: float,
     solution: Solution | None,
 ) -> str:
-    """Return a table: tasks with weight, error and residual, contacts with their forces, active limits.
-
-    Args:
-        robot: Robot of the controller.
-        dt: Control period, s.
-        tasks: Tasks of the controller.
-        contacts: Contacts of the controller.
-        regularisation: Cost per squared acceleration.
-        solution: Result of the last tick; None before the first one.
-    """
+    """Return a table: tasks with weight, error and residual, contacts with their forces, active limits."""
     lines = [f"{robot!r}  period {1e3 * dt:g} ms"]
     if solution is None:
         lines.append("not solved yet")

@@ -33,12 +33,7 @@ class DaqpSolver:
     """
 
     def __init__(self, problem: Problem, tolerance: float) -> None:
-        """Prepare for a problem, whose arrays are read by every `solve`.
-
-        Args:
-            problem: The problem.
-            tolerance: Largest violation of a row.
-        """
+        """Prepare for a problem, whose arrays are read by every `solve`; the tolerance is that of a row."""
         self._problem, self._tolerance = problem, tolerance
         rows = problem.n_eq + problem.lower.size
         self._rows = np.zeros((rows, problem.diagonal.size))
@@ -100,14 +95,7 @@ def solve_by_qpsolvers(
 ) -> tuple[Array, Array] | None:
     """Solve with any solver of qpsolvers, which splits two-sided rows into one-sided ones.
 
-    Args:
-        name: One of `qpsolvers.available_solvers`.
-        problem: The problem.
-        hessian: `problem.hessian`, shape (n, n).
-        gradient: `problem.gradient`, shape (n,).
-
-    Returns:
-        Solution, shape (n,), and multipliers of the inequalities, shape (n_in,); None without a solution.
+    Returned are the solution, shape (n,), and multipliers of the inequalities, shape (n_in,); None without a solution.
     """
     try:
         solution = qpsolvers.solve_problem(standard_form(problem, hessian, gradient), solver=name)
@@ -127,13 +115,7 @@ def solve_by_qpsolvers(
 def standard_form(
     p: Problem, hessian: Array | None = None, gradient: Array | None = None
 ) -> qpsolvers.Problem:
-    """Return a problem in the form of qpsolvers, for cross-checks with any of its solvers.
-
-    Args:
-        p: The problem.
-        hessian: `p.hessian`, if it has been computed already.
-        gradient: `p.gradient`, if it has been computed already.
-    """
+    """Return a problem in the form of qpsolvers, for cross-checks; Hessian and gradient if computed already."""
     above, below = p.upper < 1e20, p.lower > -1e20
     return qpsolvers.Problem(
         p.hessian if hessian is None else hessian,

@@ -333,11 +333,9 @@ class QpSolver:
         return True
 
     def _room(self, values: Array, n_eq: int) -> tuple[Array, Array] | None:
-        """Distances of the inequalities to their upper and lower bounds; None if a solution violates a row.
+        """Distances of the inequalities to both bounds, of all rows times a solution; None if it violates a row.
 
-        Args:
-            values: All rows times the solution.
-            n_eq: Number of equalities, the first ones, that have to be satisfied.
+        The first n_eq equalities have to be satisfied.
         """
         p, tolerance = self.problem, self.settings.residual_tolerance
         error, bounded = values[:n_eq] - p.target[:n_eq], values[p.n_eq + p.n_soft :]

@@ -137,15 +137,7 @@ def optimize(
 def run_optimisations(
     specs: Sequence[OptimisationSpec], options: RunOptions, *, budget: int, validate: int, any_code: bool
 ) -> tuple[dict[str, Optimum], dict[str, list[Walked]], dict[str, StudyTable]]:
-    """Run optimisations and their validations; return optima, walks and tables by ground.
-
-    Args:
-        specs: The optimisations, each of another ground.
-        options: Where their walks are run.
-        budget: Walks of each.
-        validate: Held-out seeds of each validation; 0 for none.
-        any_code: Take walks of other versions of the code, too.
-    """
+    """Run optimisations of different grounds and their validations; return optima, walks and tables by ground."""
     owns = lambda spec: any(each.owns(spec) for each in specs)  # noqa: E731
     check_journal(read_journal(options.journal), owns, "optimisation", any_code=any_code)
     found: dict[str, Optimum] = {}
@@ -179,14 +171,7 @@ def _texts(found: Mapping[str, Optimum], judged: Mapping[str, StudyTable]) -> li
 def save_figures(
     folder: Path, part: str, walked: Mapping[str, list[Walked]], found: Mapping[str, Optimum]
 ) -> list[Path]:
-    """Save a figure of each ground and one of J over the stiffness on all of them; return their files.
-
-    Args:
-        folder: An existing folder.
-        part: Beginning of the files' names.
-        walked: Ground → walks.
-        found: Ground → optimum.
-    """
+    """Save a figure of each ground and one of J over the stiffness on all of them; return their files."""
     from wbc.app.plot.optimization import optimum_figure, stiffness_figure  # noqa: PLC0415 - slow to import
 
     figures = {name: optimum_figure(name, walked[name], each) for name, each in found.items()}

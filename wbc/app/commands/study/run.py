@@ -54,13 +54,7 @@ def entry_by_key(entries: Mapping[str, Entry], key: str) -> Entry:
 
 
 def reruns(study: Study, entries: Mapping[str, Entry], journal: Path) -> list[dict[str, Any]]:
-    """Return the trials of a study that have ended without a result, each with the command that runs it again.
-
-    Args:
-        study: The study.
-        entries: Entries of its journal, by key.
-        journal: The journal.
-    """
+    """Return the trials of a study that have ended without a result, each with the command that runs it again."""
     return [
         {
             "cell": trial.cell,

@@ -335,15 +335,9 @@ def note_left_out(study: Study, entries: Mapping[str, Entry], *, any_code: bool)
 
 
 def read_study(name: str, size: Sequence[str] = ()) -> Study:
-    """Return a study by name, or out of a file.
+    """Return a study by name, or out of a file; size is that of the study 'dataset', each as name=value.
 
-    Args:
-        name: Name, or path of a file.
-        size: Size of the study 'dataset', each as name=value.
-
-    Raises:
-        UnknownNameError: Neither a study nor a file.
-        InputError: The file holds no study, or a size for another one than 'dataset'.
+    Raises `UnknownNameError` for neither, `InputError` for a file without a study, or a size for another study.
     """
     if size:
         if name != "dataset":
