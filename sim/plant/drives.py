@@ -99,29 +99,26 @@ class Drives:
         if not isinstance(command, Command):
             raise InputError(f"a plant takes a Command, got {shown(command)}")
         position, velocity, torque = command.joint_position, command.joint_velocity, command.joint_torque
-        gains = self._own if command.kp is None and command.kd is None else self._checked_gains(command)
-        shape = self.target.shape
-        if (
-            _shape(torque) != shape
-            or (position is not None and _shape(position) != shape)
-            or (velocity is not None and _shape(velocity) != shape)
-        ):
-            raise InputError(
-                f"joint references of a command must be arrays of shape {shape}, got torque {_shape(torque)}, "
-                f"position {_shape(position)}, velocity {_shape(velocity)}"
-            )
+        parts = [part for part in (position, velocity, command.kp, command.kd) if part is not None]
+        if any(getattr(part, "shape", None) != self.target.shape for part in (torque, *parts)):
+            command.check(self._joint_names)
+            raise InputError(f"parts of a command must be NumPy arrays, got {shown(command)}")
         if position is None:
-            if velocity is not None:
-                raise InputError("a command with a velocity reference needs a position reference, too")
+            if parts:
+                raise InputError(
+                    "a command with a velocity reference or gains needs a position reference, too"
+                )
             target, self._next = torque, None
         else:
+            gains = self._checked_gains(command)
             target = np.multiply(gains[0], position, out=self._servo_part)
             if velocity is not None:
                 target += gains[1] * velocity
             target += torque
             self._next = gains
         if not math.isfinite(target.dot(target)):
-            self._refuse(command)
+            command.check(self._joint_names)
+            raise InputError("command: references so large that their squares are not finite")
         return target
 
     def follow(self, target: Array) -> None:
@@ -152,34 +149,15 @@ class Drives:
         bias[:, 1], bias[:, 2] = (0.0, 0.0) if gains is None else (-gains[0], -gains[1])
 
     def _checked_gains(self, command: Command) -> Gains:
-        if command.joint_position is None:
-            raise InputError("a command with gains of the servos needs a position reference, too")
+        if command.kp is None and command.kd is None:
+            return self._own
         kp, kd = (
             own if given is None else given
             for own, given in zip(self._own, (command.kp, command.kd), strict=True)
         )
-        for name, value in (("kp", kp), ("kd", kd)):
-            if _shape(value) != self.target.shape:
-                raise InputError(
-                    f"{name} of a command must be an array of shape {self.target.shape}, got {_shape(value)}"
-                )
-            if not (value >= 0.0).all() or not math.isfinite(value.dot(value)):
-                joint = self._joint_names[int(np.argmin((value >= 0.0) & np.isfinite(value)))]
-                raise InputError(f"command: {name} of joint '{joint}' must be finite and not negative")
+        if not ((kp >= 0.0) & (kd >= 0.0)).all() or not math.isfinite(kp.dot(kp) + kd.dot(kd)):
+            command.check(self._joint_names)
         at_work = self._gains
         if at_work is not None and np.array_equal(kp, at_work[0]) and np.array_equal(kd, at_work[1]):
             return at_work
         return np.array(kp), np.array(kd)
-
-    def _refuse(self, command: Command) -> None:
-        for name in ("joint_position", "joint_velocity", "joint_torque"):
-            value = getattr(command, name)
-            if value is not None and not np.isfinite(value).all():
-                joint = self._joint_names[int(np.argmin(np.isfinite(value)))]
-                raise InputError(f"command: {name} of joint '{joint}' is not finite")
-        raise InputError("command: references so large that their squares are not finite")
-
-
-def _shape(array: Array | None) -> tuple[int, ...] | None:
-    """Return the shape of an array, None for anything else."""
-    return getattr(array, "shape", None)

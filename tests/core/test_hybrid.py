@@ -205,8 +205,8 @@ def test_references_that_run_away_from_the_estimate_are_refused() -> None:
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ({"kp": np.zeros(3)}, "kp of a command must be an array of shape"),
-        ({"kd": np.full(29, np.nan)}, "kd of joint 'left_hip_pitch_joint' must be finite and not negative"),
+        ({"kp": np.zeros(3)}, "kp of a command must be numbers of shape"),
+        ({"kd": np.full(29, np.nan)}, "kd of joint 'left_hip_pitch_joint' is not finite"),
         ({"kp": np.full(29, -1.0)}, "not negative"),
         ({"kp": np.zeros(29), "joint_position": None, "joint_velocity": None}, "needs a position reference"),
     ],

@@ -93,11 +93,7 @@ def settings(kind: type[T] | None = None, /, *, kw_only: bool = False) -> Any:
         or choice that does not exist.
     """
     if kind is None:
-        return functools.partial(_settings, kw_only=kw_only)
-    return _settings(kind, kw_only=kw_only)
-
-
-def _settings(kind: type[T], *, kw_only: bool) -> type[T]:
+        return functools.partial(settings, kw_only=kw_only)
     own = vars(kind).get("__post_init__")
 
     def post_init(self: Any) -> None:

@@ -27,17 +27,9 @@ class PositionControl(DriveControl):
     """Position control: integrates the accelerations of the solution to references of joint position and velocity.
 
     Attributes:
-        controller: The controller.
-        observer: Observer that estimates the state from measurements.
         feedback: "open": the controller sees the robot as commanded; sensors act only through tasks that listen to
             them. "closed": it sees the estimated robot, and the references are drawn to the estimate.
         feedforward: True to add the torques of the solution to the servos.
-        solution: Result of the last tick.
-        measurement: Measurement of the last tick, with what was refused replaced by predictions.
-        failures: Number of failed ticks so far.
-        plausibility: Check of measurements.
-        monitor: Monitor of sensors that contradict each other.
-        gate: Limits of commands.
         q: Configuration of the commanded robot, shape (nq,).
         v: Its velocity, shape (nv,).
     """

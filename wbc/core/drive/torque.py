@@ -14,18 +14,7 @@ from wbc.core.signals import Command
 
 
 class TorqueControl(DriveControl):
-    """Torque control: sends the torques of the solution; the controller's robot is the estimated one.
-
-    Attributes:
-        controller: The controller.
-        observer: Observer that estimates the state from measurements.
-        solution: Result of the last tick.
-        measurement: Measurement of the last tick, with what was refused replaced by predictions.
-        failures: Number of failed ticks so far.
-        plausibility: Check of measurements.
-        monitor: Monitor of sensors that contradict each other.
-        gate: Limits of commands.
-    """
+    """Torque control: sends the torques of the solution; the controller's robot is the estimated one."""
 
     @checked
     def __init__(
