@@ -48,13 +48,7 @@ class Quintic(Generic[ValueT]):
         end: tuple[ValueT, ValueT, ValueT],
         duration: float,
     ) -> None:
-        """Fit.
-
-        Args:
-            start: Position, velocity and acceleration at time 0, numbers or arrays of one shape.
-            end: The same at the end.
-            duration: Time between them, s, above zero.
-        """
+        """Fit to position, velocity and acceleration at both ends, of one shape, and the time between them, s."""
         self.duration = duration
         p0, v0, a0 = start
         p1, v1, a1 = end
@@ -272,15 +266,8 @@ class _Path:
 def approach(displacement: Array, velocity: Array, speed: float, acceleration: float, dt: float) -> Array:
     """Return the next velocity of a point on its way to rest at a goal that may move.
 
-    Args:
-        displacement: From the point to the goal, shape (n,), m or rad.
-        velocity: Velocity now, shape (n,), per second.
-        speed: Greatest speed.
-        acceleration: Greatest acceleration; half of it brakes before the goal.
-        dt: Control period, s.
-
-    Returns:
-        Velocity, shape (n,), changed by `acceleration` · dt at most.
+    `displacement` (from the point to the goal, m or rad) and velocities, per second, have shape (n,). Half of the
+    greatest `acceleration` brakes before the goal; the velocity changes by `acceleration` · dt at most.
     """
     distance = math.sqrt(float(displacement @ displacement))
     wanted = np.zeros_like(displacement)
@@ -296,18 +283,9 @@ def approach(displacement: Array, velocity: Array, speed: float, acceleration: f
 def jerk_to_rest(
     x: float, v: float, a: float, to: float, left: float, dt: float
 ) -> tuple[float, float, float]:
-    """Return the state after a period of the quintic that comes to rest at `to` after `left`, by its jerk now.
+    """Return the state after a period of the quintic that comes to rest at `to` after `left` seconds, by its jerk now.
 
-    Args:
-        x: Position now.
-        v: Velocity now.
-        a: Acceleration now.
-        to: Position of the rest.
-        left: Time until then, s.
-        dt: Control period, s.
-
-    Returns:
-        Position, velocity and acceleration after the period.
+    States are position, velocity and acceleration.
     """
     jerk = (60.0 * (to - x) / left - 36.0 * v) / (left * left) - 9.0 * a / left
     return x + (v + 0.5 * a * dt) * dt, v + a * dt, a + jerk * dt

@@ -66,11 +66,7 @@ class PushResult:
 
 
 def push_standing(spec: StandPushSpec) -> PushResult:
-    """Push a standing robot; the same spec gives the same result.
-
-    Args:
-        spec: Robot and push.
-    """
+    """Push a standing robot; the same spec gives the same result."""
     push = WalkPush(time=spec.before, impulse=spec.impulse, direction=spec.direction, duration=spec.duration)
     trial = StandTrial(spec, [PushSchedule([push])])
     plant = trial.plant
@@ -88,19 +84,7 @@ def push_standing(spec: StandPushSpec) -> PushResult:
 
 
 def largest_push(spec: StandPushSpec, *, highest: float = 1.0, resolution: float = 0.01) -> float:
-    """Return the largest impulse from which a robot recovers, found by bisection.
-
-    Args:
-        spec: Robot and direction; its impulse is not used.
-        highest: Largest impulse tried, Ns/kg.
-        resolution: Width of the last interval, Ns/kg.
-
-    Returns:
-        Largest impulse tried from which the robot recovered, Ns/kg; 0 if there was none.
-
-    Raises:
-        InputError: A resolution that is not below `highest`.
-    """
+    """Return the largest impulse from which a robot recovers, Ns/kg: `largest_recovered`, whatever that of the spec."""
     positive("resolution (Ns/kg)", resolution)
     if not resolution < highest:
         raise InputError(
@@ -112,18 +96,11 @@ def largest_push(spec: StandPushSpec, *, highest: float = 1.0, resolution: float
 
 
 def largest_recovered(recovers: Callable[[float], bool], highest: float, resolution: float) -> float:
-    """Return the largest impulse with a recovery, found by bisection.
+    """Return the largest impulse with a recovery, found by bisection up to `highest`, Ns/kg; 0 if there was none.
 
-    Bisection assumes that a robot that recovers from a push recovers from weaker ones. The result lies within
-    `resolution` of a change from recovery to fall.
-
-    Args:
-        recovers: Returns True if the robot recovers from an impulse; taken to be True for 0.
-        highest: Largest impulse tried, Ns/kg.
-        resolution: Width of the last interval, Ns/kg.
-
-    Returns:
-        Largest impulse tried from which the robot recovered, Ns/kg; 0 if there was none.
+    Bisection assumes that a robot that recovers from a push recovers from weaker ones, and from none. The result lies
+    within `resolution`, Ns/kg, of a change from recovery to fall. Raises `InputError` for a resolution that is not
+    below `highest`.
     """
     low, high = 0.0, highest
     if recovers(high):
@@ -213,14 +190,7 @@ class PushCell:
 
 
 def push_table(table: PushTableSpec) -> Iterator[PushCell]:
-    """Find the largest push for every robot, mode and direction.
-
-    Args:
-        table: Robots, modes and directions.
-
-    Yields:
-        The cells, one by one.
-    """
+    """Yield the largest push of every robot, mode and direction, cell by cell."""
     for spec in table.specs():
         impulse = largest_push(spec, highest=table.highest, resolution=table.resolution)
         yield PushCell(spec.robot, spec.mode, round(math.degrees(spec.direction), 3), round(impulse, 4))

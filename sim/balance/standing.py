@@ -105,15 +105,7 @@ class StandTrial(Trial):
     """
 
     def __init__(self, spec: StandSpec, scenario: Sequence[TrialHook] = ()) -> None:
-        """Build robot, plant and controller.
-
-        Args:
-            spec: The stand.
-            scenario: Hooks that act, such as pushes.
-
-        Raises:
-            InputError: A foot that does not fit the robot.
-        """
+        """Build robot, plant and controller; `scenario` are hooks that act, such as pushes."""
         self.spec = spec
         robot, plant, observer = spec.build(OBSERVER if spec.steps == "allowed" else None)
         self.control: PositionControl | TorqueControl
@@ -136,14 +128,7 @@ class StandTrial(Trial):
         return None if self.plant.diverged else self.true_fall()
 
     def run(self, hooks: Sequence[TrialHook] = ()) -> StandResult:
-        """Stand for the time of the spec and return the result.
-
-        Args:
-            hooks: Look on.
-
-        Raises:
-            DivergedError: The simulation has diverged: no fall, and no result.
-        """
+        """Stand for the time of the spec and return the result; raises `DivergedError` where there is none."""
         spec, sway = self.spec, Sway()
         self.meters.append(sway)
         target = np.array(self.plant.truth().com)
@@ -203,15 +188,9 @@ def stand(spec: StandSpec | None = None, **values: Any) -> StandResult:
 
 
 def centre_of_pressure(truth: GroundTruth) -> Array:
-    """Return the centre of pressure of all contacts; on level ground it is the zero-tilting moment point.
+    """Return the horizontal centre of pressure of all contacts in the world, shape (2,), m; NaN in flight.
 
-    Args:
-        truth: The true state.
-
-    Returns:
-        Horizontal position in the world, shape (2,), m; NaN in flight.
-
-    Source: Sardain & Bessonnet, IEEE T-SMC-A 34(5), 2004: on a level ground the two points are one.
+    On level ground it is the zero-tilting moment point (Sardain & Bessonnet, IEEE T-SMC-A 34(5), 2004).
     """
     normal = truth.contact_force[:, 2]
     total = normal.sum()

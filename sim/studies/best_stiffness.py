@@ -72,19 +72,13 @@ def best_stiffness(
 ) -> Label:
     """Fit J over the logarithm of the stiffness by a Gaussian process, and find its maximum.
 
-    Grounds of one kind differ in how hard they are: the offset of each ground is subtracted first. The noise of single
-    walks is fitted, too, so that one lucky walk does not decide. The prior decides where there are few walks.
+    Grounds of one kind differ in how hard they are: the offset of each `ground` (numbers, shape (n,)) is subtracted
+    first. The noise of single walks is fitted, too, so that one lucky walk does not decide. The `prior`, a curve from
+    other grounds up to a constant, decides where there are few walks. A difference in J to the best below `nearly`
+    counts as nearly best.
 
-    Args:
-        stiffness: Stiffness of each walk, shape (n,), Nm/rad, positive.
-        J: J of each walk, shape (n,).
-        ground: Number of the ground of each walk, shape (n,).
-        prior: Curve from other grounds, up to a constant; a constant when None.
-        nearly: Difference in J to the best that counts as nearly best.
-        seed: Seed of the draws.
-
-    Raises:
-        InputError: Fewer than four different stiffnesses, shapes that differ, or values that are not finite.
+    Raises `InputError` for fewer than four different stiffnesses (Nm/rad, shape (n,)), shapes that differ, or values
+    that are not finite.
     """
     k, value, places = _walks(stiffness, J, ground)
     positive("nearly best", nearly)
@@ -134,14 +128,9 @@ def best_stiffness(
 def _fitted(
     log_stiffness: Array, values: Array, *, noisy: bool = False, seed: int = 0, alpha: Any = 1e-10
 ) -> Any:
-    """Return a Gaussian process fitted to values over log10 of the stiffness.
+    """Return a Gaussian process fitted to values with a standard deviation of about one, over log10 of the stiffness.
 
-    Args:
-        log_stiffness: Shape (n,).
-        values: Shape (n,), with a standard deviation of about one.
-        noisy: Fit the noise of the values, too.
-        seed: Seed of the restarts.
-        alpha: Known variance of the values.
+    `noisy` fits the noise of the values, too; `alpha` is their known variance; `seed` that of the restarts.
     """
     from sklearn.gaussian_process import GaussianProcessRegressor  # noqa: PLC0415 - takes a second to import
     from sklearn.gaussian_process.kernels import ConstantKernel, Matern, WhiteKernel  # noqa: PLC0415
@@ -156,15 +145,10 @@ def _fitted(
 
 
 def ground_offsets(stiffness: Array, J: Array, ground: NDArray[np.intp]) -> Array:
-    """Return the offset of each ground in J, shape (number of grounds,).
+    """Return the offset of each ground (numbers from 0, one a walk) in J, shape (number of grounds,).
 
     The least-squares solution of J = offset of the ground + effect of the stiffness, the effects with mean zero. Means
     over grounds would differ by the stiffnesses whose walks are missing.
-
-    Args:
-        stiffness: Stiffness of each walk, shape (n,), Nm/rad.
-        J: J of each walk, shape (n,).
-        ground: Number of the ground of each walk, from 0, shape (n,).
     """
     tried, which = np.unique(stiffness, return_inverse=True)
     grounds = int(ground.max()) + 1
@@ -192,18 +176,9 @@ def _walks(stiffness: Array, J: Array, ground: Array) -> tuple[Array, Array, NDA
 
 
 def pooled_curve(stiffness: Array, J: Array, ground: Array) -> Curve:
-    """Fit a smooth curve through the mean J of each stiffness over all grounds.
+    """Return a smooth curve through the mean J of each stiffness over all grounds: log10 of it → J, up to a constant.
 
-    Args:
-        stiffness: Stiffness of each walk, shape (n,), Nm/rad, positive.
-        J: J of each walk, shape (n,).
-        ground: Number of the ground of each walk, shape (n,); the offset of each ground is subtracted.
-
-    Returns:
-        log10 of the stiffness → J, up to a constant.
-
-    Raises:
-        InputError: Shapes that differ, a stiffness of 0, or values that are not finite.
+    One stiffness (Nm/rad, above zero), J and ground a walk; the offset of each ground is subtracted.
     """
     k, value, places = _walks(stiffness, J, ground)
     left = value - ground_offsets(k, value, places)[places]
@@ -225,21 +200,11 @@ def pooled_curve(stiffness: Array, J: Array, ground: Array) -> Curve:
 def labels(
     study: Study, entries: Mapping[str, Entry], *, pooled: bool = True, any_code: bool = False
 ) -> dict[str, Label]:
-    """Find the best stiffness of each cell of a study whose arms are stiffnesses.
+    """Return the best stiffness of each cell of a study whose arms are stiffnesses; those with less than 4 left out.
 
-    Args:
-        study: A study such as `wbc.sim.studies.stiffness_studies.dataset()`.
-        entries: Entries of a journal, by key.
-        pooled: The pooled curve of all other grounds is the prior of each ground: it decides where walks of the ground
-            do not. Without it each ground stands alone, as in the paper.
-        any_code: Take walks of other versions of the code, too.
-
-    Returns:
-        Cell → label; cells without walks of four stiffnesses are left out. Walks that diverged, crashed or took too
-        long do not count.
-
-    Raises:
-        InputError: A study whose arms are not soles of different stiffnesses.
+    The `pooled` curve of all other grounds is the prior of each ground: it decides where walks of the ground do not.
+    Without it each ground stands alone, as in the paper. `any_code` takes walks of other versions of the code, too.
+    Walks that diverged, crashed or took too long do not count.
     """
     _check_arms(study)
     found: dict[str, list[tuple[float, float, int]]] = {}
@@ -312,21 +277,11 @@ def stiffness_table(
     recipe: ProfileRecipe | None = None,
     made: Mapping[str, Any] | None = None,
 ) -> StiffnessTable:
-    """Make the table that a stiffness model learns from: roughness under the toes, with the label of the ground.
+    """Return the table that a stiffness model learns from: roughness under the toes, with the label of the ground.
 
-    The ground is cut along the lines of both toes into windows as long as a scan, evenly spread over the walk and
-    taken from the left and from the right in turn. Without a length of a window, the windows are whole tracks from the
-    right to the left toe, side by side.
-
-    Args:
-        study: The study.
-        labels_of: Its labels: cell → label.
-        windows: Windows of each ground, at least 2.
-        recipe: Settings of the roughness.
-        made: Origin of the table, written into it.
-
-    Raises:
-        InputError: No labels, or fewer than two windows.
+    The ground is cut along the lines of both toes into at least 2 windows as long as a scan, evenly spread over the
+    walk and taken from the left and from the right in turn. Without a length of a window, the windows are whole tracks
+    from the right to the left toe, side by side. `made` is the origin of the table, written into it.
     """
     given = ProfileRecipe() if recipe is None else recipe
     whole_number("windows of each ground", windows, low=2)

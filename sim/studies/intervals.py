@@ -86,15 +86,8 @@ def mean_interval(
 ) -> Estimate:
     """Return the mean with its cluster bootstrap interval, bias-corrected and accelerated; the normal one of many.
 
-    The same values give the same interval, in any order. Values that are all equal have an interval of no width.
-
-    Args:
-        values: Values of trials.
-        layouts: Layout of each trial; trials on layouts of their own when None.
-        confidence: Confidence of the interval.
-
-    Raises:
-        InputError: Values that are not finite, or a confidence outside (0, 1).
+    `layouts` names the layout of each trial; trials are on layouts of their own when None. The same values give the
+    same interval, in any order. Values that are all equal have an interval of no width.
 
     Source: B. Efron, "Better bootstrap confidence intervals", JASA 82(397), 1987; clusters: A. Davison, D. Hinkley,
     "Bootstrap methods and their application", 1997, section 3.8; `scipy.stats.bootstrap`.
@@ -166,14 +159,7 @@ def _standard_error(sums: Array, counts: Array) -> float:
 
 
 def sign_flip_p(differences: Sequence[float], layouts: Sequence[Hashable] | None = None) -> float | None:
-    """Return the two-sided p-value of a mean difference of zero, by flipping the signs of whole layouts.
-
-    Args:
-        differences: Differences of pairs.
-        layouts: Layout of each pair; its own when None.
-
-    Returns:
-        p-value; None with fewer than two layouts.
+    """Return the two-sided p-value of a mean difference of zero, by flipping the signs of whole layouts; None with one.
 
     Source: R. Fisher, "The design of experiments", 1935, section 21; `scipy.stats.permutation_test`: all patterns where
     few layouts differ, a random part of them for more, their normal limit for many.
@@ -222,21 +208,12 @@ def equivalence(
     *,
     reach: float | None = None,
 ) -> Equivalence:
-    """Test whether a mean difference is smaller than a margin, by two one-sided tests over layouts.
+    """Test whether a mean difference is smaller than a margin in its unit, by two one-sided tests over layouts.
 
     A t-test does not know of falls that are rare and cost all steps: with one fall in thirty, half of all samples of
-    twenty pairs show none. Where the greatest possible difference is known, the tests hold for all distributions within
-    it: half a step of 22 takes 154 pairs that are equal, and more where some differ. Elsewhere they are t-tests, and
-    differences that are all the same are equivalent (p = 0) on 20 layouts or more.
-
-    Args:
-        differences: Differences of pairs.
-        margin: Largest difference that counts as none, in the unit of the differences.
-        layouts: Layout of each pair; its own when None.
-        reach: Greatest difference that a pair can have, such as the steps of a walk; unknown when None.
-
-    Raises:
-        InputError: A margin or reach that is not positive, or a difference beyond the reach.
+    twenty pairs show none. Where `reach`, the greatest possible difference, is known, the tests hold for all
+    distributions within it: half a step of 22 takes 154 pairs that are equal, and more where some differ. Elsewhere
+    they are t-tests, and differences that are all the same are equivalent (p = 0) on 20 layouts or more.
 
     Source: D. Schuirmann, J. Pharmacokin. Biopharm. 15(6), 1987; bounded differences: I. Waudby-Smith, A. Ramdas,
     "Estimating means of bounded random variables by betting", J. R. Stat. Soc. B 86(1), 2024.
@@ -278,14 +255,6 @@ def share_interval(successes: int, trials: int, *, confidence: float = CONFIDENC
 
     20 of 20 is "at least 86 %".
 
-    Args:
-        successes: Number of successes.
-        trials: Number of independent trials, at least 1.
-        confidence: Confidence of the interval.
-
-    Raises:
-        InputError: Fewer successes than none or more than trials, or a confidence outside (0, 1).
-
     Source: C. Clopper, E. Pearson, Biometrika 26(4), 1934; `scipy.stats.binomtest`.
     """
     from scipy.stats import binomtest  # noqa: PLC0415 - slow to import
@@ -300,17 +269,9 @@ def share_interval(successes: int, trials: int, *, confidence: float = CONFIDENC
 
 
 def rate_interval(events: int, time: float, *, confidence: float = CONFIDENCE) -> tuple[float, float]:
-    """Return the exact interval of a rate of independent events; one-sided where there were none.
+    """Return the exact interval of a rate of independent events in the unit of `time`; one-sided where there were none.
 
     No event in half an hour is "at most 6 an hour".
-
-    Args:
-        events: Number of events.
-        time: Time in which they were counted, in the unit of the rate.
-        confidence: Confidence of the interval.
-
-    Raises:
-        InputError: A number below zero, a time that is not above zero, or a confidence outside (0, 1).
 
     Source: F. Garwood, Biometrika 28(3/4), 1936: the interval of a Poisson mean by quantiles of chi squared.
     """

@@ -101,13 +101,9 @@ class Entry:
 
 
 def trial_key(spec: Mapping[str, Any], version: Mapping[str, Any] | None = None) -> str:
-    """Return the key of a trial: a hash of its spec and of the code that runs it, 32 hex digits.
+    """Return the key of a trial: a hash of its spec and of the (present) code that runs it, 32 hex digits.
 
     A file that the policy of a spec reads is in the key by its content, whatever its name.
-
-    Args:
-        spec: The spec, as plain values.
-        version: Version of the code; the present one when None.
     """
     own = version is None or version is provenance()
     content = (

@@ -89,11 +89,7 @@ def provenance() -> Mapping[str, Any]:
 
 
 def differences(version: Mapping[str, Any]) -> list[str]:
-    """Return how another version of the code differs from the present one, such as "mujoco 3.2.0 instead of 3.3.1".
-
-    Args:
-        version: The other one, as `provenance` gave it.
-    """
+    """Return how a version of the code, of `provenance`, differs from the present: "mujoco 3.2.0 instead of 3.3.1"."""
     there, here = ({**v, **v.get("libraries", {})} for v in (renamed(version), provenance()))
     names = [name for name in {**here, **there} if name != "libraries"]
     return [

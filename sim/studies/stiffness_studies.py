@@ -56,10 +56,6 @@ def spread(count: int, of: int) -> list[int]:
     """Return indices of some members of a series, spread evenly over it; more members include those of fewer.
 
     Both ends come first, then in turn the middle of the widest gap.
-
-    Args:
-        count: Number of members, at most all.
-        of: Length of the series, at least 2.
     """
     chosen = [0, of - 1][:count]
     while len(chosen) < min(count, of):
@@ -91,12 +87,7 @@ def dataset(size: DatasetSize | None = None) -> Study:
     """Return walks on soft soles of many stiffnesses: which is best on which ground, at which amplitude?
 
     Stiffnesses share grounds and sensor errors, so that each ground compares them with one another. The paper's 6,000
-    walks are 100 for each ground and amplitude: 50 stiffnesses on 2 grounds, say.
-
-    Args:
-        size: Number and size of the walks.
-
-    Source: the paper, section IV-B.
+    walks (section IV-B) are 100 for each ground and amplitude: 50 stiffnesses on 2 grounds, say.
     """
     size = DatasetSize() if size is None else size
     grid = stiffness_grid(size.evaluations)
@@ -120,12 +111,7 @@ def dataset(size: DatasetSize | None = None) -> Study:
 def dataset_accuracy(table: StiffnessTable, *, folds: int = 10) -> str:
     """Return how well the paper's model predicts the labels of a data set, and the largest class, as Markdown.
 
-    Args:
-        table: The data set; its labels are sorted into classes of one ratio up to 2,000 Nm/rad.
-        folds: Number of folds of a cross-validation.
-
-    Raises:
-        InputError: Too few grounds or rows for the folds.
+    The labels are sorted into classes of one ratio up to 2,000 Nm/rad; `folds` is that of the cross-validation.
     """
     chosen = [
         each for each in candidates() if each.name in ("KNN 10, paper's features (paper)", "largest class")
@@ -188,19 +174,11 @@ def halfway_heights() -> dict[str, float]:
 
 
 def half_heights(study: Study, entries: Mapping[str, Entry], *, any_code: bool = False) -> dict[str, float]:
-    """Return the height of each ground at which half of the walks are completed, m.
+    """Return the height of each ground at which half of the walks are completed, m; the study has a single arm.
 
     The share of completed walks is fitted by a decreasing function of the height (isotonic regression), linear between
     the heights that were tried; if it is a half over a range, the middle of the range is taken. A ground on which fewer
     than half fall at every height gets the greatest height, one on which more than half fall at every height the least.
-
-    Args:
-        study: A study such as `halfway()`, with cells that differ in "terrain" and "amplitude".
-        entries: Entries of a journal, by key.
-        any_code: Take walks of other versions of the code, too.
-
-    Raises:
-        InputError: A study of another kind than walks, or with several arms.
     """
     if study.kind != WalkSpec.kind or len(study.arms) != 1:
         raise InputError(

@@ -271,10 +271,7 @@ def study_entries(
 ) -> Iterator[tuple[StudyTrial, Entry | None]]:
     """Yield all trials of a study, each with its entry in a journal; None where it has not been run.
 
-    Args:
-        study: The study.
-        entries: Entries of a journal, by key.
-        any_code: Take results of other versions of the code, too; else only those of the present one.
+    With `any_code` results of other versions of the code count, too.
     """
     others = by_spec(entries.values()) if any_code else {}
     version = provenance()
@@ -320,13 +317,7 @@ class LeftOut:
 
 
 def left_out(study: Study, entries: Mapping[str, Entry], *, any_code: bool = False) -> LeftOut:
-    """Count the entries of a journal that a result of a study does not use.
-
-    Args:
-        study: The study.
-        entries: Entries of a journal, by key.
-        any_code: Results of other versions of the code are used, too.
-    """
+    """Count the entries of a journal that a result of a study, of any or of this code alone, does not use."""
     used, specs = set(), set()
     for trial, entry in study_entries(study, entries, any_code=any_code):
         specs.add(trial_key(trial.plain, {}))

@@ -238,8 +238,7 @@ class _Column:
 def cause_of(result: Mapping[str, Any]) -> str | None:
     """Return the cause of the fall of a walk, one of `CAUSES`; None without a fall.
 
-    Args:
-        result: Result of the walk, also of a version before 9, which had a direction seen from the stance foot.
+    Before version 9 of the walks a result had a direction seen from the stance foot.
     """
     fall = result.get("fall")
     if not fall:
@@ -347,11 +346,7 @@ def study_table(
 
 
 def layout_of(spec: Mapping[str, Any]) -> Hashable:
-    """Return what tells the layout of a trial from others: ground and seed; trials that agree in it share the ground.
-
-    Args:
-        spec: Spec of the trial, as plain values.
-    """
+    """Return what tells the layout of a trial from others, ground and seed; trials that agree share the ground."""
     return spec.get("terrain"), spec.get("amplitude"), canonical(spec.get("terrain_params")), spec.get("seed")
 
 
@@ -371,16 +366,9 @@ def _row(trial: StudyTrial, by: Sequence[str]) -> str:
 
 
 def value_of(entry: Entry | None, name: str, *, completed_only: bool = False) -> float | None:
-    """Return a number of a trial's result; None where it was not measured or is not counted.
+    """Return a number of a trial's result, such as "zmp_error.mean"; None where it was not measured or is not counted.
 
-    Args:
-        entry: The trial's entry; None if it has not been run.
-        name: Part of the result, such as "zmp_error.mean".
-        completed_only: Only walks that were completed are counted.
-
-    Raises:
-        UnknownNameError: The result has no such part.
-        InputError: The part is no number.
+    Raises `UnknownNameError` for a part that there is not, `InputError` for one that is no number.
     """
     if entry is None or entry.status != "done" or entry.result is None:
         return None
@@ -397,9 +385,7 @@ def value_of(entry: Entry | None, name: str, *, completed_only: bool = False) ->
 def reach_of(entries: Iterable[Entry | None], name: str) -> float | None:
     """Return the greatest difference that two results can have; None where there is no limit to it.
 
-    Args:
-        entries: Entries of the trials; None for those that have not been run.
-        name: Part of the results: the steps done differ by those planned, answers of yes or no by 1.
+    The steps done differ by those planned, answers of yes or no by 1.
     """
     results = [each.result for each in entries if each is not None and each.status == "done" and each.result]
     if name == "steps_done":
@@ -414,16 +400,10 @@ def reach_of(entries: Iterable[Entry | None], name: str) -> float | None:
 def study_rows(
     study: Study, entries: Mapping[str, Entry], *, any_code: bool = False
 ) -> tuple[list[str], list[list[Any]]]:
-    """Return all trials of a study as rows for a spreadsheet or a data frame.
+    """Return names of columns and all trials of a study as rows, for a spreadsheet or a data frame.
 
-    Args:
-        study: The study.
-        entries: Entries of a journal, by key.
-        any_code: Take results of other versions of the code, too.
-
-    Returns:
-        Names of the columns and the rows: cell, arm, seed, status, and every part of the results that is no list, such
-        as "zmp_error.mean"; None where a trial does not have it.
+    Columns are cell, arm, seed, status, and every part of the results that is no list, such as "zmp_error.mean"; None
+    where a trial does not have it.
     """
     first = ["cell", "arm", "seed", "status"]
     found: list[tuple[list[Any], dict[str, Any]]] = []
@@ -449,16 +429,7 @@ def flattened(data: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
 
 
 def part_of(data: Mapping[str, Any], name: str, what: str) -> Any:
-    """Return a part of plain data by its dotted name.
-
-    Args:
-        data: Objects within objects.
-        name: Such as "zmp_error.mean".
-        what: Noun for the message, such as "part of a spec".
-
-    Raises:
-        UnknownNameError: There is no such part.
-    """
+    """Return a part of plain data by its dotted name; `what` is the noun of the message if there is none such."""
     value: Any = data
     for key in name.split("."):
         if not isinstance(value, Mapping) or key not in value:

@@ -105,13 +105,10 @@ def with_seed(spec: Any, seed: int) -> Any:
 
 
 def run_trial(spec: Trial, timeout: float | None = None, *, exit_when_stuck: bool = False) -> Outcome:
-    """Run a trial. Nothing is raised: an error is an outcome.
+    """Run a trial, for `timeout` seconds of wall time at the most. Nothing is raised: an error is an outcome.
 
-    Args:
-        spec: The trial.
-        timeout: Wall time that it may take, s; unlimited when None.
-        exit_when_stuck: End the process when a call into a library does not return for twice that time and half a
-            minute: in local processes, which are started again.
+    `exit_when_stuck` ends the process when a call into a library does not return for twice that time and half a minute:
+    in local processes, which are started again.
     """
     stop = math.inf if timeout is None else time.monotonic() + positive("time-out of a trial (s)", timeout)
 

@@ -30,12 +30,7 @@ class Arrival:
     """
 
     def __init__(self, goal: tuple[float, float, float], track: ArrayLike) -> None:
-        """Begin a walk.
-
-        Args:
-            goal: x, y (m) and yaw (rad) in the world.
-            track: Places in the world, shape (n, 2) with at least one row, m.
-        """
+        """Begin a walk to a goal, x, y (m) and yaw (rad) in the world, along a track of places, shape (n, 2), m."""
         self.goal = goal
         self.track = finite_array("track (m)", track)
         self.track_error = 0.0
@@ -55,11 +50,6 @@ class Arrival:
         return math.hypot(middle[0] - self.goal[0], middle[1] - self.goal[1])
 
     def arrived(self, middle: Array, heading: float) -> bool:
-        """Return true if a robot that stands there is at its goal and has kept to its track.
-
-        Args:
-            middle: Middle of the feet, shape (2,), m.
-            heading: Of the pelvis, rad.
-        """
+        """Return true if a robot that stands there (m, rad) is at its goal and has kept to its track."""
         turned = abs(math.remainder(heading - self.goal[2], 2.0 * math.pi))
         return max(self.error(middle), self.track_error) <= GOAL_DISTANCE and turned <= GOAL_TURN

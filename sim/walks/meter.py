@@ -75,12 +75,7 @@ class WalkMeter(TrialHook):
     """The figures of one walk."""
 
     def __init__(self, plant: Plant, walking: ReferenceControl) -> None:
-        """Begin without any tick.
-
-        Args:
-            plant: The plant.
-            walking: The controller.
-        """
+        """Begin without any tick."""
         self._plant, self._walking = plant, walking
         self._zmp: list[float] = []
         self._com: list[float] = []

@@ -149,12 +149,7 @@ class Drive(TrialHook):
     """Commanded velocities of a walk that is under way."""
 
     def __init__(self, rows: Sequence[Sequence[float]] | None, walking: ReferenceControl) -> None:
-        """Begin with the first row.
-
-        Args:
-            rows: Rows of `WalkPlan.drive`; None for a walk along a plan.
-            walking: Controller.
-        """
+        """Begin with the first row of `WalkPlan.drive`; None for a walk along a plan."""
         self._pending, self._walking = list(rows or ()), walking
 
     def before(self, trial: Trial) -> None:

@@ -214,15 +214,10 @@ class WalkResult:
 
 
 def objective(remaining: int, zmp_error: Spread, com_error: Spread) -> float:
-    """Return the objective of the paper's optimisation: remaining steps, and the errors of ZMP and CoM.
+    """Return the objective of the paper's optimisation: remaining steps, and the errors of ZMP and CoM, m.
 
-    J = −(10 n + 3 μ_zmp + 9 σ_zmp + 3 μ_com + 9 σ_com) with n remaining steps, and mean and standard deviation of
-    the errors in m. 0 is perfect; a missed step costs more than any error.
-
-    Args:
-        remaining: Planned steps that were not done.
-        zmp_error: m.
-        com_error: m.
+    J = −(10 n + 3 μ_zmp + 9 σ_zmp + 3 μ_com + 9 σ_com) with n remaining steps, and mean and standard deviation of the
+    errors in m. 0 is perfect; a missed step costs more than any error.
 
     Source: the paper, section III-B, eq. 6. It prints the steps that were done, which with the minus sign would reward
     falling; the authors' public code counts those that remain. Their errors have a vertical part, ours are horizontal.

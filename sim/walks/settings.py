@@ -107,15 +107,7 @@ class SteppingTrialSettings(SteppingControlSettings):
 
 
 def preset_of(law: Law, gains: str) -> TrialSettings | SteppingTrialSettings:
-    """Return the settings that a walk begins with.
-
-    Args:
-        law: Law of the steps.
-        gains: Name of a preset.
-
-    Raises:
-        UnknownNameError: No such preset of this law.
-    """
+    """Return the settings that a walk by a law of the steps begins with, by the name of a preset."""
     if law == "lipm":
         return TrialSettings.preset(gains)
     choose("gains of a stepping walk", gains, PRESETS[:1])

@@ -24,12 +24,7 @@ class StiffnessMeter(TrialHook):
     """
 
     def __init__(self, plant: Plant, walking: ReferenceControl) -> None:
-        """Begin without any step.
-
-        Args:
-            plant: The plant.
-            walking: The controller, with a `StiffnessScheduler`.
-        """
+        """Begin without any step; the controller has a `StiffnessScheduler`."""
         assert walking.stiffness is not None
         self._plant, self._walking, self._task = plant, walking, walking.stiffness
         self._soles = [sole.frame for sole in walking.controller.robot.soles]

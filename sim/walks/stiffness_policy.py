@@ -39,17 +39,8 @@ def checked_policy(
 ) -> tuple[str | None, Changes]:
     """Return policy and parameters in their normal form: with the default, and with the hash of a file that is read.
 
-    Args:
-        foot: Foot of the walk.
-        name: Policy; the default when None.
-        parameters: Parameters of the policy.
-        timing: Timing of the policy, and its fallback stiffness.
-        ground: Ground of the walk, which an oracle knows.
-
-    Raises:
-        UnknownNameError: No such policy or parameter.
-        InputError: A foot without a stiffness to set, a policy that cannot work with such scans, a fallback that the
-            actuator cannot set, or a value out of range.
+    Refused are a foot without a stiffness to set, a policy that cannot work with such scans, a fallback of the timing
+    that the actuator cannot set, and values out of range. The `ground` is what an oracle knows.
     """
     if not isinstance(foot, VariableStiffnessFoot):
         if name is not None or set(dict(parameters)) - {
@@ -98,16 +89,9 @@ def _file(name: str, values: Mapping[str, Any]) -> str | None:
 
 
 def make_policy(name: str, parameters: Changes, ground: Terrain) -> StiffnessPolicy:
-    """Return a policy for one walk.
+    """Return a policy for one walk: one of `stiffness_policy_names()`, or "oracle" with a stiffness, Nm/rad, a family.
 
-    Args:
-        name: One of `stiffness_policy_names()`, or "oracle".
-        parameters: Parameters of the policy; of an oracle the stiffness (Nm/rad) of each family.
-        ground: Ground of the walk.
-
-    Raises:
-        UnknownNameError: No such policy or parameter.
-        InputError: A value out of range, or a file whose content is not the one that was specified.
+    Raises `InputError` for a value out of range, or a file whose content is not the one that was specified.
     """
     values: dict[str, Any] = dict(parameters)
     content, file = values.pop(CONTENT, None), _file(name, values)

@@ -45,13 +45,10 @@ class FootCorrection(NamedTuple):
     height_rate: float = 0.0
 
     def apply(self, placement: pin.SE3) -> tuple[pin.SE3, Array]:
-        """Correct a foot that stands.
+        """Correct a foot that stands; `placement` is its sole frame in the world, as the foot stood down.
 
-        Args:
-            placement: Sole frame in the world, as the foot stood down.
-
-        Returns:
-            The corrected placement, and its [linear; angular] velocity in the sole frame, shape (6,), m/s and rad/s.
+        Returned are the corrected placement, and its [linear; angular] velocity in the sole frame, shape (6,), m/s and
+        rad/s.
         """
         rotation = placement.rotation.dot(pin.exp3(np.array((self.roll, self.pitch, 0.0))))
         x, y, z = placement.translation.tolist()
@@ -62,15 +59,9 @@ class FootCorrection(NamedTuple):
 
 
 def cop_rates(gains: StabilizerGains, measured: Array, target: Array) -> tuple[float, float]:
-    """Return roll and pitch rate of a foot from its torque errors.
+    """Return roll and pitch rate of a foot from its torque errors: about the sole's x and y axes, rad/s, clamped.
 
-    Args:
-        gains: Gains.
-        measured: Measured [force; moment] in the sole frame, shape (6,), N and Nm.
-        target: Desired [force; moment].
-
-    Returns:
-        Rates about the sole's x and y axes, rad/s, clamped.
+    Measured and desired [force; moment] are in the sole frame, shape (6,), N and Nm.
     """
     assert gains.cop_admittance is not None, "gains.for_mass(mass) fills it in"
     along, across = pair(gains.cop_admittance)
@@ -87,16 +78,9 @@ def height_rates(
     target: tuple[float, float],
     heights: tuple[float, float],
 ) -> tuple[float, float]:
-    """Return the vertical speeds of both feet from their normal forces: foot force difference control.
+    """Return the vertical speeds of both feet, m/s, clamped, from their normal forces: foot force difference control.
 
-    Args:
-        gains: Gains.
-        measured: Measured normal force of left and right foot, N.
-        target: Desired normal force of left and right foot, N.
-        heights: Height offsets of left and right foot, m.
-
-    Returns:
-        Speeds of left and right foot, m/s, clamped.
+    Measured and desired normal forces are in N, left and right; `heights` are the height offsets of the feet, m.
     """
     force = (target[0] - target[1]) - (measured[0] - measured[1])
     difference = gains.force_difference * force + gains.force_difference_damping * (heights[0] - heights[1])
@@ -133,13 +117,9 @@ class FootAdmittance:
         return FootCorrection(*self._state[foot], *self._rate[foot])
 
     def update(self, measured: Array, target: Array, contact: tuple[bool, bool], dt: float) -> None:
-        """Integrate over one period.
+        """Integrate over one period, s; feet that are not in contact keep their correction.
 
-        Args:
-            measured: Measured [force; moment] of both feet in their sole frames, shape (2, 6), N and Nm.
-            target: Desired [force; moment] of both feet.
-            contact: True for each foot on the ground; the others keep their correction.
-            dt: Period, s.
+        Measured and desired [force; moment] of both feet are in their sole frames, shape (2, 6), N and Nm.
         """
         g = self.gains
         heights = (self._state[0][2], self._state[1][2])
@@ -200,13 +180,10 @@ class ComAdmittance:
         self.acceleration = np.zeros(2)
 
     def update(self, zmp_error: Array | None, yaw: float, dt: float) -> None:
-        """Integrate over one period.
+        """Integrate over one period, s; `yaw` is the heading of the robot, rad.
 
-        Args:
-            zmp_error: Distributed minus measured ZMP, shape (2,), m; None on one foot or in the air, where the
-                shift leaks away.
-            yaw: Heading of the robot, rad.
-            dt: Period, s.
+        `zmp_error` is distributed minus measured ZMP, shape (2,), m; None on one foot or in the air: the shift leaks
+        away.
         """
         velocity = np.zeros(2)
         if zmp_error is not None:

@@ -90,17 +90,9 @@ class BiasEstimator:
         self._begins = True
 
     def update(self, dcm: Array, zmp: Array, yaw: float, omega: float, dt: float) -> Array:
-        """Take in one measurement.
+        """Take in a measurement, `dt` seconds after the last, and return the bias in the world, shape (2,), m.
 
-        Args:
-            dcm: Measured DCM in the world, shape (2,) or longer, m.
-            zmp: Measured ZMP in the world, shape (2,) or longer, m.
-            yaw: Heading of the robot, rad.
-            omega: Natural frequency, 1/s.
-            dt: Time since the last update, s, above zero.
-
-        Returns:
-            The bias in the world, shape (2,), m.
+        Measured DCM and ZMP are in the world, shape (2,) or longer, m; `omega` is the natural frequency, 1/s.
         """
         s = self.settings
         noise = s.dcm_std**2 * (REFERENCE_PERIOD / dt)

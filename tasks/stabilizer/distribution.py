@@ -104,10 +104,7 @@ class FootWrenches(NamedTuple):
 def left_foot_ratio(zmp: Array, left: Array, right: Array) -> float:
     """Return the share of the left foot that puts the ZMP on the line between the feet: 1 at the left foot.
 
-    Args:
-        zmp: Target ZMP in the world, shape (3,), m.
-        left: Left ankle or sole centre, shape (3,), m.
-        right: Right ankle or sole centre, shape (3,), m.
+    Target ZMP and ankles or sole centres are points in the world, shape (3,), m.
     """
     (zx, zy, zz), (lx, ly, lz), (x, y, z) = zmp.tolist(), left.tolist(), right.tolist()
     lx, ly, lz = lx - x, ly - y, lz - z
@@ -127,14 +124,9 @@ class WrenchDistribution:
         sizes: Sequence[tuple[float, float]],
         settings: DistributionSettings | None = None,
     ) -> None:
-        """Set up the QP.
+        """Set up the QP for (length, width) of the left and of the right sole, m.
 
-        Args:
-            sizes: (length, width) of the left and of the right sole, m.
-            settings: Limits and costs; the defaults when None.
-
-        Raises:
-            InputError: A margin that leaves nothing of a sole.
+        Raises `InputError` for a margin that leaves nothing of a sole.
         """
         self.settings = s = settings or DistributionSettings()
         if len(sizes) != 2:
@@ -169,20 +161,14 @@ class WrenchDistribution:
         ratio: float,
         contact: Sequence[bool] = (True, True),
     ) -> FootWrenches:
-        """Distribute a wrench.
+        """Distribute a wrench over the feet in contact.
 
         Args:
             net: Desired [force; moment] at the world origin in world axes, shape (6,), N and Nm.
             soles: Placements of the left and of the right sole.
             zmp: Target ZMP in the world, shape (3,), m: moments are taken about it.
             ratio: Left-foot ratio, 0 to 1.
-            contact: True for each foot that carries.
-
-        Returns:
-            The foot wrenches.
-
-        Raises:
-            InputError: No foot in contact, or a ratio outside [0, 1].
+            contact: True for each foot that carries; at least one.
         """
         if not any(contact):
             raise InputError("a wrench can only be distributed over feet in contact; neither is")

@@ -75,16 +75,11 @@ class DcmFeedback:
         dt: float,
         bias: Array | None = None,
     ) -> PendulumErrors:
-        """Return the errors of one measurement.
+        """Return target minus measured of one measurement, `dt` seconds after the last.
 
-        Args:
-            target: Reference of the pendulum.
-            com: Measured CoM in the world, shape (3,), m.
-            com_velocity: Measured velocity of the CoM, shape (3,), m/s.
-            zmp: Measured ZMP, shape (2,) or (3,), m; without one (None) the memory fades.
-            dt: Time since the last call, s.
-            bias: Bias of the measured DCM, shape (2,), m (`wbc.tasks.stabilizer.bias`): CoM and DCM errors are
-                corrected, and the velocity so that the three stay consistent.
+        CoM and its velocity are in the world, shape (3,), m and m/s; the ZMP, shape (2,) or (3,), m: without one the
+        memory fades. By the `bias` of the measured DCM, shape (2,), m (`wbc.tasks.stabilizer.bias`), CoM and DCM errors
+        are corrected, and the velocity so that the three stay consistent.
         """
         omega = target.omega
         x, y, z = (there - here for there, here in zip(target.com.tolist(), com.tolist(), strict=True))
@@ -118,16 +113,9 @@ class DcmFeedback:
 def desired_acceleration(
     gains: StabilizerGains, target: Pendulum, errors: PendulumErrors, yaw: float
 ) -> Array:
-    """Return the desired acceleration by the law of this module.
+    """Return the desired acceleration of the CoM by the law of this module, in the world, shape (3,), m/s².
 
-    Args:
-        gains: Gains, per axis of the yaw frame.
-        target: Reference of the pendulum.
-        errors: Target minus measured.
-        yaw: Heading of the robot, rad.
-
-    Returns:
-        Desired acceleration of the CoM in the world, shape (3,), m/s².
+    Gains are per axis of the frame turned by `yaw`, the heading of the robot, rad.
     """
     omega, c, s = target.omega, math.cos(yaw), math.sin(yaw)
     forward = sideways = 0.0
@@ -158,15 +146,10 @@ def desired_acceleration(
 
 
 def wrench_through(com: Array, acceleration: Array, mass: float) -> Array:
-    """Return the contact wrench that accelerates a mass without turning it.
+    """Return the contact wrench that accelerates a mass, kg, without turning it, by a force through `com`.
 
-    Args:
-        com: Point on the line of the force, in the world, shape (3,), m.
-        acceleration: Acceleration of the CoM, shape (3,), m/s².
-        mass: Mass of the robot, kg.
-
-    Returns:
-        [force; moment] at the world origin in world axes, shape (6,), N and Nm.
+    [force; moment] is at the world origin in world axes, shape (6,), N and Nm; point (m) and acceleration (m/s²) have
+    shape (3,).
     """
     mass = positive("mass (kg)", mass)
     x, y, z = com.tolist()

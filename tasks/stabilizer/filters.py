@@ -58,13 +58,7 @@ class Average:
     """
 
     def __init__(self, time_constant: float, bound: float, size: int) -> None:
-        """Start at zero.
-
-        Args:
-            time_constant: Memory, s.
-            bound: Greatest magnitude of a component.
-            size: Number of components.
-        """
+        """Start at zero, with a memory of `time_constant` seconds; each of `size` components stays within ± `bound`."""
         self._time_constant, self._bound = time_constant, bound
         self.value = [0.0] * size
         self._gain = LagGain()
@@ -92,13 +86,7 @@ class LeakyIntegral:
     """
 
     def __init__(self, leak: float, bound: float, size: int) -> None:
-        """Start at zero.
-
-        Args:
-            leak: Rate of the leak, 1/s; 0 for a plain integral.
-            bound: Greatest magnitude of a component.
-            size: Number of components.
-        """
+        """Start at zero; the leak is a rate, 1/s, 0 for a plain integral; each component stays within ± `bound`."""
         self._leak, self._bound = leak, bound
         self.value: Array = np.zeros(size)
 
@@ -126,11 +114,7 @@ class HighPass:
     """
 
     def __init__(self, time_constant: float) -> None:
-        """Start at zero.
-
-        Args:
-            time_constant: Time constant of the low-pass, s.
-        """
+        """Start at zero, with the time constant of the low-pass, s."""
         self._time_constant = non_negative("time constant of a high-pass (s)", time_constant)
         self._low: list[float] | None = None
         self._gain = LagGain()

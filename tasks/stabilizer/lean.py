@@ -79,16 +79,7 @@ class Lean:
     """
 
     def __init__(self, mass: float, height: float, settings: LeanSettings | None = None) -> None:
-        """Stand upright.
-
-        Args:
-            mass: Mass of the robot, kg.
-            height: Height of the CoM over the support, m.
-            settings: Settings; the defaults when None.
-
-        Raises:
-            InputError: A mass or a height that is not above zero.
-        """
+        """Stand upright; mass of the robot, kg, and height of the CoM over the support, m, are above zero."""
         self.settings = settings or LeanSettings()
         self._height = positive("height of the CoM over the support (m)", height)
         self.bear(mass)
@@ -106,14 +97,9 @@ class Lean:
         self.angle = self.speed = (0.0, 0.0)
 
     def update(self, missing: tuple[float, float], dt: float) -> LeanMotion:
-        """Integrate over one period.
+        """Integrate over one period, s, and return the lean at its end; `UPRIGHT` itself when there is none.
 
-        Args:
-            missing: Desired moment that the feet do not give, about the horizontal axes of the world, Nm.
-            dt: Period, s.
-
-        Returns:
-            The lean at the end of the period; `UPRIGHT` itself when there is none.
+        `missing` is the desired moment that the feet do not give, about the horizontal axes of the world, Nm.
         """
         if math.hypot(*missing) < self._dead_band:
             missing = (0.0, 0.0)

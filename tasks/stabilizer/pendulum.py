@@ -24,14 +24,9 @@ from wbc.core.robot import GRAVITY
 
 
 def natural_frequency(height: float, vertical_acceleration: float = 0.0) -> float:
-    """Return ω = √((g + c̈_z) / h), 1/s.
+    """Return ω = √((g + c̈_z) / h), 1/s, at a height of the CoM over the ZMP, m, and its vertical acceleration, m/s².
 
-    Args:
-        height: Height of the CoM over the ZMP, m.
-        vertical_acceleration: Of the CoM, m/s².
-
-    Raises:
-        InputError: A height, or g + c̈_z, that is not above zero.
+    Raises `InputError` for a height, or g + c̈_z, that is not above zero.
     """
     return math.sqrt(
         positive("g + vertical CoM acceleration (m/s²)", GRAVITY + vertical_acceleration)
@@ -70,15 +65,7 @@ class Pendulum(NamedTuple):
 
     @staticmethod
     def at_rest(com: Array, ground: float = 0.0) -> Pendulum:
-        """Return a CoM that rests over its ZMP.
-
-        Args:
-            com: Centre of mass, shape (3,), m.
-            ground: Height of the support surface, m.
-
-        Raises:
-            InputError: A CoM that is not above the ground.
-        """
+        """Return a CoM that rests over its ZMP on a ground of that height, m; a CoM that is not above it is refused."""
         com = finite_array("com (m)", com, (3,))
         omega = natural_frequency(com[2] - ground)
         zero = np.zeros(3)

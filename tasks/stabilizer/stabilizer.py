@@ -72,16 +72,7 @@ class Stabilizer:
     def __init__(
         self, mass: float, distribution: WrenchDistribution, gains: StabilizerGains | None = None
     ) -> None:
-        """Start on the ground, enabled, with an empty memory.
-
-        Args:
-            mass: Mass of the robot, kg.
-            distribution: Wrench distribution for its soles.
-            gains: Gains; the default preset when None.
-
-        Raises:
-            InputError: A mass that is not above zero.
-        """
+        """Start on the ground, enabled, with an empty memory, for a mass above zero, kg, and its soles."""
         self._mass = positive("mass (kg)", mass)
         self.enabled = True
         self.distribution = distribution

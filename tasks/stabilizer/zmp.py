@@ -20,17 +20,10 @@ class NoContactForceError(WbcError):
 
 
 def cop(wrench: Array, min_force: float = MIN_FORCE) -> Array:
-    """Return the centre of pressure of a contact in its sole plane.
+    """Return the centre of pressure of a contact in its sole plane, as a point in the sole frame, shape (2,), m.
 
-    Args:
-        wrench: [force; moment] in the sole frame at the sole centre, shape (6,), N and Nm.
-        min_force: Normal force below which there is none, N.
-
-    Returns:
-        Point in the sole frame, shape (2,), m.
-
-    Raises:
-        NoContactForceError: The normal force is below `min_force`.
+    The wrench is [force; moment] in the sole frame at the sole centre, shape (6,), N and Nm. Raises
+    `NoContactForceError` when the normal force is below `min_force`, N.
     """
     force = wrench[2]
     if not force >= min_force:
@@ -77,17 +70,10 @@ def zmp(wrench: Array, plane: pin.SE3, min_force: float = MIN_FORCE) -> Array:
 
 
 def level_zmp(wrench: Array, point: Array) -> Array:
-    """Return the zero-tilting moment point of a wrench on the level of a point: `zmp` in a level plane.
+    """Return the zero-tilting moment point of a wrench on the level of a point, in the world: `zmp` in a level plane.
 
-    Args:
-        wrench: [force; moment] at the world origin in world axes, shape (6,), N and Nm.
-        point: A point of the plane, shape (3,), m.
-
-    Returns:
-        Point in the world, shape (3,), m.
-
-    Raises:
-        NoContactForceError: The vertical force is below `MIN_FORCE`.
+    The wrench is [force; moment] at the world origin in world axes, shape (6,), N and Nm. Raises `NoContactForceError`
+    when the vertical force is below `MIN_FORCE`.
     """
     fx, fy, fz, mx, my, _ = wrench.tolist()
     if not fz >= MIN_FORCE:
@@ -100,16 +86,10 @@ def level_zmp(wrench: Array, point: Array) -> Array:
 
 
 def zmp_offset(outside: Array, point: Array, weight: float) -> Array:
-    """Return how far a wrench moves the ZMP of the feet: they have theirs there, the pendulum turns about z − δ.
+    """Return how far a wrench moves the ZMP of the feet: they have theirs there, the pendulum turns about z − δ, m.
 
-    Args:
-        outside: Wrench of the surroundings on all but the feet, [force; moment] at the world origin, shape (6,), N
-            and Nm.
-        point: ZMP of the feet, shape (3,), m.
-        weight: Vertical force of the pendulum, N.
-
-    Returns:
-        δ, shape (2,), m.
+    `outside` is the wrench of the surroundings on all but the feet, [force; moment] at the world origin, shape (6,), N
+    and Nm; `point` the ZMP of the feet, shape (3,), m; `weight` the vertical force of the pendulum, N.
     """
     fx, fy, fz, mx, my, _ = outside.tolist()
     x, y, z = point.tolist()
@@ -119,15 +99,7 @@ def zmp_offset(outside: Array, point: Array, weight: float) -> Array:
 
 
 def net_wrench(wrenches: Array | Sequence[Array], soles: Sequence[pin.SE3]) -> Array:
-    """Return the sum of contact wrenches at the world origin in world axes.
-
-    Args:
-        wrenches: [force; moment] of each contact in its sole frame, n of shape (6,), N and Nm.
-        soles: Placement of each sole in the world, n of them.
-
-    Returns:
-        [force; moment], shape (6,), N and Nm.
-    """
+    """Return the sum of wrenches in their sole frames, at the world origin in world axes, shape (6,), N and Nm."""
     fx = fy = fz = mx = my = mz = 0.0
     for wrench, sole in zip(wrenches, soles, strict=True):
         values = wrench.tolist()

@@ -103,12 +103,8 @@ def find_contacts(
     """Find the contacts of a motion on a flat ground.
 
     The ground is where soles at rest are: the 5th percentile of their lowest corners. The lowest point of the whole
-    clip is no measure: one dip would make the rest float.
-
-    Args:
-        motion: The motion.
-        settings: Settings; the defaults when None.
-        known: True where a sole stands, shape (T, 2), if the clip says it: then the ground alone is found.
+    clip is no measure: one dip would make the rest float. With `known`, true where a sole stands, shape (T, 2), the
+    ground alone is found.
     """
     s = settings or ContactSettings()
     lowest, highest, speed = (

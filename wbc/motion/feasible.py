@@ -366,13 +366,7 @@ def _straightened(robot: Robot, q: Array, rate: float, share: float) -> Array:
 def centre_of_mass_shift(zmp_shift: Array, height: float, rate: float) -> Array:
     """Return the shift of the centre of mass that shifts the ZMP: Δc − (h/g) Δc̈ = Δp, at rest at both ends.
 
-    Args:
-        zmp_shift: Δp, shape (T, 2), m.
-        height: Height h of the centre of mass over the ground, m.
-        rate: Frames per second, Hz.
-
-    Returns:
-        Δc, shape (T, 2), m.
+    Shifts have shape (T, 2), m; h is the height over the ground, m, `rate` that of the frames, Hz.
     """
     k = height / GRAVITY * rate**2
     count = len(zmp_shift)

@@ -68,16 +68,10 @@ class _Stance:
 
 
 def footsteps(robot: Robot, motion: BodyMotion, contacts: Contacts, blend: float) -> Footsteps:
-    """Return the footsteps of a clip on a ground at z = 0.
+    """Return the footsteps of a clip on a ground at z = 0; feet leave and reach their places in `blend` seconds.
 
     A step that is longer, wider or turned further than the walk's planner allows at the height of the clip is brought
     within its reach; those after it keep their places relative to the other foot.
-
-    Args:
-        robot: The robot.
-        motion: Motion of the clip.
-        contacts: Its contacts.
-        blend: Time in which a foot leaves and reaches its place, s.
     """
     stances = [[_Stance.of(motion, side, *frames) for frames in contacts.stances(side)] for side in (0, 1)]
     shortened = _bring_within_reach(stances, _reach(robot, motion, contacts))

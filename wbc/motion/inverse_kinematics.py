@@ -63,13 +63,7 @@ class InverseKinematics:
     def __init__(
         self, robot: Robot, margin: Annotated[float, "rad"], weights: KinematicWeights | None = None
     ) -> None:
-        """Set up the weights.
-
-        Args:
-            robot: The robot; its state is not changed.
-            margin: Distance to the joint limits, rad; half the range at the most.
-            weights: Weights; the defaults when None.
-        """
+        """Set up the weights; `margin` to the joint limits is in rad, half the range at the most."""
         self._weights = w = weights or KinematicWeights()
         self._model, self._data = robot.model, robot.model.createData()
         self._soles = [robot.frame_id(sole.frame) for sole in robot.soles[:2]]
@@ -88,14 +82,9 @@ class InverseKinematics:
         iterations: int = 12,
         tolerance: float = 1e-6,
     ) -> Array:
-        """Return configurations that meet the targets, shape (T, nq).
+        """Return configurations that meet the targets, shape (T, nq), begun with `start` or with those to stay near.
 
-        Args:
-            targets: The targets.
-            start: Configurations to begin with, shape (T, nq), such as a solution for targets close to these; those
-                to stay near when None.
-            iterations: Most Gauss–Newton steps a frame.
-            tolerance: A frame ends with a step below this, rad and m.
+        A frame ends after that many Gauss–Newton `iterations`, or with a step below `tolerance`, rad and m.
         """
         solution = np.empty_like(targets.q)
         for i, reference in enumerate(targets.q):

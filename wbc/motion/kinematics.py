@@ -48,13 +48,7 @@ class BodyMotion:
 
     @classmethod
     def of(cls, robot: Robot, q: Array, rate: float) -> BodyMotion:
-        """Compute all quantities.
-
-        Args:
-            robot: The robot; its state is not changed.
-            q: Configurations, shape (T, nq).
-            rate: Frames per second, Hz.
-        """
+        """Compute all quantities of configurations, shape (T, nq), at a rate, Hz; the robot's state is not changed."""
         model, data = robot.model, robot.model.createData()
         v = velocities(model, q, rate)
         soles = [robot.frame_id(sole.frame) for sole in robot.soles[:2]]
@@ -77,13 +71,9 @@ class BodyMotion:
         return self.v[:, BASE_DOF:]
 
     def zmp(self, ground: float = 0.0) -> Array:
-        """Return the point on the ground about which gravity and inertia have no horizontal moment.
+        """Return the point on the ground, at a height, m, about which gravity and inertia have no horizontal moment.
 
-        Args:
-            ground: Height of the ground, m.
-
-        Returns:
-            ZMP in the world, shape (T, 2), m. Where the centre of mass falls freely it is far away.
+        ZMP in the world, shape (T, 2), m. Where the centre of mass falls freely it is far away.
         """
         acceleration = second_difference(self.com, self.rate)
         moment = np.gradient(self.momentum, 1.0 / self.rate, axis=0) / self.mass
@@ -97,14 +87,10 @@ class BodyMotion:
         """Return the least coefficient of friction with which the soles that stand do not slip, shape (T,).
 
         A sole of load N transmits every horizontal force f and yaw moment τ in the ellipsoid |f|² + (τ/d)² ≤ (μN)²,
-        with d the mean distance of its points from its centre (`mean_distance`). The ZMP says how two soles share the
-        load. By duality μ is the greatest ratio of the power of the needed wrench to Σ N √(|v|² + (dω)²) over all
-        motions of the ground under both soles; the motion is found by repeated least squares.
-
-        Args:
-            robot: The robot.
-            standing: True where the left and the right sole stand, shape (T, 2).
-            ground: Height of the ground, m.
+        with d the mean distance of its points from its centre (`mean_distance`). The ZMP on a `ground` at that height,
+        m, says how two soles share the load. By duality μ is the greatest ratio of the power of the needed wrench to Σ
+        N √(|v|² + (dω)²) over all motions of the ground under both soles; the motion is found by repeated least
+        squares.
 
         Source: R. D. Howe, M. R. Cutkosky, IJRR 15(6), 1996 (ellipsoid).
         """
@@ -135,9 +121,6 @@ class BodyMotion:
         """Return the torque of each joint as a share of its limit, shape (T, na); zero for the legs.
 
         Inverse dynamics of the joints above the legs do not depend on the forces at the feet; those of the legs do.
-
-        Args:
-            robot: The robot.
         """
         acceleration = gaussian_filter1d(
             np.gradient(self.v, 1.0 / self.rate, axis=0), TORQUE_SMOOTHING * self.rate, axis=0
@@ -172,12 +155,9 @@ def sole_corners(robot: Robot) -> list[Array]:
 
 
 def load_shares(soles: Array, zmp: Array, standing: Array) -> Array:
-    """Return the share of the load that each sole bears, by the place of the ZMP between them, shape (T, 2).
+    """Return the share of the load that each standing sole bears, by the place of the ZMP between them, shape (T, 2).
 
-    Args:
-        soles: Centres of left and right sole, shape (T, 2, 2), m.
-        zmp: ZMP, shape (T, 2), m.
-        standing: True where a sole stands, shape (T, 2).
+    Centres of left and right sole have shape (T, 2, 2), the ZMP (T, 2), m.
     """
     between = soles[:, 0] - soles[:, 1]
     left = ((zmp - soles[:, 1]) * between).sum(axis=1) / np.maximum((between**2).sum(axis=1), 1e-9)

@@ -32,11 +32,7 @@ class Support:
     """Convex support area of one frame."""
 
     def __init__(self, points: Array) -> None:
-        """Take the hull of points.
-
-        Args:
-            points: Corners of the soles that stand, shape (n, 2), m.
-        """
+        """Take the hull of points, corners of the soles that stand, shape (n, 2), m."""
         try:
             hull = ConvexHull(points)
         except QhullError:  # soles on one line: no area
@@ -73,15 +69,10 @@ def supports_of(
     share: float = 1.0,
     least_load: Array | None = None,
 ) -> list[Support]:
-    """Return the support area of each frame; areas of equal soles are shared.
+    """Return the support area of each frame (T pairs of soles, which stand); areas of equal soles are shared.
 
-    Args:
-        robot: The robot, for the sizes of its soles.
-        soles: Placements of left and right sole, T pairs.
-        standing: True where a sole stands, shape (T, 2).
-        share: Share of length and width of each sole that counts, about its centre.
-        least_load: Least share of the load of each of two soles that stand, shape (T,); zero when None. It moves the
-            areas of both towards the middle between them.
+    Of length and width of each sole a `share` about its centre counts. `least_load`, the least share of the load of
+    each of two soles that stand, shape (T,), moves the areas of both towards the middle between them; zero when None.
     """
     least = np.zeros(len(soles)) if least_load is None else least_load
     corners = [share * offsets for offsets in sole_corners(robot)]
@@ -149,14 +140,9 @@ class MotionMeasures:
 def measure(
     robot: Robot, motion: BodyMotion, contacts: Contacts, share: float, friction: float
 ) -> MotionMeasures:
-    """Measure a motion.
+    """Measure a motion with a foot at least on the ground in each frame.
 
-    Args:
-        robot: The robot.
-        motion: Its motion.
-        contacts: Contacts of the motion, one foot at least in each frame.
-        share: Allowed share of the limits of joint speeds and torques.
-        friction: Allowed coefficient of friction.
+    Allowed are a share of the limits of joint speeds and torques, and a coefficient of friction.
     """
     names, joints = robot.joint_names, motion.q[:, 7:]
     excess = np.maximum(joints - robot.position_upper, robot.position_lower - joints).max(axis=0)

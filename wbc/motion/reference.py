@@ -64,15 +64,7 @@ class ClipReference:
 
     @classmethod
     def of(cls, robot: Robot, clip: MotionClip, standing: Array, ground: float, dt: float) -> ClipReference:
-        """Compute all references.
-
-        Args:
-            robot: The robot; its state is not changed.
-            clip: Clip, where the robot is.
-            standing: True where the left and the right sole stand, shape (frames, 2).
-            ground: Height of the ground, m.
-            dt: Control period, s.
-        """
+        """Compute all references of a clip on a ground at a height, m, for a control period, s."""
         q, v, a = _splines(robot, clip, dt)
         count = len(q)
         nearest = np.minimum(np.round(np.arange(count) * dt * clip.rate).astype(int), len(clip) - 1)
@@ -153,11 +145,7 @@ def _pendulums(
 def placed(robot: Robot, clip: MotionClip, q: Array, soles: tuple[pin.SE3, pin.SE3]) -> MotionClip:
     """Return a clip moved over the ground and turned about the vertical so that its feet begin where soles are.
 
-    Args:
-        robot: The robot.
-        clip: The clip.
-        q: First configuration of the clip, shape (nq,).
-        soles: Left and right sole of the robot as it stands.
+    `q` is the first configuration of the clip, shape (nq,).
     """
     data = robot.model.createData()
     pin.framesForwardKinematics(robot.model, data, q)

@@ -84,14 +84,7 @@ class Choice:
         return plain
 
     def labels(self, study: Study) -> dict[str, Label]:
-        """Return the stiffness of the best arm of each ground, for the table of a model: cell → label.
-
-        Args:
-            study: The study.
-
-        Raises:
-            InputError: An arm without a stiffness.
-        """
+        """Return the stiffness of the best arm of each ground, for the table of a model: cell → label."""
         without = ", ".join(arm for arm in self.arms if "stiffness" not in study.arms[arm])
         if without:
             raise InputError(f"a table needs arms with a stiffness; {without} of '{study.name}' has none")
@@ -159,22 +152,12 @@ def choice(
 
     A mean that is best of several is too good by chance. So the worth is judged by cross-validation over layouts: for a
     fifth of them, arms are chosen by the means of the other four; the arm for the cell and the single arm for all cells
-    both. Cells count the same in the choice of the single arm. With `chosen_by` the first layouts choose, once for all,
-    and the others judge: a confirmation where these were walked after the choice.
+    both. Cells count the same in the choice of the single arm. With `chosen_by` that many first seeds of the study
+    choose, once for all, and the others judge: a confirmation where these were walked after the choice.
 
-    Args:
-        study: The study.
-        entries: Entries of a journal, by key.
-        arms: Arms to choose from; those with a stiffness when none is given.
-        metric: Part of the results; more is better. That of the study when None.
-        margin: Gain that counts as none, in the unit of the metric.
-        chosen_by: Number of seeds of the study, the first ones, that choose; None for folds.
-        any_code: Take walks of other versions of the code, too.
-
-    Raises:
-        UnknownNameError: An arm or metric that there is not.
-        InputError: Fewer than two arms, no cell with two layouts that all arms have walked, or a metric that is no
-            number; a number of seeds that leaves less than two to choose by, or none to judge, on each ground.
+    `arms` are those with a stiffness when none is given; more of `metric`, that of the study when None, is better; a
+    gain below `margin`, in its unit, counts as none. What leaves nothing to choose from or to judge by is an
+    `InputError`.
     """
     name = metric or study.metric or METRICS[study.kind]
     chosen = tuple(arms) or tuple(arm for arm, parts in study.arms.items() if "stiffness" in parts)

@@ -106,9 +106,7 @@ def _table4_cells() -> tuple[Cell, ...]:
 def fig5(seeds: int = 10, gains: str = "default") -> Study:
     """Return the paper's experiment 1: walks over unidirectional grounds of four amplitudes and seven cut-offs.
 
-    Args:
-        seeds: Layouts of each ground and amplitude.
-        gains: Law: "default", "frizza" for the paper's, or "no_bias" for the paper's without its bias estimate.
+    `gains` is the law: "default", "frizza" for the paper's, or "no_bias" for the paper's without its bias estimate.
     """
     study = Study(
         name="fig5" if gains == "default" else f"fig5_{gains}",
@@ -125,9 +123,7 @@ def fig5(seeds: int = 10, gains: str = "default") -> Study:
 def table4(seeds: int = 20, gains: str = "default") -> Study:
     """Return the paper's experiment 2: walks over five grounds of four heights, with its decision at 75 %, too.
 
-    Args:
-        seeds: Layouts of each ground and height.
-        gains: Law: "default", "frizza" for the paper's, or "no_bias" for the paper's without its bias estimate.
+    `gains` is the law: "default", "frizza" for the paper's, or "no_bias" for the paper's without its bias estimate.
     """
     late = {name: value for name, value in FRIZZA["changes"].items() if name.startswith("stiffness.")}
     study = Study(
@@ -189,12 +185,8 @@ def optimisation(
 ) -> OptimisationSpec:
     """Return the optimisation of stiffness and gains on a ground of the paper's Table II.
 
-    Args:
-        ground: Family of grounds.
-        law: "default", with wide bounds and at the height of the study 'authority'; or one of the paper's, with its
-            bounds and at the family's own height.
-        distance: Length of a walk, m.
-        batch: Number of points asked for at a time.
+    The law is "default", with wide bounds and at the height of the study 'authority'; or one of the paper's, with its
+    bounds and at the family's own height. `batch` points are asked for at a time.
     """
     own = law == "default"
     return OptimisationSpec(
@@ -238,11 +230,7 @@ the first 20 layouts of the study 'authority'."""
 
 
 def oracle(seeds: int = 40) -> Study:
-    """Return walks of the oracle over a patchwork, beside fixed stiffnesses: the most that scheduling can win.
-
-    Args:
-        seeds: Layouts.
-    """
+    """Return walks of the oracle over a patchwork, beside fixed stiffnesses: the most that scheduling can win."""
     fixed = {f"{k:g}": {"foot": "soft", "stiffness": k} for k in AUTHORITY_STIFFNESSES}
     policy: dict[str, Any] = {
         "foot": "variable",

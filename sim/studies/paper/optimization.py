@@ -321,16 +321,10 @@ Run = Callable[[list[WalkSpec]], Mapping[str, Entry]]
 
 
 def optimise(spec: OptimisationSpec, budget: int, run: Run, *, any_code: bool = False) -> list[Walked]:
-    """Walk the points of an optimisation until its budget is spent.
+    """Walk the points of an optimisation until its budget is spent; return points and results in the order of asking.
 
-    Args:
-        spec: The optimisation.
-        budget: Number of walks, at least 1.
-        run: Runs walks; what a journal has is not run again.
-        any_code: Take walks of other versions of the code, too.
-
-    Returns:
-        Points and results in the order in which they were asked for; walks without a result are left out.
+    `run` runs walks; what a journal has is not run again; `any_code` takes walks of other versions of the code, too.
+    Walks without a result are left out.
     """
     asker, asked = Asker(spec.seed), 0
     known: list[Walked] = []

@@ -86,13 +86,7 @@ class Optimum:
 def walked_points(
     spec: OptimisationSpec, entries: Mapping[str, Entry], *, any_code: bool = False
 ) -> list[Walked]:
-    """Return the points of an optimisation that a journal has, in the order in which they were asked for.
-
-    Args:
-        spec: The optimisation.
-        entries: Entries of the journal, by key.
-        any_code: Take walks of other versions of the code, too.
-    """
+    """Return the points of an optimisation that a journal has, in the order in which they were asked for."""
     found = {}
     for entry in entries.values():
         if entry.status != "done" or entry.result is None or not (any_code or entry.version == provenance()):
@@ -107,16 +101,9 @@ def optimum(known: Sequence[Walked], bounds: Bounds, *, seed: int = 0) -> Optimu
     """Find the best parameters that were walked, and the stiffnesses that cannot be told from them.
 
     The best has the greatest expected J among the points walked: where nobody has walked, the model may be far off.
+    Fewer walks than a model needs are an `InputError`.
 
     Source: recommendation with noise: P. Frazier, "A tutorial on Bayesian optimization", 2018, section 5.
-
-    Args:
-        known: Points and results.
-        bounds: Bounds of the parameters.
-        seed: Seed of the fit.
-
-    Raises:
-        InputError: Fewer walks than a model needs.
     """
     if len(known) < FIRST_DESIGN:
         raise InputError(f"an optimum needs at least {FIRST_DESIGN} walks with a result, got {len(known)}")
@@ -166,10 +153,6 @@ def validation(found: Mapping[OptimisationSpec, Optimum], seeds: int) -> Study:
     """Return the study that walks optima on seeds that no optimisation has seen.
 
     Beside them walk other stiffnesses with the same gains, and 80 Nm/rad with the usual gains of the law.
-
-    Args:
-        found: Optimisation → its result; all with the same bounds of the stiffness.
-        seeds: Number of seeds, at least 1.
     """
     low, high = next(iter(found)).bounds.k
     others = {f"k {k:g}": k for k in (5.0, PAPER_STIFFEST, high) if low <= k <= high}
