@@ -102,8 +102,7 @@ class Balance:
     def correct(self, state: State) -> State:
         """Return the state with the DCM that references are to be compared with.
 
-        Args:
-            state: State of this tick; the models get the load that it shows from the next tick on.
+        The models get the load that the state shows from the next tick on.
         """
         if self.load is not None:
             self._hold(self.load)
@@ -122,15 +121,7 @@ class Balance:
         return state._replace(dcm=dcm)
 
     def update(self, reference: Reference, state: State) -> Reference:
-        """Run hands, stabilizer and lean for one tick.
-
-        Args:
-            reference: References of the source.
-            state: State of this tick.
-
-        Returns:
-            The references with the shift of the pendulum by hands that press.
-        """
+        """Run hands, stabilizer and lean for one tick; return the references, shifted for hands that press."""
         measurement, hands, dt = state.measurement, self.hands, self._dt
         self._heading = reference.heading
         if reference.contact != self._contact:

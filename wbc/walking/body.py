@@ -284,10 +284,7 @@ class Body(FixedAttributes):
 def lowest_com(robot: Robot) -> float:
     """Return the least height of the CoM over the soles with an upright trunk and flat soles, m.
 
-    The hips sink over the feet until a joint of a leg comes near its limit.
-
-    Args:
-        robot: Robot with two soles and legs of six joints or more.
+    The hips sink over the feet until a joint of a leg, of six joints or more, comes near its limit.
     """
     model, data = robot.model, robot.model.createData()
     q, legs = np.array(robot.half_sitting), []

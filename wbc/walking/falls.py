@@ -72,20 +72,17 @@ class FallDetector:
         dcm_distance: float = 0.0,
         solved: bool = True,
     ) -> FallReason | None:
-        """Check one tick.
+        """Check one tick, at `time` after `dt` seconds, and return the reason of a fall, or None.
 
         Args:
             time: Now, s.
             dt: Control period, s.
-            q: Configuration, for divergence.
-            v: Velocity, for divergence.
+            q: Configuration, for divergence; `v` the same.
+            v: Velocity.
             drop: Distance of the CoM, or of the pelvis, below its target, m.
             torso_up: Vertical axis of the torso in the world, shape (3,).
             dcm_distance: Greatest distance of the DCM beyond an edge of the area of the feet, m; negative inside.
             solved: True if the QP of the tick was solved.
-
-        Returns:
-            The reason, or None.
         """
         if self.reason is not None:
             return self.reason

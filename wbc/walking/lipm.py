@@ -63,14 +63,7 @@ class LipmWalk(ReferenceSource):
         settings: DriveSettings | None = None,
         extent: Extent | None = None,
     ) -> None:
-        """Leave the walk to its plan, which begins with the first tick.
-
-        Args:
-            walk: The walk.
-            robot: Its robot, for the soles.
-            settings: Settings; the defaults when None.
-            extent: The ground; endless when None.
-        """
+        """Leave the walk to its plan, which begins with the first tick; the ground is endless when `extent` is None."""
         self.walk, self.com_height = walk, walk.com_height
         self.settings = settings or DriveSettings()
         self.planner: FootstepSource | None = None
@@ -95,17 +88,10 @@ class LipmWalk(ReferenceSource):
         settings: WalkingControlSettings,
         extent: Extent | None = None,
     ) -> LipmWalk:
-        """Return the walk of a robot that stands at the start of a plan.
+        """Return the walk of a robot that stands at the start of a plan; without steps it stands until it is steered.
 
-        Args:
-            robot: The robot, standing.
-            plan: Footstep plan; without steps the robot stands until it is steered.
-            dt: Control period, s.
-            settings: Settings.
-            extent: The ground; endless when None.
-
-        Raises:
-            InputError: A plan that cannot be walked or begins elsewhere.
+        Raises `InputError` for a plan that cannot be walked or begins elsewhere; the ground is endless when `extent` is
+        None.
         """
         check_start(robot, plan)
         s = settings
@@ -211,15 +197,9 @@ class LipmWalk(ReferenceSource):
 
     @checked
     def go_to(self, x: float, y: float, yaw: float) -> None:
-        """Walk to a place and stand there.
+        """Walk to a place of the middle between the feet in the world, m, with a heading, rad, and stand there.
 
-        Args:
-            x: Place of the middle between the feet in the world, m.
-            y: Place of the middle between the feet in the world, m.
-            yaw: Heading there, rad.
-
-        Raises:
-            InputError: A place beyond the ground.
+        Raises `InputError` for a place beyond the ground.
         """
         if self._extent is not None:
             low_x, high_x, low_y, high_y = self._extent
@@ -231,11 +211,7 @@ class LipmWalk(ReferenceSource):
         self.follow(GoalSource((x, y, yaw), self.velocity_source()))
 
     def plan_steps(self, time: float) -> None:
-        """Plan the footsteps anew if it is time to.
-
-        Args:
-            time: Time since the start of the walk, s.
-        """
+        """Plan the footsteps anew if it is time to, by the time since the start of the walk, s."""
         planner, phases = self.planner, self.walk.phases
         if planner is None:
             return

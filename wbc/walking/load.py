@@ -67,15 +67,9 @@ class HeldLoad:
     """
 
     def __init__(self, robot: Robot, settings: LoadSettings | None = None) -> None:
-        """Start with empty hands.
+        """Start with empty hands; all clones of the estimated robot carry the load, too.
 
-        Args:
-            robot: The estimated robot; all of its clones carry the load too.
-            settings: Settings; the defaults when None.
-
-        Raises:
-            UnknownNameError: No such hand or frame.
-            InputError: A robot without hands, or a frame that does not move.
+        Raises `InputError` for a robot without hands, or a frame that does not move.
         """
         self.settings = s = settings or LoadSettings()
         self.frames = hand_frames(robot, s.hands)
@@ -110,12 +104,7 @@ class HeldLoad:
         return self.middle + (c * x - s * y, s * x + c * y, 0.0)
 
     def update(self, outside: OutsideWrench, dt: float) -> None:
-        """Follow the outside wrench, and let the models follow the estimate.
-
-        Args:
-            outside: Observer of the outside wrench; what is put into the models is taken off its estimate.
-            dt: Control period, s.
-        """
+        """Follow the outside wrench, and let the models follow; what they get is taken off the observer's estimate."""
         s, robot = self.settings, self._robot
         if not outside.ready:
             return
@@ -187,15 +176,10 @@ class HeldLoad:
 
 
 def hand_frames(robot: Robot, hands: Sequence[str] = ()) -> tuple[str, ...]:
-    """Return the frames of hands by their roles; a frame's own name stands for itself.
+    """Return the frames of hands by their roles, all hands when empty; a frame's own name stands for itself.
 
-    Args:
-        robot: The robot.
-        hands: Roles such as "left_hand", "torso", or frames; all hands of the robot when empty.
-
-    Raises:
-        UnknownNameError: No such role or frame.
-        InputError: A robot without hands, or a frame that does not move.
+    Raises `UnknownNameError` for what is neither, `InputError` for a robot without hands, or a frame that does not
+    move.
     """
     roles = {**robot.frames, "torso": robot.torso_frame, "base": robot.base_frame}
     if not hands and not robot.frames:

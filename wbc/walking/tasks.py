@@ -156,23 +156,12 @@ class WalkTasks:
         leave_to_walk(self.com, self._swings, self._trunk)
 
     def switch(self, side: int, contact: bool) -> None:
-        """Put a foot (0 left, 1 right) on the ground, or take it off.
-
-        Args:
-            side: Which foot.
-            contact: True if it stands from now on.
-        """
+        """Put a foot (0 left, 1 right) on the ground, or take it off."""
         self.contacts[side].active = contact
         self._swings[side].weight = 0.0 if contact else self._swing_weight
 
     def follow(self, reference: Reference, lean: LeanMotion = UPRIGHT, twist: Twist | None = None) -> None:
-        """Set all targets of a tick, after the stabilizer's.
-
-        Args:
-            reference: References of the source.
-            lean: Lean of the trunk; `UPRIGHT` itself for none.
-            twist: Turn of the trunk against the heading; None for none.
-        """
+        """Set all targets of a tick, after the stabilizer's; `UPRIGHT` itself is no lean, None no twist."""
         pendulum, push, body, places = reference.pendulum, reference.push, reference.body, []
         for motion, stands, swing in zip(reference.feet, reference.contact, self._swings, strict=True):
             places.append(motion.placement)

@@ -19,12 +19,7 @@ class HandArm:
     """
 
     def __init__(self, robot: Robot, hand: str) -> None:
-        """Find the joints of an arm.
-
-        Args:
-            robot: The robot.
-            hand: Frame of the hand.
-        """
+        """Find the joints of the arm of a hand's frame."""
         self._robot = robot
         self.frame = robot.frame_id(hand)
         model = robot.model
@@ -66,11 +61,9 @@ class HandArm:
         return np.asarray(arm / max(float(np.linalg.norm(arm)), 1e-6))
 
     def strength(self, direction: Array, share: float) -> tuple[float, str]:
-        """Return the greatest force of the arm along a direction, N, and the joint that bounds it.
+        """Return the greatest force along a direction of length 1 in the world, N, and the joint that bounds it.
 
-        Args:
-            direction: In the world, of length 1, shape (3,).
-            share: Share of the torque limits, beside the arm's weight, that a force may take.
+        `share` of the torque limits is what a force may take, beside the arm's weight.
         """
         robot, arm = self._robot, self.joints
         jacobian = pin.getFrameJacobian(robot.model, robot.data, self.frame, pin.LOCAL_WORLD_ALIGNED)

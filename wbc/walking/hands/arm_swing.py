@@ -27,10 +27,7 @@ class ArmSwing:
     ) -> None:
         """Find the joint of each arm that swings it; an arm without such a joint is held still.
 
-        Args:
-            robot: Robot that the controller moves.
-            arms: Role of a hand → its frame and the joints of its arm, as indices in arrays of shape (na,).
-            posture: Posture task, whose target swings.
+        `arms` is role of a hand → its frame and the joints of its arm, as indices in arrays of shape (na,).
         """
         self._posture = posture
         self._rest = np.array(posture.target)
@@ -51,12 +48,9 @@ class ArmSwing:
                 self._joints.append((joints[best], side, gains[best]))
 
     def update(self, feet: Sequence[FootMotion], yaw: float, swing: float) -> None:
-        """Set the targets of the posture and their velocities.
+        """Set the targets of the posture and their velocities, from references of both soles and the heading, rad.
 
-        Args:
-            feet: References of left and right sole.
-            yaw: Heading of the robot, rad.
-            swing: Displacement of a hand forward for each metre that the other side's foot is ahead of its own.
+        `swing` is how far a hand goes forward for each metre that the other side's foot is ahead of its own.
         """
         c, s = math.cos(yaw), math.sin(yaw)
         (left, right), velocity = feet, np.zeros(self._posture.dim)

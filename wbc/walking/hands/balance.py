@@ -32,23 +32,14 @@ class ComShift:
         return float(np.abs(self.value).max() + np.abs(self._speed).max()) < 1e-5
 
     def follow(self, goal: Array, dt: float) -> None:
-        """Advance by one tick.
-
-        Args:
-            goal: Planned shift, shape (2,), m.
-            dt: Control period, s.
-        """
+        """Advance by one tick towards the planned shift, shape (2,), m."""
         rate = 1.0 / SHIFT_TIME
         self._acceleration = rate * rate * (goal - self.value) - 2.0 * rate * self._speed
         self._speed = self._speed + dt * self._acceleration
         self.value = self.value + dt * self._speed
 
     def applied(self, pendulum: Pendulum) -> Pendulum:
-        """Return a reference of the pendulum, moved by the shift.
-
-        Args:
-            pendulum: Reference without hands.
-        """
+        """Return a reference of the pendulum without hands, moved by the shift."""
         com, velocity, acceleration = (
             pendulum.com.copy(),
             pendulum.com_velocity.copy(),

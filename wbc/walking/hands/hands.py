@@ -301,9 +301,7 @@ class Hands:
     def strength(self, hand: str, direction: Array) -> tuple[float, str]:
         """Return the greatest force of an arm as it is now along a direction, N, and the joint that bounds it.
 
-        Args:
-            hand: Role of the hand.
-            direction: In the world, of length 1, shape (3,).
+        The direction is in the world, of length 1, shape (3,).
         """
         return self._arms[hand].strength(direction, self.settings.share)
 
@@ -346,13 +344,7 @@ class Hands:
     def update(self, measurement: Measurement, reference: Reference, dt: float) -> Array | None:
         """Advance all hands; return the filtered wrench of the surroundings on them, None while there is none.
 
-        Args:
-            measurement: Readings of all sensors.
-            reference: References of the walk without hands.
-            dt: Control period, s.
-
-        Returns:
-            [force; moment] at the world origin, shape (6,), N and Nm.
+        [force; moment] is at the world origin, shape (6,), N and Nm; `reference` is that of the walk without hands.
         """
         self._measurement = measurement
         rests = reference.phase is Phase.STANDING
@@ -406,10 +398,7 @@ class Hands:
 
         Of no use are vertical forces, and the squeeze of two hands along the line between them. Too much is what all
         hands together feel above their limits; a couple, which turns what they hold, may be more. While the robot
-        stands, no force is of use.
-
-        Args:
-            rests: True while the robot stands.
+        `rests`, it stands, and no force is of use.
         """
         gripping = [hand for hand in self.all.values() if hand.state is HandState.GRIP]
         if not gripping:
@@ -431,12 +420,7 @@ class Hands:
             hand.excess = force
 
     def _to_edge(self, direction: Array, yaw: float) -> float:
-        """Return the distance from the middle of the stance to the edge of a sole along a direction, m.
-
-        Args:
-            direction: In the world, not zero, shape (2,).
-            yaw: Heading of the robot, rad.
-        """
+        """Return the distance from the middle of the stance to the edge of a sole along a horizontal direction, m."""
         c, s = math.cos(yaw), math.sin(yaw)
         x, y = float(direction[0]), float(direction[1])
         size = math.hypot(x, y)
@@ -453,20 +437,14 @@ class Hands:
         return rest
 
     def shifted(self, pendulum: Pendulum) -> Pendulum:
-        """Return a reference of the pendulum, moved for the forces of the hands.
-
-        Args:
-            pendulum: Reference without hands.
-        """
+        """Return a reference of the pendulum without hands, moved for their forces."""
         return self._shift.applied(pendulum)
 
     def help(self, missing: Array, zmp: Array, dt: float) -> None:
         """Distribute a moment that the feet cannot give to the hands that press, by least squares.
 
-        Args:
-            missing: Desired less given moment of the feet, about the horizontal axes through the ZMP, shape (2,), Nm.
-            zmp: That ZMP, shape (3,), m.
-            dt: Control period, s.
+        `missing` is desired less given moment of the feet, about the horizontal axes through the ZMP (m), shape (2,),
+        Nm.
         """
         pressing = [hand for hand in self.all.values() if hand.helps]
         if not pressing or self.settings.help == 0.0:

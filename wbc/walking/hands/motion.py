@@ -52,24 +52,14 @@ class MovingFrame:
     """
 
     def __init__(self, time_constant: float) -> None:
-        """Begin at the first update.
-
-        Args:
-            time_constant: Of both filters in a row, s.
-        """
+        """Begin at the first update; the time constant, s, is that of both filters in a row."""
         self._rate = 1.0 / time_constant
         self._yaw = self.turning = 0.0
         self._began = False
         self.placement, self.velocity = pin.SE3.Identity(), np.zeros(3)
 
     def update(self, feet: Sequence[Array], yaw: float, dt: float) -> None:
-        """Follow the feet.
-
-        Args:
-            feet: Planned places of both feet, each of shape (3,), m.
-            yaw: Heading, rad.
-            dt: Control period, s.
-        """
+        """Follow the planned places of both feet, each of shape (3,), m, and the heading, rad."""
         middle = 0.5 * (feet[0] + feet[1])
         if not self._began:
             self._began, self._yaw, self._point = True, yaw, middle
@@ -86,14 +76,7 @@ class MovingFrame:
 
 
 def quintic_part(time: float, duration: float, begin: float, end: float) -> tuple[float, float, float]:
-    """Return a quintic from 0 to 1 between two shares of a duration, with its derivatives.
-
-    Args:
-        time: Time since the start, s.
-        duration: Of the whole motion, s.
-        begin: Share at which the quintic leaves 0.
-        end: Share at which it arrives at 1.
-    """
+    """Return a quintic from 0 to 1 between two shares of a duration, s, with its derivatives."""
     span = (end - begin) * duration
     elapsed = min(max(time - begin * duration, 0.0), span)
     return Quintic((0.0, 0.0, 0.0), (1.0, 0.0, 0.0), span).at(elapsed)

@@ -102,13 +102,8 @@ class Arm:
     ) -> None:
         """Leave the arm to the posture.
 
-        Args:
-            controller: Controller of the walk.
-            name: Role of the hand.
-            dt: Control period, s.
-            settings: Settings.
-            objects: Objects in whose frames targets may be given: name → pose and velocity, shape (6,), as they are.
-            occupied: Hands that may press or grip: role → hand, as they are.
+        `objects`, in whose frames targets may be given (pose and velocity, shape (6,)), and `occupied`, hands that may
+        press or grip, are read as they are at the time.
         """
         self._objects, self._occupied = objects, occupied
         robot = controller.robot
@@ -370,15 +365,7 @@ class Arms:
     def __init__(
         self, controller: Controller, com: CoMTask, posture: PostureTask, dt: float, settings: ArmSettings
     ) -> None:
-        """Leave the arms to the posture; no task is added before a hand is given a target.
-
-        Args:
-            controller: Controller of the walk.
-            com: Its task of the centre of mass.
-            posture: Its posture task.
-            dt: Control period, s.
-            settings: Settings.
-        """
+        """Leave the arms to the posture; no task is added before a hand is given a target."""
         self.settings = settings
         self._com, self._posture, self._controller = com, posture, controller
         robot = controller.robot
@@ -423,12 +410,7 @@ class Arms:
         self._objects[name] = pose(f"pose of '{name}'", where), moving
 
     def update(self, feet: Sequence[FootMotion], yaw: float) -> None:
-        """Move all references by one tick.
-
-        Args:
-            feet: References of left and right sole.
-            yaw: Heading of the robot, rad.
-        """
+        """Move all references by one tick, with those of left and right sole and the heading, rad."""
         active = tuple(name for name, hand in self._hands.items() if hand.active)
         if active:
             for name in active:

@@ -23,11 +23,9 @@ class HeightProfile:
     def __init__(
         self, supports: Sequence[SupportPhase], start: tuple[float, float, float] | None = None
     ) -> None:
-        """Lay the profile through a schedule.
+        """Lay the profile through a schedule from now on.
 
-        Args:
-            supports: Schedule from now on.
-            start: Height (m), velocity (m/s) and acceleration (m/s²) now; level on the first support when None.
+        `start` is height (m), velocity (m/s) and acceleration (m/s²) now; level on the first support when None.
         """
         events = _events(supports)
         state = (events[0][1], 0.0, 0.0) if start is None else start

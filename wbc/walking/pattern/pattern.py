@@ -22,16 +22,9 @@ from wbc.walking.planning.schedule import SupportPhase
 
 
 def dcm_backwards(times: Array, zmp: Array, dcm_end: Array, omega: float) -> Array:
-    """Return the DCM at the knots of a broken line of ZMPs, from that at the end.
+    """Return the DCM at the knots of a broken line of ZMPs, shape (k, 2), m, from that at the end, shape (2,), m.
 
-    Args:
-        times: Knots, increasing, shape (k,), s.
-        zmp: ZMP at the knots, shape (k, 2), m.
-        dcm_end: DCM at the last knot, shape (2,), m.
-        omega: Natural frequency, 1/s.
-
-    Returns:
-        DCM at the knots, shape (k, 2), m.
+    Knots are increasing times, shape (k,), s; `omega` is the natural frequency, 1/s.
     """
     knots: list[float] = np.asarray(times, dtype=float).tolist()
     points: list[list[float]] = np.asarray(zmp, dtype=float).tolist()

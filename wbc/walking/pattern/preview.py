@@ -76,16 +76,10 @@ class PreviewController:
     """
 
     def __init__(self, sizes: SoleSizes, height: float, settings: PreviewSettings | None = None) -> None:
-        """Set up the QP.
+        """Set up the QP for (length, width) of left and right sole, m, and a height of the CoM over the support, m.
 
-        Args:
-            sizes: (length, width) of the left and of the right sole, m.
-            height: Height of the CoM over the support, m.
-            settings: Settings; the defaults when None.
-
-        Raises:
-            InputError: A height that is not above zero, a margin that leaves nothing of a sole, a target outside that
-                rest of a sole.
+        Raises `InputError` for a height that is not above zero, a margin that leaves nothing of a sole, a target
+        outside that rest of a sole.
         """
         self.settings = s = settings or PreviewSettings()
         self.height = positive("height of the CoM over the support (m)", height)
@@ -116,17 +110,9 @@ class PreviewController:
         self.slack = np.zeros(2)
 
     def plan(self, supports: Sequence[SupportPhase], start: Pendulum) -> Pattern:
-        """Plan from a state of the pendulum, planned or measured.
+        """Plan from a state of the pendulum, planned or measured, through a schedule from now to rest.
 
-        Args:
-            supports: Schedule from now on.
-            start: State of the pendulum now; the new ZMP starts from its ZMP.
-
-        Returns:
-            The pattern, from now to rest. When the QP fails (`status`), its ZMP is the reference.
-
-        Raises:
-            InputError: A schedule that is empty.
+        The new ZMP starts from that of the pendulum. When the QP fails (`status`), the pattern's ZMP is the reference.
         """
         if not supports:
             raise InputError("a schedule must have at least one support")

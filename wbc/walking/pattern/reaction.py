@@ -56,9 +56,7 @@ class Travel(NamedTuple):
 def leg_share(robot: Robot, com_height: float) -> float:
     """Return κ: acceleration of the centre of mass over that of a swing foot, with the ZMP where it is.
 
-    Args:
-        robot: Robot with soles; its first leg swings, from half-sitting.
-        com_height: Height of the CoM over the soles, m.
+    The first leg swings, from half-sitting, with the CoM at a height over the soles, m.
     """
     model, data = robot.model, robot.model.createData()
     frame = robot.frame_id(robot.soles[0].frame)
@@ -80,13 +78,7 @@ class SwingReaction:
     """
 
     def __init__(self, share: float, omega: float, period: float) -> None:
-        """Begin without a deviation.
-
-        Args:
-            share: κ of the robot.
-            omega: Natural frequency, 1/s.
-            period: Control period, s.
-        """
+        """Begin without a deviation, with κ of the robot, the natural frequency, 1/s, and the control period, s."""
         self._share, self._omega = share, omega
         self._follow = 1.0 - math.exp(-omega * period)
         self.dcm = self._com = self.push = (0.0, 0.0)
@@ -97,12 +89,7 @@ class SwingReaction:
         return max(map(abs, (*self.dcm, *self._com))) < NEGLIGIBLE
 
     def update(self, travels: Sequence[Travel], weight: float) -> None:
-        """Advance by one tick.
-
-        Args:
-            travels: Ways of the foot in the air and of the next one.
-            weight: Share of the reaction that counts, 0 to 1.
-        """
+        """Advance by one tick, by the ways of the foot in the air and of the next one; a share `weight` counts."""
         x = y = push_x = push_y = 0.0
         for travel in travels:
             sway, push = _unit(travel.time, travel.duration, self._omega)

@@ -86,16 +86,9 @@ class SwingFoot:
     """
 
     def __init__(self, start: pin.SE3, landing: Footstep, duration: float, gait: Gait) -> None:
-        """Plan from a foot at rest.
+        """Plan from a foot at rest, its sole frame at lift-off, to a landing after `duration` seconds.
 
-        Args:
-            start: Sole frame at lift-off.
-            landing: Planned landing.
-            duration: Time until touch-down, s.
-            gait: Swing height, take-off and landing times, landing speed, search for late ground.
-
-        Raises:
-            InputError: A duration that the take-off and landing times do not fit into.
+        Raises `InputError` for a duration that the take-off and landing times of the gait do not fit into.
         """
         self._gait = gait
         self.duration = positive("duration of the swing (s)", duration)
@@ -120,14 +113,8 @@ class SwingFoot:
     def retarget(self, time: float, landing: Footstep | None = None, duration: float | None = None) -> None:
         """Change landing or time of touch-down; position, velocity and acceleration go on without a jump.
 
-        Args:
-            time: Now, from lift-off, s.
-            landing: New landing; unchanged when None.
-            duration: New time of touch-down from lift-off, s; unchanged when None. Put off where less than 50 ms would
-                be left.
-
-        Raises:
-            InputError: A landing of the other foot.
+        Times are from lift-off, s. A touch-down is put off where less than 50 ms would be left. Raises `InputError` for
+        a landing of the other foot.
         """
         if landing is None and duration is None:
             return
@@ -199,13 +186,7 @@ class SwingFoot:
 
 
 def _spin(roll: Vector, pitch: Vector, yaw: Vector) -> tuple[Vector, Vector]:
-    """Angular velocity and acceleration in the world.
-
-    Args:
-        roll: Angle, its first and its second derivative, rad, rad/s and rad/s².
-        pitch: The same.
-        yaw: The same.
-    """
+    """Angular velocity and acceleration in the world, of angles, rad, each with its first and second derivative."""
     (_, roll_rate, roll_push), (angle, pitch_rate, pitch_push), (heading, yaw_rate, yaw_push) = (
         roll,
         pitch,

@@ -102,14 +102,7 @@ class StepAdjuster:
     def __init__(
         self, omega: float, reach: Reach, sizes: SoleSizes, settings: AdjustmentSettings | None = None
     ) -> None:
-        """Set up the QP.
-
-        Args:
-            omega: Natural frequency, 1/s.
-            reach: Reach of the robot.
-            sizes: (length, width) of the left and of the right sole, m.
-            settings: Costs and limits; the defaults when None.
-        """
+        """Set up the QP for a natural frequency, 1/s, and (length, width) of the left and of the right sole, m."""
         self.settings = settings or AdjustmentSettings()
         self._omega = positive("natural frequency (1/s)", omega)
         self._reach = reach

@@ -232,15 +232,7 @@ class FootstepPlan:
 
 
 def check_start(robot: Robot, plan: FootstepPlan) -> None:
-    """Check that a plan begins where the robot stands, as closely as a first step can make good.
-
-    Args:
-        robot: The robot, as it stands.
-        plan: The plan.
-
-    Raises:
-        InputError: A foot stands elsewhere.
-    """
+    """Raise an `InputError` unless a plan begins where the robot stands, as closely as a first step can make good."""
     for sole, foot in zip(robot.soles, (plan.left, plan.right), strict=True):
         stands = Footstep.of(foot.side, robot.placement(sole.frame))
         forward, left, up, turn = stands.seen_from(foot)

@@ -166,11 +166,7 @@ class Gait:
 
 
 def pace(velocity: Sequence[float]) -> float:
-    """Return the speed by which the gait of a velocity goes, m/s.
-
-    Args:
-        velocity: Forward (m/s), left (m/s) and turn (rad/s).
-    """
+    """Return the speed by which the gait of a velocity (forward, left, m/s, and turn, rad/s) goes, m/s."""
     forward, left, turn = (abs(float(part)) for part in velocity)
     return max(forward, 2.0 * left, 0.6 * turn)
 

@@ -24,9 +24,8 @@ class GroundEstimate:
     def __init__(self, height_share: float, rise_share: float) -> None:
         """Expect the ground where the plan has it.
 
-        Args:
-            height_share: Share of the unexpected height of a landing by which the next landings are moved.
-            rise_share: Share of it by which the rise changes.
+        `height_share` of the unexpected height of a landing moves the next landings, `rise_share` of it changes the
+        rise.
         """
         self._height_share, self._rise_share = height_share, rise_share
         self._unexpected = 0.0  # height of the last landing over the expected one, m
@@ -46,9 +45,7 @@ class GroundEstimate:
     def settled(self, steps: Sequence[Footstep], *, swings: bool) -> Sequence[Footstep]:
         """Return steps planned from where the feet stand now, on the expected ground; `height` is 0 for such a plan.
 
-        Args:
-            steps: Landings at the height of the last one.
-            swings: True with a foot in the air: that one is where the ground is expected.
+        `steps` are landings at the height of the last one; a foot that `swings` is where the ground is expected.
         """
         if swings or not self._unexpected:
             return steps

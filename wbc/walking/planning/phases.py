@@ -90,16 +90,7 @@ class WalkPhases:
     """
 
     def __init__(self, plan: FootstepPlan, weight: float, settings: PhaseSettings | None = None) -> None:
-        """Stand at the start of a plan.
-
-        Args:
-            plan: Footstep plan.
-            weight: Weight of the robot, N.
-            settings: Loads and times at which phases change; the defaults when None.
-
-        Raises:
-            InputError: A weight that is not above zero.
-        """
+        """Stand at the start of a plan, with a weight of the robot above zero, N."""
         self.plan = plan
         self._schedule: tuple[FootstepPlan, tuple[SupportPhase, ...]] | None = None  # with its plan
         self.settings = settings or PhaseSettings()
@@ -182,12 +173,8 @@ class WalkPhases:
     def steer(self, steps: Sequence[Footstep], gait: Gait | None = None) -> None:
         """Replace all steps that have not begun, also by none; steps long taken are forgotten.
 
-        Args:
-            steps: Landings from now on, after that of the foot in the air.
-            gait: Timings from the next phase on; as before when None.
-
-        Raises:
-            InputError: Sides that do not alternate; nothing is changed then.
+        `steps` are landings after that of the foot in the air; the gait is as before when None. Sides that do not
+        alternate are an `InputError`; nothing is changed then.
         """
         waited = self.step < len(self.plan)
         feet = {"left": self.plan.left, "right": self.plan.right}
@@ -219,15 +206,7 @@ class WalkPhases:
         self.plan = self.plan.with_step(index, step, carry=carry)
 
     def update(self, loads: Sequence[float], dt: float) -> tuple[Event, ...]:
-        """Advance by one tick.
-
-        Args:
-            loads: Normal force on left and right foot, N.
-            dt: Control period, s.
-
-        Returns:
-            Events of the tick.
-        """
+        """Advance by one tick with the normal force on left and right foot, N; return its events."""
         self.elapsed += positive("control period (s)", dt)
         if self.phase is Phase.SINGLE:
             return self._single(loads, dt)

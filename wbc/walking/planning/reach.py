@@ -64,18 +64,12 @@ class Reach:
 
     @staticmethod
     def of(robot: Robot, com_height: float | None = None) -> Reach:
-        """Return the reach of a robot, derived from its legs.
+        """Return the reach of a robot, by its legs, for a CoM height over the soles, m; half-sitting when None.
 
-        With the hips in the middle between the feet, a leg of length L whose hip is h over its ankle spans
-        √((0.98 L)² − h²) to either side. Heights take what bending the landing leg leaves: half of the rise
-        that full extension would allow is kept in reserve, and no step is higher than a third of the leg.
-
-        Args:
-            robot: Robot with two soles.
-            com_height: Height of the CoM over the soles while walking, m; that of half-sitting when None.
-
-        Raises:
-            InputError: A CoM height that the legs cannot reach; the message gives the range.
+        With the hips in the middle between the feet, a leg of length L whose hip is h over its ankle spans √((0.98 L)²
+        − h²) to either side. Heights take what bending the landing leg leaves: half of the rise that full extension
+        would allow is kept in reserve, and no step is higher than a third of the leg. Raises `InputError` with the
+        range for a height that the legs cannot reach.
         """
         leg = leg_geometry(robot)
         hip = hip_height(robot, com_height, leg)
@@ -140,15 +134,9 @@ def leg_geometry(robot: Robot) -> Leg:
 
 
 def hip_height(robot: Robot, com_height: float | None, leg: Leg) -> float:
-    """Return the height of the hips over the ankles, m, for a height of the CoM.
+    """Return the height of the hips over the ankles, m, for one of the CoM over the soles; half-sitting when None.
 
-    Args:
-        robot: Robot with two soles.
-        com_height: Height of the CoM over the soles while walking, m; that of half-sitting when None.
-        leg: The robot's leg.
-
-    Raises:
-        InputError: The legs cannot reach that height; the message gives the range.
+    Raises `InputError` with the range for a height that the legs cannot reach.
     """
     offset = leg.hip_over_com - leg.ankle_height
     low, high = leg.shortest - offset, STANDING * leg.length - offset
@@ -171,9 +159,7 @@ def hip_height(robot: Robot, com_height: float | None, leg: Leg) -> float:
 def bent_height(robot: Robot, stretch: float) -> float:
     """Return the CoM height over the soles of a robot that is driven, m: with bent knees if it stands straight.
 
-    Args:
-        robot: Robot with two soles.
-        stretch: Share of its length to which a leg then stretches between hip and ankle.
+    A leg then stretches to a share `stretch` of its length between hip and ankle.
     """
     leg = leg_geometry(robot)
     if leg.hip_height <= STRAIGHT * leg.length:
@@ -212,16 +198,10 @@ def check_plan(
     reach: Reach | None = None,
     extent: tuple[float, float, float, float] | None = None,
 ) -> None:
-    """Check that a robot can walk a plan.
+    """Raise an `InputError` unless a robot can walk a plan.
 
-    Args:
-        plan: Plan.
-        robot: Robot, for its soles.
-        reach: Reach of the robot; derived from the legs when None.
-        extent: Least and greatest x, least and greatest y of the ground, m; endless when None.
-
-    Raises:
-        InputError: A step out of reach, soles that overlap, a swing too high, or a sole beyond the ground.
+    Refused are a step out of reach (of the legs when None), soles that overlap, a swing too high, or a sole beyond the
+    ground, whose `extent` is its least and greatest x, least and greatest y, m; endless when None.
     """
     reach = reach or Reach.of(robot)
     if plan.gait.swing_height > reach.max_swing_height:
@@ -266,13 +246,7 @@ def _check_overlap(what: str, a: Footstep, b: Footstep, sizes: dict[str, tuple[f
 
 
 def soles_overlap(a: Footstep, b: Footstep, sizes: dict[str, tuple[float, float]]) -> bool:
-    """Return true if two soles overlap, by the separating axes of two rectangles in the plane.
-
-    Args:
-        a: One foot.
-        b: The other one.
-        sizes: Side → (length, width) of its sole, m.
-    """
+    """Return true if two soles of sizes (length, width), m, overlap, by the separating axes of two rectangles."""
     p, q = _corners(a, sizes[a.side]), _corners(b, sizes[b.side])
     for yaw in (a.yaw, a.yaw + math.pi / 2, b.yaw, b.yaw + math.pi / 2):
         axis = np.array([math.cos(yaw), math.sin(yaw)])

@@ -86,13 +86,7 @@ class ZmpTarget:
 def zmp_reference(supports: Sequence[SupportPhase], target: ZmpTarget, start: Array) -> tuple[Array, Array]:
     """Return a ZMP that rests under the stance foot and crosses over with constant velocity on both feet.
 
-    Args:
-        supports: Schedule from now on.
-        target: Reference under a stance foot.
-        start: ZMP now, shape (2,), m.
-
-    Returns:
-        Times from now, shape (k,), s, and points of the broken line, shape (k, 2), m.
+    Returned are times from now, shape (k,), s, and points of the broken line, shape (k, 2), m; `start` is the ZMP now.
     """
     times, points = [0.0], [tuple(np.asarray(start, dtype=float).tolist())]
     for i, support in enumerate(supports):
@@ -110,19 +104,11 @@ def zmp_reference(supports: Sequence[SupportPhase], target: ZmpTarget, start: Ar
 
 @lru_cache(maxsize=256)
 def support_area(feet: tuple[Footstep, ...], sizes: SoleSizes, margin: float = 0.0) -> tuple[Array, Array]:
-    """Return the half-planes of the area that the ZMP may not leave, seen from above.
+    """Return the half-planes of the area of one or two feet that the ZMP may not leave, seen from above.
 
-    Args:
-        feet: One or two feet on the ground.
-        sizes: Sizes of the soles.
-        margin: Distance of the area from the edge of the soles, m.
-
-    Returns:
-        Outward unit normals N, shape (8, 2), and offsets d, shape (8,), m, with N z ≤ d inside; rows that are not
-        needed are zero with d = 1. Cached: do not write into them.
-
-    Raises:
-        InputError: A margin that leaves nothing of a sole.
+    They are outward unit normals N, shape (8, 2), and offsets d, shape (8,), m, with N z ≤ d inside; rows that are not
+    needed are zero with d = 1. Cached: do not write into them. `margin` is the distance from the edge of the soles, m;
+    one that leaves nothing of a sole is an `InputError`.
     """
     corners = []
     for foot in feet:

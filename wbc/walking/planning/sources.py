@@ -175,14 +175,7 @@ class VelocitySource(FootstepSource):
         settings: DriveSettings | None = None,
         granted: tuple[float, float, float] = AT_REST,
     ) -> None:
-        """Stand.
-
-        Args:
-            reach: Reach of the legs.
-            sizes: (length, width) of the left and of the right sole, m.
-            settings: Settings; the defaults when None.
-            granted: Velocity of the robot now.
-        """
+        """Stand; soles are (length, width) of left and right, m, and `granted` is the velocity of the robot now."""
         self.settings = settings or DriveSettings()
         self.target, self.granted = AT_REST, granted
         self._wish: Velocity = granted  # before the limits of the reach
@@ -332,12 +325,7 @@ class GoalSource(FootstepSource):
 
     @checked
     def __init__(self, goal: tuple[float, float, float], drive: VelocitySource) -> None:
-        """Go to a goal.
-
-        Args:
-            goal: x, y (m) and yaw (rad) in the world.
-            drive: Source that turns velocities into steps.
-        """
+        """Go to a goal, x, y (m) and yaw (rad) in the world, by a source that turns velocities into steps."""
         x, y, yaw = finite_array("goal (m, m, rad)", goal, (3,)).tolist()
         self.goal = (x, y, yaw)
         self.reached = False
@@ -395,11 +383,7 @@ class PlanSource(FootstepSource):
 
     @checked
     def __init__(self, plan: FootstepPlan) -> None:
-        """Begin with the first step of a plan.
-
-        Args:
-            plan: The plan; its feet at the start are not looked at.
-        """
+        """Begin with the first step of a plan; its feet at the start are not looked at."""
         self.plan = plan
         self._gait = plan.gait.for_stairs() if plan.climbs else plan.gait
         self._begun: int | None = None
@@ -424,12 +408,7 @@ class PlanSource(FootstepSource):
 
 
 def close_up(start: FootstepPlan, side: str) -> FootstepPlan:
-    """Return the feet with one step that brings a foot beside the other; without steps if it stands there.
-
-    Args:
-        start: The feet.
-        side: Side of the foot that closes up.
-    """
+    """Return the feet with one step that brings that foot beside the other; without steps if it stands there."""
     stance, mate = (start.right, start.left) if side == "left" else (start.left, start.right)
     x, y, yaw = _beside(stance, 1.0 if side == "right" else -1.0, start.spacing)
     beside = replace(stance, side=side, x=x, y=y, yaw=yaw)
@@ -440,14 +419,7 @@ def close_up(start: FootstepPlan, side: str) -> FootstepPlan:
 
 
 def checked_velocity(velocity: Sequence[float] | None) -> Velocity:
-    """Return a commanded velocity.
-
-    Args:
-        velocity: Forward (m/s), left (m/s) and turn (rad/s), shape (3,); None for a stand.
-
-    Raises:
-        InputError: Not three finite numbers.
-    """
+    """Return a commanded velocity: forward, left (m/s) and turn (rad/s), finite, shape (3,); None for a stand."""
     if velocity is None:
         return AT_REST
     x, y, turn = finite_array("velocity (forward m/s, left m/s, turn rad/s)", velocity, (3,)).tolist()
