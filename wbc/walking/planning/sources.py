@@ -1,12 +1,7 @@
 """Sources of footsteps for a robot that is steered: a velocity, a goal, a plan, or a planner of one's own.
 
-A source is asked again while the robot walks, and answers with the steps from where the feet stand then:
-
-    class Own(FootstepSource):
-        def footsteps(self, now: Standing) -> FootstepPlan:
-            return walk_distance(now.start, 0.3, first=now.first or "left")
-
-An answer without steps is a stand. Sources are exchanged at any time; the step that has begun is finished.
+A source is asked again while the robot walks, and answers with the steps from where the feet stand then. An answer
+without steps is a stand. Sources are exchanged at any time; the step that has begun is finished.
 """
 
 from __future__ import annotations
