@@ -9,17 +9,10 @@ from wbc.core.errors import Array, InputError, finite_array
 
 
 def convex_hull(points: ArrayLike, tolerance: float = 1e-12) -> Array:
-    """Return the corners of the convex hull, counter-clockwise from the leftmost one.
+    """Return the corners of the convex hull, shape (k, 2), m, counter-clockwise from the leftmost one.
 
-    Args:
-        points: Shape (n, 2), m.
-        tolerance: Corners are dropped that span less than twice this area with their neighbours, m².
-
-    Returns:
-        Shape (k, 2) without points on edges; k < 3 when the points do not span an area.
-
-    Raises:
-        InputError: Not finite points of the plane.
+    Corners are dropped that span less than twice an area of `tolerance`, m², with their neighbours; k < 3 when the
+    points do not span an area.
 
     Source: A. M. Andrew, "Another efficient algorithm for convex hulls in two dimensions", Information Processing
     Letters 9(5), 1979.

@@ -56,11 +56,7 @@ class Quiet:
 
 
 def ask_priority(priority: int) -> int:
-    """Ask for the real-time scheduler; return the priority that was got, 0 without it.
-
-    Args:
-        priority: Priority under SCHED_FIFO, 1 to 99; 0 does not ask.
-    """
+    """Ask for the real-time scheduler; return the priority under SCHED_FIFO (1 to 99) that was got, 0 without it."""
     if priority > 0 and hasattr(os, "sched_setscheduler"):
         with contextlib.suppress(OSError):
             os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(priority))
@@ -79,11 +75,7 @@ def keep_timers_sharp() -> None:
 def quiet(priority: int | None) -> Iterator[Quiet]:
     """Keep garbage collector, pager and scheduler out of a loop as far as this process may; never fail.
 
-    Args:
-        priority: Priority under SCHED_FIFO, 1 to 99; None leaves the scheduler as it is.
-
-    Yields:
-        What was got; its counts are filled in at the end.
+    Yields what was got; its counts are filled in at the end. A priority of None leaves the scheduler as it is.
     """
     got = Quiet()
     enabled = gc.isenabled()

@@ -46,15 +46,9 @@ class Guard:
     """The guard, as the loop sees it."""
 
     def __init__(self, driver: Driver, age: float, priority: int | None = None) -> None:
-        """Start the process and wait until it watches.
+        """Start the process and wait until it watches; `age` is the longest time between two beats, s.
 
-        Args:
-            driver: Wire to the machine; it is pickled.
-            age: Longest time between two beats, s.
-            priority: Priority under SCHED_FIFO, if the process may; None does not ask.
-
-        Raises:
-            MachineError: The process cannot take the driver over, or cannot damp with it.
+        The driver is pickled. Raises `MachineError` when the process cannot take it over, or cannot damp with it.
         """
         self._age = age
         try:

@@ -35,12 +35,7 @@ class Inlet:
     """
 
     def __init__(self, robot: Robot, period: float) -> None:
-        """Take the ranges from a robot.
-
-        Args:
-            robot: The robot.
-            period: Control period, s.
-        """
+        """Take the ranges from a robot that is controlled with a period, s."""
         self._plausible = Plausibility(robot, period)
         self._unfelt = np.zeros((len(robot.soles), 6))
         self._last: Any = None
@@ -50,12 +45,7 @@ class Inlet:
         self.good: Measurement | None = None
 
     def take(self, measurement: Any, now: float) -> bool:
-        """Take a measurement; True if it is a new one.
-
-        Args:
-            measurement: As it came.
-            now: Time of its arrival, s.
-        """
+        """Take a measurement that arrived at `now`, s; True if it is a new one."""
         last, self._last = self._last, measurement
         if isinstance(measurement, Measurement) and isinstance(last, Measurement):
             if all(_same(getattr(measurement, name), getattr(last, name)) for name in SIGNALS):

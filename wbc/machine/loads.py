@@ -45,13 +45,7 @@ class SoleLoads:
     """
 
     def __init__(self, description: RobotDescription, period: float, gains: tuple[Array, Array]) -> None:
-        """Make the estimator.
-
-        Args:
-            description: The robot.
-            period: Control period, s.
-            gains: kp and kd of the machine, each of shape (na,).
-        """
+        """Make the estimator; `gains` are kp and kd of the machine, each of shape (na,)."""
         self._robot = robot = description.robot()
         self._gap = max(GAP, 2.5 * period)
         self._estimator = WrenchEstimator(robot, period)
@@ -76,11 +70,7 @@ class SoleLoads:
         return float(self._quick.sum()) / self._weight
 
     def posture(self, measurement: Measurement) -> Array:
-        """Return the measured joints with roll and pitch of the base as followed, shape (nq,).
-
-        Args:
-            measurement: Measurement that `wrenches` has seen.
-        """
+        """Return the joints of a measurement that `wrenches` has seen, with roll and pitch of the base, shape (nq,)."""
         q = np.array(self._robot.half_sitting)
         q[7:] = measurement.joint_position
         q[3:7] = pin.Quaternion(self._attitude).coeffs()
@@ -89,10 +79,8 @@ class SoleLoads:
     def wrenches(self, measurement: Measurement, state: tuple[Array, Array] | None = None) -> Array:
         """Return the wrench on each sole, in the sole frame, shape (number of soles, 6), N and Nm.
 
-        Args:
-            measurement: Measurement of this tick; asked a second time, the answer is the same.
-            state: Configuration and velocity by an observer, of which the base counts; by gyroscope and accelerometer
-                when None.
+        Asked a second time in a tick, the answer is the same. `state` is configuration and velocity by an observer, of
+        which the base counts; by gyroscope and accelerometer when None.
         """
         passed = measurement.time - self._time
         if passed == 0.0:

@@ -488,10 +488,7 @@ class Runner:
 def mixed(first: Command | None, second: Command, part: float) -> Command:
     """Return a command between two by what they do to the joints: torques, gains and servo torques in proportion.
 
-    Args:
-        first: Command at part 0, with references and gains; None for the second one alone.
-        second: Command at part 1, with gains.
-        part: From 0 to 1; above it is the second command.
+    At `part` 0 it is the first, with references and gains (None for the second one alone), from 1 on the second.
     """
     if first is None or part >= 1.0:
         return second

@@ -112,9 +112,7 @@ class Stand:
 def standing(robot: Robot, q: Array) -> Array:
     """Return a configuration with its soles, in the mean, where those of half-sitting are, shape (nq,).
 
-    Args:
-        robot: The robot; its state is not changed.
-        q: Configuration, of which the base's place and heading are replaced, shape (nq,).
+    Place and heading of the base are replaced; the robot's state is not changed.
     """
     data = robot.model.createData()
 
@@ -135,11 +133,7 @@ def standing(robot: Robot, q: Array) -> Array:
 def warm_up(control: object, robot: Robot, period: float, *, forces: bool) -> None:
     """Run some ticks on a robot at rest, so that the first real ones do not load code and memory.
 
-    Args:
-        control: A control; one that cannot be reset afterwards is left alone.
-        robot: The robot.
-        period: Control period, s.
-        forces: True for a robot with force sensors.
+    A control that cannot be reset afterwards is left alone; `forces` tells whether the robot has force sensors.
     """
     command, reset = getattr(control, "command", None), getattr(control, "reset", None)
     if command is None or reset is None:

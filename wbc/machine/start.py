@@ -47,15 +47,10 @@ class SafeStart:
         speed: float,
         gains: tuple[Array, Array],
     ) -> None:
-        """Plan the motion.
+        """Plan the motion from the posture of the first measurement.
 
-        Args:
-            robot: The robot.
-            first: Measurement of the posture from which it starts.
-            loads: Loads of the soles.
-            fade: Time in which stiffness and torques rise, s; 0 for servos that hold already.
-            speed: Largest mean speed of a joint on the way, rad/s.
-            gains: kp and kd of the machine, each of shape (na,).
+        Stiffness and torques rise in `fade` seconds, 0 for servos that hold already; `speed` is the largest mean speed
+        of a joint on the way, rad/s; `gains` are kp and kd of the machine, each of shape (na,).
         """
         self._robot, self._loads = robot, loads
         self._kp, self._kd = gains
@@ -69,12 +64,7 @@ class SafeStart:
         self._landing = Landing(robot, loads)
 
     def command(self, measurement: Measurement, elapsed: float) -> Command:
-        """Return the command at a time.
-
-        Args:
-            measurement: Measurement of this tick.
-            elapsed: Time since the start, s.
-        """
+        """Return the command at a measurement, `elapsed` seconds after the start."""
         part = min(1.0, elapsed / self._fade) if self._fade > 0.0 else 1.0
         torque = part * self.carry(measurement)
         if elapsed >= self.duration:
@@ -109,12 +99,7 @@ class Landing:
     """
 
     def __init__(self, robot: Robot, loads: SoleLoads) -> None:
-        """Start at half-sitting.
-
-        Args:
-            robot: The robot; its model is used.
-            loads: Attitude and load.
-        """
+        """Start at half-sitting; the robot's model is used."""
         self._robot, self._loads = robot, loads
         model, data = robot.model, robot.model.createData()
         self._data, self._q = data, np.array(robot.half_sitting)
@@ -135,8 +120,7 @@ class Landing:
     def reference(self, measurement: Measurement) -> Array:
         """Return the joint positions to hold, shape (na,), rad; from the first touch on they stay as they are.
 
-        Args:
-            measurement: Measurement of this tick, which the loads have seen.
+        The loads have seen the measurement.
         """
         q, model, data = self._q, self._robot.model, self._data
         passed = min(max(measurement.time - self._time, 0.0), LONGEST)

@@ -95,12 +95,7 @@ class End:
     """
 
     def __init__(self, joints: int, secret: str | None) -> None:
-        """Draw a key.
-
-        Args:
-            joints: Number of joints.
-            secret: Shared secret of both ends; None does not sign.
-        """
+        """Draw a key, for that number of joints; a secret of both ends signs, None does not."""
         self.key = secrets.randbits(63) + 1
         self._joints = joints
         self._secret = secret.encode() if secret else b""

@@ -109,12 +109,10 @@ class InertialFilter:
         self.rotation = middle.dot(half)
 
     def correct(self, velocity: Array | None, yaw_error: float, dt: float) -> None:
-        """Correct the state with velocity and yaw from the legs.
+        """Correct the state with velocity and yaw from the legs, `dt` seconds after the last call.
 
-        Args:
-            velocity: Velocity of the IMU point from the legs, in the world, shape (3,), m/s; None in flight.
-            yaw_error: Yaw of the IMU from the feet minus its yaw in the filter, rad.
-            dt: Time since the last call, s.
+        The velocity is that of the IMU point in the world, shape (3,), m/s, None in flight; the error is the yaw of the
+        IMU from the feet minus that of the filter, rad.
         """
         s = self.settings
         if velocity is None:

@@ -47,9 +47,7 @@ class BrakingLaw:
     def __call__(self, distance: Array, velocity: Array) -> Array:
         """Return the upper bound of the velocity v⁺ towards the bound, rad/s; overwritten by the next call.
 
-        Args:
-            distance: Distance to the bound, rad; negative beyond it.
-            velocity: Velocity towards the bound, rad/s.
+        The distance to the bound, rad, is negative beyond it; the velocity is towards it, rad/s.
         """
         final = self._final
         np.multiply(self._per_distance, distance, out=final)

@@ -132,16 +132,10 @@ class Topics:
     """One topic to read, one to write."""
 
     def __init__(self, domain: int, interface: str, reads: str, writes: str) -> None:
-        """Join a domain.
+        """Join a DDS domain, with a topic to read and one to write.
 
-        Args:
-            domain: DDS domain.
-            interface: Network interface; that of the first call in a process holds for the whole process.
-            reads: Topic to read.
-            writes: Topic to write.
-
-        Raises:
-            DdsError: cyclonedds is not installed, or it cannot use that interface.
+        The interface of the first call in a process holds for the whole process. Raises `DdsError` when cyclonedds is
+        not installed, or cannot use it.
         """
         kinds = messages()
         from cyclonedds.core import (  # noqa: PLC0415
@@ -190,13 +184,9 @@ class Topics:
         self.send(message)
 
     def take(self, timeout: float) -> list[Any]:
-        """Return the messages that have come, the oldest first; wait for one if there is none.
+        """Return the messages that have come, the oldest first; wait for one, `timeout` seconds, if there is none.
 
-        Args:
-            timeout: Longest wait, s.
-
-        Returns:
-            Messages; among them may be notes of cyclonedds on writers that have left.
+        Among them may be notes of cyclonedds on writers that have left.
         """
         samples: list[Any] = self._reader.take(16)
         if not samples and timeout > 0.0:

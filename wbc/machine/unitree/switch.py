@@ -128,16 +128,7 @@ class SwitchService:
     """
 
     def __init__(self, interface: str, domain: int, mode: str = "") -> None:
-        """Join the topics.
-
-        Args:
-            interface: Network interface.
-            domain: DDS domain.
-            mode: Name of the built-in controller that has the motors.
-
-        Raises:
-            DdsError: cyclonedds is not installed.
-        """
+        """Join the topics; `mode` names the controller that has the motors. Raises `DdsError` without cyclonedds."""
         self._topics = Topics(domain, interface, REQUEST_TOPIC, RESPONSE_TOPIC)
         self.mode = mode
 
