@@ -1,7 +1,7 @@
 """Hostile input, everywhere: a result, or one line that names value and rule; never a traceback, silence or a hang.
 
-The cases are those of `tests/support/fuzzing.py`: every option of every command with hostile words, every parameter of
-every public constructor and function with hostile values, one at a time. A seeded sample runs by default.
+Every option of every command is drawn with hostile words, every parameter of every public constructor and function with
+hostile values, one at a time (`tests/support/fuzzing.py`); a small sample by default.
 """
 
 from __future__ import annotations
@@ -12,11 +12,12 @@ import os
 import re
 import struct
 import zlib
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
 import fuzzing
-import numpy as np
+import mutated
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -35,31 +36,65 @@ from wbc.tasks import BalanceGains, StabilizerGains
 from wbc.walking import Gait
 
 
-@pytest.mark.parametrize(("kind", "size"), [("commands", 12), ("api", 30), ("files", 40)])
-def test_a_sample_of_hostile_input_ends_in_a_result_or_a_refusal(kind: str, size: int) -> None:
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
+    """A folder with hostile files and valid ones, with bounded memory, where long work ends as soon as it begins."""
+    place = tmp_path_factory.mktemp("fuzz")
+    (place / "files").mkdir()
+    mutated.write_valid(place / "valid")
+    with fuzzing.bounded(place):
+        yield place
+
+
+def drawn(count: int, check: Callable[..., str | None], *strategies: st.SearchStrategy[Any]) -> None:
+    """Check a number of examples, in the long profile ten times as many."""
+
+    @examples(count)
+    @given(st.tuples(*strategies))
+    def ends_well(values: tuple[Any, ...]) -> None:
+        assert (why := check(*values)) is None, why
+
+    ends_well()
+
+
+def file_ends_well(file: mutated.MutatedFile, folder: Path) -> str | None:
+    """Run a command on a mutated file; on a valid one it must not be refused."""
+    return fuzzing.run_command(file.words(folder), refusable=file.seed is not None)
+
+
+@pytest.mark.parametrize("count", [12, pytest.param(10_000, marks=pytest.mark.slow)])
+def test_every_command_line_ends_in_a_result_or_a_refusal(folder: Path, count: int) -> None:
+    lines = fuzzing.command_lines(folder / "files")
+    assert len(lines) > 600
+    filled = st.sampled_from(lines).flatmap(lambda line: line.drawn.map(line.filled))
+    drawn(count, fuzzing.run_command, filled)
+
+
+@pytest.mark.parametrize("count", [40, pytest.param(30_000, marks=pytest.mark.slow)])
+def test_every_public_call_ends_in_a_result_or_a_refusal(folder: Path, count: int) -> None:
+    places = fuzzing.places()
+    assert len(places) > 1000
+    drawn(count, fuzzing.call, st.sampled_from(places), fuzzing.HOSTILE)
+
+
+@pytest.mark.parametrize("count", [40, pytest.param(1000, marks=pytest.mark.slow)])
+def test_mutated_files_end_in_a_result_or_a_refusal(folder: Path, count: int) -> None:
     """Files are valid ones of every kind with bits, numbers and pieces changed."""
-    sample = np.random.default_rng(7).choice(fuzzing.LEAST[kind], size=size, replace=False)
-    ran, failures = fuzzing.fuzz(kind, sorted(sample.tolist()))
-    assert ran == size and not failures, failures
+    files = st.builds(mutated.MutatedFile, st.sampled_from(sorted(mutated.COMMANDS)), st.integers(0, 10_000))
+    drawn(count, lambda file: file_ends_well(file, folder), files)
 
 
 @pytest.mark.slow
-def test_every_function_takes_the_valid_arguments_beside_which_one_is_hostile() -> None:
-    ran, failures = fuzzing.fuzz("plain", range(10**6))
-    assert ran >= 140 and not failures, failures
+@pytest.mark.parametrize("name", mutated.COMMANDS)
+def test_the_files_that_are_mutated_are_valid(folder: Path, name: str) -> None:
+    assert file_ends_well(mutated.MutatedFile(name, None), folder) is None
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("kind", ["commands", "api"])
-def test_all_hostile_input_ends_in_a_result_or_a_refusal(kind: str) -> None:
-    ran, failures = fuzzing.fuzz(kind, range(10**6))
-    assert ran >= fuzzing.LEAST[kind] and not failures, failures
-
-
-@pytest.mark.slow
-def test_a_thousand_mutated_files_end_in_a_result_or_a_refusal() -> None:
-    ran, failures = fuzzing.fuzz("files", range(1000))
-    assert ran == 1000 and not failures, failures
+def test_every_function_takes_the_valid_arguments_beside_which_one_is_hostile(folder: Path) -> None:
+    functions = dict.fromkeys(place._replace(parameter="") for place in fuzzing.places())
+    failures = {place: why for place in functions if (why := fuzzing.call(place))}
+    assert len(functions) >= 140 and not failures, failures
 
 
 def big_png(path: Path) -> None:

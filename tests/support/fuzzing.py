@@ -1,68 +1,52 @@
-"""Hostile input for every option of every command and every parameter of the public packages, run in a worker.
+"""Hostile input for every option of every command and every parameter of the public packages, drawn by hypothesis.
 
-A worker is a process of its own with bounded memory: a case that hangs or crashes ends the worker, not the tests, and
-the next worker goes on behind it. `python tests/support/fuzzing.py commands|api|plain|files [from [to [step]]]` lists
-what failed; files are mutated ones (`mutated`).
+A place is a command line with a hole, or a parameter of a public function whose other arguments are valid. What is
+drawn for it must end in a result or in a refusal, within bounded memory and time; long work that legal values begin is
+replaced by `Accepted`. `tests/app/test_fuzz.py` draws.
 """
 
 from __future__ import annotations
 
 import contextlib
+import dataclasses
 import importlib
 import inspect
 import io
 import json
 import logging
 import math
-import os
-import queue
 import resource
 import signal
-import subprocess
-import sys
-import tempfile
-import threading
 import time
 import traceback
 import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, is_dataclass, replace
 from enum import Enum
 from functools import cache
 from pathlib import Path
 from types import SimpleNamespace
-from typing import Any, get_args, get_origin
+from typing import Any, NamedTuple, get_args, get_origin
 
 import numpy as np
+import pytest
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as st_numpy
+
+import wbc
+from wbc import feet, sim, tasks, walking
+from wbc.app import cli
+from wbc.app.commands import COMMANDS
+from wbc.core.changes import setting_names
+from wbc.core.errors import WbcError
+from wbc.feet.soles.soft import VariableStiffnessFoot
+from wbc.sim.terrain import Terrain, terrain_families
+from wbc.sim.walks import TrialSettings
 
 MEMORY = 8 * 2**30
-"""Address space of a worker, bytes."""
+"""Address space, bytes."""
 
 LIMIT = 5.0
-"""Longest time of a case, s."""
-
-WORDS = ("-1", "0", "1", "1e300", "1e-300", "nan", "inf", "-inf", "1e9", "0.5", "text", "", " ", "x" * 10_000)
-HARD_WORDS = (
-    "\ud800",
-    "a\0b",
-    "1" * 5000,
-    "none",
-    "-5e-324",
-    "1_000",
-    "٣",
-    "../..",
-    "1,2,3",
-    "=",
-    "a=",
-    "=1",
-)
-PAIRS = ("nothing=1", "no_value", "seed=nan")
-
-MUTATIONS = 10_000
-"""Mutations of each file that there are."""
-
-LEAST = {"commands": 10_000, "api": 37_000, "files": 20 * MUTATIONS}
-"""Number of cases that there are at least."""
+"""Longest processor time of a case, s; as slow as twelve times that on a busy machine."""
 
 PACKAGES = ("wbc", "wbc.tasks", "wbc.robots", "wbc.feet", "wbc.walking", "wbc.sim")
 
@@ -113,12 +97,80 @@ class Accepted(BaseException):
     """Input was accepted: the work begins."""
 
 
-@dataclass(frozen=True)
-class Failure:
-    """A case that ended in neither a result nor a refusal."""
+def _accept(*_: Any, **__: Any) -> Any:
+    raise Accepted
 
-    case: str
-    why: str
+
+@contextlib.contextmanager
+def bounded(folder: Path) -> Iterator[Path]:
+    """Work in a folder, with bounded memory and without the long work; warnings and the log are silent."""
+    memory = resource.getrlimit(resource.RLIMIT_AS)
+    with pytest.MonkeyPatch.context() as patch, warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        patch.chdir(folder)
+        for place in STUBS:
+            module, _, path = place.partition(":")
+            owner: Any = importlib.import_module(module)
+            *parents, name = path.split(".")
+            for parent in parents:
+                owner = getattr(owner, parent)
+            patch.setattr(owner, name, _accept)
+        logging.disable(logging.CRITICAL)
+        resource.setrlimit(resource.RLIMIT_AS, (MEMORY, memory[1]))
+        try:
+            yield folder
+        finally:
+            resource.setrlimit(resource.RLIMIT_AS, memory)
+            logging.disable(logging.NOTSET)
+
+
+@contextlib.contextmanager
+def _in_time() -> Iterator[None]:
+    """Raise `TimeoutError` in what takes too long."""
+
+    def late(*_: Any) -> None:
+        raise TimeoutError("never ends")
+
+    signals = {
+        signal.SIGPROF: (signal.ITIMER_PROF, LIMIT),
+        signal.SIGALRM: (signal.ITIMER_REAL, 12.0 * LIMIT),
+    }
+    before = {number: signal.signal(number, late) for number in signals}
+    for timer, seconds in signals.values():
+        signal.setitimer(timer, seconds)
+    try:
+        yield
+    finally:
+        for timer, _ in signals.values():
+            signal.setitimer(timer, 0.0)
+        for number, handler in before.items():
+            signal.signal(number, handler)
+
+
+# ---- command lines --------------------------------------------------------------------------------------------------
+
+HOLE = "<?>"
+"""What a drawn word takes the place of."""
+
+WORDS = st.sampled_from(
+    ("-1", "0", "1", "1e300", "1e-300", "nan", "inf", "-inf", "1e9", "0.5", "text", "", " ", "x" * 10_000)
+    + ("\ud800", "a\0b", "1" * 5000, "none", "-5e-324", "1_000", "٣", "../..", "1,2,3", "=", "a=", "=1")
+) | st.text(max_size=20)
+PAIRS = WORDS | st.sampled_from(("nothing=1", "no_value", "seed=nan"))
+NUMBERS = st.sampled_from(
+    ("-1", "0", "1e300", "1e-300", "nan", "inf", "1e9", "0.5", "text", "none", "true", "1,2")
+)
+
+
+class Line(NamedTuple):
+    """A command line with a hole, and what may be drawn for it."""
+
+    words: list[str]
+    drawn: st.SearchStrategy[str]
+
+    def filled(self, word: str) -> list[str]:
+        """Return the command line with a word in its hole."""
+        return [part.replace(HOLE, word) for part in self.words]
 
 
 def hostile_files(folder: Path) -> list[str]:
@@ -179,118 +231,68 @@ STUDY = {
 }
 
 
-def command_cases(folder: Path) -> list[list[str]]:
-    """Return command lines, each with one hostile word."""
-    from wbc.app.cli import make_app  # noqa: PLC0415 - the parent does not need it
-    from wbc.app.commands import COMMANDS  # noqa: PLC0415
-
-    files = hostile_files(folder)
+def command_lines(folder: Path) -> list[Line]:
+    """Return lines with a hole for every option of every command, parameter of grounds and feet, and setting."""
+    files = st.sampled_from(hostile_files(folder))
     study = folder / "good_study.json"
     study.write_text(json.dumps(STUDY))
     (folder / "old.jsonl").write_bytes(b"")
-    app = make_app(None)
-    cases: list[list[str]] = []
+    app = cli.make_app(None)
+    lines: list[Line] = []
     for words in COMMANDS:
         command = app
         for word in words.split():
             command = command[word]
         base = [part.format(dir=folder, study=study) for part in BASE.get(words, [])]
         for argument in command.assemble_argument_collection():
-            name = argument.name
-            kinds = (argument.hint, *get_args(argument.hint))
-            if (
-                name == "*"
-                or not argument.parse
-                or any(isinstance(k, type) and hasattr(k, "__settings__") for k in kinds)
-            ):
+            name, kinds = argument.name, (argument.hint, *get_args(argument.hint))
+            nested = any(isinstance(k, type) and hasattr(k, "__settings__") for k in kinds)
+            if name == "*" or not argument.parse or nested or bool in kinds or name in NOT_DRAWN:
                 continue
-            if name in ("--json", "--verbose", "--view", "--host", "--cluster"):
-                continue
-            values: list[str] = [*WORDS, *HARD_WORDS]
-            if (
-                Path in kinds
-                or name in ("STUDY", "WORDS", "LOG", "--name")
-                or "param" in name
-                or name == "--set"
-            ):
-                values += files
-            if str in kinds and get_origin(argument.hint) is tuple:
-                values += PAIRS
-            if bool in kinds:
-                values = []
-            for value in values:
-                if not name.startswith("-"):
-                    before = base[1:] if base and not base[0].startswith("-") else base
-                    cases.append([*words.split(), value, *before])
-                else:
-                    kept = [w for i, w in enumerate(base) if w != name and (i == 0 or base[i - 1] != name)]
-                    if words == "walk" and name in ("--spec", "--velocity", "--steps", "--turn", "--stairs"):
-                        kept = []
-                    cases.append([*words.split(), *kept, f"{name}={value}"])
-        if words == "terrain":
-            cases += _family_cases(files)
-        if "foot" in words or words == "walk":
-            cases += _foot_cases(words, base)
-        if words == "walk":
-            cases += _set_cases(base)
-    return cases
+            drawn = PAIRS if str in kinds and get_origin(argument.hint) is tuple else WORDS
+            if Path in kinds or name in ("STUDY", "WORDS", "LOG", "--name", "--set") or "param" in name:
+                drawn |= files
+            if name.startswith("-"):
+                lines.append(Line([*words.split(), *_without(base, name, words), f"{name}={HOLE}"], drawn))
+            else:
+                before = base[1:] if base and not base[0].startswith("-") else base
+                lines.append(Line([*words.split(), HOLE, *before], drawn))
+    return [*lines, *_parameters(files)]
 
 
-def _family_cases(files: Sequence[str]) -> Iterator[list[str]]:
-    from dataclasses import fields  # noqa: PLC0415
+NOT_DRAWN = ("--json", "--verbose", "--view", "--host", "--cluster")
 
-    from wbc.sim.terrain import terrain_families  # noqa: PLC0415
 
+def _without(base: Sequence[str], name: str, words: str) -> list[str]:
+    """Return the other arguments of a command without an option and its value."""
+    if words == "walk" and name in ("--spec", "--velocity", "--steps", "--turn", "--stairs"):
+        return []
+    return [word for i, word in enumerate(base) if word != name and (i == 0 or base[i - 1] != name)]
+
+
+def _parameters(files: st.SearchStrategy[str]) -> Iterator[Line]:
+    """Lines for what stands behind `--param`, `--foot-param`, `--set` and `--push`."""
     for name, kind in terrain_families().items():
-        for field in fields(kind):
-            values = [*WORDS[:10], *(files if field.name in ("path", "file", "image", "source") else ())]
-            for value in values:
-                yield ["terrain", name, "--param", f"{field.name}={value}"]
+        for field in dataclasses.fields(kind):
+            drawn = NUMBERS | files if field.name in ("path", "file", "image", "source") else NUMBERS
+            yield Line(["terrain", name, "--param", f"{field.name}={HOLE}"], drawn)
         for option in ("amplitude", "length", "width", "resolution", "sole-radius"):
-            for value in ("1e300", "1e-300", "1e9", "-1", "1e6", "1e-6"):
-                yield ["terrain", name, f"--{option}={value}"]
-
-
-def _foot_cases(words: str, base: Sequence[str]) -> Iterator[list[str]]:
-    from dataclasses import fields  # noqa: PLC0415
-
-    from wbc.feet.soles.soft import VariableStiffnessFoot  # noqa: PLC0415
-
-    rest = [w for i, w in enumerate(base) if w != "--foot" and (i == 0 or base[i - 1] != "--foot")]
-    for field in fields(VariableStiffnessFoot):
-        for value in WORDS[:11]:
-            yield [*words.split(), *rest, "--foot", "variable", "--foot-param", f"{field.name}={value}"]
-
-
-def _set_cases(base: Sequence[str]) -> Iterator[list[str]]:
-    from wbc.core.changes import setting_names  # noqa: PLC0415
-    from wbc.sim.walks import TrialSettings  # noqa: PLC0415
-
+            yield Line(["terrain", name, f"--{option}={HOLE}"], NUMBERS)
+    walk = ["walk", *BASE["walk"]]
+    for start in (walk, ["foot", "press"]):
+        for field in dataclasses.fields(VariableStiffnessFoot):
+            yield Line([*start, "--foot", "variable", "--foot-param", f"{field.name}={HOLE}"], NUMBERS)
     for name in setting_names(TrialSettings()):
-        for value in ("-1", "1e300", "1e-300", "nan", "text", "none", "true", "1,2"):
-            yield ["walk", *base, "--set", f"{name}={value}"]
-    for name in ("impulse", "direction", "duration", "body", "time", "step", "phase"):
-        for value in WORDS[:12]:
-            yield [
-                "walk",
-                *base,
-                "--push",
-                f"impulse=0.1,{name}={value}" if name != "impulse" else f"impulse={value}",
-            ]
-
-
-def run_file(case: Any, folder: Path) -> str | None:
-    """Run a command on a mutated file; on a valid one it must not be refused."""
-    return run_command(case.words(folder), refusable=case.seed is not None)
+        yield Line([*walk, "--set", f"{name}={HOLE}"], NUMBERS)
+    for name in ("direction", "duration", "body", "time", "step", "phase"):
+        yield Line([*walk, "--push", f"impulse=0.1,{name}={HOLE}"], NUMBERS)
 
 
 def run_command(words: list[str], *, refusable: bool = True) -> str | None:
     """Run a command line; return why it failed, None if it ended as it should."""
-    from wbc.app import cli  # noqa: PLC0415
-
     out, err = io.StringIO(), io.StringIO()
     try:
-        with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
+        with _in_time(), contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
             code = cli.main(words)
     except Accepted:
         return None
@@ -300,80 +302,14 @@ def run_command(words: list[str], *, refusable: bool = True) -> str | None:
     if code == 0:
         return None if out.getvalue().strip() else "silence"
     said = [line for line in lines if line.startswith("wbc: ")]
-    if code not in (1, 2) or not refusable or len(said) != 1 or len(said[0]) < 12:
+    if code not in (1, 2) or not refusable or len(said) != 1 or not 12 <= len(said[0]) <= 1500:
         return f"exit {code}: {lines[-3:]}"
     if code == 1 and "diverged" not in said[0] and "journal" not in said[0]:
         return f"exit 1: {said[0][:300]}"
-    if len(said[0]) > 1500:
-        return f"a line of {len(said[0])} characters: {said[0][:200]}"
     return None
 
 
-def stub_long_work() -> None:
-    """Replace long work by `Accepted`, so that legal values cost nothing."""
-
-    def accept(*_: Any, **__: Any) -> Any:
-        raise Accepted
-
-    for place in STUBS:
-        module, _, path = place.partition(":")
-        owner: Any = importlib.import_module(module)
-        *parents, name = path.split(".")
-        for parent in parents:
-            owner = getattr(owner, parent)
-        assert hasattr(owner, name), place
-        setattr(owner, name, accept)
-
-
-# --- the Python API -------------------------------------------------------------------------------------------------
-
-
-class Odd:
-    """An object of a foreign class."""
-
-
-HOSTILE: dict[str, Callable[[], Any]] = {
-    "None": lambda: None,
-    "nan": lambda: math.nan,
-    "inf": lambda: math.inf,
-    "1e300": lambda: 1e300,
-    "1e-300": lambda: 1e-300,
-    "-1": lambda: -1,
-    "0": lambda: 0,
-    "0.5": lambda: 0.5,
-    "10**9": lambda: 10**9,
-    "10**400": lambda: 10**400,
-    "True": lambda: True,
-    "''": lambda: "",
-    "'text'": lambda: "text",
-    "surrogate": lambda: "\ud800",
-    "NUL": lambda: "a\0b",
-    "long": lambda: "x" * 100_000,
-    "bytes": lambda: b"\xff\x00",
-    "[]": lambda: [],
-    "[nan]": lambda: [math.nan],
-    "[[]]": lambda: [[]],
-    "['a']": lambda: ["a"],
-    "{}": lambda: {},
-    "{1: 2}": lambda: {1: 2},
-    "object": Odd,
-    "class": lambda: Odd,
-    "function": lambda: _wrong,
-    "array 0": lambda: np.zeros(0),
-    "array (2, 2, 2)": lambda: np.zeros((2, 2, 2)),
-    "array nan": lambda: np.full(3, math.nan),
-    "array text": lambda: np.array(["a"]),
-    "array object": lambda: np.array([None, {}], dtype=object),
-    "array 1e300": lambda: np.full(6, 1e300),
-    "path": lambda: Path("/nowhere"),
-    "folder": lambda: Path("/"),
-    "complex": lambda: 1j,
-    "set": lambda: {1, 2},
-    "recursive": lambda: _recursive(),  # noqa: PLW0108 - defined below
-    "deep": lambda: _deep(),  # noqa: PLW0108
-    "array float32": lambda: np.float32(1.0),
-    "np.nan": lambda: np.float64(math.nan),
-}
+# ---- the Python API -------------------------------------------------------------------------------------------------
 
 
 def _wrong(*_: Any) -> Any:
@@ -393,17 +329,59 @@ def _deep() -> list[Any]:
     return values
 
 
+class Odd:
+    """An object of a foreign class."""
+
+
+ODD: dict[str, Callable[[], Any]] = {
+    "object": Odd,
+    "class": lambda: Odd,
+    "function": lambda: _wrong,
+    "recursive": _recursive,
+    "deep": _deep,
+    "complex": lambda: 1j,
+    "set": lambda: {1, 2},
+    "path": lambda: Path("/nowhere"),
+    "folder": lambda: Path("/"),
+    "long": lambda: "x" * 100_000,
+    "array of texts": lambda: np.array(["a"]),
+    "array of objects": lambda: np.array([None, {}], dtype=object),
+    "float32": lambda: np.float32(1.0),
+}
+"""Values that are made in the call: some have no end that could be printed."""
+
+
+class Made(NamedTuple):
+    """One of the odd values."""
+
+    name: str
+
+
+FLOATS = st.sampled_from((math.nan, math.inf, -math.inf, 1e300, 1e-300, -1.0, 0.0, 0.5)) | st.floats(
+    -1.0, 1.0
+)
+SCALARS = (
+    *(st.none(), st.booleans(), FLOATS, st.integers(-3, 3), st.sampled_from((10**9, 10**400))),
+    *(st.text(max_size=5), st.sampled_from(("text", "\ud800", "a\0b")), st.binary(max_size=3)),
+)
+HOSTILE = st.one_of(
+    *SCALARS,
+    st.lists(st.one_of(*SCALARS), max_size=4) | st.lists(st.lists(FLOATS, max_size=3), max_size=3),
+    st.dictionaries(st.text(max_size=5) | st.integers(), st.one_of(*SCALARS), max_size=2),
+    st_numpy.arrays(
+        float, st_numpy.array_shapes(min_dims=1, max_dims=3, min_side=0, max_side=7), elements=FLOATS
+    ),
+    st.builds(Made, st.sampled_from(sorted(ODD))),
+)
+"""What is given to a parameter."""
+
+
 @cache
 def _description() -> Any:
-    import wbc  # noqa: PLC0415
-
     return wbc.load_robot("hrp4_class")
 
 
 def _plan() -> Any:
-    from wbc import sim  # noqa: PLC0415
-
-    del sim
     from wbc.walking import Footstep, FootstepPlan, Gait  # noqa: PLC0415
 
     return FootstepPlan(Footstep("left", 0.0, 0.1), Footstep("right", 0.0, -0.1), (), Gait())
@@ -414,14 +392,12 @@ def _made(target: Any, name: str) -> Any:
     hint = inspect.signature(target, eval_str=True).parameters[name].annotation
     if get_origin(hint) is Mapping:
         return {}
-    parameters = inspect.signature(hint).parameters.values() if is_dataclass(hint) else ()
+    parameters = inspect.signature(hint).parameters.values() if dataclasses.is_dataclass(hint) else ()
     return hint() if parameters and all(p.default is not p.empty for p in parameters) else None
 
 
 def valid(target: Any, name: str, package: str) -> Any:
     """Return a usable value for a parameter without default, by function and name; None when unknown."""
-    import wbc  # noqa: PLC0415
-    from wbc import feet, sim, walking  # noqa: PLC0415
     from wbc.feet.soles.sole import SoleGeometry  # noqa: PLC0415
 
     makers: dict[str, Callable[[], Any]] = {
@@ -468,7 +444,7 @@ def valid(target: Any, name: str, package: str) -> Any:
         "sizes": lambda: ((0.2, 0.1), (0.2, 0.1)),
         "design": lambda: feet.foot("soft"),
         "foot": lambda: feet.foot("variable"),
-        "policy": wbc.tasks.FixedPolicy,
+        "policy": tasks.FixedPolicy,
         "z": lambda: np.sin(np.arange(100.0)),
         "x": (lambda: np.arange(100.0) * 0.01) if package == "wbc.feet" else (lambda: 0.0),
         "step": lambda: 0.01,
@@ -523,8 +499,6 @@ def own_values(function: str) -> dict[str, Any]:
     """Return usable values for parameters of one function, where those of `valid` do not fit."""
     import pinocchio as pin  # noqa: PLC0415
 
-    import wbc  # noqa: PLC0415
-    from wbc import feet, sim, walking  # noqa: PLC0415
     from wbc.tasks.stabilizer.distribution import WrenchDistribution  # noqa: PLC0415
 
     plane = pin.SE3.Identity()
@@ -621,7 +595,6 @@ def _new_journal() -> str:
 
 
 def _clip() -> Any:
-    import wbc  # noqa: PLC0415
     from wbc.motion import MotionClip  # noqa: PLC0415
 
     robot = wbc.load_robot("g1").robot()
@@ -640,29 +613,24 @@ SKIP = {
 }  # fmt: skip
 
 
-@dataclass(frozen=True)
-class ApiCase:
-    """A call of a public function with one hostile argument."""
+class Place(NamedTuple):
+    """A parameter of a public function; of no function's parameter where it is empty: then all arguments are valid."""
 
     package: str
     function: str
-    parameter: str
-    value: str
-
-    def __str__(self) -> str:
-        return f"{self.package}.{self.function}({self.parameter}={self.value})"
+    parameter: str = ""
 
 
-def api_cases() -> list[ApiCase]:
-    """Return calls of every public constructor and function, each with one hostile argument."""
-    cases = []
+def places() -> list[Place]:
+    """Return every parameter of every public constructor and function."""
+    found: list[Place] = []
     seen: set[int] = set()
     for package in PACKAGES:
         module = importlib.import_module(package)
         for name in module.__all__:
             target = getattr(module, name)
             annotation = get_origin(target) is not None  # Positive, Count, …: no constructors
-            if annotation or not callable(target) or id(target) in seen or name in SKIP:
+            if annotation or not callable(target) or id(target) in seen or name in {*SKIP, *LONG_CALLS}:
                 continue
             if isinstance(target, type) and (
                 issubclass(target, (BaseException, Enum))
@@ -671,97 +639,63 @@ def api_cases() -> list[ApiCase]:
             ):
                 continue
             seen.add(id(target))
-            try:
-                parameters = inspect.signature(target).parameters.values()
-            except ValueError:
-                continue
-            for parameter in parameters:
-                if parameter.name in ("args", "hooks", "options", "values") and parameter.kind in (
-                    parameter.VAR_POSITIONAL,
-                    parameter.VAR_KEYWORD,
-                ):
-                    continue
-                cases += [ApiCase(package, name, parameter.name, value) for value in HOSTILE]
+            with contextlib.suppress(ValueError):
+                for parameter in inspect.signature(target).parameters.values():
+                    several = parameter.kind in (parameter.VAR_POSITIONAL, parameter.VAR_KEYWORD)
+                    if not several or parameter.name not in ("args", "hooks", "options", "values"):
+                        found.append(Place(package, name, parameter.name))
     for option in ("weight", "stiffness", "damping", "name", "hard", "offset"):
         for task in ("CoMTask", "PoseTask", "PostureTask", "WrenchTask", "ImpedanceTask"):
-            cases += [ApiCase("wbc.tasks", task, option, value) for value in HOSTILE]
-    for parameter in inspect.signature(importlib.import_module("wbc").RobotDescription.from_urdf).parameters:
-        cases += [ApiCase("wbc", "RobotDescription.from_urdf", parameter, value) for value in HOSTILE]
-    for name in ("stand", "walk"):
-        spec = getattr(importlib.import_module("wbc.sim"), f"{name.title()}Spec")
-        for parameter in inspect.signature(spec).parameters:
-            cases += [ApiCase("wbc", name, parameter, value) for value in HOSTILE]
-    return cases
+            found.append(Place("wbc.tasks", task, option))
+    for parameter in inspect.signature(wbc.RobotDescription.from_urdf).parameters:
+        found.append(Place("wbc", "RobotDescription.from_urdf", parameter))
+    for name, spec in (("stand", sim.StandSpec), ("walk", sim.WalkSpec)):
+        found += [Place("wbc", name, parameter) for parameter in inspect.signature(spec).parameters]
+    return found
 
 
-def plain_calls() -> list[ApiCase]:
-    """Return one call of every public constructor and function, without a hostile argument."""
-    functions = dict.fromkeys((case.package, case.function) for case in api_cases())
-    return [ApiCase(*each, "", "") for each in functions if each[1] not in LONG_CALLS]
-
-
-def _call(case: ApiCase) -> None:
-    """Make a call and use its result."""
-    target: Any = importlib.import_module(case.package)
-    for part in case.function.split("."):
+def call(place: Place, value: Any = None) -> str | None:
+    """Make a call and use its result; return why it failed, None for a result, a refusal or the begin of long work."""
+    target: Any = importlib.import_module(place.package)
+    for part in place.function.split("."):
         target = getattr(target, part)
-    arguments = own_values(case.function)
+    refusals: tuple[type[BaseException], ...] = (Accepted, WbcError) if place.parameter else (Accepted,)
+    try:
+        with _in_time():
+            arguments = _valid_arguments(place, target)
+            if place.parameter:
+                arguments[place.parameter] = ODD[value.name]() if isinstance(value, Made) else value
+            _use(target(**arguments))
+    except refusals:
+        return None
+    except TypeError as error:
+        return None if place.parameter and "unexpected keyword argument" in str(error) else _trace(error)
+    except Exception as error:
+        return _trace(error)
+    return None
+
+
+def _valid_arguments(place: Place, target: Any) -> dict[str, Any]:
+    match place.function:
+        case "RobotDescription.from_urdf":
+            left, right = _description().soles
+            return {"source": _description().urdf, "left_sole": left, "right_sole": right}
+        case "stand":
+            return {"seconds": 0.02}
+        case "walk":
+            return {"plan": sim.WalkPlan(distance=0.1)}
+    arguments = own_values(place.function)
     for parameter in inspect.signature(target).parameters.values():
         several = parameter.kind in (parameter.VAR_POSITIONAL, parameter.VAR_KEYWORD)
         if parameter.default is parameter.empty and not several and parameter.name not in arguments:
-            arguments[parameter.name] = valid(target, parameter.name, case.package)
-    if case.function == "RobotDescription.from_urdf":
-        arguments = {
-            "source": _description().urdf,
-            "left_sole": _description().soles[0],
-            "right_sole": _description().soles[1],
-        }
-    if case.function == "stand":
-        arguments = {"seconds": 0.02}
-    if case.function == "walk":
-        arguments = {"plan": importlib.import_module("wbc.sim").WalkPlan(distance=0.1)}
-    if case.parameter:
-        arguments[case.parameter] = HOSTILE[case.value]()
-    _use(target(**arguments))
-
-
-def run_plain(case: ApiCase) -> str | None:
-    """Make a call of valid arguments; return why it failed, None if it ended or began long work."""
-    try:
-        _call(case)
-    except Accepted:
-        return None
-    except Exception as error:
-        return _trace(error)
-    return None
-
-
-def run_api(case: ApiCase) -> str | None:
-    """Make a call; return why it failed, None for a result or a `WbcError`."""
-    from wbc.core.errors import WbcError  # noqa: PLC0415
-
-    if case.function in LONG_CALLS:
-        return None
-    try:
-        _call(case)
-    except (WbcError, Accepted):
-        return None
-    except TypeError as error:
-        wrong_name = "unexpected keyword argument" in str(error)
-        return None if wrong_name else _trace(error)
-    except Exception as error:
-        return _trace(error)
-    return None
+            arguments[parameter.name] = valid(target, parameter.name, place.package)
+    return arguments
 
 
 def _use(result: Any) -> None:
     """Use what was made: a task in a controller, a ground's heights."""
-    import wbc  # noqa: PLC0415
-    from wbc.sim.terrain import Terrain  # noqa: PLC0415
-
-    if isinstance(
-        result, wbc.MotionTask | wbc.SoleContact | wbc.PointContact | wbc.JointLimits | wbc.TorqueLimits
-    ):
+    kinds = (wbc.MotionTask, wbc.SoleContact, wbc.PointContact, wbc.JointLimits, wbc.TorqueLimits)
+    if isinstance(result, kinds):
         if type(result).__name__ in ("MotionTask", "SelectionTask", "VariableTask", "FrameTask"):
             return
         controller = wbc.Controller(_description().robot(), 0.005)
@@ -774,148 +708,3 @@ def _use(result: Any) -> None:
 def _trace(error: BaseException) -> str:
     where = traceback.extract_tb(error.__traceback__)[-1]
     return f"{type(error).__name__}: {str(error)[:200]} ({where.filename}:{where.lineno})"
-
-
-# --- workers --------------------------------------------------------------------------------------------------------
-
-
-def worker(kind: str, indices: Sequence[int]) -> None:
-    """Run cases and write a line for each: its number, what it is, and why it failed."""
-    resource.setrlimit(resource.RLIMIT_AS, (MEMORY, MEMORY))
-    channel = os.fdopen(os.dup(1), "w")
-    null = os.open(os.devnull, os.O_WRONLY)
-    os.dup2(null, 1)
-    logging.disable(logging.CRITICAL)
-    warnings.simplefilter("ignore")
-    folder = Path(os.environ["FUZZ_FOLDER"])
-    os.chdir(folder)
-    import mutated  # noqa: PLC0415 - the parent does not need it
-
-    makers: dict[str, tuple[Callable[[], Sequence[Any]], Callable[[Any], str | None]]] = {
-        "commands": (lambda: command_cases(folder / "files"), run_command),
-        "files": (lambda: mutated.cases(folder, MUTATIONS), lambda case: run_file(case, folder)),
-        "api": (api_cases, run_api),
-        "plain": (plain_calls, run_plain),
-    }
-    make, run = makers[kind]
-    cases = make()
-    stub_long_work()
-    print(json.dumps({"total": len(cases)}), file=channel, flush=True)
-    warm = False
-    for index in indices:
-        if index >= len(cases):
-            break
-        case = cases[index]
-        text = (
-            str(case)
-            if kind != "commands"
-            else " ".join(word[:80].encode("unicode_escape").decode() for word in case)
-        )
-        print(json.dumps({"begin": index, "case": text}), file=channel, flush=True)
-        if str(case).startswith("journal") and not warm:
-            warm = (
-                run_command(replace(case, seed=None).words(folder)) is None
-            )  # its first table hashes the code
-        start = time.monotonic()
-        try:
-            why = run(case)
-        except BaseException as error:
-            why = _trace(error)
-        took = time.monotonic() - start
-        if why is None and took > LIMIT and kind != "plain" and getattr(case, "seed", 0) is not None:
-            why = f"took {took:.1f} s"
-        print(json.dumps({"end": index, "why": why, "took": took}), file=channel, flush=True)
-
-
-def fuzz(
-    kind: str, indices: Sequence[int], report: Callable[[Failure], None] | None = None
-) -> tuple[int, list[Failure]]:
-    """Run cases in workers.
-
-    Args:
-        kind: "commands", "api", or "plain": calls of "api" with valid arguments alone.
-        indices: Numbers of the cases.
-        report: Called with every failure.
-
-    Returns:
-        Number of cases run, and the failures.
-    """
-    left = list(indices)
-    failures: list[Failure] = []
-    done = 0
-
-    def failed(case: str, why: str) -> None:
-        failures.append(Failure(case, why))
-        if report is not None:
-            report(failures[-1])
-
-    with tempfile.TemporaryDirectory() as folder:
-        (Path(folder) / "files").mkdir()
-        while left:
-            process = subprocess.Popen(
-                [sys.executable, __file__, "worker", kind],
-                stdin=subprocess.PIPE,
-                stdout=subprocess.PIPE,
-                stderr=subprocess.DEVNULL,
-                env={**os.environ, "FUZZ_FOLDER": folder, "OMP_NUM_THREADS": "1"},
-                text=True,
-            )
-            assert process.stdin is not None and process.stdout is not None
-            process.stdin.write(json.dumps(left))
-            process.stdin.close()
-            lines: queue.Queue[str] = queue.Queue()
-            pump = threading.Thread(target=_pump, args=(process.stdout, lines), daemon=True)
-            pump.start()
-            begun, case = None, ""
-            patience = 120.0
-            while True:
-                try:
-                    line = lines.get(timeout=patience)
-                except queue.Empty:
-                    line = "hang"
-                if line in ("", "hang"):
-                    process.send_signal(signal.SIGKILL)
-                    process.wait()
-                    pump.join()
-                    process.stdout.close()
-                    if begun is not None:
-                        failed(case, "never ends" if line else f"the process died ({process.returncode})")
-                        left = left[left.index(begun) + 1 :]
-                        done += 1
-                    elif line:
-                        raise RuntimeError("the worker did not start")
-                    else:
-                        left = []
-                    break
-                data = json.loads(line)
-                if "begin" in data:
-                    begun, case, patience = (
-                        data["begin"],
-                        data["case"],
-                        patience if kind == "plain" else 4.0 * LIMIT,
-                    )
-                elif "end" in data:
-                    done += 1
-                    if data["why"] is not None:
-                        failed(case, data["why"])
-                    begun = None
-    return done, failures
-
-
-def _pump(stream: Any, lines: queue.Queue[str]) -> None:
-    for line in stream:
-        lines.put(line)
-    lines.put("")
-
-
-if __name__ == "__main__":
-    if sys.argv[1] == "worker":
-        worker(sys.argv[2], json.load(sys.stdin))
-    else:
-        first, last, step = (*map(int, sys.argv[2:]), *(0, 10**6, 1)[len(sys.argv) - 2 :])
-        ran, bad = fuzz(
-            sys.argv[1],
-            range(first, last, step),
-            lambda failure: print(f"{failure.case}\n    {failure.why}", flush=True),
-        )
-        print(f"{len(bad)} of {ran} failed")

@@ -10,44 +10,27 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from mjcf_biped import biped
+from PIL import Image
+
+import wbc
+from wbc.app.log import Recorder
+from wbc.feet.stiffness.model import DEFAULT_MODEL, DEFAULT_TABLE
+from wbc.motion import write_motion
+from wbc.motion.clip import MotionClip
+from wbc.sim import Plant, WalkPlan, WalkSpec
 
 ROOT = Path(__file__).resolve().parents[2]
 
 NUMBERS = (
-    *(
-        "nan",
-        "inf",
-        "-inf",
-        "1e308",
-        "-1e308",
-        "1e-308",
-        "1e9",
-        "-1",
-        "0",
-        "1" * 5000,
-        "0x10",
-        "",
-        "true",
-        "[]",
-    ),
-    *('"a"', "{}", "null", "2020-01-01", "1_0", "٣"),
+    *("nan", "inf", "-inf", "1e308", "-1e308", "1e-308", "1e9", "-1", "0", "1" * 5000, "0x10", "1_0", "٣"),
+    *("", "true", "[]", "{}", "null", '"a"', "2020-01-01"),
 )
 """What takes the place of a number in a text."""
 
 PIECES = (
-    b"",
-    b"\0",
-    b"\xff\xfe",
-    b"{",
-    b"[" * 2000,
-    b"<",
-    b'"',
-    b"'",
-    b"\n",
-    b",",
-    b"&lol;",
-    b"PK\x03\x04",
-    b"\x80",
+    *(b"", b"\0", b"\xff\xfe", b"\x80", b"PK\x03\x04"),
+    *(b"{", b"[" * 2000, b"<", b'"', b"'", b"\n", b",", b"&lol;"),
 )
 """What takes the place of a piece."""
 
@@ -98,13 +81,8 @@ class MutatedFile:
 def mutate(data: bytes, rng: np.random.Generator) -> bytes:
     """Return data of which some bits, numbers or pieces are others."""
     changed = bytearray(data)
-    ways: list[Callable[[bytearray, np.random.Generator], None]] = [
-        _flip,
-        _flip_at_begin,
-        _cut,
-        _put,
-        _repeat,
-    ]
+    ways: list[Callable[[bytearray, np.random.Generator], None]]
+    ways = [_flip, _flip_at_begin, _cut, _put, _repeat]
     if b"\0" not in data:
         ways += [_number, _number, _number, _swap_lines]
     for _ in range(int(rng.integers(1, 4))):
@@ -157,26 +135,9 @@ def _swap_lines(data: bytearray, rng: np.random.Generator) -> None:
     data[:] = b"\n".join(lines)
 
 
-def cases(folder: Path, seeds: int) -> list[MutatedFile]:
-    """Write the valid files and return them, then mutated ones, the kinds in turn."""
-    if not (folder / "valid").is_dir():  # else by a worker before
-        (folder / "valid").mkdir()
-        write_valid(folder / "valid")
-    return [MutatedFile(name, seed) for seed in (None, *range(seeds)) for name in COMMANDS]
-
-
 def write_valid(folder: Path) -> None:
-    """Write a valid file of every kind."""
-    from mjcf_biped import biped  # noqa: PLC0415 - the parent does not need them
-    from PIL import Image  # noqa: PLC0415
-
-    import wbc  # noqa: PLC0415
-    from wbc.app.log import Recorder  # noqa: PLC0415
-    from wbc.feet.stiffness.model import DEFAULT_MODEL, DEFAULT_TABLE  # noqa: PLC0415
-    from wbc.motion import write_motion  # noqa: PLC0415
-    from wbc.motion.clip import MotionClip  # noqa: PLC0415
-    from wbc.sim import Plant, WalkPlan, WalkSpec  # noqa: PLC0415
-
+    """Make a folder with a valid file of every kind."""
+    folder.mkdir()
     rng = np.random.default_rng(0)
     heights = rng.integers(0, 255, (6, 8)).astype(np.uint8)
     np.save(folder / "ground.npy", heights.astype(float))

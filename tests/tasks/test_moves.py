@@ -10,6 +10,7 @@ import pinocchio as pin
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from properties import examples
 from task_factory import arm, left_hand, make_robot, right_hand, standing
 
 from wbc.core.errors import Array, InputError, UnknownNameError
@@ -81,6 +82,7 @@ def step(controller: Controller) -> None:
 # ---- trajectories -----------------------------------------------------------------------------------------------
 
 
+@examples(30)
 @given(POINTS, st.floats(0.1, 2.0), st.floats(0.5, 5.0))
 def test_a_trajectory_passes_its_points_from_rest_to_rest_within_its_limits(
     points: list[tuple[float, float, float]], speed: float, acceleration: float
