@@ -228,7 +228,7 @@ class Asker:
     """Chooses points by a Gaussian process and the expected improvement over the best expected value.
 
     Engine: `bayesian-optimization` (MIT), with a Matérn kernel of one length a parameter and the noise of single walks,
-    both fitted; `tests/benchmarks/askers.py` has others beside it. The value to improve on is the best expected one of
+    both fitted; docs/paper.md has others beside it. The value to improve on is the best expected one of
     the points known, as the greatest of noisy values says little. Points that are asked for together are told apart by
     believing the model's mean at those before.
 
