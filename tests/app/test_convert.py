@@ -81,8 +81,8 @@ def test_an_mcap_has_the_scene(replay: Replay, topics: dict[str, list[tuple[floa
     assert first["ground"]["triangles"]
     for tick, (_, message) in zip(ticks, updates, strict=True):
         lengths = [a["shaft_length"] + a["head_length"] for a in message["entities"][-1]["arrows"]]
-        forces = [float(np.linalg.norm(force)) for _, _, force in replay.snapshot(tick).forces]
-        np.testing.assert_allclose(lengths, np.array(forces) * replay.scene.metres_per_newton)
+        forces = [np.linalg.norm(replay.scene.reach(force)) for _, _, force in replay.snapshot(tick).forces]
+        np.testing.assert_allclose(lengths, forces)
     landed = [entity["id"] for _, message in updates for entity in message["entities"]]
     assert any(one.startswith("footsteps/real") for one in landed)
     for _, message in updates:

@@ -18,6 +18,7 @@ from wbc.app.cli import main
 from wbc.app.log import Log, Recorder
 from wbc.app.log.stances import (
     SIDES,
+    Drift,
     corners,
     estimated_dcm,
     measured_zmp,
@@ -80,7 +81,7 @@ def test_figures_show_the_numbers_of_the_log(log: Log) -> None:
     for group in ("zmp/measured", "zmp/reference", "dcm/estimated", "com/estimated", "com/reference"):
         assert shows(balance, log[group][:, 0]) and shows(balance, log[group][:, 1]), group
     assert shows(balance, 1e3 * log["stabilizer/dcm_error/y"])
-    assert shows(draw("plan", [log]), log["com/estimated/y"])
+    assert shows(draw("plan", [log]), Drift(log)(log["com/estimated"])[:, 1])
     feet = draw("feet", [log])
     for side in SIDES:
         assert shows(feet, log[f"foot/{side}/wrench_measured/fz"])
@@ -109,7 +110,7 @@ def test_several_logs_share_a_figure(log: Log, tmp_path: Path) -> None:
     assert both[1].broken and len(both[1]) < len(log)
     for each in both:
         assert shows(draw("balance", both), each["dcm/estimated"][:, 1])
-        assert shows(draw("plan", both), each["com/estimated/y"])
+        assert shows(draw("plan", both), Drift(each)(each["com/estimated"])[:, 1])
         assert shows(draw("feet", both), each["foot/left/wrench_measured/fz"])
         assert shows(draw("stiffness", both), each["foot/left/stiffness"])
         parts = [each[f"tick/{part}"] for part in ("model", "assembly", "solve", "decode")]
@@ -193,6 +194,16 @@ def test_states_of_a_program_are_drawn_as_bands(tmp_path: Path) -> None:
     alone = Program(Machine("demo", states), control.controller)
     with Recorder(tmp_path / "alone.arrow") as record, pytest.raises(InputError, match=r"write\(…\)"):
         record(plant, alone, plant.measure(), control.command(plant.measure()))
+
+
+def test_planned_footsteps_lie_where_feet_really_landed(log: Log) -> None:
+    drift = Drift(log)
+    estimated, true = log["com/estimated"][:, :2], log["truth/com"][:, :2]
+    assert np.abs(drift(estimated) - true).max() < 3e-3 < np.abs(estimated - true).max()
+    assert drift.size.max() > 5e-3
+    for planned, real in zip(stances(log), stances(log, "truth"), strict=True):
+        assert (planned.side, planned.start) == (real.side, real.start)
+        np.testing.assert_allclose(planned.corners.mean(axis=0), real.corners.mean(axis=0), atol=6e-3)
 
 
 def test_corners_of_a_turned_sole() -> None:

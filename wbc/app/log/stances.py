@@ -107,6 +107,46 @@ def estimated_dcm(log: Log) -> Array:
     return capture
 
 
+class Drift:
+    """Where the world of the estimate lies in the true one, by the middle of the feet and the heading of the base.
+
+    Plans are made in the world of the estimate, which drifts; a log without ground truth has no other.
+
+    Attributes:
+        turn: Heading of the estimate's world, shape (ticks,), rad.
+    """
+
+    def __init__(self, log: Log) -> None:
+        """Read the drift of a log."""
+        self.turn = np.zeros(len(log))
+        self._from = self._to = np.zeros((len(log), 3))
+        if "truth/base/orientation/x" in log and "base/estimated/orientation/x" in log:
+            turn = yaw_of(log["truth/base/orientation"]) - yaw_of(log["base/estimated/orientation"])
+            self.turn = np.arctan2(np.sin(turn), np.cos(turn))
+            self._from = np.mean([log[f"foot/{side}/estimated/position"] for side in SIDES], axis=0)
+            self._to = np.mean([log[f"truth/foot/{side}/position"] for side in SIDES], axis=0)
+
+    @property
+    def size(self) -> Array:
+        """Horizontal distance between the middle of the feet and where it is estimated, shape (ticks,), m."""
+        size: Array = np.linalg.norm((self._to - self._from)[:, :2], axis=1)
+        return size
+
+    def __call__(self, points: Array, tick: int | slice = slice(None)) -> Array:
+        """Return points of the world of the estimate where they are in the true one.
+
+        Args:
+            points: Shape (ticks, 2) or (ticks, 3), m; of one tick any number of points.
+            tick: The tick; all when left out.
+        """
+        turn, size = self.turn[tick], points.shape[-1]
+        c, s, (x, y) = np.cos(turn), np.sin(turn), (points - self._from[tick, :size]).T[:2]
+        moved: Array = points - self._from[tick, :size] + self._to[tick, :size]
+        moved[..., 0] += c * x - s * y - x
+        moved[..., 1] += s * x + c * y - y
+        return moved
+
+
 @dataclass(frozen=True, eq=False)
 class Stance:
     """One stance of a foot, from touch-down to lift-off.
@@ -115,7 +155,7 @@ class Stance:
         side: "left" or "right".
         start: First tick.
         end: Tick after the last one.
-        corners: Corners of the sole seen from above, shape (4, 2), m.
+        corners: Corners of the sole, shape (4, 3), m, level.
     """
 
     side: str
@@ -125,21 +165,24 @@ class Stance:
 
 
 def stances(log: Log, which: str = "reference") -> list[Stance]:
-    """Return all stances of both feet, ordered by touch-down.
+    """Return all stances of both feet in the true world, ordered by touch-down.
 
     Args:
         log: The log.
-        which: "reference" for the planned position, "truth" for the real one; the heading is planned in both.
+        which: "reference" for the planned placement, where it lay in the true world at the touch-down; "truth" for the
+            real one.
     """
-    made = []
+    made, drift = [], Drift(log)
     for side, size in zip(SIDES, sole_sizes(log), strict=True):
-        place = f"foot/{side}/reference"
-        position = log["truth/" + f"foot/{side}/position"] if which == "truth" else log[f"{place}/position"]
-        yaw = yaw_of(log[f"{place}/orientation"])
+        foot = f"foot/{side}/{'estimated' if which == 'truth' else 'reference'}"
+        position = log[f"truth/foot/{side}/position" if which == "truth" else f"{foot}/position"]
+        yaw = yaw_of(log[f"{foot}/orientation"])
         on = (log[f"foot/{side}/contact"] > 0.5).astype(int)
         edges = np.flatnonzero(np.diff(np.concatenate([[0], on, [0]])))
         for start, end in edges.reshape(-1, 2).tolist():
             middle = (start + end) // 2  # the foot has settled by then
-            shape = corners(position[middle : middle + 1], yaw[middle : middle + 1], size)[0]
-            made.append(Stance(side, start, end, shape))
+            turned = yaw[middle] + (drift.turn[middle] if which == "truth" else 0.0)
+            flat = corners(position[middle : middle + 1], np.array([turned]), size)[0]
+            shape = np.column_stack([flat, np.full(4, np.nan_to_num(position[middle, 2]))])
+            made.append(Stance(side, start, end, shape if which == "truth" else drift(shape, start)))
     return sorted(made, key=lambda stance: stance.start)

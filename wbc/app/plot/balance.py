@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
@@ -10,7 +11,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Polygon
 
 from wbc.app.log import Log
-from wbc.app.log.stances import estimated_dcm, measured_zmp, stances, support_box
+from wbc.app.log.stances import Drift, estimated_dcm, measured_zmp, stances, support_box
 from wbc.app.plot.style import (
     BLACK,
     BLUE,
@@ -73,7 +74,7 @@ def _one_balance(axes: list[Axes], log: Log, name: str) -> None:
 
 
 def draw_plan(logs: Sequence[Log]) -> Figure:
-    """Draw footsteps and paths from above, one row for each log."""
+    """Draw footsteps and paths from above in the true world, as far as it is known, one row for each log."""
     spans = [_span(log) for log in logs]
     width = 12.0
     heights = [min(6.0, max(1.6, 0.86 * width * (s[3] - s[2]) / (s[1] - s[0]))) for s in spans]
@@ -86,29 +87,36 @@ def draw_plan(logs: Sequence[Log]) -> Figure:
 
 
 def _span(log: Log) -> tuple[float, float, float, float]:
-    """Return the bounds of the support with a margin: lower and upper x, lower and upper y, m."""
-    low, high = support_box(log)
-    (x0, y0), (x1, y1) = np.nanmin(low, axis=0), np.nanmax(high, axis=0)
+    """Return the bounds of the footsteps with a margin: lower and upper x, lower and upper y, m."""
+    shapes = [stance.corners for which in _KINDS[: 1 + _true(log)] for stance in stances(log, which)]
+    (x0, y0, _), (x1, y1, _) = np.min(shapes, axis=(0, 1)), np.max(shapes, axis=(0, 1))
     room = 0.04 + 0.02 * max(x1 - x0, y1 - y0)
     return float(x0 - room), float(x1 + room), float(y0 - room), float(y1 + room)
 
 
+_KINDS = ("reference", "truth")
+
+
+def _true(log: Log) -> bool:
+    return "truth/foot/left/position/x" in log
+
+
 def _one_plan(ax: Axes, log: Log, name: str) -> None:
+    truth, drift = _true(log), Drift(log)
     for stance in stances(log):
+        colour, shape = SIDE_COLOURS[stance.side], stance.corners[:, :2]
+        ax.add_patch(Polygon(shape, facecolor=colour, alpha=0.13, edgecolor="none"))
+        ax.add_patch(Polygon(shape, fill=False, edgecolor=colour, linewidth=0.7, linestyle="--"))
+    for stance in stances(log, "truth") if truth else ():
         colour = SIDE_COLOURS[stance.side]
-        ax.add_patch(Polygon(stance.corners, facecolor=colour, alpha=0.13, edgecolor="none"))
-        ax.add_patch(Polygon(stance.corners, fill=False, edgecolor=colour, linewidth=0.7, linestyle="--"))
-    truth = "truth/foot/left/position/x" in log
-    if truth:
-        for stance in stances(log, "truth"):
-            colour = SIDE_COLOURS[stance.side]
-            ax.add_patch(Polygon(stance.corners, fill=False, edgecolor=colour, linewidth=1.1))
+        ax.add_patch(Polygon(stance.corners[:, :2], fill=False, edgecolor=colour, linewidth=1.1))
     for label, group, colour, style, line in LINES:
         if label.endswith("measured") or label.endswith("estimated"):
-            points = log[group]
+            points = drift(log[group])
             ax.plot(points[:, 0], points[:, 1], style, color=colour, linewidth=line, label=label.split()[0])
     for side, colour in SIDE_COLOURS.items():
         ax.plot([], [], color=colour, linewidth=1.1, label=f"{side} sole" + (", true" if truth else ""))
         ax.plot([], [], "--", color=colour, linewidth=0.7, label=f"{side} sole, planned")
     legend(ax, columns=7)
-    ax.set_title(name, loc="left", fontsize=10)
+    off = f"; the estimate ends {1e3 * drift.size[-1]:.0f} mm and {math.degrees(drift.turn[-1]):+.1f}° off"
+    ax.set_title(name + off * truth, loc="left", fontsize=10)

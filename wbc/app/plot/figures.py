@@ -42,7 +42,7 @@ FIGURES = {
         draw_balance,
     ),
     "plan": LogFigure(
-        "footsteps from above, planned and real, with the paths of centre of mass, DCM and ZMP",
+        "footsteps from above, planned and real, with the paths of centre of mass, DCM and ZMP, and the drift",
         ("com/reference", "zmp/measured", *_FEET),
         draw_plan,
     ),

@@ -281,9 +281,11 @@ def _arrows(replay: Replay, tick: int) -> list[dict[str, Any]]:
     """Return an arrow for each force; pushes end at their point."""
     arrows, width = [], 0.02 * replay.scene.com_height
     for kind, point, force in replay.snapshot(tick).forces:
-        size = float(np.linalg.norm(force))
-        length = replay.scene.metres_per_newton * size
-        y, z, x = upright_axes(force / size)  # the arrow points along x
+        reach = replay.scene.reach(force)
+        length = float(np.linalg.norm(reach))
+        if length < 1e-3:
+            continue
+        y, z, x = upright_axes(reach / length)  # the arrow points along x
         pose = np.eye(4)
         pose[:3, :3] = np.column_stack([x, y, z])
         pose[:3, 3] = point - length * x if kind == "push" else point

@@ -160,7 +160,7 @@ def _add_forces(scene: Any, replay: Replay, tick: int) -> None:
     """Add an arrow for each force to the picture."""
     arrow = mujoco.mjtGeom.mjGEOM_ARROW
     for kind, point, force in replay.snapshot(tick).forces:
-        reach = replay.scene.metres_per_newton * force
+        reach = replay.scene.reach(force)
         if np.linalg.norm(reach) < 1e-3 or scene.ngeom >= scene.maxgeom:
             continue
         start, end = (point - reach, point) if kind == "push" else (point, point + reach)

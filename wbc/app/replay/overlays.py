@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from wbc.app.log import Log
-from wbc.app.log.stances import Stance, stances
+from wbc.app.log.stances import Drift, stances
 from wbc.app.scene.colours import (
     DCM_COLOUR,
     FOOTSTEP_LEGEND,
@@ -42,10 +42,10 @@ class Overlays(Layer):
     def _add_objects(self, log: Log, com_height: float) -> None:
         end = len(log)
         for k, stance in enumerate(stances(log)):
-            shape = outline(_at_height(stance.corners, _level(log, stance, "reference") + LIFT))
+            shape = outline(stance.corners + (0.0, 0.0, LIFT))
             self.add(f"footsteps/planned_{k}", shape, SIDE_COLOURS[stance.side], fixed=True)
         for k, stance in enumerate(stances(log, "truth")):
-            shape = polygon(_at_height(stance.corners, _level(log, stance, "truth") + LIFT + 0.001))
+            shape = polygon(stance.corners + (0.0, 0.0, LIFT + 0.001))
             colour = translucent(SIDE_COLOURS[stance.side])
             self._add_span(f"footsteps/real_{k}", shape, colour, stance.start, end)
         for k, (start, stop, corners) in enumerate(_supports(log)):
@@ -54,7 +54,7 @@ class Overlays(Layer):
             shape = ribbon(ribbon_edges(points, 2.0 * LINE, len(points)))
             self._add_span(f"scans/{k}", shape, SCAN_COLOUR, landed, end)
         self.add("markers/dcm", disc(com_height), DCM_COLOUR, on_top=True)
-        self._dcm = np.column_stack([log["dcm/estimated"], log["zmp/reference/z"]])
+        self._dcm = Drift(log)(np.column_stack([log["dcm/estimated"], log["zmp/reference/z"]]))
         self.legend = (("DCM", DCM_COLOUR), *FOOTSTEP_LEGEND, ("support region", SUPPORT_COLOUR))
         if "stiffness/scan/x" in log:
             self.legend = (*self.legend, ("ground as scanned", SCAN_COLOUR))
@@ -92,9 +92,10 @@ def _supports(log: Log) -> list[tuple[int, int, Array]]:
         standing = [foot for foot in feet if foot.start <= start and end <= foot.end]
         if standing:
             points = np.concatenate([foot.corners for foot in standing])
-            height = max(_level(log, foot, "truth") for foot in standing)
-            corners = _at_height(convex_hull(points), height + LIFT)
-            supports.append((start, end, corners))
+            flat = convex_hull(points[:, :2])
+            supports.append(
+                (start, end, np.column_stack([flat, np.full(len(flat), points[:, 2].max() + LIFT)]))
+            )
     return supports
 
 
@@ -103,23 +104,11 @@ def _scans(log: Log) -> list[tuple[int, Array]]:
     if "stiffness/scan/x" not in log:
         return []
     parts = (log.lists(f"stiffness/scan/{name}") for name in ("x", "lateral", "z"))
-    scans = []
+    scans, drift = [], Drift(log)
     for tick, (x, y, z) in enumerate(zip(*parts, strict=True)):
         if x is not None and y is not None and z is not None and x.size > 1:
             heading = float(log["stiffness/scan/heading"][tick])
             c, s = math.cos(heading), math.sin(heading)
-            scans.append((tick, np.stack([c * x - s * y, s * x + c * y, z + LIFT], axis=1)))
+            points = drift(np.stack([c * x - s * y, s * x + c * y, z], axis=1), tick)
+            scans.append((tick, points + (0.0, 0.0, LIFT)))
     return scans
-
-
-def _level(log: Log, stance: Stance, which: str) -> float:
-    """Return the height of a sole in the middle of a stance, m."""
-    foot = f"foot/{stance.side}"
-    positions = log[f"truth/{foot}/position" if which == "truth" else f"{foot}/reference/position"]
-    height = float(positions[(stance.start + stance.end) // 2, 2])
-    return height if math.isfinite(height) else 0.0
-
-
-def _at_height(corners: Array, height: float) -> Array:
-    """Return corners, shape (n, 2), as points at a height, shape (n, 3), m."""
-    return np.column_stack([corners, np.full(len(corners), height)])

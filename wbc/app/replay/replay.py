@@ -12,7 +12,7 @@ import pinocchio as pin
 from wbc.app.log import Log
 from wbc.app.log.plain import from_plain
 from wbc.app.log.sources import position_signal
-from wbc.app.log.stances import measured_zmp
+from wbc.app.log.stances import Drift, measured_zmp
 from wbc.app.replay.overlays import Overlays
 from wbc.app.scene.colours import stiffness_colour
 from wbc.app.scene.layers import sole_paths
@@ -68,7 +68,7 @@ class Replay:
             self._com = log["truth/com" if "truth/com/x" in log else "com/estimated"]
             self._wrenches = [log[f"foot/{side}/wrench_measured"] for side in SIDES]
             known = "zmp/measured/x" in log or "foot/left/estimated/position/x" in log
-            self._zmp = measured_zmp(log) if known else None
+            self._zmp = Drift(log)(measured_zmp(log)) if known else None
             self.sole_paths, self.base_places = self._stage.sole_paths, self._stage.q[:, :3]
             self._stiffness = [log[f"foot/{side}/stiffness"] for side in SIDES]
             self._push: tuple[Array, ...] = ()

@@ -34,7 +34,7 @@ STIFF_COLOUR: Colour = (0.50, 0.10, 0.45, 1.0)
 LEGEND: Legend = (
     ("centre of mass and its shadow", COM_COLOUR),
     ("ZMP", ZMP_COLOUR),
-    ("contact force", ARROW_COLOURS["ground"]),
+    ("contact force, drawn up to 1.5 x weight", ARROW_COLOURS["ground"]),
     ("push", ARROW_COLOURS["push"]),
 )
 """Legend of every scene."""

@@ -14,7 +14,7 @@ from wbc.app.scene.marks import LIFT, LINE, outline, polygon, rectangle, ribbon,
 from wbc.app.scene.shapes import HIDDEN, ROOT, Colour
 from wbc.core.errors import Array
 from wbc.core.robot import SIDES
-from wbc.walking.planning.footsteps import Footstep, other
+from wbc.walking.planning.footsteps import Footstep, heading, other
 
 if TYPE_CHECKING:
     from wbc.sim import Plant
@@ -53,7 +53,7 @@ class FootstepsLayer(Layer):
         self._count = DRIVEN_STEPS if walking.steered else min(MAX_STEPS, 2 * ((steps + 4) // 2))
         # In longer walks the marks are reused.
         self._ahead = self._count if self._count >= steps + 3 else self._count // 2
-        self._sites = [plant.model.site(foot.wrench_site).id for foot in plant.feet]
+        self._sites = list(plant.sole_sites)
         soles = [rectangle(foot.fit.sole.length, foot.fit.sole.width) for foot in plant.feet]
         first = progress.upcoming[0].side if progress.upcoming else SIDES[0]
         self._planned, self._real = [], []
@@ -68,7 +68,8 @@ class FootstepsLayer(Layer):
             self._path = deque(maxlen=PATH_POINTS)
             self.add("footsteps/path", ribbon(np.zeros((2 * PATH_MARKS, 3))), PATH_COLOUR, deformable=True)
             self.legend = (*FOOTSTEP_LEGEND, ("path of the robot", PATH_COLOUR))
-        self._planned_at = np.tile(HIDDEN, (self._count, 1, 1))
+        self._planned_at = np.tile(HIDDEN, (self._count, 1, 1))  # in the world of the estimate
+        self._shown_at = self._planned_at.copy()
         self._real_at = np.tile(HIDDEN, (self._count, 1, 1))
         self._first = first
         robot = walking.controller.robot
@@ -91,8 +92,15 @@ class FootstepsLayer(Layer):
             self._mark_plan(present, progress.upcoming)
         for i in (present + 1,) if progress.swing is not None else (present, present + 1):
             self._real_at[i % self._count] = self._pose(self._side(i))
-        matrices[self._planned], matrices[self._real] = self._planned_at, self._real_at
+        drift = drift_of(self._plant, self._walking)
+        ahead = np.arange(present + 2 if present else 0, self._end) % self._count  # landed ones stay
+        self._shown_at[ahead] = drift @ self._planned_at[ahead]
+        matrices[self._planned], matrices[self._real] = self._shown_at, self._real_at
         annotations.text += walk_lines(self._walking)
+        feet = np.mean(self._plant.data.site_xpos[self._sites], axis=0)
+        off = float(np.linalg.norm((np.linalg.inv(drift) @ [*feet, 1.0])[:2] - feet[:2]))
+        turn = math.degrees(heading(drift[:3, :3]))
+        annotations.text.append(f"estimate {1e3 * off:.0f} mm and {turn:+.1f}° off")
         if self._path is not None:
             self._follow(self._path, annotations)
 
@@ -124,7 +132,7 @@ class FootstepsLayer(Layer):
                 self._planned_at[i] = _mark(self._start[self._side(i)])
         end = present + 2 + len(feet)
         for i in range(end, self._end):
-            self._planned_at[i % self._count] = HIDDEN  # a stop has shortened the plan
+            self._shown_at[i % self._count] = HIDDEN  # a stop has shortened the plan
         self._end = end
 
     def _pose(self, side: str) -> Array:
@@ -134,6 +142,22 @@ class FootstepsLayer(Layer):
         pose[:3, :3] = data.site_xmat[site].reshape(3, 3)
         pose[:3, 3] = data.site_xpos[site] + LIFT * pose[:3, 2]
         return pose
+
+
+def drift_of(plant: Plant, walking: ReferenceControl) -> Array:
+    """Return where the estimate's world, in which steps are planned, lies: by the feet and the heading of the base.
+
+    Returns:
+        Homogeneous, shape (4, 4), m.
+    """
+    robot, data = walking.control.observer.robot, plant.data
+    base = robot.placement(robot.base_frame).rotation
+    turn = heading(data.xmat[plant.model.jnt_bodyid[0]].reshape(3, 3)) - heading(base)
+    drift = np.eye(4)
+    drift[:2, :2] = [[math.cos(turn), -math.sin(turn)], [math.sin(turn), math.cos(turn)]]
+    middle = np.mean([robot.placement(sole.frame).translation for sole in robot.soles], axis=0)
+    drift[:3, 3] = np.mean(data.site_xpos[list(plant.sole_sites)], axis=0) - drift[:3, :3] @ middle
+    return drift
 
 
 def walk_lines(walking: ReferenceControl) -> list[str]:
@@ -155,7 +179,7 @@ def walk_lines(walking: ReferenceControl) -> list[str]:
         lines.append(f"DCM {1e3 * math.hypot(float(error[0]), float(error[1])):.0f} mm off its reference")
     if walking.fallen is not None:
         lines.append(f"FALLEN: {walking.fallen.name.lower()}")
-    elif walking.finished and not walking.steered:
+    elif walking.finished and progress.steps_done and not walking.steered:
         lines.append("finished")
     return lines
 

@@ -18,7 +18,7 @@ from wbc.app.scene.colours import (
     ZMP_COLOUR,
     stiffness_colour,
 )
-from wbc.app.scene.footsteps import FootstepsLayer
+from wbc.app.scene.footsteps import FootstepsLayer, drift_of
 from wbc.app.scene.layer import Annotations, Layer
 from wbc.app.scene.marks import (
     LIFT,
@@ -66,7 +66,7 @@ def make_layers(plant: Plant, scene: Scene, walking: ReferenceControl | None = N
     layers: list[Layer] = [] if walking is None else [FootstepsLayer(plant, walking)]
     layers.append(BalanceLayer(plant, scene.com_height, walking))
     if walking is not None and walking.control.observer.outside is not None:
-        layers.append(OutsideLayer(walking, scene))
+        layers.append(OutsideLayer(plant, walking, scene))
     if all(foot.variable_joints for foot in plant.feet):
         layers.append(SolesLayer(plant, walking))
     layers.append(RangeLayer(plant, walking))
@@ -114,24 +114,26 @@ class BalanceLayer(Layer):
         dcm = truth.com[:2] + truth.com_velocity[:2] / omega
         matrices[self._dcm] = translation(float(dcm[0]), float(dcm[1]), self._level + LIFT)
         if reference is not None:
-            x, y, z = reference.pendulum.zmp
-            matrices[self._planned_zmp] = translation(x, y, z + LIFT)
+            assert self._walking is not None
+            drift, zmp = drift_of(self._plant, self._walking), reference.pendulum.zmp
+            matrices[self._planned_zmp] = drift @ translation(*(zmp + (0.0, 0.0, LIFT)))
             x, y = reference.pendulum.dcm[:2]
-            matrices[self._planned_dcm] = translation(x, y, z + LIFT)
+            matrices[self._planned_dcm] = drift @ translation(x, y, zmp[2] + LIFT)
 
 
 class OutsideLayer(Layer):
     """Outside force as estimated, with the weight of the load in the models: a rod from the middle of the hands."""
 
-    def __init__(self, walking: ReferenceControl, scene: Scene) -> None:
+    def __init__(self, plant: Plant, walking: ReferenceControl, scene: Scene) -> None:
         """Make the rod.
 
         Args:
+            plant: The plant.
             walking: The controller of a walk whose observer estimates the outside wrench.
             scene: The robot on its ground; the rod of its weight is as long as its CoM is high.
         """
         super().__init__()
-        self._walking, self._scale = walking, scene.metres_per_newton
+        self._plant, self._walking, self._scale = plant, walking, scene.metres_per_newton
         robot = walking.control.observer.robot
         self._robot = robot
         self._hands = [robot.placement(frame) for frame in robot.frames.values()]
@@ -151,7 +153,8 @@ class OutsideLayer(Layer):
             force[2] -= load.applied * GRAVITY
             start = load.place
             annotations.text.append(f"load {load.mass:.2f} kg")
-        matrices[self._rod] = segment(start, start + self._scale * force)
+        drift = drift_of(self._plant, self._walking)
+        matrices[self._rod] = drift @ segment(start, start + self._scale * force)
 
 
 class SolesLayer(Layer):
@@ -236,7 +239,9 @@ class RangeLayer(Layer):
         if scheduler is not None and scheduler.steps:
             last = scheduler.steps[-1]
             if last.step + 1 != self._steps and last.profile is not None:
-                self._hits[SIDES.index(last.side)] = list(last.profile.points)
+                drift = drift_of(self._plant, walking)
+                seen = last.profile.points @ drift[:3, :3].T + drift[:3, 3]
+                self._hits[SIDES.index(last.side)] = list(seen)
             self._steps = last.step + 1
 
 

@@ -32,6 +32,10 @@ ARROWS = {"ground": 16, "push": 4}
 """Largest number of forces of each kind that are shown at a time; the largest forces come first."""
 
 
+LONGEST = 1.5
+"""Longest arrow of a force, in weights of the robot: one of a landing would grow out of the picture."""
+
+
 @dataclass(frozen=True, eq=False)
 class Snapshot:
     """State of the robot and its forces at one instant.
@@ -119,13 +123,18 @@ class Scene:
             legend=(*self.legend, *legend),
         )
 
+    def reach(self, force: Array) -> Array:
+        """Return the arrow of a force (N), m: from `LONGEST` times the robot's weight on it grows no more."""
+        length = self.metres_per_newton * float(np.linalg.norm(force))
+        return self.metres_per_newton * force * min(1.0, LONGEST * self.com_height / max(length, 1e-9))
+
     def _arrow(self, kind: str, point: Array, force: Array) -> Array:
         """Return the matrix that scales the unit arrow to a force; pushes end at their point."""
-        size = float(np.linalg.norm(force))
-        length = self.metres_per_newton * size
+        reach = self.reach(force)
+        length = float(np.linalg.norm(reach))
         if length < 1e-3:
             return HIDDEN
-        x, y, z = upright_axes(force / size)
+        x, y, z = upright_axes(reach / length)
         thickness = 0.025 * self.com_height
         matrix = np.eye(4)
         matrix[:3, 0], matrix[:3, 1], matrix[:3, 2] = thickness * x, thickness * y, length * z
