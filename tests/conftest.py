@@ -1,5 +1,13 @@
-"""Profile of the property tests, for all folders."""
+"""For all folders: the profile of the property tests, and files that stay whole when processes share the tests."""
 
+import pytest
 from properties import load_profile
 
 load_profile()
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_cmdline_main(config: pytest.Config) -> None:
+    """Give each file to one process of `pytest -n`: the walks that its tests share are walked once."""
+    if config.getoption("numprocesses", None) and config.getoption("dist") == "no":
+        config.option.dist = "loadfile"

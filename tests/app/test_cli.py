@@ -389,6 +389,7 @@ def test_the_list_of_commands_loads_none_of_them(word: str) -> None:
     assert done.stdout and not done.stderr.strip()
 
 
+@pytest.mark.slow
 def test_a_closed_stdout_is_no_failure() -> None:
     command = f"{shlex.quote(sys.executable)} -m wbc robots talos >&-"
     done = subprocess.run(["sh", "-c", command], capture_output=True, text=True, check=False)

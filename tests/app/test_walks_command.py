@@ -177,7 +177,11 @@ def test_a_fall_is_a_result(capsys: pytest.CaptureFixture[str]) -> None:
         (["study", "show", "flat_floor", "--arm", "hard"], "soft"),
         (["study", "table", "flat_floor", "--journal", "empty.jsonl", "-o", "a.txt"], r"\.png"),
         (["study", "table", "flat_floor", "--journal", "empty.jsonl", "-o", "a.png"], "nothing to draw"),
-        (["study", "table", "authority", "--journal", "empty.jsonl", "-o", "a.png"], "18 rows .* 7 at most"),
+        pytest.param(
+            ["study", "table", "authority", "--journal", "empty.jsonl", "-o", "a.png"],
+            "18 rows .* 7 at most",
+            marks=pytest.mark.slow,
+        ),
         (["study", "table", "flat_floor", "--journal", "empty.jsonl", "-o", "a.xls"], r"\.png"),
         (
             ["study", "table", "flat_floor", "--journal", "empty.jsonl", "--of", "swings"],

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pinocchio as pin
 import pytest
+from properties import by_default
 from scipy.optimize import linprog
 from task_factory import (
     ROBOTS,
@@ -153,7 +154,7 @@ def meet(name: str, limited: bool, seconds: float = 1.5) -> tuple[SelfCollisionL
     return limit, np.array(distances), active
 
 
-@robots
+@pytest.mark.parametrize("name", by_default(ROBOTS, "hrp4_class"))
 def test_hands_that_want_to_pass_through_each_other_do_not(name: str) -> None:
     _, free, _ = meet(name, limited=False)
     assert free.min() < -0.02
@@ -309,7 +310,7 @@ def sway(
     return controller, np.array(path)
 
 
-@robots
+@pytest.mark.parametrize("name", by_default(ROBOTS, "hrp4_class"))
 def test_com_is_pulled_out_of_its_polygon_in_vain(name: str) -> None:
     robot = make_robot(name)
     here = np.array(robot.com[:2])

@@ -51,6 +51,7 @@ def test_packed_journals_keep_what_was_decided_and_not_what_was_scanned(tmp_path
     assert kept["wanted_nm_per_rad"] == 41.0 and kept["features"] is kept["profile_error_m"] is None
 
 
+@pytest.mark.slow
 def test_journals_are_packed_and_partial_tables_and_figures_say_so(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -12,6 +12,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 from mujoco_dynamics import assert_same_dynamics
+from properties import by_default
 
 from wbc import PositionControl
 from wbc.core import conventions
@@ -45,7 +46,7 @@ def test_pinocchio_and_mujoco_agree(name: str) -> None:
     assert theirs.body_mass.sum() == pytest.approx(description.robot().mass, abs=1e-9)
 
 
-@pytest.mark.parametrize("name", BUILT_IN)
+@pytest.mark.parametrize("name", by_default(BUILT_IN, "hrp4_class"))
 def test_a_pinocchio_model_makes_the_same_robot(name: str) -> None:
     """Read back from the model alone: dynamics, limits, rotor inertias, posture."""
     known = load(name)

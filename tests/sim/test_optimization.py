@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from properties import by_default
 
 from wbc.app import cli
 from wbc.app.commands.study.optimize import save_figures
@@ -91,7 +92,7 @@ def test_the_optimum_is_a_point_that_was_walked() -> None:
     assert mean[-1] > found.J + 1.0
 
 
-@pytest.mark.parametrize("batch", [1, 2])
+@pytest.mark.parametrize("batch", by_default([1, 2], 2))
 def test_killed_anywhere_it_goes_on_with_the_same_walks(batch: int) -> None:
     """Whatever the journal has is found again: nothing is walked twice, and the end is the same."""
     spec = OptimisationSpec(ground="stones", bounds=BOUNDS["wide"], distance=0.3, batch=batch)

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pinocchio as pin
 import pytest
+from properties import by_default
 
 from wbc.core.errors import Array
 from wbc.core.signals import Command
@@ -110,7 +111,7 @@ def test_stands_on_its_servos(name: str) -> None:
     assert np.abs(truth.v).max() < 1e-2
 
 
-@pytest.mark.parametrize("name", ROBOTS)
+@pytest.mark.parametrize("name", by_default(ROBOTS, "hrp4_class"))
 @pytest.mark.parametrize("foot", ["flat", "rigid"])
 def test_a_flat_sole_on_a_level_floor_needs_few_of_its_spheres(name: str, foot: str) -> None:
     """Eight or nine spheres a sole: the same corners, levers of friction within 12 %, and the same rest under load."""

@@ -41,9 +41,10 @@ def without_clock(result: StandResult) -> dict[str, Any]:
     return {k: v for k, v in to_json(result).items() if k not in ("real_time_factor", "tick_us")}
 
 
-@pytest.mark.parametrize("mode", MODES)
-@pytest.mark.parametrize("robot", names())
-def test_every_robot_stands_still_in_both_modes(robot: str, mode: Mode) -> None:
+@pytest.mark.parametrize(
+    ("robot", "mode"), [(robot, mode) for robot in names() for mode in MODES[: 3 if robot == "g1" else 1]]
+)
+def test_every_robot_stands_still_and_one_in_every_mode(robot: str, mode: Mode) -> None:
     result = stand(StandSpec(robot=robot, mode=mode, seconds=1.0))
     assert result.upright and result.failures == 0
     assert result.seconds == pytest.approx(1.0)
@@ -160,9 +161,9 @@ def test_fallen_depends_neither_on_the_axes_of_the_base_nor_on_the_level_of_the_
 
 
 def test_a_weak_push_is_recovered_and_a_strong_one_is_not() -> None:
-    weak = push_standing(StandPushSpec(impulse=0.2, after=2.5))
+    weak = push_standing(StandPushSpec(impulse=0.2, after=2.0))
     assert weak.recovered and weak.fell_at is None and 0.005 < weak.com_offset < 0.1
-    strong = push_standing(StandPushSpec(impulse=0.8, after=2.5))
+    strong = push_standing(StandPushSpec(impulse=0.8, after=2.0))
     assert not strong.recovered and strong.fell_at is not None and 0.6 < strong.fell_at < 2.0
 
 

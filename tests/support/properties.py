@@ -1,4 +1,4 @@
-"""Profiles of hypothesis, and the number of examples of a property test.
+"""Profiles of hypothesis, the number of examples of a property test, and what alone runs by default.
 
 The default profile draws the same examples in every run, on every machine: a run that is red stays red. The profile
 `long` draws new ones at random, ten times as many: `HYPOTHESIS_PROFILE=long pytest tests/feet`.
@@ -7,8 +7,10 @@ The default profile draws the same examples in every run, on every machine: a ru
 from __future__ import annotations
 
 import os
+from collections.abc import Iterable
 from typing import Any
 
+import pytest
 from hypothesis import settings
 
 PERCENT = 100
@@ -31,3 +33,8 @@ def examples(count: int, **changes: Any) -> settings:
         **changes: Other settings that differ from the profile's.
     """
     return settings(max_examples=count * settings().max_examples // PERCENT, **changes)
+
+
+def by_default(values: Iterable[Any], *usual: Any) -> list[Any]:
+    """Return values of a parameter of which some are tested by default, and the others in the slow run."""
+    return [value if value in usual else pytest.param(value, marks=pytest.mark.slow) for value in values]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from properties import by_default
 
 import wbc
 from wbc.core.errors import InputError
@@ -37,7 +38,7 @@ def run(plant: wbc.Plant, control: wbc.PositionControl | wbc.TorqueControl, seco
         plant.step(control.command(plant.measure()))
 
 
-@pytest.mark.parametrize("mode", CONTROLS)
+@pytest.mark.parametrize("mode", by_default(CONTROLS, "position", "torque"))
 def test_a_pushed_robot_comes_back_to_its_target(mode: str) -> None:
     """A force of 60 N for 0.1 s, ahead and to the left; the desired wrenches carry the weight."""
     plant, control, task = standing(mode)

@@ -59,6 +59,7 @@ def test_height_lean_turn_and_gaze_are_reached_with_bounded_speed(kind: str) -> 
         assert np.hypot(*ahead[1:]) / ahead[0] < 0.08
 
 
+@pytest.mark.slow
 def test_a_walk_goes_on_while_its_body_is_set() -> None:
     plant, walking = standing()
     walking.body.look_at([4.0, -1.0, 0.5])

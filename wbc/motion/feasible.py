@@ -22,7 +22,6 @@ import pinocchio as pin
 from pydantic import Field
 from scipy.linalg import solve_banded
 from scipy.ndimage import gaussian_filter1d, maximum_filter1d
-from scipy.signal import butter, sosfiltfilt
 from scipy.spatial.transform import Rotation
 
 from wbc.core.arguments import checked
@@ -193,6 +192,8 @@ def _smooth(clip: MotionClip, robot: Robot, s: FilterSettings) -> MotionClip:
     joints = np.clip(clip.joints, lower + room, upper - room)
     columns = np.hstack([clip.base, joints])
     if s.cutoff < 0.45 * clip.rate and len(clip) > 30:
+        from scipy.signal import butter, sosfiltfilt  # noqa: PLC0415 - slow to import
+
         sections = butter(2, s.cutoff, fs=clip.rate, output="sos")
         columns = sosfiltfilt(sections, columns, axis=0, padlen=min(len(clip) - 1, round(clip.rate)))
     columns[:, 3:7] /= np.linalg.norm(columns[:, 3:7], axis=1, keepdims=True)
