@@ -116,23 +116,11 @@ def test_a_design_made_with_dataclass_alone_is_checked_like_the_others() -> None
 @pytest.mark.parametrize(
     ("kind", "parameters", "said"),
     [
-        ("soft", {"stiffness": -1.0}, "stiffness"),
-        ("soft", {"stiffness": math.nan}, "finite"),
-        ("soft", {"damping": -0.1}, "damping"),
-        ("soft", {"phalanges": 1}, "at least 2"),
-        ("soft", {"phalanges": 2.5}, "integer"),
-        ("soft", {"length": 0.0}, "length"),
-        ("soft", {"width": -0.1}, "width"),
         ("soft", {"thickness": 0.01}, "do not fit"),
         ("soft", {"hinge_height": 0.02}, "hinges"),
         ("soft", {"loop_phalanx": 10}, r"\[1, 9\]"),
-        ("soft", {"phalanx_mass": 0.0}, "mass"),
-        ("soft", {"armature": -1e-3}, "armature"),
-        ("soft", {"arch_hinge": (0.0,)}, r"arch_hinge \(m\) must be 2 values, each a finite number"),
         ("variable", {"stiffness": 2001.0}, r"\[1, 2000\], got 2001"),
         ("paper", {"stiffness": 81.0}, r"\[0, 80\], got 81"),
-        ("rigid", {"mass": -1.0}, "mass"),
-        ("rigid", {"thickness": 0.0}, "thickness"),
     ],
 )
 def test_impossible_designs_are_refused(kind: str, parameters: dict[str, float], said: str) -> None:
@@ -143,30 +131,14 @@ def test_impossible_designs_are_refused(kind: str, parameters: dict[str, float],
 @pytest.mark.parametrize(
     ("make", "said"),
     [
-        (lambda: ContactSpheres(friction=0.0), "friction"),
         (lambda: ContactSpheres(condim=2), "condim must be 3 or 4 or 6, got 2"),
-        (lambda: ContactSpheres(columns=1), "at least 2"),
-        (lambda: ContactSpheres(radius=0.0), "radius"),
         (lambda: ContactSpheres(inset=0.06).column_positions(0.1), "leaves nothing"),
-        (lambda: ConstraintLaw(0.0), r"time_constant \(s\) must be a finite number above 0, got 0"),
-        (
-            lambda: ConstraintLaw(0.01, impedance=(0.9, 1.0)),
-            r"impedance\[1\] must be .* at most 0.9999, got 1",
-        ),
         (lambda: TransverseBending("roll"), "twist"),  # type: ignore[arg-type]
-        (lambda: TransverseBending(stiffness=-1.0), "stiffness"),
-        (
-            lambda: StiffnessActuator(rate_limit=0.0),
-            r"rate_limit \(decades/s\) must be a number above 0, got 0",
-        ),
         (lambda: StiffnessActuator(low=10.0, high=10.0), "exceed"),
-        (lambda: StiffnessActuator(time_constant=-1.0), r"time_constant \(s\) must be .* at least 0, got -1"),
         (lambda: StiffnessActuator(low=0.0), "low .* must be above 0 for an actuator with a rate limit"),
         (lambda: StiffnessActuator().at_rest(-1.0), r"\[1, 2000\]"),
         (lambda: StiffnessActuator().advance(StiffnessActuator().at_rest(5.0), 2100.0, 0.1), "2100"),
         (lambda: RangeSensor(least=1.0, greatest=0.5), "exceed"),
-        (lambda: RangeSensor(dropout=1.5), "dropout"),
-        (lambda: RangeSensor(noise=-1.0), "noise"),
         (lambda: SoleGeometry("a", (0.0, 0.0, 0.1), (0.0, 0.0, 0.0, 1.0), 0.1, 0.1), "above its sole"),
         (lambda: SoleGeometry("a", (0.0, 0.0, -0.1), (0.0, 0.0, 0.0, 2.0), 0.1, 0.1), "unit quaternion"),
         (lambda: SoleGeometry("a", (0.0, 0.0, -0.1), -np.eye(3), 0.1, 0.1), "right-handed"),  # type: ignore[arg-type]

@@ -360,15 +360,7 @@ def test_profiles_that_cannot_be_used_are_refused(x: np.ndarray, z: np.ndarray, 
         roughness(x, z)
 
 
-def test_settings_are_checked() -> None:
-    for options, message in (
-        ({"corner": 0.0}, "corner"),
-        ({"corner": math.nan}, "corner"),
-        ({"detrend": "quadratic"}, "no detrend 'quadratic'"),
-        ({"variant": "papers"}, "did you mean 'paper'"),
-    ):
-        with pytest.raises(InputError, match=message):
-            RoughnessSettings(**options)  # type: ignore[arg-type]
+def test_a_parameter_is_looked_up_and_a_dictionary_is_of_one_profile() -> None:
     r = Roughness(np.zeros((2, 10)))
     with pytest.raises(UnknownNameError, match="roughness parameter 'Sx'"):
         r["Sx"]

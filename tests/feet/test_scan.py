@@ -247,10 +247,8 @@ def test_the_toe_sensor_is_where_the_model_has_it(phalanges: int) -> None:
 
 def test_bad_input_is_refused() -> None:
     for options, message in (
-        ({"step": 0.0}, r"step \(m\) must be a finite number above 0, got 0"),
         ({"max_gap": 0.001}, "at least one step"),
         ({"capacity": 4}, "capacity"),
-        ({"capacity": 20.5}, "capacity"),
     ):
         with pytest.raises(InputError, match=message):
             ScanSettings(**options)  # type: ignore[arg-type]

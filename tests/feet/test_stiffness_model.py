@@ -322,19 +322,9 @@ def test_one_class_teaches_nothing(table: StiffnessTable) -> None:
         StiffnessModel.fit(table.rows(slice(0, 9)))
 
 
-@pytest.mark.parametrize(
-    ("options", "message"),
-    [
-        ({"features": ("Sq", "Sx")}, "roughness parameter 'Sx'"),
-        ({"neighbours": 0}, "neighbours"),
-        ({"neighbours": True}, "neighbours"),
-        ({"kind": "clustering"}, "no kind 'clustering'"),
-        ({"familiar_share": 1.1}, "familiar_share must be .* at least 0.5 and of at most 1, got 1.1"),
-    ],
-)
-def test_model_settings_are_checked(options: dict[str, object], message: str) -> None:
-    with pytest.raises(InputError, match=message):
-        ModelSettings(**options)  # type: ignore[arg-type]
+def test_features_of_a_model_are_looked_up() -> None:
+    with pytest.raises(InputError, match="roughness parameter 'Sx'"):
+        ModelSettings(features=("Sq", "Sx"))
 
 
 # --- validation -------------------------------------------------------------------------------------------------------

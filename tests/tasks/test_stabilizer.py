@@ -600,10 +600,7 @@ def test_presets_and_clamps(caplog: pytest.LogCaptureFixture) -> None:
     ("make", "error", "message"),
     [
         (lambda: replace(StabilizerGains(), dcm_q=1.0), UnknownNameError, "'dcm_q'; did you mean 'dcm_p'"),
-        (lambda: StabilizerGains(dcm_p=-1.0), InputError, "dcm_p"),
         (lambda: StabilizerGains(dcm_p=(1.0, 2.0, 3.0)), InputError, r"dcm_p \(1/s\) must be .* or 2 values"),
-        (lambda: StabilizerGains(derivator_time=0.0), InputError, "derivator_time"),
-        (lambda: StabilizerGains(wrench_time=np.nan), InputError, "wrench_time"),
         (lambda: Stabilizer(0.0, WrenchDistribution(SIZES)), InputError, "mass"),
         (lambda: tick(stabilizer(), com=[np.nan, 0, 1]), InputError, "CoM"),
         (lambda: tick(stabilizer(), wrenches=np.zeros((2, 5))), InputError, "foot wrenches"),

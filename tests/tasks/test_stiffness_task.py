@@ -614,17 +614,8 @@ def test_a_model_for_another_step_is_refused(model: StiffnessModel) -> None:
 @pytest.mark.parametrize(
     ("timing", "message"),
     [
-        ({"decide_at": 1.1}, "^decide_at must be .* of at most 1, got 1.1$"),
         ({"decide_at": 0.2, "scan_from": 0.2}, "^decide_at must be above scan_from = 0.2, got 0.2$"),
-        ({"scan_from": -0.1}, "^scan_from must be .* of at least 0"),
-        ({"deadline": -1.0}, r"^deadline \(s\) must be .* of at least 0"),
         ({"min_length": 0.01}, r"^min_length \(m\) must be at least 0.0"),
-        ({"min_coverage": 1.5}, "^min_coverage must be .* of at most 1"),
-        ({"fallback": -2.0}, r"^fallback \(Nm/rad\) must be .* of at least 0"),
-        ({"fallback": math.nan}, r"^fallback \(Nm/rad\) must be a finite number"),
-        ({"tolerance": 0.0}, r"^tolerance must be .* above 0"),
-        ({"sensor_rate": -5.0}, r"^sensor_rate \(Hz\) must be .* of at least 0"),
-        ({"history": 0}, "^history must be an integer of at least 1, got 0$"),
     ],
 )
 def test_timing_is_checked(timing: dict[str, object], message: str) -> None:

@@ -39,14 +39,11 @@ WRONG_VALUES: dict[str, Callable[[], object]] = {
     "com: shape": lambda: CoMTask([0.0, 0.0]),
     "com: nan": lambda: CoMTask([0.0, 0.0, NAN]),
     "com: text": lambda: CoMTask("here"),
-    "com: negative weight": lambda: CoMTask(weight=-1.0),
     "com: weight of wrong shape": lambda: CoMTask(weight=[1.0, 2.0]),
-    "com: negative stiffness": lambda: CoMTask(stiffness=-1.0),
     "com: infinite damping": lambda: CoMTask(damping=float("inf")),
     "com: bound of zero": lambda: CoMTask(error_bound=0.0),
     "com: bound that is no number": lambda: CoMTask(error_bound=NAN),
     "com: bound of wrong shape": lambda: CoMTask(error_bound=[0.1, 0.1]),
-    "com: bound in words": lambda: CoMTask(error_bound="far"),  # type: ignore[arg-type]
     "com: no axis": lambda: CoMTask(axes=()),
     "com: axes by number": lambda: CoMTask(axes=0),  # type: ignore[arg-type]
     "com: axes in axes": lambda: CoMTask(axes=[["x"]]),  # type: ignore[list-item]
@@ -54,7 +51,6 @@ WRONG_VALUES: dict[str, Callable[[], object]] = {
     "com: axis twice": lambda: CoMTask(axes=("x", "x")),
     "position: axes out of order": lambda: PositionTask("left_hand", axes=("z", "x")),
     "wrench: axes out of order": lambda: WrenchTask("left_foot", axes=("roll", "z")),
-    "position: nan": lambda: PositionTask("left_hand", [NAN, 0.0, 0.0]),
     "orientation: shape": lambda: OrientationTask("left_hand", np.zeros(3)),
     "orientation: not a rotation": lambda: OrientationTask("left_hand", 2.0 * np.eye(3)),
     "pose: not a pose": lambda: PoseTask("left_hand", np.eye(4)),
@@ -67,7 +63,6 @@ WRONG_VALUES: dict[str, Callable[[], object]] = {
     "posture: no joint": lambda: PostureTask(joints=[]),
     "posture: negative joint weight": lambda: PostureTask(joint_weights={"a": -1.0}),
     "wrench: shape": lambda: WrenchTask("left_foot", np.zeros(3)),
-    "wrench: nan": lambda: WrenchTask("left_foot", np.full(6, NAN)),
     "admittance: negative": lambda: AdmittanceTask("left_hand", admittance=(-1e-3, 0.0)),
     "admittance: shape": lambda: AdmittanceTask("left_hand", admittance=(1e-3, 1e-3, 1e-3)),
     "admittance: negative time constant": lambda: AdmittanceTask(
