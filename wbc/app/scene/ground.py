@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from wbc.app.scene.colours import HIGH_COLOUR, LOW_COLOUR, TILE_COLOURS
 from wbc.app.scene.marks import translation
 from wbc.app.scene.shapes import ROOT, Colour, SceneObject, Surface
-from wbc.sim.terrain import Terrain
+
+if TYPE_CHECKING:
+    from wbc.sim.terrain import Terrain
 
 TILE, TILES = 0.5, 80
 """Side of the tiles that show the endless plane, m, and their number in each direction."""

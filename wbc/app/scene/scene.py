@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -26,7 +27,9 @@ from wbc.app.scene.shapes import (
     sphere,
 )
 from wbc.core.errors import Array
-from wbc.sim.terrain import Terrain
+
+if TYPE_CHECKING:
+    from wbc.sim.terrain import Terrain
 
 ARROWS = {"ground": 16, "push": 4}
 """Largest number of forces of each kind that are shown at a time; the largest forces come first."""
