@@ -221,8 +221,8 @@ def heading(model: pin.Model, soles: defaults.Soles, feet_found: bool) -> float:
     """Return the direction in which the feet point in the axes of the root, a multiple of a right angle, rad.
 
     Two signs must agree before a root is turned: the left foot lies to the left, and the toes are in front of the
-    ankles. With one of them alone the soles are more likely to be swapped. With `feet_found` the left foot is only the
-    one with the larger y.
+    ankles; where toes say nothing, knees bend forward. With one sign alone the soles are more likely to be swapped. With
+    `feet_found` the left foot is only the one with the larger y.
     """
     data = model.createData()
     pin.framesForwardKinematics(model, data, pin.neutral(model))
@@ -237,6 +237,8 @@ def heading(model: pin.Model, soles: defaults.Soles, feet_found: bool) -> float:
     angle = float(np.arctan2(ahead[1], ahead[0]))
     turns = round(angle / (0.5 * np.pi))
     pointing = float(toes @ ahead)
+    if turns and abs(pointing) < AHEAD:
+        pointing = float(sum(posture.knee_direction(model, sole.frame) for sole in soles) @ ahead)
     if feet_found and turns == 0 and pointing < -AHEAD:
         return np.pi
     if turns == 0 or pointing < AHEAD:

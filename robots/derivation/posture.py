@@ -152,6 +152,25 @@ def check_balance(model: pin.Model, soles: tuple[SoleDescription, ...], q: Array
         )
 
 
+def knee_direction(model: pin.Model, sole: str) -> Array:
+    """Return where the knee of a leg goes when it bends, in the axes of the root, shape (3,), m/rad.
+
+    Args:
+        model: Pinocchio model.
+        sole: Frame at the end of the leg.
+    """
+    data, leg = model.createData(), joints_to(model, sole)
+    pin.computeJointJacobians(model, data, pin.neutral(model))
+    pin.updateFramePlacements(model, data)
+    places = [np.array(data.oMi[joint].translation) for joint in leg]
+    foot = np.array(data.oMf[model.getFrameId(sole)].translation)
+    reach = [min(np.linalg.norm(place - places[0]), np.linalg.norm(place - foot)) for place in places]
+    middle = int(np.argmax(reach))
+    knee = model.joints[leg[middle]]
+    bent = math.copysign(1.0, model.upperPositionLimit[knee.idx_q] + model.lowerPositionLimit[knee.idx_q])
+    return np.asarray(np.cross(foot - places[middle], bent * data.J[3:, knee.idx_v]))
+
+
 def _feet(model: pin.Model, soles: tuple[str, ...], q: Array) -> tuple[pin.SE3, pin.SE3, Array]:
     """Return the placements of the left and the right sole, and the centre of mass."""
     data = model.createData()

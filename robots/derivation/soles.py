@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -20,26 +21,32 @@ PLAUSIBLE = (0.03, 0.6)
 """Range of the sides of a sole, m; geometry outside it is not that of a foot."""
 
 
+Y_UP = pin.rpy.rpyToMatrix(0.5 * np.pi, 0.0, 0.0)
+"""Rotation of a mesh whose y axis points up."""
+
+
 def sole_rectangle(
     root: Element, model: pin.Model, frame: str, package_dirs: tuple[str, ...], base: Path | None
 ) -> tuple[Array, float, float] | None:
     """Return the rectangle around the geometry of a foot within 5 mm of its lowest point.
 
     Collision geometry is used where there is any, visual geometry otherwise; z of the frame points away from the
-    ground. Returned are the centre in the frame (m, shape (3,)), length and width (m); None without usable geometry.
+    ground. A foot that is wider than long is read once more with the up axis that its COLLADA meshes name, which Gazebo
+    honours and Pinocchio does not. Returned are the centre in the frame (m, shape (3,)), length and width (m); None
+    without usable geometry.
     """
     sole = model.frames[model.getFrameId(frame)]
     owner = moving_link_of(root)
     links = {str(link.get("name")): link for link in root.findall("link")}
     moving = frames.carrier_link(model, sole.parentJoint)
-    for tag in ("collision", "visual"):
+    wide = None
+    for tag, up_axis in itertools.product(("collision", "visual"), (False, True)):
         clouds = []
         for name in (name for name, mover in owner.items() if mover == moving):
             placement = sole.placement.actInv(frames.body_frame(model, name).placement)
             for element in links[name].findall(tag):
-                clouds += [
-                    _move(placement, cloud) for cloud in _points(element, package_dirs, base, placement)
-                ]
+                shapes = _points(element, package_dirs, base, placement, up_axis)
+                clouds += [_move(placement, cloud) for cloud in shapes]
         if not clouds:
             continue
         points = np.concatenate(clouds)
@@ -50,12 +57,14 @@ def sole_rectangle(
         if PLAUSIBLE[0] < width and PLAUSIBLE[0] < length < PLAUSIBLE[1] and width < PLAUSIBLE[1]:
             centre = 0.5 * (lower + upper)
             centre[2] = low
-            return centre, length, width
-    return None
+            if width <= length:
+                return centre, length, width
+            wide = wide or (centre, length, width)
+    return wide
 
 
 def _points(
-    element: Element, package_dirs: tuple[str, ...], base: Path | None, placement: pin.SE3
+    element: Element, package_dirs: tuple[str, ...], base: Path | None, placement: pin.SE3, up_axis: bool
 ) -> Iterator[Array]:
     """Yield points of a shape, in the link frame, that include all extreme ones near the ground."""
     geometry = element.find("geometry")
@@ -83,6 +92,8 @@ def _points(
         if path is not None:
             vertices = mesh_vertices(path)
             if vertices is not None:
+                if up_axis and path.suffix.lower() == ".dae" and b"<up_axis>Y_UP" in path.read_bytes():
+                    vertices = vertices @ Y_UP.T
                 yield _move(origin, vertices * numbers(shape.get("scale", "1 1 1")))
 
 

@@ -75,6 +75,7 @@ PLAYGROUND_ROBOTS: dict[str, dict[str, Any]] = {
     "t1": {"height": 1.18, "licence": APACHE},
     "op3": {"height": 0.51, "licence": APACHE},
     "berkeley_humanoid": {"height": 0.85, "licence": BSD},
+    "apollo": {"height": 1.73, "licence": APACHE},
 }
 """Robots of MuJoCo Playground: name, also of its folder → what their files do not say.
 
@@ -82,13 +83,14 @@ PLAYGROUND_ROBOTS: dict[str, dict[str, Any]] = {
 - t1: Booster T1, 23 joints; both its legs hang below the waist joint, its root is the trunk.
 - op3: Robotis OP3, 20 joints, 3.1 kg; its joints have no position limits in the file.
 - berkeley_humanoid: 12 joints: two legs under a body without arms.
+- apollo: Apptronik Apollo, 32 joints; its file names a floor that only the scene around it has.
 """
 
 
 @cache
 def playground(name: str) -> RobotDescription:
     """Return a robot of `PLAYGROUND_ROBOTS`; its servo gains are derived, the file's are those of a simulator."""
-    file = f"{name}_mjx_feetonly.xml"
+    file = f"{name}_mjx_feetonly.xml" if name != "apollo" else "scene_mjx_feetonly_flat_terrain.xml"
     return RobotDescription.from_mjcf(
         _file(PLAYGROUND, f"mujoco_playground/_src/locomotion/{name}/xmls/{file}"),
         name=name,

@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike
 
 from wbc.core.arguments import checked
 from wbc.core.errors import Array
+from wbc.core.qp.task import read_only
 from wbc.tasks.force.compliance import ComplianceTask, six
 from wbc.tasks.options import ComplianceOptions
 
@@ -52,7 +53,7 @@ class AdmittanceTask(ComplianceTask):
     @property
     def admittance(self) -> Array:
         """Velocity per wrench error, shape (6,), m/(N s) and rad/(Nm s); assign that or a pair (linear, angular)."""
-        return self._admittance
+        return read_only(self._admittance)
 
     @admittance.setter
     def admittance(self, value: ArrayLike) -> None:

@@ -112,7 +112,7 @@ class ComplianceTask(FrameTask):
     @property
     def target_wrench(self) -> Array:
         """Wrench at which the frame does not yield, [force; moment] in the frame, shape (6,), N and Nm."""
-        return self._target_wrench
+        return read_only(self._target_wrench)
 
     @target_wrench.setter
     def target_wrench(self, value: ArrayLike) -> None:
@@ -124,7 +124,7 @@ class ComplianceTask(FrameTask):
 
         A task on a sole reads it from each measurement; for all other frames assign it before each tick.
         """
-        return self._measured_wrench
+        return read_only(self._measured_wrench)
 
     @measured_wrench.setter
     def measured_wrench(self, value: ArrayLike) -> None:
@@ -133,7 +133,7 @@ class ComplianceTask(FrameTask):
     @property
     def velocity_bound(self) -> Array:
         """Greatest compliance velocity, [linear; angular], shape (6,), m/s and rad/s; assign that or a pair."""
-        return self._velocity_bound
+        return read_only(self._velocity_bound)
 
     @velocity_bound.setter
     def velocity_bound(self, value: ArrayLike) -> None:
@@ -143,7 +143,7 @@ class ComplianceTask(FrameTask):
     @property
     def offset_bound(self) -> Array | None:
         """Greatest offset along the axes of the reference, shape (6,), m and rad, or None; assign that or a pair."""
-        return self._offset_bound
+        return None if self._offset_bound is None else read_only(self._offset_bound)
 
     @offset_bound.setter
     def offset_bound(self, value: ArrayLike | None) -> None:

@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike
 
 from wbc.core.arguments import checked
 from wbc.core.errors import Array, check_options
+from wbc.core.qp.task import read_only
 from wbc.tasks.force.compliance import ComplianceTask, six
 from wbc.tasks.options import ComplianceOptions
 
@@ -71,7 +72,7 @@ class FirstOrderImpedanceTask(ComplianceTask):
     @property
     def spring(self) -> Array:
         """Shape (6,), N/m and Nm/rad; assign that or a pair (linear, angular)."""
-        return self._spring
+        return read_only(self._spring)
 
     @spring.setter
     def spring(self, value: ArrayLike) -> None:
@@ -80,7 +81,7 @@ class FirstOrderImpedanceTask(ComplianceTask):
     @property
     def damper(self) -> Array:
         """Shape (6,), Ns/m and Nms/rad; assign that or a pair (linear, angular)."""
-        return self._damper
+        return read_only(self._damper)
 
     @damper.setter
     def damper(self, value: ArrayLike) -> None:
@@ -89,7 +90,7 @@ class FirstOrderImpedanceTask(ComplianceTask):
     @property
     def wrench_gain(self) -> Array:
         """Factor on the wrench error, shape (6,); assign that or a pair (linear, angular)."""
-        return self._wrench_gain
+        return read_only(self._wrench_gain)
 
     @wrench_gain.setter
     def wrench_gain(self, value: ArrayLike) -> None:
@@ -155,7 +156,7 @@ class ImpedanceTask(FirstOrderImpedanceTask):
     @property
     def mass(self) -> Array:
         """Shape (6,), kg and kg m²; assign that or a pair (linear, angular)."""
-        return self._mass
+        return read_only(self._mass)
 
     @mass.setter
     def mass(self, value: ArrayLike) -> None:

@@ -51,7 +51,7 @@ def package_files() -> set[str]:
 def dist(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A folder with the sdist, the wheel made from it, and in `direct/` the wheel made from the repository."""
     folder = tmp_path_factory.mktemp("packaging")
-    source, out = folder / "source", folder / "dist"
+    source, out = folder / "wbc", folder / "dist"
     source.mkdir()
     for part in PARTS:
         if (ROOT / part).is_dir():
@@ -120,3 +120,20 @@ def test_installed_package_imports_everywhere_and_has_its_command(
     printed = run(environment / "bin" / "wbc", "--version", cwd=tmp_path)
     assert printed.strip() == wheel.name.split("-")[1]
     assert "hrp4_class" in run(python, "-I", "-m", "wbc", "robots", cwd=tmp_path)
+
+
+@pytest.mark.slow
+def test_an_editable_install_is_found_from_the_folder_above_a_clone_called_wbc(
+    dist: Path, tmp_path: Path
+) -> None:
+    clone = dist.parent / "wbc"
+    build = f"from setuptools.build_meta import build_editable; build_editable({str(tmp_path)!r})"
+    run(sys.executable, "-c", build, cwd=clone)
+    (wheel,) = tmp_path.glob("*.whl")
+    with zipfile.ZipFile(wheel) as archive:
+        archive.extractall(tmp_path / "site")
+    find = (
+        f"import importlib.util, site, sys; sys.path.insert(0, ''); site.addsitedir({str(tmp_path / 'site')!r}); "
+        "print(importlib.util.find_spec('wbc').origin)"
+    )
+    assert run(sys.executable, "-I", "-S", "-c", find, cwd=clone.parent).strip() == f"{clone}/wbc/__init__.py"

@@ -366,3 +366,18 @@ def test_what_a_task_or_limit_of_ones_own_lacks_is_said() -> None:
         InputError, match=r"OwnRows\('own rows', dim=1\) has not been bound: .*super\(\).bind"
     ):
         controller.add(OwnRows("own rows", 1))
+
+
+@pytest.mark.parametrize("kind", MOTION_TASKS)
+def test_what_a_task_hands_out_cannot_be_written_past_its_check(kind: str) -> None:
+    robot = make_robot("hrp4_class")
+    task = Controller(robot, 0.002).add(MOTION_TASKS[kind].make(robot))
+    for name in dir(type(task)):
+        part = getattr(type(task), name)
+        value = getattr(task, name) if isinstance(part, property) and part.fset is not None else None
+        if isinstance(value, pin.SE3):
+            value.translation[0] = NAN
+            assert np.isfinite(getattr(task, name).translation).all(), name
+        elif isinstance(value, np.ndarray) and value.flags.writeable and value.size:
+            value[:] = NAN
+            assert np.isfinite(getattr(task, name)).all(), name

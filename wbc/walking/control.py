@@ -101,6 +101,9 @@ class ReferenceControl:
         control.reach = FEET_STEP
         estimate = control.observer.robot
         self._torso = estimate.placement(estimate.torso_frame)  # a view, which moves on with the estimate
+        standing = Robot(estimate.model, (), estimate.half_sitting)
+        # Axis of the torso that is vertical in half-sitting: links have axes of their own, the z axis need not be it.
+        self._up = standing.placement(estimate.torso_frame).rotation[2].copy()
 
     def command(self, measurement: Measurement) -> Command:
         """Run one tick.
@@ -145,20 +148,16 @@ class ReferenceControl:
         reference = self.reference
         if reference is None:
             return
-        estimate, solution, up = (
-            self.control.observer.robot,
-            self.control.solution,
-            self._torso.rotation[:, 2],
-        )
+        estimate, solution, up = self.control.observer.robot, self.control.solution, self._up
         if reference.body is not None:  # a robot that bends as its source does is upright
-            up = self._torso.rotation @ reference.body.trunk[-1][0][2]
+            up = reference.body.trunk[-1][0][2]
         self.falls.update(
             self.time,
             self.dt,
             q=estimate.q,
             v=estimate.v,
             drop=float(reference.pendulum.com[2] - estimate.com[2]),
-            torso_up=up,
+            torso_up=self._torso.rotation @ up,
             dcm_distance=0.0 if self.balance is None else self.balance.dcm_distance(),
             solved=(solution is None or solution.ok) and not self.control.stopped,
         )

@@ -35,6 +35,9 @@ GAP = 0.01
 """Distance between the tip of a hand and a handle that it is to grip, m."""
 
 
+NO_MOMENT = np.zeros(3)
+
+
 class HandState(enum.Enum):
     """State of a hand."""
 
@@ -279,7 +282,7 @@ class Hand:
                     self._held = middle.placement.actInv(self._start)
             else:
                 self._approach(dt)
-            task.measured_wrench[:] = task.target_wrench
+            task.measured_wrench = task.target_wrench
             return
         if self.state is HandState.GRIP:
             self._carry(rotation, middle)
@@ -297,12 +300,11 @@ class Hand:
             self.extra = min(
                 max(self.extra, min(0.0, self._settings.touch - self.planned)), most - self.planned
             )
-            task.target_wrench[:3] = rotation.T @ (-self.target * self.direction)
-            task.measured_wrench[:] = wrench
-            task.measured_wrench[3:] = 0.0
+            task.target_wrench = np.concatenate((rotation.T @ (-self.target * self.direction), NO_MOMENT))
+            task.measured_wrench = np.concatenate((wrench[:3], NO_MOMENT))
             return
         self.force.advance(dt)
-        task.measured_wrench[:] = task.target_wrench
+        task.measured_wrench = task.target_wrench
 
     def _reach(self, dt: float) -> bool:
         """Move to the point of departure of the approach and point the hand along it; True once it is there.
@@ -340,8 +342,8 @@ class Hand:
         velocity = middle.velocity + middle.turning * np.array((-lever[1], lever[0], 0.0))
         self._rotation = place.rotation
         self._move(place.translation, velocity, np.zeros(3))
-        task.measured_wrench[:] = task.target_wrench[:] = 0.0
-        task.measured_wrench[:3] = self.excess @ rotation
+        task.target_wrench = np.zeros(6)
+        task.measured_wrench = np.concatenate((self.excess @ rotation, NO_MOMENT))
         self.bounded = bool(np.abs(self.excess[:2]).max() > self._settings.touch)
 
     def _approach(self, dt: float) -> None:
@@ -382,7 +384,7 @@ class Hand:
         self.state = HandState.LOST
         self._fade(self._settings.loss_ramp)
         self.extra = 0.0
-        self.task.target_wrench[:] = 0.0
+        self.task.target_wrench = np.zeros(6)
         self.task.feedforward_velocity = np.zeros(6)
 
     def _free(self) -> None:
