@@ -8,7 +8,7 @@ from functools import cache, partial
 from pathlib import Path
 
 from wbc.core.arguments import checked
-from wbc.core.errors import InputError, unknown_name
+from wbc.core.errors import InputError, shown, unknown_name
 from wbc.core.registry import Registry
 from wbc.robots import saved
 from wbc.robots.description import RobotDescription
@@ -17,6 +17,7 @@ from wbc.robots.models import example_robots, hrp4_class, other_wheels
 _FACTORIES: Registry[Callable[[], RobotDescription]] = Registry(
     "robot",
     {"hrp4_class": hrp4_class.describe, "talos": example_robots.talos, "g1": example_robots.g1},
+    group="wbc.robots",
 )
 
 _OTHERS: dict[str, tuple[str, Callable[[], RobotDescription]]] = {
@@ -37,7 +38,9 @@ def names() -> tuple[str, ...]:
 
 
 def others() -> dict[str, str]:
-    """Return the other robots that `load` knows: the user's own, and those of wheels that are no dependencies.
+    """Return the other robots that `load` knows: the user's own, and those of other packages.
+
+    Packages are wheels that are no dependencies, and whatever has an entry point of the group "wbc.robots".
 
     Returns:
         Name → "" for one that can be loaded, or the command that installs its wheel.
@@ -45,6 +48,7 @@ def others() -> dict[str, str]:
     known = dict.fromkeys(saved.own_robots(), "")
     for name, (wheel, _) in _OTHERS.items():
         known.setdefault(name, "" if other_wheels.installed(wheel) else other_wheels.how_to_install(wheel))
+    known = {**dict.fromkeys(_FACTORIES.offered(), ""), **known}
     return {name: how for name, how in known.items() if name not in _FACTORIES}
 
 
@@ -93,7 +97,7 @@ def load(name: str) -> RobotDescription:
 
     Raises:
         UnknownNameError: No such robot; the nearest names are given.
-        InputError: A file that cannot be used, or a wheel that is not installed.
+        InputError: A file that cannot be used, a wheel that is not installed, or a package that cannot be loaded.
     """
     if name not in _FACTORIES and (stamp := STAMPED.fullmatch(name)):
         description = load(stamp[1])
@@ -106,14 +110,20 @@ def load(name: str) -> RobotDescription:
         return _load(name)
     if (own := _file(name)) is not None:
         return _read(str(own), own.stat().st_mtime_ns if own.is_file() else 0)
-    if name in _OTHERS:
+    if name in _OTHERS or name in _FACTORIES.offered():
         return _load(name)
     unknown_name("robot", name, [*_FACTORIES, *others()])
 
 
 @cache
 def _load(name: str) -> RobotDescription:
-    return (_FACTORIES[name] if name in _FACTORIES else _OTHERS[name][1])()
+    known = name in _OTHERS and name not in _FACTORIES
+    description: object = (_OTHERS[name][1] if known else _FACTORIES[name])()
+    if not isinstance(description, RobotDescription):
+        raise InputError(
+            f"the factory of robot '{name}' must return a RobotDescription, got {shown(description)}"
+        )
+    return description
 
 
 @cache

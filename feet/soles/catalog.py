@@ -11,6 +11,12 @@ from wbc.feet.soles.foot import Foot
 from wbc.feet.soles.rigid import FlatFoot, RigidFoot
 from wbc.feet.soles.soft import LongArchFoot, PaperFoot, SoftFoot, VariableStiffnessFoot
 
+
+def _check(kind: object) -> None:
+    if not (isinstance(kind, type) and issubclass(kind, Foot)):
+        raise InputError(f"a foot is registered by its class, derived from Foot, got {shown(kind)}")
+
+
 _FEET: Registry[type[Foot]] = Registry(
     "foot",
     {
@@ -21,12 +27,14 @@ _FEET: Registry[type[Foot]] = Registry(
         "variable": VariableStiffnessFoot,
         "paper": PaperFoot,
     },
+    group="wbc.feet",
+    check=_check,
 )
 
 
 def foot_names() -> tuple[str, ...]:
     """Return the names that `foot` takes."""
-    return tuple(_FEET)
+    return _FEET.names()
 
 
 @checked
@@ -61,6 +69,4 @@ def register_foot(name: str, kind: type[Foot]) -> None:
     Raises:
         InputError: A name that is not text or is empty, or a kind that is no class derived from `Foot`.
     """
-    if not (isinstance(kind, type) and issubclass(kind, Foot)):
-        raise InputError(f"a foot is registered by its class, derived from Foot, got {shown(kind)}")
     _FEET[name] = kind

@@ -221,8 +221,8 @@ def heading(model: pin.Model, soles: defaults.Soles, feet_found: bool) -> float:
     """Return the direction in which the feet point in the axes of the root, a multiple of a right angle, rad.
 
     Two signs must agree before a root is turned: the left foot lies to the left, and the toes are in front of the
-    ankles; where toes say nothing, knees bend forward. With one sign alone the soles are more likely to be swapped. With
-    `feet_found` the left foot is only the one with the larger y.
+    ankles; where toes say nothing, knees bend forward. With one sign alone the soles are more likely to be swapped.
+    With `feet_found` the left foot is only the one with the larger y.
     """
     data = model.createData()
     pin.framesForwardKinematics(model, data, pin.neutral(model))

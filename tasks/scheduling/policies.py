@@ -250,15 +250,22 @@ class ModelPolicy(StiffnessPolicy):
         )
 
 
+def _check(make: object) -> None:
+    if not callable(make):
+        raise InputError(f"a stiffness policy is registered by its class or a function, got {shown(make)}")
+
+
 _POLICIES: Registry[Callable[..., StiffnessPolicy]] = Registry(
     "stiffness policy",
     {"fixed": FixedPolicy, "phase": PhasePolicy, "edge": EdgePolicy, "model": ModelPolicy.load},
+    group="wbc.policies",
+    check=_check,
 )
 
 
 def stiffness_policy_names() -> tuple[str, ...]:
     """Return the names that `stiffness_policy` accepts."""
-    return tuple(_POLICIES)
+    return _POLICIES.names()
 
 
 @checked
@@ -287,8 +294,6 @@ def register_stiffness_policy(name: str, make: Callable[..., StiffnessPolicy]) -
     Raises:
         InputError: A name that is not text or is empty, or what cannot be called.
     """
-    if not callable(make):
-        raise InputError(f"a stiffness policy is registered by its class or a function, got {shown(make)}")
     _POLICIES[name] = make
 
 

@@ -3,10 +3,16 @@
 from __future__ import annotations
 
 import inspect
+import logging
+import sys
 from collections.abc import Callable, Mapping
-from typing import Any, NoReturn, TypeVar
+from functools import cache
+from importlib.metadata import EntryPoint, entry_points
+from typing import Any, TypeVar
 
 from wbc.core.errors import InputError, choose, shown, unknown_name
+
+logger = logging.getLogger(__name__)
 
 T = TypeVar("T")
 
@@ -14,21 +20,74 @@ T = TypeVar("T")
 class Registry(dict[str, T]):
     """A dictionary of names whose missing names raise an error with the nearest known ones.
 
+    Other packages offer further names by entry points. These are looked up when a name is missing or all names are
+    asked for, and loaded when one is used.
+
     Attributes:
         kind: The noun of its messages: "robot", "foot", "terrain", …
+        group: Group of the entry points; None for a registry that has none.
     """
 
-    def __init__(self, kind: str, entries: Mapping[str, T] | None = None) -> None:
-        super().__init__(entries or {})
-        self.kind = kind
+    def __init__(
+        self,
+        kind: str,
+        entries: Mapping[str, T] | None = None,
+        *,
+        group: str | None = None,
+        check: Callable[[T], object] | None = None,
+    ) -> None:
+        """Begin with some entries.
 
-    def __missing__(self, name: object) -> NoReturn:
-        unknown_name(self.kind, name, self)
+        Args:
+            kind: The noun of its messages.
+            entries: Name → value.
+            group: Group of the entry points of other packages.
+            check: Raises `InputError` for a value that is none of its kind.
+        """
+        super().__init__(entries or {})
+        self.kind, self.group, self._check = kind, group, check
+
+    def __missing__(self, name: str) -> T:
+        offered = self.offered()
+        if name not in offered:
+            unknown_name(self.kind, name, self.names())
+        point = offered[name]
+        try:
+            value = point.load()
+            if not dict.__contains__(self, name):  # a module may register what it defines
+                self.add(name, value)
+        except Exception as error:  # whatever a module of somebody else raises
+            package = point.dist.name if point.dist is not None else "?"
+            raise InputError(
+                f"the {self.kind} '{name}' of package '{package}' cannot be loaded from {point.value} (entry point of "
+                f"{self.group}): {type(error).__name__}: {error}"
+            ) from error
+        return self[name]
 
     def __setitem__(self, name: str, value: T) -> None:
         if not isinstance(name, str) or not name.strip():
             raise InputError(f"the name of a {self.kind} must be text, got {shown(name)}")
+        if self._check is not None:
+            self._check(value)
         super().__setitem__(name, value)
+
+    def offered(self) -> Mapping[str, EntryPoint]:
+        """Return the names that other packages offer beside those that are here → entry point, not loaded."""
+        found = {} if self.group is None else _offered(self.group, tuple(sys.path))
+        return {name: point for name, point in found.items() if name not in self}
+
+    def names(self) -> tuple[str, ...]:
+        """Return all names, those of other packages last."""
+        return (*self, *self.offered())
+
+    def loaded(self) -> Mapping[str, T]:
+        """Return all entries, those of other packages loaded; one that cannot be is left out with a warning."""
+        for name in self.offered():
+            try:
+                self[name]
+            except InputError as error:
+                logger.warning("%s", error)
+        return self
 
     def add(self, name: str, value: T) -> None:
         """Register a value under a new name; `InputError` if that is not text, is empty or is taken."""
@@ -51,3 +110,9 @@ def call_checked(what: str, make: Callable[..., T], parameters: Mapping[str, Any
         if needed and parameter.name not in parameters:
             raise InputError(f"the {what} needs a value for '{parameter.name}'")
     return make(**parameters)
+
+
+@cache
+def _offered(group: str, path: tuple[str, ...]) -> Mapping[str, EntryPoint]:
+    """Return name → entry point of a group; looked up anew when the search path has changed."""
+    return {point.name: point for point in entry_points(group=group)}

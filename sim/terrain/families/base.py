@@ -30,7 +30,7 @@ from typing import Annotated, Any, ClassVar, TypeVar, dataclass_transform
 import numpy as np
 from pydantic import Field
 
-from wbc.core.errors import Array, InputError
+from wbc.core.errors import Array, InputError, shown
 from wbc.core.registry import Registry, call_checked
 from wbc.core.settings import settings
 from wbc.sim.terrain.families.site import Site, cells
@@ -240,7 +240,12 @@ class FieldFamily(Family):
         return HeightMap(site.x0, site.x1, -half, half, z), start * scale, stop * scale
 
 
-_FAMILIES: Registry[type[Family]] = Registry("terrain")
+def _check(kind: object) -> None:
+    if not (isinstance(kind, type) and issubclass(kind, Family) and "name" in vars(kind)):
+        raise InputError(f"a ground is a class derived from Family with @family above it, got {shown(kind)}")
+
+
+_FAMILIES: Registry[type[Family]] = Registry("terrain", group="wbc.terrains", check=_check)
 _F = TypeVar("_F", bound=Family)
 
 
@@ -259,8 +264,8 @@ def family(name: str) -> Callable[[type[_F]], type[_F]]:
         known = _FAMILIES.get(name)
         if known is not None and (known.__module__, known.__qualname__) == (cls.__module__, cls.__qualname__):
             del _FAMILIES[name]
-        _FAMILIES.add(name, cls)
         cls.name = name
+        _FAMILIES.add(name, cls)
         return settings(cls)
 
     return register
@@ -268,7 +273,7 @@ def family(name: str) -> Callable[[type[_F]], type[_F]]:
 
 def terrain_families() -> dict[str, type[Family]]:
     """Return all families by name, in alphabetical order."""
-    return dict(sorted(_FAMILIES.items()))
+    return dict(sorted(_FAMILIES.loaded().items()))
 
 
 def make_family(name: str, params: Mapping[str, Any]) -> Family:

@@ -101,7 +101,10 @@ def robots(
         description = load(verb)
         return output.report(description.summary(), description.report())
     facts = [load(each).summary() for each in names()]
-    lines = [_table(facts), *(f"{other:<18}{how or 'in files'}" for other, how in others().items())]
+    lines = [
+        _table(facts),
+        *(f"{other:<18}{how or 'from a file or a package'}" for other, how in others().items()),
+    ]
     return output.report({"robots": [_brief(each) for each in facts], "others": others()}, "\n".join(lines))
 
 

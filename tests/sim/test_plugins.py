@@ -1,0 +1,118 @@
+"""Entry points: a package of somebody else brings a robot, a foot, a ground and a policy; a broken one does no harm."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+PACKAGE = """
+from dataclasses import dataclass
+import wbc
+from wbc.feet import SoftFoot
+from wbc.sim.terrain import FieldFamily, family
+from wbc.tasks.scheduling.policies import FixedPolicy
+
+def describe():
+    return wbc.RobotDescription.from_urdf({biped!r}, left_sole="left_foot", right_sole="right_foot")
+
+@dataclass(frozen=True)
+class LongToes(SoftFoot):
+    phalanges: int = 12
+
+@family("their_waves")
+class Waves(FieldFamily):
+    smallest_feature = property(lambda self: 0.1)
+    def heights(self, site, x, y):
+        return x + y
+
+class Undecorated(FieldFamily):
+    smallest_feature = property(lambda self: 0.1)
+
+policy = FixedPolicy
+"""
+
+POINTS = """
+[wbc.robots]
+their_biped = theirs:describe
+their_policy = theirs:policy
+[wbc.feet]
+long_toes = theirs:LongToes
+no_foot = theirs:Waves
+gone = their_other:Foot
+[wbc.terrains]
+their_waves = theirs:Waves
+undecorated = theirs:Undecorated
+[wbc.policies]
+theirs = theirs:policy
+absent = theirs:nothing
+"""
+
+PROGRAM = """
+import json, sys
+import wbc
+from wbc.feet import foot, foot_names
+from wbc.robots import load, names, others
+from wbc.sim.terrain import terrain_families
+from wbc.tasks.scheduling.policies import stiffness_policy, stiffness_policy_names
+
+def error(call, *values):
+    try:
+        call(*values)
+    except wbc.InputError as failure:
+        return str(failure)
+
+wbc.load_robot("hrp4_class"), foot("flat")
+said = {"listed": [*others(), *foot_names(), *stiffness_policy_names()], "early": "theirs" in sys.modules}
+said["joints"] = len(load("their_biped").joint_names)
+said["phalanges"] = foot("long_toes").phalanges
+said["policy"] = type(stiffness_policy("theirs", stiffness=5.0)).__name__
+said["families"] = list(terrain_families())
+said["errors"] = [
+    error(foot, "no_foot"), error(foot, "gone"), error(stiffness_policy, "absent"), error(load, "their_policy"),
+    error(load, "their_bipeds"),
+]
+print(json.dumps(said))
+"""
+
+
+@pytest.fixture(scope="module")
+def said(tmp_path_factory: pytest.TempPathFactory) -> dict[str, list[str]]:
+    """What a process says in which a package of somebody else is installed."""
+    folder, root = tmp_path_factory.mktemp("site"), Path(__file__).parents[2]
+    (folder / "theirs.py").write_text(PACKAGE.format(biped=str(root / "examples/biped.urdf")))
+    (folder / "theirs-1.0.dist-info").mkdir()
+    (folder / "theirs-1.0.dist-info/METADATA").write_text(
+        "Metadata-Version: 2.1\nName: theirs\nVersion: 1.0\n"
+    )
+    (folder / "theirs-1.0.dist-info/entry_points.txt").write_text(POINTS)
+    path = os.pathsep.join([str(folder), str(root)])
+    done = subprocess.run(
+        [sys.executable, "-c", PROGRAM],
+        check=False,
+        env={**os.environ, "PYTHONPATH": path},
+        capture_output=True,
+        text=True,
+    )
+    assert done.returncode == 0, done.stderr
+    assert "undecorated" in done.stderr  # which a list leaves out with a warning
+    return json.loads(done.stdout)
+
+
+def test_what_another_package_brings_is_listed_and_loaded_when_it_is_used(said: dict[str, list[str]]) -> None:
+    assert {"their_biped", "long_toes", "gone", "theirs"} <= set(said["listed"]) and not said["early"]
+    assert (said["joints"], said["phalanges"], said["policy"]) == (12, 12, "FixedPolicy")
+    assert "their_waves" in said["families"] and "undecorated" not in said["families"]
+
+
+def test_a_broken_entry_point_is_an_error_that_names_it(said: dict[str, list[str]]) -> None:
+    wrong, gone, absent, no_robot, unknown = said["errors"]
+    assert "'no_foot' of package 'theirs'" in wrong and "derived from Foot" in wrong
+    assert "their_other:Foot (entry point of wbc.feet): ModuleNotFoundError" in gone
+    assert "theirs:nothing" in absent and "AttributeError" in absent
+    assert "must return a RobotDescription" in no_robot
+    assert "did you mean 'their_biped'" in unknown
