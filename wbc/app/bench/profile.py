@@ -86,16 +86,9 @@ def parts_of(trial: WalkTrial, hooks: Sequence[WalkHook] = ()) -> list[Timed]:
 def profile_walk(
     trial: WalkTrial, hooks: Sequence[WalkHook] = ()
 ) -> tuple[WalkResult, tuple[ProfileRow, ...]]:
-    """Walk, and divide the wall time.
+    """Walk, look on with hooks, and divide the wall time into `parts_of`, whose times add up to the whole.
 
     The walk is bit for bit the one that is not profiled. The clocks make it about 5 % longer.
-
-    Args:
-        trial: The walk, not yet begun.
-        hooks: Look on, and are timed.
-
-    Returns:
-        The result, and the parts that took time, in the order of `parts_of`; their times add up to the whole.
     """
     parts = parts_of(trial, hooks)
     spent: dict[str, list[float]] = {part: [0.0, 0] for part, _, _ in parts}  # time (s) and calls

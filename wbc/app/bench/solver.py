@@ -126,17 +126,11 @@ class _Tally:
 def bench_solver(
     options: BenchSolverOptions, *, progress: Callable[[int], None] | None = None
 ) -> dict[str, Any]:
-    """Solve random problems until enough feasible ones are solved.
+    """Solve random problems until enough feasible ones are solved; `progress` gets the count after each stream.
 
     A problem that was not solved goes to a linear program: if that, too, finds no point within the tolerance, the
-    problem is infeasible, is not counted as a tick, and a new stream begins; otherwise it counts as unsolved.
-
-    Args:
-        options: Number and kind of the problems.
-        progress: Called with the number of ticks solved, after each stream.
-
-    Returns:
-        Plain values; `unsolved`, `above_tolerance`, `slow_ticks` and `differ_from_proxqp` should be zero.
+    problem is infeasible, is not counted as a tick, and a new stream begins; otherwise it counts as unsolved. Of the
+    plain values returned `unsolved`, `above_tolerance`, `slow_ticks` and `differ_from_proxqp` should be zero.
     """
     passes: list[_Tally] = []
     for done in range(options.repeat):

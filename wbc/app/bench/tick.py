@@ -93,17 +93,10 @@ def _controller(robot: Robot, period: float) -> tuple[Controller, CoMTask]:
 
 
 def bench_tick(options: BenchTickOptions) -> dict[str, Any]:
-    """Time the ticks.
+    """Time the ticks: median and 99th percentile, medians of parts (µs), failures, solvers, errors of CoM and torque.
 
     Timed is everything from setting the reference of the centre of mass to holding joint torques and accelerations;
     integrating the state is not.
-
-    Args:
-        options: The task.
-
-    Returns:
-        Plain values: median and 99th percentile of a tick, medians of its parts (µs), failures, ticks by solver,
-        largest error of the CoM, and largest torque over its limit.
     """
     robot = load(options.robot).robot()
     q, v, dt = start_configuration(robot), np.zeros(robot.nv), options.period

@@ -41,12 +41,7 @@ VELOCITY, VELOCITY_UNITS = ("forward", "left", "turn"), ("m/s", "m/s", "rad/s")
 
 
 def tick_signals(tick: Tick, stiffness: StiffnessScheduler | None) -> Signals:
-    """Return the signals of all objects of a run.
-
-    Args:
-        tick: The first tick.
-        stiffness: Stiffness scheduling; None without one.
-    """
+    """Return the signals of all objects of a run, from its first tick."""
     signals = Signals()
     signals.one("time", "s", "time stamp of the measurement", lambda t: t.measurement.time, "double")
     signals.one("tick/clock", "s", "wall-clock time of the recording", lambda t: perf_counter(), "double")

@@ -23,15 +23,9 @@ def yaw_of(quaternions: Array) -> Array:
 
 
 def corners(centre: Array, yaw: Array, size: tuple[float, float]) -> Array:
-    """Return the corners of sole rectangles seen from above.
+    """Return the corners of sole rectangles seen from above, shape (n, 4, 2), m, counter-clockwise.
 
-    Args:
-        centre: Shape (n, 2) or more, m.
-        yaw: Shape (n,), rad.
-        size: Length and width, m.
-
-    Returns:
-        Shape (n, 4, 2), m, counter-clockwise.
+    Centres have shape (n, 2) or more, m, yaws (n,), rad; the size is length and width, m.
     """
     local = 0.5 * np.array(size) * np.array([(1, 1), (-1, 1), (-1, -1), (1, -1)])
     c, s = np.cos(yaw)[:, None], np.sin(yaw)[:, None]
@@ -165,12 +159,9 @@ class Stance:
 
 
 def stances(log: Log, which: str = "reference") -> list[Stance]:
-    """Return all stances of both feet in the true world, ordered by touch-down.
+    """Return all stances of both feet, ordered by touch-down.
 
-    Args:
-        log: The log.
-        which: "reference" for the planned placement, where it lay in the true world at the touch-down; "truth" for the
-            real one.
+    `which` is "reference" for the planned position, "truth" for the real one; the heading is planned in both.
     """
     made, drift = [], Drift(log)
     for side, size in zip(SIDES, sole_sizes(log), strict=True):

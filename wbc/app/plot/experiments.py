@@ -12,11 +12,7 @@ from wbc.sim.studies.study_table import BESIDE, StudyTable
 
 
 def steps_figure(table: StudyTable) -> Figure:
-    """Draw the mean of each cell and arm: grounds down, heights across, arms stacked in each block.
-
-    Args:
-        table: Table of a study whose cells are grounds with amplitudes.
-    """
+    """Draw the mean of each cell (a ground with an amplitude) and arm: grounds down, heights across, arms stacked."""
     rows = [row for row in table.rows if row != ALL]
     grounds = list(dict.fromkeys(map(ground_of, rows)))
     heights = list(dict.fromkeys(row.removeprefix(ground_of(row)).lstrip(", ") for row in rows))
@@ -40,11 +36,7 @@ def steps_figure(table: StudyTable) -> Figure:
 
 
 def risks_figure(table: StudyTable) -> Figure:
-    """Draw the falls of each arm by cause, and beside them its loads over those of the first arm.
-
-    Args:
-        table: Table of a study of walks; the last row counts.
-    """
+    """Draw the falls of each arm of a walks study by cause, and its loads over those of the first; by the last row."""
     arms = {arm: table.by_name[table.rows[-1], arm] for arm in table.study.arms}
     figure = new_figure(7.6, 2.8)
     falls, loads = figure.subplots(1, 2)
@@ -80,9 +72,6 @@ def differences_figure(table: StudyTable) -> Figure:
 
     What is established after Holm's correction is filled; the band is the margin within which a difference counts as
     none.
-
-    Args:
-        table: Table of a study.
     """
     arms = [arm for arm in table.study.arms if arm != table.reference]
     rows, cells = list(table.rows), table.by_name

@@ -16,13 +16,7 @@ SHOWN = 5
 
 
 def draw_changes(robot: Robot, given: MotionClip, result: FeasibleMotion) -> Figure:
-    """Draw joints that changed most, CoM and ZMP of the result, and which foot stands.
-
-    Args:
-        robot: The robot.
-        given: The clip as it was given.
-        result: The feasible motion.
-    """
+    """Draw joints that changed most, CoM and ZMP of the feasible result of a clip, and which foot stands."""
     figure = new_figure(10.0, 9.0)
     joints, forward, sideways, stands = (
         row[0] for row in grid(figure, 4, 1, sharex=True, height_ratios=(3, 2, 2, 1))

@@ -22,10 +22,7 @@ LABELS = {"k": "k (Nm/rad)", "kP": "kP (1/s)", "kD": "kD"}
 def optimum_figure(ground: str, walked: Sequence[Walked], found: Optimum) -> Figure:
     """Draw J over the walks with its running mean of 20, and the posterior along each parameter with ± 2 σ.
 
-    Args:
-        ground: Name of the ground, for the title.
-        walked: Points and results in the order of asking.
-        found: The optimum; its stiffnesses as good as the best are shaded.
+    Points and results are in the order of asking; stiffnesses as good as the best are shaded.
     """
     figure = new_figure(12.0, 3.2)
     axes = grid(figure, 1, 4)[0]
@@ -43,9 +40,7 @@ def optimum_figure(ground: str, walked: Sequence[Walked], found: Optimum) -> Fig
 def stiffness_figure(walked: Mapping[str, Sequence[Walked]], found: Mapping[str, Optimum]) -> Figure:
     """Draw J over the stiffness for each ground: walks at all gains, and the posterior ± 2 σ at the best gains.
 
-    Args:
-        walked: Ground → points and results.
-        found: Ground → optimum; stiffnesses as good as the best are shaded.
+    Stiffnesses as good as the best are shaded.
     """
     columns = min(4, len(found))
     rows = math.ceil(len(found) / columns)

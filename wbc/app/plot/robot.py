@@ -11,11 +11,7 @@ from wbc.robots import RobotDescription
 
 
 def draw_robot(description: RobotDescription) -> Figure:
-    """Draw the soles with the ankles and the centre of mass from above, and the joints in half-sitting from the side.
-
-    Args:
-        description: The robot.
-    """
+    """Draw soles, ankles and centre of mass from above, and the joints in half-sitting from the side."""
     figure = new_figure(11.0, 6.0)
     above, side = grid(figure, 1, 2, width_ratios=(1.2, 1.0))[0]
     robot = description.robot()

@@ -25,11 +25,7 @@ MARKERS = "os^DvPX"
 def study_figure(table: StudyTable) -> Figure:
     """Draw a table: each arm's mean and its difference to the reference, with intervals; a colour per row.
 
-    Args:
-        table: Table of at most seven rows.
-
-    Raises:
-        InputError: More rows, which have no distinct colours, or nothing to draw.
+    Raises `InputError` for more than seven rows, which have no distinct colours, or nothing to draw.
     """
     rows, arms = table.rows, list(table.study.arms)
     if len(rows) > len(COLOURS):

@@ -56,15 +56,7 @@ class MujocoScene:
         height: int,
         sole_paths: Sequence[tuple[str, ...]] = (),
     ) -> None:
-        """Build the model.
-
-        Args:
-            scene: The scene.
-            terrain: Its ground.
-            width: Width of the pictures, pixels.
-            height: Height of the pictures, pixels.
-            sole_paths: Paths of each foot whose colour can change.
-        """
+        """Build the model for pictures of a size in pixels; `sole_paths` are those of feet whose colour can change."""
         spec = mujoco.MjSpec()
         _light(spec, width, height)
         added = add_to_spec(spec, terrain)
@@ -84,12 +76,7 @@ class MujocoScene:
         self._soles = [[i for i, path in enumerate(owner) if path in paths] for paths in sole_paths]
 
     def set(self, matrices: Array, sole_colours: Sequence[Colour] = ()) -> None:
-        """Move all bodies and colour the soles.
-
-        Args:
-            matrices: One for each moving path of the scene, shape (paths, 4, 4).
-            sole_colours: Colour of each foot's soles.
-        """
+        """Move all bodies, shape (paths, 4, 4) of the scene's moving paths, and colour the soles of each foot."""
         for geoms, colour in zip(self._soles, sole_colours, strict=False):
             self.model.geom_rgba[geoms] = colour
         for body, place in enumerate(self._places):

@@ -27,12 +27,7 @@ class Overlays(Layer):
     """Layer of a log: objects beside the robot, each shown in a span of ticks; empty if the log is not of a walk."""
 
     def __init__(self, log: Log, com_height: float) -> None:
-        """Make the objects.
-
-        Args:
-            log: The log, with ground truth.
-            com_height: Height of the centre of mass, m; markers scale with it.
-        """
+        """Make the objects for a log with ground truth; markers scale with the height of the centre of mass, m."""
         super().__init__()
         self._spans: list[tuple[int, int]] = []
         self._dcm: Array | None = None

@@ -50,12 +50,7 @@ class PageServer:
         self.nonce = new_nonce()
 
     def serve(self, page: str, seconds: float | None = None) -> None:
-        """Serve a page until Ctrl-C, or for a while.
-
-        Args:
-            page: HTML whose scripts carry the nonce.
-            seconds: s; endless when None.
-        """
+        """Serve a page, HTML whose scripts carry the nonce, until Ctrl-C, or for some seconds."""
         print(f"replay: {self.url} (end with Ctrl-C)", file=sys.stderr, flush=True)
         with contextlib.suppress(KeyboardInterrupt):
             asyncio.run(self._run(page.encode(), seconds))

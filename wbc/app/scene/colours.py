@@ -50,11 +50,7 @@ def translucent(colour: Colour) -> Colour:
 
 
 def stiffness_colour(stiffness: float) -> Colour:
-    """Return the colour of a sole: from soft to stiff on a logarithmic scale, as stiffnesses differ by factors.
-
-    Args:
-        stiffness: Stiffness of the sole, Nm/rad.
-    """
+    """Return the colour of a sole, Nm/rad: from soft to stiff on a logarithmic scale."""
     share = min(1.0, math.log1p(max(0.0, stiffness)) / math.log1p(STIFFEST))
     red, green, blue, opacity = (
         round(a + share * (b - a), 4) for a, b in zip(SOFT_COLOUR, STIFF_COLOUR, strict=True)

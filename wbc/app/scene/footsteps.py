@@ -39,12 +39,7 @@ class FootstepsLayer(Layer):
     """
 
     def __init__(self, plant: Plant, walking: ReferenceControl) -> None:
-        """Make marks for all steps, and for one that a stop may add.
-
-        Args:
-            plant: The plant.
-            walking: The controller.
-        """
+        """Make marks for all steps, and for one that a stop may add."""
         super().__init__()
         self._plant, self._walking = plant, walking
         progress = walking.progress

@@ -26,11 +26,7 @@ _WHITE: Colour = (1.0, 1.0, 1.0, 1.0)
 
 
 def ground_objects(terrain: Terrain | None) -> list[SceneObject]:
-    """Return the endless plane and, if it is rough, the terrain.
-
-    Args:
-        terrain: The ground; flat at z = 0 when None.
-    """
+    """Return the endless plane and, if it is rough, the terrain; flat at z = 0 when None."""
     floor = 0.0 if terrain is None else float(terrain.surface.floor)
     under = translation(0.0, 0.0, floor - TILES_DEPTH)
     ground = [SceneObject(f"{ROOT}/ground/plane", _tiles(), _WHITE, under, shaded=False)]

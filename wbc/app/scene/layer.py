@@ -78,7 +78,6 @@ class Layer:
     def fill(self, matrices: Array, annotations: Annotations) -> None:
         """Show the present state.
 
-        Args:
-            matrices: One for each moving path, all hidden, shape (len(moving), 4, 4).
-            annotations: Takes text, colours and shapes.
+        Matrices are one for each moving path, all hidden, shape (len(moving), 4, 4); annotations take text, colours and
+        shapes.
         """

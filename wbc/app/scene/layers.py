@@ -56,13 +56,7 @@ MIN_LOAD_SHARE = 0.005
 
 
 def make_layers(plant: Plant, scene: Scene, walking: ReferenceControl | None = None) -> tuple[Layer, ...]:
-    """Return all layers that a run has data for.
-
-    Args:
-        plant: The plant.
-        scene: The robot on its ground.
-        walking: The controller of a walk.
-    """
+    """Return all layers that a run has data for."""
     layers: list[Layer] = [] if walking is None else [FootstepsLayer(plant, walking)]
     layers.append(BalanceLayer(plant, scene.com_height, walking))
     if walking is not None and walking.control.observer.outside is not None:
@@ -77,13 +71,7 @@ class BalanceLayer(Layer):
     """DCM and support polygon of the ground truth, ZMP and DCM as planned."""
 
     def __init__(self, plant: Plant, com_height: float, walking: ReferenceControl | None) -> None:
-        """Make the markers.
-
-        Args:
-            plant: The plant.
-            com_height: Height of the centre of mass, m; markers scale with it.
-            walking: The controller of a walk.
-        """
+        """Make the markers; they scale with the height of the centre of mass, m."""
         super().__init__()
         self._plant, self._walking = plant, walking
         self._min_load = MIN_LOAD_SHARE * plant.robot.mass * GRAVITY
@@ -125,12 +113,9 @@ class OutsideLayer(Layer):
     """Outside force as estimated, with the weight of the load in the models: a rod from the middle of the hands."""
 
     def __init__(self, plant: Plant, walking: ReferenceControl, scene: Scene) -> None:
-        """Make the rod.
+        """Make the rod of a walk whose observer estimates the outside wrench.
 
-        Args:
-            plant: The plant.
-            walking: The controller of a walk whose observer estimates the outside wrench.
-            scene: The robot on its ground; the rod of its weight is as long as its CoM is high.
+        The rod of the robot's weight is as long as its CoM is high.
         """
         super().__init__()
         self._plant, self._walking, self._scale = plant, walking, scene.metres_per_newton
@@ -246,12 +231,7 @@ class RangeLayer(Layer):
 
 
 def sole_paths(model: Any, foot: FootParts) -> tuple[str, ...]:
-    """Return the paths of a foot's bodies on hinges of variable stiffness; empty for a passive foot.
-
-    Args:
-        model: MuJoCo's model.
-        foot: The foot.
-    """
+    """Return the paths of a foot's bodies on hinges of variable stiffness; empty for a passive foot."""
     bodies = sorted({int(model.joint(name).bodyid[0]) for name in foot.variable_joints})
     return tuple(body_path(FOOT + str(model.body(body).name)) for body in bodies)
 

@@ -48,14 +48,9 @@ def polygon(corners: Array) -> Surface:
 
 
 def polygon_corners(points: Array, count: int) -> Array:
-    """Return the vertices of a polygon of a fixed number of corners.
+    """Return the vertices of a polygon of `count` corners, shape (count, 3), m, through points in order.
 
-    Args:
-        points: Corners in order, shape (n, 3), m; fewer than three give an invisible polygon.
-        count: Number of corners of the polygon.
-
-    Returns:
-        Vertices, shape (count, 3), m.
+    Fewer than three points give an invisible polygon.
     """
     if len(points) < 3:
         return np.zeros((count, 3))
@@ -72,15 +67,9 @@ def ribbon(edges: Array) -> Surface:
 
 
 def ribbon_edges(points: Array, width: float, count: int) -> Array:
-    """Return the vertices of a ribbon of a fixed number of points.
+    """Return the vertices of both edges of a ribbon along points, of a horizontal width, m; shape (2 count, 3), m.
 
-    Args:
-        points: Points along the ribbon, shape (n, 3), m; fewer than two give an invisible ribbon.
-        width: Horizontal width, m.
-        count: Number of points of the ribbon.
-
-    Returns:
-        Vertices of both edges, shape (2 count, 3), m.
+    Fewer than two points give an invisible ribbon.
     """
     if len(points) < 2:
         return np.zeros((2 * count, 3))

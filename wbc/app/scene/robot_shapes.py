@@ -33,9 +33,6 @@ def robot_parts(description: RobotDescription) -> list[Part]:
 
     A link has its visual shapes; if none of them can be drawn (no visuals, a mesh that is not found), its collision
     shapes; if these cannot be drawn either, a stick figure of its joints.
-
-    Args:
-        description: The robot.
     """
     root = ElementTree.fromstring(description.urdf)
     colours = _named_colours(root)

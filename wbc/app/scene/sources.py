@@ -31,11 +31,7 @@ class PlantSource:
     """Snapshots of a plant, with its soft soles as they are bent; it never writes to the plant."""
 
     def __init__(self, plant: Plant) -> None:
-        """Make the scene and find the bodies.
-
-        Args:
-            plant: The plant.
-        """
+        """Make the scene and find the bodies."""
         self.plant = plant
         model = plant.model
         self.scene: Scene = make_scene(
@@ -79,12 +75,7 @@ class RobotSource:
     """Snapshots of a robot model: an estimate, a plan, a real robot."""
 
     def __init__(self, description: RobotDescription, terrain: Terrain | None) -> None:
-        """Make the scene and find the links.
-
-        Args:
-            description: The robot.
-            terrain: The ground; flat when None.
-        """
+        """Make the scene and find the links; the ground is flat when None."""
         self._robot = description.robot()
         self.scene: Scene = make_scene(
             description.name,
@@ -130,10 +121,7 @@ class RobotSource:
 def sole_force(position: Array, rotation: Array, wrench: Array) -> list[Force]:
     """Return the contact force of a sole at its centre of pressure; empty without contact.
 
-    Args:
-        position: Sole centre in the world, shape (3,), m.
-        rotation: Sole frame in the world, shape (3, 3).
-        wrench: Contact wrench, [force; moment] in the sole frame, shape (6,), N and Nm.
+    Centre (m) and frame of the sole are in the world, the wrench, shape (6,), N and Nm, is in the frame.
     """
     try:
         return [("ground", position + rotation[:, :2] @ cop(wrench), rotation @ wrench[:3])]

@@ -268,14 +268,7 @@ class View(ABC):
         self._pace.restart()
 
     def wait_for_page(self, seconds: float) -> bool:
-        """Wait until a page is open; say so on the standard error.
-
-        Args:
-            seconds: Longest time to wait, s.
-
-        Returns:
-            True if a page is open.
-        """
+        """Wait, for some seconds at most, until a page is open; say so on the standard error. True if one is."""
         end = clock.perf_counter() + finite_scalar("time to wait for a page (s)", seconds, low=0.0)
         if seconds > 0.0:
             print(f"open it now: the run begins with it, or in {seconds:.0f} s", file=sys.stderr, flush=True)

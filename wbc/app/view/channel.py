@@ -29,12 +29,7 @@ class Channel:
     """
 
     def __init__(self, paths: int, fd: int | None = None) -> None:
-        """Make or join a channel.
-
-        Args:
-            paths: Number of matrices in a frame.
-            fd: File descriptor of the channel to join; None makes one.
-        """
+        """Make a channel for frames of that number of matrices, or join that of a file descriptor."""
         frame = _slot(MAX_ANNOTATIONS, ("time", "f8"), ("matrices", "f8", (paths, 16)))
         layout = np.dtype(
             [
@@ -60,26 +55,15 @@ class Channel:
         self._inputs = _Newest(self._all["newest"][1:], self._all["inputs"])
 
     def write(self, time: float, matrices: Array, annotations: bytes = b"{}") -> None:
-        """Write a frame.
-
-        Args:
-            time: s.
-            matrices: Homogeneous, shape (paths, 4, 4).
-            annotations: Packed annotations.
-        """
+        """Write a frame: time, s, homogeneous matrices, shape (paths, 4, 4), and packed annotations."""
         columns = matrices.transpose(0, 2, 1).reshape(-1, 16)  # as the viewer takes them
         text = annotations if len(annotations) <= MAX_ANNOTATIONS else b"{}"
         self._frames.write(text, time=time, matrices=columns)
 
     def read(self, after: int) -> tuple[int, float, Array, bytes] | None:
-        """Return the newest frame.
+        """Return the newest frame after that number: number, time (s), matrices, annotations; None without a newer one.
 
-        Args:
-            after: Number of the last frame that was read.
-
-        Returns:
-            Number, time (s), matrices by columns, shape (paths, 16), and packed annotations; None if there is no newer
-            frame.
+        Matrices are by columns, shape (paths, 16), annotations packed.
         """
         newer = self._frames.read(after)
         if newer is None:
@@ -88,23 +72,12 @@ class Channel:
         return number, float(frame["time"]), frame["matrices"], annotations
 
     def write_input(self, text: bytes) -> None:
-        """Write the user input; it replaces the former one.
-
-        Args:
-            text: Packed `UserInput`; dropped if it is longer than `MAX_BYTES`.
-        """
+        """Write a packed `UserInput` in place of the former one; dropped if it is longer than `MAX_BYTES`."""
         if len(text) <= MAX_BYTES:
             self._inputs.write(text)
 
     def read_input(self, after: int) -> tuple[int, bytes] | None:
-        """Return the newest user input.
-
-        Args:
-            after: Number of the last input that was read.
-
-        Returns:
-            Number and packed `UserInput`; None if there is no newer one.
-        """
+        """Return number and packed `UserInput` of the newest input after that number; None if there is no newer one."""
         newer = self._inputs.read(after)
         return None if newer is None else (newer[0], newer[2])
 

@@ -266,11 +266,7 @@ class LiveControls:
         return controls
 
     def apply(self, request: Any) -> None:
-        """Carry out an order now; `message` says whether it was refused.
-
-        Args:
-            request: The order: {"do": name, …}.
-        """
+        """Carry out an order, {"do": name, …}, now; `message` says whether it was refused."""
         try:
             if not isinstance(request, dict) or not isinstance(request.get("do"), str):
                 raise InputError("a request must say what to do")
@@ -406,11 +402,7 @@ def target_of(task: Any, value: Any) -> Any:
 
 
 def interventions_of(log: Any) -> list[dict[str, Any]]:
-    """Return the interventions of a run that was watched, to repeat it.
-
-    Args:
-        log: Its log, or the path of it.
-    """
+    """Return the interventions of a run that was watched, to repeat it, from its log or the path of it."""
     from wbc.app.log import Log  # noqa: PLC0415 - a repetition needs it, a view does not
 
     opened = Log.open(log) if isinstance(log, (str, Path)) else log

@@ -60,10 +60,7 @@ def new_nonce() -> str:
 def admitted(served: ServedAddress, host: str, origin: str | None) -> bool:
     """Return true for a request that is meant for a served address and comes from its own page, or from no page.
 
-    Args:
-        served: The address.
-        host: `Host` of the request.
-        origin: `Origin` of the request, if it has one.
+    `host` and `origin` are headers of the request, the latter if it has one.
     """
     return served.admits(host) and origin in (None, f"http://{host}")
 
@@ -118,12 +115,9 @@ class _NotFound(GuardedHandler):
 def guarded_server(
     served: ServedAddress, routes: list[Any], *, framed: bool = False
 ) -> tornado.httpserver.HTTPServer:
-    """Return a server of pages.
+    """Return a server of pages, by rules of tornado whose handlers derive from `GuardedHandler`.
 
-    Args:
-        served: The address that it is asked for by.
-        routes: Rules of tornado; the handlers derive from `GuardedHandler`.
-        framed: Pages of this machine may show these in a frame.
+    With `framed` pages of this machine may show these in a frame.
     """
     application = tornado.web.Application(
         routes,

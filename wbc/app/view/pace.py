@@ -19,11 +19,7 @@ class Pace:
     """Holds a run back to a multiple of real time."""
 
     def __init__(self, speed: float | None) -> None:
-        """Start counting with the next call of `wait`.
-
-        Args:
-            speed: Multiple of real time; None never waits.
-        """
+        """Start counting with the next call of `wait`; the speed is a multiple of real time, None never waits."""
         self.speed = speed
 
     @property
@@ -42,11 +38,9 @@ class Pace:
         self._last = 0.0  # simulated time of the last call, s
 
     def wait(self, simulated: float | None, meanwhile: Callable[[], None] | None = None) -> None:
-        """Wait until the clock has come as far as the run.
+        """Wait until the clock has come as far as the run, s; None does not wait.
 
-        Args:
-            simulated: Simulated time, s; None does not wait.
-            meanwhile: Called during long waits; a new speed or a restart ends the wait.
+        `meanwhile` is called during long waits; a new speed or a restart ends the wait.
         """
         if self._speed is None or simulated is None:
             return

@@ -43,24 +43,16 @@ class Page:
         return zlib.crc32(f"{self.title} {self.legend} {self.com_height}".encode())
 
     def live(self, nonce: str) -> str:
-        """Return the page that follows a run; it loads MeshCat's viewer from the server.
-
-        Args:
-            nonce: Number of its scripts in the content security policy.
-        """
+        """Return the page that follows a run; it loads MeshCat's viewer from the server."""
         feed = LIVE.read_text("utf-8").replace("PAGE_KEY", str(self.key))
         feed = feed.replace("START_HEIGHT", f"{0.95 * self.com_height:.3f}")
         controls = CONTROLS.read_text("utf-8")
         return self._fill(source=' src="main.min.js"', feed=feed, controls=controls, nonce=nonce)
 
     def static(self, commands: Iterable[bytes], time: float, text: str = "", nonce: str = "") -> str:
-        """Return a self-contained page, which needs no server.
+        """Return a self-contained page, which needs no server, of packed commands of the viewer at a time, s.
 
-        Args:
-            commands: Packed commands of the viewer.
-            time: Time of the picture, s.
-            text: Text below the time.
-            nonce: Number of its scripts in the content security policy, if the page is served.
+        `nonce` is the number of its scripts in the content security policy, if the page is served.
         """
         packed = json.dumps([base64.b64encode(command).decode("ascii") for command in commands])
         feed = f"for (const text of {packed}) take(Uint8Array.from(atob(text), (c) => c.charCodeAt(0)));"

@@ -60,22 +60,14 @@ class UserInput:
     """
 
     def __init__(self, speed: float | None) -> None:
-        """Start without pause and requests.
-
-        Args:
-            speed: Speed at the start.
-        """
+        """Start without pause and requests, at a speed."""
         self.paused = False
         self.speed = speed
         self.requests: list[tuple[int, Request]] = []
         self._count = 0
 
     def take(self, message: str | bytes) -> Request | None:
-        """Take over a page's message, and return its order if it has one; malformed ones are dropped.
-
-        Args:
-            message: JSON of a `PageMessage`.
-        """
+        """Take over a page's message, and return its order if it has one; no JSON of a `PageMessage` is dropped."""
         if len(message) > MAX_MESSAGE:
             return None
         try:

@@ -44,12 +44,7 @@ def object_commands(thing: SceneObject) -> Iterator[bytes]:
 
 
 def transform_command(path: str, columns: Array) -> bytes:
-    """Return the command that moves a path.
-
-    Args:
-        path: The path.
-        columns: Homogeneous matrix by columns, shape (16,).
-    """
+    """Return the command that moves a path to a homogeneous matrix by columns, shape (16,)."""
     return transform_head(path) + transform_tail(columns)
 
 

@@ -661,15 +661,10 @@ def program_text(program: Program) -> str:
 
 
 def cone_margin(contact: Contact, wrench: Array) -> float:
-    """Return the margin of a wrench to the cone of its contact.
+    """Return the margin of a wrench, force variables of a contact (N and Nm), to its cone.
 
-    Args:
-        contact: The contact.
-        wrench: Force variables of the contact, shape (dim,), N and Nm.
-
-    Returns:
-        1 for a force along the normal through the centre, 0 on the edge of the cone, below outside of it; NaN without a
-        normal force.
+    1 for a force along the normal through the centre, 0 on the edge of the cone, below outside of it; NaN without a
+    normal force.
     """
     normal = float(wrench[contact.force_axis])
     if not normal > 1.0:

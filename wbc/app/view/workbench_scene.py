@@ -38,13 +38,7 @@ class WorkbenchScene:
     """
 
     def __init__(self, server: viser.ViserServer, scene: Scene, pull: Callable[[str, Any], None]) -> None:
-        """Make all nodes.
-
-        Args:
-            server: The server.
-            scene: The scene.
-            pull: Called with link and displacement of the mouse (m, world) while somebody drags a link with Ctrl.
-        """
+        """Make all nodes; `pull` gets link and displacement of the mouse (m, world) while one is dragged with Ctrl."""
         self._server, self._scene, self.follows = server, scene, True
         height = scene.com_height
         server.initial_camera.position = (2.6 * height, -2.0 * height, 1.7 * height)
@@ -67,12 +61,7 @@ class WorkbenchScene:
         self._colours: dict[str, Colour] = {}
 
     def draw(self, matrices: Array, annotations: Annotations) -> None:
-        """Show a picture.
-
-        Args:
-            matrices: One for each moving path, shape (n, 4, 4).
-            annotations: Colours, deformed shapes, and the point to follow.
-        """
+        """Show a picture: matrices of moving paths, shape (n, 4, 4), colours, deformed shapes, point to follow."""
         moved = np.flatnonzero((matrices != self._shown).any(axis=(1, 2)))
         scales = np.linalg.norm(matrices[moved, :3, :3], axis=1)
         seen = scales.max(axis=1, initial=0.0) > SMALLEST

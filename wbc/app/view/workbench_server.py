@@ -40,12 +40,7 @@ class Guard:
     """
 
     def __init__(self, served: ServedAddress, framed: bool) -> None:
-        """Make a token.
-
-        Args:
-            served: The address that is served.
-            framed: Pages of this machine may show the page in a frame.
-        """
+        """Make a token for the address; with `framed` pages of this machine may show the page in a frame."""
         self._served, self._framed = served, framed
         self.token = secrets.token_urlsafe(16)
         self.asked = False
@@ -85,16 +80,10 @@ class Guard:
 
 
 def start_server(address: Address, title: str, framed: bool) -> tuple[viser.ViserServer, str]:
-    """Start a server, and return it with the link to its page.
+    """Start a server with a title, and return it with the link to its page.
 
-    Args:
-        address: Address to listen at.
-        title: Title of the panel of controls.
-        framed: Pages of this machine may show the page in a frame.
-
-    Raises:
-        PortError: The port is in use.
-        ViewError: No viser, or one that cannot be guarded; nothing is left running.
+    With `framed` pages of this machine may show the page in a frame. Raises `PortError` when the port is in use,
+    `ViewError` for no viser, or one that cannot be guarded; nothing is left running.
     """
     try:
         import viser  # noqa: PLC0415 - an extra
