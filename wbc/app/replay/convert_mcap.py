@@ -91,19 +91,19 @@ EXAMPLES: dict[str, dict[str, Any]] = {
 """Messages with all fields, of which the schemas are made."""
 
 
-def write_mcap(log: Log, replay: Replay | None, path: Path, rate: float, progress: Progress) -> None:
+def write_mcap(log: Log, replay: Replay | None, new: Path, rate: float, progress: Progress) -> None:
     """Write a log: each group of signals as a topic, events, frames of the bodies, and the scene.
 
     Args:
         log: The log.
         replay: Its replay; None if it has none.
-        path: File to write.
+        new: File to write, the new one of `replacing`.
         rate: Pictures of the scene a second, 1/s.
         progress: Called after each tick.
     """
     from mcap.writer import Writer  # noqa: PLC0415 - an extra
 
-    with path.open("wb") as file:
+    with new.open("wb") as file:
         writer = Writer(file)
         writer.start("", f"{log.header['program']}")
         facts = {key: value for key, value in log.header.items() if key not in ("plant", "description")}
