@@ -17,20 +17,20 @@ READABLE = (".stl", ".obj", ".glb", ".gltf")
 """Mesh formats that Rerun reads; coal reads the others."""
 
 
-def write_rrd(log: Log, replay: Replay | None, path: Path, rate: float, progress: Progress) -> None:
+def write_rrd(log: Log, replay: Replay | None, new: Path, rate: float, progress: Progress) -> None:
     """Write a log: signals as scalars, states and texts as texts, the scene as shapes under transforms.
 
     Args:
         log: The log.
         replay: Its replay; None if it has none.
-        path: File to write.
+        new: File to write, the new one of `replacing`.
         rate: Pictures of the scene a second, 1/s.
         progress: Called after each group.
     """
     import rerun as rr  # noqa: PLC0415 - an extra
 
     stream: Any = rr.RecordingStream("wbc", default_enabled=True)
-    stream.save(path)
+    stream.save(new)
     stream.send_recording_name(plain(str(log.header.get("title") or log.path.stem)))
     groups = groups_of(log)
     for i, group in enumerate(groups):
