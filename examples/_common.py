@@ -10,7 +10,7 @@ from typing import Any
 
 import wbc
 from wbc.app import MeshcatView, WatchWalk
-from wbc.sim import TrueFallDetector
+from wbc.sim import MujocoLoop, TrueFallDetector
 from wbc.tasks import Program
 from wbc.walking import ReferenceControl
 
@@ -29,7 +29,7 @@ class Options(argparse.Namespace):
     @contextlib.contextmanager
     def watch(
         self,
-        plant: wbc.Plant | wbc.RobotDescription,
+        plant: wbc.Plant | MujocoLoop | wbc.RobotDescription,
         walking: ReferenceControl | None = None,
         program: Program | None = None,
     ) -> Iterator[MeshcatView | NoView]:

@@ -4,7 +4,7 @@ A new experiment goes to a room of its own beside `balance` and `walks`: a `Tria
 """
 
 from wbc.sim.balance import StandSpec, TrackSpec, TrackTrial, arms_forward, stand, track_motion
-from wbc.sim.loop import MujocoLoop, RobotServer
+from wbc.sim.loop import MujocoLoop, RobotServer, SharedPlant
 from wbc.sim.plant import (
     DivergedError,
     Machine,
@@ -47,6 +47,8 @@ __all__ = [
     # A MuJoCo model of one's own
     "MujocoLoop",
     "RobotServer",
+    # Several robots in one simulation
+    "SharedPlant",
     # Plant: sensor errors
     "SensorNoise",
     "SignalNoise",

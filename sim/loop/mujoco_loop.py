@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import copy
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 
 import mujoco
 import numpy as np
@@ -236,32 +236,7 @@ class MujocoLoop:
         Raises:
             InputError: A command of the wrong shape or not finite, or negative gains; the simulation has not moved.
         """
-        self.actuators.check(command)
-        model, data, signals, chain = self.model, self.data, self._signals, self._chain
-        if self._late is None:
-            self._at_work = command
-        else:
-            self._late.push(copy.deepcopy(command))  # arrays of a controller may change
-        for left in range(self.steps - 1, -1, -1):
-            if self._late is not None:
-                self._at_work = self._late.advance() or self._at_work
-            self.actuators.apply(data, self._at_work)
-            if self._pushes:
-                self._pushes.apply(data, model.opt.timestep)
-            self._stepper(model, data)
-            if left == 0:  # what follows finds contacts anew, and leaves their forces as they were
-                self._touching = self._contacts.of_robot(data)
-            signals.record(data)
-            read = chain.oldest > 0 and chain.newest <= left <= chain.oldest
-            if read or left == 0:
-                # After a step MuJoCo's frames and sensors are those of its begin.
-                mujoco.mj_fwdPosition(model, data)
-                mujoco.mj_fwdVelocity(model, data)
-                mujoco.mj_sensorVel(model, data)
-                signals.sample(data)
-            if read:
-                chain.push(signals.values)
-        self._measurement = None
+        step_together((self,), (command,))
 
     def push(self, body: str, force: ArrayLike, duration: float, at: ArrayLike | None = None) -> None:
         """Begin to push a body of the robot; pushes add up.
@@ -337,3 +312,50 @@ class MujocoLoop:
         if abs(gravity - float(np.linalg.norm(self.robot.model.gravity.linear))) > 0.02:
             notes.append(f"gravity is {gravity:.3f} m/s² in the model")
         return notes
+
+
+def step_together(loops: Sequence[MujocoLoop], commands: Sequence[Command]) -> None:
+    """Advance robots in one simulation by one control period, each under its command.
+
+    Args:
+        loops: Loops of one model and data, with one control period.
+        commands: A command each.
+
+    Raises:
+        InputError: A command of the wrong shape or not finite, or negative gains; the simulation has not moved.
+    """
+    for loop, command in zip(loops, commands, strict=True):
+        loop.actuators.check(command)
+    for loop, command in zip(loops, commands, strict=True):
+        loop._measurement = None
+        if loop._late is None:
+            loop._at_work = command
+        else:
+            loop._late.push(copy.deepcopy(command))  # arrays of a controller may change
+    model, data = loops[0].model, loops[0].data
+    for left in range(loops[0].steps - 1, -1, -1):
+        for loop in loops:
+            if loop._late is not None:
+                loop._at_work = loop._late.advance() or loop._at_work
+            loop.actuators.apply(data, loop._at_work)
+            if loop._pushes:
+                loop._pushes.apply(data, model.opt.timestep)
+        loops[0]._stepper(model, data)
+        for loop in loops:
+            if left == 0:  # what follows finds contacts anew, and leaves their forces as they were
+                loop._touching = loop._contacts.of_robot(data)
+            loop._signals.record(data)
+        reading = [
+            loop
+            for loop in loops
+            if loop._chain.oldest > 0 and loop._chain.newest <= left <= loop._chain.oldest
+        ]
+        if reading or left == 0:
+            # After a step MuJoCo's frames and sensors are those of its begin.
+            mujoco.mj_fwdPosition(model, data)
+            mujoco.mj_fwdVelocity(model, data)
+            mujoco.mj_sensorVel(model, data)
+            for loop in loops if left == 0 else reading:
+                loop._signals.sample(data)
+        for loop in reading:
+            loop._chain.push(loop._signals.values)

@@ -54,20 +54,21 @@ def add_hand_sensors(spec: mujoco.MjSpec, robot: Robot) -> None:
             spec.add_sensor(name=f"{role} {what}", type=kind, objtype=mujoco.mjtObj.mjOBJ_SITE, objname=name)
 
 
-def add_grips(spec: mujoco.MjSpec, robot: Robot, prefix: str) -> None:
-    """Add a grip for each hand and each handle, open at the start; names of the scene begin with the prefix.
+def add_grips(spec: mujoco.MjSpec, robot: Robot, prefix: str, owner: str = "") -> None:
+    """Add a grip for each hand and each handle, open at the start.
 
     A handle is a site of the scene whose name ends with "handle". A closed grip holds the handle where it was in the
-    hand, and leaves the hand free to turn about it.
+    hand, and leaves the hand free to turn about it. Names of the scene begin with the prefix, those of the robot with
+    the owner.
     """
     handles = [site for site in spec.sites if site.name.startswith(prefix) and site.name.endswith("handle")]
     for role in robot.frames:
         for handle in handles:
             spec.add_equality(
-                name=f"{role} on {handle.name.removeprefix(prefix)}",
+                name=f"{owner}{role} on {handle.name.removeprefix(prefix)}",
                 type=mujoco.mjtEq.mjEQ_CONNECT,
                 objtype=mujoco.mjtObj.mjOBJ_BODY,
-                name1=spec.site(f"{role} site").parent.name,
+                name1=spec.site(f"{owner}{role} site").parent.name,
                 name2=handle.parent.name,
                 active=False,
             )
@@ -80,9 +81,9 @@ class Grips:
         handles: Handle → site.
     """
 
-    def __init__(self, model: mujoco.MjModel, robot: Robot, prefix: str) -> None:
-        """Find the handles: sites of the scene, whose names begin with the prefix."""
-        self._model, self._hands = model, tuple(robot.frames)
+    def __init__(self, model: mujoco.MjModel, robot: Robot, prefix: str, owner: str = "") -> None:
+        """Find the handles: sites of the scene, whose names begin with the prefix, the robot's with the owner."""
+        self._model, self._hands, self._owner = model, tuple(robot.frames), owner
         names = [model.site(i).name for i in range(model.nsite)]
         self.handles = {
             name.removeprefix(prefix): i
@@ -98,14 +99,14 @@ class Grips:
         choose("hand", hand, self._hands)
         choose("handle", handle, self.handles)
         model = self._model
-        site = int(model.site(f"{hand} site").id)
+        site = int(model.site(f"{self._owner}{hand} site").id)
         point: Array = data.site_xpos[self.handles[handle]]
         far = float(np.linalg.norm(point - data.site_xpos[site]))
         if far > REACH:
             raise InputError(
                 f"{hand} must be within {REACH:g} m of {handle} to grip it, it is {far:.3f} m away"
             )
-        grip = int(model.equality(f"{hand} on {handle}").id)
+        grip = int(model.equality(f"{self._owner}{hand} on {handle}").id)
         for body, place in ((model.eq_obj1id[grip], 0), (model.eq_obj2id[grip], 3)):
             rotation = data.xmat[body].reshape(3, 3)
             model.eq_data[grip, place : place + 3] = (point - data.xpos[body]) @ rotation
@@ -119,7 +120,7 @@ class Grips:
         """
         choose("hand", hand, self._hands)
         for handle in self.handles:
-            data.eq_active[int(self._model.equality(f"{hand} on {handle}").id)] = 0
+            data.eq_active[int(self._model.equality(f"{self._owner}{hand} on {handle}").id)] = 0
 
 
 def check_clear(model: mujoco.MjModel, data: mujoco.MjData, of_robot: np.ndarray[Any, Any]) -> None:

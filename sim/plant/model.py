@@ -162,33 +162,18 @@ def build_model(
         ModelError: MuJoCo cannot use the description, or reads other joints from it than Pinocchio.
         InputError: The foot does not fit.
     """
-    try:
-        spec = mujoco.MjSpec.from_string(description.urdf_without_geometry())
-    except ValueError as error:
-        raise ModelError(f"MuJoCo cannot read the description of '{robot.name}': {error}") from error
-    spec.modelname = robot.name
-    # The importer would weld the feet's force sensors into the ankles and drop visual geoms.
-    spec.compiler.fusestatic = False
-    spec.compiler.discardvisual = False
+    spec = bare_spec(description)
     physics.apply(spec)
     base = spec.worldbody.first_body()
-    base.add_freejoint()
     ground = add_to_spec(spec, terrain, sole_radius=foot.contact.radius)
-    _add_servos(spec, description)
-    feet = _add_feet(spec, robot, foot)
-    _add_imu(spec, robot, base)
-    _add_flaws(spec, description, robot, machine or Machine())
     sensors = scene is not None or (machine is not None and machine.hand_sensors)
-    if sensors:
-        add_hand_sensors(spec, robot)
+    feet = equip(
+        spec, description, robot, foot, machine or Machine(), hands=sensors, shapes=scene is not None
+    )
     if scene is not None:
-        add_body_shapes(spec, description, robot)
         spec.attach(scene, prefix=SCENE_PREFIX, frame=spec.worldbody.add_frame())
         add_grips(spec, robot, SCENE_PREFIX)
-    try:
-        model = spec.compile()
-    except ValueError as error:
-        raise ModelError(f"MuJoCo cannot compile the model of '{robot.name}': {error}") from error
+    model = compiled(spec, robot.name)
     if (
         physics.few_contacts
         and scene is None
@@ -199,6 +184,75 @@ def build_model(
         model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_MIDPHASE)
     hands = list(robot.frames) if sensors else []
     return _plant_model(model, robot, feet, ground, base.name, furnished=scene is not None, hands=hands)
+
+
+def bare_spec(description: RobotDescription) -> mujoco.MjSpec:
+    """Return the links and joints of a robot with a free base, without drives, feet and sensors.
+
+    Raises:
+        ModelError: MuJoCo cannot use the description.
+    """
+    try:
+        spec = mujoco.MjSpec.from_string(description.urdf_without_geometry())
+    except ValueError as error:
+        raise ModelError(f"MuJoCo cannot read the description of '{description.name}': {error}") from error
+    spec.modelname = description.name
+    # The importer would weld the feet's force sensors into the ankles and drop visual geoms.
+    spec.compiler.fusestatic = False
+    spec.compiler.discardvisual = False
+    spec.worldbody.first_body().add_freejoint()
+    return spec
+
+
+def equip(
+    spec: mujoco.MjSpec,
+    description: RobotDescription,
+    robot: Robot,
+    foot: Foot,
+    machine: Machine,
+    *,
+    hands: bool,
+    shapes: bool,
+) -> tuple[FootParts, ...]:
+    """Add drives, feet, sensors and flaws to a robot.
+
+    Args:
+        spec: Made by `bare_spec`.
+        description: The robot as data.
+        robot: Made from that description.
+        foot: Foot under both ankles.
+        machine: Friction and payload.
+        hands: With force sensors at the wrists.
+        shapes: With shapes of all links, which touch things.
+
+    Returns:
+        One foot per sole, left first.
+
+    Raises:
+        ModelError: MuJoCo reads other joints from the description than Pinocchio.
+        InputError: The foot does not fit.
+    """
+    _add_servos(spec, description)
+    feet = _add_feet(spec, robot, foot)
+    _add_imu(spec, robot, spec.worldbody.first_body())
+    _add_flaws(spec, description, robot, machine)
+    if hands:
+        add_hand_sensors(spec, robot)
+    if shapes:
+        add_body_shapes(spec, description, robot)
+    return feet
+
+
+def compiled(spec: mujoco.MjSpec, name: str) -> mujoco.MjModel:
+    """Return the compiled model of a robot of that name.
+
+    Raises:
+        ModelError: MuJoCo cannot compile it.
+    """
+    try:
+        return spec.compile()
+    except ValueError as error:
+        raise ModelError(f"MuJoCo cannot compile the model of '{name}': {error}") from error
 
 
 def furniture(source: str | Path | mujoco.MjSpec | Scene) -> mujoco.MjSpec:

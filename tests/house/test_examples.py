@@ -20,7 +20,7 @@ import pytest
 import wbc
 
 FOLDER = Path(__file__).parents[2] / "examples"
-STANDING = ("own_robot", "own_source", "push_recovery", "stand", "without_feet")
+STANDING = ("own_robot", "own_source", "push_recovery", "stand", "two_robots", "without_feet")
 WALKING = (
     "walk",
     "walk_push",
@@ -92,6 +92,11 @@ def test_examples_import_public_names_alone() -> None:
                 assert node.module in SURFACES, f"{path.name} imports from {node.module}"
                 public = importlib.import_module(node.module).__all__
                 assert {alias.name for alias in node.names} <= set(public), path.name
+
+
+def test_two_robots_lift_a_board_together(load: Load) -> None:
+    result = load("two_robots").main([])
+    assert abs(result["lifted_mm"] - 100.0) < 10.0 and result["tilt_deg"] < 2.0
 
 
 @pytest.mark.parametrize("mode", ["position", "torque"])

@@ -1,0 +1,206 @@
+"""Several robots in one simulation: each has a loop of its own, and all take a step together."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import pinocchio as pin
+
+from wbc.core.arguments import checked
+from wbc.core.errors import Array, InputError, choose, finite_array
+from wbc.core.signals import Command, Measurement
+from wbc.feet import Foot
+from wbc.feet import foot as foot_by_name
+from wbc.robots import RobotDescription
+from wbc.sim.loop.mujoco_loop import MujocoLoop, step_together
+from wbc.sim.plant.body_shapes import SHAPE_GROUP
+from wbc.sim.plant.hands import Grips, add_grips, check_clear
+from wbc.sim.plant.model import SCENE_PREFIX, bare_spec, compiled, equip, furniture
+from wbc.sim.plant.sensors import NO_NOISE, SensorNoise
+from wbc.sim.plant.settings import Machine, PhysicsSettings
+from wbc.sim.scenes import Scene
+from wbc.sim.terrain import Terrain
+from wbc.sim.terrain import terrain as terrain_by_name
+from wbc.sim.terrain.render import add_to_spec
+
+MOST_ROBOTS = 16
+"""Most robots of a plant: each has a bit of MuJoCo's masks of contacts."""
+
+
+class SharedPlant:
+    """Several robots on one ground.
+
+        plant = SharedPlant({"one": hrp4, "two": talos}, places={"two": (1.5, 0.0, np.pi)})
+        while plant.time < 5.0:
+            plant.step({name: controls[name].command(m) for name, m in plant.measure().items()})
+
+    Each robot has the loop, the controller and the world of its own: a controller knows nothing of where its robot
+    stands, so that the world of each begins between its feet, x forward. `in_world` turns one into the other. With a
+    scene robots touch things and each other; without one only the ground.
+
+    Attributes:
+        loops: Name → loop of the robot, with its truth, pushes and sensors.
+        model: MuJoCo's model; names of a robot begin with its own and a slash.
+        data: MuJoCo's state.
+        control_period: Time that `step` advances, s.
+    """
+
+    @checked
+    def __init__(
+        self,
+        robots: Mapping[str, RobotDescription],
+        *,
+        places: Mapping[str, Sequence[float]] | None = None,
+        foot: str | Foot = "flat",
+        terrain: str | Terrain = "flat",
+        scene: str | Path | mujoco.MjSpec | Scene | None = None,
+        timestep: float = 0.001,
+        control_period: float = 0.005,
+        noise: str | SensorNoise = NO_NOISE,
+        seed: int = 0,
+    ) -> None:
+        """Build the model and put the robots on the ground, in half-sitting.
+
+        Args:
+            robots: Name → description.
+            places: Name → x, y (m) and heading (rad) in the world; the origin when not given.
+            foot: Foot under all ankles.
+            terrain: The ground; level where the robots begin.
+            scene: What stands or lies about, as of `wbc.Plant`.
+            timestep: Physics step, s.
+            control_period: Time between two commands, s.
+            noise: Sensor errors of every robot.
+            seed: Seed of the sensor errors of the first robot; the others have the next ones.
+
+        Raises:
+            UnknownNameError: A place of a robot that there is not; no such foot, terrain or scene.
+            InputError: No robot or too many, a name with a slash, robots that stand in one another, a scene that goes
+                through one.
+            ModelError: A robot that cannot be simulated.
+        """
+        if not 0 < len(robots) <= MOST_ROBOTS or any(not name or "/" in name for name in robots):
+            raise InputError(
+                f"a shared plant needs 1 to {MOST_ROBOTS} robots with names without '/', got {list(robots)}"
+            )
+        self._places = dict.fromkeys(robots, pin.SE3.Identity())
+        for name, place in (places or {}).items():
+            x, y, heading = finite_array(f"place of robot '{name}' (m, m, rad)", place, (3,)).tolist()
+            turn = pin.rpy.rpyToMatrix(0.0, 0.0, heading)
+            self._places[choose("robot", name, robots)] = pin.SE3(turn, np.array([x, y, 0.0]))
+        foot = foot_by_name(foot) if isinstance(foot, str) else foot
+        spec = mujoco.MjSpec()
+        PhysicsSettings(timestep=timestep).apply(spec)
+        ground = terrain_by_name(terrain) if isinstance(terrain, str) else terrain
+        add_to_spec(spec, ground, sole_radius=foot.contact.radius)
+        if scene is not None:
+            spec.attach(furniture(scene), prefix=SCENE_PREFIX, frame=spec.worldbody.add_frame())
+        every = (1 << len(robots)) - 1
+        for i, (name, description) in enumerate(robots.items()):
+            description.needs_feet("a shared plant")
+            robot, part = description.robot(), bare_spec(description)
+            equip(part, description, robot, foot, Machine(), hands=True, shapes=scene is not None)
+            for geom in part.geoms:
+                if geom.group == SHAPE_GROUP:  # touches things, and the other robots
+                    geom.contype, geom.conaffinity = 2 << i, 1 | (every & ~(1 << i)) << 1
+            spec.attach(part, prefix=f"{name}/", frame=spec.worldbody.add_frame())
+            add_grips(spec, robot, SCENE_PREFIX, f"{name}/")
+        self.model = compiled(spec, " and ".join(robots))
+        self.data = mujoco.MjData(self.model)
+        self.control_period = float(control_period)
+        self.loops = {
+            name: MujocoLoop(
+                description,
+                self.model,
+                self.data,
+                control_period=control_period,
+                prefix=f"{name}/",
+                noise=noise,
+                seed=seed + i,
+            )
+            for i, (name, description) in enumerate(robots.items())
+        }
+        self._grips = {
+            name: Grips(self.model, loop.robot, SCENE_PREFIX, f"{name}/") for name, loop in self.loops.items()
+        }
+        self.reset()
+
+    @property
+    def time(self) -> float:
+        """Simulated time, s."""
+        return float(self.data.time)
+
+    def reset(self) -> None:
+        """Put all robots into half-sitting at their places, and everything else where it was at first.
+
+        Raises:
+            InputError: Robots that stand in one another or in a thing.
+        """
+        mujoco.mj_resetData(self.model, self.data)
+        for _ in range(
+            2
+        ):  # the last loop that is reset begins with all robots in place, and so do the others then
+            for name, loop in self.loops.items():
+                q = loop.robot.half_sitting.copy()
+                place = self._places[name] * pin.XYZQUATToSE3(q[:7])
+                q[:7] = pin.SE3ToXYZQUAT(place)
+                loop.reset(q)
+        for loop in self.loops.values():
+            check_clear(
+                self.model, self.data, self.model.body_rootid[self.model.geom_bodyid] == loop.places.root
+            )
+
+    def measure(self) -> dict[str, Measurement]:
+        """Return name → readings of the sensors now.
+
+        Raises:
+            MeasurementError: The simulation has diverged.
+        """
+        return {name: loop.measure() for name, loop in self.loops.items()}
+
+    def step(self, commands: Mapping[str, Command]) -> None:
+        """Advance by one control period.
+
+        Args:
+            commands: Name → command, one for every robot.
+
+        Raises:
+            UnknownNameError: A command for a robot that there is not.
+            InputError: A robot without a command, or a command that cannot be followed; the simulation has not moved.
+        """
+        for name in commands:
+            choose("robot", name, self.loops)
+        if lacking := [name for name in self.loops if name not in commands]:
+            raise InputError(f"every robot needs a command, {', '.join(lacking)} got none")
+        step_together(tuple(self.loops.values()), [commands[name] for name in self.loops])
+
+    def in_world(self, robot: str, point: Sequence[float] | Array) -> Array:
+        """Return a point of a robot's own world, which begins between its feet at the start, in that of the plant.
+
+        Args:
+            robot: Name of the robot.
+            point: In the world of that robot, shape (3,), m.
+        """
+        place: Array = self._places[choose("robot", robot, self._places)].act(
+            finite_array("point (m)", point, (3,))
+        )
+        return place
+
+    def grip(self, robot: str, hand: str, handle: str) -> None:
+        """Close a hand of a robot around a handle of the scene; see `wbc.Plant.grip`.
+
+        Raises:
+            UnknownNameError: No such robot, hand or handle.
+            InputError: The handle is out of the hand's reach.
+        """
+        self._grips[choose("robot", robot, self._grips)].close(self.data, hand, handle)
+
+    def let_go(self, robot: str, hand: str) -> None:
+        """Open a hand of a robot.
+
+        Raises:
+            UnknownNameError: No such robot or hand.
+        """
+        self._grips[choose("robot", robot, self._grips)].open(self.data, hand)

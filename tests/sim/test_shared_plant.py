@@ -1,0 +1,77 @@
+"""Several robots in one simulation: each stands as it would alone, and they feel each other."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import wbc
+from wbc.core.errors import InputError, UnknownNameError
+from wbc.sim import MujocoLoop, Plant, SharedPlant
+
+HRP4, G1 = wbc.load_robot("hrp4_class"), wbc.load_robot("g1")
+WALL = """<mujoco><worldbody>
+<body name="wall" pos="0 5 1"><geom type="box" size="0.1 0.1 1"/></body>
+</worldbody></mujoco>"""
+
+
+def run(plant: SharedPlant, seconds: float, kind: type = wbc.PositionControl) -> None:
+    controls = {
+        name: kind(wbc.balance_controller(loop.description.robot(), plant.control_period))
+        for name, loop in plant.loops.items()
+    }
+    end = plant.time + seconds
+    while plant.time < end - 1e-9:
+        plant.step({name: controls[name].command(m) for name, m in plant.measure().items()})
+
+
+@pytest.mark.parametrize("kind", [wbc.PositionControl, wbc.HybridControl])
+def test_robots_apart_from_each_other_stand_as_each_would_alone(kind: type) -> None:
+    plant = SharedPlant({"one": HRP4, "two": G1}, places={"two": (1.0, 0.5, np.pi / 2)}, control_period=0.002)
+    run(plant, 0.5, kind)
+    for name, loop in plant.loops.items():
+        alone = MujocoLoop(loop.description, Plant(loop.description).model, control_period=0.002)
+        control = kind(wbc.balance_controller(loop.description.robot(), 0.002))
+        while alone.time < 0.5 - 1e-9:
+            alone.step(control.command(alone.measure()))
+        np.testing.assert_allclose(loop.truth().com, plant.in_world(name, alone.truth().com), atol=1e-4)
+        weight = loop.truth().contact_force[:, 2].sum()
+        assert weight == pytest.approx(9.80665 * loop.robot.mass, rel=0.02)
+
+
+def test_robots_begin_again_where_they_began() -> None:
+    plant = SharedPlant({"one": HRP4, "two": G1}, places={"two": (1.0, 0.0, 0.0)}, noise="realistic")
+    first = plant.data.qpos.copy()
+    run(plant, 0.2)
+    after = plant.data.qpos.copy()
+    plant.reset()
+    np.testing.assert_array_equal(plant.data.qpos, first)
+    run(plant, 0.2)
+    np.testing.assert_array_equal(plant.data.qpos, after)
+
+
+def test_a_robot_that_is_pushed_into_another_moves_it() -> None:
+    places = {"two": (0.45, 0.0, 0.0)}
+    moved = []
+    for scene in (None, WALL):  # without a scene robots touch the ground alone
+        plant = SharedPlant({"one": HRP4, "two": HRP4}, places=places, scene=scene)
+        plant.loops["one"].push("torso", [200.0, 0.0, 0.0], duration=0.2)
+        run(plant, 0.8)
+        moved.append(plant.loops["two"].truth().com[0] - 0.45)
+    assert abs(moved[0]) < 1e-3 and moved[1] > 0.01
+
+
+def test_what_cannot_be_is_refused_by_name() -> None:
+    with pytest.raises(InputError, match="stand clear"):
+        SharedPlant({"one": HRP4, "two": G1}, scene=WALL)
+    with pytest.raises(UnknownNameError, match="did you mean 'two'"):
+        SharedPlant({"one": HRP4, "two": G1}, places={"tow": (1.0, 0.0, 0.0)})
+    with pytest.raises(InputError, match="without '/'"):
+        SharedPlant({"a/b": HRP4})
+    plant = SharedPlant({"one": HRP4, "two": G1}, places={"two": (1.0, 0.0, 0.0)})
+    command = plant.loops["one"].hold()
+    with pytest.raises(InputError, match="two got none"):
+        plant.step({"one": command})
+    with pytest.raises(UnknownNameError, match="no robot 'three'"):
+        plant.step({"one": command, "three": command})
+    assert plant.time == 0.0
