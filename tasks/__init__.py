@@ -31,6 +31,7 @@ from wbc.tasks.motion.frame import OrientationTask, PoseTask, PositionTask
 from wbc.tasks.motion.momentum import MomentumTask
 from wbc.tasks.motion.posture import PostureTask
 from wbc.tasks.motion.relative import RelativeFrameTask
+from wbc.tasks.programs import read_machine
 from wbc.tasks.scheduling.policies import (
     EdgePolicy,
     FixedPolicy,
@@ -82,6 +83,7 @@ __all__ = [
     "Program",
     "Scope",
     "BehaviourError",
+    "read_machine",
     "after",
     "reached",
     "error_below",

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import logging
+import re
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -13,6 +15,7 @@ from task_factory import left_hand, standing
 from wbc.core.errors import InputError, UnknownNameError
 from wbc.core.limits.rows import TorqueLimits
 from wbc.core.qp.controller import Controller
+from wbc.robots import load
 from wbc.tasks import (
     BehaviourError,
     CoMTask,
@@ -24,10 +27,13 @@ from wbc.tasks import (
     after,
     all_of,
     any_of,
+    balance_controller,
     error_below,
     reached,
+    read_machine,
     speed_below,
 )
+from wbc.walking import FootstepPlan, WalkingControl
 
 DT = 0.005
 
@@ -268,3 +274,63 @@ def test_a_program_without_anything_to_do_costs_a_controller_nothing() -> None:
                 program.tick()
             torques.append(controller.solve().torques)
     np.testing.assert_array_equal(torques[:20], torques[20:])
+
+
+def table(**state: Any) -> dict[str, Any]:
+    return {"state": [{"name": "low", **state}, {"name": "hold", "done": {"after": 0.1}}]}
+
+
+def test_a_program_in_a_file_moves_what_it_names_and_waits_for_it(tmp_path: Path) -> None:
+    controller = balance_controller(load("hrp4_class").robot(), DT)
+    (tmp_path / "squat.toml").write_text(
+        '[[state]]\nname = "low"\ntask.com = { by = [0.0, 0.0, -0.04], duration = 0.5 }\n'
+        '[[state]]\nname = "both"\n[[state.state]]\nname = "bend"\ndone = { any = [{ after = 3.0 }, "reached"] }\n'
+        "task.posture = { to = { right_elbow_pitch = -0.9 }, speed = 1.0 }\n"
+        '[[state]]\nname = "hold"\ndone = { all = [{ after = 0.1 }, { error_below = { com = 0.01 } }] }\n'
+    )
+    program, before = (
+        Program(read_machine(tmp_path / "squat.toml", controller), controller),
+        controller.robot.com[2],
+    )
+    assert run(program) == "done"
+    assert [path for _, path, _ in program.history] == [
+        "squat/low",
+        "squat/both/bend",
+        "squat/both",
+        "squat/hold",
+        "squat",
+    ]
+    assert controller.robot.com[2] - before == pytest.approx(-0.04, abs=5e-3)
+
+
+@pytest.mark.parametrize("robot", ["hrp4_class", "talos", "g1"])
+def test_the_program_of_the_examples_is_that_of_every_robot(robot: str) -> None:
+    model = load(robot).robot()
+    walking = WalkingControl(model, FootstepPlan.standing(model), DT)
+    machine = read_machine(Path(__file__).parents[2] / "examples/program.toml", walking)
+    assert [*machine.states] == ["stand", "reach", "look", "squat", "rise", "walk", "wave", "rest"]
+    assert machine.transitions["look"]["timeout"] == "squat" and machine.possible == {"done", "timeout"}
+
+
+@pytest.mark.parametrize(
+    ("state", "message"),
+    [
+        ({"tusk": {}}, "state 'program/low': no setting of StateTable 'tusk'; did you mean 'task'"),
+        ({"task": {"con": {"by": [0.0]}}}, "state 'program/low': no task 'con'; did you mean 'com'"),
+        ({"task": {"com": {}}}, "state 'program/low': a move is either 'to' a target or 'by' a way"),
+        ({"body": {"lower": 0.1}}, "'program/low': hand, release, body and go_to are of a walking robot"),
+        ({}, "'program/low': it moves nothing to wait for"),
+        ({"done": {"aftr": 1.0}}, "'program/low': no condition 'aftr'; did you mean 'after'"),
+        ({"done": {"after": -1.0}}, "'program/low': time of a condition"),
+        ({"done": "reached"}, "'program/low': a condition needs at least one task"),
+        ({"done": {"all": 3}}, "'program/low': condition 'all' cannot be 3"),
+        (
+            {"timeout": 1.0, "next": {"timeout": "hald"}},
+            "no state of machine 'program' 'hald'; did you mean 'hold'",
+        ),
+        ({"state": [{"name": "in", "done": "rached"}]}, "state 'program/low/in': no condition 'rached'"),
+    ],
+)
+def test_what_is_wrong_in_a_file_is_named_with_its_state(state: dict[str, Any], message: str) -> None:
+    with pytest.raises(InputError, match=re.escape(message)):
+        read_machine(table(**state), balance_controller(load("hrp4_class").robot(), DT))
