@@ -41,6 +41,12 @@ FEET_STAY, FEET_STEP = 0.35, 0.8
 """Distance of the DCM from the nearest sole that nothing recovers, as a multiple of the CoM height: by ankles and
 hips, and by steps."""
 
+UNUSUAL = {
+    Status.RELAXED: ("relaxed: hard tasks and contacts cannot all be satisfied",),
+    Status.BADLY_SCALED: ("badly scaled: weights span too many decades, or friction is nearly zero",),
+}
+"""What `status` says of a tick that was solved in another way than it was asked for."""
+
 Mode = Literal["position", "torque", "hybrid"]
 """Control mode of the drives."""
 
@@ -199,8 +205,8 @@ class DriveControl:
             parts.append(self.plausibility.pace)
         if self.monitor.doubts:
             parts.append(f"doubtful: {', '.join(self.monitor.doubts)}")
-        if self.solution is not None and self.solution.status is Status.RELAXED and not self._failing:
-            parts.append("relaxed: hard tasks and contacts cannot all be satisfied")
+        if self.solution is not None and not self._failing:
+            parts += UNUSUAL.get(self.solution.status, ())
         if self.gate.faults:
             parts.append(f"command clipped: {', '.join(self.gate.faults)}")
         return "; ".join(parts) or "ok"
