@@ -15,7 +15,7 @@ from properties import examples
 from task_factory import ROBOTS, make_robot, random_state
 
 from wbc.core.robot import GRAVITY, Robot
-from wbc.walking.stepping.law import Divergent, Orbit, divergent_component, foothold, remaining_time
+from wbc.walking.stepping.law import NEAR, Divergent, Orbit, divergent_component, foothold, remaining_time
 
 HEIGHT, TIME, WIDTH = 0.6, 0.36, 0.22
 OMEGA = math.sqrt(GRAVITY / HEIGHT)
@@ -35,7 +35,12 @@ class Landing(NamedTuple):
 
 
 def walk(
-    steps: int, velocity: tuple[float, float], error: tuple[float, float] = (0.0, 0.0), *, timed: bool = True
+    steps: int,
+    velocity: tuple[float, float],
+    error: tuple[float, float] = (0.0, 0.0),
+    *,
+    timed: bool = True,
+    stretch: float = math.inf,
 ) -> list[Landing]:
     """Steps of a pendulum on point feet that keeps nothing but the law, first with the left foot.
 
@@ -44,6 +49,7 @@ def walk(
         velocity: Forward and left, m/s.
         error: Offset of the DCM from its orbit at the start of the first step, m.
         timed: False for steps of the nominal time.
+        stretch: Offset ahead, over that of the orbit, that ends a step, m.
     """
     landings = []
     foot, side = np.zeros(2), 1.0  # stance foot, side of the foot in the air
@@ -53,8 +59,8 @@ def walk(
     speed = (dcm - com) * OMEGA
     for _ in range(steps):
         orbit = Orbit.of(velocity, side, WIDTH, TIME, OMEGA)
-        offset = side * (dcm[1] - foot[1])
-        time = remaining_time(offset, orbit, OMEGA, 0.0, 0.005) if timed else TIME
+        ahead, aside = dcm - foot
+        time = remaining_time(ahead, side * aside, orbit, OMEGA, 0.005, stretch) if timed else TIME
         place = foothold(
             (foot[0], foot[1]), Divergent(*dcm, OMEGA), time, (orbit.ahead, -side * orbit.inwards)
         )
@@ -130,10 +136,10 @@ def test_the_landing_stays_where_it_is_while_nothing_disturbs_the_pendulum(
     """Place and time are decided at every tick, from the DCM then."""
     orbit = Orbit.of((0.3, 0.0), 1.0, WIDTH, TIME, OMEGA)
     dcm = np.array([ahead, aside])
-    first = remaining_time(aside, orbit, OMEGA, 0.0, 0.005)
+    first = remaining_time(*dcm, orbit, OMEGA, 0.005, 0.05)
     elapsed = min(elapsed, first)
     later = dcm * math.exp(OMEGA * elapsed)
-    assert remaining_time(later[1], orbit, OMEGA, 0.0, 0.005) == pytest.approx(first - elapsed, abs=1e-9)
+    assert remaining_time(*later, orbit, OMEGA, 0.005, 0.05) == pytest.approx(first - elapsed, abs=1e-9)
     places = [
         foothold((0.0, 0.0), Divergent(*state, OMEGA), left, (orbit.ahead, -orbit.inwards))
         for state, left in ((dcm, first), (later, first - elapsed))
@@ -141,14 +147,45 @@ def test_the_landing_stays_where_it_is_while_nothing_disturbs_the_pendulum(
     assert places[1] == pytest.approx(places[0], abs=1e-9)
 
 
+@examples(100)
+@given(velocities, st.floats(-0.1, 0.1), st.floats(-0.033, 0.03), st.floats(0.01, 0.1))
+def test_no_step_is_longer_than_its_orbit_and_a_stretch_and_the_next_one_starts_on_its_orbit(
+    velocity: tuple[float, float], ahead: float, aside: float, stretch: float
+) -> None:
+    """A DCM that starts near the stance foot is late aside; what it is off ahead must not grow as long."""
+    landings = walk(4, velocity, (ahead, aside), stretch=stretch)
+    drift = velocity[0] * TIME / (GROWTH - 1.0)
+    assert abs(landings[0].foot[0] + drift) <= GROWTH * abs(drift) + stretch + 1e-9 or landings[0].time == 0.0
+    free = walk(1, velocity, (ahead, aside))[0]
+    growth = (GROWTH * abs(drift) + stretch) / max(abs(drift + ahead), NEAR)
+    stretched = math.log(max(growth, 1.0)) / OMEGA
+    assert landings[0].time == pytest.approx(min(free.time, stretched), abs=1e-9)
+    for landing in landings:
+        orbit = Orbit.of(velocity, landing.side, WIDTH, TIME, OMEGA)
+        assert offset(landing) == pytest.approx((orbit.ahead, orbit.inwards), abs=1e-9)
+    assert [landing.time for landing in landings[1:]] == pytest.approx([TIME] * 3, abs=1e-9)
+
+
+@examples(50)
+@given(velocities, offsets, offsets)
+def test_steps_ahead_and_back_take_the_same_time(
+    velocity: tuple[float, float], ahead: float, aside: float
+) -> None:
+    there = walk(3, velocity, (ahead, aside), stretch=0.03)
+    back = walk(3, (-velocity[0], velocity[1]), (-ahead, aside), stretch=0.03)
+    for a, b in zip(there, back, strict=True):
+        assert (b.time, b.foot[0], b.foot[1]) == pytest.approx((a.time, -a.foot[0], a.foot[1]), abs=1e-12)
+
+
 def test_a_dcm_over_the_stance_foot_waits_and_one_beyond_it_lands_at_once() -> None:
-    orbit = Orbit.of((0.0, 0.0), 1.0, WIDTH, TIME, OMEGA)
-    least, over = 0.004, 0.005
-    assert remaining_time(0.0, orbit, OMEGA, least, over) == math.inf
-    assert remaining_time(-0.0049, orbit, OMEGA, least, over) == math.inf
-    assert remaining_time(-0.0051, orbit, OMEGA, least, over) == 0.0
-    assert remaining_time(1.001 * orbit.outwards, orbit, OMEGA, least, over) == 0.0
-    assert 0.0 < remaining_time(0.999 * orbit.outwards, orbit, OMEGA, least, over) < 1e-3
+    orbit, over, stretch = Orbit.of((0.2, 0.0), 1.0, WIDTH, TIME, OMEGA), 0.005, 0.05
+    for aside in (0.0, -0.0049, NEAR):
+        assert remaining_time(orbit.ahead, aside, orbit, OMEGA, over, stretch) > TIME
+        assert remaining_time(0.0, aside, orbit, OMEGA, over, stretch) > 3.0 * TIME
+    assert remaining_time(0.0, -0.0051, orbit, OMEGA, over, stretch) == 0.0
+    assert remaining_time(0.0, 1.001 * orbit.outwards, orbit, OMEGA, over, stretch) == 0.0
+    assert remaining_time(-orbit.forward - 0.051, 0.01, orbit, OMEGA, over, stretch) == 0.0
+    assert 0.0 < remaining_time(0.0, 0.999 * orbit.outwards, orbit, OMEGA, over, stretch) < 1e-3
 
 
 @examples(50)

@@ -188,7 +188,7 @@ class SteppingGait:
             self._from = state.com
             return (Event.STARTED,)
         if self._outside(state, dcm, 1.0) > 0.0:
-            left, right = (abs(self._aside(dcm.x - place[0], dcm.y - place[1])) for place in state.places)
+            left, right = (abs(self._along(dcm.x - place[0], dcm.y - place[1])[1]) for place in state.places)
             self._stance = 0 if left > right else 1
             return self._begin(state)
         return ()
@@ -215,12 +215,11 @@ class SteppingGait:
         feet = [self._foothold(state, side) for side in (0, 1)]
         middle = [0.5 * (a + b) for a, b in zip(*feet, strict=True)]
         height = self.scale.height + middle[2]
-        rise = rise_speed = 0.0
         if self._mode is _Mode.STANDING:
             # The ZMP beyond the DCM brings it back: p = ξ + k (ξ − middle).
             wanted = [xi + s.stand_gain * (xi - at) for xi, at in zip(dcm[:2], middle[:2], strict=True)]
             push = [omega * omega * (c - p) for c, p in zip(state.com[:2], wanted, strict=True)]
-            height_now = height
+            phase, duration, heights = Phase.STANDING, 0.0, (height, 0.0)
         else:
             share = min(1.0, self._elapsed / s.shift_time)
             rise = share * share * (3.0 - 2.0 * share)
@@ -234,19 +233,17 @@ class SteppingGait:
             for c, v, start, end in zip(state.com[:2], state.velocity[:2], self._from[:2], goal, strict=True):
                 way = end - start
                 push.append(stiffness * (start + way * rise - c) + damping * (way * rise_speed - v))
-            height_now = self._from[2] + (height - self._from[2]) * rise
-        phase = Phase.STANDING if self._mode is _Mode.STANDING else Phase.DOUBLE
-        duration = 0.0 if self._mode is _Mode.STANDING else s.shift_time + s.rest
-        climb = 0.0 if self._mode is _Mode.STANDING else (height - self._from[2]) * rise_speed
+            way = height - self._from[2]
+            phase, duration = Phase.DOUBLE, s.shift_time + s.rest
+            heights = self._from[2] + way * rise, way * rise_speed
         return self._reference(
             state,
             dcm,
             frames,
             events,
             phase=phase,
-            contact=(True, True),
             most_force=(s.most_force, s.most_force),
-            height=(height_now, climb),
+            height=heights,
             push=(push[0], push[1]),
             duration=duration,
         )
@@ -270,10 +267,11 @@ class SteppingGait:
         # The feet of a robot that walks sideways come apart and together: so far apart that they do not touch.
         width = max(s.width, s.gap + abs(steps.velocity[1]) * s.step_time / SIDEWAYS)
         orbit = Orbit.of(steps.velocity, side, width, s.step_time, dcm.omega)
-        offset = side * self._aside(dcm.x - contact[0], dcm.y - contact[1])
+        ahead, aside = self._along(dcm.x - contact[0], dcm.y - contact[1])
+        offset = side * aside
 
-        # Time: until the lateral offset has grown to that of the orbit.
-        left = remaining_time(offset, orbit, dcm.omega, 0.84 * s.over, s.over)
+        # Time: until the lateral offset has grown to that of the orbit, or the one ahead outgrows it.
+        left = remaining_time(ahead, offset, orbit, dcm.omega, s.over, s.stretch)
         wanted = min(max(self._elapsed + left, s.shortest), s.longest)
         if self._elapsed <= 1.5 * dt:
             self._time = s.step_time if self._since_stand == 0 else min(wanted, 1.15 * s.step_time)
@@ -302,10 +300,8 @@ class SteppingGait:
             frames,
             events,
             phase=Phase.SINGLE,
-            contact=(loads[0] > 0.0, loads[1] > 0.0),
             most_force=loads,
             height=(self.scale.height + self.ground, 0.0),
-            push=None,
             duration=self._time,
             landing=foot,
         )
@@ -347,14 +343,12 @@ class SteppingGait:
     def _takes_over(self, state: BodyState, dcm: Divergent, orbit: Orbit, offset: float, side: float) -> bool:
         """Return True if the foot in contact is to carry: the DCM is near enough, or it cannot wait."""
         s, (x, y, _) = self.settings, self._centre_of_pressure(state, 1 - self._stance)
-        inwards = -side * self._aside(dcm.x - x, dcm.y - y)
-        cos, sin = self._direction
-        ahead = math.copysign(1.0, orbit.ahead) * (cos * (dcm.x - x) + sin * (dcm.y - y))
-        runs_away = ahead > abs(orbit.ahead) + s.ahead and inwards < s.ahead_side
+        ahead, aside = self._along(dcm.x - x, dcm.y - y)
+        inwards = -side * aside
         return (
             inwards <= s.patience * orbit.inwards
             or self._elapsed > s.longest
-            or runs_away
+            or (abs(ahead) > abs(orbit.ahead) + s.stretch and inwards < s.stretch_side)
             or offset < -s.over  # over the outer edge: close up at once
         )
 
@@ -402,16 +396,16 @@ class SteppingGait:
         heading = self.steering.heading
         return math.cos(heading), math.sin(heading)
 
-    def _aside(self, x: float, y: float) -> float:
-        """Return the part of a vector to the left of the heading."""
+    def _along(self, x: float, y: float) -> Point:
+        """Return the parts of a vector along the heading and to its left."""
         cos, sin = self._direction
-        return cos * y - sin * x
+        return cos * x + sin * y, cos * y - sin * x
 
     def _middle(self, state: BodyState) -> Point:
         (x, y, _), (left, right) = state.com, state.places
         cos, sin = self._direction
         # Along the path the CoM, across it the middle of the feet.
-        aside = self._aside(0.5 * (left[0] + right[0]) - x, 0.5 * (left[1] + right[1]) - y)
+        _, aside = self._along(0.5 * (left[0] + right[0]) - x, 0.5 * (left[1] + right[1]) - y)
         return x - sin * aside, y + cos * aside
 
     def _outside(self, state: BodyState, dcm: Divergent, share: float) -> float:
@@ -432,11 +426,10 @@ class SteppingGait:
         events: tuple[Event, ...],
         *,
         phase: Phase,
-        contact: tuple[bool, bool],
         most_force: tuple[float, float],
         height: tuple[float, float],
-        push: Point | None,
         duration: float,
+        push: Point | None = None,
         landing: Footstep | None = None,
     ) -> Reference:
         assert self._contact is not None
@@ -457,7 +450,7 @@ class SteppingGait:
         return Reference(
             pendulum,
             (feet[0], feet[1]),
-            contact,
+            (most_force[0] > 0.0, most_force[1] > 0.0),
             self.steering.heading,
             phase,
             self.steps_done,

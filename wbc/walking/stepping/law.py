@@ -12,8 +12,9 @@ E = e^{ωT} the offset of ξ from the foot that lands is, at every landing,
 
     b_x = v_x T / (E − 1)  ahead,        b_y = w / (1 + E) − δ  inwards,  δ = ± v_y T / (E − 1),
 
-and each step begins at E times these offsets, less the step. Time and place follow from ξ at every tick: the step lasts
-until the lateral offset from the stance foot has grown to that of the orbit, and the foot lands so that b is left.
+and each step ends at E times these offsets from the stance foot. Time and place follow from ξ at every tick: the step
+lasts until the lateral offset has grown to that of the orbit, or the one ahead has outgrown its own by a stretch, and
+the foot lands so that b is left.
 
 Sources: time and place of steps as feedback: M. Khadiv et al., IEEE T-RO 36(3), 2020; angular momentum about the
 contact: Y. Gong, J. Grizzle, J. Dyn. Sys. Meas. Control 144(12), 2022; the lateral orbit: X. Xiong, A. Ames,
@@ -35,7 +36,7 @@ SIDEWAYS = 0.8
 """Greatest share of the distance between the feet by which they come together in a walk to the side."""
 
 NEAR = 1e-3
-"""Least offset that is divided by, m."""
+"""Least offset that is divided by, m: it takes longer than any step to grow."""
 
 
 class Divergent(NamedTuple):
@@ -80,16 +81,16 @@ class Orbit(NamedTuple):
         ahead: Offset b_x of ξ ahead of the foot that lands, m.
         inwards: Offset b_y of ξ from the foot that lands towards the other one, m.
         outwards: Offset of ξ from the stance foot towards the swing foot at the end of a step, E (w/(1+E) + δ), m.
+        forward: Offset of ξ ahead of the stance foot at the end of a step, E b_x, m.
     """
 
     ahead: float
     inwards: float
     outwards: float
+    forward: float
 
     @staticmethod
-    def of(
-        velocity: Point, side: float, width: float, time: float, omega: float, share: float = SIDEWAYS
-    ) -> Orbit:
+    def of(velocity: Point, side: float, width: float, time: float, omega: float) -> Orbit:
         """Return the orbit of a velocity.
 
         Args:
@@ -98,28 +99,33 @@ class Orbit(NamedTuple):
             width: Distance w between the feet, m.
             time: Step time T, s.
             omega: ω, 1/s.
-            share: Greatest share of w/(1 + E) by which walking sideways shifts the offsets.
         """
         growth = math.exp(omega * time)
         still = width / (1.0 + growth)
         drift = time / (growth - 1.0)
-        shift = min(max(side * velocity[1] * drift, -share * still), share * still)
-        return Orbit(velocity[0] * drift, still - shift, growth * (still + shift))
+        shift = min(max(side * velocity[1] * drift, -SIDEWAYS * still), SIDEWAYS * still)
+        ahead = velocity[0] * drift
+        return Orbit(ahead, still - shift, growth * (still + shift), growth * ahead)
 
 
-def remaining_time(offset: float, orbit: Orbit, omega: float, least: float, over: float) -> float:
-    """Return the time until the offset has grown to that of the orbit, ln(outwards / offset) / ω, s.
+def remaining_time(
+    ahead: float, aside: float, orbit: Orbit, omega: float, over: float, stretch: float
+) -> float:
+    """Return the time until ξ has grown to the end of a step, ln(min(outwards / aside, most / |ahead|)) / ω, s.
 
     Args:
-        offset: Offset of ξ from the stance foot towards the swing foot, m.
+        ahead: Offset of ξ ahead of the stance foot; below zero behind it, m.
+        aside: Offset of ξ from the stance foot towards the swing foot, m.
         orbit: The orbit.
         omega: ω, 1/s.
-        least: Offset below which it no longer grows to that side in any useful time, m: infinity is returned.
         over: Offset beyond the stance foot from which the swing foot must close up at once, m: 0 is returned.
+        stretch: Offset over the orbit's, ahead or behind, that ends a step at once: most = E |b_x| + stretch, m.
     """
-    if offset > least:
-        return max(math.log(orbit.outwards / max(offset, NEAR)) / omega, 0.0)
-    return 0.0 if offset < -over else math.inf
+    if aside < -over:
+        return 0.0
+    most = abs(orbit.forward) + stretch
+    growth = min(orbit.outwards / max(aside, NEAR), most / max(abs(ahead), NEAR))
+    return max(math.log(growth), 0.0) / omega
 
 
 def foothold(contact: Point, dcm: Divergent, remaining: float, offset: Point) -> Point:

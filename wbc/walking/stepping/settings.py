@@ -137,9 +137,8 @@ class SteppingSettings:
         held: Force on the other foot above which that is no flight, mg.
         lost_time: Time after a contact in which it is not lost, 1/ω.
         patience: Lateral offset of the DCM, over that at the end of a step, at which a foot in contact takes over.
-        ahead: Offset of the DCM in the direction of the walk, over that at the end of a step, beyond which it does at
-            once, h.
-        ahead_side: Lateral offset up to which it does, h.
+        stretch: Offset of the DCM over that of the orbit, ahead or behind, that ends a step, or a wait, at once, h.
+        stretch_side: Greatest lateral offset with which it ends a wait, h.
         share: Greatest force of a foot that is in contact and waits, mg.
         unload: Time in which the foot that has stood is unloaded, 1/ω.
         most_force: Greatest force of a foot, mg.
@@ -199,8 +198,8 @@ class SteppingSettings:
     held: Annotated[NonNegative, "mg"] = 0.18
     lost_time: Annotated[NonNegative, "1/ω"] = 0.12
     patience: Annotated[Positive, ""] = 1.15
-    ahead: Annotated[Positive, "h"] = 0.09
-    ahead_side: Annotated[Positive, "h"] = 0.233
+    stretch: Annotated[Positive, "h"] = 0.09
+    stretch_side: Annotated[Positive, "h"] = 0.233
     share: Annotated[Positive, "mg"] = 0.3
     unload: Annotated[Positive, "1/ω"] = 0.20
     most_force: Annotated[Positive, "mg"] = 1.4
