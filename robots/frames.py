@@ -99,11 +99,7 @@ def add_frame(model: pin.Model, description: FrameDescription) -> None:
 
 
 def body_frame(model: pin.Model, link: str) -> pin.Frame:
-    """Return the frame of a link.
-
-    Raises:
-        UnknownNameError: There is no such link.
-    """
+    """Return the frame of a link; `UnknownNameError` if there is no such link."""
     choose("link", link, link_names(model))
     return model.frames[model.getFrameId(link, pin.FrameType.BODY)]
 

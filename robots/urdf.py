@@ -67,11 +67,7 @@ def read(source: str | Path) -> Element:
 
 
 def triple(what: str, text: str) -> Array:
-    """Return three finite numbers of an attribute, shape (3,).
-
-    Raises:
-        ModelError: Not three, or none that a robot can have.
-    """
+    """Return three finite numbers of an attribute that a robot can have, shape (3,); else a `ModelError`."""
     try:
         values = np.array([float(part) for part in text.split()])
     except ValueError:
@@ -123,11 +119,7 @@ def joints(root: Element, types: tuple[str, ...] | None = None) -> dict[str, Ele
 
 
 def parent_and_child(joint: Element) -> tuple[str, str]:
-    """Return the names of the links that a joint connects.
-
-    Raises:
-        ModelError: The joint names no parent or no child.
-    """
+    """Return the names of the links that a joint connects; a `ModelError` if it names no parent or no child."""
     parent, child = joint.find("parent"), joint.find("child")
     if parent is None or child is None or not parent.get("link") or not child.get("link"):
         raise ModelError(f"joint '{joint.get('name')}' must name a parent link and a child link")

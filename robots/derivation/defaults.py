@@ -160,11 +160,7 @@ def complete_sole(
 
 
 def check_sides(model: pin.Model, soles: Soles) -> None:
-    """Check that each sole is at the end of a leg of its own, left of the other one and below the robot.
-
-    Raises:
-        ModelError: It is not.
-    """
+    """Refuse soles that are not at the end of a leg of their own, left of the other one and below the robot."""
     legs = [set(joints_to(model, sole.frame)) for sole in soles]
     for sole, leg in zip(soles, legs, strict=True):
         if not leg:

@@ -111,11 +111,7 @@ def standing_configuration(model: pin.Model, soles: tuple[str, ...], joints: Map
 
 
 def check_posture(model: pin.Model, soles: tuple[str, ...], q: Array) -> None:
-    """Check that both soles are flat and level.
-
-    Raises:
-        InputError: A sole is tilted, or one lies above the other.
-    """
+    """Refuse a posture with a sole that is tilted or lies above the other."""
     left, right, _ = _feet(model, soles, q)
     for name, placement in zip(soles, (left, right), strict=True):
         tilt = math.acos(min(1.0, float(placement.rotation[2, 2])))
@@ -132,11 +128,7 @@ def check_posture(model: pin.Model, soles: tuple[str, ...], q: Array) -> None:
 
 
 def check_balance(model: pin.Model, soles: tuple[SoleDescription, ...], q: Array) -> None:
-    """Check that the centre of mass is above the rectangle around both soles.
-
-    Raises:
-        InputError: It is not: the robot would tip over at once.
-    """
+    """Refuse a centre of mass that is not above the rectangle around both soles: the robot would tip over at once."""
     left, right, com = _feet(model, (soles[0].frame, soles[1].frame), q)
     corners = [
         placement.act(np.array([x * sole.length, y * sole.width, 0.0]))[:2]

@@ -15,11 +15,7 @@ DISTRIBUTION = "example-robot-data"
 
 
 def share_directory() -> Path:
-    """Return the directory in which `package://example-robot-data/…` is found.
-
-    Raises:
-        InputError: The distribution is not installed.
-    """
+    """Return the directory of `package://example-robot-data/…`; `InputError` if that distribution is not installed."""
     try:
         distribution = metadata.distribution(DISTRIBUTION)
     except metadata.PackageNotFoundError as error:

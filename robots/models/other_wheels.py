@@ -30,11 +30,7 @@ def how_to_install(requirement: str) -> str:
 
 
 def _file(requirement: str, relative: str) -> Path:
-    """Return a file of an installed wheel.
-
-    Raises:
-        InputError: The wheel is not installed, or has no such file; the message says how to install it.
-    """
+    """Return a file of an installed wheel; an `InputError` says how to install it."""
     name = requirement.partition("==")[0]
     how = how_to_install(requirement)
     if not installed(requirement):

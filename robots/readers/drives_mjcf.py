@@ -39,8 +39,7 @@ class Drives:
 def read_drives(tree: Tree) -> Drives:
     """Return the drives of a robot; `tree` gets a note for each remark.
 
-    Raises:
-        ModelError: An actuator that drives a tendon, a site or a body of the robot.
+    An actuator that drives a tendon, a site or a body of the robot is a `ModelError`.
     """
     model, drives = tree.model, Drives()
     names = {number: name for name, number in tree.joints.items()}

@@ -71,8 +71,7 @@ def with_feet(description: RobotDescription, foot: Foot, *, mass: bool = False) 
 def _add_mass(robot: Element, name: str, ankle: str, inertia: pin.Inertia) -> None:
     """Fix a link of the given inertia (in the axes of the ankle link) to the ankle, if it is not there already.
 
-    Raises:
-        InputError: A link of that name with another mass is there.
+    A link of that name with another mass is an `InputError`.
     """
     for link in robot.findall("link"):
         if link.get("name") == name:

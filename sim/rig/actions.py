@@ -101,11 +101,7 @@ def pitch(
 
 
 def land(rig: Rig) -> tuple[Impact, float, float] | None:
-    """Drop the foot and let it settle.
-
-    Returns:
-        The impact, the largest loop gap (m) and the largest penetration (m) so far; None if it diverged.
-    """
+    """Drop the foot; return impact, largest loop gap (m) and largest penetration (m) so far; None if it diverged."""
     dt, gravity = rig.test.physics.timestep, rig.test.physics.gravity
     start = rig.ankle_height
     touched = -1

@@ -378,8 +378,7 @@ class Journal:
 def check_journal_path(path: Path | str) -> Path:
     """Return the path of a journal to write, checked before a long run begins.
 
-    Raises:
-        InputError: A folder, a compressed file, which can be read alone, or a name that the system does not take.
+    Refused are a folder, a compressed file, which can be read alone, and a name that the system does not take.
     """
     path = Path(path)
     try:

@@ -205,21 +205,13 @@ def half_heights(study: Study, entries: Mapping[str, Entry], *, any_code: bool =
 
 
 def stored_stiffness(study: str) -> dict[str, float]:
-    """Return the best stiffnesses of a study that the library holds: cell → Nm/rad.
-
-    Raises:
-        InputError: There is no result.
-    """
+    """Return the best stiffnesses of a study that the library holds: cell → Nm/rad; `InputError` without a result."""
     data = _result(f"{study}.json", f"wbc study table {study} --of best")
     return {cell: float(label["stiffness"]) for cell, label in data["labels"].items()}
 
 
 def _result(file: str, command: str) -> dict[str, Any]:
-    """Return the result of a study that the library holds.
-
-    Raises:
-        InputError: There is none.
-    """
+    """Return the result of a study that the library holds; `InputError` if there is none."""
     path = DATA / file
     if not path.is_file():
         raise InputError(f"no {path}: `{command} --journal JOURNAL --json` prints its content")

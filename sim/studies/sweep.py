@@ -201,10 +201,8 @@ def _run_locally(pending: Pending, workers: int, timeout: float | None, record: 
     """Run trials in local processes.
 
     A process that dies takes its pool with it. The trials that were in flight are then run again one by one, each in a
-    process of its own: the one that dies there too has crashed.
-
-    Raises:
-        SweepError: Processes end again and again before a trial has begun.
+    process of its own: the one that dies there too has crashed. Processes that end again and again before a trial has
+    begun are a `SweepError`.
     """
     while pending:
         with local_executor(min(workers, len(pending))) as pool:
@@ -233,8 +231,7 @@ def _run_alone(trial: tuple[Trial, dict[str, Any]], timeout: float | None, recor
 def _outcome(future: Future[Outcome]) -> Outcome:
     """Return the outcome of a trial that has ended, with or without its process.
 
-    Raises:
-        SweepError: The trial was not run, as its process has other code.
+    A trial that was not run, as its process has other code, is a `SweepError`.
     """
     error = _error(future)
     if error is None:
@@ -259,9 +256,7 @@ def _feed(
 ) -> Pending:
     """Keep a given executor busy until nothing is pending, or until it breaks or cancels a trial.
 
-    Returns:
-        Trials that were not run to their end, such as those of a cluster whose scheduler was restarted; none if all
-        went well.
+    Returned are trials that were not run to their end, such as those of a cluster whose scheduler was restarted.
     """
     running: dict[Future[Outcome], tuple[Trial, dict[str, Any]]] = {}
     lost: Pending = deque()
@@ -328,8 +323,7 @@ def _one_thread() -> Iterator[None]:
 def _run(spec: Trial, timeout: float | None, version: Mapping[str, Any], stuck_ends: bool) -> Outcome:
     """Run a trial, by the code that the journal will name alone; its process may end when a library does not return.
 
-    Raises:
-        SweepError: This process has other code: sources have changed since the sweep began, or a cluster has its own.
+    Other code, since sources have changed meanwhile or a cluster has its own, is a `SweepError`.
     """
     if other := differences(version):
         raise SweepError(

@@ -119,8 +119,7 @@ class TrialSpec:
 def chosen_mode(description: RobotDescription, mode: Mode | None) -> Mode:
     """Return a control mode that a robot's servos allow; None stands for position control, or hybrid on soft servos.
 
-    Raises:
-        InputError: Position control on servos that are too soft for it.
+    Position control on servos that are too soft for it is an `InputError`.
     """
     if mode is None:
         return "position" if description.servos.soft_ankle is None else "hybrid"

@@ -122,11 +122,7 @@ class WalkPlan:
 
 
 def check_drive(rows: Sequence[Sequence[float]]) -> None:
-    """Check the rows of a drive: time (s), forward (m/s), left (m/s), turn (rad/s).
-
-    Raises:
-        InputError: No rows, a time that is not after the one before, or no stand at the end.
-    """
+    """Check the rows of a drive: time (s), increasing, forward (m/s), left (m/s), turn (rad/s); a stand at the end."""
     if not rows:
         raise InputError("a drive has at least one row of time, forward, left and turn")
     for i, row in enumerate(rows):
@@ -166,8 +162,7 @@ class Drive(TrialHook):
 def stair_of(terrain: Terrain) -> tuple[float, float, int, float]:
     """Return rise (m), tread (m), number of stairs and x of the first edge (m) of a ground of the family `steps`.
 
-    Raises:
-        InputError: Another ground, or stairs that lead both up and down.
+    Another ground, or stairs that lead both up and down, are an `InputError`.
     """
     family = terrain.parameters
     if not isinstance(family, Steps) or terrain.amplitude <= 0.0:

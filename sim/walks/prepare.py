@@ -94,11 +94,7 @@ def prepare(
     extent: tuple[float, float, float, float] | None,
     stairs: Terrain | None,
 ) -> PreparedWalk:
-    """Build and check all that needs no simulator; see `WalkSpec.prepare`.
-
-    Raises:
-        InputError: A foot that does not fit, or a plan that the robot cannot walk.
-    """
+    """Build and check all that needs no simulator; see `WalkSpec.prepare`."""
     plant_description = load(robot).with_servos(servo)
     description = with_feet(plant_description, foot)
     model = description.robot()
@@ -135,8 +131,7 @@ def _orders(
 ) -> tuple[tuple[tuple[float, float, float, float], ...] | None, float]:
     """Return the velocities of a stepping walk, None for the goal at the end of a way, and its nominal time, s.
 
-    Raises:
-        InputError: A plan that states footsteps.
+    A plan that states footsteps is an `InputError`.
     """
     for name in ("footsteps", "stairs"):
         if getattr(plan, name) is not None:

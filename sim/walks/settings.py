@@ -65,12 +65,9 @@ class TrialSettings(WalkingControlSettings):
         """Return settings by name.
 
         "no_bias" is the plain law: position servos without feed-forward, gains and costs of mc_rtc, feet that lift on
-        time whatever their load, no step adjustment, an upright trunk, no bias estimated. "frizza" is the paper's:
-        the same with mc_rtc's estimator of the DCM's bias and the gains of `PAPER_GAINS`. Touch-downs are detected as
-        in "default": a walk over unknown ground needs it.
-
-        Raises:
-            UnknownNameError: No such preset.
+        time whatever their load, no step adjustment, an upright trunk, no bias estimated. "frizza" is the paper's: the
+        same with mc_rtc's estimator of the DCM's bias and the gains of `PAPER_GAINS`. Touch-downs are detected as in
+        "default": a walk over unknown ground needs it.
         """
         if choose("gains", name, PRESETS) == "default":
             return TrialSettings()
@@ -123,12 +120,7 @@ def trial_settings(
 
 
 def checked_changes(law: Law, preset: str, changes: Changes) -> Changes:
-    """Return changes in their normal form.
-
-    Raises:
-        UnknownNameError: No such preset or setting.
-        InputError: A value of the wrong kind or out of range, or a setting that is an option of its own.
-    """
+    """Return changes in their normal form; what is a setting of its own elsewhere, or out of range, is refused."""
     normal = normal_changes(preset_of(law, preset), changes)
     for path, _ in normal:
         if path in DERIVED:

@@ -137,8 +137,7 @@ def _literal(host: str) -> bool:
 def listen(address: Address) -> tuple[socket.socket, ServedAddress]:
     """Return a listening socket, and the address that it has got.
 
-    Raises:
-        OSError: The port, or every port of the range, is in use; or there is no such host.
+    `OSError`: the port, or every port of the range, is in use; or there is no such host.
     """
     if address.port is None:
         for candidate in range(FIRST_PORT, FIRST_PORT + PORTS):

@@ -25,11 +25,7 @@ NONE_GIVEN: Mapping[str, Any] = types.MappingProxyType({})
 
 
 def prepare(app: App, commands: tuple[str, ...], arguments: ArgumentCollection) -> None:
-    """Check words before they are converted; cyclopts calls it for every command.
-
-    Raises:
-        InputError: A file that cannot be named, or a fraction for a whole number.
-    """
+    """Check words before they are converted, names of files and whole numbers; cyclopts calls it for every command."""
     del app, commands
     for argument in arguments:
         kinds = (argument.hint, *typing.get_args(argument.hint))

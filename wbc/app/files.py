@@ -47,11 +47,7 @@ def check_target(
 
 
 def unique(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
-    """Return a JSON object, for `json.loads`.
-
-    Raises:
-        ValueError: A name that is given twice; of two values the first would be lost.
-    """
+    """Return a JSON object, for `json.loads`; `ValueError` for a name given twice, of which the first would be lost."""
     found: dict[str, Any] = {}
     for name, value in pairs:
         if name in found:

@@ -79,11 +79,7 @@ def unknown_name(kind: str, name: object, choices: Iterable[str]) -> NoReturn:
 
 
 def choose(kind: str, name: str, choices: Iterable[str]) -> str:
-    """Return a name that is one of the choices.
-
-    Raises:
-        UnknownNameError: It is not one of them.
-    """
+    """Return a name that is one of the choices; `UnknownNameError` for another."""
     names = list(choices)
     if not isinstance(name, str) or name not in names:
         unknown_name(kind, name, names)
@@ -91,11 +87,7 @@ def choose(kind: str, name: str, choices: Iterable[str]) -> str:
 
 
 def names_in(what: str, value: object) -> list[str]:
-    """Return names as a list; a single one counts as a list of one.
-
-    Raises:
-        InputError: Neither text nor several texts.
-    """
+    """Return names as a list; a single one counts as a list of one."""
     names: list[Any] = (
         [value] if isinstance(value, str) else list(value) if isinstance(value, Iterable) else [None]
     )
@@ -189,38 +181,22 @@ def finite_scalar(
 
 
 def positive(what: str, value: Any) -> float:
-    """Return a number as a float above zero.
-
-    Raises:
-        InputError: Not a number, not finite or not above zero.
-    """
+    """Return a number as a float above zero; `InputError` for anything else."""
     return finite_scalar(what, value, low=0.0, open_low=True)
 
 
 def as_period(value: Any) -> float:
-    """Return a control period, s.
-
-    Raises:
-        InputError: Not a number above zero, or more than a second: it is in another unit.
-    """
+    """Return a control period, s; `InputError` for more than a second: it is in another unit."""
     return finite_scalar("control period (s)", value, low=0.0, high=LONGEST_PERIOD, open_low=True)
 
 
 def non_negative(what: str, value: Any) -> float:
-    """Return a number as a float of at least zero.
-
-    Raises:
-        InputError: Not a number, not finite or negative.
-    """
+    """Return a number as a float of at least zero; `InputError` for anything else."""
     return finite_scalar(what, value, low=0.0)
 
 
 def whole_number(what: str, value: Any, *, low: int) -> int:
-    """Return an integer that is not below `low`.
-
-    Raises:
-        InputError: Not an integer, or below `low`.
-    """
+    """Return an integer that is not below `low`; `InputError` for anything else."""
     if isinstance(value, bool) or not isinstance(value, (int, np.integer)) or value < low:
         raise InputError(f"{what} must be an integer of at least {low}, got {shown(value)}")
     return int(value)

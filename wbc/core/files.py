@@ -106,11 +106,7 @@ def read_json(path: Path, kind: str = "JSON", **how: Any) -> Any:
 
 
 def read_toml(path: Path) -> dict[str, Any]:
-    """Return the values in a TOML file.
-
-    Raises:
-        InputError: A file that cannot be read, is not TOML, or is nested too deeply.
-    """
+    """Return the values in a TOML file; `InputError` for one that cannot be read or is nested too deeply."""
     with parsing(path, "TOML"):
         return tomllib.loads(read_text(path, "TOML"))
 
@@ -146,11 +142,7 @@ def replacing(path: str | Path) -> Iterator[Path]:
 
 
 def write_text(path: str | Path, text: str) -> None:
-    """Write a text file (UTF-8) in place of an old one.
-
-    Raises:
-        FileError: As `replacing` raises it.
-    """
+    """Write a text file (UTF-8) in place of an old one, as `replacing` does."""
     with replacing(path) as new:
         new.write_text(text, encoding="utf-8", newline="")
 
@@ -166,8 +158,7 @@ def save_figure(figure: Figure, path: str | Path, *, dpi: float) -> None:
 def move_into_place(new: Path, target: Path) -> None:
     """Put a complete file in the place of another, with the permissions of that one, once it is on the disk.
 
-    Raises:
-        OSError: The disk is full, or the target is a folder or a device.
+    `OSError`: the disk is full, or the target is a folder or a device.
     """
     if target.exists():
         if not target.is_file():
@@ -209,9 +200,7 @@ def check_writable(path: Path) -> None:
 def claimed(path: Path) -> IO[bytes]:
     """Return a file that is locked against other programs until it is closed; it is made if there is none.
 
-    Raises:
-        InputError: Another program, or another part of this one, has claimed it.
-        OSError: It cannot be written.
+    `InputError`: another program, or another part of this one, has claimed it. `OSError`: it cannot be written.
     """
     file = path.open("ab")
     try:
@@ -234,21 +223,13 @@ def same_file(one: str | Path, other: str | Path) -> bool:
 
 
 def file_hash(path: str | Path) -> str:
-    """Return the hash of a file's content, 16 hex digits.
-
-    Raises:
-        InputError: It cannot be read.
-    """
+    """Return the hash of a file's content, 16 hex digits; `InputError` if it cannot be read."""
     with decoding(path, "file") as file:
         return hashlib.sha256(file.read_bytes()).hexdigest()[:16]
 
 
 def check_hash(path: str | Path, content: object) -> None:
-    """Refuse a file whose content is not the one that a spec was made with.
-
-    Raises:
-        InputError: It has changed, or cannot be read.
-    """
+    """Refuse a file whose content is not the one that a spec was made with, or that cannot be read."""
     actual = file_hash(path)
     if actual != content:
         raise InputError(f"{path} has changed: its hash is {actual}, the walk was specified with {content}")

@@ -150,11 +150,7 @@ def unusable(value: Any) -> str:
 
 
 def usable_path(path: Path) -> Path:
-    """Return a path that can name a file.
-
-    Raises:
-        InputError: Too long, or with characters that are not printable.
-    """
+    """Return a path that can name a file: not too long, of printable characters; else an `InputError`."""
     name = str(path)
     if not name.isprintable() or len(name) > 4000 or any(len(part.encode()) > 255 for part in path.parts):
         raise InputError(f"{shown(name)} cannot be the name of a file")
@@ -162,11 +158,7 @@ def usable_path(path: Path) -> Path:
 
 
 def plain_value(value: Any, depth: int = 0) -> Any:
-    """Return lists and arrays as tuples, and NumPy numbers as Python's.
-
-    Raises:
-        InputError: Values nested deeper than `DEEPEST`.
-    """
+    """Return lists and arrays as tuples, and NumPy numbers as Python's; `InputError` for more than `DEEPEST` levels."""
     if isinstance(value, np.ndarray):
         value = value.tolist()
     if type(value) in (list, tuple):

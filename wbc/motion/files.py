@@ -200,11 +200,7 @@ def _table(data: Mapping[str, Any], key: str, shape: tuple[str | int, ...]) -> A
 
 
 def _base(position: Array, quaternion: Array, keys: str) -> Array:
-    """Return the columns of the base, of a position and a quaternion (x, y, z, w) in each frame.
-
-    Raises:
-        InputError: Of different numbers of frames.
-    """
+    """Return the columns of the base, of a position and a quaternion (x, y, z, w) in each frame, as many of each."""
     if len(position) != len(quaternion):
         raise InputError(f"{keys} must have as many frames, got {len(position)} and {len(quaternion)}")
     return np.hstack([position, quaternion])

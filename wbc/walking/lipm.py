@@ -242,11 +242,7 @@ class LipmWalk(ReferenceSource):
         return last and phases.duration - phases.elapsed < self.settings.replan
 
     def _check(self, plan: FootstepPlan, now: Standing, planner: FootstepSource) -> None:
-        """Check the steps of a plan from where the feet are.
-
-        Raises:
-            InputError: A side out of turn, a step out of reach, or one that leaves the ground.
-        """
+        """Refuse a plan with a side out of turn, a step out of reach of the feet, or one that leaves the ground."""
         if not isinstance(plan, FootstepPlan):
             raise InputError(f"a planner of footsteps returns a FootstepPlan, got {shown(plan)}")
         if not plan.steps:

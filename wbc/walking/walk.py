@@ -198,11 +198,7 @@ class Walk:
         return self.phases.completed
 
     def start(self) -> None:
-        """Begin to walk with the next update.
-
-        Raises:
-            InputError: The robot walks already, or there is no step to take.
-        """
+        """Begin to walk with the next update; `InputError` if the robot walks already, or there is no step to take."""
         self._events = (self.phases.start(),)
         self._rest, self._time = None, 0.0
         self._replan()

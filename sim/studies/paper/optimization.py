@@ -206,11 +206,7 @@ class Walked:
 def check_journal(
     entries: Mapping[str, Entry], owns: Callable[[Mapping[str, Any]], bool], what: str, *, any_code: bool
 ) -> None:
-    """Refuse a journal of something else, or of another version of the code.
-
-    Raises:
-        InputError: A trial that is not of it, or of another version without `any_code`.
-    """
+    """Refuse a journal of something else, or, without `any_code`, of another version of the code."""
     for entry in entries.values():
         if not owns(entry.spec):
             where = {name: entry.spec.get(name) for name in ("terrain", "amplitude", "foot", "gains")}
@@ -237,11 +233,7 @@ class Asker:
     """
 
     def __init__(self, seed: int) -> None:
-        """Start without data.
-
-        Raises:
-            InputError: The engine is not installed.
-        """
+        """Start without data; `InputError` if the engine is not installed."""
         try:
             import bayes_opt  # type: ignore[import-not-found, unused-ignore] # noqa: PLC0415 - an extra
         except ImportError as error:

@@ -79,11 +79,7 @@ class FootOptions:
     plot: Path | None = None
 
     def check(self, test: Test) -> None:
-        """Refuse options that a test does not have.
-
-        Raises:
-            InputError: Such an option.
-        """
+        """Refuse options that a test does not have."""
         for name in PITCH if test == "press" else ():
             if getattr(self, name) != getattr(type(self), name):
                 raise InputError(f"--{name} is no option of 'foot {test}'")

@@ -101,11 +101,7 @@ def describe_terrain(
 
 
 def list_terrains(plot: Path | None = None) -> list[dict[str, Any]]:
-    """Return name, summary, usual amplitude (m) and parameters of all families; draw them if asked to.
-
-    Raises:
-        InputError: The picture cannot be written.
-    """
+    """Return name, summary, usual amplitude (m) and parameters of all families; draw them if asked to."""
     target = check_picture(plot)
     families = [
         {

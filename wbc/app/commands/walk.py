@@ -162,8 +162,7 @@ def _bounded(
 ) -> WalkSpec:
     """Return a walk whose drive ends with a stand after some seconds at the latest.
 
-    Raises:
-        InputError: A drive that takes longer than an hour, and no time that bounds it.
+    A drive that takes longer than an hour, and has no time that bounds it, is an `InputError`.
     """
     if seconds is None and rows[-1][0] > DRIVE_TIME:
         raise InputError(
@@ -201,12 +200,7 @@ def place_of(name: str, law: str) -> str:
 
 
 def read_spec(name: str) -> dict[str, Any]:
-    """Return a preset, or the walk in a file as plain values: a spec, a part of one, or the output of `--json`.
-
-    Raises:
-        UnknownNameError: Neither a file nor a preset.
-        InputError: The file cannot be read, or holds no walk.
-    """
+    """Return a preset, or the walk in a file as plain values: a spec, a part of one, or the output of `--json`."""
     path = Path(name)
     if path.suffix.lower() == ".toml":
         data = read_toml(path)

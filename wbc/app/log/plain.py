@@ -69,8 +69,7 @@ def to_plain(value: Any) -> Any:
 def from_plain(plain: Any) -> Any:
     """Return the value that `to_plain` was given.
 
-    Raises:
-        InputError: A value written as its `repr`, or a class that does not exist or does not take these values.
+    A value written as its `repr`, or a class that does not exist or does not take these values, is an `InputError`.
     """
     if isinstance(plain, list):
         return [from_plain(item) for item in plain]

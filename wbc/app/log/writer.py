@@ -201,11 +201,7 @@ def part_path(path: Path) -> Path:
 
 
 def check_path(path: str | Path) -> Path:
-    """Return the path of a log to be written.
-
-    Raises:
-        InputError: Its folder does not exist, or it exists and is not a log.
-    """
+    """Return the path of a log to be written; `InputError` for no such folder, or a file that is not a log."""
     target = Path(path)
     if not target.parent.is_dir():
         raise InputError(f"no folder {target.parent} to write the log {target.name} into")

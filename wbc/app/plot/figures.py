@@ -63,11 +63,7 @@ FIGURES = {
 
 
 def missing(name: str, log: Log) -> str | None:
-    """Return what a log lacks for a figure; None if it can be drawn.
-
-    Raises:
-        UnknownNameError: No such figure.
-    """
+    """Return what a log lacks for a figure; None if it can be drawn."""
     drawing = FIGURES[choose("figure", name, FIGURES)]
     groups = {signal.rpartition("/")[0] for signal in log}
     absent = [need for need in drawing.needs if need not in log and need not in groups]

@@ -66,8 +66,7 @@ def check_film(path: str | Path, inputs: Iterable[str | Path] = ()) -> Path:
 def find_ffmpeg() -> str:
     """Return the path of ffmpeg: the system's, else the one that comes with the extra `film`, a program under the GPL.
 
-    Raises:
-        RenderError: Neither is installed.
+    `RenderError` if neither is installed.
     """
     if (path := shutil.which("ffmpeg")) is not None:
         return path
@@ -192,11 +191,7 @@ class _Captions:
 
 @contextlib.contextmanager
 def _drawing_context(width: int, height: int) -> Iterator[None]:
-    """Make an offscreen OpenGL context.
-
-    Raises:
-        RenderError: OpenGL is not available.
-    """
+    """Make an offscreen OpenGL context; `RenderError` if OpenGL is not available."""
     usual = "cgl" if sys.platform == "darwin" else "egl"
     kind = os.environ.get("MUJOCO_GL", "").strip().lower()
     if kind not in ("egl", "osmesa", "glfw", "cgl"):

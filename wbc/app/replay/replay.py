@@ -217,8 +217,7 @@ def _base_in_mujoco(log: Log, size: int) -> Array:
 def rebuild_plant(log: Log) -> Plant:
     """Return the plant of a log, without sensor errors.
 
-    Raises:
-        InputError: Recorded without a plant, or with a class that does not exist here.
+    A log without a plant, or with a class that does not exist here, is an `InputError`.
     """
     parts: dict[str, Any] | None = log.header.get("plant")
     if parts is None:

@@ -186,11 +186,7 @@ class LiveControls:
         """Do nothing: a repetition shows nothing; see `Workbench.plot`."""
 
     def _add_own(self, name: str, take: Callable[[Any], object], call: object) -> None:
-        """Add a control of the program: an order with its name is taken by a function.
-
-        Raises:
-            InputError: A name that is taken, or something else than a function to call.
-        """
+        """Add a control of the program: an order with its name, which is free, is taken by a function."""
         if name in self._own:
             raise InputError(f"there is a control '{name}' already; choose another name")
         if call is not None and not callable(call):
@@ -198,11 +194,7 @@ class LiveControls:
         self._own[name] = take
 
     def check_task(self, task: Task) -> Task:
-        """Return a task, after a check that it belongs to the controller of this run and that its target may be set.
-
-        Raises:
-            InputError: A task of another controller, or of none; or whose target another part sets.
-        """
+        """Return a task, after a check that it belongs to the controller of this run and that its target may be set."""
         if self.controller is None or not any(task is each for each in self.controller.tasks):
             raise InputError(f"{task!r} is no task of the controller that is shown; add it there first")
         if task.held_by is not None:

@@ -123,11 +123,7 @@ class DrawingProcess:
             _log.warning("the live view has ended (exit code %s); the run goes on", self._process.returncode)
 
     def html(self) -> str:
-        """Return the present picture as a self-contained page.
-
-        Raises:
-            ViewError: The process has ended.
-        """
+        """Return the present picture as a self-contained page; `ViewError` if the process has ended."""
         if not self.running:
             raise ViewError("the live view has ended")
         direct = urllib.request.build_opener(urllib.request.ProxyHandler({}))  # it is this machine

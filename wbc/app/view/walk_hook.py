@@ -83,12 +83,7 @@ class WatchWalk(TrialHook):
         return "" if self.view is None else self.view.controls.news()
 
     def open(self, trial: Trial) -> None:
-        """Serve the page; `start` does so, too, but a caller may want to know earlier that the port is free.
-
-        Raises:
-            InputError: An option out of range.
-            PortError: The port is in use.
-        """
+        """Serve the page; `start` does so, too, but a caller may want to know earlier that the port is free."""
         control = trial.walking if self._workbench else trial.walker
         self.view = open_view(trial.plant, control, self._workbench, **self._options)
 

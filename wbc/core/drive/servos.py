@@ -61,8 +61,7 @@ class Servos:
     def check_position_control(self) -> None:
         """Refuse position control on servos that are too soft for it.
 
-        Raises:
-            InputError: An ankle whose kp is given and too small; the number needed and the mode to use are named.
+        The error names an ankle whose kp is given and too small, the number needed and the mode to use.
         """
         ankle = self.soft_ankle
         if ankle is not None:

@@ -294,11 +294,7 @@ def _geometry_object(robot: Robot, frame: str, shape: Shape) -> pin.GeometryObje
 
 
 def _urdf_primitives(robot: Robot, urdf: str | Path) -> dict[str, list[pin.GeometryObject]]:
-    """Collision geometry of a URDF that is made of primitives, by link.
-
-    Raises:
-        InputError: Not a URDF, or that of another robot.
-    """
+    """Collision geometry of a URDF that is made of primitives, by link; that of another robot is an `InputError`."""
     text = str(urdf)
     try:
         root = ET.fromstring(text) if text.lstrip().startswith("<") else ET.parse(text).getroot()

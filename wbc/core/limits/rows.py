@@ -279,9 +279,5 @@ def damped_bound(distance: Array, velocity: Array, dt: float, time_constant: flo
 
 
 def limit_time_constant(value: float) -> float:
-    """Return the time constant of a damped limit after a check, s.
-
-    Raises:
-        InputError: Not positive.
-    """
+    """Return the time constant of a damped limit, s, after a check that it is positive."""
     return positive("time constant of a limit (s)", value)

@@ -294,11 +294,7 @@ class Task(FixedAttributes):
         return False
 
     def _take_over(self) -> None:
-        """Refuse a target that another part sets; called by the setters of a target that is held.
-
-        Raises:
-            InputError: Another part sets the target at every tick.
-        """
+        """Refuse a target that another part sets; called by the setters of a target that is held."""
         if self._set_by is not None:
             raise InputError(
                 f"the target of task '{self.name}' is set at every tick by another part: use {self._set_by}"
@@ -436,13 +432,9 @@ class VariableTask(Task):
 
 
 def evaluated(task: MotionTask | SelectionTask) -> tuple[Array, Array, Array]:
-    """Return the rows of a bound task at the present state of its robot, checked.
+    """Return Jacobian, shape (dim, nv), error and drift, shape (dim,), of a bound task at the present state, checked.
 
-    Returns:
-        Jacobian, shape (dim, nv), error, shape (dim,), and drift, shape (dim,).
-
-    Raises:
-        InputError: Rows that cannot be evaluated, that move with no joint, or with numbers that are not finite.
+    Rows that cannot be evaluated, move with no joint, or have numbers that are not finite are an `InputError`.
     """
     jacobian, error, drift = np.zeros((task.dim, task.robot.nv)), np.zeros(task.dim), np.zeros(task.dim)
     try:

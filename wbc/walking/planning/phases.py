@@ -148,11 +148,7 @@ class WalkPhases:
         return (SupportPhase(left, now.feet, now.step, max(now.total, left)), *whole[index + 1 :])
 
     def start(self) -> Event:
-        """Begin to walk.
-
-        Raises:
-            InputError: The robot walks already, or there is no step to take.
-        """
+        """Begin to walk; `InputError` if the robot walks already, or there is no step to take."""
         if self.phase is not Phase.STANDING or self.step >= len(self.plan):
             raise InputError("a walk can only start from standing, with steps left to take")
         self._enter(Phase.DOUBLE, self.plan.gait.initial_double_support)
@@ -197,11 +193,7 @@ class WalkPhases:
             self.duration = self.elapsed + non_negative("remaining time of the swing (s)", remaining)
 
     def land(self, step: Footstep, *, carry: bool = True) -> None:
-        """Set the landing of the foot that swings, or has landed last; see `FootstepPlan.with_step`.
-
-        Raises:
-            InputError: No foot has swung yet, or it was the other foot.
-        """
+        """Set the landing of the foot that swings, or has landed last; see `FootstepPlan.with_step`."""
         index = self.step if self.phase is Phase.SINGLE else self.step - 1
         self.plan = self.plan.with_step(index, step, carry=carry)
 

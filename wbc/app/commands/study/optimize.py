@@ -77,11 +77,7 @@ class OptimizeOptions(RunOptions):
         return Bounds(k=self.k or preset.k, kP=self.kp or preset.kP, kD=self.kd or preset.kD, log=preset.log)
 
     def specs(self, grounds: tuple[str, ...]) -> list[OptimisationSpec]:
-        """Return the optimisations of some families of grounds, or with "table2" of those of the paper's Table II.
-
-        Raises:
-            InputError: An unknown ground, the same twice, or none.
-        """
+        """Return the optimisations of different families of grounds; "table2" stands for the paper's Table II."""
         names = tuple(TABLE_II) if grounds == ("table2",) else grounds
         for name in names:
             choose("terrain", name, terrain_families())

@@ -39,12 +39,7 @@ PRINTED = 5
 
 
 def entry_by_key(entries: Mapping[str, Entry], key: str) -> Entry:
-    """Return the entry whose key begins with a text.
-
-    Raises:
-        UnknownNameError: There is none.
-        InputError: There are several.
-    """
+    """Return the one entry whose key begins with a text."""
     found = [entry for name, entry in entries.items() if key and name.startswith(key)]
     if not found:
         unknown_name("key of the journal", key, entries)
@@ -189,8 +184,7 @@ def _rerun(options: RunOrRerunOptions, key: str, output: Output) -> Report:
 def run_trials(study: Study, options: RunOptions, *, any_code: bool = False) -> SweepSummary:
     """Run the trials that a study's journal does not have, with a progress bar.
 
-    Raises:
-        InputError: The journal has trials of the study by another version of the code, without `any_code`.
+    A journal with trials of the study by another version of the code is an `InputError`, without `any_code`.
     """
     specs = [trial.spec for trial in study.trials()]
     with ExitStack() as stack:

@@ -47,11 +47,7 @@ class JournalOptions:
     journal: Path
 
     def entries(self) -> Mapping[str, Entry]:
-        """Return the entries of the journal.
-
-        Raises:
-            InputError: There is no journal.
-        """
+        """Return the entries of the journal; `InputError` if there is none."""
         if not self.journal.exists():
             raise InputError(f"there is no journal {self.journal}; `wbc study run` writes it")
         return read_journal(self.journal)
