@@ -38,7 +38,7 @@ INSTANTS = {
     "own_source": 3.0,
     "own_robot": 1.0,
     "hands/carry": 4.0,
-    "hands/lean": 8.0,
+    "hands/press": 8.0,
 }
 """Time at which each example is drawn, s."""
 
@@ -110,10 +110,10 @@ def picture_of(name: str, instant: float) -> Image.Image:
 def main() -> None:
     """Draw the sheet."""
     path = Path(sys.argv[1]) if len(sys.argv) > 1 else Path(__file__).parent / "images" / "examples.png"
-    sys.path.insert(0, str(EXAMPLES))
+    sys.path[:0] = [str(EXAMPLES), str(EXAMPLES / "hands")]
     examples = (path for folder in (".", "hands") for path in (EXAMPLES / folder).glob("*.py"))
     found = {str(p.relative_to(EXAMPLES).with_suffix("")) for p in examples}
-    missing = found - {"_common", *WITHOUT_PLANT} - set(INSTANTS)
+    missing = found - {"_common", "hands/_hands", *WITHOUT_PLANT} - set(INSTANTS)
     if missing:
         raise RuntimeError(f"no instant for {', '.join(sorted(missing))}")
     rows = -(-len(INSTANTS) // COLUMNS)

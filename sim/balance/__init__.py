@@ -1,9 +1,9 @@
-"""Simulated balance: stands, push recovery, carrying, and motions that are tracked.
+"""Simulated balance: stands, push recovery, and motions that are tracked.
 
 A new kind of experiment on a standing robot goes here, as a module with its spec, its result and one function.
 """
 
-from wbc.sim.balance.carrying import CarryResult, CarrySpec, CarryTrial, arms_forward, carry
+from wbc.sim.balance.arms import arms_forward
 from wbc.sim.balance.push_recovery import (
     PushCell,
     PushResult,
@@ -24,12 +24,8 @@ __all__ = [
     "StandTrial",
     "centre_of_pressure",
     "stand",
-    # Carrying
-    "CarryResult",
-    "CarrySpec",
-    "CarryTrial",
+    # Postures
     "arms_forward",
-    "carry",
     # Push recovery
     "PushCell",
     "PushResult",

@@ -9,10 +9,8 @@ import os
 import shlex
 import subprocess
 import sys
-from contextlib import nullcontext
 from dataclasses import fields, is_dataclass
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Annotated, Any, Literal, get_type_hints
 
 import pytest
@@ -21,13 +19,11 @@ from cyclopts import App, Parameter
 import wbc
 from wbc.app import cli, live
 from wbc.app.arguments import plain_options
-from wbc.app.commands import COMMANDS, GROUPS, balance, hands
+from wbc.app.commands import COMMANDS, GROUPS, balance
 from wbc.app.output import Flat, Output, Report, reports
 from wbc.core.errors import InputError
 from wbc.core.settings import Count, Positive, settings
 from wbc.robots import names, others
-from wbc.sim.balance import CarryResult, CarrySpec
-from wbc.sim.hands import OneFootResult
 
 Captured = pytest.CaptureFixture[str]
 
@@ -44,25 +40,11 @@ ELSEWHERE = {
 }
 """Commands that have their own tests of what they print, because it takes a walk or a file: the file that does it."""
 
-HANDS = {"upright", "done", "runs", "results"}
-REACH = ["--set", "hands.reach=0.8"]
-
 QUICK: dict[str, tuple[list[str], set[str]]] = {  # arguments with which it ends soon, keys of its result
     "robots": ([], {"robots"}),
     "stand": (
         ["--seconds", "0.1"],
         {"robot", "mode", "upright", "com_error_mm", "zmp_noise_mm", "real_time_factor", "tick_us"},
-    ),
-    "hands carry": (["--set", "hand_overs=0"], HANDS),
-    "hands press": (
-        ["--set", "seconds=0.1", "--set", "hands=true", "--set", "hands.ramp=0.2", *REACH],
-        HANDS,
-    ),
-    "hands cart": (["--set", "forward=0", "--set", "turn=0", "--set", "back=0", *REACH], HANDS),
-    "hands door": (["--set", "push=0.05", *REACH], HANDS),
-    "hands one-foot": (
-        ["--set", "force=0", "--set", "seconds=0.1", "--set", "hands.reach=0.1", "--set", "hands.ramp=0.1"],
-        HANDS,
     ),
     "check-plant": (["--robot", "g1"], {"ok", "checks"}),
     "push": (
@@ -109,13 +91,7 @@ def test_every_command_is_tested_here_or_elsewhere() -> None:
         assert f'"{words.split()[0]}"' in text and "--json" in text, (words, file)
 
 
-@pytest.mark.parametrize(
-    "words",
-    [
-        pytest.param(w, marks=pytest.mark.slow) if w in ("hands door", "hands one-foot", "hands cart") else w
-        for w in QUICK
-    ],
-)
+@pytest.mark.parametrize("words", QUICK)
 def test_json_is_one_object_and_alone_on_stdout(capfd: Captured, words: str) -> None:
     arguments, keys = QUICK[words]
     code, out, _ = wbc_command(capfd, *words.split(), *arguments, "--json")
@@ -216,11 +192,6 @@ def test_robots_in_a_table_and_one_in_full(capfd: Captured) -> None:
         (["view", "run.arrow", "-o", "run.html", "--size", "640", "480"], "film"),
         (["view", "run.arrow", "-o", "run.mp4", "--port", "7000"], "served"),
         (["robots", "talso"], "did you mean 'talos'"),
-        (["hands", "carry", "--set", "load=10"], "load"),
-        (["hands", "carry", "--set", "hand_overs=0", "--set", "steps=4"], "hand-over"),
-        (["hands", "door", "--set", "push=2"], "push"),
-        (["hands", "wave"], "one-foot"),
-        (["hands", "door", "--set", "seed=2"], "--seed"),
         (["bench"], "bench"),
         (["bench", "solver", "--scattered", "2"], "scattered"),
         (["foot", "press", "--foot", "rigid", "--stiffness", "5"], "no stiffness"),
@@ -250,36 +221,6 @@ def test_a_run_can_be_watched(capfd: Captured, monkeypatch: pytest.MonkeyPatch) 
     assert code == cli.RAN and json.loads(out)["upright"]
     assert "live view: http://127.0.0.1:" in err
     assert json.loads(out)["real_time_factor"] < 1.2  # held back to real time
-
-
-class Ended:
-    """Trial that has ended as soon as it runs."""
-
-    plant = walking = None
-
-    def __init__(self, spec: Any) -> None:
-        self.spec = spec
-
-    def run(self, hooks: object) -> CarryResult | OneFootResult:
-        """Return a result without a simulation."""
-        if isinstance(self.spec, CarrySpec):
-            return CarryResult("g1", True, "done", 1.0, 0.3, 0.0, 0.0, 4, 9.0, 0, self.spec.seed)
-        return OneFootResult("g1", True, "done", 9.0, 0, self.spec.seed, 0.1, 90.0, 0.0, False, True)
-
-
-@pytest.mark.parametrize("words", ["hands carry", "hands one-foot"])
-def test_changes_from_the_page_are_reported_of_every_run(
-    capfd: Captured, monkeypatch: pytest.MonkeyPatch, words: str
-) -> None:
-    changes: list[list[dict[str, Any]]] = [[{"what": "stop", "time": 2.0}], []]
-    pages = iter(changes)
-    shown = lambda *_: nullcontext([SimpleNamespace(interventions=next(pages))])  # noqa: E731
-    monkeypatch.setattr(live.LiveView, "watch", shown)
-    for what, kind in hands._KINDS.items():
-        monkeypatch.setitem(hands._KINDS, what, kind._replace(trial=Ended))
-    code, out, err = wbc_command(capfd, *words.split(), "--seeds", "2", "--seed", "7", "--json")
-    assert code == cli.RAN, err
-    assert json.loads(out)["interventions"] == [{"seed": 7, "what": "stop", "time": 2.0}]
 
 
 @settings

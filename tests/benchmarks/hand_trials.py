@@ -10,12 +10,15 @@ Usage: python tests/benchmarks/hand_trials.py press --journal runs.jsonl [--robo
 from __future__ import annotations
 
 import argparse
+import importlib
 import json
 import logging
 import math
+import sys
 from collections import defaultdict
-from collections.abc import Callable, Iterable
-from dataclasses import asdict, dataclass, replace
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import asdict, dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -24,8 +27,6 @@ from own_loop import Row, journal
 
 from wbc.robots import load as load_robot
 from wbc.sim import Plant, TrueFallDetector
-from wbc.sim.balance import CarrySpec, carry
-from wbc.sim.hands import CartSpec, DoorSpec, HandPressSpec, open_door, press_hands, push_cart
 from wbc.sim.trial.spec import CONTROL_PERIOD, chosen_mode
 from wbc.walking import (
     ArmSettings,
@@ -37,42 +38,19 @@ from wbc.walking import (
 
 FIRST_SEED = 200
 ROBOTS = ("hrp4_class", "talos", "g1")
-TALOS_WALL = {"distance": 0.6, "height": 1.0}  # its stretched arms are too heavy for their shoulders
+EXAMPLES = Path(__file__).parents[2] / "examples" / "hands"
 
-
-def presses(robots: Iterable[str]) -> list[HandPressSpec]:
-    """Return 20, 60 and 100 N on a table and on a wall."""
-    return [
-        HandPressSpec(
-            robot=robot, on=on, force=force, **(TALOS_WALL if (robot, on) == ("talos", "wall") else {})
-        )
-        for robot in robots
-        for on in ("table", "wall")
-        for force in (20.0, 60.0, 100.0)
-    ]
-
-
-def carts(robots: Iterable[str]) -> list[CartSpec]:
-    """Return one metre forward, 30 degrees, one metre back, for each robot."""
-    return [CartSpec(robot=robot) for robot in robots]
-
-
-def doors(robots: Iterable[str]) -> list[DoorSpec]:
-    """Return a door that is opened and walked through."""
-    return [DoorSpec(robot=robot) for robot in robots]
-
-
-def loads(robots: Iterable[str]) -> list[CarrySpec]:
-    """Return ten hand-overs of 20 % in the hands, 22 steps, a drop."""
-    return [CarrySpec(robot=robot, hand_overs=10, steps=22, end="drop") for robot in robots]
-
-
-def chests(robots: Iterable[str]) -> list[CarrySpec]:
-    """Return two hand-overs of 30 % at the chest, 22 steps, a drop."""
-    return [
-        CarrySpec(robot=robot, load=0.3, hold="chest", forward=0.2, hand_overs=2, steps=22, end="drop")
-        for robot in robots
-    ]
+KINDS: dict[str, tuple[str, tuple[str, ...]]] = {
+    "press": (
+        "press",
+        tuple(f"--on {on} --force {force}" for on in ("table", "wall") for force in (20, 60, 100)),
+    ),
+    "cart": ("cart", ("",)),
+    "door": ("door", ("",)),
+    "load": ("carry", ("--share 0.2 --overs 10 --steps 22",)),
+    "chest": ("carry", ("--share 0.3 --hold chest --forward 0.2 --overs 2 --steps 22",)),
+}
+"""Kind of runs → example of hands, and its options in each of them."""
 
 
 @dataclass(frozen=True)
@@ -82,11 +60,6 @@ class SwingSpec:
     robot: str
     swing: float
     seed: int = 0
-
-
-def swings(robots: Iterable[str]) -> list[SwingSpec]:
-    """Return the walk without and with arms that swing."""
-    return [SwingSpec(robot, swing) for robot in robots for swing in (0.0, 0.5, 1.0)]
 
 
 def walk_with_arms(spec: SwingSpec) -> Row:
@@ -116,14 +89,18 @@ def walk_with_arms(spec: SwingSpec) -> Row:
     }
 
 
-TRIALS: dict[str, tuple[Callable[[Iterable[str]], list[Any]], Callable[[Any], Any]]] = {
-    "press": (presses, press_hands),
-    "cart": (carts, push_cart),
-    "door": (doors, open_door),
-    "load": (loads, carry),
-    "chest": (chests, carry),
-    "swing": (swings, walk_with_arms),
-}
+def trials(kind: str, robots: Iterable[str], seed: int) -> Iterator[tuple[Row, Callable[[], Row]]]:
+    """Yield the spec of each run of a kind, and what runs it."""
+    for robot in robots:
+        if kind == "swing":
+            for swing in (0.0, 0.5, 1.0):
+                spec = SwingSpec(robot, swing, seed)
+                yield asdict(spec), partial(walk_with_arms, spec)
+            continue
+        name, runs = KINDS[kind]
+        for options in runs:
+            words = [*options.split(), "--robot", robot, "--seed", str(seed)]
+            yield {"words": words}, partial(importlib.import_module(name).main, words)
 
 
 def table(kind: str, rows: list[Row]) -> str:
@@ -201,7 +178,7 @@ def _door(results: list[Row]) -> str:
 def _carry(results: list[Row]) -> str:
     return (
         f"{results[0]['load_kg']:.1f} kg | {_done(results)} | {100.0 * _most(results, 'mass_error'):.1f} % | "
-        f"{_most(results, 'place_error_mm'):.1f} mm | {min(row['steps_done'] for row in results)} | "
+        f"{_most(results, 'place_error_mm'):.1f} mm | {min(row['steps'] for row in results)} | "
         f"{_seeds(results)}"
     )
 
@@ -242,7 +219,7 @@ TABLES: dict[str, tuple[str, Callable[[list[Row]], str]]] = {
 def main() -> None:
     """Run what the journal does not have, or print a table of it."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
-    parser.add_argument("kind", choices=TRIALS)
+    parser.add_argument("kind", choices=TABLES)
     parser.add_argument("--journal", type=Path, required=True)
     parser.add_argument("--robot", action="append", choices=ROBOTS)
     parser.add_argument("--seeds", type=int, default=1)
@@ -255,20 +232,16 @@ def main() -> None:
         print(table(options.kind, rows))
         return
     logging.getLogger("wbc").setLevel(logging.CRITICAL)  # robots that fall are reported here
-    specs, trial = TRIALS[options.kind]
+    sys.path[:0] = [str(EXAMPLES)]
     done = {json.dumps(row["spec"], sort_keys=True) for row in rows if row["kind"] == options.kind}
     for seed in range(options.first, options.first + options.seeds):
-        for given in specs(options.robot or ROBOTS):
-            spec = replace(given, seed=seed)
-            key = json.loads(json.dumps(asdict(spec), default=str))
-            if json.dumps(key, sort_keys=True) in done:
+        for spec, run in trials(options.kind, options.robot or ROBOTS, seed):
+            if json.dumps(spec, sort_keys=True) in done:
                 continue
             if options.most <= 0:
                 return
             options.most -= 1
-            outcome = trial(spec)
-            result = outcome if isinstance(outcome, dict) else asdict(outcome)
-            line = json.dumps({"kind": options.kind, "spec": key, "result": result})
+            line = json.dumps({"kind": options.kind, "spec": spec, "result": run()})
             with options.journal.open("a") as file:
                 file.write(line + "\n")
             print(line, flush=True)

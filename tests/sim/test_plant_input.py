@@ -17,8 +17,7 @@ from wbc.feet.soles.rigid import FlatFoot
 from wbc.motion.generator import make_motion
 from wbc.robots import load
 from wbc.sim import DivergedError, Plant, real_time_factor
-from wbc.sim.balance import CarrySpec, CarryTrial, StandSpec, StandTrial, TrackSpec, TrackTrial
-from wbc.sim.hands import HandPressSpec, HandPressTrial
+from wbc.sim.balance import StandSpec, StandTrial, TrackSpec, TrackTrial
 from wbc.sim.plant.settings import steps_per_tick
 from wbc.sim.trial import TrialHook
 
@@ -143,8 +142,6 @@ def test_pushes_any_link_or_frame(plant: Plant) -> None:
     "trial",
     [
         lambda: StandTrial(StandSpec(noise="none")),
-        lambda: CarryTrial(CarrySpec(noise="none")),
-        lambda: HandPressTrial(HandPressSpec(noise="none")),
         lambda: TrackTrial(make_motion(load("g1").robot(), "squat"), TrackSpec(robot="g1", noise="none")),
     ],
 )

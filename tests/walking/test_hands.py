@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-import importlib.util
-import itertools
 import re
 from collections.abc import Callable
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -18,7 +15,6 @@ from wbc.core.errors import InputError, UnknownNameError
 from wbc.core.robot import GRAVITY
 from wbc.robots import load
 from wbc.sim import Plant, SensorNoise, SignalNoise, TrueFallDetector, make_scene
-from wbc.sim.hands import CartSpec, CartTrial
 from wbc.tasks.motion.direction import least_turn
 from wbc.tasks.stabilizer.zmp import zmp_offset
 from wbc.walking import (
@@ -33,7 +29,6 @@ from wbc.walking import (
 from wbc.walking.hands.hand import Hand
 from wbc.walking.hands.hands import Hands
 from wbc.walking.hands.motion import MovingFrame
-from wbc.walking.planning.footsteps import mean_heading
 
 TABLE = {"distance": 0.18, "height": 0.7}
 DOWN, AHEAD = (0.0, 0.0, -1.0), (1.0, 0.0, 0.0)
@@ -310,17 +305,6 @@ def test_a_hand_that_finds_no_surface_stops() -> None:
 
 
 @pytest.mark.slow
-def test_a_robot_leans_on_a_rail_with_its_mass_beyond_its_toes() -> None:
-    path = Path(__file__).parents[2] / "examples" / "hands" / "lean.py"
-    example = importlib.util.module_from_spec(spec := importlib.util.spec_from_file_location("lean", path))  # type: ignore[arg-type]
-    spec.loader.exec_module(example)  # type: ignore[union-attr]
-    facts = example.main(["--seconds", "10"])
-    assert facts["upright"]
-    assert facts["force_N"] == pytest.approx(40.0, rel=0.1)
-    assert facts["beyond_toes_mm"] > 100.0
-
-
-@pytest.mark.slow
 @pytest.mark.parametrize("hand", [True, False])
 def test_a_hand_on_a_wall_keeps_a_robot_on_one_foot_that_is_pushed(hand: bool) -> None:
     plant = Plant(load("hrp4_class"), scene=make_scene("wall", distance=0.5, angle=90.0))
@@ -538,13 +522,3 @@ def test_a_hand_that_presses_lets_go_before_it_grips() -> None:
         tick(np.inf)
     hands.grip("left_hand", (0.35, 0.2, 0.9), AHEAD, 10.0)
     assert hand.state is HandState.REACH
-
-
-def test_a_turn_with_a_cart_is_as_great_as_it_should_be_wherever_the_robot_looks() -> None:
-    trial = CartTrial(CartSpec(noise="none"))
-    for heading, angle in itertools.product((0.0, 3.0, -3.1), (0.5, -0.02, np.pi)):
-        turn = pin.SE3(pin.utils.rotate("z", heading), np.zeros(3))
-        start = trial.stand().moved(turn)
-        left, right = trial._turning(start, angle).final
-        off = mean_heading(left.yaw, right.yaw) - mean_heading(start.left.yaw, start.right.yaw) - angle
-        assert np.remainder(off + np.pi, 2.0 * np.pi) == pytest.approx(np.pi, abs=1e-6)

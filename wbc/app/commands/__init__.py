@@ -20,7 +20,6 @@ COMMANDS = {
     "walk": "walk:walk",
     "stand": "balance:stand",
     "push": "balance:push",
-    "hands": "hands:hands",
     "motion": "motion:motion",
     "view": "view_log:view",
     "plot": "plot:plot",

@@ -1,0 +1,137 @@
+"""Examples of hands: what the page of hands has measured holds, and turns about a cart are as great as planned."""
+
+from __future__ import annotations
+
+import importlib
+import itertools
+import sys
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+from wbc.core.errors import InputError
+from wbc.robots import load
+from wbc.walking import FootstepPlan
+
+FOLDER = Path(__file__).parents[2] / "examples" / "hands"
+NAMES = ("carry", "cart", "door", "one_foot", "press")
+
+
+@pytest.fixture
+def example(monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable[[str], ModuleType]]:
+    """Import examples by name, as Python does for a script that is run from its folder."""
+    monkeypatch.syspath_prepend(str(FOLDER))
+    yield importlib.import_module
+    for name in {*NAMES, "_hands", "_common"} & set(sys.modules):
+        del sys.modules[name]
+
+
+Example = Callable[[str], ModuleType]
+
+
+def run(module: ModuleType, *arguments: str) -> dict[str, Any]:
+    result: dict[str, Any] = module.main(list(arguments))
+    assert result["upright"] and result["stage"] == "done", result
+    return result
+
+
+def test_every_example_takes_the_common_options(example: Example, capsys: pytest.CaptureFixture[str]) -> None:
+    assert {path.stem for path in FOLDER.glob("*.py")} == {*NAMES, "_hands"}
+    for name in NAMES:
+        with pytest.raises(SystemExit, match="0"):
+            example(name).main(["--help"])
+        text = capsys.readouterr().out
+        assert "--view" in text and "--robot" in text and "--seed" in text
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("on", "force", "robot"), [("table", 60.0, "g1"), ("wall", 100.0, "hrp4_class")])
+def test_a_press_is_held(example: Example, on: str, force: float, robot: str) -> None:
+    words = ("--on", on, "--force", str(force), "--robot", robot, "--seed", "201", "--hold", "3")
+    result = run(example("press"), *words)
+    assert result["mean_N"] == pytest.approx(force, rel=0.015) and result["steady"] == 1.0
+    assert not result["lost"]
+
+
+@pytest.mark.slow
+def test_a_robot_leans_on_a_rail_with_its_mass_beyond_its_toes(example: Example) -> None:
+    result = run(example("press"), "--on", "rail", "--force", "80", "--noise", "none", "--hold", "2")
+    assert result["mean_N"] == pytest.approx(80.0, rel=0.1)
+    assert result["beyond_toes_mm"] > 0.0
+
+
+@pytest.mark.slow
+def test_a_robot_on_one_foot_with_a_hand_on_the_wall_stands_a_push(example: Example) -> None:
+    assert run(example("one_foot"), "--impulse", "0.2")["on_one_foot"]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("robot", ["hrp4_class", "g1"])
+def test_a_cart_is_pushed_turned_and_pulled(example: Example, robot: str) -> None:
+    result = run(example("cart"), "--seed", "200", "--robot", robot)
+    assert result["place_error_mm"] < 250.0 and abs(result["heading_error_deg"]) < 5.0
+
+
+@pytest.mark.slow
+def test_feet_that_slip_under_a_cart_turn_on_until_the_gyroscope_is_satisfied(example: Example) -> None:
+    turn = ("--forward", "0", "--back", "0", "--turn", "20")
+    once = run(example("cart"), *turn, "--corrections", "0")
+    again = run(example("cart"), *turn)
+    assert abs(once["heading_error_deg"]) > 3.0, "the feet slip"
+    assert again["corrections"] > 0 and abs(again["heading_error_deg"]) < 2.5
+
+
+@pytest.mark.slow
+def test_a_door_is_opened_by_its_handle_and_walked_through(example: Example) -> None:
+    result = run(example("door"))
+    assert result["open_deg"] > 80.0 > result["released_deg"] > 10.0, "by the handle, then by the other hand"
+    assert result["beyond_mm"] > 1000.0, "it stands behind the frame"
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "words",
+    [
+        *(f"--share 0.2 --robot {robot} --steps 22" for robot in ("hrp4_class", "g1", "talos")),
+        "--share 0.3 --hold chest --forward 0.2 --steps 6",
+    ],
+)
+def test_a_load_is_found_carried_and_dropped(example: Example, words: str) -> None:
+    result = run(example("carry"), *words.split(), "--overs", "2")
+    assert result["mass_error"] < 0.05 and result["place_error_mm"] < 11.0
+    assert result["steps"] >= 6 and result["at_the_end_kg"] < 0.05
+
+
+@pytest.mark.slow
+def test_without_looking_for_a_load_the_robot_does_not_stand_still_under_it(example: Example) -> None:
+    result = example("carry").main(["--share", "0.2", "--known", "no", "--noise", "none", "--steps", "0"])
+    assert not result["upright"] or result["steps"] > 0
+
+
+def test_a_force_that_a_sudden_loss_would_not_leave_standing_is_refused(
+    example: Example, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    cart = example("cart")
+    monkeypatch.setitem(cart.ROBOTS, "hrp4_class", (15.0, 60.0, 2.2))
+    with pytest.raises(InputError, match="a sudden loss of 60 N"):
+        cart.main(["--noise", "none"])
+
+
+def test_a_turn_about_a_cart_is_as_great_as_it_should_be_wherever_the_robot_looks(example: Example) -> None:
+    cart, arm = example("cart"), 1.0
+    for looks, angle in itertools.product((0.0, 3.0, -3.1), (0.5, -0.2, 0.06, -0.02, np.pi)):
+        turn = pin.SE3(pin.utils.rotate("z", looks), np.zeros(3))
+        start = FootstepPlan.standing(load("hrp4_class").robot()).moved(turn)
+        plan = cart.turning(start, angle, arm, 2.2)
+        off = cart.heading(plan) - cart.heading(start) - angle
+        assert np.remainder(off + np.pi, 2.0 * np.pi) == pytest.approx(np.pi, abs=1e-6)
+        if angle > 0.5:
+            continue  # more than a cart is turned at once
+        feet = np.array([[(foot.x, foot.y) for foot in p.final] for p in (start, plan)]).mean(axis=1)
+        ahead = np.array([[np.cos(yaw), np.sin(yaw)] for yaw in (cart.heading(start), cart.heading(plan))])
+        assert feet[1] + arm * ahead[1] == pytest.approx(feet[0] + arm * ahead[0], abs=0.02)
