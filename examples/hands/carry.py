@@ -71,8 +71,8 @@ def main(arguments: Sequence[str] | None = None) -> dict[str, Any]:
 
     return trial.report(
         load_kg=mass,
-        mass_error=errors[0],
-        place_error_mm=1e3 * errors[1],
+        mass_error=float(errors[0]),
+        place_error_mm=1e3 * float(errors[1]),
         steps=walking.steps_done,
         at_the_end_kg=0.0 if load is None else load.mass,
     )

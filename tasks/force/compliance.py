@@ -36,8 +36,7 @@ from wbc.core.qp.task import read_only
 from wbc.core.robot import Robot
 from wbc.core.signals import Measurement
 from wbc.tasks.motion.axes import POSE_AXES
-from wbc.tasks.motion.frame import FrameTask, pose
-from wbc.tasks.motion.moving import Course, Placing
+from wbc.tasks.motion.frame import PoseTargetTask
 from wbc.tasks.options import ComplianceOptions, MotionOptions
 
 VELOCITY_BOUND = (0.1, 0.3)
@@ -47,7 +46,7 @@ SMOOTHING = 0.02
 """Time constant of the low-pass on the wrench error, s: mc_rtc's admittance keeps 0.8 of the last value each 5 ms."""
 
 
-class ComplianceTask(FrameTask):
+class ComplianceTask(PoseTargetTask):
     """Base of the wrench-driven motion tasks; subclass it with a law of your own in `comply`.
 
     Rows are along the axes of the frame itself: position, m, then rotation, rad. With no wrench error the task is a
@@ -55,7 +54,6 @@ class ComplianceTask(FrameTask):
     bound 0.1 m/s and 0.3 rad/s by default.
     """
 
-    unit = "m|rad"
     _kind = "compliance"
     _period = 0.0  # that of the ticks so far, s
 
@@ -82,7 +80,6 @@ class ComplianceTask(FrameTask):
         self._frozen[np.arange(6) if self._keep is None else self._keep] = False
         self.velocity_bound = velocity_bound
         self.offset_bound = offset_bound
-        self._target: pin.SE3 | None = None
         if target is not None:
             self.target = target
         self._target_wrench, self._measured_wrench = np.zeros(6), np.zeros(6)
@@ -96,18 +93,6 @@ class ComplianceTask(FrameTask):
         self.reset()
 
     # ---- targets and bounds ---------------------------------------------------------------------------------------
-
-    @property
-    def target(self) -> pin.SE3:
-        """Pose in the world at zero offset."""
-        return self.robot.placement(self.frame).copy() if self._target is None else self._target.copy()
-
-    @target.setter
-    def target(self, value: pin.SE3) -> None:
-        target = pose(f"target of task '{self.name}'", value)
-        if self._held:
-            self._take_over()
-        self._target = target
 
     @property
     def target_wrench(self) -> Array:
@@ -234,11 +219,6 @@ class ComplianceTask(FrameTask):
                 self.frame, self._sole = sole.frame, index
         super().bind(robot)
         self._local = pin.LOCAL
-        if self._target is None:
-            self._target = pin.SE3(self._placement)
-
-    def _course(self) -> Course:
-        return Placing(self.target, lambda value: pose(f"target of task '{self.name}'", value))
 
     def _put(self, target: Any, velocity: Array, acceleration: Array) -> None:
         back = self._rotation.T

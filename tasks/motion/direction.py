@@ -52,7 +52,7 @@ def unit_vector(what: str, value: ArrayLike) -> Array:
     return vector / length
 
 
-class DirectionTask(FrameTask):
+class DirectionTask(FrameTask[Array]):
     """Turn one axis of a frame to a direction of the world; turning about that axis costs nothing.
 
     The error is the least rotation vector from axis a to direction d, along the chosen axes of the world, rad; the rows
@@ -82,33 +82,19 @@ class DirectionTask(FrameTask):
         """
         super().__init__(frame, f"{frame} {self._what}", ROTATION_AXES, options)
         self._axis = unit_vector(f"axis of task '{self.name}'", axis)
-        self._jacobian, self._target = np.zeros((3, 0)), np.zeros(0)
+        self._jacobian = np.zeros((3, 0))
         if target is not None:
-            self._target = self._checked(target)
+            self.target = target
 
     @property
     def axis(self) -> Array:
         """Axis of the frame, of length 1, shape (3,), read-only."""
         return read_only(self._axis)
 
-    @property
-    def target(self) -> Array:
-        """Direction in the world, of length 1, shape (3,), read-only; assign one, or see `move_to`."""
-        return read_only(self._target if self._target.size else self._present())
-
-    @target.setter
-    def target(self, value: ArrayLike) -> None:
-        target = self._checked(value)
-        if self._held:
-            self._take_over()
-        self._target = target
-
     def bind(self, robot: Robot) -> None:
         """Resolve names; see `Task.bind`."""
         super().bind(robot)
         self._jacobian = np.zeros((3, robot.nv))
-        if not self._target.size:
-            self._target = self._present()
 
     def evaluate(self, jacobian: Array, error: Array, drift: Array) -> None:
         """Fill the rows; see `MotionTask.evaluate`.
@@ -134,20 +120,17 @@ class DirectionTask(FrameTask):
         return self._jacobian, turn, a, spin, push
 
     def _direction(self) -> Array:
+        assert self._target is not None
         return self._target
 
-    def _present(self) -> Array:
-        return np.asarray(self.robot.placement(self.frame).rotation @ self._axis)
+    def _present(self, robot: Robot) -> Array:
+        return np.asarray(robot.placement(self.frame).rotation @ self._axis)
 
-    def _checked(self, value: ArrayLike) -> Array:
+    def _checked(self, value: Any) -> Array:
         return unit_vector(f"target of task '{self.name}'", value)
 
     def _course(self) -> Course:
         return _Directions(self.target, self._checked)
-
-    def _put(self, target: Any, velocity: Array, acceleration: Array) -> None:
-        self._target = target
-        self._feed(velocity, acceleration)
 
 
 class GazeTask(DirectionTask):
@@ -176,29 +159,21 @@ class GazeTask(DirectionTask):
         slope += (np.cross(rate, v) + np.cross(d, rising) + np.cross(d, v) * along / r) / r
         self._write((jacobian, error, drift), (full, turn, slope))
 
-    @property
-    def target(self) -> Array:
-        """Point in the world, shape (3,), m, read-only; assign one, or see `move_to`."""
-        return read_only(self._target if self._target.size else self._present())
-
-    @target.setter
-    def target(self, value: ArrayLike) -> None:
-        target = self._checked(value)
-        if self._held:
-            self._take_over()
-        self._target = target
+    def _way(self) -> Array:
+        assert self._target is not None
+        return np.asarray(self._target - self._translation)
 
     def _direction(self) -> Array:
-        way = self._target - self._translation
+        way = self._way()
         return np.asarray(way / max(float(np.linalg.norm(way)), 1e-9))
 
     def _distance(self) -> float:
-        return max(float(np.linalg.norm(self._target - self._translation)), NEAREST)
+        return max(float(np.linalg.norm(self._way())), NEAREST)
 
-    def _present(self) -> Array:
-        return np.asarray(self.robot.placement(self.frame).act(self._axis))
+    def _present(self, robot: Robot) -> Array:
+        return np.asarray(robot.placement(self.frame).act(self._axis))
 
-    def _checked(self, value: ArrayLike) -> Array:
+    def _checked(self, value: Any) -> Array:
         return finite_array(f"target of task '{self.name}' (m)", value, (3,))
 
     def _course(self) -> Course:

@@ -11,10 +11,10 @@ from numpy.typing import ArrayLike
 
 from wbc.core.arguments import checked
 from wbc.core.errors import Array, InputError, finite_array
-from wbc.core.qp.task import read_only
 from wbc.core.robot import Robot
-from wbc.tasks.motion.axes import POSE_AXES, POSITION_AXES, ROTATION_AXES, AxesTask
-from wbc.tasks.motion.moving import Course, Placing, Turning
+from wbc.tasks.motion.axes import POSE_AXES, POSITION_AXES, ROTATION_AXES
+from wbc.tasks.motion.moving import Placing, Turning
+from wbc.tasks.motion.target import T, TargetTask
 from wbc.tasks.options import MotionOptions
 
 
@@ -62,7 +62,7 @@ def pose(what: str, value: pin.SE3) -> pin.SE3:
     )
 
 
-class FrameTask(AxesTask):
+class FrameTask(TargetTask[T]):
     """Base of tasks on a frame.
 
     Attributes:
@@ -94,7 +94,7 @@ class FrameTask(AxesTask):
         self._model, self._data, self._world = robot.model, robot.data, pin.LOCAL_WORLD_ALIGNED
 
 
-class PositionTask(FrameTask):
+class PositionTask(FrameTask[Array]):
     """Bring the origin of a frame to a point of the world.
 
     Error and residual are along the chosen world axes, m and m/s²; the weight is a cost per (m/s²)². Weight 1 and
@@ -113,38 +113,11 @@ class PositionTask(FrameTask):
             **options: See `MotionOptions`.
         """
         super().__init__(frame, f"{frame} position", POSITION_AXES, options)
-        self._target: Array | None = None
         if target is not None:
             self.target = target
 
-    @property
-    def target(self) -> Array:
-        """Point in the world, shape (3,), m, read-only; assign one, or see `move_to`."""
-        return read_only(
-            np.array(self.robot.placement(self.frame).translation) if self._target is None else self._target
-        )
-
-    @target.setter
-    def target(self, value: ArrayLike) -> None:
-        target = finite_array(f"target of task '{self.name}' (m)", value, (3,))
-        if self._held:
-            self._take_over()
-        self._target = target
-
-    def _course(self) -> Course:
-        return Course(
-            self.target, lambda value: finite_array(f"target of task '{self.name}' (m)", value, (3,))
-        )
-
-    def _put(self, target: Any, velocity: Array, acceleration: Array) -> None:
-        self._target = target
-        self._feed(velocity, acceleration)
-
-    def bind(self, robot: Robot) -> None:
-        """Resolve names; see `Task.bind`."""
-        super().bind(robot)
-        if self._target is None:
-            self._target = np.array(self._translation)
+    def _present(self, robot: Robot) -> Array:
+        return np.array(robot.placement(self.frame).translation)
 
     def evaluate(self, jacobian: Array, error: Array, drift: Array) -> None:
         """Fill the rows; see `MotionTask.evaluate`."""
@@ -155,7 +128,7 @@ class PositionTask(FrameTask):
         self._write((jacobian, error, drift), (full[:3], difference, acceleration.linear))
 
 
-class OrientationTask(FrameTask):
+class OrientationTask(FrameTask[Array]):
     """Turn a frame, such as the pelvis or the torso, to an orientation in the world.
 
     The error is the rotation vector from the present to the target orientation, along the chosen world axes, rad; the
@@ -163,6 +136,7 @@ class OrientationTask(FrameTask):
     """
 
     unit = "rad"
+    _course_of = Turning
 
     @checked
     def __init__(self, frame: str, target: ArrayLike | None = None, **options: Unpack[MotionOptions]) -> None:
@@ -174,50 +148,14 @@ class OrientationTask(FrameTask):
             **options: See `MotionOptions`.
         """
         super().__init__(frame, f"{frame} orientation", ROTATION_AXES, options)
-        self._target: Array | None = None
         if target is not None:
             self.target = target
 
-    @property
-    def target(self) -> Array:
-        """Rotation from the frame to the world, shape (3, 3), read-only; assign one, or see `move_to`."""
-        return read_only(
-            np.array(self.robot.placement(self.frame).rotation) if self._target is None else self._target
-        )
+    def _present(self, robot: Robot) -> Array:
+        return np.array(robot.placement(self.frame).rotation)
 
-    @target.setter
-    def target(self, value: ArrayLike) -> None:
-        target = rotation_matrix(f"target of task '{self.name}'", value)
-        if self._held:
-            self._take_over()
-        self._target = target
-
-    def follow(self, target: Array, velocity: Array | None = None, acceleration: Array | None = None) -> None:
-        """Set target and feed-forwards for one tick, unchecked: for a controller that makes them itself.
-
-        Args:
-            target: Rotation from the frame to the world, shape (3, 3); kept, not copied.
-            velocity: Angular velocity along the task's axes, shape (dim,), rad/s; unchanged when None.
-            acceleration: Its derivative, shape (dim,), rad/s²; unchanged when None.
-        """
-        self._target = target
-        if velocity is not None:
-            self._rows.velocity[:] = velocity
-        if acceleration is not None:
-            self._rows.acceleration[:] = acceleration
-
-    def bind(self, robot: Robot) -> None:
-        """Resolve names; see `Task.bind`."""
-        super().bind(robot)
-        if self._target is None:
-            self._target = np.array(self._rotation)
-
-    def _course(self) -> Course:
-        return Turning(self.target, lambda value: rotation_matrix(f"target of task '{self.name}'", value))
-
-    def _put(self, target: Any, velocity: Array, acceleration: Array) -> None:
-        self._target = target
-        self._feed(velocity, acceleration)
+    def _checked(self, value: Any) -> Array:
+        return rotation_matrix(f"target of task '{self.name}'", value)
 
     def evaluate(self, jacobian: Array, error: Array, drift: Array) -> None:
         """Fill the rows; see `MotionTask.evaluate`."""
@@ -228,14 +166,25 @@ class OrientationTask(FrameTask):
         self._write((jacobian, error, drift), (full[3:], rotation, acceleration.angular))
 
 
-class PoseTask(FrameTask):
+class PoseTargetTask(FrameTask[pin.SE3]):
+    """Base of tasks on a frame whose target is a pose."""
+
+    unit = "m|rad"
+    _course_of = Placing
+
+    def _present(self, robot: Robot) -> pin.SE3:
+        return pin.SE3(robot.placement(self.frame))
+
+    def _checked(self, value: Any) -> pin.SE3:
+        return pose(f"target of task '{self.name}'", value)
+
+
+class PoseTask(PoseTargetTask):
     """Bring a frame to a pose in the world.
 
     Rows are along the chosen world axes: position, m, then rotation, rad; the weight is a cost per (m/s²)² and
     (rad/s²)². Weight 1 and stiffness 30 1/s² by default.
     """
-
-    unit = "m|rad"
 
     @checked
     def __init__(self, frame: str, target: pin.SE3 | None = None, **options: Unpack[MotionOptions]) -> None:
@@ -247,57 +196,18 @@ class PoseTask(FrameTask):
             **options: See `MotionOptions`.
         """
         super().__init__(frame, f"{frame} pose", POSE_AXES, options)
-        self._position: Array | None = None
-        self._orientation: Array | None = None
         self._difference = np.zeros(6)
         if target is not None:
             self.target = target
 
-    @property
-    def target(self) -> pin.SE3:
-        """Pose in the world; a copy, assign it to change it."""
-        if self._orientation is None:
-            return self.robot.placement(self.frame).copy()
-        return pin.SE3(self._orientation, self._position)
-
-    @target.setter
-    def target(self, value: pin.SE3) -> None:
-        target = pose(f"target of task '{self.name}'", value)
-        if self._held:
-            self._take_over()
-        self._orientation, self._position = np.array(target.rotation), np.array(target.translation)
-
-    def follow(self, placement: pin.SE3, velocity: Array, acceleration: Array) -> None:
-        """Set target and feed-forwards for one tick, unchecked: for a controller that makes them itself.
-
-        Args:
-            placement: Pose in the world; kept, not copied.
-            velocity: [linear; angular] along the task's axes, shape (dim,), m/s and rad/s.
-            acceleration: Its derivative, shape (dim,), m/s² and rad/s².
-        """
-        self._orientation, self._position = placement.rotation, placement.translation
-        self._rows.velocity[:] = velocity
-        self._rows.acceleration[:] = acceleration
-
-    def bind(self, robot: Robot) -> None:
-        """Resolve names; see `Task.bind`."""
-        super().bind(robot)
-        if self._orientation is None:
-            self._orientation, self._position = np.array(self._rotation), np.array(self._translation)
-
-    def _course(self) -> Course:
-        return Placing(self.target, lambda value: pose(f"target of task '{self.name}'", value))
-
-    def _put(self, target: Any, velocity: Array, acceleration: Array) -> None:
-        self._orientation, self._position = target.rotation, target.translation
-        self._feed(velocity, acceleration)
+    def _store(self, target: pin.SE3) -> None:
+        self._target, self._goal_rotation, self._goal = target, target.rotation, target.translation
 
     def evaluate(self, jacobian: Array, error: Array, drift: Array) -> None:
         """Fill the rows; see `MotionTask.evaluate`."""
-        assert self._orientation is not None and self._position is not None
         full = pin.getFrameJacobian(self._model, self._data, self._id, self._world)
         acceleration = pin.getFrameClassicalAcceleration(self._model, self._data, self._id, self._world)
         difference = self._difference
-        np.subtract(self._position, self._translation, out=difference[:3])
-        difference[3:] = pin.log3(np.dot(self._orientation, self._rotation.T))
+        np.subtract(self._goal, self._translation, out=difference[:3])
+        difference[3:] = pin.log3(np.dot(self._goal_rotation, self._rotation.T))
         self._write((jacobian, error, drift), (full, difference, acceleration.vector))

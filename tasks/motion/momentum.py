@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Unpack
+from typing import Any, Unpack
 
 import numpy as np
 import pinocchio as pin
@@ -10,14 +10,14 @@ from numpy.typing import ArrayLike
 
 from wbc.core.arguments import checked
 from wbc.core.errors import Array, InputError, finite_array
-from wbc.core.qp.task import read_only
 from wbc.core.robot import BASE_DOF, Robot
-from wbc.tasks.motion.axes import POSE_AXES, AxesTask
+from wbc.tasks.motion.axes import POSE_AXES
 from wbc.tasks.motion.moving import Course
+from wbc.tasks.motion.target import TargetTask
 from wbc.tasks.options import MotionOptions
 
 
-class MomentumTask(AxesTask):
+class MomentumTask(TargetTask[Array]):
     """Bring the centroidal momentum to a target: linear, kg m/s, and angular about the centre of mass, kg m²/s.
 
     The rows are its rate, along the chosen world axes, in N and Nm; the weight is a cost per N² and (Nm)². A momentum
@@ -48,17 +48,8 @@ class MomentumTask(AxesTask):
         self.target = np.zeros(6) if target is None else target
         self._drift = np.zeros(6)
 
-    @property
-    def target(self) -> Array:
-        """[linear; angular] along the world axes, shape (6,), kg m/s and kg m²/s, read-only."""
-        return read_only(self._target)
-
-    @target.setter
-    def target(self, value: ArrayLike) -> None:
-        target = finite_array(f"target of task '{self.name}' (kg m/s, kg m²/s)", value, (6,))
-        if self._held:
-            self._take_over()
-        self._target = target
+    def _checked(self, value: Any) -> Array:
+        return finite_array(f"target of task '{self.name}' (kg m/s, kg m²/s)", value, (6,))
 
     def _course(self) -> Course:
         raise InputError(f"task '{self.name}' has a momentum for its target, which is not moved: assign it")
@@ -102,5 +93,6 @@ class MomentumTask(AxesTask):
         np.add(force, robot.total_mass * self._gravity, out=full[:3])
         np.dot(base.rotation, bias[3:BASE_DOF], out=full[3:])
         full[3:] += np.dot(pin.skew(base.translation - robot.com), force)
+        assert self._target is not None
         difference = self._target - self._momentum.vector
         self._write((jacobian, error, drift), (self._map, difference, full))

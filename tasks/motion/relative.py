@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, Unpack
+from typing import Unpack
 
 import numpy as np
 import pinocchio as pin
@@ -11,20 +11,17 @@ from wbc.core.arguments import checked
 from wbc.core.errors import Array, InputError
 from wbc.core.robot import Robot
 from wbc.tasks.motion.axes import POSE_AXES
-from wbc.tasks.motion.frame import FrameTask, pose
-from wbc.tasks.motion.moving import Course, Placing
+from wbc.tasks.motion.frame import PoseTargetTask
 from wbc.tasks.options import MotionOptions
 
 
-class RelativeFrameTask(FrameTask):
+class RelativeFrameTask(PoseTargetTask):
     """Bring a frame to a pose in another frame of the robot, such as one hand in the other.
 
     Rows are along the axes of the reference frame: position of `frame`'s origin, m, then rotation, rad; the weight is
     a cost per (m/s²)² and (rad/s²)². With axes x, y, z it is a task on the position alone, with roll, pitch, yaw on
     the orientation. Moving both frames together costs nothing. Weight 1 and stiffness 30 1/s² by default.
     """
-
-    unit = "m|rad"
 
     @checked
     def __init__(
@@ -42,50 +39,18 @@ class RelativeFrameTask(FrameTask):
             raise InputError(f"a relative task needs two frames, got '{frame}' twice")
         self.reference = reference
         super().__init__(frame, f"{frame} in {reference}", POSE_AXES, options)
-        self._target: pin.SE3 | None = None
         self._difference, self._drift = np.zeros(6), np.zeros(6)
         if target is not None:
             self.target = target
 
-    @property
-    def target(self) -> pin.SE3:
-        """Pose of the frame in the reference frame."""
-        if self._target is None:
-            return self.robot.placement(self.reference).actInv(self.robot.placement(self.frame))
-        return self._target.copy()
-
-    @target.setter
-    def target(self, value: pin.SE3) -> None:
-        target = pose(f"target of task '{self.name}'", value)
-        if self._held:
-            self._take_over()
-        self._target = target
-
-    def follow(self, target: pin.SE3, velocity: Array, acceleration: Array) -> None:
-        """Set target and feed-forwards for one tick, unchecked: for a controller that makes them itself.
-
-        Args:
-            target: Pose of the frame in the reference frame; kept, not copied.
-            velocity: [linear; angular] along the task's axes, shape (dim,), m/s and rad/s.
-            acceleration: Its derivative, shape (dim,), m/s² and rad/s².
-        """
-        self._target = target
-        self._rows.velocity[:] = velocity
-        self._rows.acceleration[:] = acceleration
-
-    def _course(self) -> Course:
-        return Placing(self.target, lambda value: pose(f"target of task '{self.name}'", value))
-
-    def _put(self, target: Any, velocity: Array, acceleration: Array) -> None:
-        self._target = target
-        self._feed(velocity, acceleration)
+    def _present(self, robot: Robot) -> pin.SE3:
+        return robot.placement(self.reference).actInv(robot.placement(self.frame))
 
     def bind(self, robot: Robot) -> None:
         """Resolve names; see `Task.bind`."""
         super().bind(robot)
         self._reference_id = robot.frame_id(self.reference)
         self._reference_placement = robot.data.oMf[self._reference_id]
-        self._target = self.target
         # [I, [d]×; 0, I] takes the reference's velocity to where the frame is; rotated, into the reference's axes.
         self._full = np.zeros((6, robot.nv))
 

@@ -30,7 +30,8 @@ class TargetTask(AxesTask, Generic[T]):
     def target(self) -> T:
         """Target, in the form and unit of the constructor, read-only or a copy; assign one, or see `move_to`."""
         target: Any = self._present(self.robot) if self._target is None else self._target
-        return target.copy() if isinstance(target, pin.SE3) else read_only(target)
+        shown: Any = target.copy() if isinstance(target, pin.SE3) else read_only(target)
+        return shown  # type: ignore[no-any-return]
 
     @target.setter
     def target(self, value: Any) -> None:
