@@ -6,7 +6,6 @@ registered with `register_trial`.
 
 from wbc.sim.studies.best_stiffness import Label, best_stiffness, label_table, labels, stiffness_table
 from wbc.sim.studies.catalog import STUDIES, study_by_name
-from wbc.sim.studies.driving import DrivingSpec
 from wbc.sim.studies.intervals import (
     Equivalence,
     Estimate,
@@ -18,7 +17,6 @@ from wbc.sim.studies.intervals import (
     sign_flip_p,
 )
 from wbc.sim.studies.journal import Entry, Journal, JournalError, read_journal, trial_key
-from wbc.sim.studies.speed import SpeedLimitSpec
 from wbc.sim.studies.study import Cell, Study, StudyTrial, study_entries
 from wbc.sim.studies.study_table import StudyTable, TableCell, study_rows, study_table
 from wbc.sim.studies.sweep import SweepError, SweepSummary, cluster_executor, sweep
@@ -44,9 +42,7 @@ __all__ = [
     "study_by_name",
     # trials
     "Check",
-    "DrivingSpec",
     "Outcome",
-    "SpeedLimitSpec",
     "Trial",
     "TrialKind",
     "TrialTimeout",

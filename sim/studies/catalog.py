@@ -140,71 +140,6 @@ def stepping(seeds: int = 24) -> Study:
     )
 
 
-QUICK = {"drive.pace_limit": 0.6}
-"""Settings of a drive with the quick steps that high speeds need."""
-
-
-def speed(seeds: int = 4) -> Study:
-    """Return the highest speeds of a robot that is steered: three robots, four directions, two modes."""
-    highest = {"forward": 0.8, "back": 0.8, "left": 0.4, "turn": 1.2}
-    return Study(
-        name="speed",
-        about="highest speed walked by a robot that is steered, m/s, turning rad/s; the median over seeds is that at "
-        "which half of the walks fail",
-        kind="speed_limit",
-        metric="fastest",
-        base={"terrain": "flat", "noise": "realistic", "changes": dict(QUICK)},
-        cells=tuple(
-            Cell(
-                f"{robot}, {heading}",
-                {"robot": robot, "heading": heading, "highest": most, "resolution": most / 16},
-            )
-            for robot in ("hrp4_class", "talos", "g1")
-            for heading, most in highest.items()
-        ),
-        arms={"position": {}, "torque": {"mode": "torque"}},
-        seeds=tuple(range(FRESH_SEED, FRESH_SEED + seeds)),
-        reference="position",
-    )
-
-
-def steered(seeds: int = 10) -> Study:
-    """Return drives at one speed in each direction: three robots, two modes. A walk without a fall has that speed."""
-    asked = {"forward": 0.4, "forward 0.5": 0.5, "back": 0.3, "left": 0.2, "turn": 0.5}
-    # g1 is granted 0.18 m/s to the side with three quarters of its reach.
-    wide = {**QUICK, "drive.reach": 0.85}
-    cells = []
-    for robot in ("hrp4_class", "talos", "g1"):
-        for name, speed in asked.items():
-            values = {"robot": robot, "heading": name.split()[0], "highest": speed, "resolution": speed}
-            changes = wide if (robot, name) == ("g1", "left") else QUICK
-            cells.append(Cell(f"{robot}, {name}", {**values, "changes": dict(changes)}))
-    return Study(
-        name="steered",
-        about="robots that are steered at 0.4 and 0.5 m/s forward, 0.3 back, 0.2 to the left and 0.5 rad/s: the speed, "
-        "or 0 where the walk falls or is slower than nine tenths of it",
-        kind="speed_limit",
-        base={"terrain": "flat", "noise": "realistic"},
-        cells=tuple(cells),
-        arms={"position": {}, "torque": {"mode": "torque"}},
-        seeds=tuple(range(FRESH_SEED, FRESH_SEED + seeds)),
-        reference="position",
-    )
-
-
-def driving(seeds: int = 6) -> Study:
-    """Return drives of five minutes with random velocities and pushes: falls per hour, drift of the estimate."""
-    return Study(
-        name="driving",
-        about="falls per hour of a robot that is driven at random and pushed, in drives of 5 minutes",
-        kind="driving",
-        base={"terrain": "flat", "noise": "realistic", "minutes": 5.0},
-        cells=tuple(Cell(robot, {"robot": robot}) for robot in ("hrp4_class", "talos", "g1")),
-        arms={"position": {"mode": "position"}},
-        seeds=tuple(range(FRESH_SEED, FRESH_SEED + seeds)),
-    )
-
-
 STUDIES: Registry[Callable[[], Study]] = Registry(
     "study",
     {
@@ -212,9 +147,6 @@ STUDIES: Registry[Callable[[], Study]] = Registry(
         "rough_ground": rough_ground,
         "push_recovery": push_recovery,
         "stepping": stepping,
-        "speed": speed,
-        "steered": steered,
-        "driving": driving,
         "dataset": dataset,
         "halfway": halfway,
         "tuned_fixed": tuned_fixed,

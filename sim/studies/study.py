@@ -23,18 +23,10 @@ from wbc.core.settings import Count, Seed, from_json, settings, to_json
 from wbc.sim.studies.journal import Entry, trial_key
 from wbc.sim.studies.provenance import differences, provenance
 from wbc.sim.studies.sweep import by_spec
-from wbc.sim.studies.trials import Trial, trial_from_json, with_seed
+from wbc.sim.studies.trials import Trial, kind_of, trial_from_json, with_seed
 
 FRESH_SEED = 100
 """First seed of the tables: gains are tuned on seeds 0 to 99, and tables are made on others."""
-
-METRICS = {
-    "walk": "steps_done",
-    "push_limit": "impulse",
-    "speed_limit": "speed",
-    "driving": "falls_per_hour.mean",
-}
-"""Kind of trial → metric of its tables unless a study names another."""
 
 ALL = "all"
 """Name of the row of all cells together in tables; no cell has it."""
@@ -107,7 +99,7 @@ class Study:
         cells: Rows.
         arms: Columns: name → parts of the specs.
         seeds: Seeds that every arm is tried with in every cell.
-        metric: Part of a result that the table is about, such as "steps_done" or "zmp_error.mean".
+        metric: Part of a result that the table is about, such as "zmp_error.mean"; that of its kind when None.
         reference: Arm that the others are compared with; the first one when None.
         decision: Rule by which the walks decide, written before they are walked; None for an exploratory study.
     """
@@ -124,7 +116,7 @@ class Study:
     decision: str | None = None
 
     def __post_init__(self) -> None:
-        choose("kind of trial", self.kind, METRICS)
+        kind_of(self.kind)
         if not self.cells or not self.arms or not self.seeds:
             raise InputError(f"study '{self.name}' needs at least one cell, one arm and one seed")
         names = [cell.name for cell in self.cells]
@@ -149,6 +141,11 @@ class Study:
         if len(set(values)) < len(values):
             value = next(each for each, count in Counter(values).items() if count > 1)
             raise InputError(f"study '{self.name}' has the {what} '{value}' twice")
+
+    @property
+    def measured(self) -> str:
+        """Part of a result that the table is about: `metric`, or that of the kind of trial."""
+        return self.metric or kind_of(self.kind).metric
 
     @property
     def size(self) -> int:

@@ -23,7 +23,7 @@ from wbc.sim.studies.intervals import (
     sign_flip_p,
 )
 from wbc.sim.studies.journal import Entry, canonical
-from wbc.sim.studies.study import ALL, METRICS, Study, StudyTrial, study_entries
+from wbc.sim.studies.study import ALL, Study, StudyTrial, study_entries
 
 CAUSES = ("forward", "sideways", "backward", "dropped")
 """Causes of falls, as tables count them."""
@@ -279,7 +279,7 @@ def study_table(
     Raises:
         UnknownNameError: A metric that no result has, or a part that no spec has.
     """
-    name = metric or study.metric or METRICS[study.kind]
+    name = metric or study.measured
     reference = study.reference or next(iter(study.arms))
     columns: dict[tuple[str, str], _Column] = {}
     members: dict[str, set[str]] = {}  # row → its cells

@@ -65,11 +65,13 @@ class TrialKind:
         read: Makes a spec from plain values.
         run: Runs a spec; returns an outcome that is "done" or "diverged".
         seeded: Returns a spec with another seed, the rest of it taken as checked; None for kinds that check it again.
+        metric: Part of the results that tables are about, unless a study names another.
     """
 
     read: Callable[[Mapping[str, Any]], Any]
     run: Callable[[Any, Check], Outcome]
     seeded: Callable[[Any, int], Any] | None = None
+    metric: str = "steps_done"
 
 
 _KINDS: Registry[TrialKind] = Registry("kind of trial")
@@ -86,6 +88,15 @@ def register_trial(name: str, kind: TrialKind) -> None:
         InputError: The name is taken.
     """
     _KINDS.add(name, kind)
+
+
+def kind_of(name: str) -> TrialKind:
+    """Return a kind of trials by its name.
+
+    Raises:
+        UnknownNameError: No such kind.
+    """
+    return _KINDS[name]
 
 
 def trial_from_json(data: Mapping[str, Any]) -> Any:
@@ -271,5 +282,5 @@ def push_limit_outcome(spec: WalkPushLimitSpec, check: Check) -> Outcome:
 register_trial(WalkSpec.kind, TrialKind(WalkSpec.from_json, walk_outcome, WalkSpec.with_seed))
 register_trial(
     WalkPushLimitSpec.kind,
-    TrialKind(WalkPushLimitSpec.from_json, push_limit_outcome, WalkPushLimitSpec.with_seed),
+    TrialKind(WalkPushLimitSpec.from_json, push_limit_outcome, WalkPushLimitSpec.with_seed, "impulse"),
 )

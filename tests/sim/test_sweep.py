@@ -21,9 +21,8 @@ import pytest
 from sweep_trials import MadeUpTrial, killed_at_start
 
 from wbc.core.errors import InputError, UnknownNameError
-from wbc.sim.studies import driving, speed, trials
+from wbc.sim.studies import trials
 from wbc.sim.studies.catalog import STUDIES, study_by_name
-from wbc.sim.studies.driving import DrivingSpec
 from wbc.sim.studies.intervals import (
     equivalence,
     holm,
@@ -34,7 +33,6 @@ from wbc.sim.studies.intervals import (
 )
 from wbc.sim.studies.journal import Entry, Journal, read_journal
 from wbc.sim.studies.provenance import provenance
-from wbc.sim.studies.speed import SpeedLimitSpec
 from wbc.sim.studies.study import Cell, Study, merged
 from wbc.sim.studies.study_table import reach_of, study_table
 from wbc.sim.studies.sweep import SweepError, SweepSummary, cluster_executor, sweep
@@ -42,6 +40,10 @@ from wbc.sim.studies.trials import WalkPushLimitSpec, register_trial, run_trial,
 from wbc.sim.walks import WalkPlan, WalkPush, WalkSpec
 
 sweep_module = sys.modules[sweep.__module__]  # the package has the function under the same name
+
+sys.path.append(str(Path(__file__).parents[1] / "benchmarks"))
+import steering  # noqa: E402 - it registers its trials and studies
+from steering import DrivingSpec, SpeedLimitSpec  # noqa: E402
 
 SUPPORT = str(Path(__file__).parents[1] / "support")
 
@@ -376,7 +378,7 @@ def test_a_speed_counts_if_the_walk_ends_well_and_the_robot_is_as_fast(
             hooks[1].tick(SimpleNamespace(plant=plant))
         return SimpleNamespace(outcome="fell" if told >= 0.7 else "completed", steps_done=3)
 
-    monkeypatch.setattr(speed, "walk", made_up)
+    monkeypatch.setattr(steering, "walk", made_up)
     spec = SpeedLimitSpec(
         walk=WalkSpec(noise="none"), heading="back", seconds=4.0, highest=0.8, resolution=0.1
     )
@@ -409,12 +411,12 @@ def test_a_driven_robot_that_falls_sets_off_anew_and_its_falls_are_counted() -> 
 def test_a_drive_or_search_whose_physics_diverges_is_no_fall(monkeypatch: pytest.MonkeyPatch) -> None:
     ended = iter([(3.0, "tilt"), (2.0, "diverged")])
 
-    def drive(*_: Any) -> driving._Drive:
+    def drive(*_: Any) -> steering._Drive:
         seconds, reason = next(ended)
         nothing = (0.0, 0.0, 0.0)
-        return driving._Drive(seconds, reason, 1, 1.0, 0.0, 0.0, nothing, None)
+        return steering._Drive(seconds, reason, 1, 1.0, 0.0, 0.0, nothing, None)
 
-    monkeypatch.setattr(driving, "_drive", drive)
+    monkeypatch.setattr(steering, "_drive", drive)
     outcome = run_trial(DrivingSpec(walk=WalkSpec(), minutes=1.0))
     assert (outcome.status, outcome.result) == ("diverged", None) and "after 5.0 s" in str(outcome.error)
 
@@ -423,7 +425,7 @@ def test_a_drive_or_search_whose_physics_diverges_is_no_fall(monkeypatch: pytest
         assert spec.plan.drive is not None
         return SimpleNamespace(outcome="diverged" if spec.plan.drive[0][1] > 0.3 else "fell", steps_done=3)
 
-    monkeypatch.setattr(speed, "walk", made_up)
+    monkeypatch.setattr(steering, "walk", made_up)
     outcome = run_trial(SpeedLimitSpec(walk=WalkSpec(), highest=0.4, resolution=0.2))
     assert outcome.status == "diverged" and outcome.result is not None and outcome.result["speed"] is None
 

@@ -15,7 +15,7 @@ from wbc.core.settings import to_json
 from wbc.sim.studies.best_stiffness import Label
 from wbc.sim.studies.intervals import Equivalence, Estimate, equivalence, holm, mean_interval, sign_flip_p
 from wbc.sim.studies.journal import Entry
-from wbc.sim.studies.study import METRICS, Study, study_entries
+from wbc.sim.studies.study import Study, study_entries
 from wbc.sim.studies.study_table import layout_of, reach_of, value_of
 
 FOLDS = 5
@@ -159,7 +159,7 @@ def choice(
     gain below `margin`, in its unit, counts as none. What leaves nothing to choose from or to judge by is an
     `InputError`.
     """
-    name = metric or study.metric or METRICS[study.kind]
+    name = metric or study.measured
     chosen = tuple(arms) or tuple(arm for arm, parts in study.arms.items() if "stiffness" in parts)
     part = study.narrowed(arms=chosen)
     if len(part.arms) < 2:
