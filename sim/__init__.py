@@ -3,7 +3,7 @@
 A new experiment goes to a room of its own beside `balance` and `walks`: a `TrialSpec`, a `Trial`, a `TrialResult`.
 """
 
-from wbc.sim.balance import StandSpec, TrackSpec, TrackTrial, arms_forward, stand, track_motion
+from wbc.sim.balance import StandSpec, TrackSpec, TrackTrial, stand, track_motion
 from wbc.sim.loop import MujocoLoop, RobotServer, SharedPlant
 from wbc.sim.plant import (
     DivergedError,
@@ -53,7 +53,6 @@ __all__ = [
     "SensorNoise",
     "SignalNoise",
     # Balance: standing and push recovery
-    "arms_forward",
     "StandSpec",
     "stand",
     "TrackSpec",

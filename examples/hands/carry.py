@@ -9,10 +9,10 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
+from _arms import arms_forward
 from _hands import HandTrial, hand_options
 
 import wbc
-from wbc.sim import arms_forward
 from wbc.walking import LoadSettings
 
 ENDS = ("drop", "back", "keep")

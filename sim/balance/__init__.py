@@ -3,7 +3,6 @@
 A new kind of experiment on a standing robot goes here, as a module with its spec, its result and one function.
 """
 
-from wbc.sim.balance.arms import arms_forward
 from wbc.sim.balance.push_recovery import (
     PushCell,
     PushResult,
@@ -24,8 +23,6 @@ __all__ = [
     "StandTrial",
     "centre_of_pressure",
     "stand",
-    # Postures
-    "arms_forward",
     # Push recovery
     "PushCell",
     "PushResult",

@@ -539,7 +539,6 @@ def own_values(function: str) -> dict[str, Any]:
             "loop": sim.MujocoLoop(_description(), sim.Plant(_description()).model),
             "wire": SimpleNamespace(receive=_wrong, send=_wrong),
         },
-        "arms_forward": lambda: {"forward": 0.3},
         "WalkTrial": lambda: {"spec": sim.WalkSpec()},
         "TrackTrial": lambda: {"clip": _clip()},
         "track_motion": lambda: {"clip": _clip()},

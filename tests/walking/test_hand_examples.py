@@ -27,7 +27,7 @@ def example(monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable[[str], ModuleT
     """Import examples by name, as Python does for a script that is run from its folder."""
     monkeypatch.syspath_prepend(str(FOLDER))
     yield importlib.import_module
-    for name in {*NAMES, "_hands", "_common"} & set(sys.modules):
+    for name in {*NAMES, "_arms", "_hands", "_common"} & set(sys.modules):
         del sys.modules[name]
 
 
@@ -41,7 +41,7 @@ def run(module: ModuleType, *arguments: str) -> dict[str, Any]:
 
 
 def test_every_example_takes_the_common_options(example: Example, capsys: pytest.CaptureFixture[str]) -> None:
-    assert {path.stem for path in FOLDER.glob("*.py")} == {*NAMES, "_hands"}
+    assert {path.stem for path in FOLDER.glob("*.py")} == {*NAMES, "_arms", "_hands"}
     for name in NAMES:
         with pytest.raises(SystemExit, match="0"):
             example(name).main(["--help"])
@@ -111,6 +111,14 @@ def test_a_load_is_found_carried_and_dropped(example: Example, words: str) -> No
 def test_without_looking_for_a_load_the_robot_does_not_stand_still_under_it(example: Example) -> None:
     result = example("carry").main(["--share", "0.2", "--known", "no", "--noise", "none", "--steps", "0"])
     assert not result["upright"] or result["steps"] > 0
+
+
+def test_arms_reach_forward(example: Example) -> None:
+    robot = load("hrp4_class").robot()
+    robot.update(example("_arms").arms_forward(robot, 0.35), np.zeros(robot.nv))
+    places = np.array([robot.placement(frame).translation for frame in robot.frames.values()])
+    assert places[:, 0] == pytest.approx([0.35, 0.35], abs=0.003)
+    assert places[0] == pytest.approx(places[1] * (1.0, -1.0, 1.0), abs=1e-4)
 
 
 def test_a_force_that_a_sudden_loss_would_not_leave_standing_is_refused(
