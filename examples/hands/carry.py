@@ -20,8 +20,8 @@ ENDS = ("drop", "back", "keep")
 
 def main(arguments: Sequence[str] | None = None) -> dict[str, Any]:
     """Run the example."""
-    loads = {"share": 0.15, "hold": ("hands", "chest"), "forward": 0.35, "overs": 1, "steps": 2, "end": ENDS}
-    options = hand_options(__doc__, arguments, known=("yes", "no"), **loads)
+    loads = {"share": 0.15, "hold": ("hands", "chest"), "forward": 0.35, "over": 1.0, "overs": 1}
+    options = hand_options(__doc__, arguments, steps=2, end=ENDS, known=("yes", "no"), **loads)
     robot = wbc.load_robot(options.robot).robot()
     standing, chest, mass = float(robot.com[2]), options.hold == "chest", options.share * robot.mass
     posture = robot.half_sitting if chest else arms_forward(robot, options.forward, options.share)
@@ -39,7 +39,7 @@ def main(arguments: Sequence[str] | None = None) -> dict[str, Any]:
     plant, walking, load, truth = trial.plant, trial.walking, trial.walking.load, trial.plant.robot
     errors = np.zeros(2)  # of mass, as a share of it, and of place, m
 
-    def put(kilograms: float, over: float = 1.0, rest: float = 3.0) -> None:
+    def put(kilograms: float, over: float = options.over, rest: float = 3.0) -> None:
         """Put a load there within a time, s, wait, and judge what is found."""
         for frame in frames:
             plant.load(frame, kilograms / len(frames), over=over, at=at)
@@ -67,7 +67,7 @@ def main(arguments: Sequence[str] | None = None) -> dict[str, Any]:
             trial.go(4.0)
         trial.stage = options.end
         if options.end != "keep":
-            put(0.0, over=0.0 if options.end == "drop" else 1.0, rest=4.0)
+            put(0.0, over=0.0 if options.end == "drop" else options.over, rest=4.0)
 
     return trial.report(
         load_kg=mass,

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import functools
 import hashlib
+import importlib
 import json
 import platform
 import sys
@@ -28,7 +29,7 @@ from wbc import Plant, __version__, load_robot
 from wbc.core.signals import Command
 from wbc.motion import make_feasible, make_motion
 from wbc.sim import FootTest, Machine, TrackSpec, WalkPush, press, stand, track_motion, walk
-from wbc.sim.balance import StandPushSpec, carry, push_standing
+from wbc.sim.balance import StandPushSpec, push_standing
 
 FILE = Path(__file__).with_name("streams.json")
 BLOCK = 100
@@ -91,11 +92,18 @@ def runs() -> dict[str, Callable[[], Any]]:
         ),
         "walk legacy": functools.partial(walk, **soft, **STONES, gains="no_bias", distance=0.4),
         "stand pushed": lambda: push_standing(StandPushSpec(impulse=0.2, direction=0.5, seconds=2.0)),
-        "carry": lambda: carry(load=0.1, hand_over=0.5, steps=1),
+        "carry": _carry,
         "motion": _motion,
         "foot pressed": lambda: press(FootTest()),
         "stand torque": functools.partial(stand, mode="torque", seconds=1.0, seed=3, noise="realistic"),
     }
+
+
+def _carry() -> Any:
+    """Run the example that is handed a load, for a step."""
+    sys.path.insert(0, str(Path(__file__).parents[2] / "examples" / "hands"))
+    example = importlib.import_module("carry")
+    return example.main(["--share", "0.1", "--over", "0.5", "--steps", "1", "--end", "keep"])
 
 
 def _motion() -> Any:

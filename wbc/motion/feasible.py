@@ -31,7 +31,7 @@ from wbc.core.settings import NonNegative, Positive, Share, settings
 from wbc.motion.clip import LONGEST, MotionClip
 from wbc.motion.contacts import Contacts, ContactSettings, find_contacts
 from wbc.motion.footsteps import footsteps
-from wbc.motion.inverse_kinematics import InverseKinematics, KinematicTargets, KinematicWeights
+from wbc.motion.inverse_kinematics import InverseKinematics, KinematicTargets
 from wbc.motion.kinematics import BodyMotion
 from wbc.motion.measures import MotionMeasures, measure, supports_of
 
@@ -69,7 +69,6 @@ class FilterSettings:
         stretch: Factor by which time is stretched around frames that are still not feasible.
         stretches: Most of these stretches.
         contacts: Search for contacts.
-        weights: Weights of the inverse kinematics.
     """
 
     rate: Annotated[Positive, "Hz"] = 100.0
@@ -88,7 +87,6 @@ class FilterSettings:
     stretch: Annotated[float, Field(gt=1.0, le=3.0)] = 1.2
     stretches: Annotated[int, Field(ge=0, le=20)] = 3
     contacts: ContactSettings = field(default_factory=ContactSettings)
-    weights: KinematicWeights = field(default_factory=KinematicWeights)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -296,7 +294,7 @@ def _balanced(robot: Robot, clip: MotionClip, s: FilterSettings) -> _Balanced:
             for move, base in zip(steps.body, q[:, :7], strict=True)
         ]
         motion = BodyMotion.of(robot, q, clip.rate)
-    solver = InverseKinematics(robot, s.joint_margin, s.weights)
+    solver = InverseKinematics(robot, s.joint_margin)
     supports = supports_of(robot, soles, contacts.standing, s.sole_share, _least_load(contacts, s))
     q[:, 3:7] = _straightened(robot, q, clip.rate, s.share)
     # The ZMP is that of the centre of mass as it is asked for: what inverse kinematics makes of it has kinks, of

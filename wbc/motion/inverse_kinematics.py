@@ -3,36 +3,17 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Annotated
 
 import numpy as np
 import pinocchio as pin
 
 from wbc.core.errors import Array
 from wbc.core.robot import BASE_DOF, Robot
-from wbc.core.settings import Positive, settings
 from wbc.motion.kinematics import leg_joints
 
-
-@settings
-class KinematicWeights:
-    """Weights of the inverse kinematics, each per squared error.
-
-    Attributes:
-        stance: Pose of a sole that stands, per m² and rad².
-        swing: Pose of a sole in the air, per m² and rad².
-        com: Place of the centre of mass, per m².
-        orientation: Rotation of base and torso, per rad².
-        joints: Joints outside the legs, per rad².
-        legs: Joints of the legs, per rad²: the feet decide on them.
-    """
-
-    stance: Positive = 1e4
-    swing: Positive = 1e2
-    com: Positive = 1e3
-    orientation: Positive = 1.0
-    joints: Positive = 0.5
-    legs: Positive = 1e-3
+STANCE, SWING, COM, ORIENTATION, JOINTS, LEGS = 1e4, 1e2, 1e3, 1.0, 0.5, 1e-3
+"""Weights per squared error: pose of a sole that stands, and of one in the air (m², rad²), centre of mass (m²),
+rotation of base and torso, joints outside the legs, and joints of the legs (rad²), on which the feet decide."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -60,20 +41,17 @@ class InverseKinematics:
         upper: Greatest joint positions, shape (na,), rad.
     """
 
-    def __init__(
-        self, robot: Robot, margin: Annotated[float, "rad"], weights: KinematicWeights | None = None
-    ) -> None:
+    def __init__(self, robot: Robot, margin: float) -> None:
         """Set up the weights; `margin` to the joint limits is in rad, half the range at the most."""
-        self._weights = w = weights or KinematicWeights()
         self._model, self._data = robot.model, robot.model.createData()
         self._soles = [robot.frame_id(sole.frame) for sole in robot.soles[:2]]
         self._trunk = list(dict.fromkeys(robot.frame_id(f) for f in (robot.base_frame, robot.torso_frame)))
         room = np.minimum(margin, 0.5 * (robot.position_upper - robot.position_lower))
         self.lower, self.upper = robot.position_lower + room, robot.position_upper - room
         legs = leg_joints(robot)
-        self._posture = np.full(robot.nv, w.joints)
+        self._posture = np.full(robot.nv, JOINTS)
         self._posture[:BASE_DOF] = 1e-6
-        self._posture[BASE_DOF:][legs] = w.legs
+        self._posture[BASE_DOF:][legs] = LEGS
 
     def solve(
         self,
@@ -109,7 +87,7 @@ class InverseKinematics:
         iterations: int,
         tolerance: float,
     ) -> Array:
-        model, data, w = self._model, self._data, self._weights
+        model, data = self._model, self._data
         q = start.copy()
         np.clip(q[7:], self.lower, self.upper, out=q[7:])
         pin.framesForwardKinematics(model, data, reference)
@@ -120,15 +98,15 @@ class InverseKinematics:
             rows: list[Array] = []
             errors: list[Array] = []
             for side, frame in enumerate(self._soles):
-                weight = np.sqrt(w.swing * (w.stance / w.swing) ** standing[side])
+                weight = np.sqrt(SWING * (STANCE / SWING) ** standing[side])
                 errors.append(weight * pin.log6(data.oMf[frame].actInv(soles[side])).vector)
                 rows.append(weight * pin.getFrameJacobian(model, data, frame, pin.LOCAL))
             for frame, rotation in zip(self._trunk, trunk, strict=True):
-                weight = np.sqrt(w.orientation)
+                weight = np.sqrt(ORIENTATION)
                 errors.append(weight * pin.log3(data.oMf[frame].rotation.T @ rotation))
                 rows.append(weight * pin.getFrameJacobian(model, data, frame, pin.LOCAL)[3:])
-            rows.append(np.sqrt(w.com) * pin.jacobianCenterOfMass(model, data, q))
-            errors.append(np.sqrt(w.com) * (com - data.com[0]))
+            rows.append(np.sqrt(COM) * pin.jacobianCenterOfMass(model, data, q))
+            errors.append(np.sqrt(COM) * (com - data.com[0]))
             jacobian, error = np.vstack(rows), np.concatenate(errors)
             near = pin.difference(model, q, reference)
             near[:BASE_DOF] = 0.0
