@@ -107,6 +107,42 @@ def test_what_the_robot_does_not_reach_is_refused_by_name() -> None:
     assert not body.active and body.com_height == height
 
 
+def test_a_walk_leaves_its_legs_the_room_to_lift_a_foot() -> None:
+    """The ankle of g1 meets its limit at the top of a swing: lowered by 50 mm it fell when it came to a stand."""
+    _, walking = standing("g1")
+    body, height = walking.body, walking.body.com_height
+    body.com_height = height - 0.08  # a squat of a robot that stands
+    walking.velocity = (0.0, 0.0, 0.0)
+    too_low = r"com_height \(m\) of 'g1', as far as its legs bend and lift a foot by 60 mm in a walk"
+    for order in (
+        lambda: setattr(walking, "velocity", (0.2, 0.0, 0.1)),
+        lambda: walking.go_to(1.0, 0.0, 0.0),
+        lambda: walking.follow(FootstepPlan.standing(walking.controller.robot)),
+    ):
+        with pytest.raises(InputError, match=too_low):
+            order()
+    body.com_height = height - 0.03
+    walking.velocity = (0.2, 0.0, 0.1)
+    with pytest.raises(InputError, match=too_low):
+        body.com_height = height - 0.05
+    assert body.com_height == pytest.approx(height - 0.03)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["hrp4_class", "talos", "g1"])
+def test_a_walk_as_low_as_may_be_comes_to_a_stand(name: str) -> None:
+    plant, walking = standing(name)
+    body = walking.body
+    robot = walking.controller.robot
+    body.com_height = max(lowest_com(robot) + walking.source.swing_height, body.com_height - 0.08)
+    walking.velocity = (0.2, 0.0, 0.1)
+    while plant.time < 8.0:
+        if plant.time > 6.0:
+            walking.velocity = None
+        plant.step(walking.command(plant.measure()))
+    assert upright(plant) and walking.fallen is None and walking.steps_done >= 4
+
+
 def test_the_lowest_height_is_one_that_the_legs_reach() -> None:
     for name in ("hrp4_class", "talos", "g1"):
         robot = load_robot(name).robot()

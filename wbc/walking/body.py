@@ -7,7 +7,7 @@ cannot reach is refused by name. Nothing of it is computed before something is s
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -76,6 +76,10 @@ class Body(FixedAttributes):
         walking.body.look_at([2.0, 0.5, 1.2])
 
     Joints of arms and neck go where `walking.tasks.posture.move_to({joint: angle})` sends them.
+
+    Attributes:
+        lift: Returns the height by which the walk lifts its feet now, m; zero while the robot stands.
+        active: False while nothing is set, and nothing has to be done.
     """
 
     @checked
@@ -95,6 +99,7 @@ class Body(FixedAttributes):
         self._waist = waist and _vertical(self._robot, _waist_joints(self._robot))
         self._most = self._most_turn()
         self._lowest: float | None = None
+        self.lift: Callable[[], float] = float
         self._gaze: GazeTask | None = None
         self._gaze_weight = np.zeros(0)
         self._point: Array | None = None  # that the torso turns to
@@ -108,7 +113,8 @@ class Body(FixedAttributes):
         """Height of the CoM over the soles, m; assign it.
 
         Raises:
-            InputError: Assigned a height that the legs do not reach; the message gives the range.
+            InputError: Assigned a height that the legs do not reach, in a walk with a lifted foot; the message gives
+                the range.
         """
         return self._nominal + float(self._goal[0])
 
@@ -119,11 +125,27 @@ class Body(FixedAttributes):
         if height > self._nominal:
             hip_height(robot, height, leg_geometry(robot))
         else:
-            if self._lowest is None:
-                self._lowest = lowest_com(robot)
-            low = min(self._lowest, self._nominal)
-            finite_scalar(f"{what}, as far as its legs bend,", height, low=low, high=self._nominal)
+            self._check_low(what, height, self.lift())
         self._set(0, height - self._nominal)
+
+    def check_steps(self, lift: float) -> None:
+        """Refuse steps that the legs have no room for: under a body that is low, an ankle or a knee meets its limit.
+
+        Args:
+            lift: Height by which the feet will be lifted, m.
+
+        Raises:
+            InputError: The body is set too low; the message says how high it must be.
+        """
+        if self._goal[0] < 0.0:
+            self._check_low(f"com_height (m) of '{self._robot.name}'", self.com_height, lift)
+
+    def _check_low(self, what: str, height: float, lift: float) -> None:
+        if self._lowest is None:
+            self._lowest = lowest_com(self._robot)
+        walks = f" and lift a foot by {1e3 * lift:.0f} mm in a walk" if lift > 0.0 else ""
+        low = min(self._lowest + lift, self._nominal)
+        finite_scalar(f"{what}, as far as its legs bend{walks},", height, low=low, high=self._nominal)
 
     @property
     def lean(self) -> tuple[float, float]:

@@ -16,6 +16,8 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import Protocol
 
+import numpy as np
+
 from wbc.core.arguments import checked
 from wbc.core.control import FEET_STEP, State
 from wbc.core.drive.hybrid import HybridControl
@@ -99,6 +101,7 @@ class ReferenceControl:
         self.falls, self.stiffness = FallDetector(falls), stiffness
         self.reference: Reference | None = None
         control.reach = FEET_STEP
+        body.lift = lambda: 0.0 if source.finished else source.swing_height
         estimate = control.observer.robot
         self._torso = estimate.placement(estimate.torso_frame)  # a view, which moves on with the estimate
         standing = Robot(estimate.model, (), estimate.half_sitting)
@@ -248,13 +251,15 @@ class ReferenceControl:
         """Commanded velocity of the robot's middle: forward (m/s), left (m/s) and turn (rad/s).
 
         Set it at any tick: steps are planned as the robot goes. None, or zero, brings it to a stand. None as well while
-        something else gives the steps. A velocity that is not three finite numbers up to 10 is an `InputError`; one
-        that cannot be had is limited (`granted_velocity`).
+        something else gives the steps. A velocity that is not three finite numbers up to 10 is an `InputError`, as any
+        while the body is set too low to lift a foot; one that cannot be had is limited (`granted_velocity`).
         """
         return self.source.velocity
 
     @velocity.setter
     def velocity(self, velocity: Sequence[float] | None) -> None:
+        if velocity is not None and np.count_nonzero(velocity):
+            self.body.check_steps(self.source.swing_height)
         self.source.velocity = velocity
 
     @property
@@ -281,8 +286,10 @@ class ReferenceControl:
             yaw: Heading there, rad.
 
         Raises:
-            InputError: A place beyond the ground, or a source that cannot be steered.
+            InputError: A place beyond the ground, a source that cannot be steered, or a body that is set too low to
+                lift a foot.
         """
+        self.body.check_steps(self.source.swing_height)
         self.source.go_to(x, y, yaw)
 
     def follow(self, source: FootstepPlan | FootstepSource) -> None:
@@ -293,8 +300,10 @@ class ReferenceControl:
                 to a stand (`source.reason`).
 
         Raises:
-            InputError: Neither a plan nor a planner, or a source that takes no footsteps.
+            InputError: Neither a plan nor a planner, a source that takes no footsteps, or a body that is set too low to
+                lift a foot.
         """
+        self.body.check_steps(self.source.swing_height)
         self.source.follow(source)
 
     def stop(self) -> None:

@@ -71,6 +71,7 @@ class LipmWalk(ReferenceSource):
         self._soles = [robot.placement(sole.frame) for sole in robot.soles]
         plan = walk.phases.plan
         self._gait = replace(plan.gait, feet_spacing=plan.spacing)
+        self.swing_height = plan.gait.swing_height
         self._pace = 0.0  # of the last plan, m/s
         self._next = 0.0  # time of the next plan, s
         self._planned: tuple[FootstepSource | None, Velocity | None] = (None, None)

@@ -159,12 +159,14 @@ class ReferenceSource(ABC):
         by_steps: True if the references say how each foot carries: steps balance the robot, not a stabilizer.
         unsteered: Sentence with which a source refuses to be steered.
         com_height: Height of the CoM over the soles, m; None for that of the robot as it stands.
+        swing_height: Height by which feet are lifted, that the legs must leave to a body that is lowered, m.
         reason: Reason for which the source has dropped the last order; empty if it has not.
     """
 
     by_steps = False
     unsteered = "references that do not come from footsteps cannot be steered"
     com_height: float | None = None
+    swing_height = 0.0
     reason = ""
 
     @abstractmethod
