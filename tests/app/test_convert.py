@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pinocchio as pin
 import pytest
 from recorded import recorded_walk
 
@@ -17,6 +18,7 @@ import wbc
 from wbc.app.cli import main
 from wbc.app.log import Log, Recorder
 from wbc.app.replay import Replay, convert_log
+from wbc.app.scene.shapes import MeshFile
 
 TIME = 1e-9  # s for each unit of a time stamp
 
@@ -28,10 +30,14 @@ def replay() -> Replay:
 
 @pytest.fixture(scope="module")
 def topics(replay: Replay, tmp_path_factory: pytest.TempPathFactory) -> dict[str, list[tuple[float, Any]]]:
+    return converted(replay.log, tmp_path_factory.mktemp("converted"))
+
+
+def converted(log: Log, folder: Path) -> dict[str, list[tuple[float, Any]]]:
     """Time and content of all messages by topic, each checked against the schema of its topic."""
     reader = pytest.importorskip("mcap.reader")
-    path = tmp_path_factory.mktemp("converted") / "walk.mcap"
-    assert convert_log(replay.log, path, rate=10.0) is None
+    path = folder / "walk.mcap"
+    assert convert_log(log, path, rate=10.0) is None
     found: dict[str, list[tuple[float, Any]]] = {}
     with path.open("rb") as file:
         for schema, channel, message in reader.make_reader(file, validate_crcs=True).iter_messages():
@@ -39,6 +45,19 @@ def topics(replay: Replay, tmp_path_factory: pytest.TempPathFactory) -> dict[str
             follows(content, json.loads(schema.data), channel.topic)
             found.setdefault(channel.topic, []).append((TIME * message.log_time, content))
     return found
+
+
+def stand(robot: str, path: Path, *, with_plant: bool) -> Log:
+    """Log of three ticks."""
+    plant = wbc.Plant(wbc.load_robot(robot))
+    control = wbc.PositionControl(wbc.balance_controller(plant.description.robot(), plant.control_period))
+    with Recorder(path) as record:
+        for _ in range(3):
+            measurement = plant.measure()
+            command = control.command(measurement)
+            record(plant if with_plant else None, control, measurement, command)
+            plant.step(command)
+    return Log.open(path)
 
 
 def follows(value: Any, schema: dict[str, Any], where: str) -> None:
@@ -85,10 +104,25 @@ def test_an_mcap_has_the_scene(replay: Replay, topics: dict[str, list[tuple[floa
         np.testing.assert_allclose(lengths, forces)
     landed = [entity["id"] for _, message in updates for entity in message["entities"]]
     assert any(one.startswith("footsteps/real") for one in landed)
-    for _, message in updates:
-        for entity in message["entities"]:
-            for model in entity["models"]:
-                assert base64.b64decode(model["data"], validate=True)
+
+
+def test_meshes_of_an_mcap_lie_as_viewers_turn_them(tmp_path: Path) -> None:
+    """Foxglove and Lichtblick take y for up in a mesh that does not say, and turn it."""
+    replay = Replay(stand("g1", tmp_path / "stand.arrow", with_plant=True))
+    (_, first), *_ = converted(replay.log, tmp_path)["/scene"]
+    models = {entity["id"]: entity["models"] for entity in first["entities"]}
+    turn = pin.SE3(pin.utils.rotate("x", 0.5 * np.pi), np.zeros(3)).homogeneous
+    seen = 0
+    for thing in replay.scene.objects:
+        if isinstance(thing.shape, MeshFile):
+            model = models[thing.path.rpartition("/")[0].removeprefix("/wbc/")].pop(0)
+            assert base64.b64decode(model["data"]) == Path(thing.shape.path).read_bytes()
+            pose, scale = (list(model[name].values()) for name in ("pose", "scale"))
+            placed = pin.XYZQUATToSE3(np.array([*pose[0].values(), *pose[1].values()])).homogeneous
+            expected = thing.placement @ np.diag([*thing.shape.scale, 1.0])
+            np.testing.assert_allclose(placed @ np.diag([*scale, 1.0]) @ turn, expected, atol=2e-5)
+            seen += 1
+    assert seen > 20
 
 
 def test_rerun_opens_an_rrd(replay: Replay, tmp_path: Path) -> None:
@@ -108,16 +142,8 @@ def test_rerun_opens_an_rrd(replay: Replay, tmp_path: Path) -> None:
 
 def test_a_log_without_a_robot_has_signals_alone(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     pytest.importorskip("mcap")
-    description = wbc.load_robot("hrp4_class")
-    plant = wbc.Plant(description)
-    control = wbc.PositionControl(wbc.balance_controller(description.robot(), plant.control_period))
     log, out = tmp_path / "stand.arrow", tmp_path / "stand.mcap"
-    with Recorder(log) as record:
-        for _ in range(3):
-            measurement = plant.measure()
-            command = control.command(measurement)
-            record(None, control, measurement, command)
-            plant.step(command)
+    stand("hrp4_class", log, with_plant=False)
     assert main(["log", "convert", str(log), str(out), "--json"]) == 0
     assert "without a plant" in json.loads(capsys.readouterr().out)["without_scene"]
     assert main(["log", "convert", str(log), str(tmp_path / "stand.bag")]) == 2

@@ -31,64 +31,31 @@ from wbc.core.errors import Array
 MEDIA = {".stl": "model/stl", ".obj": "model/obj", ".dae": "model/vnd.collada+xml"}
 """Ending of a mesh → its media type."""
 
-_TIME = {"sec": 0, "nsec": 0}
-_XYZ = {"x": 0.0, "y": 0.0, "z": 0.0}
-_POSE = {"position": _XYZ, "orientation": {**_XYZ, "w": 1.0}}
-_COLOUR = {"r": 0.0, "g": 0.0, "b": 0.0, "a": 1.0}
-_SHAPE = {"pose": _POSE, "size": _XYZ, "color": _COLOUR}
-_ARROW = {
-    "pose": _POSE,
-    "shaft_length": 0.0,
-    "shaft_diameter": 0.0,
-    "head_length": 0.0,
-    "head_diameter": 0.0,
-    "color": _COLOUR,
+Y_UP = np.array([[1.0, 0, 0, 0], [0, 0, 1, 0], [0, -1, 0, 0], [0, 0, 0, 1]])
+"""Undoes the turn of a mesh that does not say what is up in it: viewers take y unless they are told otherwise."""
+
+_FIELDS = {
+    "time": "sec:integer nsec:integer",
+    "Vector3": "x:number y:number z:number",
+    "Quaternion": "x:number y:number z:number w:number",
+    "Pose": "position:Vector3 orientation:Quaternion",
+    "Color": "r:number g:number b:number a:number",
+    "FrameTransforms": "transforms:FrameTransform*",
+    "FrameTransform": "timestamp:time parent_frame_id:string child_frame_id:string translation:Vector3 "
+    "rotation:Quaternion",
+    "SceneUpdate": "deletions:SceneEntityDeletion* entities:SceneEntity*",
+    "SceneEntityDeletion": "timestamp:time type:integer id:string",
+    "SceneEntity": "timestamp:time frame_id:string id:string lifetime:time frame_locked:boolean arrows:Arrow* "
+    "cubes:Shape* spheres:Shape* cylinders:Shape* triangles:Triangles* models:Model*",
+    "Arrow": "pose:Pose shaft_length:number shaft_diameter:number head_length:number head_diameter:number color:Color",
+    "Shape": "pose:Pose size:Vector3 bottom_scale:number top_scale:number color:Color",
+    "Triangles": "pose:Pose points:Vector3* color:Color colors:Color* indices:integer*",
+    "Model": "pose:Pose scale:Vector3 color:Color override_color:boolean media_type:string data:bytes",
+    "Log": "timestamp:time level:integer message:string name:string",
 }
-_MODEL = {
-    "pose": _POSE,
-    "scale": _XYZ,
-    "color": _COLOUR,
-    "override_color": True,
-    "media_type": "",
-    "data": b"",
-}
-_TRIANGLES = {"pose": _POSE, "points": [_XYZ], "color": _COLOUR, "colors": [_COLOUR], "indices": [0]}
-_PRIMITIVES = {
-    "arrows": [_ARROW],
-    "cubes": [_SHAPE],
-    "spheres": [_SHAPE],
-    "cylinders": [{**_SHAPE, "bottom_scale": 1.0, "top_scale": 1.0}],
-    "triangles": [_TRIANGLES],
-    "models": [_MODEL],
-}
-EXAMPLES: dict[str, dict[str, Any]] = {
-    "foxglove.FrameTransforms": {
-        "transforms": [
-            {
-                "timestamp": _TIME,
-                "parent_frame_id": "",
-                "child_frame_id": "",
-                "translation": _XYZ,
-                "rotation": _POSE["orientation"],
-            }
-        ]
-    },
-    "foxglove.SceneUpdate": {
-        "deletions": [{"timestamp": _TIME, "type": 0, "id": ""}],
-        "entities": [
-            {
-                "timestamp": _TIME,
-                "frame_id": "",
-                "id": "",
-                "lifetime": _TIME,
-                "frame_locked": True,
-                **_PRIMITIVES,
-            }
-        ],
-    },
-    "foxglove.Log": {"timestamp": _TIME, "level": 0, "message": "", "name": ""},
-}
-"""Messages with all fields, of which the schemas are made."""
+"""Type of a message → its fields with their types; a star marks a list."""
+
+_PRIMITIVES = ("arrows", "cubes", "spheres", "cylinders", "triangles", "models")
 
 
 def write_mcap(log: Log, replay: Replay | None, new: Path, rate: float, progress: Progress) -> None:
@@ -135,13 +102,11 @@ class _Topics:
         self._log = self.add("/log", "foxglove.Log")
 
     def add(self, topic: str, schema: str, properties: dict[str, Any] | None = None) -> int:
-        """Add a topic, and return its number; the schema is that of `EXAMPLES` without properties."""
-        content = (
-            _schema(EXAMPLES[schema]) if properties is None else {"type": "object", "properties": properties}
-        )
-        number = self._writer.register_schema(
-            schema, "jsonschema", json.dumps({"title": schema, **content}).encode()
-        )
+        """Add a topic, and return its number; the schema is Foxglove's of that name unless it has properties."""
+        content = {"title": schema, "type": "object", "properties": properties}
+        if properties is None:
+            content |= _schema(schema.removeprefix("foxglove."))
+        number = self._writer.register_schema(schema, "jsonschema", json.dumps(content).encode())
         return int(self._writer.register_channel(topic, "json", number))
 
     def write(self, channel: int, time: float, message: dict[str, Any]) -> None:
@@ -155,15 +120,14 @@ class _Topics:
         self.write(self._log, time, {"timestamp": _stamp(time), "level": 2, "message": event, "name": "wbc"})
 
 
-def _schema(example: Any) -> dict[str, Any]:
-    """Return the JSON schema of an example."""
-    if isinstance(example, dict):
-        return {"type": "object", "properties": {key: _schema(value) for key, value in example.items()}}
-    if isinstance(example, list):
-        return {"type": "array", "items": _schema(example[0])}
-    if isinstance(example, bytes):
-        return {"type": "string", "contentEncoding": "base64"}
-    return {"type": {bool: "boolean", str: "string", int: "integer", float: "number"}[type(example)]}
+def _schema(kind: str) -> dict[str, Any]:
+    """Return the JSON schema of a type."""
+    if kind.endswith("*"):
+        return {"type": "array", "items": _schema(kind[:-1])}
+    if kind in _FIELDS:
+        parts = (part.split(":") for part in _FIELDS[kind].split())
+        return {"type": "object", "properties": {name: _schema(of) for name, of in parts}}
+    return {"type": "string", "contentEncoding": "base64"} if kind == "bytes" else {"type": kind}
 
 
 def _schema_of_group(group: Group) -> dict[str, Any]:
@@ -238,7 +202,7 @@ class _SceneWriter:
 def _entity(
     stamp: dict[str, int], frame: str, name: str, things: Sequence[SceneObject], matrix: Array
 ) -> dict[str, Any]:
-    entity: dict[str, Any] = {"timestamp": stamp, "frame_id": frame, "id": name, "lifetime": _TIME}
+    entity: dict[str, Any] = {"timestamp": stamp, "frame_id": frame, "id": name, "lifetime": _stamp(0.0)}
     entity |= {"frame_locked": True, **{kind: [] for kind in _PRIMITIVES}}
     for thing in things:
         for kind, primitive in _primitives(thing, matrix @ thing.placement):
@@ -263,10 +227,12 @@ def _primitives(thing: SceneObject, placement: Array) -> Iterator[tuple[str, dic
             cap = placement @ translation(0.0, 0.0, end * shape.length)
             yield "spheres", {"pose": _pose(cap), "size": _xyz((width, width, width))}
     elif isinstance(shape, MeshFile):
-        file = Path(shape.path)
-        kind, data = MEDIA[file.suffix.lower()], base64.b64encode(file.read_bytes()).decode()
+        file, scale = Path(shape.path), shape.scale
+        if (kind := MEDIA[file.suffix.lower()]) != MEDIA[".dae"]:  # which says what is up in it
+            pose, scale = {"pose": _pose(placement @ Y_UP)}, (scale[0], scale[2], scale[1])
+        data = base64.b64encode(file.read_bytes()).decode()
         # An STL has no colours of its own.
-        own = {"scale": _xyz(shape.scale), "override_color": kind == MEDIA[".stl"]}
+        own = {"scale": _xyz(scale), "override_color": kind == MEDIA[".stl"]}
         yield "models", {**pose, **own, "media_type": kind, "data": data}
     else:
         colours = [] if shape.colours is None else [_colour((*c, 1.0)) for c in shape.colours.tolist()]
