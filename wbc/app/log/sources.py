@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, cast
 import numpy as np
 import pinocchio as pin
 
-from wbc.app.log.signals import Read, Signals, Tick, once
+from wbc.app.log.signals import Read, Signals, Tick, of, once
 from wbc.core.conventions import configuration_from_mujoco, velocity_from_mujoco
 from wbc.core.drive.position import PositionControl
 from wbc.core.errors import Array
@@ -26,10 +26,7 @@ from wbc.sim.plant.plant import Plant
 from wbc.tasks.behaviours import Program
 from wbc.tasks.stabilizer.admittance import FootCorrection
 from wbc.tasks.stabilizer.pendulum import dcm
-from wbc.tasks.stabilizer.stabilizer import StabilizerOutput
 from wbc.walking.control import ReferenceControl
-from wbc.walking.planning.footsteps import Footstep
-from wbc.walking.source import Reference
 
 if TYPE_CHECKING:
     from wbc.tasks.scheduling.stiffness import StiffnessScheduler
@@ -83,15 +80,8 @@ def _add_walk(signals: Signals, tick: Tick) -> None:
     """Phase, references and stabilizer of a walk; NaN and null without a reference or a stabilizer."""
     one, group, feet = signals.one, signals.group, foot_names(tick.robot)
     told: list[Any] = []
-
-    def planned(read: Callable[[Reference], Any]) -> Read:
-        return lambda t: None if (reference := t.reference) is None else read(reference)
-
-    def stabilized(read: Callable[[StabilizerOutput], Any]) -> Read:
-        return lambda t: None if (output := t.output) is None else read(output)
-
-    def of_walk(read: Callable[[ReferenceControl], Any]) -> Read:
-        return lambda t: None if t.reference is None else read(cast(ReferenceControl, t.walking))
+    planned, stabilized = of(lambda t: t.reference), of(lambda t: t.output)
+    of_walk = of(lambda t: None if t.reference is None else t.walking)
 
     def events(walk: ReferenceControl) -> str | None:
         assert walk.reference is not None
@@ -101,10 +91,7 @@ def _add_walk(signals: Signals, tick: Tick) -> None:
             texts.append(f"fallen: {walk.fallen.value}")
         return "; ".join(texts) or None
 
-    def next_step(read: Callable[[Footstep], Any]) -> Read:
-        return lambda t: None if (steps := upcoming(t)) is None or not steps else read(steps[0])
-
-    upcoming = once(of_walk(lambda w: w.progress.upcoming))
+    next_step = of(once(of_walk(lambda w: next(iter(w.progress.upcoming), None))))
     one("walk/phase", "1", "phase of the walk", planned(lambda r: r.phase.value), "text")
     one("walk/event", "1", "events of this tick, separated by ';'", of_walk(events), "text")
     one("walk/step", "1", "index of the step that swings, or swings next", planned(lambda r: r.step), "whole")
@@ -192,10 +179,7 @@ def _add_motion(
 def _add_estimate(signals: Signals, tick: Tick) -> None:
     """Describe the estimated state of the robot and, in position control, the commanded base."""
     robot = cast(Robot, tick.estimate)
-    group = signals.group
-
-    def estimated(read: Callable[[Robot], Any]) -> Read:
-        return lambda t: read(cast(Robot, t.estimate))
+    group, estimated = signals.group, of(lambda t: t.estimate)
 
     def base(state: Callable[[Tick], Any], name: str) -> None:
         pose: Read = lambda t: state(t).q[:7]  # noqa: E731
@@ -292,12 +276,8 @@ def _add_command(signals: Signals, tick: Tick) -> None:
 def _add_solver(signals: Signals, tick: Tick) -> None:
     """Describe status, residuals, active limits and timings of the QP; NaN after other tasks than the first tick's."""
     one, layout = signals.one, None if tick.solution is None else tick.solution.layout
-
-    def solved(read: Callable[[Solution], Any]) -> Read:
-        return lambda t: None if t.solution is None else read(t.solution)
-
-    def of_layout(read: Callable[[Solution], Any]) -> Read:
-        return lambda t: None if (found := t.solution) is None or found.layout is not layout else read(found)
+    solved = of(lambda t: t.solution)
+    of_layout = of(lambda t: t.solution if t.solution is not None and t.solution.layout is layout else None)
 
     one("solver/status", "1", "status of the QP", solved(lambda s: s.status.value), "text")
     one("solver/iterations", "1", "outer iterations", solved(lambda s: s.iterations), "whole")
@@ -408,9 +388,7 @@ def _add_true_state(
     limit: Array,
 ) -> None:
     robot, group, found = tick.robot, signals.group, once(state)
-
-    def true(read: Callable[[_TrueState], Any]) -> Read:
-        return lambda t: None if (known := found(t)) is None else read(known)
+    true = of(found)
 
     base = "truth/base"
     _add_motion(signals, base, "base", "base frame", true(lambda s: s.q[:7]), true(lambda s: s.v[:6]))
@@ -438,16 +416,9 @@ def _add_stiffness(signals: Signals, task: StiffnessScheduler) -> None:
         last[0] = task.steps[-1]
         return last[0]
 
-    landed = once(find)
-
-    def step(read: Callable[[Any], Any]) -> Read:
-        return lambda t: None if (done := landed(t)) is None else read(done)
-
-    def scan(read: Callable[[Any], Any]) -> Read:
-        return step(lambda s: None if s.profile is None else read(s.profile))
-
-    def decision(read: Callable[[Any], Any]) -> Read:
-        return step(lambda s: None if s.decision is None else read(s.decision))
+    step = of(landed := once(find))
+    scan = of(lambda t: None if (done := landed(t)) is None else done.profile)
+    decision = of(lambda t: None if (done := landed(t)) is None else done.decision)
 
     one = signals.one
     one("stiffness/side", "1", "foot that landed", step(lambda s: s.side), "text")
