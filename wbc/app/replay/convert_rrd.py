@@ -18,7 +18,7 @@ READABLE = (".stl", ".obj", ".glb", ".gltf")
 
 
 def write_rrd(log: Log, replay: Replay | None, new: Path, rate: float, progress: Progress) -> None:
-    """Write a log: signals as scalars, states and texts as texts, the scene as shapes under transforms.
+    """Write a log: signals as scalars, states as such, other texts as texts, the scene as shapes under transforms.
 
     Args:
         log: The log.
@@ -51,11 +51,13 @@ def _write_group(rr: Any, stream: Any, log: Log, group: Group) -> None:
     for part, (signal, texts) in group.objects.items():
         if signal.kind != "text":  # lists are drawn in the scene
             continue
-        told = [i for i, text in enumerate(texts) if text is not None and (i == 0 or text != texts[i - 1])]
+        told = [i for i, text in enumerate(texts) if text is not None]
+        columns = rr.TextLog.columns(text=[texts[i] for i in told])  # events
+        if len(told) == len(log):  # states, which last until the next one
+            told = [i for i in told if i == 0 or texts[i] != texts[i - 1]]
+            columns = rr.StateChange.columns(state=[texts[i] for i in told])
         times = rr.TimeColumn("time", duration=log.time[told])
-        stream.send_columns(
-            f"{group.name}/{part}", [times], rr.TextLog.columns(text=[texts[i] for i in told])
-        )
+        stream.send_columns(f"{group.name}/{part}", [times], columns)
 
 
 def _write_scene(rr: Any, stream: Any, log: Log, replay: Replay, rate: float) -> None:
