@@ -18,24 +18,9 @@ LZ4. Other programs read it without this library::
 
     pandas.read_feather("walk.arrow")       polars.read_ipc("walk.arrow")
 
-Numbers are 4-byte floats (7 digits), `time` and `tick/clock` 8-byte ones; missing measurements are NaN. Phases,
-events and states are texts, null in ticks without one. The metadata of a column hold its unit and description; those of
-the file hold, under the key `wbc`, one JSON object: format, versions, seed, specification, robot and plant
-(`wbc.app.log.header`).
-
-Names read `group/what/…/axis`. Sides are `left` and `right`, joints have their own names, axes are x y z, quaternions
-x y z w, wrenches fx fy fz mx my mz. Ground truth of a simulation begins with `truth/`.
-
-    time, tick/…            time stamp, wall-clock time, timings of the controller's parts
-    solver/…                status, iterations, residual of each task, active limits of the QP
-    joint/…                 position, velocity, their references, torque sent
-    imu/…, foot/<side>/…    other measurements; wrenches measured, desired and solved for; references and corrections
-    base/…                  estimated and commanded base
-    com/… dcm/… zmp/…       reference, estimated, measured, desired
-    program/…               state of a program, and states that have ended
-    stabilizer/…, walk/…, step/…   feedback, phase, step, events, next landing
-    stiffness/…             of variable soles: scan, decision and result, once a step, at the landing
-    truth/…                 base, joints and their torques, soles and their hinges, centre of mass, pushes
+Numbers are 4-byte floats, `time` and `tick/clock` 8-byte ones; what was not measured is NaN, texts are null in ticks
+without one. The metadata of each column hold its unit and meaning, those of the file, under the key `wbc`, one JSON
+object (`wbc.app.log.header`). Names read `group/what/…/axis`; `wbc plot LOG --list` names those of a log.
 
 Ticks are written in batches of 256. A program that is killed loses the ticks after the last batch; `Log.open` reads the
 rest, and other programs read it as an Arrow stream that begins at byte 8 of the file::

@@ -38,6 +38,25 @@ MARKER_LIFT = 0.006
 
 _T = mujoco.mjtGeom
 
+_STAGE = """
+<mujoco>
+  <visual>
+    <global offwidth="{width}" offheight="{height}"/>
+    <headlight ambient="0.35 0.35 0.35" diffuse="0.45 0.45 0.45" specular="0.1 0.1 0.1"/>
+    <quality shadowsize="2048"/> <map zfar="40"/>
+  </visual>
+  <asset>
+    <texture type="skybox" builtin="gradient" rgb1="0.95 0.97 1" rgb2="0.72 0.78 0.84" width="256" height="256"/>
+    <texture name="tiles" type="2d" builtin="checker" rgb1="{light}" rgb2="{dark}" width="256" height="256"/>
+    <material name="tiles" texture="tiles" texuniform="true" texrepeat="{repeat} {repeat}"/>
+  </asset>
+  <worldbody>
+    <light directional="true" pos="0 -3 6" dir="0.1 0.4 -1" diffuse="0.45 0.45 0.45" castshadow="true"/>
+  </worldbody>
+</mujoco>
+"""
+"""Lamps, sky and tiles, and the size of the pictures."""
+
 
 class MujocoScene:
     """A model with a body for each moving object.
@@ -57,8 +76,9 @@ class MujocoScene:
         sole_paths: Sequence[tuple[str, ...]] = (),
     ) -> None:
         """Build the model for pictures of a size in pixels; `sole_paths` are those of feet whose colour can change."""
-        spec = mujoco.MjSpec()
-        _light(spec, width, height)
+        light, dark = (" ".join(map(str, colour)) for colour in TILE_COLOURS)
+        stage = _STAGE.format(width=width, height=height, light=light, dark=dark, repeat=0.5 / TILE)
+        spec = mujoco.MjSpec.from_string(stage)
         added = add_to_spec(spec, terrain)
         spec.geom(added.geoms[0]).material = "tiles"
         self.shown = tuple(path for path in scene.moving if not path.startswith(FORCES))
@@ -87,43 +107,6 @@ class MujocoScene:
                 mujoco.mju_mat2Quat(self.data.mocap_quat[body], np.ascontiguousarray(matrix[:3, :3]).ravel())
         mujoco.mj_kinematics(self.model, self.data)
         mujoco.mj_camlight(self.model, self.data)
-
-
-def _light(spec: mujoco.MjSpec, width: int, height: int) -> None:
-    """Add lamps, sky and tiles, and set the size of the pictures."""
-    spec.visual.global_.offwidth, spec.visual.global_.offheight = width, height
-    spec.visual.headlight.ambient = [0.35, 0.35, 0.35]
-    spec.visual.headlight.diffuse = [0.45, 0.45, 0.45]
-    spec.visual.headlight.specular = [0.1, 0.1, 0.1]
-    spec.visual.quality.shadowsize = 2048
-    spec.visual.map.zfar = 40.0
-    spec.add_texture(
-        name="sky",
-        type=mujoco.mjtTexture.mjTEXTURE_SKYBOX,
-        builtin=mujoco.mjtBuiltin.mjBUILTIN_GRADIENT,
-        rgb1=[0.95, 0.97, 1.0],
-        rgb2=[0.72, 0.78, 0.84],
-        width=256,
-        height=256,
-    )
-    spec.add_texture(
-        name="tiles",
-        type=mujoco.mjtTexture.mjTEXTURE_2D,
-        builtin=mujoco.mjtBuiltin.mjBUILTIN_CHECKER,
-        rgb1=TILE_COLOURS[0],
-        rgb2=TILE_COLOURS[1],
-        width=256,
-        height=256,
-    )
-    tiles = spec.add_material(name="tiles", texuniform=True, texrepeat=[0.5 / TILE, 0.5 / TILE])
-    tiles.textures[mujoco.mjtTextureRole.mjTEXROLE_RGB] = "tiles"
-    spec.worldbody.add_light(
-        pos=[0.0, -3.0, 6.0],
-        dir=[0.1, 0.4, -1.0],
-        type=mujoco.mjtLightType.mjLIGHT_DIRECTIONAL,
-        diffuse=[0.45, 0.45, 0.45],
-        castshadow=True,
-    )
 
 
 def _add(spec: mujoco.MjSpec, body: Any, thing: SceneObject, number: int) -> None:
