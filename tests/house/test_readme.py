@@ -25,7 +25,7 @@ def test_it_is_short() -> None:
         assert (ROOT / picture).stat().st_size < 900_000
 
 
-def test_the_smallest_stand_balances_a_humanoid() -> None:
+def test_the_smallest_stand_balances_a_humanoid_and_the_squat_in_one_line_squats() -> None:
     program = blocks("python")[0]
     assert len(program.strip().splitlines()) <= 15
     names: dict[str, Any] = {}
@@ -34,17 +34,8 @@ def test_the_smallest_stand_balances_a_humanoid() -> None:
     assert plant.time == pytest.approx(3.0)
     assert not TrueFallDetector(plant.robot).fallen(plant.truth().q)
     np.testing.assert_allclose(plant.truth().com, start, atol=2e-3)
-
-
-def test_the_squat_in_one_line_squats() -> None:
     (line,) = re.findall(r"`(com\.target = [^`]+)`", README)
-    names: dict[str, Any] = {}
-    exec(
-        f"{blocks('python')[0]}\n{line}\nwhile plant.time < 6.0: plant.step(control.command(plant.measure()))",
-        names,
-    )
-    plant = names["plant"]
-    start = plant.description.robot().com
+    exec(f"{line}\nwhile plant.time < 6.0: plant.step(control.command(plant.measure()))", names)
     np.testing.assert_allclose(plant.truth().com, start - [0.0, 0.0, 0.1], atol=1e-2)  # the posture pulls
 
 
