@@ -6,6 +6,7 @@ import importlib
 import json
 import logging
 import os
+import re
 import shlex
 import subprocess
 import sys
@@ -135,7 +136,9 @@ def option_of(configuration: type, field: str) -> str:
 @pytest.mark.parametrize("words", COMMANDS)
 def test_help_shows_and_explains_every_field_of_the_configuration(capfd: Captured, words: str) -> None:
     code, out, _ = wbc_command(capfd, *words.split(), "--help")
-    assert code == cli.RAN
+    assert code == cli.RAN and f"Usage: wbc {words}" in out
+    assert len(out.splitlines()) <= 80, "what is turned first; the rest by --set and files"
+    assert str(Path(wbc.__file__).parents[1]) not in re.sub(r"[\s│]", "", out), "a folder of this machine"
     shown = "".join(character for character in out if character not in "│\n ")
     classes = configurations(words)
     assert Output in classes

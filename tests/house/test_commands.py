@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from wbc.app.cli import RAN, main, make_app
+from wbc.app.cli import make_app
 from wbc.app.commands import COMMANDS, GROUPS, summary
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -84,12 +84,3 @@ def test_the_list_says_what_the_command_says(words: str) -> None:
     module, _, function = COMMANDS[words].partition(":")
     command = getattr(importlib.import_module(f"wbc.app.commands.{module}"), function)
     assert (inspect.getdoc(command) or "").splitlines()[0] == summary(words)
-
-
-@pytest.mark.parametrize("words", ["", *GROUPS, *COMMANDS])
-def test_every_command_answers_help(words: str, capsys: pytest.CaptureFixture[str]) -> None:
-    assert main([*words.split(), "--help"]) == RAN
-    text = capsys.readouterr().out
-    assert f"Usage: wbc {words}".strip() in text
-    assert len(text.splitlines()) <= 80, "what is turned first; the rest by --set and files"
-    assert str(ROOT) not in re.sub(r"[\s│]", "", text), "a folder of this machine"
