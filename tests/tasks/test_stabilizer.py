@@ -436,6 +436,16 @@ def test_a_bias_is_taken_out_of_all_three_errors() -> None:
         np.testing.assert_allclose(getattr(clean, name), getattr(mended, name), atol=1e-12)
 
 
+def test_without_a_zmp_the_average_fades_and_there_is_no_rate() -> None:
+    feedback, com = DcmFeedback(StabilizerGains()), np.array([0.01, -0.02, HEIGHT])
+    for _ in range(100):
+        before = feedback.errors(REST, com, np.zeros(3), np.zeros(2), DT)
+    flying = feedback.errors(REST, com, np.zeros(3), None, DT)
+    fade = np.exp(-DT / feedback.gains.integrator_time)
+    np.testing.assert_allclose(flying.average, fade * before.average, rtol=1e-12)
+    assert not flying.rate.any() and not flying.zmp.any()
+
+
 def test_a_known_bias_changes_nothing_but_the_measurement() -> None:
     """The force goes through the true CoM: with the bias taken out, all outputs are those of the truth."""
     gains = replace(LEGACY, dcm_p=5.0)
