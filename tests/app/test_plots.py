@@ -201,6 +201,8 @@ def test_planned_footsteps_lie_where_feet_really_landed(log: Log) -> None:
     estimated, true = log["com/estimated"][:, :2], log["truth/com"][:, :2]
     assert np.abs(drift(estimated) - true).max() < 3e-3 < np.abs(estimated - true).max()
     assert drift.size.max() > 5e-3
+    assert re.fullmatch(r"estimate \d+ mm and [+-]\d\.\d° off", drift.text(-1))
+    assert caption(log, 9, drift).splitlines()[-2] == drift.text(9)
     for planned, real in zip(stances(log), stances(log, "truth"), strict=True):
         assert (planned.side, planned.start) == (real.side, real.start)
         np.testing.assert_allclose(planned.corners.mean(axis=0), real.corners.mean(axis=0), atol=6e-3)

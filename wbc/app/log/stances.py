@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -120,7 +122,11 @@ class Drift:
             self._from = np.mean([log[f"foot/{side}/estimated/position"] for side in SIDES], axis=0)
             self._to = np.mean([log[f"truth/foot/{side}/position"] for side in SIDES], axis=0)
 
-    @property
+    def text(self, tick: int) -> str:
+        """Return what a page says of the drift at a tick."""
+        return f"estimate {1e3 * self.size[tick]:.0f} mm and {math.degrees(self.turn[tick]):+.1f}° off"
+
+    @cached_property
     def size(self) -> Array:
         """Horizontal distance between the middle of the feet and where it is estimated, shape (ticks,), m."""
         size: Array = np.linalg.norm((self._to - self._from)[:, :2], axis=1)

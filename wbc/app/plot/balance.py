@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
@@ -118,5 +117,4 @@ def _one_plan(ax: Axes, log: Log, name: str) -> None:
         ax.plot([], [], color=colour, linewidth=1.1, label=f"{side} sole" + (", true" if truth else ""))
         ax.plot([], [], "--", color=colour, linewidth=0.7, label=f"{side} sole, planned")
     legend(ax, columns=7)
-    off = f"; the estimate ends {1e3 * drift.size[-1]:.0f} mm and {math.degrees(drift.turn[-1]):+.1f}° off"
-    ax.set_title(name + off * truth, loc="left", fontsize=10)
+    ax.set_title(f"{name}; at the end {drift.text(-1)}" if truth else name, loc="left", fontsize=10)

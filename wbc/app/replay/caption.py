@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 
 from wbc.app.log import Log
+from wbc.app.log.stances import Drift
 from wbc.app.scene.layers import stiffness_text
 from wbc.core.robot import SIDES
 
@@ -12,8 +13,8 @@ EVENT_TIME = 2.0
 """Time for which an event is shown, s."""
 
 
-def caption(log: Log, tick: int) -> str:
-    """Return state of a program, phase, step, stiffness of the soles, last event, one line each, as far as logged."""
+def caption(log: Log, tick: int, drift: Drift | None = None) -> str:
+    """Return program, phase, step, stiffness of the soles, drift and last event, one line each, as far as logged."""
     lines = []
     if "program/state" in log:
         lines.append(str(log.texts("program/state")[tick]))
@@ -26,6 +27,8 @@ def caption(log: Log, tick: int) -> str:
     ]
     if stiffness and all(math.isfinite(value) for value in stiffness):
         lines.append(stiffness_text(stiffness))
+    if drift is not None and "truth/com/x" in log and "foot/left/contact" in log:
+        lines.append(drift.text(tick))
     now = float(log.time[tick])
     past = [text for time, text in log.events if now - EVENT_TIME <= time <= now]
     if past:

@@ -174,7 +174,7 @@ class _Captions:
     """Title, time and caption in the pictures."""
 
     def __init__(self, replay: Replay, height: int) -> None:
-        self._log = replay.log
+        self._log, self._drift = replay.log, replay.drift
         self._size = max(10, height // 36)
         self._font = ImageFont.load_default(self._size)
         self._title = str(replay.log.header.get("title") or replay.scene.title)
@@ -182,7 +182,7 @@ class _Captions:
     def on(self, pixels: Picture, tick: int) -> Picture:
         """Return a picture with the text of a tick."""
         picture = Image.fromarray(np.ascontiguousarray(pixels))
-        text = f"{self._title}   {self._log.time[tick]:.2f} s\n{caption(self._log, tick)}"
+        text = f"{self._title}   {self._log.time[tick]:.2f} s\n{caption(self._log, tick, self._drift)}"
         ImageDraw.Draw(picture).multiline_text(
             (self._size, self._size), text.strip(), fill=(30, 30, 30), font=self._font, spacing=4
         )

@@ -58,7 +58,7 @@ def replay_page(
         last=len(ticks) - 1,
         paths=_script_text(replay.scene.moving),
         times=json.dumps([round(float(t), 4) for t in log.time[ticks]]),
-        captions=_script_text([caption(log, tick) for tick in ticks]),
+        captions=_script_text([caption(log, tick, replay.drift) for tick in ticks]),
         soles=_script_text(replay.sole_paths),
         colours=json.dumps([replay.sole_colours(tick) if any(replay.sole_paths) else [] for tick in ticks]),
         targets=json.dumps(np.round(places[:, :2], 4).tolist()),

@@ -41,6 +41,7 @@ class Replay:
         overlays: Footsteps, support region and DCM of a walk.
         sole_paths: Paths of each foot in the colour of its stiffness; empty for a passive foot.
         base_places: Places of the base as it is shown, shape (ticks, 3), m.
+        drift: Where the world of the estimate lies.
     """
 
     @checked
@@ -68,7 +69,8 @@ class Replay:
             self._com = log["truth/com" if "truth/com/x" in log else "com/estimated"]
             self._wrenches = [log[f"foot/{side}/wrench_measured"] for side in SIDES]
             known = "zmp/measured/x" in log or "foot/left/estimated/position/x" in log
-            self._zmp = Drift(log)(measured_zmp(log)) if known else None
+            self.drift = Drift(log)
+            self._zmp = self.drift(measured_zmp(log)) if known else None
             self.sole_paths, self.base_places = self._stage.sole_paths, self._stage.q[:, :3]
             self._stiffness = [log[f"foot/{side}/stiffness"] for side in SIDES]
             self._push: tuple[Array, ...] = ()
