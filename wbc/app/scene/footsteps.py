@@ -63,18 +63,16 @@ class FootstepsLayer(Layer):
             self._path = deque(maxlen=PATH_POINTS)
             self.add("footsteps/path", ribbon(np.zeros((2 * PATH_MARKS, 3))), PATH_COLOUR, deformable=True)
             self.legend = (*FOOTSTEP_LEGEND, ("path of the robot", PATH_COLOUR))
-        self._planned_at = np.tile(HIDDEN, (self._count, 1, 1))  # in the world of the estimate
-        self._shown_at = self._planned_at.copy()
-        self._real_at = np.tile(HIDDEN, (self._count, 1, 1))
-        self._first = first
-        robot = walking.controller.robot
-        self._start = {
-            side: Footstep.of(side, robot.placement(sole.frame))
-            for side, sole in zip(SIDES, robot.soles, strict=True)
-        }
+        self._planned_at = np.tile(HIDDEN, (self._count, 1, 1))
+        self._real_at = self._planned_at.copy()
+        self._first, robot = first, walking.controller.robot
+        soles_now = dict(zip(SIDES, (robot.placement(sole.frame) for sole in robot.soles), strict=True))
+        start = [Footstep.of(side, soles_now[side]) for side in (first, other(first))]
+        self._start = np.array([_mark(foot) for foot in start])
         self._skipped = 0  # indices left out where a side has stepped twice, with a stand between
         self._end = 0
-        self._marked: tuple[int, tuple[Footstep, ...]] | None = None  # steps done, and planned landings
+        self._upcoming: tuple[Footstep, ...] = ()
+        self._marks = np.empty((0, 4, 4))  # of these, in the world of the estimate
 
     def fill(self, matrices: Array, annotations: Annotations) -> None:  # noqa: D102
         progress = self._walking.progress
@@ -82,15 +80,19 @@ class FootstepsLayer(Layer):
         if side is not None and side != self._side(progress.steps_done + self._skipped):
             self._skipped += 1
         present = progress.steps_done + self._skipped  # index of the foot that swings, or swings next
-        if self._marked is None or self._marked != (present, progress.upcoming):
-            self._marked = present, progress.upcoming
-            self._mark_plan(present, progress.upcoming)
+        if self._upcoming != progress.upcoming:
+            self._upcoming = progress.upcoming
+            marks = [_mark(foot) for foot in progress.upcoming[: self._ahead]]
+            self._marks = np.array(marks).reshape(-1, 4, 4)
+        drift, end = drift_of(self._plant, self._walking), present + 2 + len(self._marks)
+        self._planned_at[np.arange(end, self._end) % self._count] = HIDDEN  # a stop has shortened the plan
+        self._planned_at[np.arange(present + 2, end) % self._count] = drift @ self._marks  # landed ones stay
+        if present == 0:
+            self._planned_at[:2] = drift @ self._start
+        self._end = end
         for i in (present + 1,) if progress.swing is not None else (present, present + 1):
             self._real_at[i % self._count] = self._pose(self._side(i))
-        drift = drift_of(self._plant, self._walking)
-        ahead = np.arange(present + 2 if present else 0, self._end) % self._count  # landed ones stay
-        self._shown_at[ahead] = drift @ self._planned_at[ahead]
-        matrices[self._planned], matrices[self._real] = self._shown_at, self._real_at
+        matrices[self._planned], matrices[self._real] = self._planned_at, self._real_at
         annotations.text += walk_lines(self._walking)
         feet = np.mean(self._plant.data.site_xpos[self._sites], axis=0)
         off = float(np.linalg.norm((np.linalg.inv(drift) @ [*feet, 1.0])[:2] - feet[:2]))
@@ -111,24 +113,6 @@ class FootstepsLayer(Layer):
     def _side(self, index: int) -> str:
         """Return the side of the foot with an index."""
         return self._first if index % 2 == 0 else other(self._first)
-
-    def _mark_plan(self, present: int, upcoming: tuple[Footstep, ...]) -> None:
-        """Move the marks of future steps to their planned placements; those of landed feet stay.
-
-        Args:
-            present: Index of the foot that swings, or swings next.
-            upcoming: Planned landings.
-        """
-        feet = upcoming[: self._ahead]
-        for i, foot in enumerate(feet, present + 2):
-            self._planned_at[i % self._count] = _mark(foot)
-        if present == 0:
-            for i in range(2):
-                self._planned_at[i] = _mark(self._start[self._side(i)])
-        end = present + 2 + len(feet)
-        for i in range(end, self._end):
-            self._shown_at[i % self._count] = HIDDEN  # a stop has shortened the plan
-        self._end = end
 
     def _pose(self, side: str) -> Array:
         """Return the real placement of a sole."""
