@@ -128,7 +128,6 @@ def _pictures(
     """Yield the pictures."""
     width, height = size
     drawn = MujocoScene(replay.scene, replay.terrain, width, height, replay.sole_paths)
-    captions = _Captions(replay, height)
     camera = mujoco.MjvCamera()
     camera.distance, camera.azimuth, camera.elevation = 3.2 * replay.scene.com_height, 130.0, -12.0
     places = replay.base_places
@@ -148,7 +147,7 @@ def _pictures(
                 _add_forces(scene, replay, tick)
                 mujoco.mjr_render(view, scene, context)
                 mujoco.mjr_readPixels(pixels, None, view, context)
-                yield captions.on(pixels[::-1], tick)
+                yield _with_caption(pixels[::-1], replay, tick)
                 if progress is not None:
                     progress(i + 1, len(ticks))
         finally:
@@ -170,23 +169,13 @@ def _add_forces(scene: Any, replay: Replay, tick: int) -> None:
         scene.ngeom += 1
 
 
-class _Captions:
-    """Title, time and caption in the pictures."""
-
-    def __init__(self, replay: Replay, height: int) -> None:
-        self._log, self._drift = replay.log, replay.drift
-        self._size = max(10, height // 36)
-        self._font = ImageFont.load_default(self._size)
-        self._title = str(replay.log.header.get("title") or replay.scene.title)
-
-    def on(self, pixels: Picture, tick: int) -> Picture:
-        """Return a picture with the text of a tick."""
-        picture = Image.fromarray(np.ascontiguousarray(pixels))
-        text = f"{self._title}   {self._log.time[tick]:.2f} s\n{caption(self._log, tick, self._drift)}"
-        ImageDraw.Draw(picture).multiline_text(
-            (self._size, self._size), text.strip(), fill=(30, 30, 30), font=self._font, spacing=4
-        )
-        return np.asarray(picture)
+def _with_caption(pixels: Picture, replay: Replay, tick: int) -> Picture:
+    """Return a picture with title, time and caption."""
+    picture, log, size = Image.fromarray(np.ascontiguousarray(pixels)), replay.log, max(10, len(pixels) // 36)
+    title = f"{log.header.get('title') or replay.scene.title}   {log.time[tick]:.2f} s"
+    text, font = f"{title}\n{caption(log, tick, replay.drift)}".strip(), ImageFont.load_default(size)
+    ImageDraw.Draw(picture).multiline_text((size, size), text, fill=(30, 30, 30), font=font, spacing=4)
+    return np.asarray(picture)
 
 
 @contextlib.contextmanager

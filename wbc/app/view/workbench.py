@@ -25,6 +25,7 @@ from wbc.app.view.workbench_scene import WorkbenchScene
 from wbc.app.view.workbench_server import start_server, stop_server
 from wbc.core.errors import Array, InputError
 from wbc.core.qp.contact import Contact
+from wbc.core.qp.solution import Solution
 from wbc.core.qp.task import Task
 from wbc.core.robot import GRAVITY
 from wbc.robots import RobotDescription
@@ -437,9 +438,7 @@ class Workbench(View):
 
     def _residual(self, task: str) -> float:
         """Return the norm of a task's residual, NaN before the first tick."""
-        controller = self.controls.controller
-        solution = None if controller is None else controller.solution
-        rows = None if solution is None else solution.residuals.get(task)
+        rows = None if self._solution is None else self._solution.residuals.get(task)
         return math.nan if rows is None else float(np.linalg.norm(rows))
 
     def _contact_folder(self, contact: Contact) -> None:
@@ -461,18 +460,19 @@ class Workbench(View):
             )
 
     def _wrench(self, contact: Contact) -> Array | None:
-        controller = self.controls.controller
-        solution = None if controller is None else controller.solution
-        return None if solution is None else solution.wrenches.get(contact.name)
+        return None if self._solution is None else self._solution.wrenches.get(contact.name)
+
+    @property
+    def _solution(self) -> Solution | None:
+        return None if self.controls.controller is None else self.controls.controller.solution
 
     def _limits(self) -> None:
         asked = self._server.gui.add_checkbox("show", False)
         seen: deque[tuple[str, ...]] = deque(maxlen=round(PLOT_TIME / PLOT_PERIOD))
 
         def look(_: float) -> None:
-            controller = self.controls.controller
-            if asked.value and controller is not None and controller.solution is not None:
-                seen.append(tuple(dict.fromkeys(controller.solution.active_limits)))
+            if asked.value and self._solution is not None:
+                seen.append(tuple(dict.fromkeys(self._solution.active_limits)))
 
         def text() -> str:
             if not asked.value or not seen:
