@@ -79,16 +79,9 @@ class SteppingGait:
     """
 
     def __init__(self, settings: SteppingSettings, scale: Scale, heading: float, dt: float) -> None:
-        """Stand.
+        """Stand, with settings in units of the robot's size, the heading (rad) and the control period (s).
 
-        Args:
-            settings: Settings in units of the robot.
-            scale: Size of the robot.
-            heading: Heading of the robot, rad.
-            dt: Control period, s.
-
-        Raises:
-            InputError: Steps that cannot be walked.
+        Raises `InputError` for steps that cannot be walked.
         """
         self.settings, self.scale, self._dt = settings.in_si(scale), scale, dt
         self.steering = Steering(self.settings, heading, dt)
@@ -118,12 +111,7 @@ class SteppingGait:
         return self._stance
 
     def update(self, state: BodyState, frames: tuple[pin.SE3, pin.SE3]) -> Reference:
-        """Compute one tick.
-
-        Args:
-            state: State of the robot.
-            frames: Placements of left and right sole, which feet that stand keep.
-        """
+        """Compute one tick; feet that stand keep the placements of left and right sole."""
         self._elapsed += self._dt
         dcm = self._pendulum(state)
         events: tuple[Event, ...] = ()

@@ -91,14 +91,10 @@ class Orbit(NamedTuple):
 
     @staticmethod
     def of(velocity: Point, side: float, width: float, time: float, omega: float) -> Orbit:
-        """Return the orbit of a velocity.
+        """Return the orbit of a velocity, forward and left, m/s.
 
-        Args:
-            velocity: Forward and left, m/s.
-            side: 1 if the left foot swings, −1 if the right one does.
-            width: Distance w between the feet, m.
-            time: Step time T, s.
-            omega: ω, 1/s.
+        The side is 1 if the left foot swings, −1 if the right one does; w is the distance between the feet, m, T the
+        step time, s. Walking sideways shifts the offsets by a share of w/(1 + E) at most.
         """
         growth = math.exp(omega * time)
         still = width / (1.0 + growth)
@@ -131,11 +127,7 @@ def remaining_time(
 def foothold(contact: Point, dcm: Divergent, remaining: float, offset: Point) -> Point:
     """Return the place where a foot lands so that an offset is left: p + (ξ − p) e^{ω t} − b.
 
-    Args:
-        contact: p, m.
-        dcm: ξ.
-        remaining: Time t to the landing, s.
-        offset: b in the world, m.
+    Contact point p, m, DCM ξ, time t to the landing, s, offset b in the world, m, natural frequency ω, 1/s.
     """
     growth = math.exp(dcm.omega * remaining)
     return (

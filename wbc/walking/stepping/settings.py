@@ -51,15 +51,10 @@ class Scale:
 
     @staticmethod
     def of(robot: Robot, bend: float, height: float | None = None) -> Scale:
-        """Measure a robot; its state stays as it is.
+        """Measure a robot with a left and a right sole; its state stays as it is.
 
-        Args:
-            robot: Robot with a left and a right sole.
-            bend: Distance of the CoM below its height on straight legs, in leg lengths.
-            height: Height of the CoM over the soles, m; from `bend` when None.
-
-        Raises:
-            InputError: A robot without two soles, or with legs that hang together with both.
+        The CoM is at a height over the soles, m, else `bend`, in leg lengths, below its height on straight legs. Legs
+        that hang together with both soles are an `InputError`.
         """
         if len(robot.soles) != 2:
             raise InputError(f"a stepping walk needs two feet, got a robot with {len(robot.soles)} soles")

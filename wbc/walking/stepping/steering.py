@@ -38,13 +38,7 @@ class Steering:
     """
 
     def __init__(self, settings: SteppingSettings, heading: float, dt: float) -> None:
-        """Begin with a stand.
-
-        Args:
-            settings: Settings in SI units.
-            heading: Heading at the start, rad.
-            dt: Control period, s.
-        """
+        """Begin with a stand, with settings in SI units, a heading, rad, and the control period, s."""
         self._s, self._dt = settings, dt
         self.target: Velocity | None = None
         self.goal: tuple[float, float, float] | None = None
@@ -80,14 +74,9 @@ class Steering:
         self.velocity, self._path, self._missing = (0.0, 0.0), place, 0.0
 
     def update(self, place: Point, speed: Point) -> Steps:
-        """Compute one tick of a robot that steps.
+        """Return the velocity of the next steps, which changes by the acceleration at most.
 
-        Args:
-            place: Centre of mass over the ground, m.
-            speed: Its velocity in the world, m/s.
-
-        Returns:
-            The velocity of the next steps, which changes by the acceleration at most.
+        Place, m, and speed, m/s, are those of the centre of mass over the ground, in the world.
         """
         s, dt = self._s, self._dt
         forward, left, turn = self._wanted(place)

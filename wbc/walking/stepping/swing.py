@@ -27,12 +27,7 @@ class SwingReference:
     """
 
     def __init__(self, settings: SteppingSettings, dt: float) -> None:
-        """Start at the origin; `lift` begins a swing.
-
-        Args:
-            settings: Settings in SI units.
-            dt: Control period, s.
-        """
+        """Start at the origin; `lift` begins a swing."""
         self._s, self._dt = settings, dt
         self.lift((0.0, 0.0, 0.0))
 
@@ -49,13 +44,7 @@ class SwingReference:
         self.place, self.velocity, self.acceleration = (place[0], place[1]), (0.0, 0.0), (0.0, 0.0)
 
     def travel(self, elapsed: float, time: float, landing: Point) -> None:
-        """Move on by one period towards a landing.
-
-        Args:
-            elapsed: Time since lift-off, s.
-            time: Time of the step, s.
-            landing: m.
-        """
+        """Move on by one period towards a landing, m; times since lift-off and of the step are in s."""
         dt, left = self._dt, self._s.settle * time - elapsed
         if left > 1.25 * self._s.follow:
             coordinates = [
@@ -77,13 +66,7 @@ class SwingReference:
         self.place, self.velocity, self.acceleration = (x + u * dt, y + v * dt), (u, v), (a, b)
 
     def rise(self, elapsed: float, time: float, ground: float) -> None:
-        """Set the height.
-
-        Args:
-            elapsed: Time since lift-off, s.
-            time: Time of the step, s.
-            ground: Expected height of the ground, m.
-        """
+        """Set the height over the expected height of the ground, m; times since lift-off and of the step are in s."""
         s = self._s
         high = max(self._from, ground)
         apex = s.apex * time

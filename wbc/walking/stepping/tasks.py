@@ -98,13 +98,9 @@ class SteppingTasks:
     def __init__(
         self, controller: Controller, gait: SteppingSettings, gains: SteppingGains, scale: Scale
     ) -> None:
-        """Add all tasks, contacts and limits to a controller.
+        """Add all tasks, contacts and limits to a controller of a robot that stands at the start.
 
-        Args:
-            controller: Controller of a robot that stands at the start.
-            gait: Settings of the gait in SI units.
-            gains: Weights and gains.
-            scale: Size of the robot.
+        Settings of the gait are in SI units.
         """
         self._gait, self._scale = gait, scale
         robot, omega, square = controller.robot, scale.omega, scale.omega**2
@@ -190,13 +186,7 @@ class SteppingTasks:
         lean: LeanMotion = UPRIGHT,
         twist: Twist | None = None,
     ) -> None:
-        """Set all targets of a tick.
-
-        Args:
-            reference: References of the gait.
-            lean: Lean of the trunk; `UPRIGHT` itself for none.
-            twist: Turn of the trunk against the heading; None for none.
-        """
+        """Set all targets of a tick; `UPRIGHT` itself is no lean, None no twist of the trunk against the heading."""
         support = reference.support
         assert support is not None
         self._stand(reference, support)

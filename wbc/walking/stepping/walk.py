@@ -33,16 +33,9 @@ class SteppingWalk(ReferenceSource):
         settings: SteppingSettings | None = None,
         com_height: float | None = None,
     ) -> None:
-        """Stand.
+        """Stand; the CoM is at a height over the soles, m, or as far down as the settings' `bend`.
 
-        Args:
-            robot: The robot, standing.
-            dt: Control period, s.
-            settings: Settings; the defaults when None.
-            com_height: Height of the CoM over the soles while walking, m; from the settings' `bend` when None.
-
-        Raises:
-            InputError: A robot without two feet, or steps that cannot be walked.
+        A robot without two feet, or steps that cannot be walked, are an `InputError`.
         """
         settings = settings or SteppingSettings()
         scale = Scale.of(robot, settings.bend, com_height)
@@ -111,13 +104,7 @@ class SteppingWalk(ReferenceSource):
 
     @checked
     def go_to(self, x: float, y: float, yaw: float) -> None:
-        """Walk to a place and stand there.
-
-        Args:
-            x: Place of the robot in the world, m.
-            y: Place of the robot in the world, m.
-            yaw: Heading there, rad.
-        """
+        """Walk to a place in the world, m, with a heading, rad, and stand there."""
         self._steering.go_to(x, y, yaw)
 
     def stop(self) -> None:
