@@ -19,6 +19,7 @@ from wbc.app.cli import main
 from wbc.app.log import Log, Recorder
 from wbc.app.replay import Replay, convert_log
 from wbc.app.scene.shapes import MeshFile
+from wbc.core.errors import InputError
 
 TIME = 1e-9  # s for each unit of a time stamp
 
@@ -143,7 +144,9 @@ def test_rerun_opens_an_rrd(replay: Replay, tmp_path: Path) -> None:
 def test_a_log_without_a_robot_has_signals_alone(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     pytest.importorskip("mcap")
     log, out = tmp_path / "stand.arrow", tmp_path / "stand.mcap"
-    stand("hrp4_class", log, with_plant=False)
+    opened = stand("hrp4_class", log, with_plant=False)
+    with pytest.raises(InputError, match="pictures a second"):
+        convert_log(opened, out, rate=0.0)
     assert main(["log", "convert", str(log), str(out), "--json"]) == 0
     assert "without a plant" in json.loads(capsys.readouterr().out)["without_scene"]
     assert main(["log", "convert", str(log), str(tmp_path / "stand.bag")]) == 2

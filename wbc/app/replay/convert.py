@@ -17,7 +17,7 @@ from wbc.app.replay.convert_rrd import write_rrd
 from wbc.app.replay.groups import Progress
 from wbc.app.replay.replay import Replay
 from wbc.core.arguments import checked
-from wbc.core.errors import InputError
+from wbc.core.errors import InputError, positive
 from wbc.core.files import replacing
 
 CONVERSIONS = (".mcap", ".rrd")
@@ -66,7 +66,7 @@ def convert_log(
     Raises:
         InputError: As `check_conversion` raises it, a rate that is not above zero, or an empty log.
     """
-    target = check_conversion(path, [log.path])
+    target, rate = check_conversion(path, [log.path]), positive("pictures a second (1/s)", rate)
     if not len(log):
         raise InputError(f"{log.path} holds no ticks; there is nothing to convert")
     reason = replay = None
