@@ -37,6 +37,13 @@ MOST_LEAN = 0.35
 MOST_TURN = 0.3
 """Greatest turn of a trunk without a joint of the waist about the vertical, rad: the hips turn then."""
 
+MOST_LOOK = 0.6
+"""Greatest turn of the torso of a robot without a neck that looks while it balances by its steps, rad.
+
+`g1` looked behind itself at up to 0.4 m/s and 0.5 rad/s: to 1.1 rad it fell in 3 of 10 walks, to 0.8 rad in
+none of 9.
+"""
+
 MARGIN = 0.05
 """Distance of a joint to its limit that is left at an extreme set-point, rad."""
 
@@ -94,10 +101,13 @@ class Body(FixedAttributes):
         """
         self._controller, self._robot, self._dt = controller, controller.robot, dt
         self._nominal = com_height
-        self._goal = np.zeros(4)  # height − nominal, roll, pitch, turn
-        self._now, self._rate, self._push = np.zeros(4), np.zeros(4), np.zeros(4)
+        self._goal = np.zeros(
+            5
+        )  # height − nominal, roll, pitch, turn, look of a torso that has no task of its own
+        self._now, self._rate, self._push = np.zeros(5), np.zeros(5), np.zeros(5)
         self._waist = waist and _vertical(self._robot, _waist_joints(self._robot))
         self._most = self._most_turn()
+        self._look, self._most_look = (3, self._most) if self._waist else (4, MOST_LOOK)
         self._lowest: float | None = None
         self.lift: Callable[[], float] = float
         self._gaze: GazeTask | None = None
@@ -191,7 +201,7 @@ class Body(FixedAttributes):
         """Look at a point with the neck, and a little with the waist where the neck does not reach.
 
         A robot without a neck turns its torso to the point, about the vertical alone: that is its `turn`, as far as the
-        waist goes; assigning `turn` ends it.
+        waist goes; assigning `turn` ends it. In a walk that balances by its steps it goes to 0.6 rad, beside `turn`.
 
         Args:
             point: In the world, shape (3,), m; None to look ahead with the posture again.
@@ -200,18 +210,20 @@ class Body(FixedAttributes):
             InputError: Not three finite numbers; a robot without a neck and a waist.
         """
         if point is None:
-            if self._gaze is not None:
-                self._gaze.weight = 0.0
             if self._point is not None:
-                self.turn = 0.0
+                self._set(self._look, 0.0)
+                self._point = None
+            elif self._gaze is not None:
+                self._gaze.weight = 0.0
             return
-        place = finite_array("point to look at (m)", point, (3,))
-        if self._waist and not _neck_joints(self._robot):
-            self._point, self.active, self._off = place, True, np.inf
-            return
-        if self._gaze is None:
+        place, neck = finite_array("point to look at (m)", point, (3,)), bool(_neck_joints(self._robot))
+        if self._gaze is None and (neck or not self._waist):
             self._gaze = self._controller.add(_gaze_task(self._robot, place))
             self._gaze_weight = self._gaze.weight.copy()
+        if not neck:
+            self._point, self.active, self._off = place, True, np.inf
+        if self._gaze is None:
+            return
         self._gaze.target, self._gaze.weight = place, self._gaze_weight
 
     @property
@@ -228,7 +240,7 @@ class Body(FixedAttributes):
     def looking(self) -> bool:
         """True while the gaze is within 0.05 rad of the point that it was given, and turns by less than 0.2 rad/s."""
         if self._point is not None:
-            return self._off < 0.05 and abs(float(self._rate[3])) < 0.2
+            return self._off < 0.05 and abs(float(self._rate[self._look])) < 0.2
         gaze = self._gaze
         return gaze is not None and not gaze.idle and gaze.reached
 
@@ -248,25 +260,41 @@ class Body(FixedAttributes):
             self._turn_to(self._point, heading)
         before, displacement = self._rate, self._goal - self._now
         if not (displacement.any() or before.any()):
-            self._push = np.zeros(4)
+            self._push = np.zeros(5)
             self.active = bool(self._now.any()) or self._point is not None
+            self._aim(heading)
             return
-        self._rate = rate = np.empty(4)
+        self._rate = rate = np.empty(5)
         rate[:1] = approach(displacement[:1], before[:1], SPEED, ACCELERATION, self._dt)
-        rate[1:] = approach(displacement[1:], before[1:], TURN_SPEED, TURN_ACCELERATION, self._dt)
+        for turns in (slice(1, 4), slice(4, 5)):
+            rate[turns] = approach(
+                displacement[turns], before[turns], TURN_SPEED, TURN_ACCELERATION, self._dt
+            )
         self._push = (rate - before) / self._dt
         self._now = self._now + self._dt * rate
         if np.abs(displacement).max() < 1e-7 and np.abs(rate).max() < 1e-6:
-            self._now, self._rate = self._goal.copy(), np.zeros(4)
+            self._now, self._rate = self._goal.copy(), np.zeros(5)
+        self._aim(heading)
+
+    def _aim(self, heading: float) -> None:
+        """Aim the torso of a robot without a neck, by a task, where its look has got to; back ahead, end it."""
+        if self._gaze is None or self._look == 3 or _neck_joints(self._robot):
+            return
+        if self._point is None and not self._now[4]:
+            self._gaze.weight = 0.0
+            return
+        angle = heading + float(self._now[4])
+        self._gaze.target = self._robot.com + np.array([3.0 * math.cos(angle), 3.0 * math.sin(angle), 0.0])
 
     def _turn_to(self, point: Array, heading: float) -> None:
         """Turn to a point; where the waist does not reach, stay at that end of its range where it is."""
         x, y, _ = point - self._robot.com
         if math.hypot(x, y) < NEAREST:
             return
-        angle, most = math.remainder(math.atan2(y, x) - heading, 2.0 * math.pi), self._most
-        self._goal[3] = angle if abs(angle) <= most else math.copysign(most, self._goal[3] or angle)
-        self._off = abs(angle - float(self._now[3]))
+        angle, most = math.remainder(math.atan2(y, x) - heading, 2.0 * math.pi), self._most_look
+        before = self._goal[self._look]
+        self._goal[self._look] = angle if abs(angle) <= most else math.copysign(most, before or angle)
+        self._off = abs(angle - float(self._now[self._look]))
 
     def raised(self, pendulum: Pendulum) -> Pendulum:
         """Return a reference of the pendulum at the height that is set.
