@@ -10,6 +10,7 @@ Command and measurement are those of a real robot.
 from __future__ import annotations
 
 import copy
+import logging
 import math
 from collections.abc import Callable, Mapping, Sequence
 
@@ -28,11 +29,14 @@ from wbc.sim.loop.contacts import SoleContacts
 from wbc.sim.loop.places import ImuSensors, find_imu, find_places
 from wbc.sim.loop.signals import LoopSignals
 from wbc.sim.plant.drives import DelayLine
+from wbc.sim.plant.hands import check_clear
 from wbc.sim.plant.model import body_frame
 from wbc.sim.plant.pushes import Push, Pushes
 from wbc.sim.plant.sensors import NO_NOISE, NOISE_PRESETS, SensorChain, SensorNoise
 from wbc.sim.plant.settings import Machine, steps_per_tick, whole_steps
 from wbc.sim.plant.truth import GroundTruth
+
+logger = logging.getLogger(__name__)
 
 OTHER_MASS = 0.01
 """Share of the mass by which model and description may differ without a note."""
@@ -95,7 +99,8 @@ class MujocoLoop:
         Args:
             description: The robot.
             model: The model.
-            data: Its state, taken as it is; a new one with the robot at half-sitting on z = 0 when None.
+            data: Its state, taken as it is, with a warning if the robot is inside a thing; a new one with the robot at
+                half-sitting on z = 0 when None.
             control_period: Time between two commands, s; a whole multiple of the physics step.
             joints: Joint of the robot → joint of the model, where the names differ.
             prefix: What the model puts before all names of the robot, such as "robot/".
@@ -158,6 +163,11 @@ class MujocoLoop:
             )
         self.data = data
         self._begin()
+        try:
+            check_clear(model, data, self._contacts.geom_robot)
+        except InputError as error:
+            self.notes += (f"the data begin so (reset() puts the robot into half-sitting): {error}",)
+            logger.warning("%s", self.notes[-1])
 
     @property
     def time(self) -> float:

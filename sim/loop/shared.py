@@ -114,7 +114,6 @@ class SharedPlant:
             name: MujocoLoop(
                 description,
                 self.model,
-                self.data,
                 control_period=control_period,
                 prefix=f"{name}/",
                 noise=noise,
@@ -122,6 +121,8 @@ class SharedPlant:
             )
             for i, (name, description) in enumerate(robots.items())
         }
+        for loop in self.loops.values():
+            loop.data = self.data
         self._grips = {
             name: Grips(self.model, loop.robot, SCENE_PREFIX, f"{name}/") for name, loop in self.loops.items()
         }

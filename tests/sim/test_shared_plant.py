@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import mujoco
 import numpy as np
 import pytest
 
@@ -59,6 +60,14 @@ def test_a_robot_that_is_pushed_into_another_moves_it() -> None:
         run(plant, 0.8)
         moved.append(plant.loops["two"].truth().com[0] - 0.45)
     assert abs(moved[0]) < 1e-3 and moved[1] > 0.01
+
+
+def test_a_loop_that_begins_inside_the_ground_says_so(caplog: pytest.LogCaptureFixture) -> None:
+    """Data that nobody has reset: all robots are at the origin, their feet below the ground."""
+    model = SharedPlant({"one": HRP4, "two": G1}, places={"two": (1.0, 0.0, 0.0)}).model
+    assert not caplog.records
+    loop = MujocoLoop(HRP4, model, mujoco.MjData(model), prefix="one/")
+    assert "inside the ground" in loop.notes[-1] and "inside the ground" in caplog.text
 
 
 def test_what_cannot_be_is_refused_by_name() -> None:
