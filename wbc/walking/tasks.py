@@ -14,9 +14,9 @@ from wbc.core.qp.contact import SoleContact
 from wbc.core.qp.controller import Controller
 from wbc.core.robot import Robot
 from wbc.core.settings import Positive, settings
+from wbc.tasks.balance import BodyGains
 from wbc.tasks.motion.com import CoMTask
 from wbc.tasks.motion.frame import OrientationTask, PoseTask
-from wbc.tasks.motion.posture import PostureTask
 from wbc.tasks.stabilizer.distribution import DistributionSettings
 from wbc.tasks.stabilizer.gains import StabilizerGains
 from wbc.tasks.stabilizer.lean import UPRIGHT, LeanMotion
@@ -30,20 +30,14 @@ FREE_FRICTION = 2.0
 
 
 @settings
-class TaskGains:
-    """Weights and gains of the tasks of a walk; damping is critical.
+class TaskGains(BodyGains):
+    """Weights and gains of the tasks of a walk: those of `wbc.tasks.balance.BodyGains`, and these.
 
     Attributes:
-        com_weight: Cost per (m/s²)².
-        com_stiffness: 1/s².
         swing_weight: Pose of the foot in the air, cost per (m/s²)² and (rad/s²)².
         swing_turn_weight: Rotation of the foot in the air in torque control, cost per (rad/s²)²: where a joint of the
             ankle meets its limit the foot turns by a hundred rad/s², which the CoM must not pay for.
         swing_stiffness: 1/s².
-        orientation_weight: Pelvis and torso, cost per (rad/s²)².
-        orientation_stiffness: 1/s².
-        posture_weight: All joints, cost per (rad/s²)².
-        posture_stiffness: 1/s².
         contact_stiffness: Stiffness of a standing foot towards its corrected pose in position control, 1/s².
         contact_return: Stiffness of a standing foot towards its place in torque control, 1/s².
         wrench_weight: Desired foot wrenches in torque control, cost per N² and (Nm)².
@@ -52,15 +46,9 @@ class TaskGains:
         even_soles: Bound yaw moments of soles in torque control as under even pressure, not at their corners alone.
     """
 
-    com_weight: Positive = 100.0
-    com_stiffness: Annotated[Positive, "1/s²"] = 100.0
     swing_weight: Positive = 1000.0
     swing_turn_weight: Positive = 1.0
     swing_stiffness: Annotated[Positive, "1/s²"] = 400.0
-    orientation_weight: Positive = 10.0
-    orientation_stiffness: Annotated[Positive, "1/s²"] = 100.0
-    posture_weight: Positive = 0.1
-    posture_stiffness: Annotated[Positive, "1/s²"] = 20.0
     contact_stiffness: Annotated[Positive, "1/s²"] = 1000.0
     contact_return: Annotated[Positive, "1/s²"] = 100.0
     wrench_weight: Positive = 1e-3
@@ -132,23 +120,10 @@ class WalkTasks:
             )
             for sole in robot.soles
         ]
-        trunk = {"pelvis": robot.base_frame}
-        if robot.torso_frame != robot.base_frame:
-            trunk["torso"] = robot.torso_frame
-        self._trunk = [
-            controller.add(
-                OrientationTask(
-                    frame, name=name, weight=gains.orientation_weight, stiffness=gains.orientation_stiffness
-                )
-            )
-            for name, frame in trunk.items()
-        ]
+        self._trunk, self.posture = gains.add_trunk_and_posture(controller, "pelvis")
         forward = _yaw_rotation(-heading(robot.placement(robot.base_frame).rotation))
         self._trunk_tilts = [forward @ task.target for task in self._trunk]
         self._trunk_target: tuple[float | None, LeanMotion] = (None, UPRIGHT)  # heading and lean
-        self.posture = controller.add(
-            PostureTask(weight=gains.posture_weight, stiffness=gains.posture_stiffness)
-        )
         controller.add(JointLimits())
         for contact in self.contacts:
             controller.add(contact)
