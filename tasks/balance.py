@@ -16,7 +16,7 @@ from wbc.tasks.motion.frame import OrientationTask
 from wbc.tasks.motion.posture import PostureTask
 
 
-@settings
+@settings(kw_only=True)
 class BodyGains:
     """Weights and gains of the tasks that every humanoid has; damping is critical.
 
