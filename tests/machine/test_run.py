@@ -23,6 +23,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 from hanging import SimulatedTime
+from properties import by_default
 
 import wbc
 from wbc import Command, Measurement
@@ -212,7 +213,7 @@ def test_a_controller_that_has_stopped_ends_in_damping() -> None:
     assert report.phases[-1][0] is Phase.DAMPED and machine.damped >= 50
 
 
-@pytest.mark.parametrize("torques", [True, False])
+@pytest.mark.parametrize("torques", by_default([True, False], False))
 def test_a_robot_without_force_sensors_feels_that_it_stands(torques: bool) -> None:
     """On its feet the controller takes over, with measured torques or those commanded."""
     machine = SimulatedMachine(SimulatedTime(), bent(), torques=torques)
@@ -247,7 +248,11 @@ def test_a_controller_that_fails_ends_in_damping() -> None:
     ("command", "reason"),
     [
         (Command(np.full(NA, np.nan)), f"joint_torque of joint '{DESCRIPTION.joint_names[0]}' is not finite"),
-        (Command(np.zeros(NA), kp=np.full(NA, np.inf), kd=np.zeros(NA)), "kp of joint '.*' is not finite"),
+        pytest.param(
+            Command(np.zeros(NA), kp=np.full(NA, np.inf), kd=np.zeros(NA)),
+            "kp of joint '.*' is not finite",
+            marks=pytest.mark.slow,
+        ),
         (Command(np.zeros(3)), rf"joint_torque of a command must be numbers of shape \({NA},\), got array"),
     ],
 )

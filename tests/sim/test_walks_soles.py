@@ -227,8 +227,10 @@ def test_bad_input(changes: dict[str, Any], message: str) -> None:
         replace(SPEC, **changes)
 
 
-def test_the_main_job_tells_about_its_soles(capfd: pytest.CaptureFixture[str]) -> None:
-    assert cli.main(["walk", "--distance", "0.1"]) == 0
+def test_a_policy_brings_variable_soles_and_the_walk_tells_about_them(
+    capfd: pytest.CaptureFixture[str],
+) -> None:
+    assert cli.main(["walk", "--distance", "0.1", "--policy", "model"]) == 0
     text = capfd.readouterr().out
     assert (
         "variable feet, stones, 20 mm" in text and "soles     set by the policy 'model': decided in " in text
