@@ -20,14 +20,9 @@ from wbc.tasks.motion.posture import PostureTask
 class BodyGains:
     """Weights and gains of the tasks that every humanoid has; damping is critical.
 
-    | | `BalanceGains`, a stand | `TaskGains`, a walk | Why |
-    |---|---|---|---|
-    | centre of mass | 1000, 60 1/s² | 100, 100 1/s² | a stand has nothing else for its balance, a walk the stabilizer |
-    | pelvis and torso | 0.1, 30 1/s² | 10, 100 1/s² | a stand bends at the hips: recovers 1.4 times the push |
-    | posture | 0.01, 20 1/s² | 0.1, 20 1/s² | a tenth or less of all others |
-
-    The pendulum of a walk knows no trunk that turns. The weights of a stand walk as well, though: four walks of 1 m by
-    hrp4_class, on flat ground and stones of 20 mm, have ZMP errors of 25 to 33 mm with them and 23 to 37 mm without.
+    Those of a stand (`BalanceGains`) and of a walk (`TaskGains`) differ by 10 and 100; docs/control.md has them side by
+    side with reasons. The weights of a stand walk as well: four walks of 1 m by hrp4_class, on flat ground and on
+    stones of 20 mm, have ZMP errors of 25 to 33 mm with them and of 23 to 37 mm with their own.
 
     Attributes:
         com_weight: Centre of mass, cost per (m/s²)².
