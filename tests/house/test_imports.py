@@ -40,12 +40,12 @@ def sources(folder: Path) -> Iterator[Path]:
 
 
 @cache
-def parsed(file: Path) -> ast.Module:
-    return ast.parse(file.read_text(encoding="utf-8"))
+def imports(file: Path, *, at_import_time: bool = False) -> list[tuple[str, int]]:
+    """Modules that a file names in imports, with their lines; types alone are not looked at."""
+    return list(_imports(ast.parse(file.read_text(encoding="utf-8")), at_import_time))
 
 
-def imports(node: ast.AST, *, at_import_time: bool = False) -> Iterator[tuple[str, int]]:
-    """Modules that a piece of code names in imports, with their lines; types alone are not looked at."""
+def _imports(node: ast.AST, at_import_time: bool) -> Iterator[tuple[str, int]]:
     for child in ast.iter_child_nodes(node):
         if isinstance(child, ast.Import):
             yield from ((alias.name, child.lineno) for alias in child.names)
@@ -56,7 +56,7 @@ def imports(node: ast.AST, *, at_import_time: bool = False) -> Iterator[tuple[st
             types_alone = isinstance(child, ast.If) and "TYPE_CHECKING" in ast.unparse(child.test)
             later = at_import_time and isinstance(child, (ast.FunctionDef, ast.AsyncFunctionDef, ast.Lambda))
             if not (types_alone or later):
-                yield from imports(child, at_import_time=at_import_time)
+                yield from _imports(child, at_import_time)
 
 
 IN_PREFIX = {"pinocchio": "pin", "coal": "pin", "proxsuite": "proxsuite", "rerun": "rerun-sdk"}
@@ -80,8 +80,7 @@ def test_what_is_imported_is_declared(at_import_time: bool) -> None:
         for file in sources(folder):
             if at_import_time and file.relative_to(ROOT).as_posix() in OF_AN_EXTRA:
                 continue
-            tree = parsed(file)
-            for module, line in imports(tree, at_import_time=at_import_time):
+            for module, line in imports(file, at_import_time=at_import_time):
                 top = module.split(".")[0]
                 if top == "wbc" or top in sys.stdlib_module_names:
                     continue
@@ -105,7 +104,7 @@ def test_no_import_goes_up_or_sideways(package: str) -> None:
     assert files, f"{FOLDERS[package]} holds no module"
     wrong = []
     for file in files:
-        for module, line in imports(parsed(file)):
+        for module, line in imports(file):
             other = package_of(module)
             if other not in (None, package) and FLOOR[other] >= FLOOR[package]:  # type: ignore[index]
                 wrong.append(f"{file.relative_to(ROOT)}:{line} imports {module}")
@@ -129,7 +128,7 @@ def test_nothing_below_the_simulator_imports_mujoco_when_imported() -> None:
         for file in sources(folder):
             if package in ("wbc.feet", "wbc.robots") and file.stem.endswith("_mjcf"):
                 continue
-            for module, line in imports(parsed(file), at_import_time=True):
+            for module, line in imports(file, at_import_time=True):
                 if module.split(".")[0] == "mujoco" or (
                     module.startswith("wbc.") and any(part.endswith("_mjcf") for part in module.split("."))
                 ):
