@@ -37,9 +37,10 @@ from wbc.core.signals import Command, Measurement, WrenchSource
 
 logger = logging.getLogger(__name__)
 
-FEET_STAY, FEET_STEP = 0.35, 0.8
-"""Distance of the DCM from the nearest sole that nothing recovers, as a multiple of the CoM height: by ankles and
-hips, and by steps."""
+FEET_STAY, FEET_AS_PLANNED, FEET_STEP = 0.35, 0.3, 0.55
+"""Distance of the DCM from the nearest sole that nothing recovers, as a multiple of the CoM height: by ankles and hips,
+by planned steps that are adjusted (healthy walks come to 0.25), and by steps that are decided as they go (0.36; 0.48
+after a push that was survived)."""
 
 UNUSUAL = {
     Status.RELAXED: ("relaxed: hard tasks and contacts cannot all be satisfied",),
@@ -128,11 +129,13 @@ class DriveControl:
         accelerometer: Check of the direction of the specific force.
         gate: Limits of commands.
         reach: Distance of the DCM from the nearest sole from which on `status` says that balance is lost, as a multiple
-            of the height of the CoM; walks have a greater one.
+            of the height of the CoM; walks have their own.
+        topples: True while a walk finds that its torso tilts too far; `status` says that balance is lost.
     """
 
     _follows_estimate = True
     reach = FEET_STAY
+    topples = False
 
     def __init__(
         self,
@@ -178,6 +181,7 @@ class DriveControl:
         """Clear failures, the last measurement, the last solution and the last torques."""
         self.controller.reset()
         self.solution = self.measurement = None
+        self.topples = False
         self._torques = np.zeros_like(self._torques)
         self._failing = 0
         self.reason = ""
@@ -197,6 +201,8 @@ class DriveControl:
             parts.append(f"failing: {self.reason}")
         if self._balance_lost():
             parts.append("balance lost: the DCM is out of reach")
+        elif self.topples:
+            parts.append("balance lost: the torso tilts")
         if self.plausibility.faults:
             parts.append(f"refused: {', '.join(self.plausibility.faults)}")
         if self.accelerometer.left_out:

@@ -19,7 +19,7 @@ from typing import Protocol
 import numpy as np
 
 from wbc.core.arguments import checked
-from wbc.core.control import FEET_STEP, State
+from wbc.core.control import FEET_AS_PLANNED, FEET_STEP, State
 from wbc.core.drive.hybrid import HybridControl
 from wbc.core.drive.position import PositionControl
 from wbc.core.drive.torque import TorqueControl
@@ -100,7 +100,7 @@ class ReferenceControl:
         self.arms, self.body, self.balance = arms, body, balance
         self.falls, self.stiffness = FallDetector(falls), stiffness
         self.reference: Reference | None = None
-        control.reach = FEET_STEP
+        control.reach = FEET_STEP if balance is None else FEET_AS_PLANNED
         body.lift = lambda: 0.0 if source.finished else source.swing_height
         estimate = control.observer.robot
         self._torso = estimate.placement(estimate.torso_frame)  # a view, which moves on with the estimate
@@ -164,6 +164,7 @@ class ReferenceControl:
             dcm_distance=0.0 if self.balance is None else self.balance.dcm_distance(),
             solved=(solution is None or solution.ok) and not self.control.stopped,
         )
+        self.control.topples = self.falls.topples
 
     def _with_stiffness(self, command: Command, scheduler: StiffnessScheduler) -> Command:
         """Return a command with the stiffness of both soles from the state of the swing."""

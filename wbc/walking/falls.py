@@ -44,11 +44,16 @@ class FallSettings:
     speed: Annotated[Positive, "m/s, rad/s"] = 100.0
 
 
+TOPPLING = 0.7
+"""Share of the tilt of a fall from which on a torso is not raised again: healthy walks come to 0.45 of it."""
+
+
 class FallDetector:
     """Fall detector of one walk.
 
     Attributes:
         settings: Limits.
+        topples: True while the torso tilts so far that the walk cannot be saved.
         reason: Reason of the fall; None before a fall.
         time: Time of the fall, s; None before a fall.
     """
@@ -57,6 +62,8 @@ class FallDetector:
         self.settings = settings or FallSettings()
         self.reason: FallReason | None = None
         self.time: float | None = None
+        self.topples = False
+        self._toppling = math.cos(TOPPLING * self.settings.tilt)
         self._away = 0.0
         self._failures = 0
 
@@ -84,6 +91,7 @@ class FallDetector:
             dcm_distance: Greatest distance of the DCM beyond an edge of the area of the feet, m; negative inside.
             solved: True if the QP of the tick was solved.
         """
+        self.topples = bool(torso_up[2] < self._toppling)
         if self.reason is not None:
             return self.reason
         s = self.settings
