@@ -25,6 +25,7 @@ from mjcf_biped import biped
 from properties import examples
 
 import wbc
+from wbc import app
 from wbc.app.cli import BAD_INPUT, main
 from wbc.core.errors import InputError, ModelError, WbcError
 from wbc.core.settings import LARGEST, from_json
@@ -75,6 +76,45 @@ def test_every_public_call_ends_in_a_result_or_a_refusal(folder: Path, count: in
     places = fuzzing.places()
     assert len(places) > 1000
     drawn(count, fuzzing.call, st.sampled_from(places), fuzzing.HOSTILE)
+
+
+@pytest.mark.parametrize("count", [80, pytest.param(5000, marks=pytest.mark.slow)])
+def test_every_call_of_logs_and_replays_ends_in_a_result_or_a_refusal(folder: Path, count: int) -> None:
+    plant = wbc.Plant(wbc.load_robot("g1"))
+    control = wbc.PositionControl(wbc.balance_controller(plant.description.robot(), plant.control_period))
+    measurement = plant.measure()
+    tick = plant, control, measurement, control.command(measurement)
+    with app.Recorder(folder / "good.arrow") as record:
+        record(*tick)
+    log, path = app.Log.open(folder / "good.arrow"), folder / "new.arrow"
+    replay = app.Replay(log)
+    calls: tuple[Callable[[Any], Any], ...] = (
+        *(app.Log.open, app.Replay, log.__getitem__, log.__contains__, log.parts, log.texts, log.lists),
+        *(replay.show, replay.snapshot, replay.sole_colours, replay.ticks, replay.frame),
+        *(lambda v: replay.ticks(30.0, v), lambda v: app.draw(v, [log]), lambda v: app.draw("balance", v)),
+        *(lambda v: app.draw_signals(v, ["time"]), lambda v: app.draw_signals([log], v)),
+        *(lambda v: app.save({}, v), lambda v: app.save(v, folder / "new.png")),
+        *(
+            app.replay_page,
+            lambda v: app.replay_page(replay, rate=v),
+            lambda v: app.replay_page(replay, nonce=v),
+        ),
+        *(lambda v: app.render_video(v, folder / "new.gif"), lambda v: app.render_video(replay, v)),
+        *(lambda v: app.Recorder(v).close(), lambda v: app.Recorder(path, title=v).close()),
+        *(lambda v: app.Recorder(path, seed=v).close(), lambda v: app.Recorder(path).add(v, lambda: 1.0)),
+        *(lambda v, i=i: app.Recorder(path)(*tick[:i], v, *tick[i + 1 :]) for i in range(4)),  # type: ignore[misc]
+    )
+
+    def call(function: Callable[[Any], Any], value: Any) -> str | None:
+        try:
+            function(fuzzing.ODD[value.name]() if isinstance(value, fuzzing.Made) else value)
+        except WbcError:
+            return None
+        except Exception as error:
+            return f"{value!r}: {type(error).__name__}: {error}"
+        return None
+
+    drawn(count, call, st.sampled_from(calls), fuzzing.HOSTILE)
 
 
 @pytest.mark.parametrize("count", [40, pytest.param(1000, marks=pytest.mark.slow)])

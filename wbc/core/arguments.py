@@ -37,9 +37,9 @@ WRONG = (TypeError, ValueError, LookupError, AttributeError, ArithmeticError, Re
 def checked(function: Callable[P, T]) -> Callable[P, T]:
     """Decorate a public function or constructor: its arguments are checked against its annotations before it runs.
 
-    Numbers are finite, arrays hold finite numbers, objects are instances of their class. Callables, protocols and
-    `**options` are not looked at; annotations must be importable at run time. The function raises `InputError` naming
-    the argument, the rule and the value.
+    Numbers are finite, arrays hold finite numbers, objects are instances of their class, callables can be called.
+    Protocols and `**options` are not looked at; annotations must be importable at run time. The function raises
+    `InputError` naming the argument, the rule and the value.
     """
     signature = inspect.signature(function)
 
@@ -183,8 +183,8 @@ def _rule(hint: Any) -> Any:
         return Annotated[Any, PlainValidator(_mapping_check(_rule(inside[0]), _rule(inside[1])))]
     if origin is Literal:
         return hint
-    if origin is Iterable:
-        return _instance(Iterable)
+    if origin in (Iterable, Callable):
+        return _instance(origin)
     if hint in SIMPLE:
         return hint
     special = getattr(hint, "_is_protocol", False) or hasattr(hint, "__total__") or hint is object

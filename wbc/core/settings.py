@@ -366,6 +366,8 @@ def rule_of(hint: Any) -> str:
         text = " or ".join(rule_of(arg) for arg in args)
     elif origin is Literal:
         text = " or ".join(repr(arg) for arg in args)
+    elif origin is Callable:
+        text = "a function"
     elif origin in (Mapping, dict):
         text = f"a mapping of {rule_of(args[0])} to {rule_of(args[1])}"
     elif origin in (Sequence, list) or (origin is tuple and len(args) == 2 and args[1] is ...):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterator, Mapping
 from functools import cached_property
 from pathlib import Path
@@ -16,7 +17,7 @@ from pyarrow import ipc
 from wbc.app.log.header import decode
 from wbc.app.log.signals import Kind, Signal
 from wbc.app.log.writer import MAGIC, TYPES, part_path
-from wbc.core.arguments import checked
+from wbc.core.arguments import checked, checked_on_failure
 from wbc.core.errors import Array, InputError, unknown_name
 from wbc.core.files import decoding
 
@@ -57,9 +58,9 @@ class Log:
             InputError: No such file, not a log, a log of another format, or one without a single batch.
         """
         place = Path(path)
-        if not place.exists():
+        if not os.path.exists(place):  # False for a name that is too long, too
             part = part_path(place)
-            hint = f"; {part} is a recording of that name that was not ended" if part.is_file() else ""
+            hint = f"; {part} is a recording of that name that was not ended" if os.path.isfile(part) else ""
             raise InputError(f"cannot read the log {place}: No such file{hint}")
         with decoding(place, "log"):
             with place.open("rb") as file:
@@ -78,7 +79,7 @@ class Log:
         return int(self._table.num_rows)
 
     def __contains__(self, name: object) -> bool:
-        return name in self.signals
+        return isinstance(name, str) and name in self.signals
 
     def __iter__(self) -> Iterator[str]:
         return iter(self.signals)
@@ -97,6 +98,7 @@ class Log:
         """Time of each tick, shape (ticks,), s."""
         return self["time"]
 
+    @checked_on_failure
     def __getitem__(self, name: str) -> Array:
         """Return the values of a signal, or of a group of signals.
 
@@ -124,6 +126,7 @@ class Log:
         values: Array = self._arrays[name]
         return values
 
+    @checked_on_failure
     def parts(self, group: str) -> list[str]:
         """Return the names of the signals of a group that hold numbers.
 
@@ -140,6 +143,7 @@ class Log:
             unknown_name("signal", group, groups | set(self.signals))
         return names
 
+    @checked_on_failure
     def texts(self, name: str) -> NDArray[np.object_]:
         """Return the texts of a signal, shape (ticks,); None in ticks without one.
 
@@ -149,6 +153,7 @@ class Log:
         """
         return self._objects(name, "text")
 
+    @checked_on_failure
     def lists(self, name: str) -> list[Array | None]:
         """Return the lists of a signal, one a tick; None in ticks without one.
 

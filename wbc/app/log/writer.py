@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import atexit
 import logging
+import os
 from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
@@ -203,9 +204,9 @@ def part_path(path: Path) -> Path:
 def check_path(path: str | Path) -> Path:
     """Return the path of a log to be written; `InputError` for no such folder, or a file that is not a log."""
     target = Path(path)
-    if not target.parent.is_dir():
+    if not os.path.isdir(target.parent):  # names that are too long are none
         raise InputError(f"no folder {target.parent} to write the log {target.name} into")
-    if target.is_dir():
+    if os.path.isdir(target):
         raise InputError(f"cannot write the log {target}: it is a folder")
     try:
         with target.open("rb") as file:

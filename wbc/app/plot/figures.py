@@ -89,7 +89,7 @@ def draw(name: str, logs: Sequence[Log]) -> Figure:
         InputError: No logs, or one that lacks a required signal.
     """
     choose("figure", name, FIGURES)
-    if not logs:
+    if len(logs) == 0:
         raise InputError("a figure needs at least one log")
     for log in logs:
         lack = missing(name, log)

@@ -66,8 +66,8 @@ def draw_signals(logs: Sequence[Log], words: Sequence[str]) -> Figure:
         UnknownNameError: A word that matches no signal.
         InputError: No logs, lists, or too many signals.
     """
-    if not logs:
-        raise InputError("a figure needs at least one log")
+    if len(logs) == 0 or len(words) == 0:
+        raise InputError(f"a figure needs at least one {'log' if len(logs) == 0 else 'signal'}")
     names = select(logs, words)
     panels: dict[tuple[str, str], list[str]] = {}
     for name in names:

@@ -20,11 +20,14 @@ from wbc.app.scene.scene import Scene, Snapshot
 from wbc.app.scene.shapes import Colour
 from wbc.app.scene.sources import Force, PlantSource, RobotSource, sole_force
 from wbc.core.arguments import checked
-from wbc.core.errors import Array, InputError, positive
+from wbc.core.errors import Array, InputError, positive, whole_number
 from wbc.core.files import decoding
 from wbc.core.robot import SIDES
 from wbc.sim.plant.plant import Plant
 from wbc.sim.terrain import terrain as make_terrain
+
+MOST_PICTURES = 1_000_000
+"""Pictures of the longest film: nine hours at 30 a second."""
 
 MIN_LOAD = 1.0
 """Smallest contact force that is shown, N."""
@@ -92,6 +95,8 @@ class Replay:
         """
         step = positive("speed of the replay", speed) / positive("pictures a second (1/s)", rate)
         time = self.log.time
+        if (time[-1] - time[0] + 1e-9) / step > MOST_PICTURES:
+            raise InputError(f"a replay has at most {MOST_PICTURES:,} pictures, got {rate:g} a second")
         times = np.arange(time[0], time[-1] + 1e-9, step)
         after = np.minimum(np.searchsorted(time, times), len(self) - 1)
         before = np.maximum(after - 1, 0)
@@ -99,8 +104,13 @@ class Replay:
         return [int(i) for i in np.unique(nearest)]
 
     def show(self, tick: int) -> None:
-        """Put all bodies into their positions at a tick."""
-        self._stage.show(tick)
+        """Put all bodies into their positions at a tick; an `InputError` for one that the log does not have."""
+        self._stage.show(self._checked(tick))
+
+    def _checked(self, tick: int) -> int:
+        if whole_number("tick of a log", tick, low=0) >= len(self):
+            raise InputError(f"tick of a log must be below {len(self)}, got {tick}")
+        return tick
 
     def frame(self, tick: int) -> Array:
         """Return one matrix for each moving path of the scene at a tick, shape (len(scene.moving), 4, 4)."""
@@ -108,7 +118,7 @@ class Replay:
 
     def sole_colours(self, tick: int) -> list[Colour]:
         """Return the colour of each foot's `sole_paths` at a tick."""
-        values = [float(stiffness[tick]) for stiffness in self._stiffness]
+        values = [float(stiffness[self._checked(tick)]) for stiffness in self._stiffness]
         return [stiffness_colour(value if math.isfinite(value) else 0.0) for value in values]
 
     def snapshot(self, tick: int) -> Snapshot:
