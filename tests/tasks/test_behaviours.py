@@ -238,7 +238,7 @@ def test_an_exception_names_the_state_or_is_an_outcome() -> None:
         (lambda: State("a/b"), "without '/'"),
         (lambda: State("end"), "does not begin with 'end'"),
         (lambda: State("a", timeout=0.0), "timeout of state 'a'"),
-        (lambda: State("a", done=3.0), "functions of a scope"),  # type: ignore[arg-type]
+        (lambda: State("a", done=3.0), "done must be a function or none, got 3.0"),  # type: ignore[arg-type]
         (lambda: after(-1.0), "time of a condition"),
         (lambda: reached(3.0), "needs something with 'reached'"),
         (reached, "at least one"),

@@ -628,8 +628,11 @@ def test_bad_input_is_refused() -> None:
         StiffnessScheduler(ROBOT, SoftFoot(), FixedPolicy(5.0))  # type: ignore[arg-type]
     with pytest.raises(InputError, match="commanded sole stiffness"):
         make_task(fallback=2100.0)
-    for policy in (5.0, FixedPolicy):
-        with pytest.raises(InputError, match="a stiffness policy is"):
+    for policy, rule in (
+        (5.0, "policy must be StiffnessPolicy or a function, got 5"),
+        (FixedPolicy, "a stiffness policy is"),
+    ):
+        with pytest.raises(InputError, match=rule):
             make_task(policy)
     one_legged = Robot(ROBOT.model, ROBOT.soles[:1], ROBOT.half_sitting)
     with pytest.raises(InputError, match="two soles are needed"):
