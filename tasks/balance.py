@@ -20,7 +20,7 @@ from wbc.tasks.motion.posture import PostureTask
 class BodyGains:
     """Weights and gains of the tasks that every humanoid has; damping is critical.
 
-    Those of a stand (`BalanceGains`) and of a walk (`TaskGains`) differ by 10 and 100; docs/control.md has them side by
+    Those of a stand (`BalanceGains`) and of a walk (`TaskGains`) differ by 10 and 100; docs/tasks.md has them side by
     side with reasons. The weights of a stand walk as well: four walks of 1 m by hrp4_class, on flat ground and on
     stones of 20 mm, have ZMP errors of 25 to 33 mm with them and of 23 to 37 mm with their own.
 

@@ -28,7 +28,7 @@ from wbc.tasks.behaviours import Machine, State, after, all_of, any_of, error_be
 
 @settings(kw_only=True)
 class Move:
-    """Where a task or a hand goes.
+    """Way of a task or a hand.
 
     Attributes:
         to: Target: coordinates, m; of a posture joint → angle, rad.

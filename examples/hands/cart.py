@@ -69,7 +69,7 @@ def main(arguments: Sequence[str] | None = None) -> dict[str, Any]:
     greatest = np.zeros(3)  # tilt of cart and pelvis, rad, force of both hands, N
 
     def pose() -> pin.SE3:
-        """Where the cart is in truth."""
+        """Return the true place of the cart."""
         turn = yaw(pin.SE3(plant.data.xmat[cart].reshape(3, 3), np.zeros(3)))
         return pin.SE3(pin.utils.rotate("z", turn), np.array([*plant.data.xpos[cart][:2], 0.0]))
 

@@ -140,9 +140,7 @@ class SharedPlant:
             InputError: Robots that stand in one another or in a thing.
         """
         mujoco.mj_resetData(self.model, self.data)
-        for _ in range(
-            2
-        ):  # the last loop that is reset begins with all robots in place, and so do the others then
+        for _ in range(2):  # a loop begins with all robots in place only once the last one has been reset
             for name, loop in self.loops.items():
                 q = loop.robot.half_sitting.copy()
                 place = self._places[name] * pin.XYZQUATToSE3(q[:7])

@@ -14,7 +14,7 @@ from wbc.tasks.motion.axes import AxesTask
 from wbc.tasks.motion.moving import Course
 
 T = TypeVar("T", bound=Any)
-"""What a target is: an array, or a pose."""
+"""Kind of the target: an array, or a pose."""
 
 
 class TargetTask(AxesTask, Generic[T]):

@@ -82,7 +82,7 @@ print(json.dumps(said))
 
 @pytest.fixture(scope="module")
 def said(tmp_path_factory: pytest.TempPathFactory) -> dict[str, list[str]]:
-    """What a process says in which a package of somebody else is installed."""
+    """Output of a process in which a package of somebody else is installed."""
     folder, root = tmp_path_factory.mktemp("site"), Path(__file__).parents[2]
     (folder / "theirs.py").write_text(PACKAGE.format(biped=str(root / "examples/biped.urdf")))
     (folder / "theirs-1.0.dist-info").mkdir()

@@ -144,7 +144,7 @@ def _in_time() -> Iterator[None]:
 # ---- command lines --------------------------------------------------------------------------------------------------
 
 HOLE = "<?>"
-"""What a drawn word takes the place of."""
+"""Place that a drawn word takes."""
 
 WORDS = st.sampled_from(
     ("-1", "0", "1", "1e300", "1e-300", "nan", "inf", "-inf", "1e9", "0.5", "text", "", " ", "x" * 10_000)
@@ -359,7 +359,7 @@ HOSTILE = st.one_of(
     ),
     st.builds(Made, st.sampled_from(sorted(ODD))),
 )
-"""What is given to a parameter."""
+"""Parameter → value that is given to it."""
 
 
 @cache

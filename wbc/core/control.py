@@ -46,7 +46,7 @@ UNUSUAL = {
     Status.RELAXED: ("relaxed: hard tasks and contacts cannot all be satisfied",),
     Status.BADLY_SCALED: ("badly scaled: weights span too many decades, or friction is nearly zero",),
 }
-"""What `status` says of a tick that was solved in another way than it was asked for."""
+"""Words of `status` for a tick that was solved in another way than it was asked for."""
 
 Mode = Literal["position", "torque", "hybrid"]
 """Control mode of the drives."""

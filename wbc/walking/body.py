@@ -101,9 +101,8 @@ class Body(FixedAttributes):
         """
         self._controller, self._robot, self._dt = controller, controller.robot, dt
         self._nominal = com_height
-        self._goal = np.zeros(
-            5
-        )  # height − nominal, roll, pitch, turn, look of a torso that has no task of its own
+        # Height − nominal, roll, pitch, turn, look of a torso that has no task of its own.
+        self._goal = np.zeros(5)
         self._now, self._rate, self._push = np.zeros(5), np.zeros(5), np.zeros(5)
         self._waist = waist and _vertical(self._robot, _waist_joints(self._robot))
         self._most = self._most_turn()

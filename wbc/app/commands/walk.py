@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from wbc.app.log import Recorder
 
 DEFAULTS = {"foot": "soft", "terrain": "stones", "amplitude": 0.02}
-"""What a walk has that the command line does not name: an unknown ground, and the sole that most walks arrive on."""
+"""Defaults of the command line: an unknown ground, and the sole that most walks arrive on."""
 
 FOLLOWERS = {
     "foot": ("stiffness", "foot_changes", "policy", "policy_params"),

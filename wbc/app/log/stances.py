@@ -104,7 +104,7 @@ def estimated_dcm(log: Log) -> Array:
 
 
 class Drift:
-    """Where the world of the estimate lies in the true one, by the middle of the feet and the heading of the base.
+    """Placement of the world of the estimate in the true one, by the middle of the feet and the heading of the base.
 
     Plans are made in the world of the estimate, which drifts; a log without ground truth has no other.
 

@@ -221,6 +221,6 @@ class Session:
 
     @property
     def confused(self) -> str:
-        """Why checks that need the joints as they are cannot be made; empty if they can."""
+        """Reason why checks that need the joints as they are cannot be made; empty if they can."""
         bad = self.bad("joint order", "joint sign", "joint unit")
         return "joints are not measured as they should" if bad else ""
