@@ -105,6 +105,7 @@ class Body(FixedAttributes):
         self._goal = np.zeros(5)
         self._now, self._rate, self._push = np.zeros(5), np.zeros(5), np.zeros(5)
         self._waist = waist and _vertical(self._robot, _waist_joints(self._robot))
+        self._neck = bool(_neck_joints(self._robot))
         self._most = self._most_turn()
         self._look, self._most_look = (3, self._most) if self._waist else (4, MOST_LOOK)
         self._lowest: float | None = None
@@ -215,11 +216,11 @@ class Body(FixedAttributes):
             elif self._gaze is not None:
                 self._gaze.weight = 0.0
             return
-        place, neck = finite_array("point to look at (m)", point, (3,)), bool(_neck_joints(self._robot))
-        if self._gaze is None and (neck or not self._waist):
+        place = finite_array("point to look at (m)", point, (3,))
+        if self._gaze is None and (self._neck or not self._waist):
             self._gaze = self._controller.add(_gaze_task(self._robot, place))
             self._gaze_weight = self._gaze.weight.copy()
-        if not neck:
+        if not self._neck:
             self._point, self.active, self._off = place, True, np.inf
         if self._gaze is None:
             return
@@ -277,7 +278,7 @@ class Body(FixedAttributes):
 
     def _aim(self, heading: float) -> None:
         """Aim the torso of a robot without a neck, by a task, where its look has got to; back ahead, end it."""
-        if self._gaze is None or self._look == 3 or _neck_joints(self._robot):
+        if self._gaze is None or self._neck:
             return
         if self._point is None and not self._now[4]:
             self._gaze.weight = 0.0
