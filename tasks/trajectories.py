@@ -1,5 +1,6 @@
 """Trajectories: the references of targets that move, and the polynomials and followers that they are made of.
 
+    minimum_jerk   share of the way between two rests, and its slope
     Quintic        position, velocity and acceleration at both ends (a minimum jerk between them)
     Trajectory     minimum jerk through waypoints, from rest to rest, of any number of coordinates
     approach       next velocity towards a goal that may move, with bounded speed and acceleration
@@ -29,6 +30,14 @@ SAMPLES = 100
 
 RUN_UP = 0.2
 """Time in which the greatest speed is reached where only a speed is given, s: bounds the acceleration of short ways."""
+
+
+def minimum_jerk(s: ValueT) -> tuple[ValueT, ValueT]:
+    """Return the share of the way from rest to rest at a share of the time, from 0 to 1, and its slope.
+
+    That of Flash & Hogan, 1985, as in `Quintic`; shares are numbers or arrays.
+    """
+    return s**3 * (10.0 - 15.0 * s + 6.0 * s**2), 30.0 * s**2 * (1.0 - s) ** 2
 
 
 class Quintic(Generic[ValueT]):

@@ -18,6 +18,7 @@ from wbc.core.signals import Command, Measurement
 from wbc.machine.loads import SoleLoads
 from wbc.robots import RobotDescription
 from wbc.tasks import BalanceGains, balance_controller
+from wbc.tasks.trajectories import minimum_jerk
 
 SETTLE = 1.5
 """Time in which trunk and pelvis turn from where the robot was caught to upright, s."""
@@ -104,7 +105,7 @@ class Stand:
         self._com.target = com + np.clip(self._com_goal - com, -STEP, STEP)
         self._elapsed += controller.dt
         s = min(1.0, self._elapsed / SETTLE)
-        part = s**3 * (10.0 - 15.0 * s + 6.0 * s**2)
+        part, _ = minimum_jerk(s)
         for task, (first, turn) in zip(self._upright, self._turns, strict=False):
             task.target = first @ pin.exp3(part * turn)
 

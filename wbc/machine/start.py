@@ -9,6 +9,7 @@ from wbc.core.errors import Array
 from wbc.core.robot import BASE_DOF, Robot
 from wbc.core.signals import Command, Measurement
 from wbc.machine.loads import SoleLoads
+from wbc.tasks.trajectories import minimum_jerk
 
 MEAN = 0.5
 """Time constant of the lean of a robot that hangs, s."""
@@ -70,9 +71,8 @@ class SafeStart:
         if elapsed >= self.duration:
             return Command(torque, self._landing.reference(measurement), self._zero, kp=self._kp, kd=self._kd)
         s = min(1.0, max(0.0, (elapsed - self._fade) / self._way))
-        shape = s**3 * (10.0 - 15.0 * s + 6.0 * s**2)
-        rate = 30.0 * s**2 * (1.0 - s) ** 2 / self._way
-        way = self._to - self._from
+        (shape, slope), way = minimum_jerk(s), self._to - self._from
+        rate = slope / self._way
         return Command(torque, self._from + shape * way, rate * way, kp=part * self._kp, kd=self._kd)
 
     def carry(self, measurement: Measurement) -> Array:

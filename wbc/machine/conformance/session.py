@@ -15,6 +15,7 @@ from wbc.core.signals import Command, Measurement
 from wbc.machine.conformance.rules import RULES
 from wbc.machine.loads import SoleLoads
 from wbc.machine.loop import Loop
+from wbc.tasks.trajectories import minimum_jerk
 
 
 @dataclass(frozen=True)
@@ -129,9 +130,8 @@ class Session:
 
     def move(self, step: Array, seconds: float) -> tuple[Record, Record]:
         """Move the references by a step (shape (na,), rad) and hold there, then come back; return both records."""
-        shape = self.profile(seconds)
-        s = np.clip(2.0 * np.arange(1, len(shape) + 1) / len(shape), 0.0, 1.0)
-        rates = 2.0 / (len(shape) * self.period) * 30.0 * s**2 * (1.0 - s) ** 2
+        shape, slope = self._profile(seconds)
+        rates = 2.0 / (len(shape) * self.period) * slope
         there, back = (
             [Command(self._zero, self.reference + a * step, b * step) for a, b in zip(way, pace, strict=True)]
             for way, pace in ((shape, rates), (1.0 - shape, -rates))
@@ -140,10 +140,12 @@ class Session:
 
     def profile(self, seconds: float) -> Array:
         """Return the motion from 0 to 1 that `move` makes, the second half of it at rest, shape (ticks,)."""
+        return self._profile(seconds)[0]
+
+    def _profile(self, seconds: float) -> tuple[Array, Array]:
         n = self._ticks(seconds)
-        s = np.clip(2.0 * np.arange(1, n + 1) / n, 0.0, 1.0)
-        shape: Array = s**3 * (10.0 - 15.0 * s + 6.0 * s**2)
-        return shape
+        shares: Array = np.clip(2.0 * np.arange(1, n + 1) / n, 0.0, 1.0)
+        return minimum_jerk(shares)
 
     def base_motion(self, com: Array, turn: Array) -> tuple[Array, Array]:
         """Return the joint motion that shifts the centre of mass and turns the base, the soles in their places.
