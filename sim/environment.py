@@ -14,10 +14,12 @@ from typing import Any
 
 import gymnasium
 import numpy as np
+import pinocchio as pin
 from numpy.typing import ArrayLike
 
 from wbc.core.arguments import checked
 from wbc.core.errors import Array, InputError, choose, finite_array
+from wbc.core.estimation.observer import Observer
 from wbc.core.robot import GRAVITY
 from wbc.core.settings import Positive
 from wbc.sim.plant.plant import DivergedError
@@ -139,7 +141,9 @@ class WbcEnv(gymnasium.Env[Array, Array]):  # type: ignore[misc]
         if trial.diverged is not None:
             raise DivergedError(trial.diverged)
         place = self._progress()
-        reward = place - self._reached if self._task == "walk" else -self._off()
+        reward = (
+            place - self._reached if self._task == "walk" else -float(np.linalg.norm(self._over_feet()[:2]))
+        )
         self._reached = place
         info = {"time": trial.plant.time, "fall": None if trial.fall is None else trial.fall.value}
         return (
@@ -172,29 +176,29 @@ class WbcEnv(gymnasium.Env[Array, Array]):  # type: ignore[misc]
         plant = self.trial.plant
         return float(plant.data.site_xpos[list(plant.sole_sites), 0].mean())
 
-    def _off(self) -> float:
-        robot = self._estimate()
-        middle = 0.5 * sum(robot.placement(sole.frame).translation[:2] for sole in robot.soles)
-        return float(np.linalg.norm(robot.com[:2] - middle))
+    def _over_feet(self) -> Array:
+        """Return the estimated CoM from the middle of the feet, shape (3,), m."""
+        robot = self._observer().robot
+        middle = np.mean([robot.placement(sole.frame).translation for sole in robot.soles], axis=0)
+        return np.subtract(robot.com, middle)
 
-    def _estimate(self) -> Any:
+    def _observer(self) -> Observer:
         assert self.trial is not None
-        return self.trial.walking.control.observer.robot
+        observer: Observer = self.trial.walking.control.observer
+        return observer
 
     def _observation(self) -> Array:
-        robot = self._estimate()
-        assert self.trial is not None
+        observer = self._observer()
+        robot = observer.robot
         base = robot.placement(robot.base_frame).rotation
-        yaw = heading(base)
-        turn = np.array([[np.cos(yaw), np.sin(yaw), 0.0], [-np.sin(yaw), np.cos(yaw), 0.0], [0.0, 0.0, 1.0]])
-        middle = 0.5 * sum(robot.placement(sole.frame).translation for sole in robot.soles)
+        turn = pin.rpy.rpyToMatrix(0.0, 0.0, -heading(base))
         return np.concatenate(
             [
-                turn @ (robot.com - middle),
+                turn @ self._over_feet(),
                 turn @ robot.com_velocity,
                 -base[2],
                 robot.v[3:6],
-                self.trial.walking.control.observer.load / (robot.mass * GRAVITY),
+                observer.load / (robot.mass * GRAVITY),
                 robot.q[7:],
                 robot.v[6:],
             ]

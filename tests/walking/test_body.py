@@ -71,18 +71,23 @@ def test_a_walk_goes_on_while_its_body_is_set() -> None:
     assert upright(plant) and walking.fallen is None and walking.steps_done >= 2
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("name", ["hrp4_class", "talos", "g1"])
-@pytest.mark.parametrize("where", [(1.0, 3.0, 0.3), (-2.0, 0.5, 2.5), (0.3, 0.0, 0.1)])
-def test_a_gaze_anywhere_makes_no_walk_fall(name: str, where: tuple[float, float, float]) -> None:
-    plant, walking = standing(name)
-    walking.body.look_at(where)
+def walk_and_stop(plant: Plant, walking: WalkingControl) -> None:
+    """Walk in a curve for six seconds and stop, without a fall."""
     walking.velocity = (0.2, 0.0, 0.1)
     while plant.time < 8.0:
         if plant.time > 6.0:
             walking.velocity = None
         plant.step(walking.command(plant.measure()))
     assert upright(plant) and walking.fallen is None and walking.steps_done >= 4
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["hrp4_class", "talos", "g1"])
+@pytest.mark.parametrize("where", [(1.0, 3.0, 0.3), (-2.0, 0.5, 2.5), (0.3, 0.0, 0.1)])
+def test_a_gaze_anywhere_makes_no_walk_fall(name: str, where: tuple[float, float, float]) -> None:
+    plant, walking = standing(name)
+    walking.body.look_at(where)
+    walk_and_stop(plant, walking)
 
 
 @pytest.mark.slow
@@ -151,12 +156,7 @@ def test_a_walk_as_low_as_may_be_comes_to_a_stand(name: str) -> None:
     body = walking.body
     robot = walking.controller.robot
     body.com_height = max(lowest_com(robot) + walking.source.swing_height, body.com_height - 0.08)
-    walking.velocity = (0.2, 0.0, 0.1)
-    while plant.time < 8.0:
-        if plant.time > 6.0:
-            walking.velocity = None
-        plant.step(walking.command(plant.measure()))
-    assert upright(plant) and walking.fallen is None and walking.steps_done >= 4
+    walk_and_stop(plant, walking)
 
 
 def test_the_lowest_height_is_one_that_the_legs_reach() -> None:
