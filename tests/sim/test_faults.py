@@ -340,6 +340,15 @@ def test_a_robot_that_cannot_be_caught_says_so_before_it_lies_on_the_ground() ->
     assert stand.plant.time < 3.0 and said and 0.1 < said[0] < stand.plant.time - 0.1
 
 
+def test_a_torso_that_topples_is_a_balance_that_is_lost() -> None:
+    control = StandTrial(StandSpec(robot="g1", mode="torque", seconds=0.1)).control
+    assert "balance lost" not in control.status()
+    control.topples = True
+    assert "balance lost: the torso tilts" in control.status()
+    control.reset()
+    assert "balance lost" not in control.status()
+
+
 class Said(WalkHook):
     """Time at which the status first says that balance is lost."""
 

@@ -252,6 +252,13 @@ def test_falls_have_reasons(changes: dict, reason: FallReason) -> None:
     assert look(detector, time=3.0) is reason and detector.time == 2.5  # a fall stays a fall
 
 
+def test_a_torso_that_tilts_by_most_of_a_fall_topples_until_it_is_up_again() -> None:
+    detector, tilt = FallDetector(), FallSettings().tilt
+    for share, topples in ((0.45, False), (0.65, False), (0.75, True), (0.45, False)):
+        up = np.array([np.sin(share * tilt), 0.0, np.cos(share * tilt)])
+        assert look(detector, torso_up=up) is None and detector.topples is topples
+
+
 def test_a_dcm_must_stay_away_and_programs_fail_in_a_row() -> None:
     detector = FallDetector()
     for _ in range(15):
