@@ -222,6 +222,26 @@ def test_it_goes_to_a_place_and_stands_there(goal: tuple[float, float, float]) -
     assert np.linalg.norm(place - start - np.array(goal[:2])) < 0.05 and abs(yaw - goal[2]) < 0.1
 
 
+def test_a_robot_whose_landings_are_put_off_stands_beside_its_goal() -> None:
+    """Both feet land 50 mm further out than planned, as those of `g1` in hybrid control, which marched for ever."""
+    stage = Stage()
+    source = GoalSource((0.3, 0.0, 0.0), stage.source.velocity_source())
+    start, first = FootstepPlan.standing(ROBOTS["hrp4_class"]), None
+    start = replace(start, gait=replace(start.gait, feet_spacing=start.spacing))
+    for begun in range(16):
+        plan = source.footsteps(Standing(start, first, begun, False, float(begun)))
+        if not plan.steps:
+            break
+        step = plan.steps[0]
+        landed = replace(step, y=step.y + (0.05 if step.side == "left" else -0.05))
+        start, first = replace(start, **{step.side: landed}), "right" if step.side == "left" else "left"
+        if len(plan.steps) == 1:  # it has closed up
+            first = None
+    assert source.reached and begun < 12
+    middle = 0.5 * (start.left.position + start.right.position)
+    assert np.linalg.norm(middle[:2] - (0.3, 0.0)) < 0.08
+
+
 def test_sources_are_exchanged_while_it_walks() -> None:
     """A plan from the start, a velocity, another plan, a planner of one's own."""
     stage = Stage(plan=walk_distance(FootstepPlan.standing(ROBOTS["hrp4_class"]), 1.0))

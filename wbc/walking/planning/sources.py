@@ -41,6 +41,9 @@ TURN_REACH = 0.9
 FINER = 0.02
 """Step of the speed by which a gait is made quicker until the legs reach, m/s."""
 
+TRIES = 2
+"""Landings beside a goal after which a robot stands as near to it as its landings are to their plans."""
+
 CLOSED = (0.01, 0.05)
 """Distance (m) and turn (rad) up to which a foot that stands beside the other one need not close up."""
 
@@ -326,16 +329,25 @@ class GoalSource(FootstepSource):
         self.reached = False
         self._drive, self.granted, self.pace = drive, drive.granted, drive.pace
         self._stops = False  # the goal has been reached by feet that stride
+        self._aim: tuple[int, Footstep] | None = None  # number and place of the step that was planned last
+        self._missed = dict.fromkeys(SIDES, 0.0)  # distance of a foot from where it was to land, m
+        self._beside, self._tries = False, 0  # no further from the goal than that; landings there
 
     def footsteps(self, now: Standing) -> FootstepPlan:
         """See `FootstepSource`."""
         if self.reached:
             return now.start
         drive = self._drive
+        if self._aim is not None and now.begun - now.swings > self._aim[0]:
+            aim = self._aim[1]
+            landed = now.start.left if aim.side == "left" else now.start.right
+            self._missed[aim.side] = math.hypot(landed.x - aim.x, landed.y - aim.y)
+            self._tries += self._beside
         drive.target = self._velocity(now)
         if drive.target == AT_REST:
             self.reached = now.first is None
         plan = drive.footsteps(now)
+        self._aim = (now.begun, plan.steps[0]) if plan.steps else None
         self.granted, self.pace = drive.granted, drive.pace
         return plan
 
@@ -352,7 +364,11 @@ class GoalSource(FootstepSource):
         turn = math.remainder(yaw - heading, 2.0 * math.pi)
         # Feet that close up may stay where they are by as much as `CLOSED`: a stand is no worse for that.
         more = CLOSED if self._stops and now.first is None else (0.0, 0.0)
-        self._stops = away < s.goal[0] + more[0] and abs(turn) < s.goal[1] + more[1]
+        near, missed = s.goal[0] + more[0], max(self._missed.values())
+        self._beside = away < near + missed
+        if self._tries >= TRIES:  # a robot whose landings are always put off would march for ever
+            near += missed
+        self._stops = away < near and abs(turn) < s.goal[1] + more[1]
         if self._stops:
             return AT_REST
         gait = Gait.for_speed(self._drive.granted, start.gait)
