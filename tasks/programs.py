@@ -18,9 +18,18 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import numpy as np
+import pinocchio as pin
 
 from wbc.core.arguments import checked
-from wbc.core.errors import InputError, UnknownNameError, choose, finite_scalar, shown, shown_path
+from wbc.core.errors import (
+    InputError,
+    UnknownNameError,
+    choose,
+    finite_array,
+    finite_scalar,
+    shown,
+    shown_path,
+)
 from wbc.core.files import read_toml
 from wbc.core.settings import Positive, from_json, settings
 from wbc.tasks.behaviours import Machine, State, after, all_of, any_of, error_below, reached, speed_below
@@ -31,8 +40,8 @@ class Move:
     """Way of a task or a hand.
 
     Attributes:
-        to: Target: coordinates, m; of a posture joint → angle, rad.
-        by: Way from the present target of a task or the present place of a hand, in the world, m.
+        to: Target: coordinates, m, of a pose those of its point; of a posture joint → angle, rad.
+        by: Way from the present target of a task, in its axes, or the present place of a hand, in the world, m.
         frame: Frame of `to`, of a hand: "world" or "pelvis".
         duration: s.
         speed: Greatest speed, m/s.
@@ -129,22 +138,31 @@ def _state(given: StateTable, control: Any) -> State:
     tasks = {name: controller.task(name) for name in given.task}
     hands = {name: control.arms[name] for name in (*given.hand, *given.release)}
     starts: list[Callable[[], object]] = [partial(hands[name].release) for name in given.release]
-    starts += [
-        partial(_move, tasks[name].move_to, tasks[name], None, move) for name, move in given.task.items()
-    ]
-    starts += [
-        partial(_move, hands[name].reach, hands[name], controller, move) for name, move in given.hand.items()
-    ]
+    for name, move in given.task.items():
+        task, what = tasks[name], f"task '{name}'"
+        if not hasattr(task, "move_to"):
+            raise InputError(f"{what} has no target that moves")
+        place = partial(getattr, task, "target")
+        _move(move, what, place, task.check_move)
+        starts.append(partial(_move, move, what, place, task.move_to))
+    for name, move in given.hand.items():
+        hand, what = hands[name], f"hand '{name}'"
+        place = partial(getattr, hand, "position")
+        _move(move, what, place, hand.check, move.frame)
+        starts.append(partial(_move, move, what, place, hand.reach, move.frame))
     for name, value in given.body.items():
         choose("attribute of body", name, ("com_height", "lower", "lean", "turn", "look_at"))
         if name == "look_at":
             starts.append(partial(control.body.look_at, value or None))
-        elif name == "lower":
-            height = control.body.com_height - finite_scalar("lower (m)", value)
-            starts.append(partial(setattr, control.body, "com_height", height))
-        else:
-            starts.append(partial(setattr, control.body, name, value))
+            if value:
+                control.body.check(name, value)
+            continue
+        lowered = name == "lower"
+        to = control.body.com_height - finite_scalar("lower (m)", value) if lowered else value
+        starts.append(partial(setattr, control.body, "com_height" if lowered else name, to))
+        control.body.check("com_height" if lowered else name, to)
     if given.go_to is not None:
+        control.source.check_goal(*given.go_to[:2])
         starts.append(partial(control.go_to, *given.go_to))
     moved = [*tasks.values(), *(hands[name] for name in given.hand)]
     moved += [control.body] if given.body.keys() - {"look_at"} else []
@@ -189,9 +207,15 @@ def _condition(given: Any, controller: Any, moved: list[Any]) -> Any:
         raise InputError(f"condition '{kind}' cannot be {shown(value)}") from error
 
 
-def _move(go: Callable[..., object], what: Any, controller: Any, move: Move) -> None:
-    """Move a task, or with its controller a hand."""
-    here = what.target if controller is None else controller.robot.placement(what.frame).translation
-    target = move.to if move.by is None else here + np.array(move.by)
-    frame = () if controller is None else (move.frame,)
+def _move(move: Move, what: str, place: Callable[[], Any], go: Callable[..., object], *frame: str) -> None:
+    """Move from a place, or check it; the point of a pose moves, and its rotation stays."""
+    here: Any = place()
+    point = here.translation if isinstance(here, pin.SE3) else here
+    if np.ndim(point) != 1:
+        raise InputError(f"{what} turns: a file moves points, poses and joints")
+    target: Any = move.to
+    if move.by is not None:
+        target = point + finite_array(f"'by' of {what}", move.by, point.shape)
+    if isinstance(here, pin.SE3):
+        target = pin.SE3(here.rotation, finite_array(f"'to' of {what} (m)", target, (3,)))
     go(target, *frame, duration=move.duration, speed=move.speed)

@@ -169,13 +169,38 @@ class MovingTask(Task):
         Raises:
             InputError: As in `move_to`; no target at all, or the same twice in a row.
         """
+        owner = self._check_movable(targets)
+        self._trajectory, self._on = self._curve(targets, duration, speed, acceleration, *self._rates())
+        self._elapsed, self._held = 0.0, True
+        owner.move(self)
+
+    def check_move(
+        self, target: Any, *, duration: float | None = None, speed: ArrayLike | None = None
+    ) -> None:
+        """Refuse what `move_to` would refuse, with the same errors, and move nothing: for programs that are read."""
+        self._check_movable([target])
+        self._curve([target], duration, speed, None)
+
+    def _check_movable(self, targets: Sequence[Any]) -> Controller:
+        """Return the controller, after a check that the target may be moved."""
         owner: Controller | None = (vars(self).get("_owner") or (lambda: None))()
         if owner is None:
             raise InputError(f"task '{self.name}' can move its target once a controller has it: add it first")
         if not isinstance(targets, (Sequence, np.ndarray)) or len(targets) == 0:
             raise InputError(f"task '{self.name}' moves through one or more targets, got {targets!r}")
         self._refuse_if_set()
-        velocity, push = self._rates()
+        return owner
+
+    def _curve(
+        self,
+        targets: Sequence[Any],
+        duration: float | None,
+        speed: ArrayLike | None,
+        acceleration: ArrayLike | None,
+        velocity: Array | None = None,
+        push: Array | None = None,
+    ) -> tuple[Trajectory, Course]:
+        """Return the trajectory from the present target, with velocity and acceleration of the start, on."""
         course = self._course()
         points = [course.start]
         for target in targets:
@@ -183,20 +208,16 @@ class MovingTask(Task):
         if duration is None and speed is None:
             units = self.unit.split("|")
             speed = USUAL_SPEED[units[0]] if len(units) == 1 else [USUAL_SPEED[unit] for unit in units]
-        self._trajectory, self._on = (
-            Trajectory(
-                points,
-                duration,
-                speed=speed,
-                acceleration=acceleration,
-                parts=course.parts,
-                velocity=velocity,
-                acceleration_at_start=push,
-            ),
-            course,
+        curve = Trajectory(
+            points,
+            duration,
+            speed=speed,
+            acceleration=acceleration,
+            parts=course.parts,
+            velocity=velocity,
+            acceleration_at_start=push,
         )
-        self._elapsed, self._held = 0.0, True
-        owner.move(self)
+        return curve, course
 
     @property
     def moving(self) -> bool:

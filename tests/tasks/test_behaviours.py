@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import math
 import re
 from pathlib import Path
 from typing import Any
@@ -20,6 +21,7 @@ from wbc.tasks import (
     BehaviourError,
     CoMTask,
     Machine,
+    PoseTask,
     PositionTask,
     Program,
     Scope,
@@ -282,8 +284,11 @@ def table(**state: Any) -> dict[str, Any]:
 
 def test_a_program_in_a_file_moves_what_it_names_and_waits_for_it(tmp_path: Path) -> None:
     controller = balance_controller(load("hrp4_class").robot(), DT)
+    hand = controller.add(PoseTask(left_hand(controller.robot), name="hand", weight=10.0))
+    turned = hand.target.rotation
     (tmp_path / "squat.toml").write_text(
         '[[state]]\nname = "low"\ntask.com = { by = [0.0, 0.0, -0.04], duration = 0.5 }\n'
+        "task.hand = { by = [0.05, 0.0, 0.0] }\n"
         '[[state]]\nname = "both"\n[[state.state]]\nname = "bend"\ndone = { any = [{ after = 3.0 }, "reached"] }\n'
         "task.posture = { to = { right_elbow_pitch = -0.9 }, speed = 1.0 }\n"
         '[[state]]\nname = "hold"\ndone = { all = [{ after = 0.1 }, { error_below = { com = 0.01 } }] }\n'
@@ -301,6 +306,7 @@ def test_a_program_in_a_file_moves_what_it_names_and_waits_for_it(tmp_path: Path
         "squat",
     ]
     assert controller.robot.com[2] - before == pytest.approx(-0.04, abs=5e-3)
+    np.testing.assert_allclose(hand.target.rotation, turned, atol=1e-12)  # of a pose the point moves
 
 
 @pytest.mark.parametrize("robot", ["hrp4_class", "talos", "g1"])
@@ -312,12 +318,53 @@ def test_the_program_of_the_examples_is_that_of_every_robot(robot: str) -> None:
     assert machine.transitions["look"]["timeout"] == "squat" and machine.possible == {"done", "timeout"}
 
 
+def test_what_a_robot_that_walks_is_told_in_a_file_is_checked_before_it_moves() -> None:
+    model = load("hrp4_class").robot()
+    walking = WalkingControl(model, FootstepPlan.standing(model), DT, extent=(-1.0, 1.0, -1.0, 1.0))
+    names = [task.name for task in walking.controller.tasks]
+    for state, message in (
+        ({"task": {"com": {"by": [0.0, 0.0, -0.1]}}}, "use walking.body.com_height"),
+        (
+            {"hand": {"left_hand": {"to": [0.3, 0.2]}}},
+            "target of 'left_hand' (m) must have shape (3,), got (2,)",
+        ),
+        ({"hand": {"left_hand": {"to": [0.3, 0.2, 1.0], "frame": "pelvs"}}}, "did you mean 'pelvis'"),
+        (
+            {"body": {"lower": 0.5}},
+            "com_height (m) of 'hrp4_class', as far as its legs bend, must lie in [0.",
+        ),
+        ({"body": {"lean": 0.1}}, "lean (roll and pitch of the trunk, rad) must have shape (2,)"),
+        ({"body": {"turn": 3.0}}, "turn of the trunk (rad) of 'hrp4_class' must lie in [-"),
+        ({"body": {"look_at": [3.0, 1.0]}}, "point to look at (m) must have shape (3,)"),
+        ({"go_to": [3.0, 0.0, 0.0]}, "the ground extends over x from -1 to 1"),
+    ):
+        with pytest.raises(InputError, match="'program/low'.*" + re.escape(message)):
+            read_machine(table(**state), walking)
+    assert [task.name for task in walking.controller.tasks] == names and not walking.body.active
+    read_machine(table(body={"look_at": [], "lean": [0.0, 0.1]}, go_to=[0.5, 0.0, 0.0]), walking)
+
+
 @pytest.mark.parametrize(
     ("state", "message"),
     [
         ({"tusk": {}}, "state 'program/low': no setting of StateTable 'tusk'; did you mean 'task'"),
         ({"task": {"con": {"by": [0.0]}}}, "state 'program/low': no task 'con'; did you mean 'com'"),
         ({"task": {"com": {}}}, "state 'program/low': a move is either 'to' a target or 'by' a way"),
+        ({"task": {"com": {"by": [0.0, 0.1]}}}, "'program/low': 'by' of task 'com' must have shape (3,)"),
+        (
+            {"task": {"com": {"to": {"knee": 1.0}}}},
+            "'program/low': target of task 'com' (m) must be numbers, got {'knee'",
+        ),
+        (
+            {"task": {"com": {"to": [0.0, 0.0, math.inf]}}},
+            "'program/low': task.com.to[2] must be a finite number, got inf",
+        ),
+        ({"task": {"com": {"bye": [0.0]}}}, "'program/low': no setting of task.com 'bye'; did you mean 'by'"),
+        (
+            {"task": {"posture": {"to": {"right_elbow_pich": 1.0}}}},
+            "'program/low': no joint 'right_elbow_pich'; did you mean 'right_elbow_pitch'",
+        ),
+        ({"task": {"torso": {"by": [0.0, 0.0, 1.0]}}}, "task 'torso' turns: a file moves points, poses"),
         ({"body": {"lower": 0.1}}, "'program/low': hand, release, body and go_to are of a walking robot"),
         ({}, "'program/low': it moves nothing to wait for"),
         ({"done": {"aftr": 1.0}}, "'program/low': no condition 'aftr'; did you mean 'after'"),

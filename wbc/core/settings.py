@@ -302,6 +302,9 @@ def _locate(kind: Any, loc: Sequence[str | int]) -> tuple[str, Any, str]:
         elif inside is not None and part in (hints := _hints(inside)):
             path += f".{part}" if path else part
             hint, unit = hints[part], _unit(hints[part])
+        elif (inner := _values_of(hint)) is not None:
+            path += f".{part}"
+            hint = inner
         # What is left are Pydantic's own labels of the alternatives of a union.
     return path, hint, unit
 
@@ -314,6 +317,13 @@ def _hints(kind: type) -> dict[str, Any]:
 def _class_of(hint: Any) -> Any:
     """The settings class of an annotation; None if it has none."""
     return next((h for h in _alternatives(hint) if isinstance(h, type) and dataclasses.is_dataclass(h)), None)
+
+
+def _values_of(hint: Any) -> Any:
+    """The annotation of the values of a mapping; None if it has none."""
+    kinds = [kind for kind in _alternatives(hint) if kind is not types.NoneType]
+    only = kinds[0] if len(kinds) == 1 else None
+    return typing.get_args(only)[1] if typing.get_origin(only) is dict else None
 
 
 def _alternatives(hint: Any) -> list[Any]:

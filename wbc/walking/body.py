@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
+from copy import copy
 from typing import NamedTuple
 
 import numpy as np
@@ -225,6 +226,25 @@ class Body(FixedAttributes):
         if self._gaze is None:
             return
         self._gaze.target, self._gaze.weight = place, self._gaze_weight
+
+    def check(self, name: str, value: ArrayLike) -> None:
+        """Refuse what `look_at`, or assigning com_height, lean or turn, would refuse, and set nothing.
+
+        Args:
+            name: One of these four.
+            value: As it is assigned; a point has shape (3,), a lean (2,), the others are numbers.
+
+        Raises:
+            InputError: Anything that would be refused.
+        """
+        if name == "look_at":
+            place = finite_array("point to look at (m)", value, (3,))
+            if self._gaze is None and (self._neck or not self._waist):
+                _gaze_task(self._robot, place)
+            return
+        tried = copy(self)
+        tried._goal = self._goal.copy()
+        setattr(tried, name, value)
 
     @property
     def moving(self) -> bool:

@@ -202,6 +202,11 @@ class LipmWalk(ReferenceSource):
 
         Raises `InputError` for a place beyond the ground.
         """
+        self.check_goal(x, y)
+        self.follow(GoalSource((x, y, yaw), self.velocity_source()))
+
+    def check_goal(self, x: float, y: float) -> None:
+        """Refuse a place beyond the ground."""
         if self._extent is not None:
             low_x, high_x, low_y, high_y = self._extent
             if not (low_x <= x <= high_x and low_y <= y <= high_y):
@@ -209,7 +214,6 @@ class LipmWalk(ReferenceSource):
                     f"the ground extends over x from {low_x:g} to {high_x:g} and y from {low_y:g} to {high_y:g} m, "
                     f"got the goal ({x:g}, {y:g})"
                 )
-        self.follow(GoalSource((x, y, yaw), self.velocity_source()))
 
     def plan_steps(self, time: float) -> None:
         """Plan the footsteps anew if it is time to, by the time since the start of the walk, s."""

@@ -202,18 +202,11 @@ class Arm:
             InputError: Not a point or a pose, or one that is not finite; a hand that presses or grips; a duration or
                 limit that is not above zero.
         """
-        choose("frame of a hand's target", frame, (WORLD, PELVIS, *self._objects))
-        what = f"target of '{self.name}'"
-        point = not isinstance(target, pin.SE3)
-        goal = (
-            pin.SE3(np.eye(3), finite_array(f"{what} (m)", target, (3,)))
-            if not isinstance(target, pin.SE3)
-            else pose(what, target)
-        )
+        goal, point = self._checked(target, frame), not isinstance(target, pin.SE3)
         if self.name in self._occupied and self._occupied[self.name].active:
             raise InputError(
-                f"{what} must wait until the hand neither presses nor grips: hands.release('{self.name}') lets go, "
-                f"got {np.round(goal.translation, 3).tolist()}"
+                f"target of '{self.name}' must wait until the hand neither presses nor grips: "
+                f"hands.release('{self.name}') lets go, got {np.round(goal.translation, 3).tolist()}"
             )
         if acceleration is not None and duration is None and speed is None:
             raise InputError(f"acceleration of '{self.name}' needs a duration or a speed beside it")
@@ -244,6 +237,23 @@ class Arm:
         for within, task in self._tasks.items():
             if within != (frame == PELVIS):
                 task.weight = 0.0
+
+    @property
+    def position(self) -> Array:
+        """Where the hand is as it is commanded, in the world, shape (3,), m."""
+        return np.array(self._robot.placement(self.frame).translation)
+
+    def check(self, target: ArrayLike | pin.SE3, frame: str = WORLD, **_: object) -> None:
+        """Refuse a target or frame that `reach` would refuse, and move nothing: for programs that are read."""
+        self._checked(target, frame)
+
+    def _checked(self, target: ArrayLike | pin.SE3, frame: str) -> pin.SE3:
+        """Return a target as a pose."""
+        choose("frame of a hand's target", frame, (WORLD, PELVIS, *self._objects))
+        what = f"target of '{self.name}'"
+        if isinstance(target, pin.SE3):
+            return pose(what, target)
+        return pin.SE3(np.eye(3), finite_array(f"{what} (m)", target, (3,)))
 
     def release(self) -> None:
         """Let the arm go back to its posture."""
