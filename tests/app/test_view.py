@@ -36,7 +36,7 @@ from wbc.app.scene.shapes import (
 )
 from wbc.app.scene.sources import PlantSource, RobotSource
 from wbc.app.view import MeshcatView, ViewError
-from wbc.app.view.channel import MAX_ANNOTATIONS, Channel
+from wbc.app.view.channel import Channel
 from wbc.core.errors import InputError
 from wbc.core.robot import GRAVITY
 from wbc.core.signals import Command
@@ -435,40 +435,24 @@ def _alive(pid: int) -> bool:
         return sys.platform != "linux"
 
 
-def test_frames_have_their_room_on_the_disk_before_they_are_written() -> None:
-    """Memory that a full disk has no room for ends the program at the first frame, with a bus error."""
-    channel = Channel(3)
-    held = os.fstat(channel.fd)
-    channel.close()
-    assert held.st_size > 2 * MAX_ANNOTATIONS and 512 * held.st_blocks >= held.st_size
-
-
-def test_of_many_frames_the_newest_counts() -> None:
-    writer = Channel(3)
-    reader = Channel(3, os.dup(writer.fd))
-    assert reader.read(0) is None
-    rng = np.random.default_rng(0)
-    for number in (1, 2, 7):
-        while writer.newest < number:
-            frame = rng.normal(size=(3, 4, 4))
-            writer.write(0.5 * number, frame, b"x" * number)
-        read = reader.read(0)
-        assert read is not None
-        assert (read[0], read[1], read[3]) == (number, 0.5 * number, b"x" * number)
-        assert read[2].reshape(3, 4, 4).transpose(0, 2, 1) == pytest.approx(frame, abs=0.0)
-        assert reader.read(number) is None
-    assert writer.read_input(0) is None
-    for text in (b"one", b"two", b"three"):
-        reader.write_input(text)
-    assert writer.read_input(0) == (3, b"three")
-    assert writer.read_input(3) is None
-    writer.write(1.0, frame, b"x" * (MAX_ANNOTATIONS + 1))  # too long to be said
-    read = reader.read(7)
-    assert read is not None and read[3] == b"{}"
-    reader.pages, reader.shown = 2, 7
-    assert (writer.pages, writer.shown) == (2, 7)
-    reader.close()
-    writer.close()
+def test_of_many_messages_the_newest_counts_and_nobody_waits() -> None:
+    run, drawing = Channel.pair()
+    assert drawing.read() is None and run.idle
+    for number in range(1, 10_001):  # more than any socket holds
+        run.write(b"%d" % number * 1000)
+    assert not run.idle
+    assert drawing.read() == b"1" * 1000 and drawing.read() is None
+    drawing.write(b"said")
+    assert run.read() == b"said" and run.read() is None
+    assert drawing.read() == b"10000" * 1000
+    assert run.read() is None and run.idle
+    run.write(b"last words")
+    run.close()
+    assert drawing.read() == b"last words"
+    drawing.write(b"to nobody")
+    with pytest.raises(EOFError):
+        drawing.read()
+    drawing.close()
 
 
 # ---- bad input ------------------------------------------------------------------------------------------------------

@@ -1,6 +1,6 @@
 """Live view by MeshCat, which comes with every installation: drawing happens in a process of its own.
 
-`update` leaves a snapshot in shared memory, so that a run waits for nothing but its own pace.
+`update` hands a snapshot over, so that a run waits for nothing but its own pace.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from wbc.app.address import Address
 from wbc.app.scene.layer import Annotations
 from wbc.app.view.base import View
 from wbc.app.view.process import DrawingProcess, ServerSetup
-from wbc.app.view.user_input import unpack
+from wbc.app.view.user_input import RunInput
 from wbc.core.errors import Array
 from wbc.robots import RobotDescription
 from wbc.sim.plant.plant import Plant
@@ -79,9 +79,10 @@ class MeshcatView(View):
         )
         token = secrets.token_urlsafe(TOKEN_BYTES)
         self._process = DrawingProcess(
-            ServerSetup(self.scene, address, rate, speed, self.controls.available(), token, notebook)
+            ServerSetup(self.scene, address, speed, self.controls.available(), token, notebook)
         )
-        self._input_number = self._request_number = 0  # of the last ones that were read
+        self._input: RunInput | None = None  # the last one that was carried out
+        self._request_number = 0
         self._begin()
 
     @property
@@ -97,12 +98,14 @@ class MeshcatView(View):
     @property
     def pages(self) -> int:
         """Number of open browser pages; 0 when the drawing process has ended."""
-        return self._process.channel.pages if self._process.running else 0
+        said = self._process.input
+        return said.pages if said is not None and self._process.running else 0
 
     @property
     def drivers(self) -> int:
         """Number of open pages that may change the run."""
-        return self._process.channel.drivers if self._process.running else 0
+        said = self._process.input
+        return said.drivers if said is not None and self._process.running else 0
 
     @property
     def closed(self) -> bool:
@@ -117,19 +120,16 @@ class MeshcatView(View):
     @property
     def frames(self) -> int:
         """Number of pictures so far."""
-        return self._process.channel.newest
+        return self._process.frames
 
     def _send(self, time: float, matrices: Array, annotations: Annotations) -> None:
         self._process.draw(time, matrices, annotations)
 
     def _read_input(self) -> None:
-        newer = self._process.channel.read_input(self._input_number)
-        if newer is None:
+        data = self._process.input
+        if data is None or data is self._input:
             return
-        self._input_number, text = newer
-        data = unpack(text)
-        if data is None:
-            return
+        self._input = data
         self._paused = data.paused
         if data.speed != self._pace.speed:
             self._pace.speed = data.speed

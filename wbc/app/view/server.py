@@ -1,9 +1,9 @@
-"""Server of the live view: sends the page and frames from shared memory to browsers, and user input back.
+"""Server of the live view: sends the page and the frames of a run to browsers, and user input back.
 
 Run as `python -m wbc.app.view.server FD` by `wbc.app.view.process`, with the file descriptor of the channel: a pickled
-`ServerSetup` comes in on the standard input, one line of JSON with the address (or an error) goes out on the standard
-output, and the end of the input ends the process. Who may ask for a page, see `wbc.app.view.guard`; who may change the
-run: pages opened by the link with the token.
+`ServerSetup` comes first, JSON with the address (or an error) is the answer, then frames come and user input goes; the
+end of the channel ends the process. Who may ask for a page, see `wbc.app.view.guard`; who may change the run: pages
+opened by the link with the token.
 """
 
 from __future__ import annotations
@@ -20,7 +20,6 @@ import sys
 from typing import Any
 
 import numpy as np
-import tornado.ioloop
 import tornado.websocket
 
 from wbc.app.address import listen
@@ -28,7 +27,7 @@ from wbc.app.scene.shapes import HIDDEN, Surface
 from wbc.app.view.channel import Channel
 from wbc.app.view.guard import GuardedHandler, guarded_server, new_nonce
 from wbc.app.view.page import SCRIPT, Page
-from wbc.app.view.process import ServerSetup
+from wbc.app.view.process import START_TIME, ServerSetup
 from wbc.app.view.user_input import UserInput
 from wbc.app.view.viewer_commands import (
     empty_scene,
@@ -38,9 +37,6 @@ from wbc.app.view.viewer_commands import (
     transform_tail,
 )
 from wbc.core.errors import Array
-
-MAX_POLL_TIME = 0.03
-"""Longest time between two checks for a new frame, s."""
 
 MAX_PAGES = 32
 """Largest number of open pages."""
@@ -68,7 +64,7 @@ class Broadcast:
         self._objects = [command for thing in fixed for command in object_commands(thing)]
         self._deformable = [thing for thing in scene.objects if thing.deformable]
         self._heads = [transform_head(path) for path in scene.moving]
-        self._number, self.time = 0, 0.0
+        self.time = 0.0
         self._matrices = np.tile(HIDDEN.ravel(), (len(scene.moving), 1))
         self._annotations: dict[str, Any] = {}
         self._connections: set[PageConnection] = set()
@@ -78,9 +74,13 @@ class Broadcast:
         """Text of the present picture."""
         return str(self._annotations.get("text", ""))
 
+    @property
+    def pages(self) -> int:
+        """Number of open pages."""
+        return len(self._connections)
+
     def commands(self) -> list[bytes]:
         """Return the commands for a new page; transforms come before the objects, so that none appears elsewhere."""
-        self._fetch()
         moves = self._moves(self._matrices, range(len(self._heads)))
         shapes = self._annotations.get("shapes", {})
         deformed: list[bytes] = []
@@ -115,7 +115,7 @@ class Broadcast:
         if len(self._connections) >= MAX_PAGES:
             return False
         self._connections.add(connection)
-        self._count()
+        self._tell()
         return True
 
     def remove(self, connection: PageConnection) -> None:
@@ -125,18 +125,20 @@ class Broadcast:
             self.take_input(HALT, connection)
         if not any(other.may_change for other in self._connections):
             self.take_input('{"paused": false}')
-        self._count()
+        self._tell()
 
-    def _count(self) -> None:
-        """Tell the run how many pages there are."""
-        self._channel.pages = len(self._connections)
-        self._channel.drivers = sum(other.may_change for other in self._connections)
+    def _tell(self) -> None:
+        """Tell the run what the pages want, and how many there are."""
+        drivers = sum(other.may_change for other in self._connections)
+        self._channel.write(self._input.pack(self.pages, drivers))
 
-    def tick(self) -> None:
-        """Tell the pages that do not show the newest frame."""
-        self._fetch()
-        for connection in self._connections:
-            if connection.shown is not self._matrices:
+    def receive(self) -> None:
+        """Take a frame of the run, if there is one, and tell the pages; `EOFError` if the run has ended."""
+        frame = self._channel.read()
+        if frame is not None:
+            self.time, self._matrices, annotations = pickle.loads(frame)
+            self._annotations = json.loads(annotations)
+            for connection in self._connections:
                 connection.news.set()
 
     def take_input(self, message: str | bytes, page: PageConnection | None = None) -> None:
@@ -145,20 +147,13 @@ class Broadcast:
         if order is not None and order.get("do") == "drive":
             moves = any(order.get(name) for name in ("forward", "left", "turn"))
             self._driver = page if moves else None
-        self._channel.write_input(self._input.pack())
+        self._tell()
         for connection in self._connections:
             connection.news.set()
 
     def may_change(self, token: str) -> bool:
         """Return true for the token of the link that the run has printed."""
         return secrets.compare_digest(token.encode(), self._token.encode())
-
-    def _fetch(self) -> None:
-        newer = self._channel.read(self._number)
-        if newer is not None:
-            self._number, self.time, self._matrices, annotations = newer
-            self._annotations = json.loads(annotations)
-            self._channel.shown = self._number
 
     def _moves(self, matrices: Array, places: range | list[int]) -> list[bytes]:
         return [self._heads[i] + transform_tail(matrices[i]) for i in places]
@@ -258,7 +253,7 @@ def page_routes(broadcast: Broadcast) -> list[Any]:
     return routes
 
 
-async def serve(setup: ServerSetup, channel: Channel, ended: asyncio.Event) -> None:
+async def serve(setup: ServerSetup, channel: Channel) -> None:
     """Serve until the run ends.
 
     Raises:
@@ -267,27 +262,31 @@ async def serve(setup: ServerSetup, channel: Channel, ended: asyncio.Event) -> N
     listening, served = listen(setup.address)
     broadcast = Broadcast(setup, channel)
     guarded_server(served, page_routes(broadcast), framed=setup.framed).add_socket(listening)
-    print(json.dumps(dataclasses.asdict(served)), flush=True)
-    tornado.ioloop.PeriodicCallback(broadcast.tick, 1000.0 * min(1.0 / setup.rate, MAX_POLL_TIME)).start()
-    await ended.wait()
-
-
-async def _main() -> None:
-    setup: ServerSetup = pickle.load(sys.stdin.buffer)
-    channel = Channel(len(setup.scene.moving), int(sys.argv[1]))
+    channel.write(json.dumps(dataclasses.asdict(served)).encode())
     ended = asyncio.Event()
-    asyncio.get_running_loop().add_reader(0, ended.set)  # nothing more is written: readable means the end
-    try:
-        await serve(setup, channel, ended)
-    except OSError as error:
-        print(json.dumps({"error": error.strerror or str(error)}), flush=True)
+
+    def receive() -> None:
+        try:
+            broadcast.receive()
+        except EOFError:
+            asyncio.get_running_loop().remove_reader(channel)
+            ended.set()
+
+    asyncio.get_running_loop().add_reader(channel, receive)
+    await ended.wait()
 
 
 def main() -> None:
     """Run the process."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the run, whose end ends this process
     logging.getLogger("tornado.access").setLevel(logging.ERROR)
-    asyncio.run(_main())
+    channel = Channel(int(sys.argv[1]))
+    setup = channel.read(START_TIME)
+    assert setup is not None
+    try:
+        asyncio.run(serve(pickle.loads(setup), channel))
+    except OSError as error:
+        channel.write(json.dumps({"error": error.strerror or str(error)}).encode())
 
 
 if __name__ == "__main__":

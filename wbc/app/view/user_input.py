@@ -15,9 +15,6 @@ from wbc.core.settings import CONFIG
 MAX_MESSAGE = 1 << 12
 """Largest message of a page, bytes."""
 
-MAX_BYTES = 1 << 12
-"""Largest packed input, bytes."""
-
 MAX_REQUESTS = 16
 """Largest number of requests that wait at a time; older ones are dropped."""
 
@@ -41,13 +38,15 @@ class PageMessage(BaseModel):
 
 
 class RunInput(BaseModel):
-    """Input of all pages, as the run takes it; requests with consecutive numbers."""
+    """Input of all pages, as the run takes it: orders with consecutive numbers, and how many pages may change it."""
 
     model_config = CONFIG
 
     paused: bool
     speed: Speed
     orders: list[tuple[int, Request]]
+    pages: int
+    drivers: int
 
 
 class UserInput:
@@ -83,14 +82,10 @@ class UserInput:
             self.requests = [*self.requests, (self._count, said.order)][-MAX_REQUESTS:]
         return said.order
 
-    def pack(self) -> bytes:
-        """Return the input as JSON, without the oldest requests if it is too long."""
-        while True:
-            data = {"paused": self.paused, "speed": self.speed, "orders": self.requests}
-            text = json.dumps(data).encode()
-            if len(text) < MAX_BYTES or not self.requests:
-                return text
-            self.requests = self.requests[1:]
+    def pack(self, pages: int = 0, drivers: int = 0) -> bytes:
+        """Return the input as JSON, with the numbers of open pages and of those that may change the run."""
+        data = {"paused": self.paused, "speed": self.speed, "orders": self.requests}
+        return json.dumps(data | {"pages": pages, "drivers": drivers}).encode()
 
 
 def unpack(text: bytes) -> RunInput | None:
