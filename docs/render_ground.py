@@ -18,7 +18,8 @@ from PIL import Image
 
 from wbc.app.cli import main as wbc
 from wbc.core.errors import Array
-from wbc.feet import TransverseBending, foot
+from wbc.feet import foot
+from wbc.feet.soles.soft_design import TransverseBending
 from wbc.sim.rig import FootTest
 from wbc.sim.rig.fixture import Rig
 from wbc.sim.terrain import terrain

@@ -17,7 +17,8 @@ import wbc
 from wbc.app.replay.mujoco_scene import MujocoScene
 from wbc.app.scene import PlantSource
 from wbc.motion import make_feasible, make_motion, read_motion
-from wbc.sim import TrackSpec, TrackTrial
+from wbc.sim import TrackSpec
+from wbc.sim.balance.tracking import TrackTrial
 from wbc.sim.trial import TrialHook
 
 ROBOT, MOTION, SEED = "g1", "one_leg", 0

@@ -12,7 +12,6 @@ import wbc
 from wbc.app import MeshcatView, WatchWalk
 from wbc.sim import MujocoLoop, TrueFallDetector
 from wbc.tasks import Program
-from wbc.walking import ReferenceControl
 
 BROWSER_TIME = 20.0
 """Longest time that a run with `--view` waits for a page to be opened, s."""
@@ -30,7 +29,7 @@ class Options(argparse.Namespace):
     def watch(
         self,
         plant: wbc.Plant | MujocoLoop | wbc.RobotDescription,
-        walking: ReferenceControl | None = None,
+        walking: wbc.WalkingControl | None = None,
         program: Program | None = None,
     ) -> Iterator[MeshcatView | NoView]:
         """Show the plant (walk, program), or the robot that `update` is given, live in the browser with `--view`."""

@@ -7,34 +7,24 @@ MuJoCo end in `_mjcf` and are imported from there.
 from __future__ import annotations
 
 from wbc.feet.sensing.range_sensor import RangeSensor
-from wbc.feet.sensing.scan import GroundScan, Profile, windows
+from wbc.feet.sensing.scan import GroundScan, Profile
 from wbc.feet.soles.actuator import StiffnessActuator
-from wbc.feet.soles.catalog import foot, foot_names, register_foot
+from wbc.feet.soles.catalog import foot, register_foot
 from wbc.feet.soles.foot import Foot, fitted_sole
 from wbc.feet.soles.parts import FootParts
 from wbc.feet.soles.soft import SoftFoot
-from wbc.feet.soles.soft_design import TransverseBending
 from wbc.feet.soles.sole import FootFit
-from wbc.feet.stiffness.comparison import compare
 from wbc.feet.stiffness.dataset import StiffnessTable
 from wbc.feet.stiffness.model import ModelSettings, StiffnessModel
-from wbc.feet.stiffness.roughness import (
-    PARAMETERS,
-    Roughness,
-    RoughnessSettings,
-    profile_roughness,
-    roughness,
-)
+from wbc.feet.stiffness.roughness import Roughness, RoughnessSettings, profile_roughness, roughness
 from wbc.feet.stiffness.validation import Candidate, cross_validate
 
 __all__ = [
     # Feet by name
     "foot",
-    "foot_names",
     "register_foot",
     # Designs
     "SoftFoot",
-    "TransverseBending",
     # A design of your own
     "Foot",
     "FootFit",
@@ -46,11 +36,9 @@ __all__ = [
     "RangeSensor",
     "GroundScan",
     "Profile",
-    "windows",
     # Roughness of a profile
     "Roughness",
     "RoughnessSettings",
-    "PARAMETERS",
     "roughness",
     "profile_roughness",
     # Stiffness from roughness
@@ -60,6 +48,5 @@ __all__ = [
     "StiffnessTable",
     # Validation of models
     "Candidate",
-    "compare",
     "cross_validate",
 ]

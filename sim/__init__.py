@@ -3,7 +3,7 @@
 A new experiment goes to a room of its own beside `balance` and `walks`: a `TrialSpec`, a `Trial`, a `TrialResult`.
 """
 
-from wbc.sim.balance import StandSpec, TrackSpec, TrackTrial, stand, track_motion
+from wbc.sim.balance import TrackSpec, stand, track_motion
 from wbc.sim.loop import MujocoLoop, RobotServer, SharedPlant
 from wbc.sim.plant import (
     DivergedError,
@@ -13,21 +13,11 @@ from wbc.sim.plant import (
     SensorNoise,
     SignalNoise,
     TrueFallDetector,
-    real_time_factor,
     with_feet,
 )
 from wbc.sim.rig import FootTest, press
 from wbc.sim.scenes import Scene, make_scene, scene_kind
-from wbc.sim.studies import (
-    Cell,
-    Journal,
-    Study,
-    cluster_executor,
-    read_journal,
-    register_trial,
-    study_table,
-    sweep,
-)
+from wbc.sim.studies import Journal, Study, cluster_executor, read_journal, register_trial, study_table, sweep
 from wbc.sim.terrain import FieldFamily, ShapeFamily, bar, dome, family, param, plate, stone
 from wbc.sim.terrain import (
     terrain as make_terrain,
@@ -42,7 +32,6 @@ __all__ = [
     "PhysicsSettings",
     "Plant",
     "TrueFallDetector",
-    "real_time_factor",
     "with_feet",
     # A MuJoCo model of one's own
     "MujocoLoop",
@@ -53,10 +42,8 @@ __all__ = [
     "SensorNoise",
     "SignalNoise",
     # Balance: standing and push recovery
-    "StandSpec",
     "stand",
     "TrackSpec",
-    "TrackTrial",
     "track_motion",
     # The loop of all simulations
     "Trial",
@@ -86,7 +73,6 @@ __all__ = [
     "FootTest",
     "press",
     # Studies: many trials, journals and tables
-    "Cell",
     "Journal",
     "Study",
     "cluster_executor",

@@ -7,10 +7,8 @@ A new motion task is a file in `motion/`, a new force task a file in `force/`, e
 from wbc.core.qp.task import MotionTask, SelectionTask, VariableTask
 from wbc.tasks.balance import BalanceGains, balance_controller
 from wbc.tasks.behaviours import (
-    BehaviourError,
     Machine,
     Program,
-    Scope,
     State,
     after,
     all_of,
@@ -81,8 +79,6 @@ __all__ = [
     "State",
     "Machine",
     "Program",
-    "Scope",
-    "BehaviourError",
     "read_machine",
     "after",
     "reached",

@@ -25,14 +25,14 @@ if TYPE_CHECKING:
     from wbc.core.estimation.observer import Observer
     from wbc.core.limits.collision import CollisionCapsule, CollisionSphere, SelfCollisionLimit
     from wbc.core.limits.com_polygon import CoMPolygonLimit
-    from wbc.core.limits.rows import JointLimits, RowLimit, TorqueLimits, damped_bound
-    from wbc.core.qp.contact import FixedContact, PointContact, SoleContact, rectangle_wrench_cone
+    from wbc.core.limits.rows import JointLimits, RowLimit, TorqueLimits
+    from wbc.core.qp.contact import FixedContact, PointContact, SoleContact
     from wbc.core.qp.controller import Controller
     from wbc.core.qp.foothold import Foothold
     from wbc.core.qp.solver import SolverSettings
     from wbc.core.qp.task import MotionTask
     from wbc.core.robot import Robot
-    from wbc.core.settings import Count, NonNegative, Positive, settings
+    from wbc.core.settings import Count, Positive, settings
     from wbc.core.signals import Command, Measurement
     from wbc.machine import conformance, run
     from wbc.robots import RobotDescription
@@ -72,8 +72,6 @@ __all__ = [
     "SolverSettings",
     # Bases and helpers for limits and contacts of one's own
     "RowLimit",
-    "damped_bound",
-    "rectangle_wrench_cone",
     # From measurements to commands
     "Measurement",
     "Command",
@@ -103,7 +101,6 @@ __all__ = [
     # Settings of one's own
     "settings",
     "Positive",
-    "NonNegative",
     "Count",
     # Errors
     "WbcError",
@@ -141,13 +138,11 @@ _PLACES = {
         "JointLimits",
         "RowLimit",
         "TorqueLimits",
-        "damped_bound",
     ),
     "wbc.core.qp.contact": (
         "FixedContact",
         "PointContact",
         "SoleContact",
-        "rectangle_wrench_cone",
     ),
     "wbc.core.qp.controller": ("Controller",),
     "wbc.core.qp.foothold": ("Foothold",),
@@ -156,7 +151,6 @@ _PLACES = {
     "wbc.core.robot": ("Robot",),
     "wbc.core.settings": (
         "Count",
-        "NonNegative",
         "Positive",
         "settings",
     ),

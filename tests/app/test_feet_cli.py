@@ -24,7 +24,8 @@ from wbc.app.arguments import attribute_docs
 from wbc.app.commands.foot import parameters
 from wbc.core.changes import changed, setting_names
 from wbc.core.errors import InputError
-from wbc.feet import SoftFoot, foot, foot_names
+from wbc.feet import SoftFoot, foot
+from wbc.feet.soles.catalog import foot_names
 from wbc.feet.soles.soft import VariableStiffnessFoot
 from wbc.robots import load, names
 from wbc.sim.plant.fitting import with_feet

@@ -30,7 +30,8 @@ from wbc.app.cli import BAD_INPUT, main
 from wbc.core.errors import InputError, ModelError, WbcError
 from wbc.core.settings import LARGEST, from_json
 from wbc.feet import foot
-from wbc.sim import PhysicsSettings, StandSpec, WalkSpec, make_terrain, read_journal
+from wbc.sim import PhysicsSettings, WalkSpec, make_terrain, read_journal
+from wbc.sim.balance.standing import StandSpec
 from wbc.sim.studies.journal import Entry
 from wbc.sim.terrain import GroundContact
 from wbc.tasks import BalanceGains, StabilizerGains

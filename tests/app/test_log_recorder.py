@@ -18,7 +18,8 @@ from wbc.app.log.plain import from_plain, to_plain
 from wbc.app.plot import draw
 from wbc.core.errors import InputError
 from wbc.core.signals import Command, Measurement
-from wbc.feet import foot, foot_names
+from wbc.feet import foot
+from wbc.feet.soles.catalog import foot_names
 from wbc.sim import PhysicsSettings, SensorNoise, WalkPlan, WalkSpec, walk
 from wbc.sim.terrain import terrain, terrain_families
 from wbc.tasks.balance import balance_controller

@@ -26,7 +26,8 @@ import numpy as np
 from own_loop import Row, journal
 
 from wbc.robots import load as load_robot
-from wbc.sim import Plant, TrueFallDetector
+from wbc.sim import Plant
+from wbc.sim.plant.falls import TrueFallDetector
 from wbc.sim.trial.spec import CONTROL_PERIOD, chosen_mode
 from wbc.walking import (
     ArmSettings,

@@ -17,18 +17,10 @@ from scipy.spatial.transform import Rotation
 
 from wbc.core.changes import changed
 from wbc.core.errors import InputError, UnknownNameError
-from wbc.feet import (
-    Foot,
-    RangeSensor,
-    SoftFoot,
-    StiffnessActuator,
-    TransverseBending,
-    foot,
-    foot_names,
-    register_foot,
-)
+from wbc.feet import Foot, RangeSensor, SoftFoot, StiffnessActuator, foot, register_foot
 from wbc.feet.sensing.range_sensor import RangeSampler
 from wbc.feet.soles import catalog
+from wbc.feet.soles.catalog import foot_names
 from wbc.feet.soles.contact import (
     LOOP_CLOSURE,
     PAPER_SOLE_GROUND,
@@ -39,6 +31,7 @@ from wbc.feet.soles.contact import (
     solver_parameters,
 )
 from wbc.feet.soles.rigid import RigidFoot
+from wbc.feet.soles.soft_design import TransverseBending
 from wbc.feet.soles.sole import SoleGeometry, bar_inertia
 
 OWN = SoleGeometry.under_ankle(0.093, 0.160, 0.076, spacing=0.175)

@@ -12,7 +12,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from wbc.core.errors import InputError
-from wbc.feet import Foot, FootParts, RangeSensor, StiffnessActuator, TransverseBending, foot
+from wbc.feet import Foot, FootParts, RangeSensor, StiffnessActuator, foot
 from wbc.feet.soles.common_mjcf import RANGE_OFFSET
 from wbc.feet.soles.contact import (
     LOOP_CLOSURE,
@@ -24,6 +24,7 @@ from wbc.feet.soles.contact import (
     solver_parameters,
 )
 from wbc.feet.soles.runtime_mjcf import RangeFinder, SoleProbe, SoleStiffness
+from wbc.feet.soles.soft_design import TransverseBending
 from wbc.feet.soles.sole import SoleGeometry
 from wbc.sim.plant.settings import PhysicsSettings
 from wbc.sim.terrain import Terrain, terrain

@@ -19,9 +19,9 @@ from hanging import HOOK, HangingMachine
 import wbc
 from wbc import Command, HybridControl, Measurement, TorqueControl
 from wbc.core.gate import CommandGate
-from wbc.machine import Runner, RunReport, RunSettings
+from wbc.machine import Runner, RunSettings
 from wbc.machine.inlet import Inlet
-from wbc.machine.report import Phase
+from wbc.machine.report import Phase, RunReport
 from wbc.machine.run import mixed
 from wbc.walking import WalkingControlSettings
 

@@ -19,8 +19,10 @@ from wbc import Measurement, Plant, PositionControl, TorqueControl, balance_cont
 from wbc.core.estimation.plausibility import OPTIONAL, SIGNALS
 from wbc.core.gate import CommandGate
 from wbc.robots import load
-from wbc.sim import Machine, StandSpec, TrueFallDetector, WalkHook, WalkPlan, WalkPush, WalkSpec, walk
+from wbc.sim import Machine, WalkHook, WalkPlan, WalkPush, WalkSpec, walk
 from wbc.sim.balance import StandTrial
+from wbc.sim.balance.standing import StandSpec
+from wbc.sim.plant.falls import TrueFallDetector
 from wbc.sim.walks import WalkTick
 
 QUICK = (

@@ -16,8 +16,9 @@ from wbc.feet.soles.contact import ContactSpheres
 from wbc.feet.soles.rigid import FlatFoot
 from wbc.motion.generator import make_motion
 from wbc.robots import load
-from wbc.sim import DivergedError, Plant, real_time_factor
+from wbc.sim import DivergedError, Plant
 from wbc.sim.balance import StandSpec, StandTrial, TrackSpec, TrackTrial
+from wbc.sim.plant.plant import real_time_factor
 from wbc.sim.plant.settings import steps_per_tick
 from wbc.sim.trial import TrialHook
 

@@ -15,7 +15,8 @@ from wbc.feet.soles.common_mjcf import CONTACT_GROUP
 from wbc.feet.soles.contact import ContactSpheres
 from wbc.feet.soles.rigid import FlatFoot
 from wbc.robots import RobotDescription, load
-from wbc.sim import Machine, PhysicsSettings, Plant, real_time_factor
+from wbc.sim import Machine, PhysicsSettings, Plant
+from wbc.sim.plant.plant import real_time_factor
 from wbc.sim.terrain import terrain, terrain_families
 
 ROBOTS = ("hrp4_class", "talos", "g1")

@@ -14,7 +14,8 @@ from wbc.core.errors import InputError, UnknownNameError
 from wbc.core.robot import GRAVITY
 from wbc.feet import RangeSensor
 from wbc.robots import load
-from wbc.sim import Plant, TrueFallDetector, make_scene
+from wbc.sim import Plant, make_scene
+from wbc.sim.plant.falls import TrueFallDetector
 from wbc.sim.plant.settings import Machine
 from wbc.sim.scenes import scene_kinds
 

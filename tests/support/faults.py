@@ -26,9 +26,11 @@ from wbc.core.drive.torque import TorqueControl
 from wbc.core.errors import Array, MeasurementError
 from wbc.core.limits.rows import JointLimits, TorqueLimits
 from wbc.core.signals import Command, Measurement
-from wbc.sim import Plant, StandSpec, TrueFallDetector, WalkPlan, WalkSpec, WalkTrial
+from wbc.sim import Plant, WalkPlan, WalkSpec, WalkTrial
 from wbc.sim.balance import StandTrial
+from wbc.sim.balance.standing import StandSpec
 from wbc.sim.plant import PelvisLimits
+from wbc.sim.plant.falls import TrueFallDetector
 from wbc.tasks import CoMTask
 
 Fault = Callable[[Measurement, "Memory"], Any]

@@ -39,6 +39,7 @@ from wbc.app.commands import COMMANDS
 from wbc.core.changes import setting_names
 from wbc.core.errors import WbcError
 from wbc.feet.soles.soft import VariableStiffnessFoot
+from wbc.sim.studies.study import Cell
 from wbc.sim.terrain import Terrain, terrain_families
 from wbc.sim.walks import TrialSettings
 
@@ -451,7 +452,7 @@ def valid(target: Any, name: str, package: str) -> Any:
         "duration": lambda: 0.5,
         "min_height": lambda: 0.02,
         "ankle_behind": lambda: 0.03,
-        "cells": lambda: (sim.Cell("flat", {"terrain": "flat"}),),
+        "cells": lambda: (Cell("flat", {"terrain": "flat"}),),
         "arms": lambda: {"flat": {"foot": "flat"}},
         "seeds": lambda: (100,),
         "gait": walking.Gait,
@@ -500,12 +501,6 @@ def own_values(function: str) -> dict[str, Any]:
         "SelfCollisionLimit": lambda: {"pairs": [("left_ankle_link", "right_ankle_link")]},
         "CollisionSphere": lambda: {"radius": 0.1},
         "CollisionCapsule": lambda: {"radius": 0.1, "start": (0.0, 0.0, 0.0), "end": (0.0, 0.0, 0.1)},
-        "damped_bound": lambda: {
-            "distance": np.full(2, 0.1),
-            "velocity": np.zeros(2),
-            "time_constant": 0.1,
-        },
-        "rectangle_wrench_cone": lambda: {"half_length": 0.1, "half_width": 0.05, "friction": 0.7},
         "velocity_from_mujoco": lambda: {"q": _description().robot().half_sitting, "qvel": np.zeros(40)},
         "velocity_to_mujoco": lambda: {"q": _description().robot().half_sitting, "v": np.zeros(40)},
         "FootstepPlan": lambda: {"steps": (walking.Footstep("left", 0.2, 0.1),)},
@@ -532,7 +527,6 @@ def own_values(function: str) -> dict[str, Any]:
             "wire": SimpleNamespace(receive=_wrong, send=_wrong),
         },
         "WalkTrial": lambda: {"spec": sim.WalkSpec()},
-        "TrackTrial": lambda: {"clip": _clip()},
         "track_motion": lambda: {"clip": _clip()},
         "WalkPush": lambda: {"time": 1.0},
         "bar": lambda: {"yaw": 0.1, "top": 0.01},
@@ -541,15 +535,13 @@ def own_values(function: str) -> dict[str, Any]:
         "stone": lambda: {"semi_axes": (0.05, 0.03), "top": 0.01, "yaw": 0.1},
         "press": lambda: {"support": False},
         "make_scene": lambda: {"name": "box"},
-        "Cell": lambda: {"values": {"terrain": "flat"}},
         "Journal": lambda: {"path": _new_journal()},
         "read_journal": lambda: {"path": sim.Journal(_new_journal()).path},
         "cluster_executor": lambda: {"address": "local"},
         "study_table": lambda: {"study": sim.Study.from_json(STUDY), "entries": {}},
         "sweep": lambda: {"specs": [sim.WalkSpec()], "journal": sim.Journal(_new_journal())},
     }
-    takes_table = ("compare", "cross_validate")
-    table = {"table": _stiffness_table()} if function in takes_table else {}
+    table = {"table": _stiffness_table()} if function == "cross_validate" else {}
     return table | makers.get(function, dict)()
 
 
@@ -587,9 +579,6 @@ def _clip() -> Any:
     return MotionClip(robot.joint_names, 30.0, q[:, :7], q[:, 7:])
 
 
-LONG_CALLS = {"real_time_factor"}
-"""Functions whose legal values begin long work, and which have no part that could be replaced."""
-
 SKIP = {
     # They register: what is registered stays.
     "register", "register_foot", "register_stiffness_policy", "family", "register_trial",
@@ -615,7 +604,7 @@ def places() -> list[Place]:
         for name in module.__all__:
             target = getattr(module, name)
             annotation = get_origin(target) is not None  # Positive, Count, …: no constructors
-            if annotation or not callable(target) or id(target) in seen or name in {*SKIP, *LONG_CALLS}:
+            if annotation or not callable(target) or id(target) in seen or name in SKIP:
                 continue
             if isinstance(target, type) and (
                 issubclass(target, (BaseException, Enum))

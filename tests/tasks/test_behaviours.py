@@ -18,13 +18,11 @@ from wbc.core.limits.rows import TorqueLimits
 from wbc.core.qp.controller import Controller
 from wbc.robots import load
 from wbc.tasks import (
-    BehaviourError,
     CoMTask,
     Machine,
     PoseTask,
     PositionTask,
     Program,
-    Scope,
     State,
     after,
     all_of,
@@ -35,6 +33,7 @@ from wbc.tasks import (
     read_machine,
     speed_below,
 )
+from wbc.tasks.behaviours import BehaviourError, Scope
 from wbc.walking import FootstepPlan, WalkingControl
 
 DT = 0.005

@@ -8,7 +8,8 @@ import pytest
 
 from wbc import load_robot
 from wbc.core.errors import InputError, UnknownNameError
-from wbc.sim import Plant, TrueFallDetector
+from wbc.sim import Plant
+from wbc.sim.plant.falls import TrueFallDetector
 from wbc.walking import FootstepPlan, SteppingControl, WalkingControl
 from wbc.walking.body import MOST_LEAN, lowest_com
 from wbc.walking.planning.reach import leg_geometry

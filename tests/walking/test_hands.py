@@ -14,19 +14,19 @@ import pytest
 from wbc.core.errors import InputError, UnknownNameError
 from wbc.core.robot import GRAVITY
 from wbc.robots import load
-from wbc.sim import Plant, SensorNoise, SignalNoise, TrueFallDetector, make_scene
+from wbc.sim import Plant, SensorNoise, SignalNoise, make_scene
+from wbc.sim.plant.falls import TrueFallDetector
 from wbc.tasks.motion.direction import least_turn
 from wbc.tasks.stabilizer.zmp import zmp_offset
 from wbc.walking import (
     FootstepPlan,
     Gait,
     HandSettings,
-    HandState,
     WalkingControl,
     WalkingControlSettings,
     walk_distance,
 )
-from wbc.walking.hands.hand import Hand
+from wbc.walking.hands.hand import Hand, HandState
 from wbc.walking.hands.hands import Hands
 from wbc.walking.hands.motion import MovingFrame
 

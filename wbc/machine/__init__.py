@@ -4,15 +4,14 @@ A new wire is a class with the three methods of `Driver`, in a module of its own
 """
 
 from wbc.machine.conformance import conformance
-from wbc.machine.loop import Driver, DriverLoop, Loop, MachineError
+from wbc.machine.loop import Driver, DriverLoop, MachineError
 from wbc.machine.report import RunReport
-from wbc.machine.run import Control, Runner, RunSettings, run
+from wbc.machine.run import Runner, RunSettings, run
 from wbc.machine.udp import UdpDriver, UdpRobot
 from wbc.machine.unitree import MotionSwitcher, UnitreeDriver, UnitreeRobot
 
 __all__ = [
     # Interfaces
-    "Loop",
     "Driver",
     "DriverLoop",
     # The loop of a machine
@@ -20,7 +19,6 @@ __all__ = [
     "Runner",
     "RunSettings",
     "RunReport",
-    "Control",
     "MachineError",
     # Wires
     "UdpDriver",

@@ -5,15 +5,14 @@ Whatever decides on footsteps goes into `planning`, on reference motion into `pa
 """
 
 from wbc.core.control import State
-from wbc.walking.body import Body
-from wbc.walking.control import ReferenceControl, WalkingControl
+from wbc.walking.control import WalkingControl
 from wbc.walking.hands.hand import HandSettings, HandState
 from wbc.walking.hands.reaching import ArmSettings
 from wbc.walking.load import LoadSettings
 from wbc.walking.pattern.swing import FootMotion
 from wbc.walking.planning.footsteps import Footstep, FootstepPlan
 from wbc.walking.planning.gait import Gait
-from wbc.walking.planning.phases import Event, PhaseSettings
+from wbc.walking.planning.phases import PhaseSettings
 from wbc.walking.planning.planners import climb_stairs, turn_in_place, walk_distance, walk_path, walk_velocity
 from wbc.walking.planning.sources import DriveSettings, FootstepSource, Standing
 from wbc.walking.settings import WalkingControlSettings
@@ -26,7 +25,6 @@ __all__ = [
     # Control: a measurement in, a command out
     "WalkingControl",
     "WalkingControlSettings",
-    "ReferenceControl",
     # Sources of references
     "Reference",
     "ReferenceSource",
@@ -37,8 +35,6 @@ __all__ = [
     "SteppingControl",
     "SteppingControlSettings",
     "SteppingSettings",
-    # Set-points of the body
-    "Body",
     # Arms: hands that go to targets
     "ArmSettings",
     "LoadSettings",
@@ -55,7 +51,6 @@ __all__ = [
     "DriveSettings",
     "FootstepSource",
     "Standing",
-    "Event",
     "PhaseSettings",
     # Hands that press and grip
     "HandSettings",

@@ -10,7 +10,8 @@ import pytest
 import wbc
 from wbc.core.control import Mode
 from wbc.core.errors import InputError
-from wbc.sim import TrueFallDetector, walk
+from wbc.sim import walk
+from wbc.sim.plant.falls import TrueFallDetector
 from wbc.walking.planning.phases import Phase
 from wbc.walking.stepping import SteppingControl, SteppingControlSettings, SteppingSettings
 

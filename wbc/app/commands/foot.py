@@ -16,8 +16,9 @@ from wbc.app.output import Flat, Output, OutputOptions, Report, reports
 from wbc.core.changes import changed, read_changes, setting_names
 from wbc.core.errors import InputError
 from wbc.core.settings import settings, to_json
-from wbc.feet import Foot, SoftFoot, foot_names
+from wbc.feet import Foot, SoftFoot
 from wbc.feet.soles.catalog import foot as foot_by_name
+from wbc.feet.soles.catalog import foot_names
 from wbc.feet.soles.sole import SoleGeometry
 from wbc.robots import load, names
 from wbc.sim import rig
