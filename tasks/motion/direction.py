@@ -13,7 +13,7 @@ from wbc.core.arguments import checked
 from wbc.core.errors import Array, InputError, finite_array
 from wbc.core.qp.task import read_only
 from wbc.core.robot import Robot
-from wbc.tasks.motion.axes import ROTATION_AXES
+from wbc.tasks.motion.axes import ROTATION_AXES, other_columns
 from wbc.tasks.motion.frame import FrameTask
 from wbc.tasks.motion.moving import Course
 from wbc.tasks.options import MotionOptions
@@ -136,14 +136,22 @@ class DirectionTask(FrameTask[Array]):
 class GazeTask(DirectionTask):
     """Turn one axis of a frame, such as the head's, to a point of the world, whatever the body does.
 
-        controller.add(GazeTask("head", [1.5, 0.4, 1.0], joints=("neck_yaw", "neck_pitch")))
+        controller.add(GazeTask("head", [1.5, 0.4, 1.0]))
 
-    With d the unit vector to the point and r its distance, the rows are those of `DirectionTask` and d × v / r, by
-    which a frame that moves turns past the point. Weight 1 and stiffness 30 1/s² by default; a point 1 m ahead when
-    none is given.
+    It has the joints between base and frame, neck and waist of a head, unless others are given: with its legs `g1` fell
+    when it looked to the side at the end of a walk. With d the unit vector to the point and r its distance, the rows
+    are those of `DirectionTask` and d × v / r, by which a frame that moves turns past the point. Weight 1 and stiffness
+    30 1/s² by default; a point 1 m ahead when none is given.
     """
 
     _what = "gaze"
+
+    def bind(self, robot: Robot) -> None:
+        """Resolve names; see `Task.bind`."""
+        super().bind(robot)
+        carriers = [robot.joint_names[joint] for joint in robot.joints_between(self.frame, robot.base_frame)]
+        if self._only_joints is None and carriers:
+            self._unused = other_columns(robot, carriers)
 
     def evaluate(self, jacobian: Array, error: Array, drift: Array) -> None:
         """Fill the rows; see `MotionTask.evaluate`. With ḋ = −(v − d (d · v)) / r and ṙ = −d · v."""

@@ -81,7 +81,7 @@ def test_velocities_in_a_file_that_are_refused(
 
 @pytest.mark.slow
 @needs_chromium
-def test_arrow_keys_in_a_browser_drive_the_robot(tmp_path: Path) -> None:
+def test_arrow_keys_and_a_gamepad_in_a_browser_drive_the_robot(tmp_path: Path) -> None:
     plant, walking = stage()
     with MeshcatView(plant, walking=walking, port=0) as view:
 
@@ -113,6 +113,10 @@ def test_arrow_keys_in_a_browser_drive_the_robot(tmp_path: Path) -> None:
             back = {"key": "ArrowDown", "code": "ArrowDown", "windowsVirtualKeyCode": 40}
             browser.call("Input.dispatchKeyEvent", type="keyDown", **back)
             run(lambda: walking.velocity == (-0.3, 0.0, 0.0))
+            browser.call("Input.dispatchKeyEvent", type="keyUp", **back)
+            for axes, velocity in (("-1, 0, 0", (0.0, 0.2, 0.0)), ("0.1, 0, -1", (0.0, 0.0, 0.5))):
+                browser.evaluate(f"navigator.getGamepads = () => [null, {{connected: true, axes: [{axes}]}}]")
+                run(lambda velocity=velocity: walking.velocity == velocity)
             assert not browser.errors
         run(lambda: walking.velocity == (0.0, 0.0, 0.0))  # the last page is closed
         run(lambda: walking.finished)

@@ -90,7 +90,7 @@ MOTION_TASKS: dict[str, Case] = {
         lambda r: RelativeFrameTask(right_hand(r), r.base_frame, axes=("roll", "yaw"))
     ),
     "direction": Case(lambda r: DirectionTask(left_hand(r), axis=(0.3, 0.0, -1.0)), feasible=False),
-    "gaze": Case(lambda r: GazeTask(r.torso_frame), feasible=False),
+    "gaze": Case(lambda r: GazeTask(r.torso_frame, joints=("base", *r.joint_names)), feasible=False),
     "com over feet": Case(lambda r: CoMOverFeetTask()),
     "momentum": Case(lambda r: MomentumTask()),
     "angular momentum": Case(lambda r: MomentumTask(axes=("roll", "pitch", "yaw"))),

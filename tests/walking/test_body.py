@@ -8,8 +8,11 @@ import pytest
 
 from wbc import load_robot
 from wbc.core.errors import InputError, UnknownNameError
+from wbc.core.qp.task import evaluated
+from wbc.core.robot import BASE_DOF
 from wbc.sim import Plant
 from wbc.sim.plant.falls import TrueFallDetector
+from wbc.tasks import GazeTask
 from wbc.walking import FootstepPlan, SteppingControl, WalkingControl
 from wbc.walking.body import MOST_LEAN, lowest_com
 from wbc.walking.planning.reach import leg_geometry
@@ -182,3 +185,13 @@ def test_a_target_that_the_walk_sets_says_what_to_set_instead(kind: str) -> None
             task.target = task.target  # type: ignore[attr-defined]
     walking.tasks.posture.move_to({controller.robot.joint_names[-1]: 0.1}, speed=0.5)
     controller.task("com").weight = 50.0  # weights and gains are the user's
+
+
+def test_a_gaze_of_the_users_own_has_no_part_in_the_legs() -> None:
+    """With its legs `g1` fell when it looked to the side at the end of a walk."""
+    robot = load_robot("g1").robot()
+    walking = WalkingControl(robot, FootstepPlan.standing(robot), 0.005)
+    gaze = walking.controller.add(GazeTask(robot.torso_frame, [3.0, 1.0, 1.0]))
+    moved = np.flatnonzero(abs(evaluated(gaze)[0]).max(axis=0) > 1e-9)
+    carriers = [BASE_DOF + joint for joint in robot.joints_between(robot.torso_frame, robot.base_frame)]
+    assert len(moved) >= 2 and np.isin(moved, carriers).all()

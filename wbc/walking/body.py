@@ -406,8 +406,7 @@ def _vertical(robot: Robot, joints: Sequence[int]) -> bool:
 def _gaze_task(robot: Robot, place: Array) -> GazeTask:
     """Return the task of the last link of the neck, or of the torso, with its axis that points forward in a stand."""
     neck = _neck_joints(robot)
-    waist = [robot.joint_names[joint] for joint in _waist_joints(robot)]
-    if not neck and not waist:
+    if not neck and not _waist_joints(robot):
         raise InputError(f"'{robot.name}' has neither a neck nor a waist to look with")
     frame = robot.torso_frame
     if neck:
@@ -421,7 +420,6 @@ def _gaze_task(robot: Robot, place: Array) -> GazeTask:
         place,
         name="gaze",
         axis=turn[:, 0],
-        joints=[*neck, *waist],
         axes=("roll", "pitch", "yaw") if neck else ("yaw",),
         weight=GAZE_WEIGHT if neck else TORSO_GAZE_WEIGHT,
         stiffness=GAZE_STIFFNESS,
