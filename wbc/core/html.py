@@ -18,3 +18,8 @@ def html_table(title: str, rows: Mapping[str, object]) -> str:
 def html_text(text: str) -> str:
     """Return a text with its columns kept."""
     return f"<pre>{escape(text)}</pre>"
+
+
+def html_frame(address: str) -> str:
+    """Return a page in a frame."""
+    return f'<iframe src="{escape(address)}" width="100%" height="480"></iframe>'

@@ -25,6 +25,7 @@ from wbc.app.scene.sources import PlantSource, RobotSource
 from wbc.app.view.controls import LiveControls
 from wbc.app.view.pace import Pace
 from wbc.core.errors import Array, InputError, finite_scalar, positive
+from wbc.core.html import html_frame, html_text
 from wbc.core.qp.controller import Controller
 from wbc.core.robot import Robot
 from wbc.robots import RobotDescription
@@ -67,6 +68,7 @@ class View(ABC):
         rate: float,
         speed: float | None,
         controls: bool,
+        notebook: bool,
         repeat: Iterable[dict[str, Any]] = (),
     ) -> None:
         """Make the scene.
@@ -80,6 +82,7 @@ class View(ABC):
             rate: Largest rate of pictures, 1/s.
             speed: Hold the run back to this multiple of real time, 1 for real time; None never waits.
             controls: Let the page change the run; pause and speed are always available.
+            notebook: Let pages of this machine show the page in a frame.
             repeat: Interventions of a former run.
 
         Raises:
@@ -120,10 +123,14 @@ class View(ABC):
         )
         given = (self._plant, self.walking, controller) if controls else (None, None, None)
         self.controls = LiveControls(*given, repeat=repeat)
-        self._next = -math.inf
+        self._next, self._framed = -math.inf, notebook
         self._paused = False
         self._simulated = 0.0  # time of the run, s
         self._measurement: Measurement | None = None
+
+    def _repr_html_(self) -> str:
+        hint = f"live view: {self.url}\nIn a frame of this notebook it is shown with notebook=True."
+        return html_frame(self.url) if self._framed else html_text(hint)
 
     def _begin(self) -> None:
         """Say where the page is, and draw the first picture if the state is known."""

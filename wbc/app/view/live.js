@@ -2,24 +2,21 @@ let socket = null;
 const byId = (id) => document.getElementById(id);
 let mayChange = false;
 const tell = (wish) => {
-    if (mayChange && socket && socket.readyState === 1) socket.send(JSON.stringify(wish));
+    const open = mayChange && socket && socket.readyState === 1;
+    if (open) socket.send(JSON.stringify(wish));
+    return open;
 };
 const order = (wish) => tell({order: wish});
 
 // ---- what can be changed depends on the run; it says so when the connection is made
 
-function make(tag, parent, attributes = {}, text = "") {
-    const made = parent.appendChild(document.createElement(tag));
-    for (const [name, value] of Object.entries(attributes)) made.setAttribute(name, value);
-    made.append(text);
-    return made;
-}
 function build(controls) {
     const place = byId("change");
     place.replaceChildren();
+    fastest = null;
     byId("pause").disabled = byId("speed").disabled = !mayChange;
     if (!mayChange) { place.append("to change the run, open the link that it has printed"); return; }
-    drive(controls.drive, place);
+    if (controls.drive) { drive(controls.drive, place); make("span", place, {id: "driver"}); }
     if (!controls.stop) return;
     const [label, title] = controls.drive
         ? ["stand", "the robot comes to a stand and can be driven on; end the run in its terminal with Ctrl-C"]
@@ -27,47 +24,8 @@ function build(controls) {
     make("button", place, {id: "stop", title}, label).onclick = () => order({do: "stop"});
 }
 
-// ---- driving: arrow keys (with shift to the side), the stick, or a gamepad; a command is sent when it changes
+// ---- arrow keys (with shift to the side) drive as the stick does
 
-let fastest = null, sent = "", otherDrives = false, held = new Set(), stick = [0, 0], knob = null;
-function drive(limits, place) {
-    fastest = limits || null;
-    held.clear();
-    sent = "";
-    if (!fastest) return;
-    const pad = make("span", place, {id: "stick", title: "drive: drag, or use the arrow keys, with shift to the side"});
-    knob = make("span", pad, {id: "knob"});
-    make("span", place, {id: "driver"});
-    const move = (event) => {
-        const box = pad.getBoundingClientRect(), half = box.width / 2;
-        const limit = (value) => Math.max(-1, Math.min(1, value / half));
-        stick = [limit(event.clientX - box.left - half), limit(event.clientY - box.top - half)];
-    };
-    pad.onpointerdown = (event) => { pad.setPointerCapture(event.pointerId); move(event); };
-    pad.onpointermove = (event) => { if (pad.hasPointerCapture(event.pointerId)) move(event); };
-    pad.onpointerup = pad.onpointercancel = () => { stick = [0, 0]; };
-}
-function steer() {
-    if (!fastest || !mayChange) return;
-    const key = (name) => (held.has(name) ? 1 : 0), free = (value) => (Math.abs(value) > 0.15 ? value : 0);
-    let ahead = key("ArrowUp") - key("ArrowDown") - free(stick[1]), left = 0, turn = -free(stick[0]);
-    const side = key("ArrowLeft") - key("ArrowRight");
-    if (held.has("Shift")) left += side; else turn += side;
-    for (const pad of navigator.getGamepads ? navigator.getGamepads() : []) {
-        if (!pad || !pad.connected) continue;
-        ahead -= free(pad.axes[1] || 0); left -= free(pad.axes[0] || 0); turn -= free(pad.axes[2] || 0);
-    }
-    const inside = (value) => 20 * Math.max(-1, Math.min(1, value));
-    knob.style.transform = `translate(${inside(-(left || turn))}px, ${inside(-ahead)}px)`;
-    const part = (value, most) => Math.round(100 * Math.max(-1, Math.min(1, value)) * most) / 100;
-    const wish = {do: "drive", forward: part(ahead, ahead > 0 ? fastest.forward : fastest.back),
-                  left: part(left, fastest.left), turn: part(turn, fastest.turn)};
-    const text = JSON.stringify(wish);
-    if (otherDrives && !wish.forward && !wish.left && !wish.turn) sent = text;  // nor stops what the other page drives
-    if (text === sent || (sent === "" && !wish.forward && !wish.left && !wish.turn)) return;
-    if (socket && socket.readyState === 1) { order(wish); sent = text; }
-}
-setInterval(steer, 100);
 const typing = (event) => ["SELECT", "INPUT"].includes(event.target.tagName);
 document.addEventListener("keydown", (event) => {
     if (!fastest || typing(event)) return;

@@ -75,7 +75,14 @@ class MeshcatView(View):
         """
         address = Address(host, port)
         super().__init__(
-            source, walking, program=program, terrain=terrain, rate=rate, speed=speed, controls=controls
+            source,
+            walking,
+            program=program,
+            terrain=terrain,
+            rate=rate,
+            speed=speed,
+            controls=controls,
+            notebook=notebook,
         )
         token = secrets.token_urlsafe(TOKEN_BYTES)
         self._process = DrawingProcess(

@@ -19,8 +19,10 @@ SCRIPT = Path(meshcat.__file__).parent / "viewer" / "dist" / "main.min.js"
 """MeshCat's viewer, as installed with it."""
 
 
-PAGE, CONTROLS, LIVE = (Path(__file__).with_name(name) for name in ("page.html", "controls.html", "live.js"))
-"""Template of every page, controls of a live one, and the script that follows a run."""
+PAGE, CONTROLS, DRIVE, LIVE = (
+    Path(__file__).with_name(name) for name in ("page.html", "controls.html", "drive.js", "live.js")
+)
+"""Template of every page, controls of a live one, and the scripts that drive a robot and follow a run."""
 
 
 @dataclass(frozen=True)
@@ -44,7 +46,7 @@ class Page:
 
     def live(self, nonce: str) -> str:
         """Return the page that follows a run; it loads MeshCat's viewer from the server."""
-        feed = LIVE.read_text("utf-8").replace("PAGE_KEY", str(self.key))
+        feed = (DRIVE.read_text("utf-8") + LIVE.read_text("utf-8")).replace("PAGE_KEY", str(self.key))
         feed = feed.replace("START_HEIGHT", f"{0.95 * self.com_height:.3f}")
         controls = CONTROLS.read_text("utf-8")
         return self._fill(source=' src="main.min.js"', feed=feed, controls=controls, nonce=nonce)

@@ -22,7 +22,7 @@ from wbc.app.scene.layer import Annotations
 from wbc.app.view.base import View
 from wbc.app.view.controls import DIRECTIONS, Setting
 from wbc.app.view.workbench_scene import WorkbenchScene
-from wbc.app.view.workbench_server import start_server, stop_server
+from wbc.app.view.workbench_server import Stick, start_server, stop_server
 from wbc.core.errors import Array, InputError
 from wbc.core.qp.contact import Contact
 from wbc.core.qp.solution import Solution
@@ -113,15 +113,19 @@ class Workbench(View):
             rate=rate,
             speed=speed,
             controls=controls,
+            notebook=notebook,
             repeat=repeat,
         )
-        server, self._url = start_server(address, self.scene.title, notebook)
+        limits = self.controls.available().get("drive")
+        stick = None if limits is None else Stick(limits, self._steer)
+        server, self._url = start_server(address, self.scene.title, notebook, stick)
         self._server: Any = server
         self._closed, self.frames = False, 0
         self._live: list[Callable[[float], None]] = []  # called with each picture
         self._texts: list[tuple[Any, Callable[[], str]]] = []
         self._spoken = self._plotted = -math.inf
         self._said: tuple[str, ...] = ()
+        self._velocity: dict[str, Any] = {}  # sliders of a robot that is driven
         with server.atomic():
             self._drawn = WorkbenchScene(server, self.scene, self._pull)
             self._fill(program)
@@ -269,6 +273,14 @@ class Workbench(View):
                 if place.content != new:
                     place.content = new
 
+    def _steer(self, wish: dict[str, Any]) -> None:
+        """Take a command of the stick, and show it in the sliders."""
+        self.controls.order(wish)
+        for name, slider in self._velocity.items():
+            value = wish.get(name)
+            if isinstance(value, (int, float)):
+                slider.value = min(max(float(value), slider.min), slider.max)
+
     def _pull(self, body: str, way: Array) -> None:
         if self._plant is not None:
             force = DRAG_FORCE * self._plant.robot.mass * GRAVITY * way
@@ -310,7 +322,15 @@ class Workbench(View):
             docs = attribute_docs(StabilizerGains)
             with gui.add_folder("stabilizer gains", expand_by_default=False):
                 for gain in offered["gains"]:
-                    self._gain_slider(gain, docs[gain["name"]])
+                    name, unit, most = gain["name"], gain["unit"], gain["largest"]
+                    self._slider(
+                        f"{name} ({unit})" if unit else name,
+                        0.0,
+                        most,
+                        min(gain["value"], most),
+                        docs[name],
+                        partial(_gain, name),
+                    )
         if "stiffness" in offered:
             soles = offered["stiffness"]
             with gui.add_folder("soles", expand_by_default=False):
@@ -351,8 +371,12 @@ class Workbench(View):
                 gui.add_slider(f"{name} ({unit})", a, b, 0.01, 0.0)
                 for name, unit, a, b in zip(parts, ("m/s", "m/s", "rad/s"), low, high, strict=True)
             ]
-            gui.add_markdown("keys i, k: faster, slower; j, l: turn; u, o: to the side; space: stand")
+            gui.add_markdown(
+                "the stick, a gamepad, or keys i, k: faster, slower; j, l: turn; u, o: to the side; space: stand"
+            )
             stand = gui.add_button("stand", hint="the robot can be driven on")
+
+        self._velocity = dict(zip(parts, sliders, strict=True))
 
         def drive(_: Any = None) -> None:
             self.controls.order({"do": "drive", **{n: s.value for n, s in zip(parts, sliders, strict=True)}})
@@ -382,18 +406,6 @@ class Workbench(View):
             size = gui.add_slider("impulse (Ns/kg)", 0.0, push["largest"], 0.01, push["impulse"])
             self._button("push", lambda: {"do": "push", "direction": side.value, "impulse": size.value})
             gui.add_markdown("Ctrl and the mouse pull at a link.")
-
-    def _gain_slider(self, gain: dict[str, Any], about: str) -> None:
-        name, largest = gain["name"], gain["largest"]
-        label = f"{name} ({gain['unit']})" if gain["unit"] else name
-        self._slider(
-            label,
-            0.0,
-            largest,
-            min(gain["value"], largest),
-            about,
-            lambda new: {"do": "gain", "name": name, "value": new},
-        )
 
     def _task_folder(self, task: Task) -> None:
         gui, name = self._server.gui, task.name
@@ -673,6 +685,11 @@ def cone_margin(contact: Contact, wrench: Array) -> float:
     used = contact.cone @ wrench + allowed
     bounds = allowed > 0.0
     return float(1.0 - (used[bounds] / allowed[bounds]).max())
+
+
+def _gain(name: str, value: float) -> dict[str, Any]:
+    """Return the order of a gain."""
+    return {"do": "gain", "name": name, "value": value}
 
 
 def _without_noise(values: Array) -> Array:
