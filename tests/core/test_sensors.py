@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+import pytest
 
 from wbc import Measurement
 from wbc.core.estimation.consistency import ConsistencyMonitor, ConsistencySettings
@@ -13,6 +14,7 @@ from wbc.core.robot import GRAVITY
 from wbc.robots import load
 
 ROBOT, DT = load("hrp4_class").robot(), 0.005
+STILL = (0.0, 0.0, 0.0)
 
 
 def standing(time: float, **changes: np.ndarray) -> Measurement:
@@ -48,6 +50,25 @@ def test_a_moment_is_possible_as_far_as_the_greatest_force_has_an_arm_on_the_sol
         assert plausibility.refused == refused
 
 
+@pytest.mark.parametrize(("axis", "lifts"), [(0, False), (0, True), (2, False), (2, True)])
+def test_feet_that_turn_alike_are_doubted_about_the_vertical_only_where_the_robot_stands(
+    axis: int, lifts: bool
+) -> None:
+    """A walk over boards turns about the edges under both soles; a gyroscope about the horizontal is always told."""
+    names = Plausibility(ROBOT, DT).names
+    monitor, rng = ConsistencyMonitor(ROBOT, DT, names), np.random.default_rng(0)
+    roll, pitch, yaw = np.eye(3)[axis].tolist()
+    told = []
+    for tick in range(400):
+        wrench = np.zeros((2, 6))
+        left = 0.0 if lifts and tick % 60 > 30 else 0.5
+        wrench[:, 2] = np.array((left, 1.0 - left)) * ROBOT.mass * GRAVITY
+        measurement = standing(tick * DT, sole_wrench=wrench)
+        monitor.update(rng.normal(size=len(names)), measurement, GRAVITY, (roll, pitch, yaw), STILL, 0j)
+        told.append("encoders and gyroscope disagree" in monitor.doubts)
+    assert any(told) == (axis == 0 or not lifts)
+
+
 def test_a_force_that_stays_the_same_is_frozen_and_none_at_all_is_a_foot_in_the_air() -> None:
     settings = ConsistencySettings()
     names = Plausibility(ROBOT, DT).names
@@ -56,5 +77,5 @@ def test_a_force_that_stays_the_same_is_frozen_and_none_at_all_is_a_foot_in_the_
         values = rng.normal(size=len(names))
         values[-12:] = 0.0  # in the air but for
         values[-10] = 300.0  # a frozen force on the left sole
-        monitor.update(values, standing(tick * DT), GRAVITY, 0.0, (0.0, 0.0, 0.0), 0j)
+        monitor.update(values, standing(tick * DT), GRAVITY, STILL, STILL, 0j)
     assert [doubt for doubt in monitor.doubts if "frozen" in doubt] == ["force sensor of left_foot frozen"]

@@ -94,6 +94,9 @@ def test_a_wrong_gyroscope_is_named_while_walking(name: str, mode: str) -> None:
     assert report.named <= 0.2 and "gyroscope" in report.status
 
 
+BLIND = Machine(force_sensors=False, torque_sensors=True)
+
+
 class Doubts(WalkHook):
     """Collects what the monitor doubts in a walk."""
 
@@ -114,6 +117,7 @@ class Doubts(WalkHook):
         {"foot": "soft", "terrain": "slats"},
         {"robot": "talos"},
         {"robot": "g1"},
+        {"foot": "flat", "terrain": "boards", "amplitude": 0.02, "seed": 8404, "machine": BLIND},
     ],
 )
 def test_nothing_is_doubted_of_good_sensors_on_any_ground(ground: dict[str, Any], mode: str) -> None:

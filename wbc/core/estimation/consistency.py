@@ -117,7 +117,8 @@ class ConsistencySettings:
         weight_excess: The soles may carry at most this multiple of the weight.
         gravity_share: The accelerometer must show at least this part of gravity, upwards as estimated.
         velocity_difference: A joint velocity may differ by this from the speed of its encoder, rad/s.
-        foot_rotation: Greatest speed at which both feet on the ground may turn alike, by encoders and gyroscope, rad/s.
+        foot_rotation: Greatest speed at which both feet on the ground may turn alike, by encoders and gyroscope, rad/s;
+            about the vertical only while both have stood for 0.5 s: a walk may turn on the edges of stones or boards.
         speed_difference: Greatest difference between the speeds of legs and accelerometer within 0.3 s, m/s, while the
             foot on the ground seems to turn: a foot that turns, as on stones, moves the accelerometer, too; an error
             of the gyroscope does not.
@@ -172,7 +173,7 @@ class ConsistencyMonitor:
         self._run, self._longest, self._ended = np.zeros(n), np.ones(n), np.zeros(n)
         self._difference, self._contradicts = np.zeros(self._na), np.zeros(self._na)
         self._speed = np.zeros(self._na)
-        self._share, self._gravity, self._rotation = 1.0, 1.0, 0.0
+        self._share, self._gravity, self._rotation, self._stood = 1.0, 1.0, 0.0, 0.0
         self._since = [0.0, 0.0, 0.0, 0.0]
         self._drift = self._offset = self._parted = 0j
         self._suspected = self._gyro_doubted = self._unsettled = 0.0
@@ -183,7 +184,7 @@ class ConsistencyMonitor:
         values: Array,
         measurement: Measurement,
         vertical_force: float,
-        foot_rotation: float,
+        foot_rotation: Vector,
         stance_rotation: Vector,
         unexplained: complex,
     ) -> None:
@@ -193,7 +194,7 @@ class ConsistencyMonitor:
             values: All numbers of the measurement, in the order of the channels.
             measurement: The measurement.
             vertical_force: Specific force upwards in the world, by the estimated attitude, m/s².
-            foot_rotation: Angular speed with which both feet on the ground turn alike, rad/s.
+            foot_rotation: Angular velocity with which both feet on the ground turn alike, in the world, rad/s.
             stance_rotation: Angular velocity of the foot that carries more, in the world, rad/s.
             unexplained: Change of the legs' velocity that the accelerometer does not show, x + iy in the world, m/s.
         """
@@ -206,7 +207,10 @@ class ConsistencyMonitor:
         loads = [row[2] for row in measurement.wrenches.tolist()]
         self._gravity += gain * (vertical_force / GRAVITY - self._gravity)
         self._share += gain * (sum(loads) / self._weight - self._share)
-        self._rotation += gain * (foot_rotation - self._rotation)
+        self._stood = self._stood + self._dt if min(loads) > CARRIES * self._weight else 0.0
+        roll, pitch, yaw = foot_rotation
+        alike = math.hypot(roll, pitch, yaw if self._stood > STANDING else 0.0)
+        self._rotation += gain * (alike - self._rotation)
         if self._gyroscope_contradicts(stance_rotation, unexplained, measurement.wrench_source != "sensor"):
             doubts.append("gyroscope contradicts accelerometer and legs")
         wrong = (
