@@ -94,8 +94,9 @@ class CommandGate:
         servo = kp * (sent.joint_position - measured[0])
         servo += kd * (sent.joint_velocity - measured[1])
         total = torque + servo
-        if not (np.abs(total) <= self._torque).all():
-            self._report(~(np.abs(total) <= ROUNDING * self._torque), faults)
+        most = np.maximum(np.abs(total), np.abs(torque))
+        if not (most <= self._torque).all():
+            self._report(~(most <= ROUNDING * self._torque), faults)
             torque, kp, kd = self._give_way(total, servo, kp, kd)
         return Command(torque, sent.joint_position, sent.joint_velocity, kp=kp, kd=kd)
 
@@ -123,9 +124,7 @@ class CommandGate:
         """Return feed-forward and gains that stay within the limits together: the gains give way last."""
         limit, servo = self._torque, np.nan_to_num(servo, nan=0.0)
         torque = np.clip(np.nan_to_num(total, nan=0.0), -limit, limit) - servo
-        if (
-            np.abs(torque) > ROUNDING * limit
-        ).any():  # servos ask for twice the limit, as on a wrong velocity
+        if (np.abs(torque) > limit).any():  # servos ask for more, as on a wrong velocity
             torque = np.clip(torque, -limit, limit)
             share = np.minimum(1.0, 2.0 * limit / np.maximum(np.abs(servo), 1e-9))
             kp, kd = share * kp, share * kd
