@@ -63,6 +63,7 @@ def test_a_run_is_repeated_with_its_interventions_bit_for_bit() -> None:
     orders: dict[int, dict[str, Any]] = {
         3: {"do": "push", "direction": "left", "impulse": 0.05},
         8: {"do": "task", "task": "com", "weight": 30.0},
+        10: {"do": "task", "task": "com", "damping": 9.0},
         12: {"do": "pull", "body": "torso", "force": [10.0, 0.0, 0.0]},
         20: {"do": "own", "name": "lower", "value": 0.02},
         25: {"do": "pull", "body": "torso", "force": [0.0, 0.0, 0.0]},

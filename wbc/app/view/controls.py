@@ -10,7 +10,7 @@ at a tick, and kept as interventions with their simulated time, which results an
     gain        of the stabilizer, where the controller has one, from the next tick on
     stiffness   of variable soles: each foot gets it in its next swing, as if decided by a policy, as far as its
                 actuator is sure to reach it before the landing
-    task        weight, stiffness, target of a task, or whether it is on
+    task        weight, stiffness, damping, target of a task, or whether it is on
     own         a button, slider or gizmo of the program
 
 Not offered: a footstep plan, gait, terrain and seed are checked before a walk starts and belong to another run. The
@@ -58,6 +58,9 @@ GAINS = {
 
 DIRECTIONS = {"forward": 0.0, "left": 0.5 * math.pi, "back": math.pi, "right": -0.5 * math.pi}
 """Directions of a push in the robot's frame, rad to the left of forward."""
+
+TASK_ORDERS = ("weight", "stiffness", "damping", "on", "target")
+"""What an order to a task may change, one at a time."""
 
 IMPULSE, MAX_IMPULSE = 0.1, 2.0
 """Impulse of a push per mass, Ns/kg: the page's default (a walk recovers from it), and the largest one."""
@@ -288,11 +291,9 @@ class LiveControls:
     def _set_task(self, request: dict[str, Any]) -> dict[str, Any]:
         assert self.controller is not None
         task: Any = self.controller.task(str(request.get("task")))
-        facts: dict[str, Any] = {
-            key: request[key] for key in ("weight", "stiffness", "on", "target") if key in request
-        }
+        facts: dict[str, Any] = {key: request[key] for key in TASK_ORDERS if key in request}
         if len(facts) != 1:
-            raise InputError("an order to a task has one of weight, stiffness, on and target")
+            raise InputError(f"an order to a task has one of {', '.join(TASK_ORDERS)}")
         ((what, value),) = facts.items()
         if what == "target":
             self.check_task(task)

@@ -56,13 +56,19 @@ KEYS = (
 )
 """Commands of a robot that is driven: label, key, part of the velocity, and its sign. Arrows turn viser's camera."""
 
+GAINS = (
+    ("stiffness", "1/s²", "acceleration per error; the damping stays critical unless it was set"),
+    ("damping", "1/s", "acceleration per velocity error"),
+)
+"""Gains of a task: name, unit and hint."""
+
 COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7")
 
 
 class Workbench(View):
     """A live view with controls of everything that the run has: see `View` for what it shows.
 
-    Each task has a folder: gizmo on its target, weight, stiffness, on or off, error and residual as plots. Each contact
+    Each task has a folder: gizmo on its target, weight, gains, on or off, error and residual as plots. Each contact
     shows its force and margin to its cone, limits how often they act. Ctrl and the mouse pull at a link; a robot that
     is steered is driven by sliders or keys. A program of one's own adds buttons, sliders, plots and gizmos.
     Orders are carried out at ticks and kept in `interventions`; `repeat` carries them out again.
@@ -414,7 +420,7 @@ class Workbench(View):
                 gui.add_markdown("hard: a constraint")
             else:
                 weight = float(task.weight.max())
-                self._switch("on", weight > 0.0, lambda on: {"do": "task", "task": name, "on": on})
+                self._switch("on", weight > 0.0, partial(_task_order, name, "on"))
                 power = math.log10(weight) if weight > 0.0 else 0.0
                 self._slider(
                     "weight, power of ten",
@@ -424,16 +430,11 @@ class Workbench(View):
                     f"cost per squared residual, ({task.residual_unit})²; all rows get the same",
                     lambda new: {"do": "task", "task": name, "weight": 10.0**new},
                 )
-            stiffness = float(task.stiffness.max())
-            if stiffness > 0.0:
-                self._slider(
-                    "stiffness (1/s²)",
-                    0.0,
-                    4.0 * stiffness,
-                    stiffness,
-                    "acceleration per error; the damping stays critical unless it was set",
-                    lambda new: {"do": "task", "task": name, "stiffness": new},
-                )
+            for gain, unit, about in GAINS:
+                value = float(getattr(task, gain).max())
+                if value > 0.0:
+                    order = partial(_task_order, name, gain)
+                    self._slider(f"{gain} ({unit})", 0.0, 4.0 * value, value, about, order)
             if task.held_by is not None:
                 gui.add_markdown(f"Target set at every tick: use {task.held_by}")
             elif _has_place(task):
@@ -578,8 +579,9 @@ class Workbench(View):
 
     def _task_gizmo(self, task: Any, asked: Callable[[], bool]) -> None:
         """Show a gizmo on the target of a task while it is asked for."""
-        robot = task.robot
-        turns, moves = True, True
+        robot, whole = task.robot, isinstance(task.target, pin.SE3)
+        turns = whole or np.shape(task.target) == (3, 3)
+        moves = whole or not turns
 
         def place() -> pin.SE3:
             target = task.target
@@ -589,14 +591,8 @@ class Workbench(View):
                 return pin.SE3(np.array(target), robot.placement(task.frame).translation)
             return pin.SE3(np.eye(3), np.array(target))
 
-        if not isinstance(task.target, pin.SE3):
-            turns = np.shape(task.target) == (3, 3)
-            moves = not turns
-
         def order(place: pin.SE3) -> dict[str, Any]:
-            value = (
-                pin.SE3ToXYZQUAT(place) if turns and moves else place.rotation if turns else place.translation
-            )
+            value = pin.SE3ToXYZQUAT(place) if whole else place.rotation if turns else place.translation
             return {"do": "task", "task": task.name, "target": np.asarray(value).tolist()}
 
         self._gizmo(task.name, place, order, asked, turns=turns, moves=moves)
@@ -621,7 +617,16 @@ class Workbench(View):
                 handles.clear()
                 return
             if not handles:
-                handles.append(self._make_gizmo(name, turns, moves, moved))
+                handle = self._server.scene.add_transform_controls(
+                    f"/wbc/gizmos/{name.replace('/', '_')}",
+                    scale=0.25 * self.scene.com_height,
+                    disable_axes=not moves,
+                    disable_sliders=not moves,
+                    disable_rotations=not turns,
+                    depth_test=False,
+                )
+                when(handle.on_update, moved)
+                handles.append(handle)
             if not held:
                 handle, now = handles[0], place()
                 x, y, z, w = pin.Quaternion(now.rotation).coeffs().tolist()
@@ -635,19 +640,6 @@ class Workbench(View):
             self.controls.order(order(pin.SE3(turn, np.array(event.target.position, dtype=float))))
 
         self._live.append(show)
-
-    def _make_gizmo(self, name: str, turns: bool, moves: bool, moved: Callable[[Any], None]) -> Any:
-        handle = self._server.scene.add_transform_controls(
-            f"/wbc/gizmos/{name.replace('/', '_')}",
-            scale=0.25 * self.scene.com_height,
-            disable_axes=not moves,
-            disable_sliders=not moves,
-            disable_rotations=not turns,
-            depth_test=False,
-        )
-
-        when(handle.on_update, moved)
-        return handle
 
 
 def when(event: Callable[[Any], object], call: Callable[[Any], object]) -> None:
@@ -690,6 +682,11 @@ def cone_margin(contact: Contact, wrench: Array) -> float:
 def _gain(name: str, value: float) -> dict[str, Any]:
     """Return the order of a gain."""
     return {"do": "gain", "name": name, "value": value}
+
+
+def _task_order(task: str, what: str, value: float) -> dict[str, Any]:
+    """Return an order to a task."""
+    return {"do": "task", "task": task, what: value}
 
 
 def _without_noise(values: Array) -> Array:
