@@ -18,7 +18,7 @@ import numpy as np
 import wbc
 from wbc.core.settings import to_json
 from wbc.motion import make_feasible, make_motion
-from wbc.sim.balance import TrackSpec, track_motion
+from wbc.sim.balance.tracking import TrackSpec, track_motion
 
 CLIPS = {"arms": 3, "dance": 3, "waist": 3, "squat": 3, "one_leg": 4, "steps": 4}
 """Motion → number of clips, seeds from 0 on: 20 in all."""

@@ -17,9 +17,9 @@ import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
 from wbc.app.replay.mujoco_scene import MujocoScene
-from wbc.app.scene import PlantSource
+from wbc.app.scene.sources import PlantSource
 from wbc.sim import Plant
-from wbc.sim.walks import WalkHook, WalkTick
+from wbc.sim.walks.trial import WalkHook, WalkTick
 
 EXAMPLES = Path(__file__).parent.parent / "examples"
 

@@ -20,8 +20,8 @@ from wbc.app.cli import main as wbc
 from wbc.core.errors import Array
 from wbc.feet import foot
 from wbc.feet.soles.soft_design import TransverseBending
-from wbc.sim.rig import FootTest
 from wbc.sim.rig.fixture import Rig
+from wbc.sim.rig.spec import FootTest
 from wbc.sim.terrain import terrain
 from wbc.sim.terrain.plot import plot_families
 

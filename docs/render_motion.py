@@ -15,11 +15,11 @@ from render_walk import brighten
 
 import wbc
 from wbc.app.replay.mujoco_scene import MujocoScene
-from wbc.app.scene import PlantSource
+from wbc.app.scene.sources import PlantSource
 from wbc.motion import make_feasible, make_motion, read_motion
 from wbc.sim import TrackSpec
 from wbc.sim.balance.tracking import TrackTrial
-from wbc.sim.trial import TrialHook
+from wbc.sim.trial.loop import TrialHook
 
 ROBOT, MOTION, SEED = "g1", "one_leg", 0
 """Robot, and motion that is filmed without a clip."""

@@ -3,27 +3,33 @@
 A new experiment goes to a room of its own beside `balance` and `walks`: a `TrialSpec`, a `Trial`, a `TrialResult`.
 """
 
-from wbc.sim.balance import TrackSpec, stand, track_motion
-from wbc.sim.loop import MujocoLoop, RobotServer, SharedPlant
-from wbc.sim.plant import (
-    DivergedError,
-    Machine,
-    PhysicsSettings,
-    Plant,
-    SensorNoise,
-    SignalNoise,
-    TrueFallDetector,
-    with_feet,
-)
-from wbc.sim.rig import FootTest, press
+from wbc.sim.balance.standing import stand
+from wbc.sim.balance.tracking import TrackSpec, track_motion
+from wbc.sim.loop.mujoco_loop import MujocoLoop
+from wbc.sim.loop.server import RobotServer
+from wbc.sim.loop.shared import SharedPlant
+from wbc.sim.plant.falls import TrueFallDetector
+from wbc.sim.plant.fitting import with_feet
+from wbc.sim.plant.plant import DivergedError, Plant
+from wbc.sim.plant.sensors import SensorNoise, SignalNoise
+from wbc.sim.plant.settings import Machine, PhysicsSettings
+from wbc.sim.rig.actions import press
+from wbc.sim.rig.spec import FootTest
 from wbc.sim.scenes import Scene, make_scene, scene_kind
-from wbc.sim.studies import Journal, Study, cluster_executor, read_journal, register_trial, study_table, sweep
+from wbc.sim.studies.journal import Journal, read_journal
+from wbc.sim.studies.study import Study
+from wbc.sim.studies.study_table import study_table
+from wbc.sim.studies.sweep import cluster_executor, sweep
+from wbc.sim.studies.trials import register_trial
 from wbc.sim.terrain import FieldFamily, ShapeFamily, bar, dome, family, param, plate, stone
 from wbc.sim.terrain import (
     terrain as make_terrain,
 )
-from wbc.sim.trial import Trial, TrialHook
-from wbc.sim.walks import WalkHook, WalkPlan, WalkPush, WalkSpec, WalkTrial, walk
+from wbc.sim.trial.loop import Trial, TrialHook
+from wbc.sim.trial.push import WalkPush
+from wbc.sim.walks.plans import WalkPlan
+from wbc.sim.walks.spec import WalkSpec
+from wbc.sim.walks.trial import WalkHook, WalkTrial, walk
 
 __all__ = [
     # Plant: robot, feet and ground in MuJoCo

@@ -23,7 +23,10 @@ from wbc.core.estimation.observer import Observer
 from wbc.core.robot import GRAVITY
 from wbc.core.settings import Positive
 from wbc.sim.plant.plant import DivergedError
-from wbc.sim.walks import WalkPlan, WalkPush, WalkSpec, WalkTrial
+from wbc.sim.trial.push import WalkPush
+from wbc.sim.walks.plans import WalkPlan
+from wbc.sim.walks.spec import WalkSpec
+from wbc.sim.walks.trial import WalkTrial
 from wbc.walking.planning.footsteps import heading
 
 TASKS = ("walk", "stand")

@@ -2,9 +2,3 @@
 
 A new kind of drive goes to `actuators`, a new signal to `mujoco_loop`.
 """
-
-from wbc.sim.loop.mujoco_loop import MujocoLoop
-from wbc.sim.loop.server import RobotServer, RobotWire
-from wbc.sim.loop.shared import SharedPlant
-
-__all__ = ["MujocoLoop", "RobotServer", "RobotWire", "SharedPlant"]

@@ -11,21 +11,3 @@ For designers of feet: force balance, contact area, equivalent support polygon, 
 absorbed impact, each a pure function of a frozen `FootTest`. A new test goes into `actions.py`, its result into
 `results.py`.
 """
-
-from __future__ import annotations
-
-from wbc.sim.rig.actions import pitch, press
-from wbc.sim.rig.plot import plot_pitch, plot_press
-from wbc.sim.rig.results import PitchResult, PressResult
-from wbc.sim.rig.spec import HRP4C_SOLE, FootTest
-
-__all__ = [
-    "FootTest",
-    "HRP4C_SOLE",
-    "press",
-    "PressResult",
-    "pitch",
-    "PitchResult",
-    "plot_press",
-    "plot_pitch",
-]

@@ -21,7 +21,8 @@ from wbc.core.registry import Registry
 from wbc.core.settings import Positive, settings, to_json
 from wbc.sim.balance.push_recovery import largest_recovered
 from wbc.sim.studies.journal import Status
-from wbc.sim.walks import WalkHook, WalkSpec, WalkTick, walk
+from wbc.sim.walks.spec import WalkSpec
+from wbc.sim.walks.trial import WalkHook, WalkTick, walk
 
 Check = Callable[[], None]
 """Function that a running trial calls now and then; raises `TrialTimeout` after its time-out."""

@@ -89,7 +89,7 @@ class WalkSpec(TrialSpec):
         gait: Sizes and timings of steps of a LIPM walk.
         law: lipm plans footsteps, stepping decides place and time of each as it goes.
         gains: Preset of settings: default, frizza for the paper's law, no_bias for the same without bias estimate.
-        changes: Settings that differ from the preset; see `wbc.sim.walks.TrialSettings`.
+        changes: Settings that differ from the preset; see `wbc.sim.walks.settings.TrialSettings`.
         start: Place of the robot at the start: x (m), y (m) and heading (rad).
         pushes: Pushes on the way.
     """

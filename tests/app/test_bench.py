@@ -24,7 +24,9 @@ from wbc.app.bench.walk import CASES
 from wbc.core.errors import Array
 from wbc.core.settings import from_json
 from wbc.robots import load, names
-from wbc.sim.walks import WalkHook, WalkPlan, WalkSpec, WalkTick, WalkTrial
+from wbc.sim.walks.plans import WalkPlan
+from wbc.sim.walks.spec import WalkSpec
+from wbc.sim.walks.trial import WalkHook, WalkTick, WalkTrial
 from wbc.tasks import PositionTask, PostureTask
 from wbc.tasks.balance import balance_controller
 

@@ -31,7 +31,7 @@ from wbc.robots import load, names
 from wbc.sim.plant.fitting import with_feet
 from wbc.sim.plant.plant import Plant
 from wbc.sim.terrain import terrain_families
-from wbc.sim.walks import WalkTrial
+from wbc.sim.walks.trial import WalkTrial
 
 Run = Callable[..., tuple[int, str, str]]
 

@@ -25,7 +25,7 @@ from wbc.feet.stiffness.model import DEFAULT_TABLE
 from wbc.sim.studies.journal import Entry, Journal, read_journal
 from wbc.sim.studies.provenance import provenance
 from wbc.sim.studies.study import Study
-from wbc.sim.walks import WalkSpec
+from wbc.sim.walks.spec import WalkSpec
 
 Captured = pytest.CaptureFixture[str]
 

@@ -33,9 +33,9 @@ from wbc.app.replay import RenderError, Replay, check_film, render_video, replay
 from wbc.app.replay.film import _drawing_context, find_ffmpeg
 from wbc.app.replay.mujoco_scene import MujocoScene
 from wbc.app.replay.page_server import PageServer
-from wbc.app.scene import PlantSource
 from wbc.app.scene.colours import stiffness_colour
 from wbc.app.scene.shapes import Surface
+from wbc.app.scene.sources import PlantSource
 from wbc.app.view import PortError
 from wbc.core.errors import InputError
 from wbc.core.files import FileError

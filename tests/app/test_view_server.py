@@ -28,7 +28,8 @@ from wbc.app.view import MeshcatView, PortError
 from wbc.app.view.controls import LiveControls
 from wbc.app.view.user_input import MAX_MESSAGE, UserInput, unpack
 from wbc.core.errors import InputError
-from wbc.sim.walks import WalkSpec, WalkTrial
+from wbc.sim.walks.spec import WalkSpec
+from wbc.sim.walks.trial import WalkTrial
 
 
 @pytest.fixture(scope="module")

@@ -25,19 +25,22 @@ from tornado.websocket import websocket_connect
 import wbc
 from wbc.app import live
 from wbc.app.cli import BAD_INPUT, RAN, main
-from wbc.app.scene import Annotations, Layer, PlantSource, make_layers
 from wbc.app.scene.colours import STIFFEST, stiffness_colour
 from wbc.app.scene.footsteps import FootstepsLayer, drift_of
-from wbc.app.scene.layers import CORNERS, RangeLayer
+from wbc.app.scene.layer import Annotations, Layer
+from wbc.app.scene.layers import CORNERS, RangeLayer, make_layers
 from wbc.app.scene.marks import LIFT
 from wbc.app.scene.shapes import HIDDEN, ROOT
+from wbc.app.scene.sources import PlantSource
 from wbc.app.view import MeshcatView, WatchWalk
 from wbc.app.view.controls import LiveControls, interventions_of
 from wbc.app.view.process import MAX_ANNOTATIONS
 from wbc.app.view.user_input import MAX_MESSAGE, UserInput, unpack
 from wbc.core.errors import InputError
 from wbc.core.robot import GRAVITY
-from wbc.sim.walks import WalkHook, WalkPlan, WalkSpec, WalkTick, WalkTrial, walk
+from wbc.sim.walks.plans import WalkPlan
+from wbc.sim.walks.spec import WalkSpec
+from wbc.sim.walks.trial import WalkHook, WalkTick, WalkTrial, walk
 from wbc.walking.planning.footsteps import Footstep, FootstepPlan
 from wbc.walking.planning.gait import Gait
 

@@ -18,7 +18,10 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from wbc.sim.walks import WalkHook, WalkPlan, WalkResult, WalkSpec, WalkTick, WalkTrial
+from wbc.sim.walks.plans import WalkPlan
+from wbc.sim.walks.result import WalkResult
+from wbc.sim.walks.spec import WalkSpec
+from wbc.sim.walks.trial import WalkHook, WalkTick, WalkTrial
 
 GROUNDS: dict[str, dict[str, Any]] = {
     "flat floor": {"terrain": "flat"},

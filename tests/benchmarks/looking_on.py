@@ -23,7 +23,9 @@ import numpy as np
 
 from wbc.app.log import Recorder
 from wbc.app.view import MeshcatView
-from wbc.sim.walks import WalkPlan, WalkSpec, WalkTrial
+from wbc.sim.walks.plans import WalkPlan
+from wbc.sim.walks.spec import WalkSpec
+from wbc.sim.walks.trial import WalkTrial
 
 ARMS = ("nobody", "view", "record", "view and record")
 TURN, PICTURE = 50, 7

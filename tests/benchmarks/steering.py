@@ -35,7 +35,9 @@ from wbc.sim.studies.study import FRESH_SEED, Cell, Study
 from wbc.sim.studies.trials import Check, CheckTime, OfWalksSpec, Outcome, TrialKind, register_trial
 from wbc.sim.trial.loop import TrialHook
 from wbc.sim.trial.push import PUSH_DURATION
-from wbc.sim.walks import WalkHook, WalkPlan, WalkSpec, WalkTick, WalkTrial, walk
+from wbc.sim.walks.plans import WalkPlan
+from wbc.sim.walks.spec import WalkSpec
+from wbc.sim.walks.trial import WalkHook, WalkTick, WalkTrial, walk
 
 Heading = Literal["forward", "back", "left", "turn"]
 """Direction of a drive."""

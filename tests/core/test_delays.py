@@ -17,7 +17,7 @@ from wbc.feet.soles.contact import ContactSpheres
 from wbc.feet.soles.rigid import FlatFoot
 from wbc.robots import load
 from wbc.sim import WalkSpec
-from wbc.sim.balance import StandSpec, StandTrial
+from wbc.sim.balance.standing import StandSpec, StandTrial
 from wbc.sim.plant.settings import Machine
 
 DT = 0.002
@@ -117,7 +117,8 @@ def test_measured_torques_are_used_where_drives_report_them() -> None:
 @pytest.mark.slow
 def test_a_foot_that_lifts_is_in_the_air_and_one_that_lands_on_the_ground() -> None:
     """In 98 of 100 ticks each foot's contact is the true one, with fewer than four changes a step."""
-    from wbc.sim.walks import WalkHook, WalkPlan, WalkTrial  # noqa: PLC0415
+    from wbc.sim.walks.plans import WalkPlan  # noqa: PLC0415
+    from wbc.sim.walks.trial import WalkHook, WalkTrial  # noqa: PLC0415
 
     class Contacts(WalkHook):
         seen: list[tuple[bool, bool]] = []  # noqa: RUF012

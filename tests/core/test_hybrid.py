@@ -16,7 +16,7 @@ from wbc.core.robot import Robot
 from wbc.feet.soles.contact import ContactSpheres
 from wbc.feet.soles.rigid import FlatFoot
 from wbc.robots import load
-from wbc.sim.balance import StandSpec, StandTrial
+from wbc.sim.balance.standing import StandSpec, StandTrial
 
 DT = 0.002
 G1 = load("g1")

@@ -29,7 +29,7 @@ from wbc import Plant, __version__, load_robot
 from wbc.core.signals import Command
 from wbc.motion import make_feasible, make_motion
 from wbc.sim import FootTest, Machine, TrackSpec, WalkPush, press, stand, track_motion, walk
-from wbc.sim.balance import StandPushSpec, push_standing
+from wbc.sim.balance.push_recovery import StandPushSpec, push_standing
 
 FILE = Path(__file__).with_name("streams.json")
 BLOCK = 100

@@ -24,7 +24,8 @@ import wbc
 from wbc.app.cli import main
 from wbc.core.settings import unit_and_choices
 from wbc.feet import foot
-from wbc.sim.rig import FootTest, press
+from wbc.sim.rig.actions import press
+from wbc.sim.rig.spec import FootTest
 from wbc.sim.terrain import terrain, terrain_families
 
 ROOT = Path(__file__).resolve().parents[2]

@@ -9,8 +9,8 @@ import pytest
 
 from wbc.app.walk_report import walk_text
 from wbc.sim import WalkPlan, WalkSpec, WalkTrial
-from wbc.sim.walks import WalkHook, WalkTick
 from wbc.sim.walks.arrival import GOAL_DISTANCE, GOAL_TURN, Arrival
+from wbc.sim.walks.trial import WalkHook, WalkTick
 from wbc.walking.planning.footsteps import mean_heading
 
 JUST, BEYOND = 0.99, 1.01

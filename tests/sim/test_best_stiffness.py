@@ -35,8 +35,8 @@ from wbc.sim.studies.stiffness_studies import (
     stiffness_grid,
     training_grounds,
 )
-from wbc.sim.walks import WalkSpec
 from wbc.sim.walks.result import Spread, objective
+from wbc.sim.walks.spec import WalkSpec
 
 GRID = np.array(stiffness_grid(16))
 

@@ -20,10 +20,9 @@ from wbc.core.estimation.plausibility import OPTIONAL, SIGNALS
 from wbc.core.gate import CommandGate
 from wbc.robots import load
 from wbc.sim import Machine, WalkHook, WalkPlan, WalkPush, WalkSpec, walk
-from wbc.sim.balance import StandTrial
-from wbc.sim.balance.standing import StandSpec
+from wbc.sim.balance.standing import StandSpec, StandTrial
 from wbc.sim.plant.falls import TrueFallDetector
-from wbc.sim.walks import WalkTick
+from wbc.sim.walks.trial import WalkTick
 
 QUICK = (
     "joint_position nan",

@@ -16,7 +16,9 @@ from wbc.core.settings import to_json
 from wbc.feet import Foot, foot
 from wbc.feet.soles.contact import ConstraintLaw, ContactSpheres
 from wbc.sim.plant.settings import PhysicsSettings
-from wbc.sim.rig import FootTest, pitch, plot_press, press
+from wbc.sim.rig.actions import pitch, press
+from wbc.sim.rig.plot import plot_press
+from wbc.sim.rig.spec import FootTest
 from wbc.sim.terrain import Terrain, terrain
 
 FLAT = terrain("flat")

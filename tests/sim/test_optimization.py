@@ -29,7 +29,7 @@ from wbc.sim.studies.paper.optimization import (
 )
 from wbc.sim.studies.paper.optimum import TABLE_II, USUAL, optimum, table_two, validation, walked_points
 from wbc.sim.studies.provenance import provenance
-from wbc.sim.walks import WalkSpec
+from wbc.sim.walks.spec import WalkSpec
 
 pytest.importorskip("bayes_opt", reason="needs the extra 'studies'")
 

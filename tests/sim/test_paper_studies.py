@@ -30,7 +30,7 @@ from wbc.sim.studies.paper.optimum import TABLE_II
 from wbc.sim.studies.provenance import provenance
 from wbc.sim.studies.study import Study
 from wbc.sim.studies.study_table import layout_of, study_table
-from wbc.sim.walks import WalkSpec
+from wbc.sim.walks.spec import WalkSpec
 
 
 def test_experiments_have_the_papers_grounds_and_independent_layouts() -> None:

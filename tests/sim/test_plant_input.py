@@ -17,10 +17,11 @@ from wbc.feet.soles.rigid import FlatFoot
 from wbc.motion.generator import make_motion
 from wbc.robots import load
 from wbc.sim import DivergedError, Plant
-from wbc.sim.balance import StandSpec, StandTrial, TrackSpec, TrackTrial
+from wbc.sim.balance.standing import StandSpec, StandTrial
+from wbc.sim.balance.tracking import TrackSpec, TrackTrial
 from wbc.sim.plant.plant import real_time_factor
 from wbc.sim.plant.settings import steps_per_tick
-from wbc.sim.trial import TrialHook
+from wbc.sim.trial.loop import TrialHook
 
 FEW_SPHERES = FlatFoot(ContactSpheres(row_spacing=0.1))
 

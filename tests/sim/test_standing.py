@@ -32,9 +32,9 @@ from wbc.sim.balance.standing import (
     centre_of_pressure,
     stand,
 )
-from wbc.sim.plant import Plant
 from wbc.sim.plant.falls import LARGEST_TILT, LOWEST_SHARE, TrueFallDetector
 from wbc.sim.plant.fitting import with_feet
+from wbc.sim.plant.plant import Plant
 
 
 def without_clock(result: StandResult) -> dict[str, Any]:

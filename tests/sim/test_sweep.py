@@ -37,7 +37,9 @@ from wbc.sim.studies.study import Cell, Study, merged
 from wbc.sim.studies.study_table import reach_of, study_table
 from wbc.sim.studies.sweep import SweepError, SweepSummary, cluster_executor, sweep
 from wbc.sim.studies.trials import WalkPushLimitSpec, register_trial, run_trial, trial_from_json, with_seed
-from wbc.sim.walks import WalkPlan, WalkPush, WalkSpec
+from wbc.sim.trial.push import WalkPush
+from wbc.sim.walks.plans import WalkPlan
+from wbc.sim.walks.spec import WalkSpec
 
 sweep_module = sys.modules[sweep.__module__]  # the package has the function under the same name
 

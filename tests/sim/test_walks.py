@@ -16,17 +16,12 @@ from wbc.core.changes import changed, read_changes
 from wbc.core.errors import InputError, UnknownNameError
 from wbc.core.settings import from_json
 from wbc.core.signals import Measurement
-from wbc.sim.walks import (
-    TrialSettings,
-    WalkHook,
-    WalkPlan,
-    WalkPush,
-    WalkResult,
-    WalkSpec,
-    WalkTick,
-    WalkTrial,
-    walk,
-)
+from wbc.sim.trial.push import WalkPush
+from wbc.sim.walks.plans import WalkPlan
+from wbc.sim.walks.result import WalkResult
+from wbc.sim.walks.settings import TrialSettings
+from wbc.sim.walks.spec import WalkSpec
+from wbc.sim.walks.trial import WalkHook, WalkTick, WalkTrial, walk
 from wbc.walking.falls import FallReason
 from wbc.walking.planning.footsteps import Footstep, FootstepPlan
 from wbc.walking.planning.gait import Gait

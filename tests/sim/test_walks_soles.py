@@ -16,7 +16,10 @@ from wbc.core.errors import InputError, UnknownNameError
 from wbc.feet.stiffness.model import DEFAULT_MODEL
 from wbc.sim.terrain import terrain
 from wbc.sim.terrain.families.patchwork import stretches
-from wbc.sim.walks import WalkPlan, WalkResult, WalkSpec, WalkTrial, walk
+from wbc.sim.walks.plans import WalkPlan
+from wbc.sim.walks.result import WalkResult
+from wbc.sim.walks.spec import WalkSpec
+from wbc.sim.walks.trial import WalkTrial, walk
 from wbc.tasks.scheduling.policies import SwingScan
 
 SPEC = WalkSpec(

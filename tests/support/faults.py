@@ -27,10 +27,8 @@ from wbc.core.errors import Array, MeasurementError
 from wbc.core.limits.rows import JointLimits, TorqueLimits
 from wbc.core.signals import Command, Measurement
 from wbc.sim import Plant, WalkPlan, WalkSpec, WalkTrial
-from wbc.sim.balance import StandTrial
-from wbc.sim.balance.standing import StandSpec
-from wbc.sim.plant import PelvisLimits
-from wbc.sim.plant.falls import TrueFallDetector
+from wbc.sim.balance.standing import StandSpec, StandTrial
+from wbc.sim.plant.falls import PelvisLimits, TrueFallDetector
 from wbc.tasks import CoMTask
 
 Fault = Callable[[Measurement, "Memory"], Any]

@@ -41,7 +41,7 @@ from wbc.core.errors import WbcError
 from wbc.feet.soles.soft import VariableStiffnessFoot
 from wbc.sim.studies.study import Cell
 from wbc.sim.terrain import Terrain, terrain_families
-from wbc.sim.walks import TrialSettings
+from wbc.sim.walks.settings import TrialSettings
 
 MEMORY = 8 * 2**30
 """Address space, bytes."""

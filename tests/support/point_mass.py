@@ -16,7 +16,8 @@ from pendulum import com_after
 
 from wbc.core.errors import Array
 from wbc.walking.source import Reference
-from wbc.walking.stepping import BodyState, Scale, SteppingGait, SteppingSettings
+from wbc.walking.stepping.gait import BodyState, SteppingGait
+from wbc.walking.stepping.settings import Scale, SteppingSettings
 
 SCALE = Scale(height=0.6, leg=0.62, mass=33.0, sole=(0.085, 0.03), ankle=0.035, spacing=0.22)
 """Size of the robot g1, in round numbers."""

@@ -10,7 +10,8 @@ import pinocchio as pin
 import pytest
 
 from wbc.core.errors import InputError
-from wbc.sim.walks import WalkSpec, WalkTrial
+from wbc.sim.walks.spec import WalkSpec
+from wbc.sim.walks.trial import WalkTrial
 from wbc.tasks.stabilizer.lean import UPRIGHT, Lean, LeanSettings
 
 MASS, HEIGHT, DT = 40.0, 0.8, 0.005

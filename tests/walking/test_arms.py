@@ -13,7 +13,7 @@ from wbc.core.errors import Array, InputError, UnknownNameError
 from wbc.core.qp.controller import Controller
 from wbc.core.robot import BASE_DOF
 from wbc.sim import Plant, WalkHook, WalkPlan, WalkSpec, WalkTrial
-from wbc.sim.walks import WalkTick
+from wbc.sim.walks.trial import WalkTick
 from wbc.tasks import CoMTask, PostureTask
 from wbc.walking import ArmSettings, FootstepPlan, WalkingControl, WalkingControlSettings
 from wbc.walking.hands.reaching import Arm, Arms, approach

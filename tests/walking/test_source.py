@@ -9,13 +9,15 @@ import pytest
 
 import wbc
 from wbc.app.log import Log, Recorder
-from wbc.app.scene import Annotations, PlantSource, make_layers
+from wbc.app.scene.layer import Annotations
+from wbc.app.scene.layers import make_layers
 from wbc.app.scene.shapes import HIDDEN
+from wbc.app.scene.sources import PlantSource
 from wbc.core.errors import InputError
 from wbc.robots import load
 from wbc.walking import FootstepPlan, Reference, Stand, State, WalkingControl
 from wbc.walking.planning.phases import Phase
-from wbc.walking.stepping import SteppingWalk
+from wbc.walking.stepping.walk import SteppingWalk
 
 DESCRIPTION = load("hrp4_class")
 

@@ -14,7 +14,7 @@ from wbc.core.settings import settings
 
 if TYPE_CHECKING:
     from wbc.app.view import WatchWalk
-    from wbc.sim.trial import Trial
+    from wbc.sim.trial.loop import Trial
 
 BROWSER_TIME = 20.0
 """Longest time that a run waits for a page to be opened, s."""

@@ -8,7 +8,8 @@ from collections import Counter
 
 import numpy as np
 
-from wbc.sim.walks import Spread, WalkResult, WalkSpec
+from wbc.sim.walks.result import Spread, WalkResult
+from wbc.sim.walks.spec import WalkSpec
 
 REASONS = {
     "height": "it dropped",

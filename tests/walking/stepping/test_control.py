@@ -13,7 +13,8 @@ from wbc.core.errors import InputError
 from wbc.sim import walk
 from wbc.sim.plant.falls import TrueFallDetector
 from wbc.walking.planning.phases import Phase
-from wbc.walking.stepping import SteppingControl, SteppingControlSettings, SteppingSettings
+from wbc.walking.stepping.control import SteppingControl, SteppingControlSettings
+from wbc.walking.stepping.settings import SteppingSettings
 
 DESCRIPTION = wbc.load_robot("g1")
 PERIOD = 0.002

@@ -26,7 +26,8 @@ from properties import examples
 
 from wbc.walking.planning.phases import Event, Phase
 from wbc.walking.source import Reference
-from wbc.walking.stepping import BodyState, SteppingGait, SteppingSettings
+from wbc.walking.stepping.gait import BodyState, SteppingGait
+from wbc.walking.stepping.settings import SteppingSettings
 
 DT = 0.004
 VELOCITY = (0.25, 0.05, 0.2)

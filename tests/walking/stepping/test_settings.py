@@ -11,7 +11,7 @@ from task_factory import ROBOTS, make_robot
 
 from wbc.core.errors import InputError
 from wbc.core.robot import GRAVITY
-from wbc.walking.stepping import Scale, SteppingSettings
+from wbc.walking.stepping.settings import Scale, SteppingSettings
 
 SCALE = Scale(height=0.6, leg=0.62, mass=33.0, sole=(0.105, 0.03), ankle=0.03, spacing=0.2)
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from point_mass import SCALE
 
-from wbc.walking.stepping import SteppingSettings
+from wbc.walking.stepping.settings import SteppingSettings
 from wbc.walking.stepping.swing import MOST_ACCELERATION, SwingReference
 
 DT = 0.002

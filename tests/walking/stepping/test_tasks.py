@@ -12,14 +12,9 @@ from wbc.core.qp.controller import Controller
 from wbc.core.robot import GRAVITY
 from wbc.walking.planning.phases import Phase
 from wbc.walking.source import Reference, Support
-from wbc.walking.stepping import (
-    BodyState,
-    Scale,
-    SteppingGains,
-    SteppingGait,
-    SteppingSettings,
-)
-from wbc.walking.stepping.tasks import SteppingTasks
+from wbc.walking.stepping.gait import BodyState, SteppingGait
+from wbc.walking.stepping.settings import Scale, SteppingSettings
+from wbc.walking.stepping.tasks import SteppingGains, SteppingTasks
 
 DT = 0.002
 ROBOT = make_robot("g1")

@@ -15,7 +15,8 @@ from typing import Any
 
 from wbc.core.qp.solution import Solution
 from wbc.core.qp.task import Task
-from wbc.sim.walks import WalkHook, WalkResult, WalkTrial
+from wbc.sim.walks.result import WalkResult
+from wbc.sim.walks.trial import WalkHook, WalkTrial
 from wbc.walking.lipm import LipmWalk
 
 HOOKS = {"Recorder": "recording", "WatchWalk": "live view"}

@@ -11,7 +11,9 @@ import mujoco
 
 from wbc.app.bench.profile import ProfileRow, profile_walk
 from wbc.core.settings import Count, Positive, Seed, settings
-from wbc.sim.walks import WalkPlan, WalkSpec, WalkTrial, walk
+from wbc.sim.walks.plans import WalkPlan
+from wbc.sim.walks.spec import WalkSpec
+from wbc.sim.walks.trial import WalkTrial, walk
 
 SOFT: dict[str, Any] = {"foot": "soft", "stiffness": 5.0, "amplitude": 0.02}
 

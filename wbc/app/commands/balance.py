@@ -9,13 +9,8 @@ from rich.progress import track
 from wbc.app.live import LiveOptions, LiveView, changes_of, interactive, interactive_text
 from wbc.app.output import Flat, Output, OutputOptions, Report, progress_console, quiet, reports
 from wbc.core.settings import to_json
-from wbc.sim.balance import (
-    PushTableSpec,
-    StandSpec,
-    StandTrial,
-    format_push_table,
-    push_table,
-)
+from wbc.sim.balance.push_recovery import PushTableSpec, format_push_table, push_table
+from wbc.sim.balance.standing import StandSpec, StandTrial
 
 
 @reports

@@ -24,8 +24,8 @@ from wbc.robots import load, names
 from wbc.sim import rig
 from wbc.sim.plant.model import sole_geometries
 from wbc.sim.plant.settings import PhysicsSettings
-from wbc.sim.rig import HRP4C_SOLE, FootTest, PitchResult, PressResult
-from wbc.sim.rig.spec import fit_facts
+from wbc.sim.rig.results import PitchResult, PressResult
+from wbc.sim.rig.spec import HRP4C_SOLE, FootTest, fit_facts
 from wbc.sim.terrain import Terrain
 from wbc.sim.terrain import terrain as make_terrain
 from wbc.sim.terrain.families.base import make_family

@@ -20,7 +20,7 @@ from wbc.core.settings import Positive, settings, to_json
 from wbc.motion import MotionClip, check_motion, make_feasible, make_motion, read_motion, write_motion
 from wbc.motion.feasible import FeasibleMotion
 from wbc.motion.measures import MotionMeasures
-from wbc.sim.balance import TrackSpec, TrackTrial
+from wbc.sim.balance.tracking import TrackSpec, TrackTrial
 
 CLIPS = (".npz", ".csv")
 

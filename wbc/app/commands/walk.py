@@ -20,10 +20,11 @@ from wbc.core.errors import InputError, finite_scalar, shown, unknown_name
 from wbc.core.files import read_toml
 from wbc.core.settings import Positive, nested_settings, settings, to_json
 from wbc.sim.terrain import check_clearance
-from wbc.sim.walks import WalkHook, WalkSpec, WalkTrial
 from wbc.sim.walks.plans import KINDS
 from wbc.sim.walks.presets import WALK_PRESETS
 from wbc.sim.walks.settings import SteppingTrialSettings, TrialSettings
+from wbc.sim.walks.spec import WalkSpec
+from wbc.sim.walks.trial import WalkHook, WalkTrial
 
 if TYPE_CHECKING:
     from wbc.app.log import Recorder

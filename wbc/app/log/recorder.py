@@ -25,14 +25,15 @@ from wbc.core.robot import Robot
 from wbc.core.signals import Command, Measurement
 from wbc.robots import RobotDescription
 from wbc.sim.plant.plant import Plant
-from wbc.sim.walks import WalkHook
+from wbc.sim.walks.trial import WalkHook
 from wbc.tasks.behaviours import Program
 from wbc.tasks.scheduling.stiffness import StiffnessScheduler
 
 if TYPE_CHECKING:
     from wbc.sim import MujocoLoop
-    from wbc.sim.plant import GroundTruth
-    from wbc.sim.walks import WalkResult, WalkTick, WalkTrial
+    from wbc.sim.plant.truth import GroundTruth
+    from wbc.sim.walks.result import WalkResult
+    from wbc.sim.walks.trial import WalkTick, WalkTrial
 
 
 class Recorder(WalkHook):

@@ -19,7 +19,7 @@ from wbc.core.settings import settings
 from wbc.core.signals import Command, Measurement
 from wbc.robots import RobotDescription
 from wbc.sim import MujocoLoop, Plant
-from wbc.sim.plant import GroundTruth
+from wbc.sim.plant.truth import GroundTruth
 from wbc.tasks.behaviours import Program
 from wbc.tasks.stabilizer.stabilizer import StabilizerOutput
 from wbc.walking.control import ReferenceControl

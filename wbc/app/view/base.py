@@ -36,7 +36,7 @@ from wbc.tasks.behaviours import Program
 if TYPE_CHECKING:
     from wbc.core.signals import Measurement
     from wbc.sim import MujocoLoop
-    from wbc.sim.plant import GroundTruth
+    from wbc.sim.plant.truth import GroundTruth
     from wbc.walking.control import ReferenceControl
 
 PAUSE_TICK = 0.02

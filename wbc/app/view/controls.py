@@ -36,12 +36,12 @@ from wbc.core.qp.controller import Controller
 from wbc.core.qp.task import Task
 from wbc.core.robot import GRAVITY
 from wbc.feet.soles.soft import VariableStiffnessFoot
-from wbc.sim.walks import WalkHook
+from wbc.sim.walks.trial import WalkHook
 from wbc.tasks.stabilizer.gains import LIMITS
 
 if TYPE_CHECKING:
     from wbc.sim import Plant
-    from wbc.sim.walks import WalkTick, WalkTrial
+    from wbc.sim.walks.trial import WalkTick, WalkTrial
     from wbc.walking.control import ReferenceControl
 
 _log = logging.getLogger(__name__)

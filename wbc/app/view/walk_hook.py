@@ -8,10 +8,10 @@ from wbc.app.view.base import View
 from wbc.app.view.meshcat_view import MeshcatView
 from wbc.core.arguments import checked
 from wbc.core.errors import non_negative
-from wbc.sim.trial import TrialHook
+from wbc.sim.trial.loop import TrialHook
 
 if TYPE_CHECKING:
-    from wbc.sim.trial import Trial, TrialTick
+    from wbc.sim.trial.loop import Trial, TrialTick
 
 
 def open_view(source: Any, control: Any, workbench: bool, **options: Any) -> View:

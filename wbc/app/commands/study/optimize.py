@@ -29,7 +29,7 @@ from wbc.sim.studies.paper.optimum import TABLE_II, Optimum, optimum, table_two,
 from wbc.sim.studies.study_table import StudyTable, study_table
 from wbc.sim.studies.sweep import cluster_executor, local_executor, sweep
 from wbc.sim.terrain import terrain_families
-from wbc.sim.walks import WalkSpec
+from wbc.sim.walks.spec import WalkSpec
 
 Grounds = Annotated[
     tuple[str, ...],
