@@ -11,9 +11,10 @@ import mujoco
 import numpy as np
 from PIL import Image
 
-from wbc.app.log import Log, Recorder
-from wbc.app.replay import Replay
+from wbc.app.log.reader import Log
+from wbc.app.log.recorder import Recorder
 from wbc.app.replay.mujoco_scene import MujocoScene
+from wbc.app.replay.replay import Replay
 from wbc.sim import WalkPlan, WalkPush, WalkSpec, walk
 
 

@@ -110,82 +110,33 @@ __all__ = [
 ]
 
 _PLACES = {
-    "wbc.core.control": (
-        "FailurePolicy",
-        "SafetySettings",
-    ),
-    "wbc.core.conventions": (
-        "configuration_from_mujoco",
-        "configuration_to_mujoco",
-        "velocity_from_mujoco",
-        "velocity_to_mujoco",
-    ),
-    "wbc.core.drive.hybrid": ("HybridControl",),
-    "wbc.core.drive.position": ("PositionControl",),
-    "wbc.core.drive.torque": ("TorqueControl",),
-    "wbc.core.errors": (
-        "InputError",
-        "WbcError",
-    ),
-    "wbc.core.estimation.observer": ("Observer",),
-    "wbc.core.limits.collision": (
-        "CollisionCapsule",
-        "CollisionSphere",
-        "SelfCollisionLimit",
-    ),
-    "wbc.core.limits.com_polygon": ("CoMPolygonLimit",),
-    "wbc.core.limits.rows": (
-        "JointLimits",
-        "RowLimit",
-        "TorqueLimits",
-    ),
-    "wbc.core.qp.contact": (
-        "FixedContact",
-        "PointContact",
-        "SoleContact",
-    ),
-    "wbc.core.qp.controller": ("Controller",),
-    "wbc.core.qp.foothold": ("Foothold",),
-    "wbc.core.qp.solver": ("SolverSettings",),
-    "wbc.core.qp.task": ("MotionTask",),
-    "wbc.core.robot": ("Robot",),
-    "wbc.core.settings": (
-        "Count",
-        "Positive",
-        "settings",
-    ),
-    "wbc.core.signals": (
-        "Command",
-        "Measurement",
-    ),
-    "wbc.machine": (
-        "conformance",
-        "run",
-    ),
-    "wbc.robots": (
-        "RobotDescription",
-        "load_robot",
-    ),
-    "wbc.sim": (
-        "Plant",
-        "WalkSpec",
-        "stand",
-        "walk",
-    ),
-    "wbc.tasks.balance": ("balance_controller",),
-    "wbc.tasks.motion.com": ("CoMTask",),
-    "wbc.tasks.motion.frame": (
-        "OrientationTask",
-        "PoseTask",
-        "PositionTask",
-    ),
-    "wbc.tasks.motion.posture": ("PostureTask",),
-    "wbc.tasks.stabilizer.task": ("StabilizerTask",),
-    "wbc.walking": (
-        "FootstepPlan",
-        "WalkingControl",
-        "walk_distance",
-    ),
+    "wbc.core.control": "FailurePolicy SafetySettings",
+    "wbc.core.conventions": "configuration_from_mujoco configuration_to_mujoco velocity_from_mujoco velocity_to_mujoco",
+    "wbc.core.drive.hybrid": "HybridControl",
+    "wbc.core.drive.position": "PositionControl",
+    "wbc.core.drive.torque": "TorqueControl",
+    "wbc.core.errors": "InputError WbcError",
+    "wbc.core.estimation.observer": "Observer",
+    "wbc.core.limits.collision": "CollisionCapsule CollisionSphere SelfCollisionLimit",
+    "wbc.core.limits.com_polygon": "CoMPolygonLimit",
+    "wbc.core.limits.rows": "JointLimits RowLimit TorqueLimits",
+    "wbc.core.qp.contact": "FixedContact PointContact SoleContact",
+    "wbc.core.qp.controller": "Controller",
+    "wbc.core.qp.foothold": "Foothold",
+    "wbc.core.qp.solver": "SolverSettings",
+    "wbc.core.qp.task": "MotionTask",
+    "wbc.core.robot": "Robot",
+    "wbc.core.settings": "Count Positive settings",
+    "wbc.core.signals": "Command Measurement",
+    "wbc.machine": "conformance run",
+    "wbc.robots": "RobotDescription load_robot",
+    "wbc.sim": "Plant WalkSpec stand walk",
+    "wbc.tasks.balance": "balance_controller",
+    "wbc.tasks.motion.com": "CoMTask",
+    "wbc.tasks.motion.frame": "OrientationTask PoseTask PositionTask",
+    "wbc.tasks.motion.posture": "PostureTask",
+    "wbc.tasks.stabilizer.task": "StabilizerTask",
+    "wbc.walking": "FootstepPlan WalkingControl walk_distance",
 }
 """Module → names that come from it, loaded when they are asked for: `import wbc` takes no time."""
 
@@ -195,7 +146,7 @@ _OTHER_NAMES = {"load_robot": "load"}
 
 def __getattr__(name: str) -> Any:
     for place, names in _PLACES.items():
-        if name in names:
+        if name in names.split():
             globals()[name] = found = getattr(importlib.import_module(place), _OTHER_NAMES.get(name, name))
             return found
     raise AttributeError(f"module 'wbc' has no attribute '{name}'")

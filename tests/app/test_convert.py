@@ -16,8 +16,10 @@ from recorded import recorded_walk
 
 import wbc
 from wbc.app.cli import main
-from wbc.app.log import Log, Recorder
-from wbc.app.replay import Replay, convert_log
+from wbc.app.log.reader import Log
+from wbc.app.log.recorder import Recorder
+from wbc.app.replay.convert import convert_log
+from wbc.app.replay.replay import Replay
 from wbc.app.scene.shapes import MeshFile
 from wbc.core.errors import InputError
 

@@ -19,7 +19,7 @@ from full_disk import limited_file_size
 from log_writing import write
 
 from wbc.app.cli import BAD_INPUT, FAILED, RAN, main
-from wbc.app.log import Log
+from wbc.app.log.reader import Log
 from wbc.app.log.writer import ROWS, part_path
 from wbc.feet.stiffness.model import DEFAULT_TABLE
 from wbc.sim.studies.journal import Entry, Journal, read_journal

@@ -21,8 +21,8 @@ from pyarrow import ipc
 
 import wbc.app.log as package
 from wbc import app
-from wbc.app.log import Log
 from wbc.app.log.header import FORMAT, KEY, encode
+from wbc.app.log.reader import Log
 from wbc.app.log.writer import ROWS, LogWriter, part_path
 from wbc.core.errors import InputError, UnknownNameError
 

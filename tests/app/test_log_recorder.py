@@ -13,9 +13,10 @@ import pytest
 from recorded import GAIT, SECONDS, make_walk, recorded_scans, recorded_walk, run
 
 import wbc
-from wbc.app.log import Log, Recorder
 from wbc.app.log.plain import from_plain, to_plain
-from wbc.app.plot import draw
+from wbc.app.log.reader import Log
+from wbc.app.log.recorder import Recorder
+from wbc.app.plot.figures import draw
 from wbc.core.errors import InputError
 from wbc.core.signals import Command, Measurement
 from wbc.feet import foot

@@ -25,18 +25,21 @@ from PIL import Image
 from recorded import make_walk, recorded_scans, recorded_walk, run
 
 import wbc
+from wbc import app
 from wbc.app import replay as package
+from wbc.app.address import PortError
 from wbc.app.cli import main
-from wbc.app.log import Log, Recorder
+from wbc.app.log.reader import Log
+from wbc.app.log.recorder import Recorder
 from wbc.app.log.stances import Drift
-from wbc.app.replay import RenderError, Replay, check_film, render_video, replay_page
-from wbc.app.replay.film import _drawing_context, find_ffmpeg
+from wbc.app.replay.film import RenderError, _drawing_context, check_film, find_ffmpeg, render_video
 from wbc.app.replay.mujoco_scene import MujocoScene
+from wbc.app.replay.page import replay_page
 from wbc.app.replay.page_server import PageServer
+from wbc.app.replay.replay import Replay
 from wbc.app.scene.colours import stiffness_colour
 from wbc.app.scene.shapes import Surface
 from wbc.app.scene.sources import PlantSource
-from wbc.app.view import PortError
 from wbc.core.errors import InputError
 from wbc.core.files import FileError
 from wbc.tasks.balance import balance_controller
@@ -426,7 +429,7 @@ def test_page_is_served_to_this_machine_alone(page: str, capsys: pytest.CaptureF
 
 def test_documentation_shows_what_there_is() -> None:
     for name in re.findall(r"\b([a-z_]+)\(", package.__doc__ or ""):
-        assert hasattr(package, name) or name in ("open", "write_text"), name
+        assert hasattr(app, name) or name in ("open", "write_text"), name
 
 
 @pytest.mark.slow

@@ -15,7 +15,8 @@ from recorded import recorded_walk
 
 import wbc
 from wbc.app.cli import main
-from wbc.app.log import Log, Recorder
+from wbc.app.log.reader import Log
+from wbc.app.log.recorder import Recorder
 from wbc.app.log.stances import (
     SIDES,
     Drift,
@@ -28,7 +29,9 @@ from wbc.app.log.stances import (
     yaw_of,
     zmp_of_feet,
 )
-from wbc.app.plot import FIGURES, draw, draw_signals, missing, save, select
+from wbc.app.plot.figures import FIGURES, draw, missing
+from wbc.app.plot.output import save
+from wbc.app.plot.signals import draw_signals, select
 from wbc.app.replay.caption import caption
 from wbc.core.errors import InputError, UnknownNameError
 from wbc.tasks import Machine, Program, State, after

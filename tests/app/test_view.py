@@ -24,6 +24,7 @@ from pages import page_url
 from tornado.websocket import websocket_connect
 
 import wbc
+from wbc.app.address import ViewError
 from wbc.app.scene.robot_shapes import robot_parts
 from wbc.app.scene.shapes import (
     ROOT,
@@ -35,8 +36,8 @@ from wbc.app.scene.shapes import (
     VisualEllipsoid,
 )
 from wbc.app.scene.sources import PlantSource, RobotSource
-from wbc.app.view import MeshcatView, ViewError
 from wbc.app.view.channel import Channel
+from wbc.app.view.meshcat_view import MeshcatView
 from wbc.core.errors import InputError
 from wbc.core.robot import GRAVITY
 from wbc.core.signals import Command

@@ -15,9 +15,10 @@ from browser import Browser, needs_chromium
 from tornado.websocket import websocket_connect
 
 import wbc
+from wbc.app.address import ViewError
 from wbc.app.cli import BAD_INPUT, main
-from wbc.app.view import MeshcatView, ViewError
 from wbc.app.view.controls import LiveControls
+from wbc.app.view.meshcat_view import MeshcatView
 from wbc.app.view.pace import Pace
 from wbc.walking import FootstepPlan, WalkingControl, walk_distance
 

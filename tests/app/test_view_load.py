@@ -20,11 +20,12 @@ from pages import PAUSE, close_code, facts, page_url
 from tornado.websocket import websocket_connect
 
 import wbc
-from wbc.app.address import Address, listen
+from wbc.app.address import Address, PortError, listen
 from wbc.app.replay.page_server import PageServer
 from wbc.app.scene.sources import RobotSource
-from wbc.app.view import MeshcatView, PortError, guard, server
+from wbc.app.view import guard, server
 from wbc.app.view.channel import Channel
+from wbc.app.view.meshcat_view import MeshcatView
 from wbc.app.view.process import MAX_ANNOTATIONS, ServerSetup
 from wbc.app.view.server import Broadcast, page_routes
 from wbc.app.view.user_input import MAX_MESSAGE

@@ -22,10 +22,10 @@ from tornado.websocket import websocket_connect
 
 import wbc
 from wbc.app import cli
-from wbc.app.address import Address, ServedAddress
+from wbc.app.address import Address, PortError, ServedAddress
 from wbc.app.replay.page_server import PageServer
-from wbc.app.view import MeshcatView, PortError
 from wbc.app.view.controls import LiveControls
+from wbc.app.view.meshcat_view import MeshcatView
 from wbc.app.view.user_input import MAX_MESSAGE, UserInput, unpack
 from wbc.core.errors import InputError
 from wbc.sim.walks.spec import WalkSpec

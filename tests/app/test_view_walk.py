@@ -32,10 +32,11 @@ from wbc.app.scene.layers import CORNERS, RangeLayer, make_layers
 from wbc.app.scene.marks import LIFT
 from wbc.app.scene.shapes import HIDDEN, ROOT
 from wbc.app.scene.sources import PlantSource
-from wbc.app.view import MeshcatView, WatchWalk
 from wbc.app.view.controls import LiveControls, interventions_of
+from wbc.app.view.meshcat_view import MeshcatView
 from wbc.app.view.process import MAX_ANNOTATIONS
 from wbc.app.view.user_input import MAX_MESSAGE, UserInput, unpack
+from wbc.app.view.walk_hook import WatchWalk
 from wbc.core.errors import InputError
 from wbc.core.robot import GRAVITY
 from wbc.sim.walks.plans import WalkPlan

@@ -19,7 +19,8 @@ from tornado.httpclient import HTTPClientError, HTTPRequest
 from tornado.websocket import websocket_connect
 
 import wbc
-from wbc.app.view import LiveControls, PortError
+from wbc.app.address import PortError
+from wbc.app.view.controls import LiveControls
 from wbc.core.errors import InputError
 from wbc.walking import FootstepPlan, WalkingControl
 

@@ -21,8 +21,8 @@ from typing import Any
 
 import numpy as np
 
-from wbc.app.log import Recorder
-from wbc.app.view import MeshcatView
+from wbc.app.log.recorder import Recorder
+from wbc.app.view.meshcat_view import MeshcatView
 from wbc.sim.walks.plans import WalkPlan
 from wbc.sim.walks.spec import WalkSpec
 from wbc.sim.walks.trial import WalkTrial

@@ -14,7 +14,7 @@ from mjcf_biped import biped
 from PIL import Image
 
 import wbc
-from wbc.app.log import Recorder
+from wbc.app.log.recorder import Recorder
 from wbc.feet.stiffness.model import DEFAULT_MODEL, DEFAULT_TABLE
 from wbc.motion import write_motion
 from wbc.motion.clip import MotionClip

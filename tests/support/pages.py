@@ -12,7 +12,7 @@ from urllib.parse import urljoin, urlsplit
 
 from tornado.websocket import WebSocketClientConnection
 
-from wbc.app.view import MeshcatView
+from wbc.app.view.meshcat_view import MeshcatView
 
 PAUSE = '{"paused": true}'
 """Message of a page that pauses a run."""

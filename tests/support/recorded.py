@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 import wbc
-from wbc.app.log import Recorder
+from wbc.app.log.recorder import Recorder
 from wbc.core.signals import Command, Measurement
 from wbc.feet import RangeSensor, foot
 from wbc.sim.plant.fitting import with_feet

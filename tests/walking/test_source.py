@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 import wbc
-from wbc.app.log import Log, Recorder
+from wbc.app.log.reader import Log
+from wbc.app.log.recorder import Recorder
 from wbc.app.scene.layer import Annotations
 from wbc.app.scene.layers import make_layers
 from wbc.app.scene.shapes import HIDDEN

@@ -13,7 +13,7 @@ from wbc.core.errors import InputError
 from wbc.core.settings import settings
 
 if TYPE_CHECKING:
-    from wbc.app.view import WatchWalk
+    from wbc.app.view.walk_hook import WatchWalk
     from wbc.sim.trial.loop import Trial
 
 BROWSER_TIME = 20.0
@@ -55,7 +55,7 @@ class LiveView:
         if not self.watched:
             yield []
             return
-        from wbc.app.view import WatchWalk  # noqa: PLC0415 - most runs are not watched
+        from wbc.app.view.walk_hook import WatchWalk  # noqa: PLC0415 - most runs are not watched
 
         with WatchWalk(workbench=self.workbench, host=self.host, port=self.port, wait=BROWSER_TIME) as hook:
             hook.open(trial)

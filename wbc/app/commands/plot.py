@@ -9,7 +9,7 @@ from typing import Annotated, Any
 
 from cyclopts import Parameter
 
-from wbc.app.log import Log
+from wbc.app.log.reader import Log
 from wbc.app.output import Flat, Output, OutputOptions, Report, reports
 from wbc.core.errors import InputError
 from wbc.core.settings import settings, usable_path
@@ -49,8 +49,9 @@ def plot(
     if options.list:
         return _listing(logs, notes, output)
 
-    from wbc.app.plot import FIGURES, draw, draw_signals, missing, save, select  # noqa: PLC0415 - slow to import
-    from wbc.app.plot.output import check_output  # noqa: PLC0415
+    from wbc.app.plot.figures import FIGURES, draw, missing  # noqa: PLC0415 - slow to import
+    from wbc.app.plot.output import check_output, save  # noqa: PLC0415
+    from wbc.app.plot.signals import draw_signals, select  # noqa: PLC0415 - slow to import
 
     figures, signals = (
         [word for word in drawings if word in FIGURES],

@@ -13,7 +13,7 @@ from rich.progress import Progress
 
 from wbc.app.address import Host, Port
 from wbc.app.files import FILMS
-from wbc.app.log import Log
+from wbc.app.log.reader import Log
 from wbc.app.output import Flat, Output, OutputOptions, Report, progress_console, reports
 from wbc.core.errors import InputError
 from wbc.core.files import write_text
@@ -63,8 +63,10 @@ def view(
     output: OutputOptions = Output(),
 ) -> Report:
     """Replay a log in the browser with a time slider, or write it as a page or a film."""
-    from wbc.app.replay import Replay, check_film, check_page, render_video, replay_page  # noqa: PLC0415 - slow
+    from wbc.app.replay.film import check_film, render_video  # noqa: PLC0415 - slow
+    from wbc.app.replay.page import check_page, replay_page  # noqa: PLC0415 - slow
     from wbc.app.replay.page_server import PageServer  # noqa: PLC0415
+    from wbc.app.replay.replay import Replay  # noqa: PLC0415 - slow
 
     opened = Log.open(log)
     if opened.broken:
@@ -123,7 +125,7 @@ def convert(
     output: OutputOptions = Output(),
 ) -> Report:
     """Write a log, its signals and its scene, for another viewer: MCAP for Foxglove, RRD for Rerun."""
-    from wbc.app.replay import check_conversion, convert_log  # noqa: PLC0415 - slow
+    from wbc.app.replay.convert import check_conversion, convert_log  # noqa: PLC0415 - slow
 
     check_conversion(out, [log])
     opened = Log.open(log)

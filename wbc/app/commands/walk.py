@@ -27,7 +27,7 @@ from wbc.sim.walks.spec import WalkSpec
 from wbc.sim.walks.trial import WalkHook, WalkTrial
 
 if TYPE_CHECKING:
-    from wbc.app.log import Recorder
+    from wbc.app.log.recorder import Recorder
 
 DEFAULTS = {"foot": "soft", "terrain": "stones", "amplitude": 0.02}
 """Defaults of the command line: an unknown ground, and the sole that most walks arrive on."""
@@ -104,7 +104,9 @@ def walk(
         trial = WalkTrial(spec)
         watching = stack.enter_context(live.watch(trial))
         if target is not None:
-            from wbc.app.log import Recorder as LogFile  # noqa: PLC0415 - most walks are not recorded
+            from wbc.app.log.recorder import (  # noqa: PLC0415 - most walks are not recorded
+                Recorder as LogFile,
+            )
 
             record = stack.enter_context(LogFile(target, spec=spec))
             for watch in watching:

@@ -27,9 +27,3 @@ rest, and other programs read it as an Arrow stream that begins at byte 8 of the
 
     file = open("walk.arrow", "rb"); file.seek(8); reader = pyarrow.ipc.open_stream(file)
 """
-
-from wbc.app.log.reader import Log
-from wbc.app.log.recorder import Recorder
-from wbc.app.log.signals import Signal, Tick
-
-__all__ = ["Log", "Recorder", "Signal", "Tick"]

@@ -9,7 +9,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.patches import Polygon
 
-from wbc.app.log import Log
+from wbc.app.log.reader import Log
 from wbc.app.log.stances import Drift, estimated_dcm, measured_zmp, stances, support_box
 from wbc.app.plot.style import (
     BLACK,

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from matplotlib.figure import Figure
 
-from wbc.app.log import Log
+from wbc.app.log.reader import Log
 from wbc.app.plot.balance import draw_balance, draw_plan
 from wbc.app.plot.loads import draw_feet, draw_torque
 from wbc.app.plot.stiffness import draw_stiffness

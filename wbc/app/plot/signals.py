@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from matplotlib.figure import Figure
 
-from wbc.app.log import Log
+from wbc.app.log.reader import Log
 from wbc.app.plot.style import COLOURS, STYLES, grid, labels, legend, mark_states, new_figure
 from wbc.core.arguments import checked
 from wbc.core.errors import InputError, unknown_name

@@ -9,7 +9,7 @@ import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from wbc.app.log import Log
+from wbc.app.log.reader import Log
 from wbc.core.errors import Array
 
 if TYPE_CHECKING:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from matplotlib.figure import Figure
 
-from wbc.app.log import Log
+from wbc.app.log.reader import Log
 from wbc.app.plot.style import BLACK, COLOURS, grid, labels, legend, new_figure
 from wbc.core.errors import Array
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from wbc.app.log import Log
+from wbc.app.log.reader import Log
 from wbc.app.log.stances import Drift
 from wbc.app.scene.layers import stiffness_text
 from wbc.core.robot import SIDES

@@ -11,7 +11,7 @@ from collections.abc import Iterable
 from pathlib import Path
 
 from wbc.app.files import check_target
-from wbc.app.log import Log
+from wbc.app.log.reader import Log
 from wbc.app.replay.convert_mcap import write_mcap
 from wbc.app.replay.convert_rrd import write_rrd
 from wbc.app.replay.groups import Progress

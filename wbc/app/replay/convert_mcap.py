@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from wbc.app.log import Log
+from wbc.app.log.reader import Log
 from wbc.app.replay.groups import Group, Progress, groups_of, plain
 from wbc.app.replay.replay import Replay
 from wbc.app.scene.colours import ARROW_COLOURS

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from wbc.app.log import Log
+from wbc.app.log.reader import Log
 from wbc.app.replay.groups import Group, Progress, groups_of, plain
 from wbc.app.replay.replay import Replay
 from wbc.app.scene.robot_shapes import read_mesh

@@ -8,7 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from wbc.app.log import Log, Signal
+from wbc.app.log.reader import Log
+from wbc.app.log.signals import Signal
 from wbc.core.errors import Array
 
 Progress = Callable[[int, int], None]

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from wbc.app.log import Log
+from wbc.app.log.reader import Log
 from wbc.app.log.stances import Drift, stances
 from wbc.app.scene.colours import (
     DCM_COLOUR,

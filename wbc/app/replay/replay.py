@@ -9,8 +9,8 @@ import mujoco
 import numpy as np
 import pinocchio as pin
 
-from wbc.app.log import Log
 from wbc.app.log.plain import from_plain
+from wbc.app.log.reader import Log
 from wbc.app.log.sources import position_signal
 from wbc.app.log.stances import Drift, measured_zmp
 from wbc.app.replay.overlays import Overlays

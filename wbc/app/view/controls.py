@@ -396,7 +396,7 @@ def target_of(task: Any, value: Any) -> Any:
 
 def interventions_of(log: Any) -> list[dict[str, Any]]:
     """Return the interventions of a run that was watched, to repeat it, from its log or the path of it."""
-    from wbc.app.log import Log  # noqa: PLC0415 - a repetition needs it, a view does not
+    from wbc.app.log.reader import Log  # noqa: PLC0415 - a repetition needs it, a view does not
 
     opened = Log.open(log) if isinstance(log, (str, Path)) else log
     found = opened.texts("view/change") if "view/change" in opened else []
