@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from at_rest import at_rest
 
 import wbc
 from wbc.core.control import FailurePolicy
@@ -20,7 +21,6 @@ from wbc.core.drive.position import PositionControl
 from wbc.core.drive.torque import TorqueControl
 from wbc.core.errors import InputError, MeasurementError, UnknownNameError
 from wbc.core.qp.solver import Status
-from wbc.core.signals import Measurement
 from wbc.sim.balance.standing import StandSpec
 from wbc.tasks import AdmittanceTask, PositionTask
 from wbc.tasks.balance import balance_controller
@@ -87,21 +87,6 @@ def test_contradictory_hard_constraints_are_named() -> None:
     assert broken.diagnose() == {}
 
 
-def at_rest(control: PositionControl | TorqueControl, time: float) -> Measurement:
-    """Return the measurement of perfect sensors on the controlled robot standing in half-sitting."""
-    robot = shared_robot()
-    imu = robot.placement(robot.imu_frame).rotation
-    half = np.array([0.0, 0.0, 0.5 * 9.80665 * robot.mass, 0.0, 0.0, 0.0])
-    return Measurement(
-        time,
-        np.array(robot.half_sitting[7:]),
-        np.zeros(robot.na),
-        np.zeros(3),
-        imu.T @ [0.0, 0.0, 9.80665],
-        np.array([half, half]),
-    )
-
-
 SIGNALS = ("joint_position", "joint_velocity", "angular_velocity", "specific_force", "sole_wrench")
 
 
@@ -117,8 +102,8 @@ def test_a_measurement_that_is_not_finite_is_refused_and_leaves_no_trace(
     )
     for control in (struck, spared):
         for tick in range(3):
-            control.command(at_rest(control, tick * DT))
-    good = at_rest(struck, 3 * DT)
+            control.command(at_rest(shared_robot(), tick * DT))
+    good = at_rest(shared_robot(), 3 * DT)
     broken = np.array(getattr(good, signal))
     broken.flat[1] = bad
     command = struck.command(replace(good, **{signal: broken}))
@@ -129,7 +114,7 @@ def test_a_measurement_that_is_not_finite_is_refused_and_leaves_no_trace(
         assert part is None or np.isfinite(part).all()
     # The robot rests, so holding the last command is what a good tick would have commanded, too.
     np.testing.assert_allclose(command.joint_torque, spared.command(good).joint_torque, atol=1e-2)
-    after = [control.command(at_rest(control, 4 * DT)) for control in (struck, spared)]
+    after = [control.command(at_rest(shared_robot(), 4 * DT)) for control in (struck, spared)]
     assert struck.failures == 0 and struck.plausibility.refused == 1 and struck.status() == "ok"
     np.testing.assert_allclose(after[0].joint_torque, after[1].joint_torque, atol=1e-2)
     assert np.isfinite(struck.observer.robot.q).all()
@@ -145,10 +130,10 @@ def test_a_measurement_without_time_or_of_another_shape_leaves_no_trace(
 ) -> None:
     caplog.set_level(logging.CRITICAL)
     control = PositionControl(controller())
-    control.command(at_rest(control, 0.0))
-    control.command(replace(at_rest(control, DT), **bad))
+    control.command(at_rest(shared_robot(), 0.0))
+    control.command(replace(at_rest(shared_robot(), DT), **bad))
     assert control.failures == 1
-    control.command(at_rest(control, 2 * DT))
+    control.command(at_rest(shared_robot(), 2 * DT))
     assert control.failures == 1 and np.isfinite(control.observer.robot.q).all()
 
 
@@ -158,20 +143,20 @@ def test_bad_measurements_that_go_on_stop_the_robot(mode: str, caplog: pytest.Lo
     policy = FailurePolicy(stop_after=5 * DT)
     control: PositionControl | TorqueControl
     control = (TorqueControl if mode == "torque" else PositionControl)(controller(), policy=policy)
-    control.command(at_rest(control, 0.0))
+    control.command(at_rest(shared_robot(), 0.0))
     held = round(control.plausibility.settings.hold / DT)  # ticks that predictions bridge
     for tick in range(1, held + 8):
-        good = at_rest(control, tick * DT)
+        good = at_rest(shared_robot(), tick * DT)
         command = control.command(replace(good, joint_position=np.full_like(good.joint_position, NAN)))
         assert np.isfinite(command.joint_torque).all()
     assert control.stopped
-    command = control.command(at_rest(control, 8 * DT))
+    command = control.command(at_rest(shared_robot(), 8 * DT))
     if mode == "torque":
         assert not command.joint_torque.any()  # at rest, damping alone is nothing
     else:
         assert command.joint_velocity is not None and np.abs(command.joint_velocity).max() < 1e-9
     control.reset()
-    control.command(at_rest(control, 9 * DT))
+    control.command(at_rest(shared_robot(), 9 * DT))
     assert not control.stopped and control.solution is not None and control.solution.ok
 
 
@@ -185,11 +170,11 @@ def test_a_reset_forgets_what_was_sent_and_what_has_yielded(
     whole.add(task)
     control = kind(whole)
     for tick in range(20):
-        control.command(at_rest(control, tick * DT))
+        control.command(at_rest(shared_robot(), tick * DT))
     assert np.abs(task.offset_vector()).max() > 1e-4
     control.reset()
     assert not task.offset_vector().any() and control.solution is None
-    bad = at_rest(control, 21 * DT)
+    bad = at_rest(shared_robot(), 21 * DT)
     command = control.command(replace(bad, joint_position=np.full_like(bad.joint_position, NAN)))
     assert not command.joint_torque.any() and "measurement refused" in caplog.text
 
@@ -201,19 +186,18 @@ def test_a_control_starts_where_the_robot_is(kind: type[PositionControl | Torque
     q[0] += 1.0
     away.robot.update(q, np.zeros(away.robot.nv))
     control = kind(away)
-    control.command(at_rest(control, 0.0))
+    control.command(at_rest(shared_robot(), 0.0))
     assert control.observer.robot.q[0] == pytest.approx(q[0], abs=1e-3)
     assert control.controller.robot.q[0] == pytest.approx(q[0], abs=1e-3)
 
 
 def test_a_measurement_from_the_past_or_of_another_robot_is_refused() -> None:
     observer = wbc.Observer(shared_robot())
-    control = TorqueControl(controller())
-    observer.update(at_rest(control, 1.0))
+    observer.update(at_rest(shared_robot(), 1.0))
     with pytest.raises(MeasurementError, match="older"):
-        observer.update(at_rest(control, 0.5))
+        observer.update(at_rest(shared_robot(), 0.5))
     with pytest.raises(MeasurementError, match="joint_position.*shape"):
-        observer.update(replace(at_rest(control, 1.1), joint_position=np.zeros(3)))
+        observer.update(replace(at_rest(shared_robot(), 1.1), joint_position=np.zeros(3)))
 
 
 def test_a_state_with_nan_is_refused_by_the_solver_and_recovered_from() -> None:

@@ -12,12 +12,10 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 import pytest
-from recorded import recorded_walk
+from recorded import recorded_stand, recorded_walk
 
-import wbc
 from wbc.app.cli import main
 from wbc.app.log.reader import Log
-from wbc.app.log.recorder import Recorder
 from wbc.app.replay.convert import convert_log
 from wbc.app.replay.replay import Replay
 from wbc.app.scene.shapes import MeshFile
@@ -48,19 +46,6 @@ def converted(log: Log, folder: Path) -> dict[str, list[tuple[float, Any]]]:
             follows(content, json.loads(schema.data), channel.topic)
             found.setdefault(channel.topic, []).append((TIME * message.log_time, content))
     return found
-
-
-def stand(robot: str, path: Path, *, with_plant: bool) -> Log:
-    """Log of three ticks."""
-    plant = wbc.Plant(wbc.load_robot(robot))
-    control = wbc.PositionControl(wbc.balance_controller(plant.description.robot(), plant.control_period))
-    with Recorder(path) as record:
-        for _ in range(3):
-            measurement = plant.measure()
-            command = control.command(measurement)
-            record(plant if with_plant else None, control, measurement, command)
-            plant.step(command)
-    return Log.open(path)
 
 
 def follows(value: Any, schema: dict[str, Any], where: str) -> None:
@@ -111,7 +96,7 @@ def test_an_mcap_has_the_scene(replay: Replay, topics: dict[str, list[tuple[floa
 
 def test_meshes_of_an_mcap_lie_as_viewers_turn_them(tmp_path: Path) -> None:
     """Foxglove and Lichtblick take y for up in a mesh that does not say, and turn it."""
-    replay = Replay(stand("g1", tmp_path / "stand.arrow", with_plant=True))
+    replay = Replay(recorded_stand(tmp_path / "stand.arrow", "g1"))
     (_, first), *_ = converted(replay.log, tmp_path)["/scene"]
     models = {entity["id"]: entity["models"] for entity in first["entities"]}
     turn = pin.SE3(pin.utils.rotate("x", 0.5 * np.pi), np.zeros(3)).homogeneous
@@ -146,7 +131,7 @@ def test_rerun_opens_an_rrd(replay: Replay, tmp_path: Path) -> None:
 def test_a_log_without_a_robot_has_signals_alone(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     pytest.importorskip("mcap")
     log, out = tmp_path / "stand.arrow", tmp_path / "stand.mcap"
-    opened = stand("hrp4_class", log, with_plant=False)
+    opened = recorded_stand(log, plant=False)
     with pytest.raises(InputError, match="pictures a second"):
         convert_log(opened, out, rate=0.0)
     assert main(["log", "convert", str(log), str(out), "--json"]) == 0

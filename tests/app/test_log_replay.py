@@ -22,7 +22,7 @@ from browser import Browser, needs_chromium
 from full_disk import limited_file_size
 from pages import get
 from PIL import Image
-from recorded import make_walk, recorded_scans, recorded_walk, run
+from recorded import make_walk, recorded_scans, recorded_stand, recorded_walk, run
 
 import wbc
 from wbc import app
@@ -42,7 +42,6 @@ from wbc.app.scene.shapes import Surface
 from wbc.app.scene.sources import PlantSource
 from wbc.core.errors import InputError
 from wbc.core.files import FileError
-from wbc.tasks.balance import balance_controller
 
 SIZE = (96, 72)
 
@@ -59,18 +58,6 @@ def page(replay: Replay) -> str:
 
 def mujoco_scene(replay: Replay) -> MujocoScene:
     return MujocoScene(replay.scene, replay.plant.terrain, *SIZE, replay.sole_paths)
-
-
-def record_standing(path: Path, robot: str, ticks: int = 3, *, plant: bool = True) -> Log:
-    there = wbc.Plant(wbc.load_robot(robot))
-    control = wbc.PositionControl(balance_controller(there.description.robot(), there.control_period))
-    with Recorder(path) as record:
-        for _ in range(ticks):
-            measurement = there.measure()
-            command = control.command(measurement)
-            record(there if plant else None, control, measurement, command)
-            there.step(command)
-    return Log.open(path)
 
 
 def can_draw() -> bool:
@@ -323,25 +310,25 @@ def test_film_sizes_are_checked(replay: Replay, tmp_path: Path, size: tuple[int,
 
 def test_logs_that_cannot_be_replayed_say_why(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="recorded without a plant"):
-        Replay(record_standing(tmp_path / "a.arrow", "hrp4_class", plant=False))
-    empty = record_standing(tmp_path / "b.arrow", "hrp4_class")
+        Replay(recorded_stand(tmp_path / "a.arrow", plant=False))
+    empty = recorded_stand(tmp_path / "b.arrow")
     empty._table = empty._table.slice(0, 0)
     with pytest.raises(InputError, match="no ticks"):
         Replay(empty)
-    other = record_standing(tmp_path / "c.arrow", "hrp4_class")
+    other = recorded_stand(tmp_path / "c.arrow")
     header = dict(other.header)
     header["plant"] = header["plant"] | {"foot": {"$class": "nowhere.at.all:Foot"}}
     other.header = header
     with pytest.raises(InputError, match="import nowhere.at.all first"):
         Replay(other)
-    soft = record_standing(tmp_path / "d.arrow", "hrp4_class")
+    soft = recorded_stand(tmp_path / "d.arrow")
     soft.header = dict(soft.header) | {"plant": Log.open(recorded_walk()).header["plant"]}
     with pytest.raises(InputError, match="other joints"):
         Replay(soft)
 
 
 def test_run_without_a_walk_is_replayed_without_overlays(tmp_path: Path) -> None:
-    replay = Replay(record_standing(tmp_path / "stand.arrow", "hrp4_class"))
+    replay = Replay(recorded_stand(tmp_path / "stand.arrow"))
     assert replay.overlays.moving == [] and replay.frame(0).shape == (len(replay.scene.moving), 4, 4)
     assert "const captions" in replay_page(replay)
 
@@ -350,7 +337,7 @@ def test_run_without_a_walk_is_replayed_without_overlays(tmp_path: Path) -> None
 @pytest.mark.parametrize("robot", ["talos", "g1"])
 @drawing
 def test_robots_made_of_meshes_can_be_filmed(tmp_path: Path, robot: str) -> None:
-    replay = Replay(record_standing(tmp_path / "stand.arrow", robot, ticks=30))
+    replay = Replay(recorded_stand(tmp_path / "stand.arrow", robot, ticks=30))
     render_video(replay, tmp_path / "stand.gif", rate=10.0, size=SIZE)
     stage = mujoco_scene(replay)
     assert stage.model.nmesh >= 30

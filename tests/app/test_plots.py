@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 from PIL import Image
-from recorded import recorded_walk
+from recorded import recorded_stand, recorded_walk
 
 import wbc
 from wbc.app.cli import main
@@ -47,16 +47,7 @@ def log() -> Log:
 @pytest.fixture(scope="module")
 def standing(tmp_path_factory: pytest.TempPathFactory) -> Log:
     """A log without a walk, of rigid soles."""
-    path = tmp_path_factory.mktemp("logs") / "stand.arrow"
-    plant = wbc.Plant(wbc.load_robot("hrp4_class"))
-    control = wbc.PositionControl(balance_controller(plant.description.robot(), plant.control_period))
-    with Recorder(path) as record:
-        for _ in range(10):
-            measurement = plant.measure()
-            command = control.command(measurement)
-            record(plant, control, measurement, command)
-            plant.step(command)
-    return Log.open(path)
+    return recorded_stand(tmp_path_factory.mktemp("logs") / "stand.arrow", ticks=10)
 
 
 def curves(figure: Figure) -> list[np.ndarray]:

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pinocchio as pin
 import pytest
+from at_rest import at_rest
 from task_factory import standing
 
 from wbc.core.control import FailurePolicy
@@ -15,18 +16,9 @@ from wbc.core.drive.torque import TorqueControl
 from wbc.core.errors import InputError
 from wbc.core.qp.controller import Controller
 from wbc.core.qp.solver import Status
-from wbc.core.robot import GRAVITY, Robot
-from wbc.core.signals import Measurement
+from wbc.core.robot import Robot
 
 DT = 0.005
-
-
-def sensors(robot: Robot, time: float, velocity: np.ndarray) -> Measurement:
-    """Half-sitting, half the weight on each foot, joints moving."""
-    wrench = np.zeros((2, 6))
-    wrench[:, 2] = 0.5 * robot.mass * GRAVITY
-    upright = robot.placement(robot.imu_frame).rotation.T @ np.array([0.0, 0.0, GRAVITY])
-    return Measurement(time, robot.half_sitting[7:].copy(), velocity, np.zeros(3), upright, wrench)
 
 
 def speeds(robot: Robot, seed: int = 0) -> np.ndarray:
@@ -47,13 +39,13 @@ def test_a_failed_tick_brakes_every_joint_that_moves_and_a_stopped_robot_too(
     controller = standing("hrp4_class", DT)
     robot, policy = controller.robot, FailurePolicy()
     control = TorqueControl(controller)
-    held = control.command(sensors(robot, 0.0, np.zeros(robot.na))).joint_torque.copy()
+    held = control.command(at_rest(robot, 0.0)).joint_torque.copy()
     assert control.solution is not None and control.solution.ok and np.abs(held).max() > 1.0
     fail_from_now_on(controller, monkeypatch)
     stopped = False
     for tick in range(1, 40):
         moving = speeds(robot, tick)
-        torque = control.command(sensors(robot, tick * DT, moving)).joint_torque
+        torque = control.command(at_rest(robot, tick * DT, joint_velocity=moving)).joint_torque
         braking = torque if control.stopped else torque - held
         assert (braking * moving < 0.0).all()
         np.testing.assert_allclose(braking, -policy.joint_damping * robot.torque_limit * moving, rtol=1e-9)
@@ -65,23 +57,23 @@ def test_held_references_slow_down_to_a_stop_as_the_policy_says(monkeypatch: pyt
     controller = standing("hrp4_class", DT)
     robot, policy = controller.robot, FailurePolicy(damping_time=0.04)
     control = PositionControl(controller, policy=policy)
-    control.command(sensors(robot, 0.0, np.zeros(robot.na)))
+    control.command(at_rest(robot, 0.0))
     control.v[6:] = start = speeds(robot)
     fail_from_now_on(controller, monkeypatch)
     left = 1.0 - DT / policy.damping_time
     for tick in range(1, 11):
         before = control.q[7:].copy()
-        command = control.command(sensors(robot, tick * DT, np.zeros(robot.na)))
+        command = control.command(at_rest(robot, tick * DT))
         np.testing.assert_allclose(command.joint_velocity, start * left**tick, rtol=1e-9)
         # Over a tick the reference moves by the mean of its speeds at both ends.
         mean = 0.5 * (1.0 + left) * start * left ** (tick - 1)
         np.testing.assert_allclose(command.joint_position - before, DT * mean, rtol=1e-9)
     for tick in range(11, 40):
-        command = control.command(sensors(robot, tick * DT, np.zeros(robot.na)))
+        command = control.command(at_rest(robot, tick * DT))
     assert control.stopped
     np.testing.assert_allclose(command.joint_velocity, 0.0, atol=1e-12)
     frozen = command.joint_position
-    command = control.command(sensors(robot, 40 * DT, np.zeros(robot.na)))
+    command = control.command(at_rest(robot, 40 * DT))
     np.testing.assert_allclose(command.joint_position, frozen, atol=1e-12)
 
 
@@ -96,7 +88,7 @@ def test_in_closed_loop_references_are_drawn_to_the_estimate_of_a_moving_robot(t
     share = -np.expm1(-DT / time)
     for tick in range(5):
         q, v = control.q.copy(), control.v.copy()
-        control.command(sensors(robot, tick * DT, speeds(robot, 3)))
+        control.command(at_rest(robot, tick * DT, joint_velocity=speeds(robot, 3)))
         estimate, solution = control.observer.robot, control.solution
         assert solution is not None and solution.ok
         drawn = v + share * (estimate.v - v)
@@ -111,7 +103,7 @@ def test_measurements_of_another_period_than_the_controllers_are_named(period: f
     controller = standing("hrp4_class", DT)
     control, rng = PositionControl(controller), np.random.default_rng(0)
     for tick in range(60):
-        m = sensors(controller.robot, tick * period, np.zeros(controller.robot.na))
+        m = at_rest(controller.robot, tick * period)
         control.command(
             replace(m, joint_position=m.joint_position + rng.normal(scale=1e-6, size=controller.robot.na))
         )
@@ -132,7 +124,7 @@ def test_targets_that_follow_from_the_state_are_set_between_the_halves_of_a_tick
     whole, halves = (PositionControl(standing("hrp4_class", DT)) for _ in range(2))
     robot = whole.controller.robot
     for tick in range(3):
-        measurement = sensors(robot, tick * DT, np.zeros(robot.na))
+        measurement = at_rest(robot, tick * DT)
         state = halves.estimate(measurement)
         assert state.ok and state.robot is halves.observer.robot and state.received is measurement
         found, expected = halves.act(state), whole.command(measurement)
@@ -143,8 +135,8 @@ def test_targets_that_follow_from_the_state_are_set_between_the_halves_of_a_tick
 def test_a_tick_whose_targets_fail_holds_the_last_torques() -> None:
     control = PositionControl(standing("hrp4_class", DT))
     robot = control.controller.robot
-    first = control.command(sensors(robot, 0.0, np.zeros(robot.na)))
-    state = control.estimate(sensors(robot, DT, np.zeros(robot.na)))
+    first = control.command(at_rest(robot, 0.0))
+    state = control.estimate(at_rest(robot, DT))
     refused = control.refuse(state, RuntimeError("no such table"))
     held = control.act(refused)
     assert not refused.ok and control.failures == 1 and "no such table" in control.status()
@@ -155,7 +147,7 @@ def test_wrenches_of_a_stabilizer_take_the_place_of_the_solutions_in_the_torques
     """With the QP's own wrenches the torques are the QP's; another force f changes them by −Jᵀ f."""
     control = TorqueControl(standing("hrp4_class", DT))
     robot = control.controller.robot
-    state = control.estimate(sensors(robot, 0.0, np.zeros(robot.na)))
+    state = control.estimate(at_rest(robot, 0.0))
     command = control.act(state)
     solution = control.solution
     assert solution is not None

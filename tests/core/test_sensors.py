@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
+from at_rest import at_rest
 
-from wbc import Measurement
 from wbc.core.estimation.consistency import ConsistencyMonitor, ConsistencySettings
 from wbc.core.estimation.plausibility import Plausibility
 from wbc.core.robot import GRAVITY
@@ -17,36 +15,27 @@ ROBOT, DT = load("hrp4_class").robot(), 0.005
 STILL = (0.0, 0.0, 0.0)
 
 
-def standing(time: float, **changes: np.ndarray) -> Measurement:
-    """Measurement of the robot at rest in half-sitting."""
-    na, wrench = ROBOT.na, np.zeros((2, 6))
-    wrench[:, 2] = 0.5 * ROBOT.mass * GRAVITY
-    up = np.array([0.0, 0.0, GRAVITY])
-    measurement = Measurement(time, ROBOT.half_sitting[7:].copy(), np.zeros(na), np.zeros(3), up, wrench)
-    return replace(measurement, **changes)
-
-
 def test_an_encoder_may_have_travelled_as_far_as_its_joint_moves_while_it_was_refused() -> None:
     plausibility = Plausibility(ROBOT, DT)
-    plausibility.check(standing(0.0))
+    plausibility.check(at_rest(ROBOT, 0.0))
     for tick in range(1, 5):
         lost = ROBOT.half_sitting[7:].copy()
         lost[3] = np.nan
-        plausibility.check(standing(tick * DT, joint_position=lost))
+        plausibility.check(at_rest(ROBOT, tick * DT, joint_position=lost))
     settings, there = plausibility.settings, ROBOT.half_sitting[7:].copy()
     there[3] += settings.position_jump + 3.0 * DT * settings.velocity_margin * ROBOT.velocity_limit[3]
-    used, _ = plausibility.check(standing(5 * DT, joint_position=there))
+    used, _ = plausibility.check(at_rest(ROBOT, 5 * DT, joint_position=there))
     assert used.joint_position[3] == there[3] and plausibility.refused == 4
 
 
 def test_a_moment_is_possible_as_far_as_the_greatest_force_has_an_arm_on_the_sole() -> None:
     plausibility = Plausibility(ROBOT, DT)
-    plausibility.check(standing(0.0))
+    plausibility.check(at_rest(ROBOT, 0.0))
     greatest = plausibility.settings.force_ratio * ROBOT.mass * GRAVITY
     for tick, (share, refused) in enumerate(((0.9, 0), (1.1, 1)), start=1):
-        wrench = standing(0.0).wrenches.copy()
+        wrench = at_rest(ROBOT, 0.0).wrenches.copy()
         wrench[0, 4] = share * greatest * ROBOT.soles[0].length
-        plausibility.check(standing(tick * DT, sole_wrench=wrench))
+        plausibility.check(at_rest(ROBOT, tick * DT, sole_wrench=wrench))
         assert plausibility.refused == refused
 
 
@@ -63,7 +52,7 @@ def test_feet_that_turn_alike_are_doubted_about_the_vertical_only_where_the_robo
         wrench = np.zeros((2, 6))
         left = 0.0 if lifts and tick % 60 > 30 else 0.5
         wrench[:, 2] = np.array((left, 1.0 - left)) * ROBOT.mass * GRAVITY
-        measurement = standing(tick * DT, sole_wrench=wrench)
+        measurement = at_rest(ROBOT, tick * DT, sole_wrench=wrench)
         monitor.update(rng.normal(size=len(names)), measurement, GRAVITY, (roll, pitch, yaw), STILL, 0j)
         told.append("encoders and gyroscope disagree" in monitor.doubts)
     assert any(told) == (axis == 0 or not lifts)
@@ -77,5 +66,5 @@ def test_a_force_that_stays_the_same_is_frozen_and_none_at_all_is_a_foot_in_the_
         values = rng.normal(size=len(names))
         values[-12:] = 0.0  # in the air but for
         values[-10] = 300.0  # a frozen force on the left sole
-        monitor.update(values, standing(tick * DT), GRAVITY, STILL, STILL, 0j)
+        monitor.update(values, at_rest(ROBOT, tick * DT), GRAVITY, STILL, STILL, 0j)
     assert [doubt for doubt in monitor.doubts if "frozen" in doubt] == ["force sensor of left_foot frozen"]

@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 
 import wbc
+from wbc.app.log.reader import Log
 from wbc.app.log.recorder import Recorder
 from wbc.core.signals import Command, Measurement
 from wbc.feet import RangeSensor, foot
@@ -49,6 +50,19 @@ def run(plant: wbc.Plant, walk: WalkingControl, seconds: float, *hooks: Hook) ->
         for hook in hooks:
             hook(plant, walk, measurement, command)
         plant.step(command)
+
+
+def recorded_stand(path: Path, robot: str = "hrp4_class", ticks: int = 3, *, plant: bool = True) -> Log:
+    """The log of a stand, also without a word of its plant."""
+    there = wbc.Plant(wbc.load_robot(robot))
+    control = wbc.PositionControl(wbc.balance_controller(there.description.robot(), there.control_period))
+    with Recorder(path) as record:
+        for _ in range(ticks):
+            measurement = there.measure()
+            command = control.command(measurement)
+            record(there if plant else None, control, measurement, command)
+            there.step(command)
+    return Log.open(path)
 
 
 @functools.cache
