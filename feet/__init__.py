@@ -16,7 +16,7 @@ from wbc.feet.soles.soft import SoftFoot
 from wbc.feet.soles.sole import FootFit
 from wbc.feet.stiffness.dataset import StiffnessTable
 from wbc.feet.stiffness.model import ModelSettings, StiffnessModel
-from wbc.feet.stiffness.roughness import Roughness, RoughnessSettings, profile_roughness, roughness
+from wbc.feet.stiffness.roughness import RoughnessSettings, profile_roughness, roughness
 from wbc.feet.stiffness.validation import Candidate, cross_validate
 
 __all__ = [
@@ -37,7 +37,6 @@ __all__ = [
     "GroundScan",
     "Profile",
     # Roughness of a profile
-    "Roughness",
     "RoughnessSettings",
     "roughness",
     "profile_roughness",

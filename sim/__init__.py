@@ -17,7 +17,7 @@ from wbc.sim.rig.actions import press
 from wbc.sim.rig.spec import FootTest
 from wbc.sim.scenes import Scene, make_scene, scene_kind
 from wbc.sim.studies.journal import Journal, read_journal
-from wbc.sim.studies.study import Study
+from wbc.sim.studies.study import Cell, Study
 from wbc.sim.studies.study_table import study_table
 from wbc.sim.studies.sweep import cluster_executor, sweep
 from wbc.sim.studies.trials import register_trial
@@ -79,6 +79,7 @@ __all__ = [
     "FootTest",
     "press",
     # Studies: many trials, journals and tables
+    "Cell",
     "Journal",
     "Study",
     "cluster_executor",
