@@ -1,7 +1,7 @@
 """Test rig: press one foot on any ground, and pitch its ankle.
 
     >>> from wbc.feet import foot
-    >>> from wbc.sim.rig import FootTest, press
+    >>> from wbc.sim import FootTest, press
     >>> from wbc.sim.terrain import terrain
     >>> test = FootTest(foot("soft", stiffness=5.0), terrain("stones", amplitude=0.03, seed=1), load=200.0)
     >>> press(test).hold.contacts

@@ -75,7 +75,7 @@ def test_every_command_line_ends_in_a_result_or_a_refusal(folder: Path, count: i
 @pytest.mark.parametrize("count", [40, pytest.param(30_000, marks=pytest.mark.slow)])
 def test_every_public_call_ends_in_a_result_or_a_refusal(folder: Path, count: int) -> None:
     places = fuzzing.places()
-    assert len(places) > 1000
+    assert len(places) > 900
     drawn(count, fuzzing.call, st.sampled_from(places), fuzzing.HOSTILE)
 
 

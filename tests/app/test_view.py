@@ -412,7 +412,7 @@ def test_pictures_are_taken_at_the_rate(view: MeshcatView, monkeypatch: pytest.M
 @pytest.mark.slow
 def test_the_drawing_process_ends_with_the_program() -> None:
     program = (
-        "import os, wbc; from wbc.app.view import MeshcatView\n"
+        "import os, wbc; from wbc.app import MeshcatView\n"
         "view = MeshcatView(wbc.load_robot('hrp4_class'), port=0)\n"
         "print(view.pid, flush=True); os.kill(os.getpid(), 9)"
     )

@@ -51,7 +51,7 @@ def tilted_sole(seed: int) -> SoleGeometry:
 def test_feet_import_without_mujoco() -> None:
     code = (
         "import sys; sys.modules['mujoco'] = None\n"
-        "from wbc.feet import foot, foot_names\nfrom wbc.feet.soles.sole import SoleGeometry\n"
+        "from wbc.feet.soles.catalog import foot, foot_names\nfrom wbc.feet.soles.sole import SoleGeometry\n"
         "[foot(n).fit(SoleGeometry.under_ankle(0.09, 0.16, 0.08)) for n in foot_names()]"
     )
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0

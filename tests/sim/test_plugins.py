@@ -55,7 +55,8 @@ absent = theirs:nothing
 PROGRAM = """
 import json, sys
 import wbc
-from wbc.feet import foot, foot_names
+from wbc.feet import foot
+from wbc.feet.soles.catalog import foot_names
 from wbc.robots import load, names, others
 from wbc.sim.terrain import terrain_families
 from wbc.tasks.scheduling.policies import stiffness_policy, stiffness_policy_names

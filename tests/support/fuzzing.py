@@ -39,6 +39,7 @@ from wbc.app.commands import COMMANDS
 from wbc.core.changes import setting_names
 from wbc.core.errors import WbcError
 from wbc.feet.soles.soft import VariableStiffnessFoot
+from wbc.sim.balance.standing import StandSpec
 from wbc.sim.studies.study import Cell
 from wbc.sim.terrain import Terrain, terrain_families
 from wbc.sim.walks.settings import TrialSettings
@@ -623,7 +624,7 @@ def places() -> list[Place]:
             found.append(Place("wbc.tasks", task, option))
     for parameter in inspect.signature(wbc.RobotDescription.from_urdf).parameters:
         found.append(Place("wbc", "RobotDescription.from_urdf", parameter))
-    for name, spec in (("stand", sim.StandSpec), ("walk", sim.WalkSpec)):
+    for name, spec in (("stand", StandSpec), ("walk", sim.WalkSpec)):
         found += [Place("wbc", name, parameter) for parameter in inspect.signature(spec).parameters]
     return found
 

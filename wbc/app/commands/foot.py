@@ -21,9 +21,10 @@ from wbc.feet.soles.catalog import foot as foot_by_name
 from wbc.feet.soles.catalog import foot_names
 from wbc.feet.soles.sole import SoleGeometry
 from wbc.robots import load, names
-from wbc.sim import rig
 from wbc.sim.plant.model import sole_geometries
 from wbc.sim.plant.settings import PhysicsSettings
+from wbc.sim.rig.actions import pitch, press
+from wbc.sim.rig.plot import plot_pitch, plot_press
 from wbc.sim.rig.results import PitchResult, PressResult
 from wbc.sim.rig.spec import HRP4C_SOLE, FootTest, fit_facts
 from wbc.sim.terrain import Terrain
@@ -136,11 +137,9 @@ def foot(
     target = check_picture(options.plot, options.param)
     made = options.test(given, ground)
     if test == "press":
-        return _report(output, made, rig.press(made), _press_lines, rig.plot_press, target)
+        return _report(output, made, press(made), _press_lines, plot_press, target)
     angle, rate = math.radians(options.angle), math.radians(options.rate)
-    return _report(
-        output, made, rig.pitch(made, amplitude=angle, rate=rate), _pitch_lines, rig.plot_pitch, target
-    )
+    return _report(output, made, pitch(made, amplitude=angle, rate=rate), _pitch_lines, plot_pitch, target)
 
 
 def _list(robot: str | None, output: Output) -> Report:
