@@ -213,40 +213,57 @@ def test_choosing_by_the_family_owes_most_of_its_gain_to_early_falls() -> None:
     )
 
 
-def test_stiffness_by_the_phase_of_the_step_gains_nothing() -> None:
-    """The table of the study 'phase', and what the ramp changes."""
+@cache
+def hypotheses() -> dict[str, dict[Layout, Result]]:
+    """Walks of the studies 'phase' and 'design', which share their layouts: sole → layout."""
     arms: dict[str, dict[Layout, Result]] = defaultdict(dict)
-    for spec, result in walks("phase"):
+    for spec, result in walks("hypotheses"):
         given = spec.get("policy_params", {})
         if spec.get("policy") == "phase":
             name = f"phase: {given['landing']:g}, on one foot {given['single']:g}"
         elif spec.get("policy") == "edge":
             name = f"edge: {given['edge']:g}, else {given['smooth']:g}"
         else:
-            name = f"soft, {spec['stiffness']:g}" if spec["foot"] == "soft" else spec["foot"]
+            kind = spec["foot"].replace("_", " ")
+            name = kind if kind == "rigid" else f"{kind}, {spec['stiffness']:g}"
         arms[name][spec["terrain"], spec["seed"]] = result
-    assert all(arm.keys() == arms["rigid"].keys() and len(arm) == 340 for arm in arms.values())
+    return {name: arm for name, arm in arms.items() if len(arm) == 340}
 
-    def over(arm: str, other: str, part: Callable[[Result], float]) -> tuple[list[float], list[str]]:
-        at = list(arms[arm])
-        return [part(arms[arm][i]) - part(arms[other][i]) for i in at], [family for family, _ in at]
 
-    for arm, results in arms.items():
-        steps = sum(result["steps_done"] for result in results.values()) / 1e3
-        causes = [cause_of(result) for result in results.values()]
-        falls = sum(bool(result["fell"]) for result in results.values())
-        low, high = rate_interval(falls, steps)
-        gain = ""
-        if arm != "soft, 80":
-            found = mean_interval(*over(arm, "soft, 80", lambda result: float(result["steps_done"])))
-            assert found.low is not None and found.high is not None
-            gain = f"{found.mean:.1f} [{found.low:.1f}, {found.high:.1f}] ".replace("-", "−").replace(
-                "−0.0", "0.0"
-            )
-        says(
-            f"| {arm} | {sum(map(arrived, results.values()))} | {gain}| {falls / steps:.1f} [{low:.1f}, {high:.1f}] "
-            f"| {causes.count('sideways') / steps:.1f} | {causes.count('forward') / steps:.1f} |"
-        )
+def over(arm: str, other: str, part: Callable[[Result], float]) -> tuple[list[float], list[str]]:
+    """Differences of two soles on the same layouts, and the families of these."""
+    arms = hypotheses()
+    assert arms[arm].keys() == arms[other].keys()
+    return [part(arms[arm][at]) - part(arms[other][at]) for at in arms[arm]], [at[0] for at in arms[arm]]
+
+
+def signed(text: str) -> str:
+    return text.replace("-", "−").replace("−0.0", "0.0")
+
+
+def row(arm: str, reference: str = "soft, 80") -> str:
+    """Row of a table of hypotheses."""
+    results = hypotheses()[arm].values()
+    steps = sum(result["steps_done"] for result in results) / 1e3
+    causes = [cause_of(result) for result in results]
+    falls = sum(bool(result["fell"]) for result in results)
+    low, high = rate_interval(falls, steps)
+    gain = ""
+    if arm != reference:
+        found = mean_interval(*over(arm, reference, lambda result: float(result["steps_done"])))
+        assert found.low is not None and found.high is not None
+        gain = signed(f"{found.mean:.1f} [{found.low:.1f}, {found.high:.1f}] ")
+    return (
+        f"| {arm} | {sum(map(arrived, results))} | {gain}| {falls / steps:.1f} [{low:.1f}, {high:.1f}] "
+        f"| {causes.count('sideways') / steps:.1f} | {causes.count('forward') / steps:.1f} |"
+    )
+
+
+def test_stiffness_by_the_phase_of_the_step_gains_nothing() -> None:
+    """The table of the study 'phase', and what the ramp changes."""
+    arms = {name: arm for name, arm in hypotheses().items() if "arch" not in name}
+    for arm in arms:
+        says(row(arm))
     says(f"Of these 2,380 walks {sum(early(r) for arm in arms.values() for r in arm.values())} fall within")
     for arm, text in (
         ("soft, 5", "lets {} % more of the walks arrive (families as the unit, p = {:.2f})"),
@@ -254,4 +271,58 @@ def test_stiffness_by_the_phase_of_the_step_gains_nothing() -> None:
     ):
         values, families = over(arm, "rigid", lambda result: 100.0 * arrived(result))
         found, p = mean_interval(values, families), sign_flip_p(values, families)
-        says(text.format(f"{found.mean:.0f} [{found.low:.0f}, {found.high:.0f}]".replace("-", "−"), p))
+        says(text.format(signed(f"{found.mean:.0f} [{found.low:.0f}, {found.high:.0f}]"), p))
+
+
+def test_an_arch_under_the_toe_takes_the_forward_falls_away() -> None:
+    """The table of the study 'design' and what is said of its rule."""
+    arms = hypotheses()
+    soles = ("long arch, 5", "long arch, 80", "soft, 5", "soft, 80", "rigid")
+    for arm in soles:
+        says(row(arm))
+    done = {arm: sum(map(arrived, arms[arm].values())) for arm in soles}
+    says(
+        f"{done['long arch, 5']} of 340 walks to their goal, {done['soft, 5']} the paper's soft foot and "
+        f"{done['rigid']} a rigid sole"
+    )
+
+    def rate(arm: str, cause: str) -> tuple[float, float, str]:
+        results = arms[arm].values()
+        steps = sum(result["steps_done"] for result in results) / 1e3
+        falls = [cause_of(result) for result in results].count(cause)
+        low, high = rate_interval(falls, steps)
+        return low, high, f"{falls / steps:.1f} [{low:.1f}, {high:.1f}]"
+
+    arch, soft = rate("long arch, 5", "forward"), rate("soft, 5", "forward")
+    assert arch[1] < soft[0]
+    says(f"{arch[2]} forward falls per 1,000 steps against {soft[2]} of the soft")
+    arch, rigid = rate("long arch, 5", "sideways"), rate("rigid", "sideways")
+    assert arch[1] < rigid[0]
+    says(f"and {arch[2]} sideways ones against {rigid[2]} of the rigid sole")
+
+    def gain(other: str, part: Callable[[Result], float], digits: int) -> tuple[str, float]:
+        values, families = over("long arch, 5", other, part)
+        found, p = mean_interval(values, families), sign_flip_p(values, families)
+        return signed(f"{found.mean:.{digits}f} [{found.low:.{digits}f}, {found.high:.{digits}f}]"), p
+
+    def steps(result: Result) -> float:
+        return float(result["steps_done"])
+
+    text, p = gain("soft, 80", steps, 1)
+    says(f"{text}, p = {p:.2f}")
+    text, p = gain("rigid", steps, 1)
+    says(f"Against the rigid sole it does {text} more (p = {p:.3f})")
+    text, p = gain("rigid", lambda result: 100.0 * arrived(result), 0)
+    says(f"lets {text} % more of the walks arrive (p = {p:.3f})")
+    text, p = gain("soft, 5", steps, 1)
+    says(f"{text} steps more (p = {p:.2f})")
+
+    def mean(arm: str, part: Callable[[Result], float]) -> float:
+        return float(np.mean([part(result) for result in arms[arm].values() if arrived(result)]))
+
+    peaks = (f"{mean(arm, lambda r: r['impact']):.2f}" for arm in ("long arch, 5", "soft, 5", "rigid"))
+    says("({} of the weight; {}; rigid {})".format(*peaks))
+    area = [mean(arm, lambda r: r["contact_area"]["mean"]) for arm in ("long arch, 5", "soft, 5")]
+    says(
+        f"the contact area of the stance sole is {100.0 * (area[0] / area[1] - 1.0):.0f} % larger than with soft 5"
+    )

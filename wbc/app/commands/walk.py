@@ -29,7 +29,7 @@ from wbc.sim.walks.trial import WalkHook, WalkTrial
 if TYPE_CHECKING:
     from wbc.app.log.recorder import Recorder
 
-DEFAULTS = {"foot": "soft", "terrain": "stones", "amplitude": 0.02}
+DEFAULTS = {"foot": "long_arch", "terrain": "stones", "amplitude": 0.02}
 """Defaults of the command line: an unknown ground, and the sole that most walks arrive on."""
 
 FOLLOWERS = {
