@@ -37,7 +37,7 @@ def minimum_jerk(s: ValueT) -> tuple[ValueT, ValueT]:
 
     That of Flash & Hogan, 1985, as in `Quintic`; shares are numbers or arrays.
     """
-    return s**3 * (10.0 - 15.0 * s + 6.0 * s**2), 30.0 * s**2 * (1.0 - s) ** 2
+    return 10.0 * s**3 - 15.0 * s**4 + 6.0 * s**5, 30.0 * s**2 * (1.0 - s) ** 2
 
 
 class Quintic(Generic[ValueT]):

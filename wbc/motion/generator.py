@@ -17,6 +17,7 @@ from wbc.core.robot import Robot
 from wbc.core.settings import Seed
 from wbc.motion.clip import MotionClip
 from wbc.motion.inverse_kinematics import InverseKinematics, KinematicTargets
+from wbc.tasks.trajectories import minimum_jerk
 
 RATE = 100.0
 """Frames per second, Hz."""
@@ -127,7 +128,7 @@ def _steps(robot: Robot, rng: np.random.Generator) -> Array:
         target = places[side, 0] + (length if step in (0, 3) else 2.0 * length)
         s = np.clip((t - begin) / single, 0.0, 1.0)
         path[:, side, 0] = np.where(
-            t < begin, path[:, side, 0], places[side, 0] + (target - places[side, 0]) * _smooth(s)
+            t < begin, path[:, side, 0], places[side, 0] + (target - places[side, 0]) * minimum_jerk(s)[0]
         )
         path[:, side, 2] += 0.05 * np.sin(np.pi * s) ** 2
         standing[(s > 0.0) & (s < 1.0), side] = 0.0
@@ -178,13 +179,8 @@ def _sway(
 
 def _bump(t: Array, rise: float, high: float, fall: float, low: float) -> Array:
     """Return 0 before `rise`, 1 from `high` to `fall`, 0 after `low`, with smooth slopes."""
-    return _smooth(np.clip((t - rise) / (high - rise), 0.0, 1.0)) * _smooth(
-        np.clip((low - t) / (low - fall), 0.0, 1.0)
-    )
-
-
-def _smooth(s: Array) -> Array:
-    return np.asarray(10.0 * s**3 - 15.0 * s**4 + 6.0 * s**5)
+    up, down = (t - rise) / (high - rise), (low - t) / (low - fall)
+    return minimum_jerk(np.clip(up, 0.0, 1.0))[0] * minimum_jerk(np.clip(down, 0.0, 1.0))[0]
 
 
 def _stands(robot: Robot, q: Array) -> list[tuple[pin.SE3, pin.SE3]]:
