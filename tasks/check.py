@@ -31,7 +31,7 @@ def check_task(
 ) -> None:
     """Check Jacobian and drift of a task at a random state of a robot, in motion.
 
-        check_task(GazeTask("head"), description.robot())
+        check_task(MyTask("head"), description.robot())
 
     The error falls as the task moves: its derivative is −J v, and that of J v is the drift. The error of a task on
     velocities, such as a momentum, is its target − J v. A copy of the task is bound there, as a controller would do

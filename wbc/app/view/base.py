@@ -71,19 +71,7 @@ class View(ABC):
         notebook: bool,
         repeat: Iterable[dict[str, Any]] = (),
     ) -> None:
-        """Make the scene.
-
-        Args:
-            source: A plant; another loop, of which the robot is shown; or the description of a robot whose states are
-                given to `update`.
-            control: Controller of a walk, a control of drives, or a `Controller`; that of the program when None.
-            program: Program whose state is shown.
-            terrain: The ground under a described robot; flat when None. A plant has its own.
-            rate: Largest rate of pictures, 1/s.
-            speed: Hold the run back to this multiple of real time, 1 for real time; None never waits.
-            controls: Let the page change the run; pause and speed are always available.
-            notebook: Let pages of this machine show the page in a frame.
-            repeat: Interventions of a former run.
+        """Make the scene; the arguments are those of `wbc.app.Workbench`.
 
         Raises:
             InputError: A value out of range, a terrain given with a plant, or a walk without one.
@@ -154,9 +142,9 @@ class View(ABC):
         """Number of open browser pages; 0 when nothing is served any more."""
 
     @property
-    @abstractmethod
     def drivers(self) -> int:
         """Number of open pages that may change the run."""
+        return self.pages
 
     @property
     @abstractmethod
@@ -164,9 +152,9 @@ class View(ABC):
         """True after `close`."""
 
     @property
-    @abstractmethod
     def running(self) -> bool:
         """True as long as the page is served."""
+        return not self.closed
 
     @abstractmethod
     def _send(self, time: float, matrices: Array, annotations: Annotations) -> None:

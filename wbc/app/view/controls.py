@@ -354,13 +354,9 @@ class LiveControls:
     def halt(self) -> None:
         """Bring a robot that is driven from a page to a stand, because the last page has been closed."""
         walking = self._walking
-        if "drive" in self._actions and walking is not None and any(walking.velocity or ()) and self._driven:
+        moves = "drive" in self._actions and walking is not None and any(walking.velocity or ())
+        if moves and any(entry["what"] == "drive" for entry in self.interventions):
             self.apply({"do": "drive", "forward": 0.0, "left": 0.0, "turn": 0.0})
-
-    @property
-    def _driven(self) -> bool:
-        """True if the last command of a velocity came from a page."""
-        return any(entry["what"] == "drive" for entry in self.interventions)
 
     def _set_gain(self, request: dict[str, Any]) -> dict[str, Any]:
         assert self._walking is not None

@@ -242,19 +242,9 @@ class Workbench(View):
         return 0 if self._closed else len(self._server.get_clients())
 
     @property
-    def drivers(self) -> int:
-        """Number of open pages that may change the run."""
-        return self.pages
-
-    @property
     def closed(self) -> bool:
         """True after `close`."""
         return self._closed
-
-    @property
-    def running(self) -> bool:
-        """True as long as the page is served."""
-        return not self._closed
 
     def _read_input(self) -> None:
         """Do nothing: pages have set pause and speed, and queued their orders."""
