@@ -71,7 +71,7 @@ class View(ABC):
         notebook: bool,
         repeat: Iterable[dict[str, Any]] = (),
     ) -> None:
-        """Make the scene; the arguments are those of `wbc.app.Workbench`.
+        """Make the scene; the arguments are those of `MeshcatView` and `Workbench`.
 
         Raises:
             InputError: A value out of range, a terrain given with a plant, or a walk without one.

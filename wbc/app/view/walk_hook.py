@@ -15,17 +15,7 @@ if TYPE_CHECKING:
 
 
 def open_view(source: Any, control: Any, workbench: bool, **options: Any) -> View:
-    """Return a live view, or a workbench.
-
-    Args:
-        source: See `MeshcatView`.
-        control: What drives the robot: a walk, or a control of drives.
-        workbench: True for a workbench.
-        **options: Of the view.
-
-    Raises:
-        ViewError: A workbench without viser.
-    """
+    """Return a live view of what drives a robot, or a workbench (`ViewError` without viser); see `MeshcatView`."""
     if workbench:
         from wbc.app.view.workbench import Workbench  # noqa: PLC0415 - needs an extra
 

@@ -91,19 +91,9 @@ class Workbench(View):
     ) -> None:
         """Start serving the page; its address goes to the standard error. Nobody sees it without this link.
 
-        Args:
-            source: A plant; another loop, of which the robot is shown; or the description of a robot whose states are
-                given to `update`.
-            control: A walk, a control of drives, or a `Controller`, whose tasks are shown; None for none.
-            program: Program whose states are shown.
-            terrain: The ground under a described robot; flat when None.
-            host: Address to listen at; see `MeshcatView`.
-            port: Port to listen at; the first free one from 7000 on when None, any free one when 0.
-            rate: Largest rate of pictures, 1/s.
-            speed: Hold the run back to this multiple of real time, 1 for real time; None never waits.
-            controls: Let the page change the run; pause and speed are always available.
-            notebook: Let pages of this machine, such as a notebook, show the page in a frame.
-            repeat: Interventions of a former run, see `wbc.app.view.interventions_of`: they are carried out again.
+        `control` is a walk, a control of drives or a `Controller`, whose tasks are shown, None for that of the program
+        or none; `repeat` are interventions of a former run, see `wbc.app.view.interventions_of`, which are carried out
+        again. The other arguments are those of `MeshcatView`.
 
         Raises:
             InputError: A value out of range, or something else than a control.
