@@ -19,7 +19,7 @@ from wbc.feet.stiffness.dataset import StiffnessTable
 from wbc.feet.stiffness.figures import draw_model, labels_figure
 from wbc.feet.stiffness.model import DEFAULT_TABLE
 from wbc.feet.stiffness.roughness import RoughnessSettings, low_pass, profile_roughness
-from wbc.sim.terrain import terrain
+from wbc.sim.terrain.spec import terrain
 from wbc.tasks.stabilizer.pendulum import Pendulum
 from wbc.walking.pattern.preview import PreviewController
 from wbc.walking.planning.footsteps import Footstep, FootstepPlan

@@ -19,7 +19,7 @@ from PIL import Image, ImageDraw, ImageFont
 from wbc.app.replay.mujoco_scene import MujocoScene
 from wbc.app.scene.sources import PlantSource
 from wbc.sim import Plant
-from wbc.sim.walks.trial import WalkHook, WalkTick
+from wbc.sim.trial.loop import TrialHook, TrialTick
 
 EXAMPLES = Path(__file__).parent.parent / "examples"
 
@@ -51,7 +51,7 @@ SIZE = (300, 260)
 COLUMNS = 5
 
 
-class Catcher(WalkHook):
+class Catcher(TrialHook):
     """Takes a picture of a plant when its time has come."""
 
     def __init__(self, instant: float) -> None:
@@ -64,7 +64,7 @@ class Catcher(WalkHook):
         if self.picture is None and self.plant.time >= self.instant - 1e-9:
             self.picture = photograph(self.plant)
 
-    def tick(self, tick: WalkTick) -> None:
+    def tick(self, tick: TrialTick) -> None:
         """The same for walks that `walk` runs."""
         self.plant = tick.plant
         self.update()

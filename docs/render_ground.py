@@ -22,8 +22,8 @@ from wbc.feet import foot
 from wbc.feet.soles.soft_design import TransverseBending
 from wbc.sim.rig.fixture import Rig
 from wbc.sim.rig.spec import FootTest
-from wbc.sim.terrain import terrain
 from wbc.sim.terrain.plot import plot_families
+from wbc.sim.terrain.spec import terrain
 
 PANEL = (560, 300)
 """Width and height of a view of a foot, pixels."""

@@ -15,21 +15,20 @@ from wbc.sim.plant.sensors import SensorNoise, SignalNoise
 from wbc.sim.plant.settings import Machine, PhysicsSettings
 from wbc.sim.rig.actions import press
 from wbc.sim.rig.spec import FootTest
-from wbc.sim.scenes import Scene, make_scene, scene_kind
+from wbc.sim.scenes.base import Scene, make_scene, scene_kind
 from wbc.sim.studies.journal import Journal, read_journal
 from wbc.sim.studies.study import Cell, Study
 from wbc.sim.studies.study_table import study_table
 from wbc.sim.studies.sweep import cluster_executor, sweep
 from wbc.sim.studies.trials import register_trial
-from wbc.sim.terrain import FieldFamily, ShapeFamily, bar, dome, family, param, plate, stone
-from wbc.sim.terrain import (
-    terrain as make_terrain,
-)
+from wbc.sim.terrain.families.base import FieldFamily, ShapeFamily, family, param
+from wbc.sim.terrain.families.solids import bar, dome, plate, stone
+from wbc.sim.terrain.spec import terrain as make_terrain
 from wbc.sim.trial.loop import Trial, TrialHook
 from wbc.sim.trial.push import WalkPush
 from wbc.sim.walks.plans import WalkPlan
 from wbc.sim.walks.spec import WalkSpec
-from wbc.sim.walks.trial import WalkHook, WalkTrial, walk
+from wbc.sim.walks.trial import WalkTrial, walk
 
 __all__ = [
     # Plant: robot, feet and ground in MuJoCo
@@ -55,7 +54,6 @@ __all__ = [
     "Trial",
     "TrialHook",
     # Walks: spec in, result out
-    "WalkHook",
     "WalkPlan",
     "WalkPush",
     "WalkSpec",

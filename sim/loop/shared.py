@@ -21,10 +21,10 @@ from wbc.sim.plant.hands import Grips, add_grips, check_clear
 from wbc.sim.plant.model import SCENE_PREFIX, bare_spec, compiled, equip, furniture
 from wbc.sim.plant.sensors import NO_NOISE, SensorNoise
 from wbc.sim.plant.settings import Machine, PhysicsSettings
-from wbc.sim.scenes import Scene
-from wbc.sim.terrain import Terrain
-from wbc.sim.terrain import terrain as terrain_by_name
+from wbc.sim.scenes.base import Scene
 from wbc.sim.terrain.render import add_to_spec
+from wbc.sim.terrain.spec import Terrain
+from wbc.sim.terrain.spec import terrain as terrain_by_name
 
 MOST_ROBOTS = 16
 """Most robots of a plant: each has a bit of MuJoCo's masks of contacts."""

@@ -20,9 +20,9 @@ from wbc.robots.description import RobotDescription
 from wbc.sim.plant.body_shapes import add_body_shapes
 from wbc.sim.plant.hands import HandSensor, add_grips, add_hand_sensors
 from wbc.sim.plant.settings import Machine, PhysicsSettings
-from wbc.sim.scenes import Scene, make_scene
-from wbc.sim.terrain import Terrain
+from wbc.sim.scenes.base import Scene, make_scene
 from wbc.sim.terrain.render import TERRAIN_GROUP, AddedTerrain, add_to_spec
+from wbc.sim.terrain.spec import Terrain
 
 SCENE_PREFIX = "scene/"
 """Beginning of all names of the furniture."""

@@ -49,9 +49,9 @@ from wbc.sim.plant.settings import Machine, PhysicsSettings, steps_per_tick, who
 from wbc.sim.plant.signals import TrueSignals
 from wbc.sim.plant.stepping import PhysicsSteps, divergence
 from wbc.sim.plant.truth import GroundTruth, TruthReader
-from wbc.sim.scenes import Scene
-from wbc.sim.terrain import Terrain
-from wbc.sim.terrain import terrain as terrain_by_name
+from wbc.sim.scenes.base import Scene
+from wbc.sim.terrain.spec import Terrain
+from wbc.sim.terrain.spec import terrain as terrain_by_name
 
 INITIAL_PRESS = 1e-6
 """Depth of the soles in the ground at the start, m, so that all of their spheres are in contact at once."""

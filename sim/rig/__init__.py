@@ -2,8 +2,8 @@
 
     >>> from wbc.feet import foot
     >>> from wbc.sim import FootTest, press
-    >>> from wbc.sim.terrain import terrain
-    >>> test = FootTest(foot("soft", stiffness=5.0), terrain("stones", amplitude=0.03, seed=1), load=200.0)
+    >>> from wbc.sim import make_terrain
+    >>> test = FootTest(foot("soft", stiffness=5.0), make_terrain("stones", amplitude=0.03, seed=1), load=200.0)
     >>> press(test).hold.contacts
     4
 

@@ -13,7 +13,7 @@ from wbc.core.hull import hull_and_area
 from wbc.feet.soles.common_mjcf import quaternion_wxyz
 from wbc.feet.soles.runtime_mjcf import GroundContacts, SoleProbe
 from wbc.sim.rig.spec import FootTest
-from wbc.sim.terrain import add_to_spec
+from wbc.sim.terrain.render import add_to_spec
 
 ANKLE_INERTIA = 0.1
 """Inertia of the carriage about roll and pitch, kg m²: of the order of a shin about its ankle."""

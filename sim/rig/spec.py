@@ -13,7 +13,7 @@ from wbc.feet import Foot, FootFit, foot
 from wbc.feet.soles.catalog import foot_name
 from wbc.feet.soles.sole import SoleGeometry
 from wbc.sim.plant.settings import PhysicsSettings
-from wbc.sim.terrain import Terrain, terrain
+from wbc.sim.terrain.spec import Terrain, terrain
 
 HRP4C_SOLE = SoleGeometry.under_ankle(0.093, 0.160, 0.076)
 """Sole and ankle height of HRP-4C, whose contact rectangle HRP-4J shares (hrp4c_description, BSD-3)."""

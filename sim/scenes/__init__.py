@@ -7,14 +7,3 @@ A new scene goes into `things`.
 """
 
 from wbc.sim.scenes import things  # noqa: F401 - registers the scenes
-from wbc.sim.scenes.base import Scene, make_scene, param, scene_kind, scene_kinds
-
-__all__ = [
-    # Scenes by name
-    "Scene",
-    "make_scene",
-    "scene_kinds",
-    # A scene of your own
-    "param",
-    "scene_kind",
-]

@@ -19,7 +19,7 @@ from wbc.feet.stiffness.comparison import candidates, compare, comparison_table
 from wbc.feet.stiffness.dataset import StiffnessTable
 from wbc.sim.studies.journal import Entry
 from wbc.sim.studies.study import Cell, Study, cell_name, ground_of, study_entries
-from wbc.sim.terrain import terrain
+from wbc.sim.terrain.spec import terrain
 from wbc.sim.walks.spec import WalkSpec
 
 DATA = Path(__file__).parent / "data"

@@ -21,8 +21,9 @@ from wbc.core.registry import Registry
 from wbc.core.settings import Positive, settings, to_json
 from wbc.sim.balance.push_recovery import largest_recovered
 from wbc.sim.studies.journal import Status
+from wbc.sim.trial.loop import TrialHook, TrialTick
 from wbc.sim.walks.spec import WalkSpec
-from wbc.sim.walks.trial import WalkHook, WalkTick, walk
+from wbc.sim.walks.trial import walk
 
 Check = Callable[[], None]
 """Function that a running trial calls now and then; raises `TrialTimeout` after its time-out."""
@@ -143,14 +144,14 @@ def run_trial(spec: Trial, timeout: float | None = None, *, exit_when_stuck: boo
             faulthandler.cancel_dump_traceback_later()
 
 
-class CheckTime(WalkHook):
+class CheckTime(TrialHook):
     """Hook that stops a walk after its time-out."""
 
     def __init__(self, check: Check) -> None:
         self._check = check
 
-    def tick(self, tick: WalkTick) -> None:
-        """See `WalkHook`."""
+    def tick(self, tick: TrialTick) -> None:
+        """See `TrialHook`."""
         del tick
         self._check()
 

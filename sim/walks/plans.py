@@ -8,8 +8,8 @@ from typing import Annotated, Literal
 
 from wbc.core.errors import InputError
 from wbc.core.settings import Count, settings
-from wbc.sim.terrain import Terrain
 from wbc.sim.terrain.families.stairs import Steps
+from wbc.sim.terrain.spec import Terrain
 from wbc.sim.trial.loop import Trial, TrialHook
 from wbc.walking.control import ReferenceControl
 from wbc.walking.planning.footsteps import Footstep, FootstepPlan, mean_heading

@@ -15,8 +15,8 @@ from wbc.feet import Foot
 from wbc.robots import load
 from wbc.robots.description import RobotDescription
 from wbc.sim.plant.fitting import with_feet
-from wbc.sim.terrain import Terrain
-from wbc.sim.terrain import terrain as terrain_by_name
+from wbc.sim.terrain.spec import Terrain
+from wbc.sim.terrain.spec import terrain as terrain_by_name
 from wbc.sim.walks.arrival import Arrival
 from wbc.sim.walks.plans import WalkPlan
 from wbc.sim.walks.settings import SteppingTrialSettings, TrialSettings

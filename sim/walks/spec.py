@@ -20,10 +20,9 @@ from wbc.robots import load
 from wbc.robots.registry import stamped
 from wbc.sim.plant.model import body_frame
 from wbc.sim.plant.settings import Machine
-from wbc.sim.scenes import Scene, make_scene
-from wbc.sim.terrain import Terrain
-from wbc.sim.terrain import terrain as terrain_by_name
-from wbc.sim.terrain.spec import RAMP
+from wbc.sim.scenes.base import Scene, make_scene
+from wbc.sim.terrain.spec import RAMP, Terrain
+from wbc.sim.terrain.spec import terrain as terrain_by_name
 from wbc.sim.trial.push import WalkPush
 from wbc.sim.trial.spec import TrialSpec
 from wbc.sim.walks.plans import WalkPlan

@@ -13,8 +13,9 @@ from wbc.core.files import check_hash, file_hash
 from wbc.feet import Foot
 from wbc.feet.soles.soft import VariableStiffnessFoot
 from wbc.feet.stiffness.model import DEFAULT_MODEL
-from wbc.sim.terrain import Terrain, terrain_families
+from wbc.sim.terrain.families.base import terrain_families
 from wbc.sim.terrain.families.patchwork import stretches
+from wbc.sim.terrain.spec import Terrain
 from wbc.tasks.scheduling.policies import (
     FixedPolicy,
     GroundPolicy,

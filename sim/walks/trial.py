@@ -22,7 +22,7 @@ from wbc.feet import RangeSensor
 from wbc.feet.soles.soft import VariableStiffnessFoot
 from wbc.sim.plant.falls import PelvisLimits
 from wbc.sim.plant.plant import Plant
-from wbc.sim.trial.loop import Trial, TrialHook, TrialTick
+from wbc.sim.trial.loop import Trial, TrialHook
 from wbc.sim.trial.push import PushSchedule
 from wbc.sim.walks.arrival import Arrival
 from wbc.sim.walks.meter import WalkMeter
@@ -38,12 +38,6 @@ from wbc.tasks.scheduling.stiffness import StiffnessScheduler
 from wbc.walking.control import ReferenceControl, WalkingControl
 from wbc.walking.stepping.control import SteppingControl
 
-WalkTick = TrialTick
-"""A tick of a walk: that of any trial."""
-
-WalkHook = TrialHook
-"""Base of the hooks of a walk: that of any trial."""
-
 PLAN_FIELDS = tuple(f.name for f in fields(WalkPlan))
 LEAST_WAY = 0.05
 """Shortest distance for which a cost of transport is told, m."""
@@ -56,7 +50,7 @@ def walk(
     spec: WalkSpec | None = None,
     *,
     policy: str | PolicyLike | None = None,
-    hooks: Sequence[WalkHook] = (),
+    hooks: Sequence[TrialHook] = (),
     **values: Any,
 ) -> WalkResult:
     """Simulate a walk.
@@ -145,7 +139,7 @@ class WalkTrial(Trial):
         """Height of the lower sole, m."""
         return _ground(self.plant)
 
-    def run(self, hooks: Sequence[WalkHook] = ()) -> WalkResult:
+    def run(self, hooks: Sequence[TrialHook] = ()) -> WalkResult:
         """Walk to the end, a fall or the time limit; once only.
 
         Args:

@@ -24,9 +24,10 @@ from wbc.app.bench.walk import CASES
 from wbc.core.errors import Array
 from wbc.core.settings import from_json
 from wbc.robots import load, names
+from wbc.sim.trial.loop import TrialHook, TrialTick
 from wbc.sim.walks.plans import WalkPlan
 from wbc.sim.walks.spec import WalkSpec
-from wbc.sim.walks.trial import WalkHook, WalkTick, WalkTrial
+from wbc.sim.walks.trial import WalkTrial
 from wbc.tasks import PositionTask, PostureTask
 from wbc.tasks.balance import balance_controller
 
@@ -143,8 +144,8 @@ class _SlowTask(PostureTask):
         super().evaluate(error)
 
 
-class _SlowHook(WalkHook):
-    def tick(self, tick: WalkTick) -> None:
+class _SlowHook(TrialHook):
+    def tick(self, tick: TrialTick) -> None:
         sleep(0.002)
 
 

@@ -30,7 +30,7 @@ from wbc.feet.soles.soft import VariableStiffnessFoot
 from wbc.robots import load, names
 from wbc.sim.plant.fitting import with_feet
 from wbc.sim.plant.plant import Plant
-from wbc.sim.terrain import terrain_families
+from wbc.sim.terrain.families.base import terrain_families
 from wbc.sim.walks.trial import WalkTrial
 
 Run = Callable[..., tuple[int, str, str]]

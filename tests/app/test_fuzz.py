@@ -33,7 +33,7 @@ from wbc.feet import foot
 from wbc.sim import PhysicsSettings, WalkSpec, make_terrain, read_journal
 from wbc.sim.balance.standing import StandSpec
 from wbc.sim.studies.journal import Entry
-from wbc.sim.terrain import GroundContact
+from wbc.sim.terrain.render import GroundContact
 from wbc.tasks import BalanceGains, StabilizerGains
 from wbc.walking import Gait
 

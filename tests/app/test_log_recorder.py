@@ -22,7 +22,8 @@ from wbc.core.signals import Command, Measurement
 from wbc.feet import foot
 from wbc.feet.soles.catalog import foot_names
 from wbc.sim import PhysicsSettings, SensorNoise, WalkPlan, WalkSpec, walk
-from wbc.sim.terrain import terrain, terrain_families
+from wbc.sim.terrain.families.base import terrain_families
+from wbc.sim.terrain.spec import terrain
 from wbc.tasks.balance import balance_controller
 from wbc.tasks.stabilizer.admittance import FootCorrection
 from wbc.walking.control import WalkingControl

@@ -8,7 +8,7 @@ from PIL import Image as Picture
 
 from wbc.app.commands.terrain import TerrainOptions, describe_terrain, list_terrains
 from wbc.core.errors import InputError
-from wbc.sim.terrain import terrain_families
+from wbc.sim.terrain.families.base import terrain_families
 
 
 def test_descriptions_are_json_and_complete() -> None:

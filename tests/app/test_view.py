@@ -41,7 +41,7 @@ from wbc.app.view.meshcat_view import MeshcatView
 from wbc.core.errors import InputError
 from wbc.core.robot import GRAVITY
 from wbc.core.signals import Command
-from wbc.sim.terrain import terrain
+from wbc.sim.terrain.spec import terrain
 from wbc.tasks import Machine, Program, State, after
 from wbc.tasks.balance import balance_controller
 

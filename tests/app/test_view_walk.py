@@ -39,9 +39,10 @@ from wbc.app.view.user_input import MAX_MESSAGE, UserInput, unpack
 from wbc.app.view.walk_hook import WatchWalk
 from wbc.core.errors import InputError
 from wbc.core.robot import GRAVITY
+from wbc.sim.trial.loop import TrialHook, TrialTick
 from wbc.sim.walks.plans import WalkPlan
 from wbc.sim.walks.spec import WalkSpec
-from wbc.sim.walks.trial import WalkHook, WalkTick, WalkTrial, walk
+from wbc.sim.walks.trial import WalkTrial, walk
 from wbc.walking.planning.footsteps import Footstep, FootstepPlan
 from wbc.walking.planning.gait import Gait
 
@@ -288,13 +289,13 @@ def test_annotations_say_everything_and_fit() -> None:
 # ---- it changes nothing ---------------------------------------------------------------------------------------------
 
 
-class Commands(WalkHook):
+class Commands(TrialHook):
     """Recorder of all commands."""
 
     def __init__(self) -> None:
         self.all: list[bytes] = []
 
-    def tick(self, tick: WalkTick) -> None:
+    def tick(self, tick: TrialTick) -> None:
         assert tick.command.joint_position is not None
         self.all.append(tick.command.joint_position.tobytes())
 

@@ -18,10 +18,11 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
+from wbc.sim.trial.loop import TrialHook, TrialTick
 from wbc.sim.walks.plans import WalkPlan
 from wbc.sim.walks.result import WalkResult
 from wbc.sim.walks.spec import WalkSpec
-from wbc.sim.walks.trial import WalkHook, WalkTick, WalkTrial
+from wbc.sim.walks.trial import WalkTrial
 
 GROUNDS: dict[str, dict[str, Any]] = {
     "flat floor": {"terrain": "flat"},
@@ -31,7 +32,7 @@ ANCHORS = {"at the CoP": True, "whole sole": False}
 FIGURES = ("com_mm", "com_max_mm", "dcm_mm", "tilt_mrad", "forward_mm_per_step", "up_mm_per_step")
 
 
-class Errors(WalkHook):
+class Errors(TrialHook):
     """Collects estimate minus truth."""
 
     def __init__(self) -> None:
@@ -44,7 +45,7 @@ class Errors(WalkHook):
     def start(self, trial: WalkTrial) -> None:
         self._sites = [trial.plant.model.site(foot.wrench_site).id for foot in trial.plant.feet]
 
-    def tick(self, tick: WalkTick) -> None:
+    def tick(self, tick: TrialTick) -> None:
         plant, walking = tick.plant, tick.walking
         if walking.reference is None:
             return

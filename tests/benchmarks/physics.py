@@ -15,7 +15,7 @@ from wbc.feet import foot
 from wbc.robots import load
 from wbc.sim.plant.falls import TrueFallDetector
 from wbc.sim.plant.plant import Plant
-from wbc.sim.terrain import Terrain, terrain
+from wbc.sim.terrain.spec import Terrain, terrain
 
 ROBOT = load("hrp4_class")
 FEET = ("flat", "rigid", "soft", "variable")

@@ -33,11 +33,11 @@ from wbc.sim.studies.catalog import STUDIES
 from wbc.sim.studies.intervals import rate_interval
 from wbc.sim.studies.study import FRESH_SEED, Cell, Study
 from wbc.sim.studies.trials import Check, CheckTime, OfWalksSpec, Outcome, TrialKind, register_trial
-from wbc.sim.trial.loop import TrialHook
+from wbc.sim.trial.loop import TrialHook, TrialTick
 from wbc.sim.trial.push import PUSH_DURATION
 from wbc.sim.walks.plans import WalkPlan
 from wbc.sim.walks.spec import WalkSpec
-from wbc.sim.walks.trial import WalkHook, WalkTick, WalkTrial, walk
+from wbc.sim.walks.trial import WalkTrial, walk
 
 Heading = Literal["forward", "back", "left", "turn"]
 """Direction of a drive."""
@@ -92,14 +92,14 @@ class SpeedLimitSpec(OfWalksSpec):
         return replace(self.walk, plan=plan, changes=as_changes({**limits, **dict(self.walk.changes)}))
 
 
-class _Speed(WalkHook):
+class _Speed(TrialHook):
     """Places of the robot's pelvis and its heading over time."""
 
     def __init__(self) -> None:
         self.rows: list[tuple[float, ...]] = []
 
-    def tick(self, tick: WalkTick) -> None:
-        """See `WalkHook`."""
+    def tick(self, tick: TrialTick) -> None:
+        """See `TrialHook`."""
         x, y, z, w = tick.plant.truth().q[3:7].tolist()
         yaw = math.atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
         self.rows.append((tick.plant.time, *tick.plant.truth().q[:2].tolist(), yaw))

@@ -15,8 +15,10 @@ from wbc.core.errors import InputError
 from wbc.feet import foot
 from wbc.feet.soles.sole import SoleGeometry
 from wbc.sim.plant.settings import PhysicsSettings
-from wbc.sim.terrain import Terrain, add_to_spec, terrain_families
+from wbc.sim.terrain.families.base import terrain_families
 from wbc.sim.terrain.plot import example_terrain
+from wbc.sim.terrain.render import add_to_spec
+from wbc.sim.terrain.spec import Terrain
 
 PLACES = (0.2, 0.45, 0.7)
 """Places of the two feet, as shares of the rough part: one place alone may be a smooth one."""

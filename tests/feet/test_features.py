@@ -16,7 +16,7 @@ from wbc.feet.stiffness.features import (
     select_features,
 )
 from wbc.feet.stiffness.roughness import PARAMETERS, roughness
-from wbc.sim.terrain import terrain
+from wbc.sim.terrain.spec import terrain
 
 RNG = np.random.default_rng(0)
 

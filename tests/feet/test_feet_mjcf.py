@@ -27,8 +27,8 @@ from wbc.feet.soles.runtime_mjcf import RangeFinder, SoleProbe, SoleStiffness
 from wbc.feet.soles.soft_design import TransverseBending
 from wbc.feet.soles.sole import SoleGeometry
 from wbc.sim.plant.settings import PhysicsSettings
-from wbc.sim.terrain import Terrain, terrain
 from wbc.sim.terrain.render import TERRAIN_GROUP, add_to_spec
+from wbc.sim.terrain.spec import Terrain, terrain
 
 OWN = SoleGeometry.under_ankle(0.093, 0.160, 0.076)
 LOAD = 200.0  # N

@@ -24,7 +24,8 @@ from wbc.feet.stiffness.roughness import (
     profile_roughness,
     roughness,
 )
-from wbc.sim.terrain import terrain, terrain_families
+from wbc.sim.terrain.families.base import terrain_families
+from wbc.sim.terrain.spec import terrain
 
 STEP = 0.007
 PLAIN = RoughnessSettings(corner=None, detrend="mean")

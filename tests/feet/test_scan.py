@@ -23,7 +23,7 @@ from wbc.feet.sensing.scan import (
 )
 from wbc.feet.soles.soft import toe_sensor
 from wbc.feet.soles.sole import SoleGeometry
-from wbc.sim.terrain import terrain
+from wbc.sim.terrain.spec import terrain
 
 DOWN = (0.0, 0.0, -1.0)
 

@@ -26,7 +26,8 @@ from wbc.core.settings import unit_and_choices
 from wbc.feet import foot
 from wbc.sim.rig.actions import press
 from wbc.sim.rig.spec import FootTest
-from wbc.sim.terrain import terrain, terrain_families
+from wbc.sim.terrain.families.base import terrain_families
+from wbc.sim.terrain.spec import terrain
 
 ROOT = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT / "docs"))

@@ -9,8 +9,8 @@ import pytest
 
 from wbc.app.walk_report import walk_text
 from wbc.sim import WalkPlan, WalkSpec, WalkTrial
+from wbc.sim.trial.loop import TrialHook, TrialTick
 from wbc.sim.walks.arrival import GOAL_DISTANCE, GOAL_TURN, Arrival
-from wbc.sim.walks.trial import WalkHook, WalkTick
 from wbc.walking.planning.footsteps import mean_heading
 
 JUST, BEYOND = 0.99, 1.01
@@ -78,13 +78,13 @@ def test_goal_and_track_are_those_of_the_plan_from_where_it_begins(plan: WalkPla
         )
 
 
-class Carry(WalkHook):
+class Carry(TrialHook):
     """Carries the robot to the side at a time, and back at another: its sensors do not notice."""
 
     def __init__(self, aside: float, at: float, back: float = math.inf) -> None:
         self._moves = [(at, aside), (back, -aside)]
 
-    def tick(self, tick: WalkTick) -> None:
+    def tick(self, tick: TrialTick) -> None:
         while self._moves and tick.plant.time >= self._moves[0][0]:
             tick.plant.data.qpos[1] += self._moves.pop(0)[1]
 
@@ -110,8 +110,8 @@ def test_a_walk_that_is_driven_or_steered_on_the_way_has_no_goal() -> None:
     driven = WalkTrial(WalkSpec(plan=drive, noise="none")).run([Carry(0.6, 1.0)])
     assert driven.outcome == "completed" and driven.goal_error is None and driven.track_error is None
 
-    class Steer(WalkHook):
-        def tick(self, tick: WalkTick) -> None:
+    class Steer(TrialHook):
+        def tick(self, tick: TrialTick) -> None:
             tick.walking.velocity = None
 
     steered = WalkTrial(WalkSpec(plan=WalkPlan(distance=3.0), noise="none")).run([Steer()])

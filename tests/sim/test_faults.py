@@ -19,10 +19,10 @@ from wbc import Measurement, Plant, PositionControl, TorqueControl, balance_cont
 from wbc.core.estimation.plausibility import OPTIONAL, SIGNALS
 from wbc.core.gate import CommandGate
 from wbc.robots import load
-from wbc.sim import Machine, WalkHook, WalkPlan, WalkPush, WalkSpec, walk
+from wbc.sim import Machine, TrialHook, WalkPlan, WalkPush, WalkSpec, walk
 from wbc.sim.balance.standing import StandSpec, StandTrial
 from wbc.sim.plant.falls import TrueFallDetector
-from wbc.sim.walks.trial import WalkTick
+from wbc.sim.trial.loop import TrialTick
 
 QUICK = (
     "joint_position nan",
@@ -96,13 +96,13 @@ def test_a_wrong_gyroscope_is_named_while_walking(name: str, mode: str) -> None:
 BLIND = Machine(force_sensors=False, torque_sensors=True)
 
 
-class Doubts(WalkHook):
+class Doubts(TrialHook):
     """Collects what the monitor doubts in a walk."""
 
     def __init__(self) -> None:
         self.found: list[str] = []
 
-    def tick(self, tick: WalkTick) -> None:
+    def tick(self, tick: TrialTick) -> None:
         self.found += tick.walking.control.monitor.doubts
 
 
@@ -354,13 +354,13 @@ def test_a_torso_that_topples_is_a_balance_that_is_lost() -> None:
     assert "balance lost" not in control.status()
 
 
-class Said(WalkHook):
+class Said(TrialHook):
     """Time at which the status first says that balance is lost."""
 
     def __init__(self) -> None:
         self.time = math.inf
 
-    def tick(self, tick: WalkTick) -> None:
+    def tick(self, tick: TrialTick) -> None:
         if "balance lost" in tick.walking.control.status():
             self.time = min(self.time, tick.plant.time)
 

@@ -19,7 +19,7 @@ from wbc.sim.plant.settings import PhysicsSettings
 from wbc.sim.rig.actions import pitch, press
 from wbc.sim.rig.plot import plot_press
 from wbc.sim.rig.spec import FootTest
-from wbc.sim.terrain import Terrain, terrain
+from wbc.sim.terrain.spec import Terrain, terrain
 
 FLAT = terrain("flat")
 STONES = terrain("stones", amplitude=0.03, seed=1)

@@ -17,7 +17,8 @@ from wbc.feet.soles.rigid import FlatFoot
 from wbc.robots import RobotDescription, load
 from wbc.sim import Machine, PhysicsSettings, Plant
 from wbc.sim.plant.plant import real_time_factor
-from wbc.sim.terrain import terrain, terrain_families
+from wbc.sim.terrain.families.base import terrain_families
+from wbc.sim.terrain.spec import terrain
 
 ROBOTS = ("hrp4_class", "talos", "g1")
 FEW_SPHERES = FlatFoot(ContactSpheres(row_spacing=0.1))

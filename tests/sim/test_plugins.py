@@ -14,7 +14,7 @@ PACKAGE = """
 from dataclasses import dataclass
 import wbc
 from wbc.feet import SoftFoot
-from wbc.sim.terrain import FieldFamily, family
+from wbc.sim import FieldFamily, family
 from wbc.tasks.scheduling.policies import FixedPolicy
 
 def describe():
@@ -58,7 +58,7 @@ import wbc
 from wbc.feet import foot
 from wbc.feet.soles.catalog import foot_names
 from wbc.robots import load, names, others
-from wbc.sim.terrain import terrain_families
+from wbc.sim.terrain.families.base import terrain_families
 from wbc.tasks.scheduling.policies import stiffness_policy, stiffness_policy_names
 
 def error(call, *values):

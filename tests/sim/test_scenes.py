@@ -17,7 +17,7 @@ from wbc.robots import load
 from wbc.sim import Plant, make_scene
 from wbc.sim.plant.falls import TrueFallDetector
 from wbc.sim.plant.settings import Machine
-from wbc.sim.scenes import scene_kinds
+from wbc.sim.scenes.base import scene_kinds
 
 
 @pytest.mark.parametrize("robot", ["hrp4_class", "talos", "g1"])

@@ -15,10 +15,12 @@ from properties import examples
 
 from wbc.core.errors import Array, InputError
 from wbc.core.settings import Positive
-from wbc.sim.terrain import FieldFamily, Site, Terrain, family, param, terrain, terrain_families
 from wbc.sim.terrain.families import base
+from wbc.sim.terrain.families.base import FieldFamily, family, param, terrain_families
 from wbc.sim.terrain.families.fields import low_pass
 from wbc.sim.terrain.families.patchwork import stretches
+from wbc.sim.terrain.families.site import Site
+from wbc.sim.terrain.spec import Terrain, terrain
 
 NAMES = [n for n in terrain_families() if n not in ("flat", "image")]
 SOLID = [n for n in NAMES if not isinstance(terrain(n).parameters, FieldFamily)]

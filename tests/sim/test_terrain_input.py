@@ -8,9 +8,11 @@ import pytest
 from PIL import Image as Picture
 
 from wbc.core.errors import InputError, UnknownNameError, WbcError
-from wbc.sim.terrain import ClearanceWarning, ShapeFamily, check_clearance, family, terrain
+from wbc.sim.terrain.clearance import ClearanceWarning, check_clearance
 from wbc.sim.terrain.families import base
+from wbc.sim.terrain.families.base import ShapeFamily, family
 from wbc.sim.terrain.families.solids import dome
+from wbc.sim.terrain.spec import terrain
 
 
 def test_unknown_names_get_the_nearest_ones() -> None:

@@ -16,12 +16,13 @@ from wbc.core.changes import changed, read_changes
 from wbc.core.errors import InputError, UnknownNameError
 from wbc.core.settings import from_json
 from wbc.core.signals import Measurement
+from wbc.sim.trial.loop import TrialHook, TrialTick
 from wbc.sim.trial.push import WalkPush
 from wbc.sim.walks.plans import WalkPlan
 from wbc.sim.walks.result import WalkResult
 from wbc.sim.walks.settings import TrialSettings
 from wbc.sim.walks.spec import WalkSpec
-from wbc.sim.walks.trial import WalkHook, WalkTick, WalkTrial, walk
+from wbc.sim.walks.trial import WalkTrial, walk
 from wbc.walking.falls import FallReason
 from wbc.walking.planning.footsteps import Footstep, FootstepPlan
 from wbc.walking.planning.gait import Gait
@@ -34,7 +35,7 @@ TWO_STEPS = WalkPlan(distance=0.1)
 SPEC = WalkSpec(plan=TWO_STEPS, seed=3)
 
 
-class Notes(WalkHook):
+class Notes(TrialHook):
     """Writes down what it sees."""
 
     def __init__(self) -> None:
@@ -49,7 +50,7 @@ class Notes(WalkHook):
         self.calls.append("start")
         self.plant = trial.plant
 
-    def tick(self, tick: WalkTick) -> None:
+    def tick(self, tick: TrialTick) -> None:
         assert tick.walking.reference is not None and tick.walking.output is not None
         wanted, output = tick.walking.reference.pendulum, tick.walking.output
         assert tick.measurement.time == tick.plant.time
@@ -172,7 +173,7 @@ def test_json_has_what_is_promised(plain: WalkResult) -> None:
 # Pushes and falls
 
 
-class Impulse(WalkHook):
+class Impulse(TrialHook):
     """Adds up what the pushes do."""
 
     def __init__(self) -> None:
@@ -180,7 +181,7 @@ class Impulse(WalkHook):
         self.lift_off: float | None = None
         self.first: float | None = None
 
-    def tick(self, tick: WalkTick) -> None:
+    def tick(self, tick: TrialTick) -> None:
         force = tick.plant.data.xfrc_applied[:, :3].sum(axis=0)  # that of the period before
         self.total += force * tick.plant.control_period
         if self.first is None and force.any():
@@ -210,13 +211,13 @@ def test_a_push_has_its_impulse_at_its_phase_and_a_hard_one_is_a_fall() -> None:
     assert result.fall.step == 1 and result.fall.phase == "single support"
 
 
-class LiftOffs(WalkHook):
+class LiftOffs(TrialHook):
     """Keeps the times of all lift-offs, s."""
 
     def __init__(self) -> None:
         self.times: list[float] = []
 
-    def tick(self, tick: WalkTick) -> None:
+    def tick(self, tick: TrialTick) -> None:
         assert tick.walking.reference is not None
         if Event.LIFT_OFF in tick.walking.reference.events:
             self.times.append(tick.plant.time)
@@ -252,10 +253,10 @@ def _description() -> Any:
     return load("hrp4_class")
 
 
-class Poison(WalkHook):
+class Poison(TrialHook):
     """Does what no hook should do."""
 
-    def tick(self, tick: WalkTick) -> None:
+    def tick(self, tick: TrialTick) -> None:
         if tick.plant.time > 0.1:
             tick.plant.data.qvel[8] = np.nan
 
@@ -268,7 +269,7 @@ def test_a_diverged_simulation_is_neither_a_fall_nor_a_success() -> None:
     json.dumps(result.record())
 
 
-class Blindness(WalkHook):
+class Blindness(TrialHook):
     """Breaks the encoders for good."""
 
     def start(self, trial: WalkTrial) -> None:
@@ -281,7 +282,7 @@ class Blindness(WalkHook):
         plant.measure = blind  # type: ignore[method-assign]
 
 
-class Gaps(WalkHook):
+class Gaps(TrialHook):
     """Loses the measurement after each that has an event."""
 
     def start(self, trial: WalkTrial) -> None:
@@ -314,7 +315,7 @@ def test_what_happened_once_is_counted_once_though_measurements_get_lost(
 def test_a_fall_before_any_good_measurement_is_a_fall(caplog: pytest.LogCaptureFixture) -> None:
     caplog.set_level(logging.CRITICAL)
 
-    class Blind(WalkHook):
+    class Blind(TrialHook):
         def start(self, trial: WalkTrial) -> None:
             measure = trial.plant.measure
             trial.plant.measure = lambda: replace(  # type: ignore[method-assign]

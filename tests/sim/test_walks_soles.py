@@ -14,8 +14,8 @@ import pytest
 from wbc.app import cli
 from wbc.core.errors import InputError, UnknownNameError
 from wbc.feet.stiffness.model import DEFAULT_MODEL
-from wbc.sim.terrain import terrain
 from wbc.sim.terrain.families.patchwork import stretches
+from wbc.sim.terrain.spec import terrain
 from wbc.sim.walks.plans import WalkPlan
 from wbc.sim.walks.result import WalkResult
 from wbc.sim.walks.spec import WalkSpec

@@ -41,7 +41,8 @@ from wbc.core.errors import WbcError
 from wbc.feet.soles.soft import VariableStiffnessFoot
 from wbc.sim.balance.standing import StandSpec
 from wbc.sim.studies.study import Cell
-from wbc.sim.terrain import Terrain, terrain_families
+from wbc.sim.terrain.families.base import terrain_families
+from wbc.sim.terrain.spec import Terrain
 from wbc.sim.walks.settings import TrialSettings
 
 MEMORY = 8 * 2**30

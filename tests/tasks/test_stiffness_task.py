@@ -24,7 +24,7 @@ from wbc.feet.soles.soft import VariableStiffnessFoot, toe_sensor
 from wbc.feet.stiffness.dataset import ProfileRecipe, StiffnessTable
 from wbc.feet.stiffness.model import ModelSettings, StiffnessModel, default_model
 from wbc.feet.stiffness.roughness import PARAMETERS, profile_roughness, roughness
-from wbc.sim.terrain import Terrain, terrain
+from wbc.sim.terrain.spec import Terrain, terrain
 from wbc.tasks.scheduling.policies import (
     EdgePolicy,
     FixedPolicy,

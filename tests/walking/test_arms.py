@@ -12,8 +12,8 @@ from wbc import load_robot
 from wbc.core.errors import Array, InputError, UnknownNameError
 from wbc.core.qp.controller import Controller
 from wbc.core.robot import BASE_DOF
-from wbc.sim import Plant, WalkHook, WalkPlan, WalkSpec, WalkTrial
-from wbc.sim.walks.trial import WalkTick
+from wbc.sim import Plant, TrialHook, WalkPlan, WalkSpec, WalkTrial
+from wbc.sim.trial.loop import TrialTick
 from wbc.tasks import CoMTask, PostureTask
 from wbc.walking import ArmSettings, FootstepPlan, WalkingControl, WalkingControlSettings
 from wbc.walking.hands.reaching import Arm, Arms, approach
@@ -182,13 +182,13 @@ def test_arms_swing_with_the_opposite_foot() -> None:
     np.testing.assert_allclose(speeds, 0.3 / 0.2)
 
 
-class Reach(WalkHook):
+class Reach(TrialHook):
     """Gives a hand a target after half a second of a walk."""
 
     def __init__(self, target: tuple[float, float, float], frame: str) -> None:
         self.target, self.frame, self.errors = target, frame, []
 
-    def tick(self, tick: WalkTick) -> None:
+    def tick(self, tick: TrialTick) -> None:
         hand = tick.walking.arms["left_hand"]
         if not hand.active and tick.walking.time > 0.5:
             hand.reach(self.target, self.frame)

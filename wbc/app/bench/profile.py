@@ -15,8 +15,9 @@ from typing import Any
 
 from wbc.core.qp.solution import Solution
 from wbc.core.qp.task import Task
+from wbc.sim.trial.loop import TrialHook
 from wbc.sim.walks.result import WalkResult
-from wbc.sim.walks.trial import WalkHook, WalkTrial
+from wbc.sim.walks.trial import WalkTrial
 from wbc.walking.lipm import LipmWalk
 
 HOOKS = {"Recorder": "recording", "WatchWalk": "live view"}
@@ -43,7 +44,7 @@ class ProfileRow:
     calls: int
 
 
-def parts_of(trial: WalkTrial, hooks: Sequence[WalkHook] = ()) -> list[Timed]:
+def parts_of(trial: WalkTrial, hooks: Sequence[TrialHook] = ()) -> list[Timed]:
     """Return the parts of a walk in the order of a control period; none counts what another one does inside it.
 
     Sensors are the plant's. Of the tick: plausibility checks the readings, the monitor compares sensors with each
@@ -85,7 +86,7 @@ def parts_of(trial: WalkTrial, hooks: Sequence[WalkHook] = ()) -> list[Timed]:
 
 
 def profile_walk(
-    trial: WalkTrial, hooks: Sequence[WalkHook] = ()
+    trial: WalkTrial, hooks: Sequence[TrialHook] = ()
 ) -> tuple[WalkResult, tuple[ProfileRow, ...]]:
     """Walk, look on with hooks, and divide the wall time into `parts_of`, whose times add up to the whole.
 

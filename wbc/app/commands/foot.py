@@ -27,9 +27,9 @@ from wbc.sim.rig.actions import pitch, press
 from wbc.sim.rig.plot import plot_pitch, plot_press
 from wbc.sim.rig.results import PitchResult, PressResult
 from wbc.sim.rig.spec import HRP4C_SOLE, FootTest, fit_facts
-from wbc.sim.terrain import Terrain
-from wbc.sim.terrain import terrain as make_terrain
 from wbc.sim.terrain.families.base import make_family
+from wbc.sim.terrain.spec import Terrain
+from wbc.sim.terrain.spec import terrain as make_terrain
 
 Result = TypeVar("Result", PressResult, PitchResult)
 

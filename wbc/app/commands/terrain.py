@@ -17,11 +17,12 @@ from wbc.core.changes import read_changes
 from wbc.core.errors import InputError
 from wbc.core.settings import settings, unit_and_choices
 from wbc.feet.stiffness.roughness import PARAMETERS, UNITS
-from wbc.sim.scenes import scene_kinds
-from wbc.sim.terrain import Terrain, check_clearance, terrain_families
-from wbc.sim.terrain import terrain as make_terrain
-from wbc.sim.terrain.families.base import make_family
+from wbc.sim.scenes.base import scene_kinds
+from wbc.sim.terrain.clearance import check_clearance
+from wbc.sim.terrain.families.base import make_family, terrain_families
 from wbc.sim.terrain.plot import plot_families, plot_terrain
+from wbc.sim.terrain.spec import Terrain
+from wbc.sim.terrain.spec import terrain as make_terrain
 from wbc.walking.planning.gait import Gait
 
 TRACK = Fields(

@@ -19,12 +19,13 @@ from wbc.core.changes import read_changes, setting_names
 from wbc.core.errors import InputError, finite_scalar, shown, unknown_name
 from wbc.core.files import read_toml
 from wbc.core.settings import Positive, nested_settings, settings, to_json
-from wbc.sim.terrain import check_clearance
+from wbc.sim.terrain.clearance import check_clearance
+from wbc.sim.trial.loop import TrialHook
 from wbc.sim.walks.plans import KINDS
 from wbc.sim.walks.presets import WALK_PRESETS
 from wbc.sim.walks.settings import SteppingTrialSettings, TrialSettings
 from wbc.sim.walks.spec import WalkSpec
-from wbc.sim.walks.trial import WalkHook, WalkTrial
+from wbc.sim.walks.trial import WalkTrial
 
 if TYPE_CHECKING:
     from wbc.app.log.recorder import Recorder
@@ -98,7 +99,7 @@ def walk(
     spec = walk_spec(given, options, live.drive)
     if spec.plan.stairs is None:  # a swing over stairs counts its height from the higher end
         check_clearance(spec.ground(), spec.gait.swing_height)
-    hooks: list[WalkHook] = []
+    hooks: list[TrialHook] = []
     record: Recorder | None = None
     with ExitStack() as stack:
         trial = WalkTrial(spec)

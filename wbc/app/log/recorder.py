@@ -25,18 +25,19 @@ from wbc.core.robot import Robot
 from wbc.core.signals import Command, Measurement
 from wbc.robots import RobotDescription
 from wbc.sim.plant.plant import Plant
-from wbc.sim.walks.trial import WalkHook
+from wbc.sim.trial.loop import TrialHook
 from wbc.tasks.behaviours import Program
 from wbc.tasks.scheduling.stiffness import StiffnessScheduler
 
 if TYPE_CHECKING:
     from wbc.sim import MujocoLoop
     from wbc.sim.plant.truth import GroundTruth
+    from wbc.sim.trial.loop import TrialTick
     from wbc.sim.walks.result import WalkResult
-    from wbc.sim.walks.trial import WalkTick, WalkTrial
+    from wbc.sim.walks.trial import WalkTrial
 
 
-class Recorder(WalkHook):
+class Recorder(TrialHook):
     """A log that is written tick by tick, in a `with` block or as a hook: `walk(spec, hooks=[record])`.
 
     Attributes:
@@ -194,7 +195,7 @@ class Recorder(WalkHook):
         self._writer.commit(self._signals.read(tick, self._writer.row))
 
     def start(self, trial: WalkTrial) -> None:
-        """Take specification and seed of the walk; see `WalkHook`.
+        """Take specification and seed of the walk; see `TrialHook`.
 
         Raises:
             InputError: The recording has ended: a recorder is for one walk.
@@ -203,12 +204,12 @@ class Recorder(WalkHook):
         self._spec = self._spec or trial.spec
         self._seed = trial.spec.seed if self._seed is None else self._seed
 
-    def tick(self, tick: WalkTick) -> None:
-        """Record one tick; see `WalkHook`."""
+    def tick(self, tick: TrialTick) -> None:
+        """Record one tick; see `TrialHook`."""
         self(tick.plant, tick.walking, tick.measurement, tick.command)
 
     def end(self, result: WalkResult) -> None:
-        """End the file; see `WalkHook`."""
+        """End the file; see `TrialHook`."""
         self.close()
 
     def _begin(self, tick: Tick) -> Signals:

@@ -25,7 +25,8 @@ from wbc.app.scene.shapes import (
     VisualEllipsoid,
 )
 from wbc.core.errors import Array, InputError
-from wbc.sim.terrain import Terrain, add_to_spec
+from wbc.sim.terrain.render import add_to_spec
+from wbc.sim.terrain.spec import Terrain
 
 READABLE = (".stl", ".obj")
 """Mesh formats that MuJoCo reads; coal reads the others."""

@@ -24,7 +24,7 @@ from wbc.core.errors import Array, InputError, positive, whole_number
 from wbc.core.files import decoding
 from wbc.core.robot import SIDES
 from wbc.sim.plant.plant import Plant
-from wbc.sim.terrain import terrain as make_terrain
+from wbc.sim.terrain.spec import terrain as make_terrain
 
 MOST_PICTURES = 1_000_000
 """Pictures of the longest film: nine hours at 30 a second."""

@@ -11,7 +11,7 @@ from wbc.app.scene.marks import translation
 from wbc.app.scene.shapes import ROOT, Colour, SceneObject, Surface
 
 if TYPE_CHECKING:
-    from wbc.sim.terrain import Terrain
+    from wbc.sim.terrain.spec import Terrain
 
 TILE, TILES = 0.5, 80
 """Side of the tiles that show the endless plane, m, and their number in each direction."""

@@ -29,7 +29,7 @@ from wbc.app.scene.shapes import (
 from wbc.core.errors import Array
 
 if TYPE_CHECKING:
-    from wbc.sim.terrain import Terrain
+    from wbc.sim.terrain.spec import Terrain
 
 ARROWS = {"ground": 16, "push": 4}
 """Largest number of forces of each kind that are shown at a time; the largest forces come first."""

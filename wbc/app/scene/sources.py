@@ -14,7 +14,7 @@ from wbc.app.scene.shapes import Part, Shape, VisualBox, VisualCylinder, VisualE
 from wbc.core.errors import Array, InputError, finite_array
 from wbc.core.robot import GRAVITY, Robot
 from wbc.robots import RobotDescription
-from wbc.sim.terrain import Terrain
+from wbc.sim.terrain.spec import Terrain
 from wbc.tasks.stabilizer.zmp import NoContactForceError, cop, zmp
 
 if TYPE_CHECKING:

@@ -30,7 +30,7 @@ from wbc.core.qp.controller import Controller
 from wbc.core.robot import Robot
 from wbc.robots import RobotDescription
 from wbc.sim.plant.plant import Plant
-from wbc.sim.terrain import Terrain
+from wbc.sim.terrain.spec import Terrain
 from wbc.tasks.behaviours import Program
 
 if TYPE_CHECKING:

@@ -36,12 +36,13 @@ from wbc.core.qp.controller import Controller
 from wbc.core.qp.task import Task
 from wbc.core.robot import GRAVITY
 from wbc.feet.soles.soft import VariableStiffnessFoot
-from wbc.sim.walks.trial import WalkHook
+from wbc.sim.trial.loop import TrialHook
 from wbc.tasks.stabilizer.gains import LIMITS
 
 if TYPE_CHECKING:
     from wbc.sim import Plant
-    from wbc.sim.walks.trial import WalkTick, WalkTrial
+    from wbc.sim.trial.loop import TrialTick
+    from wbc.sim.walks.trial import WalkTrial
     from wbc.walking.control import ReferenceControl
 
 _log = logging.getLogger(__name__)
@@ -399,7 +400,7 @@ def interventions_of(log: Any) -> list[dict[str, Any]]:
     return [entry for text in found if text for entry in json.loads(text)]
 
 
-class RepeatWalk(WalkHook):
+class RepeatWalk(TrialHook):
     """Repetition of the interventions of a walk: with the same spec, the walk is the same bit for bit.
 
     Attributes:
@@ -412,11 +413,11 @@ class RepeatWalk(WalkHook):
         self.controls: LiveControls | None = None
 
     def start(self, trial: WalkTrial) -> None:
-        """See `WalkHook`."""
+        """See `TrialHook`."""
         self.controls = LiveControls(trial.plant, trial.walking, repeat=self._interventions)
 
-    def tick(self, tick: WalkTick) -> None:
-        """See `WalkHook`."""
+    def tick(self, tick: TrialTick) -> None:
+        """See `TrialHook`."""
         assert self.controls is not None
         self.controls.update(tick.plant.time)
 

@@ -16,7 +16,7 @@ from wbc.app.view.user_input import RunInput
 from wbc.core.errors import Array
 from wbc.robots import RobotDescription
 from wbc.sim.plant.plant import Plant
-from wbc.sim.terrain import Terrain
+from wbc.sim.terrain.spec import Terrain
 
 if TYPE_CHECKING:
     from wbc.sim import MujocoLoop

@@ -30,7 +30,7 @@ from wbc.core.qp.task import Task
 from wbc.core.robot import GRAVITY
 from wbc.robots import RobotDescription
 from wbc.sim.plant.plant import Plant
-from wbc.sim.terrain import Terrain
+from wbc.sim.terrain.spec import Terrain
 from wbc.tasks.behaviours import Machine, Program
 from wbc.tasks.stabilizer.gains import StabilizerGains
 

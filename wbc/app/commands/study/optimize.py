@@ -28,7 +28,7 @@ from wbc.sim.studies.paper.optimization import (
 from wbc.sim.studies.paper.optimum import TABLE_II, Optimum, optimum, table_two, validation
 from wbc.sim.studies.study_table import StudyTable, study_table
 from wbc.sim.studies.sweep import cluster_executor, local_executor, sweep
-from wbc.sim.terrain import terrain_families
+from wbc.sim.terrain.families.base import terrain_families
 from wbc.sim.walks.spec import WalkSpec
 
 Grounds = Annotated[
