@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 import wbc
+from wbc.robots import others
 from wbc.robots.models.example_robots import share_directory
 from wbc.sim import stand, walk
 
@@ -79,3 +80,15 @@ def test_a_humanoid_from_its_file_stands_and_walks(humanoid: tuple[str, str]) ->
         assert (stands == "yes") == stand(robot=file, seconds=5.0, mode=mode).upright
         result = walk(robot=file, foot="flat", terrain="flat", mode=mode, velocity=(0.12, 0.0, 0.0), steps=6)
         assert f"{result.steps_done}/{result.steps_planned}" == says
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["jvrc1", "t1", "apollo"])
+def test_a_humanoid_of_a_wheel_stands_and_walks(name: str) -> None:
+    """Those of docs/robots.md that walk in both modes with default steps, where their wheel is installed."""
+    if others()[name]:
+        pytest.skip(f"{name}: {others()[name]}")
+    for mode in MODES:
+        assert stand(robot=name, seconds=5.0, mode=mode).upright
+        result = walk(robot=name, foot="flat", terrain="flat", mode=mode, velocity=(0.12, 0.0, 0.0), steps=6)
+        assert result.steps_done == 7
