@@ -152,15 +152,14 @@ def _state(given: StateTable, control: Any) -> State:
         starts.append(partial(_move, move, what, place, hand.reach, move.frame))
     for name, value in given.body.items():
         choose("attribute of body", name, ("com_height", "lower", "lean", "turn", "look_at"))
-        if name == "look_at":
-            starts.append(partial(control.body.look_at, value or None))
-            if value:
-                control.body.check(name, value)
-            continue
-        lowered = name == "lower"
-        to = control.body.com_height - finite_scalar("lower (m)", value) if lowered else value
-        starts.append(partial(setattr, control.body, "com_height" if lowered else name, to))
-        control.body.check("com_height" if lowered else name, to)
+        to: Any = value
+        if name == "lower":
+            to = control.body.com_height - finite_scalar("lower (m)", value)
+        attribute = "com_height" if name == "lower" else name
+        if to or name != "look_at":
+            control.body.check(attribute, to)
+        look = partial(control.body.look_at, to or None)
+        starts.append(look if name == "look_at" else partial(setattr, control.body, attribute, to))
     if given.go_to is not None:
         control.source.check_goal(*given.go_to[:2])
         starts.append(partial(control.go_to, *given.go_to))

@@ -169,8 +169,7 @@ class MovingTask(Task):
         Raises:
             InputError: As in `move_to`; no target at all, or the same twice in a row.
         """
-        owner = self._check_movable(targets)
-        self._trajectory, self._on = self._curve(targets, duration, speed, acceleration, *self._rates())
+        owner, self._trajectory, self._on = self._curve(targets, duration, speed, acceleration, moves=True)
         self._elapsed, self._held = 0.0, True
         owner.move(self)
 
@@ -178,18 +177,7 @@ class MovingTask(Task):
         self, target: Any, *, duration: float | None = None, speed: ArrayLike | None = None
     ) -> None:
         """Refuse what `move_to` would refuse, with the same errors, and move nothing: for programs that are read."""
-        self._check_movable([target])
-        self._curve([target], duration, speed, None)
-
-    def _check_movable(self, targets: Sequence[Any]) -> Controller:
-        """Return the controller, after a check that the target may be moved."""
-        owner: Controller | None = (vars(self).get("_owner") or (lambda: None))()
-        if owner is None:
-            raise InputError(f"task '{self.name}' can move its target once a controller has it: add it first")
-        if not isinstance(targets, (Sequence, np.ndarray)) or len(targets) == 0:
-            raise InputError(f"task '{self.name}' moves through one or more targets, got {targets!r}")
-        self._refuse_if_set()
-        return owner
+        self._curve([target], duration, speed, None, moves=False)
 
     def _curve(
         self,
@@ -197,10 +185,17 @@ class MovingTask(Task):
         duration: float | None,
         speed: ArrayLike | None,
         acceleration: ArrayLike | None,
-        velocity: Array | None = None,
-        push: Array | None = None,
-    ) -> tuple[Trajectory, Course]:
-        """Return the trajectory from the present target, with velocity and acceleration of the start, on."""
+        *,
+        moves: bool,
+    ) -> tuple[Controller, Trajectory, Course]:
+        """Return the controller and the trajectory through targets, from the present motion or from rest on."""
+        owner: Controller | None = (vars(self).get("_owner") or (lambda: None))()
+        if owner is None:
+            raise InputError(f"task '{self.name}' can move its target once a controller has it: add it first")
+        if not isinstance(targets, (Sequence, np.ndarray)) or len(targets) == 0:
+            raise InputError(f"task '{self.name}' moves through one or more targets, got {targets!r}")
+        self._refuse_if_set()
+        velocity, push = self._rates() if moves else (None, None)
         course = self._course()
         points = [course.start]
         for target in targets:
@@ -217,7 +212,7 @@ class MovingTask(Task):
             velocity=velocity,
             acceleration_at_start=push,
         )
-        return curve, course
+        return owner, curve, course
 
     @property
     def moving(self) -> bool:
