@@ -117,6 +117,24 @@ def test_gizmos_of_tasks_that_cannot_have_one_are_refused_before_the_loop() -> N
             view.button("goal", lambda: None)
 
 
+def test_a_task_that_a_state_adds_has_a_folder_as_long_as_it_is_there() -> None:
+    plant, control = stand()
+    controller = control.controller
+    with Workbench(plant, control, port=0) as view:
+
+        def folders() -> list[str]:
+            view._next = view._spoken = -math.inf  # the next picture, and its texts, are due
+            view.update()
+            return [thing.name for thing, *_ in view._made]
+
+        before, shown = folders(), len(view._live)
+        assert before == [thing.name for thing in (*controller.tasks, *controller.contacts)]
+        hand = controller.add(wbc.PositionTask("left_hand", name="hand"))
+        assert set(folders()) - set(before) == {"hand"} and len(view._live) == shown + 2  # gizmo and plots
+        controller.remove(hand)
+        assert folders() == before and len(view._live) == shown
+
+
 @pytest.mark.parametrize(
     ("order", "message"),
     [

@@ -121,6 +121,8 @@ class Workbench(View):
         self._texts: list[tuple[Any, Callable[[], str]]] = []
         self._spoken = self._plotted = -math.inf
         self._said: tuple[str, ...] = ()
+        self._rooms: dict[type, Any] = {}  # folders of all tasks and of all contacts
+        self._made: list[tuple[Any, Any, list[Any]]] = []  # task or contact, its folder, what it shows live
         self._velocity: dict[str, Any] = {}  # sliders of a robot that is driven
         with server.atomic():
             self._drawn = WorkbenchScene(server, self.scene, self._pull)
@@ -254,6 +256,7 @@ class Workbench(View):
                 show(time)
         if now >= self._spoken + TEXT_PERIOD:
             self._spoken = now
+            self._match()
             for place, text in self._texts:
                 new = text()
                 if place.content != new:
@@ -332,14 +335,35 @@ class Workbench(View):
         controller = self.controls.controller
         if controller is None:
             return
-        with gui.add_folder("tasks", expand_by_default=False):
-            for task in controller.tasks:
-                self._task_folder(task)
-        with gui.add_folder("contacts", expand_by_default=False):
-            for contact in controller.contacts:
-                self._contact_folder(contact)
+        self._rooms = {
+            kind: gui.add_folder(name, expand_by_default=False)
+            for kind, name in ((Task, "tasks"), (Contact, "contacts"))
+        }
         with gui.add_folder("limits", expand_by_default=False):
             self._limits()
+        self._match()
+
+    def _match(self) -> None:
+        """Make the folders of tasks and contacts that have come, as with a state, and remove those of what has gone."""
+        controller = self.controls.controller
+        present: list[Any] = [] if controller is None else [*controller.tasks, *controller.contacts]
+        for thing, folder, live in [made for made in self._made if not _among(made[0], present)]:
+            self._made.remove((thing, folder, live))
+            for show in live:
+                show(math.nan)  # takes its plots and gizmo away
+                self._live.remove(show)
+            folder.remove()
+        for thing in present:
+            if not _among(thing, [made[0] for made in self._made]):
+                before, task = len(self._live), isinstance(thing, Task)
+                with self._rooms[Task if task else Contact]:
+                    folder = self._task_folder(thing) if task else self._contact_folder(thing)
+                self._made.append((thing, folder, self._live[before:]))
+
+    def _there(self, thing: object) -> bool:
+        """Return true while the controller has a task or contact."""
+        controller = self.controls.controller
+        return controller is not None and _among(thing, (*controller.tasks, *controller.contacts))
 
     def _folder(self) -> Any:
         """Folder of the program's own controls."""
@@ -393,9 +417,9 @@ class Workbench(View):
             self._button("push", lambda: {"do": "push", "direction": side.value, "impulse": size.value})
             gui.add_markdown("Ctrl and the mouse pull at a link.")
 
-    def _task_folder(self, task: Task) -> None:
+    def _task_folder(self, task: Task) -> Any:
         gui, name = self._server.gui, task.name
-        with gui.add_folder(name, expand_by_default=False):
+        with (folder := gui.add_folder(name, expand_by_default=False)):
             if task.hard:
                 gui.add_markdown("hard: a constraint")
             else:
@@ -419,22 +443,23 @@ class Workbench(View):
                 gui.add_markdown(f"Target set at every tick: use {task.held_by}")
             elif _has_place(task):
                 shown = gui.add_checkbox("gizmo on the target", False)
-                self._task_gizmo(task, lambda: shown.value)
+                self._task_gizmo(task, lambda: shown.value and self._there(task))
             plotted = gui.add_checkbox("plots", False)
             self._plot(
-                lambda: plotted.value,
+                lambda: plotted.value and self._there(task),
                 {
                     f"error ({task.unit})": lambda: float(np.linalg.norm(task.error)),
                     f"residual ({task.residual_unit})": lambda: self._residual(name),
                 },
             )
+        return folder
 
     def _residual(self, task: str) -> float:
         """Return the norm of a task's residual, NaN before the first tick."""
         rows = None if self._solution is None else self._solution.residuals.get(task)
         return math.nan if rows is None else float(np.linalg.norm(rows))
 
-    def _contact_folder(self, contact: Contact) -> None:
+    def _contact_folder(self, contact: Contact) -> Any:
         gui = self._server.gui
 
         def force() -> float:
@@ -445,12 +470,13 @@ class Workbench(View):
             wrench = self._wrench(contact)
             return math.nan if wrench is None else cone_margin(contact, wrench)
 
-        with gui.add_folder(contact.name, expand_by_default=False):
+        with (folder := gui.add_folder(contact.name, expand_by_default=False)):
             plotted = gui.add_checkbox("plots", False)
             self._plot(
-                lambda: plotted.value,
+                lambda: plotted.value and self._there(contact),
                 {"normal force (N)": force, "margin to the cone (1: none used, 0: on its edge)": margin},
             )
+        return folder
 
     def _wrench(self, contact: Contact) -> Array | None:
         return None if self._solution is None else self._solution.wrenches.get(contact.name)
@@ -673,6 +699,11 @@ def _without_noise(values: Array) -> Array:
     """Return values to seven digits of the largest, and to 1e-9: uPlot cannot draw an axis with finer ticks."""
     largest = float(np.nanmax(np.abs(values), initial=0.0))
     return values if largest == 0.0 else np.round(np.round(values / largest, 7) * largest, 9)
+
+
+def _among(thing: object, others: Iterable[object]) -> bool:
+    """Return true if one of some objects is this one."""
+    return any(thing is each for each in others)
 
 
 def _has_place(task: Any) -> bool:
