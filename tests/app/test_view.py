@@ -21,6 +21,7 @@ import pinocchio as pin
 import pytest
 import umsgpack
 from pages import page_url
+from processes import alive
 from tornado.websocket import websocket_connect
 
 import wbc
@@ -419,21 +420,9 @@ def test_the_drawing_process_ends_with_the_program() -> None:
     ended = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=False)
     pid = int(ended.stdout)
     end = time.monotonic() + 20.0
-    while _alive(pid) and time.monotonic() < end:
+    while alive(pid) and time.monotonic() < end:
         time.sleep(0.02)
-    assert not _alive(pid)
-
-
-def _alive(pid: int) -> bool:
-    try:
-        os.kill(pid, 0)
-    except ProcessLookupError:
-        return False
-    try:  # an orphan that nobody collects is dead, too
-        with open(f"/proc/{pid}/stat", encoding="ascii") as state:
-            return state.read().rsplit(")", 1)[1].split()[0] != "Z"
-    except FileNotFoundError:
-        return sys.platform != "linux"
+    assert not alive(pid)
 
 
 def test_of_many_messages_the_newest_counts_and_nobody_waits() -> None:

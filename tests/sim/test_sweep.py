@@ -18,6 +18,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from processes import alive
 from sweep_trials import MadeUpTrial, killed_at_start
 
 from wbc.core.errors import InputError, UnknownNameError
@@ -260,22 +261,9 @@ def _wait_until_gone(pids: set[int]) -> None:
     """Processes of a sweep end with it."""
     give_up = time.monotonic() + 60.0
     while pids and time.monotonic() < give_up:
-        pids = {pid for pid in pids if _alive(pid)}
+        pids = {pid for pid in pids if alive(pid)}
         time.sleep(0.05)
     assert not pids, "processes outlive their sweep"
-
-
-def _alive(pid: int) -> bool:
-    try:
-        return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] != "Z"
-    except (FileNotFoundError, ProcessLookupError):
-        if Path("/proc/self").exists():
-            return False
-        try:
-            os.kill(pid, 0)
-        except ProcessLookupError:
-            return False
-        return True
 
 
 @pytest.mark.slow

@@ -314,8 +314,6 @@ def test_standing_plans_keep_standing_and_bad_settings_are_refused() -> None:
         PreviewController(SIZES, HEIGHT, PreviewSettings(margin=0.04))
     with pytest.raises(InputError, match="height"):
         PreviewController(SIZES, 0.0)
-    with pytest.raises(InputError, match="knots"):
-        PreviewSettings(knots=1)
     with pytest.raises(InputError, match="at least one support"):
         preview.plan((), REST)
 

@@ -504,8 +504,6 @@ def test_a_plan_must_begin_where_the_robot_stands(move: tuple[float, float, floa
             "two control periods",
         ),
         (lambda: Walk(ROBOT, START, HEIGHT, DT).start(), "steps left"),
-        (lambda: AdjustmentSettings(landing=0.0), "landing"),
-        (lambda: AdjustmentSettings(max_shift=(-1.0, 0.0)), "max_shift"),
     ],
 )
 def test_bad_input_is_refused_before_anything_moves(make: Callable[[], object], message: str) -> None:
