@@ -73,6 +73,21 @@ def test_other_robots_walk_by_the_same_numbers(robot: str) -> None:
     assert 0.4 < walk_ahead("torque", robot=robot) < 1.6
 
 
+@pytest.mark.slow
+def test_a_brisk_walk_keeps_its_speed() -> None:
+    """Feet that took over by the centre of pressure of their first load walked 0.5 m/s at any higher command."""
+    description = wbc.load_robot("g1")
+    settings = SteppingControlSettings(gait=SteppingSettings(fastest=0.3))
+    plant = wbc.Plant(description, noise="realistic", seed=3, control_period=PERIOD)
+    walking = SteppingControl(description.robot(), PERIOD, settings)
+    run(plant, walking, 0.3)
+    walking.velocity = (0.7, 0.0, 0.0)
+    run(plant, walking, 7.0)
+    before = plant.truth().com[0]
+    run(plant, walking, 10.0)
+    assert (plant.truth().com[0] - before) / 3.0 > 0.63
+
+
 def test_a_velocity_that_is_no_number_is_refused_and_changes_nothing() -> None:
     _, walking = standing()
     walking.velocity = (0.2, 0.0, 0.1)

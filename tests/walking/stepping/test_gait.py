@@ -158,9 +158,9 @@ def mean_speed(body: PointMass, seconds: float) -> np.ndarray:
     return (body.com[:2] - start) / seconds
 
 
-@pytest.mark.parametrize("velocity", [(0.4, 0.0), (-0.2, 0.0), (0.0, 0.12), (0.0, -0.12)])
+@pytest.mark.parametrize("velocity", [(0.4, 0.0), (0.7, 0.0), (-0.2, 0.0), (0.0, 0.12), (0.0, -0.12)])
 def test_a_steered_walk_has_the_velocity_that_is_asked_for(velocity: tuple[float, float]) -> None:
-    body = PointMass()
+    body = PointMass(settings=SteppingSettings(fastest=0.3))
     body.run(0.5)
     body.gait.steering.command((*velocity, 0.0))
     body.run(5.0)

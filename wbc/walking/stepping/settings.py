@@ -97,7 +97,9 @@ class SteppingSettings:
         widest: Greatest distance between the feet, h.
         reach: Greatest length of a step, forward or back, h.
         acceleration: Greatest change of the walking velocity, g.
-        fastest: Greatest velocity forward, hω.
+        brisk: Velocity from which a step takes longer and a foot takes over where it will carry, hω.
+        stride: Longest step that a velocity may ask for: legs that swing further lack torque, leg lengths.
+        fastest: Greatest velocity forward, hω; less where the stride ends before.
         fastest_back: Greatest velocity back, hω.
         fastest_aside: Greatest velocity to the side, hω; less where the feet stand close.
         fastest_turn: Greatest turn, ω.
@@ -158,6 +160,8 @@ class SteppingSettings:
     widest: Annotated[Positive, "h"] = 0.90
     reach: Annotated[Positive, "h"] = 0.667
     acceleration: Annotated[Positive, "g"] = 0.03
+    brisk: Annotated[Positive, "hω"] = 0.23
+    stride: Annotated[Positive, "leg"] = 0.52
     fastest: Annotated[Positive, "hω"] = 0.2
     fastest_back: Annotated[Positive, "hω"] = 0.12
     fastest_aside: Annotated[Positive, "hω"] = 0.08

@@ -48,7 +48,11 @@ class Steering:
         self._line: tuple[Point, float] | None = None  # begin and direction of the way to a goal
         self._missing = 0.0  # forward velocity by which the steps fall short of what is asked for, m/s
         aside = min(SIDEWAYS * (settings.widest - settings.gap) / settings.step_time, settings.fastest_aside)
-        self.limits = VelocityLimits(settings.fastest, settings.fastest_back, aside, settings.fastest_turn)
+        ratio = settings.stride / (settings.step_time * settings.brisk)
+        most = settings.brisk * min(ratio, ratio ** (2.0 / 3.0))  # |v| T(v) is the stride
+        self.limits = VelocityLimits(
+            min(settings.fastest, most), min(settings.fastest_back, most), aside, settings.fastest_turn
+        )
 
     def command(self, velocity: Sequence[float] | None) -> None:
         """Take a velocity, forward (m/s), left (m/s), turn (rad/s); None, or zero, for a stand.
@@ -68,6 +72,11 @@ class Steering:
     def pending(self) -> bool:
         """True while a velocity or a goal asks for steps."""
         return self.target is not None or self.goal is not None
+
+    @property
+    def step_time(self) -> float:
+        """Time T of a step at this velocity, s: of a brisk walk it grows with the root of the speed, as the length."""
+        return self._s.step_time * math.sqrt(max(abs(self.velocity[0]) / self._s.brisk, 1.0))
 
     def rest(self, place: Point) -> None:
         """Start again from a stand at a place, m."""
@@ -145,5 +154,7 @@ class Steering:
         """Integrate the velocity by which the robot falls short, forward: where feet carry is known to centimetres."""
         s, (cos, sin) = self._s, (math.cos(self.heading), math.sin(self.heading))
         short = asked[0] - cos * speed[0] - sin * speed[1]
-        missing = self._missing + short * self._dt / s.speed_lag
+        # What a brisk walk gained while it fell behind its ramp must be gone before the legs can follow no more.
+        lag = s.speed_lag * (0.5 if abs(asked[0]) > s.brisk else 1.0)
+        missing = self._missing + short * self._dt / lag
         self._missing = min(max(missing, -s.speed_bias), s.speed_bias)
