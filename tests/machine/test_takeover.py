@@ -7,9 +7,11 @@ from __future__ import annotations
 
 import itertools
 import logging
+import resource
 import sys
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -162,6 +164,21 @@ def test_a_torque_walk_does_not_jump_when_an_ankle_in_the_air_meets_its_limit() 
     got = take_over(seconds=10.0, control=walking, script=walk, heavier=True, seed=9600)
     assert got.stood and walking.finished and walking.fallen is None
     assert saturated == 0 and max(forces) < 1.6
+
+
+@pytest.mark.slow
+def test_a_run_does_not_grow() -> None:
+    """A minute of standing, with the garbage collector off as in every run."""
+    resident: list[int] = []
+
+    def look(robot: HangingMachine, runner: Runner, free: float) -> None:
+        robot.sent.clear()
+        if free > 5.0 + 20.0 * len(resident):
+            pages = Path("/proc/self/statm").read_text(encoding="ascii").split()[1]
+            resident.append(int(pages) * resource.getpagesize())
+
+    assert take_over("hybrid", 250.0, 0.5, seconds=66.0, script=look).stood
+    assert len(resident) == 4 and resident[-1] - resident[0] < 300_000  # 20 bytes a tick
 
 
 BAD: dict[str, Callable[[np.ndarray], Any]] = {
