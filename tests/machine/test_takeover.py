@@ -166,6 +166,45 @@ def test_a_torque_walk_does_not_jump_when_an_ankle_in_the_air_meets_its_limit() 
     assert saturated == 0 and max(forces) < 1.6
 
 
+def walks(mode: str, rate: float, speed: float, *, heavier: bool, seed: int) -> bool:
+    """Let it down, and walk 2 m along a plan."""
+    robot = wbc.load_robot("g1").robot()
+    stance = wbc.FootstepPlan.standing(robot)
+    walking = wbc.WalkingControl(robot, stance, 1.0 / rate, WalkingControlSettings(mode=mode))  # type: ignore[arg-type]
+    starts: list[np.ndarray] = []
+
+    def walk(robot: HangingMachine, runner: Runner, free: float) -> None:
+        if free > 1.0 and not starts:
+            starts.append(robot.loop.truth().com)
+            walking.follow(wbc.walk_distance(stance, 2.0))
+
+    got = take_over(mode, rate, speed, seconds=32.0, control=walking, script=walk, heavier=heavier, seed=seed)
+    way = got.machine.loop.truth().com - starts[0]
+    return got.stood and got.wild == 0 and walking.finished and abs(way[0] - 2.0) < 0.1 and abs(way[1]) < 0.1
+
+
+def stands_pushes(mode: str, rate: float, force: float, first: int, *, heavier: bool, seed: int) -> bool:
+    """Push it to the front, left, back and right, for 0.1 s every 3 s, beginning with one of the four (0 to 3)."""
+    pushed = 0
+
+    def push(robot: HangingMachine, runner: Runner, free: float) -> None:
+        nonlocal pushed
+        if pushed < 4 and free > 2.0 + 3.0 * pushed:
+            x, y = ((1.0, 0.0), (0.0, 1.0), (-1.0, 0.0), (0.0, -1.0))[(first + pushed) % 4]
+            robot.push((force * x, force * y))
+            pushed += 1
+
+    got = take_over(mode, rate, 0.5, seconds=15.0, script=push, heavier=heavier, seed=seed)
+    return got.stood and got.wild == 0 and pushed == 4
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("mode", MODES)
+def test_a_robot_that_was_let_down_walks_two_metres_and_stands_pushes(mode: str) -> None:
+    assert walks(mode, 250.0, 0.5, heavier=True, seed=102)
+    assert stands_pushes(mode, 250.0, 100.0, 0, heavier=False, seed=5)
+
+
 @pytest.mark.slow
 def test_a_run_does_not_grow() -> None:
     """A minute of standing, with the garbage collector off as in every run."""
@@ -310,18 +349,20 @@ def test_every_start_ends_in_a_stand(mode: str, rate: float, speed: float) -> No
 
 if __name__ == "__main__":
     logging.disable(logging.CRITICAL)
-    for mode, rate, heavier, speed in itertools.product(MODES, (250.0, 500.0), (False, True), SPEEDS):
-        for seed in range(int(sys.argv[1]) if len(sys.argv) > 1 else 1):
-            got = take_over(mode, rate, speed, heavier=heavier, seed=seed, seconds=10.0)
-            print(
-                mode,
-                rate,
-                heavier,
-                speed,
-                seed,
-                got.stood,
-                got.phases,
-                got.report.reason,
-                got.wild,
-                flush=True,
-            )
+    seeds = int(sys.argv[1]) if len(sys.argv) > 1 else 1
+    for mode, rate, heavier in itertools.product(MODES, (250.0, 500.0), (False, True)):
+        starts = [
+            take_over(mode, rate, speed, heavier=heavier, seed=seed)
+            for speed, seed in itertools.product(SPEEDS, range(seeds))
+        ]
+        walked = [walks(mode, rate, SPEEDS[seed % 3], heavier=heavier, seed=seed) for seed in range(seeds)]
+        pushed = [
+            stands_pushes(mode, rate, force, first, heavier=heavier, seed=first)
+            for force, first in ((60.0, 0), (60.0, 2), (100.0, 1), (100.0, 3))
+        ]
+        stood = sum(got.stood and got.wild == 0 for got in starts)
+        print(
+            f"{mode}, {rate:g} Hz{', heavier' if heavier else ''}: stood {stood} of {len(starts)}, walked "
+            f"{sum(walked)} of {len(walked)}, stood pushes {sum(pushed)} of {len(pushed)}",
+            flush=True,
+        )
