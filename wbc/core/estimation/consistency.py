@@ -118,7 +118,7 @@ class ConsistencySettings:
         gravity_share: The accelerometer must show at least this part of gravity, upwards as estimated.
         velocity_difference: A joint velocity may differ by this from the speed of its encoder, rad/s.
         foot_rotation: Greatest speed at which both feet on the ground may turn alike, by encoders and gyroscope, rad/s;
-            about the vertical only while both have stood for 0.5 s: a walk may turn on the edges of stones or boards.
+            once both have stood for 0.5 s: in a walk both may roll over the edges of stones or boards.
         speed_difference: Greatest difference between the speeds of legs and accelerometer within 0.3 s, m/s, while the
             foot on the ground seems to turn: a foot that turns, as on stones, moves the accelerometer, too; an error
             of the gyroscope does not.
@@ -208,8 +208,7 @@ class ConsistencyMonitor:
         self._gravity += gain * (vertical_force / GRAVITY - self._gravity)
         self._share += gain * (sum(loads) / self._weight - self._share)
         self._stood = self._stood + self._dt if min(loads) > CARRIES * self._weight else 0.0
-        roll, pitch, yaw = foot_rotation
-        alike = math.hypot(roll, pitch, yaw if self._stood > STANDING else 0.0)
+        alike = math.hypot(*foot_rotation) if self._stood > STANDING else 0.0
         self._rotation += gain * (alike - self._rotation)
         if self._gyroscope_contradicts(stance_rotation, unexplained, measurement.wrench_source != "sensor"):
             doubts.append("gyroscope contradicts accelerometer and legs")
