@@ -225,7 +225,9 @@ def hypotheses() -> dict[str, dict[Layout, Result]]:
             name = f"edge: {given['edge']:g}, else {given['smooth']:g}"
         else:
             kind = spec["foot"].replace("_", " ")
+            front = dict(spec["foot_changes"]).get("front_stiffness")
             name = kind if kind == "rigid" else f"{kind}, {spec['stiffness']:g}"
+            name = name if front is None else f"toe {front:g}, arch {spec['stiffness']:g}"
         arms[name][spec["terrain"], spec["seed"]] = result
     return {name: arm for name, arm in arms.items() if len(arm) == 340}
 
@@ -261,7 +263,7 @@ def row(arm: str, reference: str = "soft, 80") -> str:
 
 def test_stiffness_by_the_phase_of_the_step_gains_nothing() -> None:
     """The table of the study 'phase', and what the ramp changes."""
-    arms = {name: arm for name, arm in hypotheses().items() if "arch" not in name}
+    arms = {name: arm for name, arm in hypotheses().items() if not name.startswith(("long arch", "toe"))}
     for arm in arms:
         says(row(arm))
     says(f"Of these 2,380 walks {sum(early(r) for arm in arms.values() for r in arm.values())} fall within")
@@ -326,3 +328,13 @@ def test_an_arch_under_the_toe_takes_the_forward_falls_away() -> None:
     says(
         f"the contact area of the stance sole is {100.0 * (area[0] / area[1] - 1.0):.0f} % larger than with soft 5"
     )
+
+
+def test_a_stiff_toe_falls_forward_as_often_as_a_soft_one() -> None:
+    """The walks of the study 'front'."""
+    says(row("toe 400, arch 5"))
+    falls = {
+        arm: [cause_of(result) for result in hypotheses()[arm].values()].count("forward")
+        for arm in ("toe 400, arch 5", "soft, 5")
+    }
+    assert falls["toe 400, arch 5"] == falls["soft, 5"]
