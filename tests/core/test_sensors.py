@@ -39,19 +39,18 @@ def test_a_moment_is_possible_as_far_as_the_greatest_force_has_an_arm_on_the_sol
         assert plausibility.refused == refused
 
 
-@pytest.mark.parametrize(("axis", "lifts"), [(0, False), (0, True), (2, False), (2, True)])
-def test_feet_that_turn_alike_are_doubted_where_the_robot_stands(axis: int, lifts: bool) -> None:
+@pytest.mark.parametrize("lifts", [False, True])
+def test_feet_that_turn_alike_are_doubted_where_the_robot_stands(lifts: bool) -> None:
     """A walk over boards turns about the edges under both soles."""
     names = Plausibility(ROBOT, DT).names
     monitor, rng = ConsistencyMonitor(ROBOT, DT, names), np.random.default_rng(0)
-    roll, pitch, yaw = np.eye(3)[axis].tolist()
     told = []
     for tick in range(400):
         wrench = np.zeros((2, 6))
         left = 0.0 if lifts and tick % 60 > 30 else 0.5
         wrench[:, 2] = np.array((left, 1.0 - left)) * ROBOT.mass * GRAVITY
         measurement = at_rest(ROBOT, tick * DT, sole_wrench=wrench)
-        monitor.update(rng.normal(size=len(names)), measurement, GRAVITY, (roll, pitch, yaw), STILL, 0j)
+        monitor.update(rng.normal(size=len(names)), measurement, GRAVITY, 1.0, STILL, 0j)
         told.append("encoders and gyroscope disagree" in monitor.doubts)
     assert any(told) == (not lifts)
 
@@ -64,5 +63,5 @@ def test_a_force_that_stays_the_same_is_frozen_and_none_at_all_is_a_foot_in_the_
         values = rng.normal(size=len(names))
         values[-12:] = 0.0  # in the air but for
         values[-10] = 300.0  # a frozen force on the left sole
-        monitor.update(values, at_rest(ROBOT, tick * DT), GRAVITY, STILL, STILL, 0j)
+        monitor.update(values, at_rest(ROBOT, tick * DT), GRAVITY, 0.0, STILL, 0j)
     assert [doubt for doubt in monitor.doubts if "frozen" in doubt] == ["force sensor of left_foot frozen"]

@@ -215,7 +215,7 @@ def test_choosing_by_the_family_owes_most_of_its_gain_to_early_falls() -> None:
 
 @cache
 def hypotheses() -> dict[str, dict[Layout, Result]]:
-    """Walks of the studies 'phase' and 'design', which share their layouts: sole → layout."""
+    """Walks of the studies 'phase', 'design' and 'front', which share their layouts: sole → layout."""
     arms: dict[str, dict[Layout, Result]] = defaultdict(dict)
     for spec, result in walks("hypotheses"):
         given = spec.get("policy_params", {})
@@ -243,27 +243,41 @@ def signed(text: str) -> str:
     return text.replace("-", "−").replace("−0.0", "0.0")
 
 
+def gain(arm: str, other: str, part: Callable[[Result], float], digits: int = 1) -> tuple[str, float]:
+    """Mean difference of two soles with its interval, families as the unit, and its p-value."""
+    values, families = over(arm, other, part)
+    found = mean_interval(values, families)
+    assert found.low is not None and found.high is not None
+    text = f"{found.mean:.{digits}f} [{found.low:.{digits}f}, {found.high:.{digits}f}]"
+    return signed(text), sign_flip_p(values, families)
+
+
+def steps(result: Result) -> float:
+    return float(result["steps_done"])
+
+
+def rate(arm: str, cause: str | None = None) -> tuple[float, float, float]:
+    """Falls per 1,000 steps, all or those of a cause, and the ends of the interval."""
+    results = hypotheses()[arm].values()
+    falls = sum(bool(r["fell"]) if cause is None else cause_of(r) == cause for r in results)
+    done = sum(map(steps, results)) / 1e3
+    return falls / done, *rate_interval(falls, done)
+
+
 def row(arm: str, reference: str = "soft, 80") -> str:
     """Row of a table of hypotheses."""
-    results = hypotheses()[arm].values()
-    steps = sum(result["steps_done"] for result in results) / 1e3
-    causes = [cause_of(result) for result in results]
-    falls = sum(bool(result["fell"]) for result in results)
-    low, high = rate_interval(falls, steps)
-    gain = ""
-    if arm != reference:
-        found = mean_interval(*over(arm, reference, lambda result: float(result["steps_done"])))
-        assert found.low is not None and found.high is not None
-        gain = signed(f"{found.mean:.1f} [{found.low:.1f}, {found.high:.1f}] ")
+    falls, low, high = rate(arm)
+    more = "" if arm == reference else f"{gain(arm, reference, steps)[0]} "
     return (
-        f"| {arm} | {sum(map(arrived, results))} | {gain}| {falls / steps:.1f} [{low:.1f}, {high:.1f}] "
-        f"| {causes.count('sideways') / steps:.1f} | {causes.count('forward') / steps:.1f} |"
+        f"| {arm} | {sum(map(arrived, hypotheses()[arm].values()))} | {more}| {falls:.1f} [{low:.1f}, {high:.1f}] "
+        f"| {rate(arm, 'sideways')[0]:.1f} | {rate(arm, 'forward')[0]:.1f} |"
     )
 
 
 def test_stiffness_by_the_phase_of_the_step_gains_nothing() -> None:
     """The table of the study 'phase', and what the ramp changes."""
     arms = {name: arm for name, arm in hypotheses().items() if not name.startswith(("long arch", "toe"))}
+    assert len(arms) == 7
     for arm in arms:
         says(row(arm))
     says(f"Of these 2,380 walks {sum(early(r) for arm in arms.values() for r in arm.values())} fall within")
@@ -271,9 +285,7 @@ def test_stiffness_by_the_phase_of_the_step_gains_nothing() -> None:
         ("soft, 5", "lets {} % more of the walks arrive (families as the unit, p = {:.2f})"),
         ("soft, 80", "{} % (p = {:.2f})"),
     ):
-        values, families = over(arm, "rigid", lambda result: 100.0 * arrived(result))
-        found, p = mean_interval(values, families), sign_flip_p(values, families)
-        says(text.format(signed(f"{found.mean:.0f} [{found.low:.0f}, {found.high:.0f}]"), p))
+        says(text.format(*gain(arm, "rigid", lambda result: 100.0 * arrived(result), 0)))
 
 
 def test_an_arch_under_the_toe_takes_the_forward_falls_away() -> None:
@@ -288,35 +300,24 @@ def test_an_arch_under_the_toe_takes_the_forward_falls_away() -> None:
         f"{done['rigid']} a rigid sole"
     )
 
-    def rate(arm: str, cause: str) -> tuple[float, float, str]:
-        results = arms[arm].values()
-        steps = sum(result["steps_done"] for result in results) / 1e3
-        falls = [cause_of(result) for result in results].count(cause)
-        low, high = rate_interval(falls, steps)
-        return low, high, f"{falls / steps:.1f} [{low:.1f}, {high:.1f}]"
+    def rated(arm: str, cause: str) -> tuple[float, float, str]:
+        falls, low, high = rate(arm, cause)
+        return low, high, f"{falls:.1f} [{low:.1f}, {high:.1f}]"
 
-    arch, soft = rate("long arch, 5", "forward"), rate("soft, 5", "forward")
+    arch, soft = rated("long arch, 5", "forward"), rated("soft, 5", "forward")
     assert arch[1] < soft[0]
     says(f"{arch[2]} forward falls per 1,000 steps against {soft[2]} of the soft")
-    arch, rigid = rate("long arch, 5", "sideways"), rate("rigid", "sideways")
+    arch, rigid = rated("long arch, 5", "sideways"), rated("rigid", "sideways")
     assert arch[1] < rigid[0]
     says(f"and {arch[2]} sideways ones against {rigid[2]} of the rigid sole")
 
-    def gain(other: str, part: Callable[[Result], float], digits: int) -> tuple[str, float]:
-        values, families = over("long arch, 5", other, part)
-        found, p = mean_interval(values, families), sign_flip_p(values, families)
-        return signed(f"{found.mean:.{digits}f} [{found.low:.{digits}f}, {found.high:.{digits}f}]"), p
-
-    def steps(result: Result) -> float:
-        return float(result["steps_done"])
-
-    text, p = gain("soft, 80", steps, 1)
+    text, p = gain("long arch, 5", "soft, 80", steps)
     says(f"{text}, p = {p:.2f}")
-    text, p = gain("rigid", steps, 1)
+    text, p = gain("long arch, 5", "rigid", steps)
     says(f"Against the rigid sole it does {text} more (p = {p:.3f})")
-    text, p = gain("rigid", lambda result: 100.0 * arrived(result), 0)
+    text, p = gain("long arch, 5", "rigid", lambda result: 100.0 * arrived(result), 0)
     says(f"lets {text} % more of the walks arrive (p = {p:.3f})")
-    text, p = gain("soft, 5", steps, 1)
+    text, p = gain("long arch, 5", "soft, 5", steps)
     says(f"{text} steps more (p = {p:.2f})")
 
     def mean(arm: str, part: Callable[[Result], float]) -> float:

@@ -1,4 +1,4 @@
-"""Whether processes still live, for tests of what ends them."""
+"""Liveness of processes, for tests of what ends them."""
 
 from __future__ import annotations
 

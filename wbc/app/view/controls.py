@@ -61,7 +61,7 @@ DIRECTIONS = {"forward": 0.0, "left": 0.5 * math.pi, "back": math.pi, "right": -
 """Directions of a push in the robot's frame, rad to the left of forward."""
 
 TASK_ORDERS = ("weight", "stiffness", "damping", "on", "target")
-"""What an order to a task may change, one at a time."""
+"""Fields of an order to a task, of which it changes one."""
 
 IMPULSE, MAX_IMPULSE = 0.1, 2.0
 """Impulse of a push per mass, Ns/kg: the page's default (a walk recovers from it), and the largest one."""

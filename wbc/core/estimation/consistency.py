@@ -184,7 +184,7 @@ class ConsistencyMonitor:
         values: Array,
         measurement: Measurement,
         vertical_force: float,
-        foot_rotation: Vector,
+        foot_rotation: float,
         stance_rotation: Vector,
         unexplained: complex,
     ) -> None:
@@ -194,7 +194,7 @@ class ConsistencyMonitor:
             values: All numbers of the measurement, in the order of the channels.
             measurement: The measurement.
             vertical_force: Specific force upwards in the world, by the estimated attitude, m/s².
-            foot_rotation: Angular velocity with which both feet on the ground turn alike, in the world, rad/s.
+            foot_rotation: Angular speed with which both feet on the ground turn alike, rad/s.
             stance_rotation: Angular velocity of the foot that carries more, in the world, rad/s.
             unexplained: Change of the legs' velocity that the accelerometer does not show, x + iy in the world, m/s.
         """
@@ -208,7 +208,7 @@ class ConsistencyMonitor:
         self._gravity += gain * (vertical_force / GRAVITY - self._gravity)
         self._share += gain * (sum(loads) / self._weight - self._share)
         self._stood = self._stood + self._dt if min(loads) > CARRIES * self._weight else 0.0
-        alike = math.hypot(*foot_rotation) if self._stood > STANDING else 0.0
+        alike = foot_rotation if self._stood > STANDING else 0.0
         self._rotation += gain * (alike - self._rotation)
         if self._gyroscope_contradicts(stance_rotation, unexplained, measurement.wrench_source != "sensor"):
             doubts.append("gyroscope contradicts accelerometer and legs")

@@ -92,8 +92,8 @@ class Observer:
         robot: The estimated robot; updated in place by every `update`.
         settings: Settings.
         inertial: Attitude, velocity and gyro bias of the IMU.
-        foot_rotation: Angular velocity with which both feet on the ground turn alike, by encoders and gyroscope, in the
-            world, rad/s; zero if they turn differently, as on stones, or if one carries everything.
+        foot_rotation: Angular speed with which both feet on the ground turn alike, by encoders and gyroscope, rad/s;
+            zero if they turn differently, as on stones, or if one carries everything.
         stance_rotation: Angular velocity of the foot that carries more, by encoders and gyroscope, in the world, rad/s;
             zero in flight.
         outside: Observer of the wrench of the surroundings besides the ground; None leaves it out.
@@ -150,7 +150,7 @@ class Observer:
         self._time: float | None = None
         outside = self.settings.outside
         self.outside = None if outside is None else OutsideWrench(self.robot, outside)
-        self.foot_rotation: Vector = (0.0, 0.0, 0.0)
+        self.foot_rotation = 0.0
         self.stance_rotation: Vector = (0.0, 0.0, 0.0)
         self.reset(q)
 
@@ -406,7 +406,7 @@ class Observer:
         Returns:
             Velocity of the base in the world, shape (3,), m/s (None in flight), and error of its yaw, rad.
         """
-        self.foot_rotation = self.stance_rotation = (0.0, 0.0, 0.0)
+        self.foot_rotation, self.stance_rotation = 0.0, (0.0, 0.0, 0.0)
         if self.in_flight:
             return None, 0.0
         vx = vy = vz = 0.0  # minus the velocity that the anchors would have if the base only turned
@@ -485,14 +485,13 @@ class Observer:
             self._anchor_yaw[i] += gain * _wrap(yaws[i] + common - self._anchor_yaw[i])
 
 
-def _common(rotations: Sequence[Vector]) -> Vector:
-    """Return the angular velocity that two feet have in common; zero for one foot, or feet that turn differently."""
-    if len(rotations) == 2:
-        (a, b, c), (d, e, f) = rotations
-        mean = 0.5 * (a + d), 0.5 * (b + e), 0.5 * (c + f)
-        if math.hypot(a - d, b - e, c - f) < math.hypot(*mean):
-            return mean
-    return (0.0, 0.0, 0.0)
+def _common(rotations: Sequence[Vector]) -> float:
+    """Return the angular speed that two feet have in common; zero for one foot, or feet that turn differently."""
+    if len(rotations) != 2:
+        return 0.0
+    (a, b, c), (d, e, f) = rotations
+    mean = 0.5 * math.hypot(a + d, b + e, c + f)
+    return mean if math.hypot(a - d, b - e, c - f) < mean else 0.0
 
 
 def _yaw(axis: Vector) -> float:

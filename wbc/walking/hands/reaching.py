@@ -240,7 +240,7 @@ class Arm:
 
     @property
     def position(self) -> Array:
-        """Where the hand is as it is commanded, in the world, shape (3,), m."""
+        """Commanded position of the hand in the world, shape (3,), m."""
         return np.array(self._robot.placement(self.frame).translation)
 
     def check(self, target: ArrayLike | pin.SE3, frame: str = WORLD, **_: object) -> None:
