@@ -13,6 +13,7 @@ import argparse
 import importlib
 import json
 import logging
+import lzma
 import math
 import sys
 from collections import defaultdict
@@ -23,7 +24,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from own_loop import Row, journal
 
 from wbc.robots import load as load_robot
 from wbc.sim import Plant
@@ -36,6 +36,8 @@ from wbc.walking import (
     WalkingControlSettings,
     walk_distance,
 )
+
+Row = dict[str, Any]
 
 FIRST_SEED = 200
 ROBOTS = ("hrp4_class", "talos", "g1")
@@ -102,6 +104,15 @@ def trials(kind: str, robots: Iterable[str], seed: int) -> Iterator[tuple[Row, C
         for options in runs:
             words = [*options.split(), "--robot", robot, "--seed", str(seed)]
             yield {"words": words}, partial(importlib.import_module(name).main, words)
+
+
+def journal(path: Path) -> list[Row]:
+    """Return the runs of a journal; none of one that does not exist."""
+    if not path.exists():
+        return []
+    data = path.read_bytes()
+    text = (lzma.decompress(data) if path.suffix == ".xz" else data).decode()
+    return [json.loads(line) for line in text.splitlines()]
 
 
 def table(kind: str, rows: list[Row]) -> str:

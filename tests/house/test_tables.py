@@ -16,15 +16,9 @@ from wbc.sim.studies.provenance import provenance
 from wbc.sim.studies.study import Study
 
 DOCS = Path(__file__).resolve().parents[2] / "docs"
-sys.path[:0] = [str(DOCS), str(DOCS.parent / "tests" / "benchmarks")]
+sys.path[:0] = [str(DOCS)]
 
-import own_loop  # noqa: E402 - of the benchmarks
 import tables  # noqa: E402 - of docs
-
-
-def test_the_table_of_the_foreign_robot_is_what_its_journal_gives() -> None:
-    rows = own_loop.journal(DOCS / "journals" / "own_loop.jsonl.xz")
-    assert f"\n{own_loop.table(rows)}\n" in (DOCS / "measured.md").read_text()
 
 
 def made_up(name: str, arms: tuple[str, ...], seeds: int) -> bytes:

@@ -325,8 +325,13 @@ def test_timings_that_are_rounded_while_a_robot_is_steered_are_not_logged(
         walk.update([0.0, 0.0])
     assert walk.phases.plan.gait.single_support == pytest.approx(142 * period) and not caplog.records
     gait = Gait(single_support=0.801)
-    Walk(robot, walk_distance(FootstepPlan.standing(robot, gait), 0.3), float(robot.com[2]), DT, settings)
-    assert "single_support of 0.801 s rounded to 0.8 s" in caplog.text, "what the user gave is said"
+    walk = Walk(
+        robot, walk_distance(FootstepPlan.standing(robot, gait), 0.3), float(robot.com[2]), DT, settings
+    )
+    (note,) = walk.notes
+    assert "single_support of 0.801 s rounded to 0.8 s" in note and note in caplog.text, (
+        "what the user gave is said"
+    )
 
 
 class _Raises(FootstepSource):

@@ -511,11 +511,6 @@ def test_bad_input_is_refused_before_anything_moves(make: Callable[[], object], 
         make()
 
 
-def test_rounded_timings_are_said() -> None:
-    walk = Walk(ROBOT, walk_distance(replace(START, gait=Gait(single_support=0.801)), 0.5), HEIGHT, DT)
-    assert len(walk.notes) == 1 and "single_support of 0.801 s rounded to 0.8 s" in walk.notes[0]
-
-
 # Step adjustment on its own
 
 
@@ -603,18 +598,6 @@ def test_adjustment_moves_and_mirrors_with_the_world() -> None:
             == pytest.approx(there.remaining, abs=1e-5)
             == pytest.approx(flipped.remaining, abs=1e-5)
         )
-
-
-def test_phases_are_reported() -> None:
-    walk = Walk(ROBOT, walk_distance(START, 0.5), HEIGHT, DT)
-    assert walk.update((WEIGHT / 2, WEIGHT / 2)).phase is Phase.STANDING
-    walk.start()
-    reference = walk.update((WEIGHT / 2, WEIGHT / 2))
-    assert (
-        reference.phase is Phase.DOUBLE
-        and reference.events == (Event.STARTED,)
-        and reference.contact == (True, True)
-    )
 
 
 def test_steps_that_are_refused_change_nothing() -> None:
