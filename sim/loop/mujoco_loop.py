@@ -9,7 +9,6 @@ Command and measurement are those of a real robot.
 
 from __future__ import annotations
 
-import copy
 import logging
 import math
 from collections.abc import Callable, Mapping, Sequence
@@ -148,7 +147,7 @@ class MujocoLoop:
         )
         self._age = whole_steps(self.machine.measurement_delay, timestep) * timestep  # of measurements, s
         delay = whole_steps(self.machine.command_delay, timestep)
-        self._late: DelayLine[Command] | None = DelayLine(delay) if delay > 0 else None
+        self._late: DelayLine | None = DelayLine(delay) if delay > 0 else None
         self._pushes = Pushes()
         self._stepper: Stepper = mujoco.mj_step if stepper is None else stepper
         self.notes = tuple(self._notes(imu))
@@ -341,7 +340,7 @@ def step_together(loops: Sequence[MujocoLoop], commands: Sequence[Command]) -> N
         if loop._late is None:
             loop._at_work = command
         else:
-            loop._late.push(copy.deepcopy(command))  # arrays of a controller may change
+            loop._late.push(command)
     model, data = loops[0].model, loops[0].data
     for left in range(loops[0].steps - 1, -1, -1):
         for loop in loops:

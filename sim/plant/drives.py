@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+import copy
 import math
 from collections import deque
-from typing import Generic, Literal, TypeVar
 
 import mujoco
 import numpy as np
@@ -13,32 +13,28 @@ from wbc.core.errors import Array, InputError, shown
 from wbc.core.signals import Command
 from wbc.robots.description import RobotDescription
 
-Interpolation = Literal["hold", "linear"]
-
-T = TypeVar("T")
-
 Gains = tuple[Array, Array]
 """kp and kd of all joints."""
 
 
-class DelayLine(Generic[T]):
-    """Items that come out some physics steps after they went in."""
+class DelayLine:
+    """Commands that act some physics steps after they were given."""
 
     def __init__(self, steps: int) -> None:
-        """Begin without any item; the delay is in physics steps."""
+        """Begin without any command; the delay is in physics steps."""
         self._delay, self._now = steps, 0
-        self._waiting: deque[tuple[int, T]] = deque()
+        self._waiting: deque[tuple[int, Command]] = deque()
 
     def clear(self) -> None:
-        """Forget all items."""
+        """Forget all commands."""
         self._waiting.clear()
 
-    def push(self, item: T) -> None:
-        """Put an item in before the coming physics step."""
-        self._waiting.append((self._now + self._delay, item))
+    def push(self, command: Command) -> None:
+        """Put a command in before the coming physics step; a copy, as arrays of a controller may change."""
+        self._waiting.append((self._now + self._delay, copy.deepcopy(command)))
 
-    def advance(self) -> T | None:
-        """Return the newest item that is due at the coming physics step; None if there is none. Called at each step."""
+    def advance(self) -> Command | None:
+        """Return the newest command that is due at the coming physics step or None. Called at each step."""
         due = None
         while self._waiting and self._waiting[0][0] <= self._now:
             due = self._waiting.popleft()[1]
@@ -54,31 +50,15 @@ class Drives:
     control) has them until the next one.
 
     Attributes:
-        target: Targets at the end of the control period, shape (na,).
-        start: Targets at its begin; the array `target` itself when commands are held.
-        delay: Physics steps from a command to its effect.
+        target: Targets of the coming physics steps, shape (na,).
     """
 
-    def __init__(
-        self,
-        model: mujoco.MjModel,
-        description: RobotDescription,
-        interpolation: Interpolation,
-        delay: int = 0,
-    ) -> None:
-        """Take the servo gains; servos are switched in the model, whose actuators come in the order of the joints.
-
-        A delay of commands, physics steps, needs interpolation "hold", or an `InputError` is raised.
-        """
-        if delay > 0 and interpolation != "hold":
-            raise InputError(f"a command delay needs interpolation 'hold', got '{interpolation}'")
-        self.delay = delay
-        self._late: DelayLine[tuple[Array, Gains | None]] = DelayLine(delay)
+    def __init__(self, model: mujoco.MjModel, description: RobotDescription) -> None:
+        """Take the servo gains; servos are switched in the model, whose actuators come in the order of the joints."""
         self._model = model
         self._joint_names = description.joint_names
         self._own = np.array(description.kp), np.array(description.kd)
         self.target, self._servo_part = np.zeros(model.nu), np.zeros(model.nu)
-        self.start = np.zeros(model.nu) if interpolation == "linear" else self.target
         self._gains: Gains | None = self._own  # those at work; None: servos off
         self._next: Gains | None = self._own
 
@@ -86,8 +66,6 @@ class Drives:
         """Hold joint positions, shape (na,), with the servos."""
         self._switch(self._own)
         np.multiply(self._own[0], position, out=self.target)
-        self.start[:] = self.target
-        self._late.clear()
 
     def read(self, command: Command) -> Array:
         """Check a command and return its targets, shape (na,), valid until the next call; nothing else changes.
@@ -122,25 +100,10 @@ class Drives:
         return target
 
     def follow(self, target: Array) -> None:
-        """Take targets, shape (na,), and gains that `read` returned for the coming period; gains change suddenly."""
-        if self.delay > 0:
-            self._late.push((np.array(target), self._next))
-            return
+        """Take targets, shape (na,), and gains that `read` returned last; gains change suddenly."""
         if self._next is not self._gains:
             self._switch(self._next)
-            self.target[:] = target
-        if self.start is not self.target:
-            self.start[:] = self.target
         self.target[:] = target
-
-    def advance(self) -> None:
-        """Take the command that is due at the coming physics step; called before each of them if there is a delay."""
-        due = self._late.advance()
-        if due is not None:
-            target, gains = due
-            if gains is not self._gains:
-                self._switch(gains)
-            self.target[:] = target
 
     def _switch(self, gains: Gains | None) -> None:
         """Set the gains of the servos: they are the bias of the actuators."""

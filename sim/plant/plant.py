@@ -11,11 +11,9 @@ from __future__ import annotations
 
 import logging
 import math
-import time
 from collections import deque
 from dataclasses import replace
 from pathlib import Path
-from typing import get_args
 
 import mujoco
 import numpy as np
@@ -28,10 +26,8 @@ from wbc.core.errors import (
     InputError,
     MeasurementError,
     WbcError,
-    choose,
     finite_array,
     non_negative,
-    positive,
     whole_number,
 )
 from wbc.core.robot import Robot, checked_configuration
@@ -39,7 +35,7 @@ from wbc.core.signals import Command, Measurement
 from wbc.feet import Foot, RangeSensor
 from wbc.feet import foot as foot_by_name
 from wbc.robots.description import RobotDescription
-from wbc.sim.plant.drives import Drives, Interpolation
+from wbc.sim.plant.drives import DelayLine, Drives
 from wbc.sim.plant.foot_devices import FootDevices
 from wbc.sim.plant.hands import Grips, check_clear
 from wbc.sim.plant.model import SCENE_PREFIX, build_model, furniture
@@ -47,7 +43,6 @@ from wbc.sim.plant.pushes import Loads, Push, Pushes
 from wbc.sim.plant.sensors import NO_NOISE, NOISE_PRESETS, SensorChain, SensorNoise
 from wbc.sim.plant.settings import Machine, PhysicsSettings, steps_per_tick, whole_steps
 from wbc.sim.plant.signals import TrueSignals
-from wbc.sim.plant.stepping import PhysicsSteps, divergence
 from wbc.sim.plant.truth import GroundTruth, TruthReader
 from wbc.sim.scenes.base import Scene
 from wbc.sim.terrain.spec import Terrain
@@ -93,9 +88,6 @@ class Plant:
         control_period: Time that `step` advances, s.
         steps: Physics steps in it.
         noise: Sensor errors.
-        averaging: False for accelerometer and forces of the last physics step alone.
-        interpolation: "hold" keeps a command for the whole control period; "linear" moves the references from the last
-            command to this one, reached at the end of the period.
         seed: Seed of every random draw.
         model: MuJoCo's model.
         data: MuJoCo's state; positions and velocities are up to date after `step`.
@@ -120,8 +112,6 @@ class Plant:
         control_period: float = 0.005,
         noise: str | SensorNoise = NO_NOISE,
         seed: int = 0,
-        interpolation: Interpolation = "hold",
-        averaging: bool = True,
         initial_configuration: ArrayLike | None = None,
         range_sensor: RangeSensor | None = None,
         physics: PhysicsSettings | None = None,
@@ -138,8 +128,6 @@ class Plant:
             control_period: Time between two commands, s; a whole multiple of the physics step.
             noise: Sensor errors, or the name of a preset: "none", "realistic".
             seed: Seed of every random draw.
-            interpolation: "hold" or "linear".
-            averaging: Accelerometer and forces are means over the control period.
             initial_configuration: Start of the robot, shape (nq,); half-sitting on the ground when None.
             range_sensor: Range sensor under each toe; none when None.
             physics: Further settings of the physics; `timestep` is put in place of theirs.
@@ -148,16 +136,13 @@ class Plant:
                 specification. All of the robot touches it, and the ground; without a scene only the feet touch.
 
         Raises:
-            UnknownNameError: No such foot, terrain, scene, noise preset or interpolation.
+            UnknownNameError: No such foot, terrain, scene or noise preset.
             InputError: A value out of range, a control period that is no multiple of the physics step, a foot that does
                 not fit, a scene that goes through the robot.
             ModelError: A robot that cannot be simulated.
         """
-        choose("interpolation", interpolation, get_args(Interpolation))
         description.needs_feet("the plant")
-        self.interpolation = interpolation
         self.steps = steps_per_tick(control_period, timestep)
-        self.averaging = bool(averaging)
         self.control_period, self.timestep = float(control_period), float(timestep)
         self.noise = NOISE_PRESETS[noise] if isinstance(noise, str) else noise
         self.foot = foot_by_name(foot) if isinstance(foot, str) else foot
@@ -189,15 +174,12 @@ class Plant:
         self._grips = None if things is None else Grips(self.model, self.robot, SCENE_PREFIX)
         self._loads = Loads(self.model)
         self._devices = FootDevices(self._plant, self.foot, range_sensor)
-        self._drives = Drives(
-            self.model, description, interpolation, whole_steps(self.machine.command_delay, self.timestep)
-        )
+        self._drives = Drives(self.model, description)
+        delay = whole_steps(self.machine.command_delay, self.timestep)
+        self._late = DelayLine(delay) if delay > 0 else None
         torques = self.machine.torque_sensors
         self._signals = TrueSignals(
-            self._plant,
-            self.steps if self.averaging else 1,
-            forces=self.machine.force_sensors,
-            torques=torques,
+            self._plant, self.steps, forces=self.machine.force_sensors, torques=torques
         )
         self._chain = SensorChain(
             self.noise,
@@ -208,17 +190,6 @@ class Plant:
             delay=self.machine.measurement_delay,
             torques=torques,
             hands=len(self._plant.hands),
-        )
-        self._physics_steps = PhysicsSteps(
-            self.model,
-            self.data,
-            self.steps,
-            averaging=self.averaging,
-            drives=self._drives,
-            pushes=self._pushes,
-            signals=self._signals,
-            chain=self._chain,
-            truth=self._truth_reader,
         )
         self.joint_torque = np.zeros(self._na)
         self._initial = None
@@ -289,6 +260,8 @@ class Plant:
         self._pushes.clear(data)
         self._loads.clear()
         self._drives.reset(q[7:])
+        if self._late is not None:
+            self._late.clear()
         data.ctrl[:] = self._drives.target
         mujoco.mj_forward(self.model, data)
         self._truth_reader.capture(data)
@@ -365,15 +338,6 @@ class Plant:
         """Return the readings of the range sensors and of the stiffness actuators now, both of shape (soles,)."""
         return self._devices.ranges(self.data), self._devices.stiffness()
 
-    def raise_if_diverged(self) -> None:
-        """Refuse to go on with a state that has no meaning: what a robot does in it is no fall.
-
-        Raises:
-            DivergedError: The simulation has diverged; `diverged` says why.
-        """
-        if self.diverged is not None:
-            raise DivergedError(f"the simulation cannot go on: {self.diverged}; reset it")
-
     def step(self, command: Command) -> None:
         """Advance by one control period under a command.
 
@@ -387,17 +351,21 @@ class Plant:
                 has not moved.
             DivergedError: The simulation has diverged before; `diverged` says why.
         """
-        self.raise_if_diverged()
+        if self.diverged is not None:
+            raise DivergedError(f"the simulation cannot go on: {self.diverged}; reset it")
         devices = self._devices
         target = self._drives.read(command)
         devices.check(command.sole_stiffness)
         if devices.advance(command.sole_stiffness, self.control_period):
             # The springs' forces belong to the half of the coming step that is done already: do it again.
             mujoco.mj_step1(self.model, self.data)
-        self._drives.follow(target)
+        if self._late is None:
+            self._drives.follow(target)
+        else:
+            self._late.push(command)
         if self._loads.changing:
             self._loads.advance(self.control_period)
-        self._physics_steps.advance()
+        self._advance()
         self.ticks += 1
         self._after_step()
 
@@ -482,6 +450,49 @@ class Plant:
         """Mass of all loads now, kg."""
         return self._loads.mass
 
+    def _advance(self) -> None:
+        """Advance by one control period under the targets of the drives.
+
+        The first half of a physics step, in which MuJoCo computes positions, velocities and contacts, is done at the
+        end of the step before: sensors are read there.
+        """
+        if self._pushes or self._chain.oldest or self._late is not None:
+            self._advance_singly()
+            return
+        model, data, signals = self.model, self.data, self._signals
+        data.ctrl[:] = self._drives.target
+        step = mujoco.mj_step2
+        for row in signals.window:
+            step(model, data)
+            data.sensordata.take(signals.force_places, out=row, mode="clip")
+            step = mujoco.mj_step
+        self._truth_reader.capture(data)
+        mujoco.mj_step1(model, data)
+
+    def _advance_singly(self) -> None:
+        """Advance by one control period with a look at each step: for pushes, delays and latencies."""
+        model, data, drives, signals, late = self.model, self.data, self._drives, self._signals, self._late
+        newest, oldest = self._chain.newest, self._chain.oldest
+        data.ctrl[:] = drives.target
+        begun = True  # the first half of the coming step is done
+        for row, left in zip(signals.window, range(self.steps - 1, -1, -1), strict=True):
+            if late is not None and (due := late.advance()) is not None:
+                drives.follow(drives.read(due))
+                data.ctrl[:] = drives.target
+            if self._pushes:
+                self._pushes.apply(data, model.opt.timestep)
+            (mujoco.mj_step2 if begun else mujoco.mj_step)(model, data)
+            data.sensordata.take(signals.force_places, out=row, mode="clip")
+            if left == 0:
+                self._truth_reader.capture(data)
+            read = newest <= left <= oldest
+            begun = left == 0 or read or bool(self._pushes)
+            if begun:
+                mujoco.mj_step1(model, data)
+            if read and oldest > 0:
+                signals.sample(data)
+                self._chain.push(signals.values)
+
     def _after_step(self) -> None:
         data = self.data
         data.qfrc_actuator.take(self._plant.joint_dof, out=self.joint_torque, mode="clip")
@@ -495,17 +506,9 @@ class Plant:
             self.diverged = f"simulation diverged before {self.time:.4f} s ({why})"
 
 
-@checked
-def real_time_factor(plant: Plant, seconds: float = 1.0) -> float:
-    """Return simulated time over wall time of a plant that holds its posture; its state moves on.
-
-    Args:
-        plant: The plant.
-        seconds: Simulated time, s.
-    """
-    command = plant.hold()
-    ticks = max(1, round(positive("simulated time (s)", seconds) / plant.control_period))
-    start = time.perf_counter()
-    for _ in range(ticks):
-        plant.step(command)
-    return ticks * plant.control_period / (time.perf_counter() - start)
+def divergence(data: mujoco.MjData) -> str | None:
+    """Return MuJoCo's warnings, or what is not finite, of a state that has no meaning; None as a rule."""
+    warned, q, v = data.warning.number, data.qpos, data.qvel
+    if any(warned.tolist()) or not math.isfinite(q.dot(q) + v.dot(v)):
+        return ", ".join(mujoco.mjtWarning(i).name for i in np.flatnonzero(warned)) or "NaN in the state"
+    return None

@@ -21,14 +21,12 @@ class TrueSignals:
     Attributes:
         values: The signals as last sampled, shape (2 na + 6 + 6 × number of soles,), na more with torques, and 6 more
             for each hand with a sensor.
-        window: Forces in the last physics steps, shape (number of averaged steps, 3 + 6 × number of soles and hands).
+        window: Forces in the last physics steps, shape (steps of a control period, 3 + 6 × number of soles and hands).
         force_places: Places of these forces in `sensordata`.
     """
 
-    def __init__(
-        self, plant: PlantModel, averaged_steps: int, *, forces: bool = True, torques: bool = False
-    ) -> None:
-        """Look up the place of each signal; forces are averaged over some physics steps."""
+    def __init__(self, plant: PlantModel, steps: int, *, forces: bool = True, torques: bool = False) -> None:
+        """Look up the place of each signal; forces are averaged over the physics steps of a control period."""
         self._plant = plant
         na, model = len(plant.joint_qpos), plant.model
         gyro, accelerometer = plant.imu
@@ -42,8 +40,8 @@ class TrueSignals:
             places += [*range(hand.force, hand.force + 3), *range(hand.torque, hand.torque + 3)]
         self._gyro_places = np.arange(gyro, gyro + 3, dtype=np.intp)
         self.force_places = np.array(places, dtype=np.intp)
-        self.window = np.zeros((averaged_steps, len(places)))
-        self._samples = scalar(averaged_steps)
+        self.window = np.zeros((steps, len(places)))
+        self._samples = scalar(steps)
         self._na = na
         soles = 2 * na + 3 + len(places) - 6 * hands
         self.values = np.empty(soles + (na if torques else 0) + 6 * hands)

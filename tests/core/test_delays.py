@@ -76,11 +76,6 @@ def test_a_plant_delays_measurements_and_commands_by_its_machine() -> None:
     assert [torque == 3.0 for torque in torques] == [False, False, False, True, True]
 
 
-def test_delayed_commands_cannot_be_interpolated() -> None:
-    with pytest.raises(InputError, match="interpolation 'hold'"):
-        Plant(G1, interpolation="linear", machine=Machine(command_delay=0.001))
-
-
 @pytest.mark.parametrize("mode", ["position", "torque", "hybrid"])
 def test_wrenches_are_estimated_where_there_are_no_sensors(mode: str) -> None:
     """Noisy sensors, 1 kg at the torso that the model lacks; the error is bounded in shares of the weight.

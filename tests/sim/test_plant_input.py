@@ -19,7 +19,6 @@ from wbc.robots import load
 from wbc.sim import DivergedError, Plant
 from wbc.sim.balance.standing import StandSpec, StandTrial
 from wbc.sim.balance.tracking import TrackSpec, TrackTrial
-from wbc.sim.plant.plant import real_time_factor
 from wbc.sim.plant.settings import steps_per_tick
 from wbc.sim.trial.loop import TrialHook
 
@@ -37,7 +36,6 @@ def plant() -> Plant:
         ({"foot": "sof"}, UnknownNameError, "soft"),
         ({"terrain": "stone"}, UnknownNameError, "stones"),
         ({"noise": "realistik"}, UnknownNameError, "realistic"),
-        ({"interpolation": "linaer"}, UnknownNameError, "linear"),
         ({"timestep": 0.0}, InputError, r"timestep \(s\) must lie in \[1e-06, 1\], got 0"),
         ({"timestep": float("nan")}, InputError, "finite"),
         ({"control_period": -0.005}, InputError, "control period"),
@@ -55,14 +53,8 @@ def test_refuses_bad_options(options: dict[str, Any], error: type[Exception], me
 
 
 def test_period_and_step_are_independent() -> None:
-    assert [
-        steps_per_tick(c, d) for c, d in ((0.005, 0.001), (0.005, 0.0025), (0.001, 0.001), (0.3, 1e-4))
-    ] == [
-        5,
-        2,
-        1,
-        3000,
-    ]
+    pairs = (0.005, 0.001), (0.005, 0.0025), (0.001, 0.001), (0.3, 1e-4)
+    assert [steps_per_tick(*pair) for pair in pairs] == [5, 2, 1, 3000]
 
 
 def with_nan(array: np.ndarray[Any, Any], place: int = 3) -> np.ndarray[Any, Any]:
@@ -71,10 +63,9 @@ def with_nan(array: np.ndarray[Any, Any], place: int = 3) -> np.ndarray[Any, Any
     return array
 
 
-@pytest.mark.parametrize("interpolation", ["hold", "linear"])
-def test_refuses_bad_commands_without_moving(interpolation: Any) -> None:
-    plant = Plant(load("hrp4_class"), foot=FEW_SPHERES, interpolation=interpolation)
-    twin = Plant(load("hrp4_class"), foot=FEW_SPHERES, interpolation=interpolation)
+def test_refuses_bad_commands_without_moving() -> None:
+    plant = Plant(load("hrp4_class"), foot=FEW_SPHERES)
+    twin = Plant(load("hrp4_class"), foot=FEW_SPHERES)
     na, good = plant.robot.na, plant.hold()
     zero, position = good.joint_torque, good.joint_position
     assert position is not None
@@ -191,11 +182,6 @@ def test_measurements_cannot_be_written_to(plant: Plant) -> None:
     plant.reset()
     with pytest.raises(ValueError, match="read-only"):
         plant.measure().joint_position[0] = 1.0
-
-
-def test_real_time_factor_wants_time(plant: Plant) -> None:
-    with pytest.raises(InputError, match="simulated time"):
-        real_time_factor(plant, 0.0)
 
 
 def test_reset_refuses_bad_states(plant: Plant) -> None:

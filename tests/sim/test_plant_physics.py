@@ -16,7 +16,6 @@ from wbc.feet.soles.contact import ContactSpheres
 from wbc.feet.soles.rigid import FlatFoot
 from wbc.robots import RobotDescription, load
 from wbc.sim import Machine, PhysicsSettings, Plant
-from wbc.sim.plant.plant import real_time_factor
 from wbc.sim.terrain.families.base import terrain_families
 from wbc.sim.terrain.spec import terrain
 
@@ -258,7 +257,7 @@ def test_a_push_acts_where_it_is_told() -> None:
 def test_control_period_changes_nothing_but_the_rhythm() -> None:
     """The same command, held: five ticks of one step are one tick of five steps, bit for bit."""
     fast = Plant(load("g1"), control_period=0.001, foot=FEW_SPHERES)
-    slow = Plant(load("g1"), control_period=0.005, foot=FEW_SPHERES, averaging=False)
+    slow = Plant(load("g1"), control_period=0.005, foot=FEW_SPHERES)
     assert (fast.steps, slow.steps) == (1, 5)
     for tick in range(1, 101):
         fast.step(fast.hold())
@@ -266,31 +265,7 @@ def test_control_period_changes_nothing_but_the_rhythm() -> None:
             slow.step(slow.hold())
             assert slow.time == pytest.approx(fast.time, abs=1e-12)
             np.testing.assert_array_equal(slow.data.qpos, fast.data.qpos)
-            np.testing.assert_array_equal(slow.measure().sole_wrench, fast.measure().sole_wrench)
-
-
-def test_linear_interpolation_reaches_the_command_at_the_end_of_the_tick() -> None:
-    """It is the held command of a plant five times as fast that is fed the points of the line."""
-    line = Plant(load("g1"), control_period=0.005, interpolation="linear", foot=FEW_SPHERES)
-    fast = Plant(load("g1"), control_period=0.001, foot=FEW_SPHERES)
-    rng, last = np.random.default_rng(5), line.hold()
-    na = line.robot.na
-    for _ in range(10):
-        position = line.robot.half_sitting[7:] + 0.01 * rng.normal(size=na)
-        velocity, torque = 0.1 * rng.normal(size=na), rng.normal(size=na)
-        line.step(Command(torque, position, velocity))
-        assert last.joint_position is not None and last.joint_velocity is not None
-        for i in range(1, 6):
-            s = i / 5
-            fast.step(
-                Command(
-                    (1 - s) * last.joint_torque + s * torque,
-                    (1 - s) * last.joint_position + s * position,
-                    (1 - s) * last.joint_velocity + s * velocity,
-                )
-            )
-        last = Command(torque, position, velocity)
-        np.testing.assert_allclose(line.data.qpos, fast.data.qpos, atol=1e-9)
+            np.testing.assert_array_equal(slow.truth().sole_wrench, fast.truth().sole_wrench)
 
 
 def test_switching_to_torque_control_and_back() -> None:
@@ -324,12 +299,6 @@ def test_starts_and_restarts_where_it_is_told() -> None:
     np.testing.assert_allclose(plant.truth().q[7:], plant.robot.half_sitting[7:], atol=1e-15)
     plant.reset()
     np.testing.assert_array_equal(plant.truth().q, q)
-
-
-def test_real_time_factor_runs_the_plant_for_the_time_it_is_given() -> None:
-    plant = Plant(load("hrp4_class"), foot=FEW_SPHERES)
-    assert real_time_factor(plant, 0.05) > 0.0
-    assert plant.time == pytest.approx(0.05)
 
 
 def test_joints_have_the_damping_and_friction_of_their_file() -> None:
