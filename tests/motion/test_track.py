@@ -145,7 +145,7 @@ def test_the_command_refuses_what_cannot_be_tracked(
     broken[321, 5] = np.nan
     refused("nan in frame 321 (3.210 s), column 'left_ankle_roll_joint'", joints=broken)
     refused("is the order of the quaternion right", base=arrays["base"][:, [0, 1, 2, 6, 3, 4, 5]])
-    refused("it has no 'rate'", rate=None)
+    refused("does not say its rate", rate=None)
     refused("noise", "--noise", "loud")
     jump = arrays["base"].copy()
     jump[300:360, 2] += 0.2

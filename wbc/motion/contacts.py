@@ -57,63 +57,58 @@ class Contacts:
         """Return first frame and the one after the last of each contact of a side, 0 left, 1 right."""
         return _runs(self.standing[:, side])
 
-    def flight(self) -> list[tuple[float, float]]:
-        """Return begin and end of each time without contact, s."""
-        return [(a / self.rate, b / self.rate) for a, b in _runs(~self.standing.any(axis=1))]
-
-    def refuse_flight(self, longest: float) -> None:
-        """Refuse a motion in which the robot leaves the ground.
-
-        Args:
-            longest: Longest time without contact that is let pass, s.
-
-        Raises:
-            InputError: A longer flight; the time at which it begins is named.
-        """
-        for begin, end in self.flight():
-            if end - begin > longest + 1e-9:
-                raise InputError(
-                    f"a motion must have a foot on the ground at all times: no sole stands from {begin:.2f} s to "
-                    f"{end:.2f} s, {end - begin:.2f} s, at most {longest:g} s are let pass"
-                )
-
-    def fill(self, double_support: float = 0.0) -> Contacts:
-        """Return contacts without flight: the foot that leaves stands until the other one has stood for a while.
-
-        Args:
-            double_support: Least time on both feet, s.
-        """
-        standing, count = self.standing.copy(), len(self.standing)
-        for begin, end in _runs(~standing.any(axis=1)):
-            standing[begin:end] = standing[begin - 1] if begin else standing[min(end, count - 1)]
-        overlap = round(double_support * self.rate)
-        for side in (0, 1):
-            for _, last in _runs(standing[:, side]):
-                before = max(0, last - overlap)
-                landed = np.flatnonzero(standing[before:last, 1 - side])
-                if last < count and not standing[before:last, 1 - side].all():
-                    landing = before + int(landed[0]) if landed.size else last
-                    standing[last : min(count, landing + overlap), side] = True
-        return Contacts(self.rate, self.ground, standing)
-
 
 def find_contacts(
-    motion: BodyMotion, settings: ContactSettings | None = None, known: Array | None = None
+    motion: BodyMotion,
+    settings: ContactSettings | None = None,
+    known: Array | None = None,
+    double_support: float = 0.0,
 ) -> Contacts:
-    """Find the contacts of a motion on a flat ground.
+    """Find the contacts of a motion on a flat ground, with a foot on it in every frame.
 
     The ground is where soles at rest are: the 5th percentile of their lowest corners. The lowest point of the whole
-    clip is no measure: one dip would make the rest float. With `known`, true where a sole stands, shape (T, 2), the
-    ground alone is found.
+    clip is no measure: one dip would make the rest float.
+
+    Args:
+        motion: The motion.
+        settings: Settings; the defaults when None.
+        known: True where a sole stands, shape (T, 2), of which the ground alone is to be found.
+        double_support: Least time on both feet when one takes over, s.
+
+    Raises:
+        InputError: The robot leaves the ground for longer than the settings let pass; the time at which it does is
+            named.
     """
     s = settings or ContactSettings()
+    ground, standing = _contacts(motion, s, known)
+    for first, last in _runs(~standing.any(axis=1)):
+        begin, end = first / motion.rate, last / motion.rate
+        if end - begin > s.flight + 1e-9:
+            raise InputError(
+                f"a motion must have a foot on the ground at all times: no sole stands from {begin:.2f} s to "
+                f"{end:.2f} s, {end - begin:.2f} s, at most {s.flight:g} s are let pass"
+            )
+        standing[first:last] = standing[first - 1] if first else standing[min(last, len(standing) - 1)]
+    overlap = round(double_support * motion.rate)
+    for side in (0, 1):
+        for _, last in _runs(standing[:, side]):
+            before = max(0, last - overlap)
+            landed = np.flatnonzero(standing[before:last, 1 - side])
+            if last < len(standing) and not standing[before:last, 1 - side].all():
+                landing = before + int(landed[0]) if landed.size else last
+                standing[last : landing + overlap, side] = True
+    return Contacts(motion.rate, ground, standing)
+
+
+def _contacts(motion: BodyMotion, s: ContactSettings, known: Array | None) -> tuple[float, Array]:
+    """Return the height of the ground, m, and where each sole stands, shape (T, 2)."""
     lowest, highest, speed = (
         motion.corners[..., 2].min(axis=2),
         motion.corners[..., 2].max(axis=2),
         motion.sole_speed(),
     )
     if known is not None and known.any():
-        return Contacts(motion.rate, float(np.percentile(lowest[known], 5.0)), known.copy())
+        return float(np.percentile(lowest[known], 5.0)), known.copy()
     slow = speed < s.speed
     level = lowest[slow] if slow.any() else lowest.ravel()
     # Soles may rest at several heights, such as a raised foot that is held still: the ground is the lowest of them.
@@ -141,7 +136,7 @@ def find_contacts(
         for first, last in _runs(column):
             if last - first < s.shortest * motion.rate:
                 column[first:last] = False
-    return Contacts(motion.rate, ground, standing)
+    return ground, standing
 
 
 def _runs(flags: Any) -> list[tuple[int, int]]:

@@ -145,8 +145,7 @@ def make_feasible(robot: Robot, clip: MotionClip, settings: FilterSettings | Non
     resampled = full.sampled(times, s.rate)
     motion = BodyMotion.of(robot, resampled.configurations(robot), s.rate)
     contacts = find_contacts(motion, s.contacts, resampled.standing)
-    contacts.refuse_flight(s.contacts.flight)
-    before = measure(robot, motion, contacts.fill(), s.share, s.friction)
+    before = measure(robot, motion, contacts, s.share, s.friction)
 
     smooth = _drawn_in(robot, _smooth(resampled, robot, s), s.share)
     pace = np.maximum(1.0, _speed_ratio(robot, smooth, s))
@@ -280,9 +279,7 @@ def _balanced(robot: Robot, clip: MotionClip, s: FilterSettings) -> _Balanced:
     """Freeze the feet, and move the centre of mass until the ZMP is inside the support."""
     q = clip.configurations(robot)
     motion = BodyMotion.of(robot, q, clip.rate)
-    contacts = find_contacts(motion, s.contacts, clip.standing)
-    contacts.refuse_flight(s.contacts.flight)
-    contacts = contacts.fill(s.contacts.double_support)
+    contacts = find_contacts(motion, s.contacts, clip.standing, s.contacts.double_support)
     q[:, 2] -= contacts.ground
     motion = BodyMotion.of(robot, q, clip.rate)
     contacts = replace(contacts, ground=0.0)

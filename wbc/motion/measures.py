@@ -18,7 +18,7 @@ from wbc.core.arguments import checked
 from wbc.core.errors import Array
 from wbc.core.robot import Robot
 from wbc.motion.clip import MotionClip
-from wbc.motion.contacts import Contacts, ContactSettings, find_contacts
+from wbc.motion.contacts import Contacts, find_contacts
 from wbc.motion.kinematics import BodyMotion, sole_corners
 
 FLOATS = 0.02
@@ -190,7 +190,6 @@ def check_motion(
     *,
     share: float = 1.0,
     friction: float = 0.7,
-    contacts: ContactSettings | None = None,
 ) -> MotionMeasures:
     """Measure a clip as it is.
 
@@ -199,14 +198,10 @@ def check_motion(
         clip: Clip of its joints.
         share: Allowed share of the limits of joint speeds and torques.
         friction: Allowed coefficient of friction.
-        contacts: Settings of the search for contacts; the defaults when None.
 
     Raises:
         UnknownNameError: The clip is of another robot.
         InputError: The robot leaves the ground; the time at which it does is named.
     """
-    settings = contacts or ContactSettings()
     motion = BodyMotion.of(robot, clip.configurations(robot), clip.rate)
-    found = find_contacts(motion, settings, clip.standing)
-    found.refuse_flight(settings.flight)
-    return measure(robot, motion, found.fill(), share, friction)
+    return measure(robot, motion, find_contacts(motion, known=clip.standing), share, friction)

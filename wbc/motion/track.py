@@ -22,7 +22,7 @@ from wbc.core.estimation.observer import Observer
 from wbc.core.robot import GRAVITY, Robot
 from wbc.core.settings import NonNegative, Positive, Share, settings
 from wbc.motion.clip import MotionClip
-from wbc.motion.contacts import ContactSettings, find_contacts
+from wbc.motion.contacts import find_contacts
 from wbc.motion.kinematics import BodyMotion, leg_joints
 from wbc.motion.reference import ClipReference, placed
 from wbc.tasks.stabilizer.distribution import DistributionSettings
@@ -87,7 +87,6 @@ class ClipSource(ReferenceSource):
         clip: MotionClip,
         dt: float,
         settings: TrackSettings | None = None,
-        contacts: ContactSettings | None = None,
     ) -> None:
         """Put the clip where the robot stands; the motion begins with the first tick.
 
@@ -96,7 +95,6 @@ class ClipSource(ReferenceSource):
             clip: Clip of its joints.
             dt: Control period, s.
             settings: Settings; the defaults when None.
-            contacts: Settings of the search for contacts in a clip that does not name them.
 
         Raises:
             UnknownNameError: The clip is of another robot.
@@ -105,10 +103,7 @@ class ClipSource(ReferenceSource):
         """
         s = settings or TrackSettings()
         q = clip.configurations(robot)
-        found = find_contacts(
-            BodyMotion.of(robot, q, clip.rate), contacts or ContactSettings(), clip.standing
-        )
-        found.refuse_flight((contacts or ContactSettings()).flight)
+        contacts = find_contacts(BodyMotion.of(robot, q, clip.rate), known=clip.standing)
         _check_start(robot, q[0])
         self._soles = [robot.placement(sole.frame) for sole in robot.soles[:2]]
         left, right = (place.copy() for place in self._soles)
@@ -117,7 +112,7 @@ class ClipSource(ReferenceSource):
         if self.com_height is None:
             self.com_height = min(float(robot.com[2]) - ground, bent_height(robot, s.walking.drive.stretch))
         self.clip = placed(robot, clip, q[0], (left, right))
-        self.motion = ClipReference.of(robot, self.clip, found.fill().standing, ground, dt)
+        self.motion = ClipReference.of(robot, self.clip, contacts.standing, ground, dt)
         self.tick = 0
         self.landings = 0
         self._dt, self._fade = dt, s.fade
@@ -206,7 +201,6 @@ class MotionControl(WalkingControl):
         settings: TrackSettings | None = None,
         *,
         observer: Observer | None = None,
-        contacts: ContactSettings | None = None,
     ) -> None:
         """Make all parts for a robot that stands as the clip begins; see `ClipSource`.
 
@@ -216,10 +210,9 @@ class MotionControl(WalkingControl):
             dt: Control period, s.
             settings: Settings; the defaults when None.
             observer: Estimates the robot's state; a new one when None.
-            contacts: Settings of the search for contacts in a clip that does not name them.
         """
         s = settings or TrackSettings()
-        source = ClipSource(robot, clip, as_period(dt), s, contacts)
+        source = ClipSource(robot, clip, as_period(dt), s)
         super().__init__(robot, source, dt, s.walking, observer=observer)
         posture = self.tasks.posture
         weight = np.full(robot.na, s.posture_weight)

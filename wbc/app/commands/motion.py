@@ -32,7 +32,6 @@ class MotionOptions(TrackSpec):
     Attributes:
         rate: Frames per second, Hz, of a file that does not say it.
         joint: Joint of the next column, of a file that does not name them; once for each.
-        format: Format of the file: wbc, csv, unitree, beyondmimic or gmr; auto knows it by its contents.
         as_is: Track the clip as it is; one that is not feasible is made so first when this is not set.
         out: Clip that make and filter write, .npz or .csv.
         plot: Picture that filter writes of what it has changed.
@@ -40,7 +39,6 @@ class MotionOptions(TrackSpec):
 
     rate: Annotated[Positive, "Hz"] | None = None
     joint: tuple[str, ...] = ()
-    format: str = "auto"
     as_is: bool = False
     out: Annotated[Path | None, Parameter(alias="-o")] = None
     plot: Path | None = None
@@ -48,7 +46,7 @@ class MotionOptions(TrackSpec):
     def read(self, file: Path) -> tuple[Robot, MotionClip]:
         """Return robot and clip."""
         robot = robots.load(self.robot).robot()
-        clip = read_motion(file, rate=self.rate, joints=self.joint or None, kind=self.format)
+        clip = read_motion(file, rate=self.rate, joints=self.joint or None)
         clip.configurations(robot)  # refuses a clip of another robot
         return robot, clip
 
