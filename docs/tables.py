@@ -19,20 +19,36 @@ from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
 
-from wbc.app.commands.study.paper import BUDGET, EVALUATIONS, VALIDATIONS, WINDOWS
 from wbc.core.files import read_json, write_text
+from wbc.feet.stiffness.clusters import Clusters
+from wbc.feet.stiffness.comparison import candidates, compare, comparison_table
 from wbc.sim.studies.best_stiffness import labels, stiffness_table
 from wbc.sim.studies.catalog import study_by_name
 from wbc.sim.studies.journal import Entry, read_journal
 from wbc.sim.studies.paper.choice import choice
-from wbc.sim.studies.paper.experiments import fig5, optimisation, table4, table_four
-from wbc.sim.studies.paper.optimization import OPTIMISATION_SEED, OptimisationSpec, Walked
+from wbc.sim.studies.paper.experiments import TABLE_IV, authority_heights, fig5, table4
+from wbc.sim.studies.paper.optimization import BOUNDS, OPTIMISATION_SEED, OptimisationSpec, Walked
 from wbc.sim.studies.paper.optimum import TABLE_II, Optimum, optimum, table_two, validation, walked_points
-from wbc.sim.studies.stiffness_studies import DatasetSize, dataset, dataset_accuracy
-from wbc.sim.studies.study import Study, merged, study_entries
+from wbc.sim.studies.stiffness_studies import DatasetSize, dataset
+from wbc.sim.studies.study import Study, cell_name, merged, study_entries
 from wbc.sim.studies.study_table import StudyTable, study_table
 
 DOCS = Path(__file__).parent
+BUDGET, VALIDATIONS = 400, 20
+"""Walks of an optimisation on one ground, and seeds of its validation."""
+
+EVALUATIONS, WINDOWS = 50, 3
+"""Stiffnesses of the data set, and windows of each of its grounds."""
+
+TABLE_IV_STEPS: Mapping[str, tuple[tuple[int, int, int], ...]] = {
+    "stones": ((20, 6, 6), (22, 7, 7), (22, 22, 7), (22, 22, 8)),
+    "roof_tiles": ((8, 7, 5), (22, 8, 9), (22, 9, 12), (22, 22, 16)),
+    "stone_bricks": ((8, 6, 3), (22, 5, 4), (22, 6, 6), (22, 22, 6)),
+    "small_stones": ((9, 7, 6), (13, 9, 7), (22, 13, 7), (22, 22, 7)),
+    "large_floor_tiles": ((20, 8, 5), (22, 12, 6), (22, 19, 6), (22, 22, 7)),
+}
+"""Steps of 22 in the paper's Table IV, one walk each: variable, soft, flat, at the heights of `TABLE_IV`."""
+
 LEFT_OUT = ("features", "distance", "profile_error_m", "profile_error_as_believed_m")
 """Parts of each swing of a variable sole that packed journals do not have: what was scanned, not what was decided."""
 
@@ -200,6 +216,22 @@ def _code(code: str) -> str:
     return f"with the code `{code}`."
 
 
+def table_four(table: StudyTable) -> str:
+    """Return the table of the study 'table4' beside the paper's Table IV, as Markdown: steps of 22 in the mean."""
+    cells, arms = table.by_name, list(table.study.arms)
+    lines = [
+        f"| | {' | '.join(arms)} | variable, soft, flat of the paper |",
+        "|---|" + "---:|" * (len(arms) + 1),
+    ]
+    for name, amplitudes in TABLE_IV.items():
+        for amplitude, paper in zip(amplitudes, TABLE_IV_STEPS[name], strict=True):
+            row = cell_name(name, amplitude)
+            if row in table.rows:
+                ours = [cells[row, arm].estimate.text() if (row, arm) in cells else "" for arm in arms]
+                lines.append(f"| {row} | {' | '.join(ours)} | {', '.join(map(str, paper))} |")
+    return "\n".join(lines)
+
+
 def _folds(mark: Mark) -> str:
     """Return how well the paper's model predicts the labels of a data set, by each split of it."""
     full = dataset(DatasetSize(evaluations=EVALUATIONS))
@@ -208,15 +240,24 @@ def _folds(mark: Mark) -> str:
     study = sharp.narrowed(arms={f"{entry.spec['stiffness']:g}" for entry in used})
     table = stiffness_table(study, labels(study, mark.entries, any_code=True), windows=WINDOWS)
     walks = _count(len(used), full.size)
-    return f"{dataset_accuracy(table)}\n\n*{walks} of `dataset`, {_code(mark.code(used))}*\n"
+    chosen = [c for c in candidates() if c.name in ("KNN 10, paper's features (paper)", "largest class")]
+    judged = comparison_table(compare(table, chosen, folds=10, clusters=Clusters.logarithmic()))
+    return f"{judged}\n\n*{walks} of `dataset`, {_code(mark.code(used))}*\n"
 
 
 def _optimised(
     grounds: Iterable[str], law: str, entries: Mapping[str, Entry]
 ) -> Iterator[tuple[OptimisationSpec, list[Walked], Optimum]]:
     """Yield optimisation, walks and optimum of each ground."""
+    own = law == "default"  # the others are the paper's: its bounds, and the family's own height
     for ground in grounds:
-        spec = replace(optimisation(ground, law), ramp=_ramp(entries).get("ramp"))
+        spec = OptimisationSpec(
+            ground=ground,
+            amplitude=authority_heights().get(ground) if own else None,
+            law=law,
+            bounds=BOUNDS["wide" if own else "paper"],
+            ramp=_ramp(entries).get("ramp"),
+        )
         known = walked_points(spec, entries, any_code=True)
         yield spec, known, optimum(known, spec.bounds)
 
@@ -247,7 +288,8 @@ def _optima(mark: Mark) -> str:
 
 def draw(name: str, file: str, options: str, to: str, folder: Path) -> Path:
     """Draw a figure."""
-    from wbc.app.plot.experiments import differences_figure, risks_figure, steps_figure  # noqa: PLC0415 - slow
+    from study_figures import differences_figure, risks_figure, steps_figure  # noqa: PLC0415 - slow
+
     from wbc.app.plot.optimization import stiffness_figure  # noqa: PLC0415
     from wbc.core.files import save_figure  # noqa: PLC0415
 

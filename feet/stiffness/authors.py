@@ -7,19 +7,17 @@ rows).
 
 from __future__ import annotations
 
-import csv
-import io
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from wbc.core.errors import InputError
-from wbc.core.files import csv_rows, read_text, write_text
+from wbc.core.files import csv_rows, read_text
 from wbc.feet.sensing.scan import PROFILE_STEP
 from wbc.feet.stiffness.clusters import Clusters
 from wbc.feet.stiffness.dataset import ProfileRecipe, StiffnessTable
-from wbc.feet.stiffness.features import PAPER_FEATURES, FeatureSet
+from wbc.feet.stiffness.features import PAPER_FEATURES
 from wbc.feet.stiffness.roughness import PARAMETERS, RoughnessSettings
 
 TRAJECTORIES, AMPLITUDES = 6, 5
@@ -85,30 +83,6 @@ def read_authors(path: str | Path) -> StiffnessTable:
         "stiffness": clusters.centres[cluster - 1],
     }
     return StiffnessTable.from_columns(columns, recipe=RECIPE, made={"file": target.name})
-
-
-def write_authors(table: StiffnessTable, path: str | Path) -> None:
-    """Write a table of whole tracks in the authors' columns; a stiffness above 80 Nm/rad is in their last cluster.
-
-    Raises:
-        InputError: Rows that are not six for each of five amplitudes of a ground.
-        FileError: The file cannot be written.
-    """
-    grounds, blocks = table.groups(("ground",)), table.groups(("ground", "amplitude"))
-    amplitudes = np.bincount(grounds[np.unique(blocks, return_index=True)[1]])
-    if (np.bincount(blocks) != TRAJECTORIES).any() or (amplitudes != AMPLITUDES).any():
-        raise InputError(
-            f"the {FORMAT} has {TRAJECTORIES} rows for each of {AMPLITUDES} amplitudes of a ground; "
-            f"the table has {len(table)} rows of {blocks.max() + 1} grounds and amplitudes"
-        )
-    clusters = Clusters.linear()
-    features = FeatureSet(PAPER_FEATURES)(table.values)
-    cluster = clusters.of(np.minimum(table.stiffness, clusters.edges[-1]))
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    for i in np.lexsort((blocks, grounds)):
-        writer.writerow([*(f"{value:.5g}" for value in features[i]), cluster[i]])
-    write_text(Path(path), text.getvalue())
 
 
 def load_table(path: str | Path) -> StiffnessTable:

@@ -274,16 +274,13 @@ def stiffness_table(
     labels_of: Mapping[str, Label],
     *,
     windows: int = 6,
-    recipe: ProfileRecipe | None = None,
     made: Mapping[str, Any] | None = None,
 ) -> StiffnessTable:
     """Return the table that a stiffness model learns from: roughness under the toes, with the label of the ground.
 
     The ground is cut along the lines of both toes into at least 2 windows as long as a scan, evenly spread over the
-    walk and taken from the left and from the right in turn. Without a length of a window, the windows are whole tracks
-    from the right to the left toe, side by side. `made` is the origin of the table, written into it.
+    walk and taken from the left and from the right in turn. `made` is the origin of the table, written into it.
     """
-    given = ProfileRecipe() if recipe is None else recipe
     whole_number("windows of each ground", windows, low=2)
     if not labels_of:
         raise InputError("no best stiffness is known yet; run the study first")
@@ -295,8 +292,7 @@ def stiffness_table(
         done.add((trial.cell, trial.seed))
         assert isinstance(trial.spec, WalkSpec)
         label, ground = labels_of[trial.cell], ground_of(trial.cell)
-        values = seen_roughness(trial.spec, windows, given)
-        for window, row in enumerate(values):
+        for window, row in enumerate(seen_roughness(trial.spec, windows)):
             shown = [float(f"{value:.9g}") for value in row]
             rows.append(
                 (
@@ -317,24 +313,21 @@ def stiffness_table(
     }
     return StiffnessTable.from_columns(
         dict(zip(columns, zip(*rows, strict=True), strict=True)),
-        recipe=given,
+        recipe=ProfileRecipe(),
         made={**dict(made or {}), "labels": cells},
     )
 
 
-def seen_roughness(spec: WalkSpec, windows: int, recipe: ProfileRecipe) -> Array:
+def seen_roughness(spec: WalkSpec, windows: int) -> Array:
     """Return the roughness under the toes on a ground, left and right in turn, shape (windows, 10)."""
     robot, ground = spec.prepare().robot(), spec.ground()
     end = ground.start + ground.length
     if spec.plan.distance is not None:
         end = min(end, spec.start[0] + spec.plan.distance + 0.5 * robot.soles[0].length)
     toes = [float(robot.placement(sole.frame).translation[1]) for sole in robot.soles]
-    length = ground.length if recipe.window is None else recipe.window
-    place = recipe.step * np.arange(round(length / recipe.step) + 1)
-    if recipe.window is None:
-        starts, lines = np.full(windows, ground.start), np.linspace(min(toes), max(toes), windows)
-    else:
-        starts = np.linspace(ground.start, max(end - place[-1], ground.start), windows)
-        lines = np.array([toes[i % 2] for i in range(windows)])
-    heights = [ground.height(x + place, np.full(place.size, y)) for x, y in zip(starts, lines, strict=True)]
+    recipe = ProfileRecipe()
+    assert recipe.window is not None  # None is that of whole tracks
+    place = recipe.step * np.arange(round(recipe.window / recipe.step) + 1)
+    starts = np.linspace(ground.start, max(end - place[-1], ground.start), windows)
+    heights = [ground.height(x + place, np.full(place.size, toes[i % 2])) for i, x in enumerate(starts)]
     return roughness(place, np.array(heights), recipe.roughness).values

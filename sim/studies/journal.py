@@ -29,12 +29,12 @@ from collections.abc import Iterator, Mapping
 from dataclasses import field
 from pathlib import Path
 from types import TracebackType
-from typing import Any, Literal, get_args
+from typing import Any, Literal
 
 from pydantic_core import from_json
 
 from wbc.core.arguments import checked
-from wbc.core.errors import InputError, WbcError, choose, shown_path
+from wbc.core.errors import InputError, WbcError, shown_path
 from wbc.core.files import decoding
 from wbc.core.settings import settings, to_json
 from wbc.sim.studies.provenance import provenance, renamed
@@ -43,10 +43,6 @@ from wbc.sim.walks.stiffness_policy import CONTENT, FILE
 Status = Literal["done", "diverged", "timeout", "crashed"]
 """End of a trial: with a result, with a diverged simulation (no result), after its time-out, with an error."""
 
-Sync = Literal["always", "second", "never"]
-"""Policy by which lines are forced to the disk, where they survive a loss of power: at once, if the last time was a
-second ago, or never. A killed process loses nothing in any case."""
-
 PACKED = ".xz"
 """Ending of a compressed journal."""
 
@@ -54,7 +50,8 @@ LARGEST = 2**28
 """Largest size that a compressed journal unpacks to, bytes."""
 
 SYNC_TIME = 1.0
-"""Shortest time between two forced writes with the policy "second", s."""
+"""Shortest time between two writes that are forced to the disk, where they survive a loss of power, s. A killed process
+loses nothing in any case."""
 
 _log = logging.getLogger(__name__)
 
@@ -279,19 +276,17 @@ class Journal:
     """
 
     @checked
-    def __init__(self, path: Path | str, *, sync: Sync = "second") -> None:
+    def __init__(self, path: Path | str) -> None:
         """Open or begin a journal, lock it, and cut off a torn last line.
 
         Args:
             path: The file; folders on the way are made.
-            sync: Policy by which lines are forced to the disk.
 
         Raises:
-            InputError: A folder or a compressed file, or an unknown policy.
+            InputError: A folder or a compressed file.
             JournalError: Another process writes into it, or the file is no journal or cannot be written.
         """
         self.path = check_journal_path(path)
-        self._sync = choose("sync policy", sync, get_args(Sync))
         self._synced = -math.inf
         try:
             self.path.parent.mkdir(parents=True, exist_ok=True)
@@ -344,26 +339,21 @@ class Journal:
             written = os.write(self._file, line)
             if written < len(line):
                 raise OSError(f"{written} of {len(line)} bytes written")
-            self._sync_if_due()
+            if time.monotonic() - self._synced >= SYNC_TIME:
+                os.fsync(self._file)
+                self._synced = time.monotonic()
         except OSError as error:
             with contextlib.suppress(OSError):
                 os.ftruncate(self._file, size)
             raise JournalError(f"journal {self.path} cannot be written: {error}") from error
         self.entries.put(entry.key, line[:-1])
 
-    def _sync_if_due(self) -> None:
-        now = time.monotonic()
-        if self._sync == "always" or (self._sync == "second" and now - self._synced >= SYNC_TIME):
-            os.fsync(self._file)
-            self._synced = now
-
     def close(self) -> None:
         """Force all lines to the disk and release the lock."""
         file, self._file = self._file, -1
         if file >= 0:
-            if self._sync != "never":
-                with contextlib.suppress(OSError):
-                    os.fsync(file)
+            with contextlib.suppress(OSError):
+                os.fsync(file)
             os.close(file)
 
     def __enter__(self) -> Journal:

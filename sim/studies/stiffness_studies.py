@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
-from itertools import pairwise
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -14,9 +13,6 @@ from pydantic import Field
 from wbc.core.errors import InputError
 from wbc.core.settings import Count, Positive, settings
 from wbc.feet.soles.actuator import SOFTEST, STIFFEST
-from wbc.feet.stiffness.clusters import Clusters
-from wbc.feet.stiffness.comparison import candidates, compare, comparison_table
-from wbc.feet.stiffness.dataset import StiffnessTable
 from wbc.sim.studies.journal import Entry
 from wbc.sim.studies.study import Cell, Study, cell_name, ground_of, study_entries
 from wbc.sim.terrain.spec import terrain
@@ -50,18 +46,6 @@ def training_grounds() -> dict[str, tuple[dict[str, Any], tuple[float, float]]]:
 def stiffness_grid(evaluations: int) -> tuple[float, ...]:
     """Return the stiffnesses that are tried, a geometric series of three digits, Nm/rad."""
     return tuple(float(f"{k:.3g}") for k in np.geomspace(SOFTEST, STIFFEST, evaluations))
-
-
-def spread(count: int, of: int) -> list[int]:
-    """Return indices of some members of a series, spread evenly over it; more members include those of fewer.
-
-    Both ends come first, then in turn the middle of the widest gap.
-    """
-    chosen = [0, of - 1][:count]
-    while len(chosen) < min(count, of):
-        gaps = [(b - a, (a + b) // 2) for a, b in pairwise(chosen)]
-        chosen = sorted([*chosen, max(gaps, key=lambda gap: gap[0])[1]])
-    return chosen
 
 
 @settings(kw_only=True)
@@ -106,17 +90,6 @@ def dataset(size: DatasetSize | None = None) -> Study:
         metric="J",
         reference=f"{grid[size.evaluations // 2]:g}",
     )
-
-
-def dataset_accuracy(table: StiffnessTable, *, folds: int = 10) -> str:
-    """Return how well the paper's model predicts the labels of a data set, and the largest class, as Markdown.
-
-    The labels are sorted into classes of one ratio up to 2,000 Nm/rad; `folds` is that of the cross-validation.
-    """
-    chosen = [
-        each for each in candidates() if each.name in ("KNN 10, paper's features (paper)", "largest class")
-    ]
-    return comparison_table(compare(table, chosen, folds=folds, clusters=Clusters.logarithmic()))
 
 
 QUESTION_GROUNDS = (

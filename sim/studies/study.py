@@ -18,7 +18,7 @@ from typing import Annotated, Any
 
 from pydantic import Field
 
-from wbc.core.errors import InputError, choose, finite_scalar, unknown_name
+from wbc.core.errors import InputError, choose, unknown_name
 from wbc.core.settings import Count, Seed, from_json, settings, to_json
 from wbc.sim.studies.journal import Entry, trial_key
 from wbc.sim.studies.provenance import differences, provenance
@@ -207,15 +207,6 @@ class Study:
                 part.append(replace(cell, arms=tried, arm_values=arm_values))
         reference = self.reference if self.reference in chosen else None
         return replace(self, cells=tuple(part), arms=chosen, seeds=self.seeds[:seeds], reference=reference)
-
-    def scaled(self, share: float) -> Study:
-        """Return the study with a share of its seeds, the first ones, at least one.
-
-        Raises:
-            InputError: A share that is not in (0, 1].
-        """
-        share = finite_scalar("scale", share, low=0.0, high=1.0, open_low=True)
-        return replace(self, seeds=self.seeds[: max(1, round(share * len(self.seeds)))])
 
     def to_json(self) -> dict[str, Any]:
         """Return the study as plain values; cells are an object of names, with "arms" and "own" among their parts."""

@@ -29,11 +29,11 @@ from concurrent.futures import (
     wait,
 )
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Annotated, Any
 
 from wbc.core.arguments import checked
-from wbc.core.errors import InputError, WbcError, check_parts, positive, shown
-from wbc.core.settings import to_json
+from wbc.core.errors import InputError, WbcError, check_parts, shown
+from wbc.core.settings import Count, Positive, to_json
 from wbc.sim.studies.journal import Entry, Journal, Status, trial_key
 from wbc.sim.studies.provenance import differences, provenance
 from wbc.sim.studies.trials import Outcome, Trial, run_trial, trial_from_json
@@ -41,8 +41,8 @@ from wbc.sim.studies.trials import Outcome, Trial, run_trial, trial_from_json
 TIMEOUT = 600.0
 """Default time-out of a trial, s: a walk of 22 steps takes some ten seconds of wall time."""
 
-IN_FLIGHT = 64
-"""Number of trials that a given executor holds at a time: more than a cluster of some dozen cores can run."""
+IN_FLIGHT = 1000
+"""Number of trials that a given executor holds at a time: more than a cluster can run."""
 
 STARTS = 5
 """Number of times in a row that a process may end before its trial has begun: a script whose processes cannot start
@@ -102,11 +102,10 @@ def sweep(
     journal: Journal,
     *,
     executor: Executor | None = None,
-    workers: int = 1,
-    timeout: float | None = TIMEOUT,
+    workers: Count = 1,
+    timeout: Annotated[Positive, "s"] | None = TIMEOUT,
     retry: bool = False,
     any_code: bool = False,
-    in_flight: int = IN_FLIGHT,
     progress: Progress | None = None,
 ) -> SweepSummary:
     """Run all trials that the journal does not have.
@@ -119,7 +118,6 @@ def sweep(
         timeout: Wall time that a trial may take, s; unlimited when None.
         retry: Run trials again that crashed or timed out.
         any_code: Accept results of other versions of the code, too.
-        in_flight: Number of trials that a given executor holds at a time.
         progress: Called when the sweep begins and after each trial.
 
     Raises:
@@ -128,11 +126,7 @@ def sweep(
         JournalError: The journal cannot be written.
         SweepError: The executor has broken down or cancelled trials, or its processes have other code than this one.
     """
-    if workers < 1 or in_flight < 1:
-        raise InputError(f"workers and trials in flight must be at least 1, got {workers} and {in_flight}")
-    if timeout is not None:
-        positive("time-out of a trial (s)", timeout)
-    if progress is not None and (not callable(progress) or inspect.isclass(progress)):
+    if inspect.isclass(progress):
         raise InputError(f"progress must be a function of the summary, or none, got {shown(progress)}")
     begin = time.perf_counter()
     version = provenance()
@@ -166,7 +160,7 @@ def sweep(
     if progress is not None:
         progress(summary)
     if executor is not None:
-        lost = _feed(executor, pending, timeout, in_flight, record)
+        lost = _feed(executor, pending, timeout, IN_FLIGHT, record)
         if lost:
             raise SweepError(
                 f"the executor has broken down or cancelled trials; {summary.run} trials are written down, {len(lost)} "

@@ -16,7 +16,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, fields, replace
 from typing import Annotated, Any, ClassVar, Protocol, Self
 
-from wbc.core.errors import InputError, positive
+from wbc.core.errors import InputError
 from wbc.core.registry import Registry
 from wbc.core.settings import Positive, settings, to_json
 from wbc.sim.balance.push_recovery import largest_recovered
@@ -123,7 +123,7 @@ def run_trial(spec: Trial, timeout: float | None = None, *, exit_when_stuck: boo
     `exit_when_stuck` ends the process when a call into a library does not return for twice that time and half a minute:
     in local processes, which are started again.
     """
-    stop = math.inf if timeout is None else time.monotonic() + positive("time-out of a trial (s)", timeout)
+    stop = math.inf if timeout is None else time.monotonic() + timeout
 
     def check() -> None:
         if time.monotonic() > stop:

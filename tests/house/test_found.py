@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import lzma
 import re
+import sys
 from collections import defaultdict
 from collections.abc import Callable, Iterable
 from functools import cache
@@ -14,10 +15,13 @@ from typing import Any
 import numpy as np
 
 from wbc.sim.studies.intervals import mean_interval, rate_interval, sign_flip_p
-from wbc.sim.studies.paper.experiments import TABLE_IV_STEPS
 from wbc.sim.studies.study_table import cause_of
 
 DOCS = Path(__file__).resolve().parents[2] / "docs"
+sys.path.insert(0, str(DOCS))
+
+from tables import TABLE_IV_STEPS  # noqa: E402 - of docs
+
 PAGE = re.sub(r"\s+", " ", (DOCS / "found.md").read_text(encoding="utf-8"))
 SOLES = ("rigid", "1", "5", "20", "80", "400", "2000")
 

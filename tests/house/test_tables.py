@@ -14,6 +14,7 @@ from wbc.sim.studies.journal import Entry, read_journal
 from wbc.sim.studies.paper.optimization import BOUNDS, OPTIMISATION_SEED, OptimisationSpec
 from wbc.sim.studies.provenance import provenance
 from wbc.sim.studies.study import Study
+from wbc.sim.studies.study_table import study_table
 
 DOCS = Path(__file__).resolve().parents[2] / "docs"
 sys.path[:0] = [str(DOCS)]
@@ -31,6 +32,18 @@ def made_up(name: str, arms: tuple[str, ...], seeds: int) -> bytes:
         result = {"steps_done": steps, "outcome": "fell"}
         lines.append(Entry(trial.spec.to_json(), "done", result, {"wall_s": 1.0}, None, provenance()).line())
     return b"".join(lines)
+
+
+def test_our_table_stands_beside_the_papers() -> None:
+    study = study_by_name("table4").narrowed(["stones, 55 mm"], seeds=2)
+    entries = {}
+    for trial in study.trials():
+        result = {"steps_done": {"flat": 5, "soft 5": 20}.get(trial.arm, 22), "outcome": "fell"}
+        entry = Entry(trial.spec.to_json(), "done", result, None, None, provenance())
+        entries[entry.key] = entry
+    text = tables.table_four(study_table(study, entries))
+    assert text.splitlines()[-1].startswith("| stones, 55 mm | 5 | 22 | 20 |")
+    assert text.endswith("20, 6, 6 |")
 
 
 def test_packed_journals_keep_what_was_decided_and_not_what_was_scanned(tmp_path: Path) -> None:

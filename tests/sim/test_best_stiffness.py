@@ -10,7 +10,7 @@ import pytest
 
 from wbc.app import cli
 from wbc.core.errors import InputError
-from wbc.feet.stiffness.dataset import ProfileRecipe, StiffnessTable
+from wbc.feet.stiffness.dataset import StiffnessTable
 from wbc.feet.stiffness.model import StiffnessModel
 from wbc.feet.stiffness.roughness import PARAMETERS
 from wbc.sim.studies.best_stiffness import (
@@ -31,7 +31,6 @@ from wbc.sim.studies.stiffness_studies import (
     dataset,
     half_heights,
     halfway,
-    spread,
     stiffness_grid,
     training_grounds,
 )
@@ -176,17 +175,9 @@ def test_the_dataset_is_the_papers_grounds_and_as_large_as_one_likes() -> None:
     assert max(higher) == pytest.approx(0.06)
 
 
-def test_a_part_of_the_stiffnesses_covers_the_range_and_stays_when_there_are_more() -> None:
-    assert spread(5, 50) == [0, 12, 24, 36, 49]
-    for count in range(1, 50):
-        assert len(spread(count, 50)) == count and set(spread(count, 50)) < set(spread(count + 1, 50))
-    assert spread(50, 50) == spread(60, 50) == list(range(50))
-    assert max(np.diff(spread(10, 50))) <= 7
-
-
 def test_windows_are_what_the_toes_see() -> None:
     spec = WalkSpec(foot="soft", terrain="cylinder_obstacles", amplitude=0.02)
-    seen = seen_roughness(spec, 8, ProfileRecipe())
+    seen = seen_roughness(spec, 8)
     assert seen.shape == (8, len(PARAMETERS)) and np.isfinite(seen).all()
     height = seen[:, PARAMETERS.index("Sz")]
     assert height.max() > 0.002 and height.max() < 0.02

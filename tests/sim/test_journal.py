@@ -182,16 +182,13 @@ def test_a_full_disk_leaves_no_part_of_a_line(tmp_path: Path, monkeypatch: pytes
     assert len(read_journal(path)) == 2
 
 
-@pytest.mark.parametrize(("sync", "times"), [("always", 4), ("second", 2), ("never", 0)])
-def test_writes_to_the_disk_as_often_as_asked(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, sync: str, times: int
+def test_lines_are_forced_to_the_disk_once_a_second_and_at_the_end(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     calls: list[int] = []
     monkeypatch.setattr(os, "fsync", calls.append)
-    with Journal(tmp_path / "journal.jsonl", sync=sync) as journal:
-        for number in range(3):
-            journal.add(entry(number))
-    assert len(calls) == times
+    written(tmp_path / "journal.jsonl", 3)
+    assert len(calls) == 2
 
 
 def test_keys_name_spec_and_code() -> None:
@@ -244,8 +241,6 @@ def test_what_is_no_number_is_null() -> None:
 
 
 def test_refuses(tmp_path: Path) -> None:
-    with pytest.raises(UnknownNameError, match="second"):
-        Journal(tmp_path / "a", sync="minute")
     for opened in (check_journal_path, Journal):
         with pytest.raises(InputError, match="folder"):
             opened(tmp_path)

@@ -11,10 +11,10 @@ import pytest
 from properties import by_default
 
 from wbc.app import cli
-from wbc.app.commands.study.optimize import save_figures
+from wbc.app.commands.study.optimize import OptimizeOptions, save_figures
 from wbc.core.errors import InputError
 from wbc.sim.studies.journal import Entry, Journal, trial_key
-from wbc.sim.studies.paper.experiments import authority, optimisation
+from wbc.sim.studies.paper.experiments import authority, authority_heights
 from wbc.sim.studies.paper.optimization import (
     BOUNDS,
     FIRST_DESIGN,
@@ -144,21 +144,21 @@ def test_bounds_are_the_papers_or_wide() -> None:
 def test_a_journal_of_something_else_or_of_other_code_is_refused() -> None:
     walks = MadeUpWalks()
     optimise(SPEC, 3, walks)
-    check_journal(walks.entries, SPEC.owns, "optimisation", any_code=False)
+    check_journal(walks.entries, [SPEC], any_code=False)
     for other in (
         OptimisationSpec(ground="boards", bounds=BOUNDS["wide"], distance=0.3),
         OptimisationSpec(ground="stones", bounds=BOUNDS["wide"], distance=0.3, law="no_bias"),
         OptimisationSpec(ground="stones", bounds=Bounds(k=(1900.0, 2000.0)), distance=0.3),
     ):
         with pytest.raises(InputError, match="not of this optimisation: it has a walk with .*stones"):
-            check_journal(walks.entries, other.owns, "optimisation", any_code=False)
+            check_journal(walks.entries, [other], any_code=False)
     old = {
         key: Entry(e.spec, e.status, e.result, None, None, {**e.version, "code": "0123456789ab"})
         for key, e in walks.entries.items()
     }
     with pytest.raises(InputError, match="another version of the code .* --any-code takes them"):
-        check_journal(old, SPEC.owns, "optimisation", any_code=False)
-    check_journal(old, SPEC.owns, "optimisation", any_code=True)
+        check_journal(old, [SPEC], any_code=False)
+    check_journal(old, [SPEC], any_code=True)
     before = walks.run
     walks.entries = {trial_key(e.spec, e.version): e for e in old.values()}
 
@@ -200,7 +200,9 @@ def test_nothing_is_optimised_in_the_walks_beside_the_optimum() -> None:
     rng = np.random.default_rng(0)
     usual = {}
     for law in ("default", "no_bias"):
-        spec = optimisation("stones", law)
+        options = OptimizeOptions(journal=Path("j"), law=law, bounds="wide" if law == "default" else "paper")
+        (spec,) = [each for each in options.specs(("table2",)) if each.ground == "stones"]
+        assert spec.amplitude == (authority_heights()["stones"] if law == "default" else None)
         found = optimum([Walked(tuple(rng.random(3)), -1.0, {}) for _ in range(12)], spec.bounds)
         trials = validation({spec: found}, 20).trials()
         usual[law] = [trial.spec for trial in trials if trial.arm == USUAL]
@@ -217,8 +219,8 @@ def test_figures_show_each_ground_and_the_stiffness_on_all(tmp_path: Path) -> No
     paper = OptimisationSpec(ground="boards", bounds=BOUNDS["paper"], law="no_bias", distance=0.3)
     walked = {spec.ground: optimise(spec, 14, MadeUpWalks()) for spec in (SPEC, paper)}
     found = {spec.ground: optimum(walked[spec.ground], spec.bounds) for spec in (SPEC, paper)}
-    names = [path.name for path in save_figures(tmp_path, "part", walked, found)]
-    assert names == ["part_stiffness.png", "part_stones.png", "part_boards.png"]
+    names = [Path(path).name for path in save_figures(tmp_path, walked, found)]
+    assert names == ["optimize_stiffness.png", "optimize_stones.png", "optimize_boards.png"]
     assert all((tmp_path / name).stat().st_size > 10_000 for name in names)
 
 

@@ -10,26 +10,22 @@ import numpy as np
 import pytest
 
 from wbc.app import cli
-from wbc.app.commands.study.paper import BUDGET, JOURNALS, PAPER_GROUNDS, PARTS, VALIDATIONS
 from wbc.core.errors import InputError
 from wbc.feet.stiffness.dataset import StiffnessTable
-from wbc.sim.studies.catalog import STUDIES, study_by_name
+from wbc.sim.studies.catalog import study_by_name
 from wbc.sim.studies.journal import Entry, Journal
 from wbc.sim.studies.paper.choice import choice
 from wbc.sim.studies.paper.experiments import (
     FIRST_FAMILIES,
-    TABLE_IV_STEPS,
     authority,
     damping,
     fig5,
     oracle,
     table4,
-    table_four,
 )
-from wbc.sim.studies.paper.optimum import TABLE_II
 from wbc.sim.studies.provenance import provenance
 from wbc.sim.studies.study import Study
-from wbc.sim.studies.study_table import layout_of, study_table
+from wbc.sim.studies.study_table import layout_of
 from wbc.sim.walks.spec import WalkSpec
 
 
@@ -46,38 +42,11 @@ def test_experiments_have_the_papers_grounds_and_independent_layouts() -> None:
     assert isinstance(paper, WalkSpec) and paper.gains == "frizza"
 
 
-def test_the_papers_table_adds_up() -> None:
-    columns = [sum(row[i] for rows in TABLE_IV_STEPS.values() for row in rows) for i in range(3)]
-    assert columns == [386, 254, 140]  # variable, soft, flat: the paper's text has 140/440 for flat
-
-
-def test_our_table_stands_beside_the_papers() -> None:
-    study = table4(seeds=2).narrowed(["stones, 55 mm"])
-    entries = {}
-    for trial in study.trials():
-        steps = {"flat": 5, "soft 5": 20}.get(trial.arm, 22)
-        result = {"steps_done": steps, "outcome": "completed" if steps == 22 else "fell"}
-        entry = Entry(trial.spec.to_json(), "done", result, None, None, provenance())
-        entries[entry.key] = entry
-    text = table_four(study_table(study, entries))
-    assert text.splitlines()[-1].startswith("| stones, 55 mm | 5 | 22 | 20 |")
-    assert text.endswith("20, 6, 6 |")
-
-
 def test_the_oracle_knows_every_family_of_its_patchwork() -> None:
     trials = list(oracle(seeds=1).trials())
     assert {trial.arm for trial in trials} >= {"oracle", "model", "5", "2000"}
     known = next(dict(trial.spec.policy_params) for trial in trials if trial.arm == "oracle")
     assert tuple(known) == FIRST_FAMILIES
-
-
-@pytest.mark.slow
-def test_the_whole_of_it_is_at_most_25_000_walks() -> None:
-    assert set(PARTS) <= {*STUDIES, "optimize", "optimize_frizza"}
-    studies = [study_by_name(part) for part in PARTS if not part.startswith(("optimize", "dataset"))]
-    walks = {json.dumps(dict(trial.plain), sort_keys=True) for study in studies for trial in study.trials()}
-    optimised = (len(TABLE_II) + len(PAPER_GROUNDS)) * (BUDGET + 4 * VALIDATIONS)
-    assert 20_000 < len(walks) + optimised + 6000 <= 25_000
 
 
 def made_up(study: Study, steps: Callable[[str, str, int], float]) -> dict[str, Entry]:
@@ -212,44 +181,3 @@ def test_dampers_share_walks_with_authority() -> None:
     plain = {json.dumps(dict(t.plain), sort_keys=True) for t in authority(seeds=20).trials()}
     shared = [t for t in damping().trials() if json.dumps(dict(t.plain), sort_keys=True) in plain]
     assert {trial.arm for trial in shared} == {"b = 2"} and len(shared) == damping().size // 2
-
-
-def test_a_scaled_study_has_a_share_of_the_seeds_and_at_least_one() -> None:
-    study = table4()
-    assert study.scaled(1.0) == study
-    assert study.scaled(0.5).seeds == study.seeds[:10] and len(study.scaled(0.001).seeds) == 1
-    with pytest.raises(InputError, match="scale must"):
-        study.scaled(0.0)
-
-
-def test_a_journal_of_other_code_is_refused(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
-    spec = next(iter(fig5().trials())).spec
-    old = Entry(spec.to_json(), "done", {}, None, None, {**provenance(), "code": "0123456789ab"})
-    with Journal(tmp_path / "fig5.jsonl") as journal:
-        journal.add(old)
-    words = ["study", "paper", "--folder", str(tmp_path), "--only", "fig5"]
-    assert cli.main(words) == cli.BAD_INPUT
-    assert "another version of the code (0123456789ab" in capfd.readouterr().err
-    assert cli.main([*words, "--only", "fig6"]) == cli.BAD_INPUT
-    assert "did you mean 'fig5'" in capfd.readouterr().err
-
-
-@pytest.mark.slow
-def test_everything_runs_at_the_smallest_scale_and_resumes(
-    tmp_path: Path, capfd: pytest.CaptureFixture[str]
-) -> None:
-    pytest.importorskip("bayes_opt", reason="needs the extra 'studies'")
-    words = ["study", "paper", "--folder", str(tmp_path), "--scale", "0.01", "--cells", "1"]
-    words += ["--distance", "0.15", "--workers", "2"]
-    assert cli.main(words) == cli.RAN
-    report = (tmp_path / "report.md").read_text()
-    for part in PARTS:
-        assert f"## {part}\n" in report
-    assert "of the 4,760 walks of the full scale" in report
-    sizes = {path: path.stat().st_size for path in tmp_path.glob("*.jsonl")}
-    assert len(sizes) == len(PARTS) - len(JOURNALS)
-    capfd.readouterr()
-    assert cli.main([*words, "--json"]) == cli.RAN
-    assert isinstance(json.loads(capfd.readouterr().out), dict)
-    assert (tmp_path / "report.md").read_text() == report
-    assert {path: path.stat().st_size for path in sizes} == sizes

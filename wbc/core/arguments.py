@@ -23,7 +23,7 @@ from numpy.typing import ArrayLike
 from pydantic import PlainValidator, TypeAdapter, ValidationError
 
 from wbc.core.errors import Array, InputError, choose, finite_array, shown, unknown_name
-from wbc.core.settings import CONFIG, choices_of, plain_value, rule_of, unusable
+from wbc.core.settings import CONFIG, choices_of, plain_value, rule_of, unit_of, unusable
 
 P = ParamSpec("P")
 T = TypeVar("T")
@@ -122,10 +122,15 @@ def _check_one(name: str, value: Any, rule: TypeAdapter[Any], hint: Any) -> None
         choices = choices_of(hint)
         if choices and isinstance(value, str):
             unknown_name(name.replace("_", " "), value, choices)
-        raise InputError(f"{name} must be {rule_of(hint)}, got {shown(value)}") from None
+        raise InputError(f"{_named(name, hint)} must be {rule_of(hint)}, got {shown(value)}") from None
     reason = unusable(given)
     if reason:
-        raise InputError(f"{name} must be {rule_of(hint)}{reason}, got {shown(value)}")
+        raise InputError(f"{_named(name, hint)} must be {rule_of(hint)}{reason}, got {shown(value)}")
+
+
+def _named(name: str, hint: Any) -> str:
+    unit = unit_of(hint)
+    return f"{name} ({unit})" if unit else name
 
 
 @functools.cache

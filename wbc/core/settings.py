@@ -298,10 +298,10 @@ def _locate(kind: Any, loc: Sequence[str | int]) -> tuple[str, Any, str]:
                 if items
                 else Any
             )
-            unit = _unit(hint) or unit
+            unit = unit_of(hint) or unit
         elif inside is not None and part in (hints := _hints(inside)):
             path += f".{part}" if path else part
-            hint, unit = hints[part], _unit(hints[part])
+            hint, unit = hints[part], unit_of(hints[part])
         elif (inner := _values_of(hint)) is not None:
             path += f".{part}"
             hint = inner
@@ -342,13 +342,13 @@ def _split(hint: Any) -> tuple[Any, tuple[Any, ...]]:
     return hint, ()
 
 
-def _unit(hint: Any) -> str:
-    """The unit in an annotation or in the first member of a union that has one."""
+def unit_of(hint: Any) -> str:
+    """Return the unit in an annotation or in the first member of a union that has one."""
     inner, metadata = _split(hint)
     own = next((item for item in metadata if isinstance(item, str)), "")
     if own or typing.get_origin(inner) not in (typing.Union, types.UnionType):
         return own
-    return next(filter(None, map(_unit, typing.get_args(inner))), "")
+    return next(filter(None, map(unit_of, typing.get_args(inner))), "")
 
 
 def choices_of(hint: Any) -> list[str]:
@@ -419,4 +419,4 @@ def may_be_none(kind: type, name: str) -> bool:
 def unit_and_choices(kind: type, name: str) -> tuple[str, list[str]]:
     """Return the unit of a field, empty without one, and its choices, empty without any."""
     hint = _hints(kind)[name]
-    return _unit(hint), choices_of(hint)
+    return unit_of(hint), choices_of(hint)

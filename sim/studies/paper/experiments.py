@@ -6,10 +6,9 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
-from wbc.sim.studies.paper.optimization import BOUNDS, PAPER_CHANGES, OptimisationSpec
+from wbc.sim.studies.paper.optimization import PAPER_CHANGES
 from wbc.sim.studies.stiffness_studies import QUESTION_GROUNDS, halfway_heights, stored_stiffness
 from wbc.sim.studies.study import FRESH_SEED, Cell, Study, cell_name
-from wbc.sim.studies.study_table import StudyTable
 from wbc.sim.walks.presets import FAST_LANDING, FRIZZA
 
 FIG5_AMPLITUDES = (0.020, 0.025, 0.030, 0.035)
@@ -27,15 +26,6 @@ TABLE_IV: Mapping[str, tuple[float, ...]] = {
     "large_floor_tiles": (0.025, 0.020, 0.015, 0.010),
 }
 """Grounds and heights of Table IV, m. Its last ground is "floor tiles" there and "large floor tiles" in the text."""
-
-TABLE_IV_STEPS: Mapping[str, tuple[tuple[int, int, int], ...]] = {
-    "stones": ((20, 6, 6), (22, 7, 7), (22, 22, 7), (22, 22, 8)),
-    "roof_tiles": ((8, 7, 5), (22, 8, 9), (22, 9, 12), (22, 22, 16)),
-    "stone_bricks": ((8, 6, 3), (22, 5, 4), (22, 6, 6), (22, 22, 6)),
-    "small_stones": ((9, 7, 6), (13, 9, 7), (22, 13, 7), (22, 22, 7)),
-    "large_floor_tiles": ((20, 8, 5), (22, 12, 6), (22, 19, 6), (22, 22, 7)),
-}
-"""Steps of 22 in the paper's Table IV, one walk each: variable, soft, flat, at the heights of `TABLE_IV`."""
 
 AUTHORITY_STIFFNESSES = (1.0, 5.0, 20.0, 80.0, 400.0, 2000.0)
 """Stiffnesses of the study 'authority', Nm/rad: a series over the whole range."""
@@ -180,25 +170,6 @@ def authority(seeds: int = 40) -> Study:
     )
 
 
-def optimisation(
-    ground: str, law: str = "default", *, distance: float = 3.0, batch: int = 1
-) -> OptimisationSpec:
-    """Return the optimisation of stiffness and gains on a ground of the paper's Table II.
-
-    The law is "default", with wide bounds and at the height of the study 'authority'; or one of the paper's, with its
-    bounds and at the family's own height. `batch` points are asked for at a time.
-    """
-    own = law == "default"
-    return OptimisationSpec(
-        ground=ground,
-        amplitude=authority_heights().get(ground) if own else None,
-        law=law,
-        bounds=BOUNDS["wide" if own else "paper"],
-        distance=distance,
-        batch=batch,
-    )
-
-
 def damping(seeds: int = 20) -> Study:
     """Return walks that compare the paper's dampers, b = 2 Nms/rad at any stiffness, with half of the critical damping.
 
@@ -255,19 +226,3 @@ def oracle(seeds: int = 40) -> Study:
         seeds=tuple(range(ORACLE_SEED, ORACLE_SEED + seeds)),
         reference="80",
     )
-
-
-def table_four(table: StudyTable) -> str:
-    """Return the table of the study 'table4' beside the paper's Table IV, as Markdown: steps of 22 in the mean."""
-    cells, arms = table.by_name, list(table.study.arms)
-    lines = [
-        f"| | {' | '.join(arms)} | variable, soft, flat of the paper |",
-        "|---|" + "---:|" * (len(arms) + 1),
-    ]
-    for name, amplitudes in TABLE_IV.items():
-        for amplitude, paper in zip(amplitudes, TABLE_IV_STEPS[name], strict=True):
-            row = cell_name(name, amplitude)
-            if row in table.rows:
-                ours = [cells[row, arm].estimate.text() if (row, arm) in cells else "" for arm in arms]
-                lines.append(f"| {row} | {' | '.join(ours)} | {', '.join(map(str, paper))} |")
-    return "\n".join(lines)

@@ -203,15 +203,13 @@ class Walked:
     result: Mapping[str, Any]
 
 
-def check_journal(
-    entries: Mapping[str, Entry], owns: Callable[[Mapping[str, Any]], bool], what: str, *, any_code: bool
-) -> None:
-    """Refuse a journal of something else, or, without `any_code`, of another version of the code."""
+def check_journal(entries: Mapping[str, Entry], specs: Sequence[OptimisationSpec], *, any_code: bool) -> None:
+    """Refuse a journal of other optimisations, or, without `any_code`, of another version of the code."""
     for entry in entries.values():
-        if not owns(entry.spec):
+        if not any(spec.owns(entry.spec) for spec in specs):
             where = {name: entry.spec.get(name) for name in ("terrain", "amplitude", "foot", "gains")}
             raise InputError(
-                f"the journal is not of this {what}: it has a walk with {canonical(where)}; use another"
+                f"the journal is not of this optimisation: it has a walk with {canonical(where)}; use another"
             )
         if not any_code and entry.version != provenance():
             raise InputError(

@@ -32,7 +32,6 @@ COMMANDS = {
     "study run": "study.run:run",
     "study table": "study.show:table",
     "study optimize": "study.optimize:optimize",
-    "study paper": "study.paper:paper",
     "check-plant": "check_plant:check_plant",
     "bench tick": "bench:tick",
     "bench walk": "bench:walk",

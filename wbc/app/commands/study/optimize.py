@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import Annotated, Literal
@@ -16,6 +16,7 @@ from wbc.core.errors import InputError, choose
 from wbc.core.files import save_figure
 from wbc.core.settings import Count, Positive, Seed, settings, to_json
 from wbc.sim.studies.journal import Entry, Journal, read_journal
+from wbc.sim.studies.paper.experiments import authority_heights
 from wbc.sim.studies.paper.optimization import (
     BOUNDS,
     FIRST_DESIGN,
@@ -48,7 +49,8 @@ class OptimizeOptions(RunOptions):
         kp: Other bounds of the proportional gain, 1/s.
         kd: Other bounds of the derivative gain.
         law: Preset of the stabilizer's settings, default, frizza or no_bias.
-        amplitude: Highest minus lowest point of the grounds, m; the family's own when not given.
+        amplitude: Highest minus lowest point of the grounds, m; when not given the family's own, or of 'table2', unless
+            with a law of the paper, that of the study 'authority'.
         distance: Length of a walk, m.
         seed: Seed of the points that are asked for.
         batch: Points asked for at a time; as many as workers when not given. Another number asks for other points.
@@ -78,7 +80,9 @@ class OptimizeOptions(RunOptions):
 
     def specs(self, grounds: tuple[str, ...]) -> list[OptimisationSpec]:
         """Return the optimisations of different families of grounds; "table2" stands for the paper's Table II."""
-        names = tuple(TABLE_II) if grounds == ("table2",) else grounds
+        names, heights = grounds, {}
+        if grounds == ("table2",):
+            names, heights = tuple(TABLE_II), authority_heights() if self.law == "default" else {}
         for name in names:
             choose("terrain", name, terrain_families())
         if len(set(names)) < len(names) or not names:
@@ -86,7 +90,7 @@ class OptimizeOptions(RunOptions):
         return [
             OptimisationSpec(
                 ground=name,
-                amplitude=None if name == "flat" else self.amplitude,
+                amplitude=None if name == "flat" else self.amplitude or heights.get(name),
                 law=self.law,
                 bounds=self.chosen_bounds(),
                 distance=self.distance,
@@ -109,14 +113,20 @@ def optimize(
     specs = options.specs(grounds)
     if options.figures is not None and not options.figures.is_dir():
         raise InputError(f"no folder {options.figures} to write figures into")
-    found, walked, judged = run_optimisations(
-        specs, options, budget=options.budget, validate=options.validate, any_code=options.any_code
-    )
-    figures = (
-        []
-        if options.figures is None
-        else [str(path) for path in save_figures(options.figures, "optimize", walked, found)]
-    )
+    check_journal(read_journal(options.journal), specs, any_code=options.any_code)
+    found: dict[str, Optimum] = {}
+    walked: dict[str, list[Walked]] = {}
+    judged: dict[str, StudyTable] = {}
+    total = (options.budget + 5 * options.validate) * len(specs)
+    with open_runner(options, total) as run:
+        for spec in specs:
+            known = walked[spec.ground] = optimise(spec, options.budget, run, any_code=options.any_code)
+            found[spec.ground] = optimum(known, spec.bounds, seed=spec.seed)
+            if options.validate:
+                study = validation({spec: found[spec.ground]}, options.validate)
+                entries = run([trial.spec for trial in study.trials()])  # type: ignore[misc]
+                judged[spec.ground] = study_table(study, entries, any_code=options.any_code)
+    figures = [] if options.figures is None else save_figures(options.figures, walked, found)
     data = {
         "grounds": {
             name: {
@@ -128,27 +138,6 @@ def optimize(
         "figures": figures,
     }
     return output.report(data, "\n\n".join([table_two(found), *_texts(found, judged), *figures]))
-
-
-def run_optimisations(
-    specs: Sequence[OptimisationSpec], options: RunOptions, *, budget: int, validate: int, any_code: bool
-) -> tuple[dict[str, Optimum], dict[str, list[Walked]], dict[str, StudyTable]]:
-    """Run optimisations of different grounds and their validations; return optima, walks and tables by ground."""
-    owns = lambda spec: any(each.owns(spec) for each in specs)  # noqa: E731
-    check_journal(read_journal(options.journal), owns, "optimisation", any_code=any_code)
-    found: dict[str, Optimum] = {}
-    walked: dict[str, list[Walked]] = {}
-    judged: dict[str, StudyTable] = {}
-    each = budget + 5 * validate
-    with open_runner(options, each * len(specs), "optimize", any_code=any_code) as run:
-        for spec in specs:
-            known = walked[spec.ground] = optimise(spec, budget, run, any_code=any_code)
-            found[spec.ground] = optimum(known, spec.bounds, seed=spec.seed)
-            if validate:
-                study = validation({spec: found[spec.ground]}, validate)
-                entries = run([trial.spec for trial in study.trials()])  # type: ignore[misc]
-                judged[spec.ground] = study_table(study, entries, any_code=any_code)
-    return found, walked, judged
 
 
 def _texts(found: Mapping[str, Optimum], judged: Mapping[str, StudyTable]) -> list[str]:
@@ -164,35 +153,31 @@ def _texts(found: Mapping[str, Optimum], judged: Mapping[str, StudyTable]) -> li
     return lines
 
 
-def save_figures(
-    folder: Path, part: str, walked: Mapping[str, list[Walked]], found: Mapping[str, Optimum]
-) -> list[Path]:
+def save_figures(folder: Path, walked: Mapping[str, list[Walked]], found: Mapping[str, Optimum]) -> list[str]:
     """Save a figure of each ground and one of J over the stiffness on all of them; return their files."""
     from wbc.app.plot.optimization import optimum_figure, stiffness_figure  # noqa: PLC0415 - slow to import
 
     figures = {name: optimum_figure(name, walked[name], each) for name, each in found.items()}
     if len(found) > 1:
         figures = {"stiffness": stiffness_figure(walked, found), **figures}
-    paths = []
     for name, figure in figures.items():
-        paths.append(folder / f"{part}_{name}.png")
-        save_figure(figure, paths[-1], dpi=110.0)
-    return paths
+        save_figure(figure, folder / f"optimize_{name}.png", dpi=110.0)
+    return [str(folder / f"optimize_{name}.png") for name in figures]
 
 
 @contextmanager
 def open_runner(
-    options: RunOptions, total: int, title: str, *, any_code: bool
+    options: OptimizeOptions, total: int
 ) -> Iterator[Callable[[list[WalkSpec]], Mapping[str, Entry]]]:
     """Open journal and workers once for many small sweeps; yield the function that runs the walks of one."""
     with ExitStack() as stack:
-        journal = stack.enter_context(Journal(options.journal, sync=options.sync))
+        journal = stack.enter_context(Journal(options.journal))
         if options.cluster is not None:
             executor = stack.enter_context(cluster_executor(options.cluster, workers=options.workers))
         else:
             executor = stack.enter_context(local_executor(options.workers))
         bar = stack.enter_context(progress_bar())
-        task = bar.add_task(title, total=total, rate="")
+        task = bar.add_task("optimize", total=total, rate="")
 
         def run(specs: list[WalkSpec]) -> Mapping[str, Entry]:
             sweep(
@@ -201,7 +186,7 @@ def open_runner(
                 executor=executor,
                 timeout=options.timeout,
                 retry=options.retry,
-                any_code=any_code,
+                any_code=options.any_code,
             )
             bar.advance(task, len(specs))
             return journal.entries

@@ -25,7 +25,7 @@ from wbc.app.output import Flat, Output, OutputOptions, Report, progress_console
 from wbc.core.errors import InputError, unknown_name
 from wbc.core.files import write_text
 from wbc.core.settings import Count, Positive, settings
-from wbc.sim.studies.journal import Entry, Journal, Sync, canonical, check_journal_path, read_journal
+from wbc.sim.studies.journal import Entry, Journal, canonical, check_journal_path, read_journal
 from wbc.sim.studies.provenance import differences
 from wbc.sim.studies.study import Study, left_out, study_entries
 from wbc.sim.studies.sweep import TIMEOUT, SweepSummary, cluster_executor, sweep
@@ -89,7 +89,6 @@ class RunOptions:
         cluster: Run through Dask instead: address of a scheduler, or "local" for a cluster of --workers processes.
         timeout: Wall time that a trial may take, s.
         retry: Run trials again that crashed or timed out.
-        sync: When a line is forced to the disk.
     """
 
     journal: Path
@@ -97,7 +96,6 @@ class RunOptions:
     cluster: str | None = None
     timeout: Annotated[Positive, "s"] = TIMEOUT
     retry: bool = False
-    sync: Sync = "second"
 
     def __post_init__(self) -> None:
         check_journal_path(self.journal)
@@ -188,7 +186,7 @@ def run_trials(study: Study, options: RunOptions, *, any_code: bool = False) -> 
     """
     specs = [trial.spec for trial in study.trials()]
     with ExitStack() as stack:
-        journal = stack.enter_context(Journal(options.journal, sync=options.sync))
+        journal = stack.enter_context(Journal(options.journal))
         older = 0 if any_code else left_out(study, journal.entries).other_code
         if older:
             raise InputError(

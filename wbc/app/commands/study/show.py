@@ -61,19 +61,17 @@ class ShownPartOptions:
         cell: Only these cells, by name or beginning of a name.
         arm: Only these arms.
         seeds: Only the first so many seeds.
-        scale: Only this share of the seeds, at least one.
         set: Size of the study dataset, each as name=value: seeds, amplitudes, evaluations, distance, height.
     """
 
     cell: tuple[str, ...] = ()
     arm: tuple[str, ...] = ()
     seeds: int | None = None
-    scale: float = 1.0
     set: tuple[str, ...] = ()
 
     def part(self, study: str) -> Study:
         """Return this part of a study."""
-        return read_study(study, self.set).narrowed(self.cell, self.arm, self.seeds).scaled(self.scale)
+        return read_study(study, self.set).narrowed(self.cell, self.arm, self.seeds)
 
 
 @settings(kw_only=True)
