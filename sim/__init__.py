@@ -10,7 +10,8 @@ from wbc.sim.loop.server import RobotServer
 from wbc.sim.loop.shared import SharedPlant
 from wbc.sim.plant.falls import TrueFallDetector
 from wbc.sim.plant.fitting import with_feet
-from wbc.sim.plant.plant import DivergedError, Plant
+from wbc.sim.plant.plant import Plant
+from wbc.sim.plant.robot import DivergedError
 from wbc.sim.plant.sensors import SensorNoise, SignalNoise
 from wbc.sim.plant.settings import Machine, PhysicsSettings
 from wbc.sim.rig.actions import press

@@ -22,7 +22,7 @@ from wbc.core.errors import Array, InputError, choose, finite_array
 from wbc.core.estimation.observer import Observer
 from wbc.core.robot import GRAVITY
 from wbc.core.settings import Positive
-from wbc.sim.plant.plant import DivergedError
+from wbc.sim.plant.robot import DivergedError
 from wbc.sim.trial.push import WalkPush
 from wbc.sim.walks.plans import WalkPlan
 from wbc.sim.walks.spec import WalkSpec

@@ -5,10 +5,10 @@ from __future__ import annotations
 import mujoco
 import numpy as np
 
-from wbc.core.conventions import Index
 from wbc.core.errors import Array, InputError, ModelError, shown
 from wbc.core.signals import Command
 from wbc.robots import RobotDescription
+from wbc.sim.plant.places import RobotPlaces
 
 PLAIN_DYNAMICS = (
     int(mujoco.mjtDyn.mjDYN_NONE),
@@ -49,15 +49,12 @@ class JointActuators:
         applied: Torques that were put on joints without an actuator in the last step, shape (na,), Nm.
     """
 
-    def __init__(
-        self, model: mujoco.MjModel, description: RobotDescription, joints: list[int], root: int
-    ) -> None:
-        """Find the actuators of MuJoCo's joints, in the order of the robot's, or raise a `ModelError`."""
-        self._model = model
+    def __init__(self, places: RobotPlaces, description: RobotDescription) -> None:
+        """Find the actuators of the robot's joints, or raise a `ModelError`."""
+        self._model = model = places.model
         self._names = description.joint_names
-        na = len(joints)
-        self._qpos: Index = model.jnt_qposadr[joints].astype(np.intp)
-        self._dof: Index = model.jnt_dofadr[joints].astype(np.intp)
+        joints, na = places.joints, len(places.joints)
+        self._qpos, self._dof = places.joint_qpos, places.joint_dof
         self._kp, self._kd = np.array(description.kp), np.array(description.kd)
         self._limit = np.array(description.torque_limit)
         of_joint = {joint: i for i, joint in enumerate(joints)}
@@ -87,9 +84,7 @@ class JointActuators:
         self.kinds = tuple(" + ".join(kind) or "none" for kind in kinds)
         self._bare = np.array([i for i in range(na) if not kinds[i]], dtype=np.intp)
         self.applied = np.zeros(na)
-        tree = [
-            d for d in range(model.nv) if model.body_rootid[model.dof_bodyid[d]] == model.body_rootid[root]
-        ]
+        tree = np.flatnonzero(places.of_robot[model.dof_bodyid]).tolist()
         self._tree = np.array(tree, dtype=np.intp)
         place = {dof: i for i, dof in enumerate(tree)}
         self._tree_dof = np.array([place[int(dof)] for dof in self._dof], dtype=np.intp)

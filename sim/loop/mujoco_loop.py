@@ -10,7 +10,6 @@ Command and measurement are those of a real robot.
 from __future__ import annotations
 
 import logging
-import math
 from collections.abc import Callable, Mapping, Sequence
 
 import mujoco
@@ -18,22 +17,17 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from wbc.core.arguments import checked
-from wbc.core.conventions import configuration_from_mujoco, velocity_from_mujoco
-from wbc.core.errors import InputError, MeasurementError, whole_number
-from wbc.core.robot import Robot, checked_configuration
-from wbc.core.signals import Command, Measurement
+from wbc.core.errors import Array, InputError, whole_number
+from wbc.core.robot import checked_configuration
+from wbc.core.signals import Command
 from wbc.robots import RobotDescription
 from wbc.sim.loop.actuators import JointActuators
-from wbc.sim.loop.contacts import SoleContacts
-from wbc.sim.loop.places import ImuSensors, find_imu, find_places
-from wbc.sim.loop.signals import LoopSignals
-from wbc.sim.plant.drives import DelayLine
 from wbc.sim.plant.hands import check_clear
-from wbc.sim.plant.model import body_frame
-from wbc.sim.plant.pushes import Push, Pushes
-from wbc.sim.plant.sensors import NO_NOISE, NOISE_PRESETS, SensorChain, SensorNoise
-from wbc.sim.plant.settings import Machine, steps_per_tick, whole_steps
-from wbc.sim.plant.truth import GroundTruth
+from wbc.sim.plant.places import RobotPlaces
+from wbc.sim.plant.robot import SimulatedRobot
+from wbc.sim.plant.sensors import NO_NOISE, SensorNoise
+from wbc.sim.plant.settings import Machine, steps_per_tick
+from wbc.sim.plant.signals import Imu
 
 logger = logging.getLogger(__name__)
 
@@ -50,7 +44,7 @@ Stepper = Callable[[mujoco.MjModel, mujoco.MjData], object]
 """Function that advances a simulation by one physics step, such as `mujoco.mj_step`."""
 
 
-class MujocoLoop:
+class MujocoLoop(SimulatedRobot):
     """A robot among other things in a MuJoCo model of one's own.
 
     The model is not changed: actuators act as the file has them (`wbc.sim.loop.actuators` says how they are
@@ -58,20 +52,10 @@ class MujocoLoop:
     the file collide here. Names join the model to the description of the robot; a joint that is elsewhere or turns
     the other way is refused.
 
-    Encoders, joint velocities and gyroscope are those of the present instant; accelerometer and sole wrenches are the
-    mean over the physics steps of the control period that ended now. Wrenches are the sums of all contacts of a foot.
-    All are perfect and of the instant unless `noise` and `machine` say otherwise, as for `wbc.Plant`.
+    Wrenches are the sums of all contacts of a foot. Sensors are perfect and of the instant unless `noise` and `machine`
+    say otherwise, as for `wbc.Plant`.
 
     Attributes:
-        description: The robot as data.
-        robot: The robot as a model, for names and sizes; its state is not kept up to date.
-        model: MuJoCo's model.
-        data: MuJoCo's state.
-        control_period: Time that `step` advances, s.
-        steps: Physics steps in it.
-        noise: Sensor errors.
-        machine: Delays, and which sensors there are.
-        seed: Seed of the sensor errors.
         actuators: Drives of the joints, as the file has them.
         notes: What is doubtful about model and description, one line each.
     """
@@ -117,42 +101,31 @@ class MujocoLoop:
             InputError: A control period that is no multiple of the physics step, data of another model, a machine
                 with friction, payload or hand sensors.
         """
-        self.machine = machine or Machine(torque_sensors=True)
-        if self.machine.friction > 0.0 or self.machine.payload > 0.0 or self.machine.hand_sensors:
+        machine = machine or Machine(torque_sensors=True)
+        if machine.friction > 0.0 or machine.payload > 0.0 or machine.hand_sensors:
             raise InputError(
                 "a MuJoCo model of one's own has friction and payload in itself, and its hands are not measured: put "
                 "them into the model, and leave friction, payload and hand_sensors of the machine alone"
             )
         description.needs_feet("a loop with sensors of a humanoid")
-        self.noise = NOISE_PRESETS[noise] if isinstance(noise, str) else noise
-        self.seed = whole_number("seed", seed, low=0)
-        self.description, self.model = description, model
-        self.robot: Robot = description.robot()
-        self.control_period = float(control_period)
-        self.steps = steps_per_tick(control_period, float(model.opt.timestep))
-        self.places = find_places(model, description, joints or {}, prefix)
-        self.actuators = JointActuators(model, description, self.places.joints, self.places.root)
-        imu = find_imu(model, self.places, gyroscope, accelerometer)
-        self._contacts = SoleContacts(model, self.places.root, self.places.feet, self.places.soles)
-        self._signals = LoopSignals(model, self.places, imu, self._contacts, self.actuators, self.steps)
-        timestep = float(model.opt.timestep)
-        self._chain = SensorChain(
-            self.noise,
-            self.robot.na,
-            len(self.places.feet),
-            timestep,
-            self.steps,
-            delay=self.machine.measurement_delay,
-            torques=True,
+        steps_per_tick(control_period, float(model.opt.timestep))
+        robot = description.robot()
+        places = RobotPlaces(model, robot, joints, prefix)
+        self.actuators = JointActuators(places, description)
+        imu = Imu(places, gyroscope, accelerometer)
+        super().__init__(
+            description,
+            robot,
+            places,
+            control_period=control_period,
+            noise=noise,
+            seed=seed,
+            machine=machine,
+            imu=imu,
         )
-        self._age = whole_steps(self.machine.measurement_delay, timestep) * timestep  # of measurements, s
-        delay = whole_steps(self.machine.command_delay, timestep)
-        self._late: DelayLine | None = DelayLine(delay) if delay > 0 else None
-        self._pushes = Pushes()
         self._stepper: Stepper = mujoco.mj_step if stepper is None else stepper
         self.notes = tuple(self._notes(imu))
         if data is None:
-            self.data = mujoco.MjData(model)
             self.reset()
             return
         if (data.qpos.size, data.qvel.size, data.ctrl.size) != (model.nq, model.nv, model.nu):
@@ -161,17 +134,12 @@ class MujocoLoop:
                 f"{data.qpos.size}, nv {data.qvel.size}, nu {data.ctrl.size}"
             )
         self.data = data
-        self._begin()
+        self._begin(self.seed)
         try:
             check_clear(model, data, self._contacts.geom_robot)
         except InputError as error:
             self.notes += (f"the data begin so (reset() puts the robot into half-sitting): {error}",)
             logger.warning("%s", self.notes[-1])
-
-    @property
-    def time(self) -> float:
-        """Simulated time, s."""
-        return float(self.data.time)
 
     def reset(self, configuration: ArrayLike | None = None, seed: int | None = None) -> None:
         """Put the robot, at rest and held by its drives, into a configuration; everything else stays where it is.
@@ -196,45 +164,18 @@ class MujocoLoop:
         mujoco.mj_forward(self.model, self.data)
         self.actuators.apply(self.data, self.hold())
         self.actuators.settle(self.data)
-        self._begin()
+        self._begin(self.seed)
 
-    def _begin(self) -> None:
-        mujoco.mj_forward(self.model, self.data)
-        self.actuators.begin(self.data)
-        self._touching = self._contacts.of_robot(self.data)
-        self._signals.begin(self.data)
-        self._chain.reset(self._signals.values, self.seed)
-        self._pushes.clear(self.data)
+    def _begin(self, seed: int) -> None:
         self.data.warning.number[DIVERGED] = 0
+        super()._begin(seed)
+        self.actuators.begin(self.data)
         self._at_work = self.hold()
-        if self._late is not None:
-            self._late.clear()
-        self._measurement: Measurement | None = None
 
     def hold(self) -> Command:
         """Return a command that holds the present joint positions with the servos."""
         zero = np.zeros(self.robot.na)
         return Command(zero, np.array(self.data.qpos[self.places.joint_qpos]), zero)
-
-    def measure(self) -> Measurement:
-        """Return the readings of the sensors now; the same object until the next step.
-
-        Raises:
-            MeasurementError: The simulation has diverged: the state is not finite, or MuJoCo has reset it.
-        """
-        if self._measurement is not None:
-            return self._measurement
-        reading, machine = self._chain.read(self._signals.values), self.machine
-        if self.data.warning.number[DIVERGED].any() or not math.isfinite(reading.dot(reading)):
-            raise MeasurementError(f"no measurement at {self.time:.4f} s: the simulation has diverged")
-        reading.setflags(write=False)
-        self._measurement = self._signals.measurement(
-            reading,
-            self.time - self._age,
-            forces=machine.force_sensors,
-            torques=machine.torque_sensors,
-        )
-        return self._measurement
 
     def step(self, command: Command) -> None:
         """Advance by one control period under a command.
@@ -247,43 +188,10 @@ class MujocoLoop:
         """
         step_together((self,), (command,))
 
-    def push(self, body: str, force: ArrayLike, duration: float, at: ArrayLike | None = None) -> None:
-        """Begin to push a body of the robot; pushes add up.
+    def _drive_torque(self, data: mujoco.MjData) -> Array:
+        return self.actuators.torque(data)
 
-        Args:
-            body: Link or frame of the robot; "torso" and "base" are its torso and base frames.
-            force: In the world, shape (3,), N; constant.
-            duration: s.
-            at: Point of attack in the frame of that body, shape (3,), m; the centre of mass of its link when None.
-
-        Raises:
-            UnknownNameError: No such body; the nearest names are given.
-            InputError: A force or point that is not three finite numbers, a duration that is not above zero.
-        """
-        index, place = self.places.carrier(self.model, self.robot, body_frame(body, self.robot))
-        self._pushes.add(Push.at(index, place, force, duration, at))
-
-    def truth(self) -> GroundTruth:
-        """Return the true state now; for logs, tests and pictures, never for a controller."""
-        data, places = self.data, self.places
-        q = configuration_from_mujoco(data.qpos[places.base_qpos :], places.joint_qpos - places.base_qpos)
-        v = velocity_from_mujoco(q, data.qvel[places.base_dof :], places.joint_dof - places.base_dof)
-        mujoco.mj_subtreeVel(self.model, data)
-        position, force, sole = self._touching
-        return GroundTruth(
-            time=self.time,
-            q=q,
-            v=v,
-            com=data.subtree_com[places.root].copy(),
-            com_velocity=data.subtree_linvel[places.root].copy(),
-            joint_torque=self.actuators.torque(data),
-            contact_position=position,
-            contact_force=force,
-            contact_sole=sole,
-            sole_wrench=self._signals.wrenches(),
-        )
-
-    def _notes(self, imu: ImuSensors) -> list[str]:
+    def _notes(self, imu: Imu) -> list[str]:
         model, notes = self.model, []
         names = self.description.joint_names
         bare = [name for name, kind in zip(names, self.actuators.kinds, strict=True) if kind == "none"]
@@ -303,13 +211,13 @@ class MujocoLoop:
             notes.append(
                 f"the robot has {mass:.2f} kg in the model and {self.robot.mass:.2f} kg in the description"
             )
-        displaced = self.places.displaced_mass(model, self.robot)
+        displaced = self.places.displaced_mass()
         if displaced is not None:
             notes.append(
                 f"at half-sitting the centre of mass of the link of '{displaced[0]}' is {1e3 * displaced[1]:.0f} mm "
                 "off in the model: the joint counts from another zero, or the mass is elsewhere"
             )
-        weightless = int(np.count_nonzero(model.body_gravcomp[model.body_rootid == self.places.root]))
+        weightless = int(np.count_nonzero(model.body_gravcomp[self.places.of_robot]))
         if weightless:
             notes.append(
                 f"gravity of {weightless} bodies is compensated in the model (gravcomp), not in the description"
@@ -336,7 +244,7 @@ def step_together(loops: Sequence[MujocoLoop], commands: Sequence[Command]) -> N
     for loop, command in zip(loops, commands, strict=True):
         loop.actuators.check(command)
     for loop, command in zip(loops, commands, strict=True):
-        loop._measurement = None
+        loop._measurement = loop._truth = None
         if loop._late is None:
             loop._at_work = command
         else:
@@ -351,9 +259,8 @@ def step_together(loops: Sequence[MujocoLoop], commands: Sequence[Command]) -> N
                 loop._pushes.apply(data, model.opt.timestep)
         loops[0]._stepper(model, data)
         for loop in loops:
-            if left == 0:  # what follows finds contacts anew, and leaves their forces as they were
-                loop._touching = loop._contacts.of_robot(data)
-            loop._signals.record(data)
+            loop._contacts.capture(data)
+            loop._signals.record(data, loop._signals.window[-1 - left])
         reading = [
             loop
             for loop in loops
@@ -368,3 +275,5 @@ def step_together(loops: Sequence[MujocoLoop], commands: Sequence[Command]) -> N
                 loop._signals.sample(data)
         for loop in reading:
             loop._chain.push(loop._signals.values)
+    for loop in loops:
+        loop._find_divergence(DIVERGED)

@@ -2,32 +2,38 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import mujoco
 import numpy as np
 
 from wbc.core.errors import Array, InputError
-from wbc.feet import Foot, RangeSensor, SoftFoot
+from wbc.feet import Foot, FootParts, RangeSensor, SoftFoot
 from wbc.feet.soles.runtime_mjcf import RangeFinder, SoleStiffness
 from wbc.feet.soles.soft import VariableStiffnessFoot
-from wbc.sim.plant.model import PlantModel
 
 
 class FootDevices:
     """Stiffness actuator and range sensor of every sole, left first."""
 
-    def __init__(self, plant: PlantModel, foot: Foot, range_sensor: RangeSensor | None) -> None:
-        """Find the devices in the model of the feet that were built under both ankles."""
-        self._plant = plant
+    def __init__(
+        self,
+        model: mujoco.MjModel,
+        feet: Sequence[FootParts],
+        ground_group: int,
+        foot: Foot,
+        range_sensor: RangeSensor | None,
+    ) -> None:
+        """Find the devices in the model of the feet that were built under both ankles; the ground has a geom group."""
+        self._model, self._feet, self._ground_group = model, feet, ground_group
         self._range_sensor = range_sensor
         actuator = foot.actuator if isinstance(foot, VariableStiffnessFoot) else None
         damping = foot.damping_at if isinstance(foot, SoftFoot) and foot.damping_ratio is not None else None
         self._variable = actuator is not None
         self._soles = [
-            SoleStiffness(plant.model, built, actuator, damping)
-            for built in plant.feet
-            if built.variable_joints
+            SoleStiffness(model, built, actuator, damping) for built in feet if built.variable_joints
         ]
-        self._none = np.full(len(plant.feet), np.nan)
+        self._none = np.full(len(feet), np.nan)
         self._none.setflags(write=False)
         self._ranges: list[RangeFinder] = []
 
@@ -38,13 +44,13 @@ class FootDevices:
         if self._range_sensor is not None:
             self._ranges = [
                 RangeFinder(
-                    self._plant.model,
+                    self._model,
                     foot,
-                    ground_group=self._plant.ground.group,
+                    ground_group=self._ground_group,
                     sensor=self._range_sensor,
                     seed=seed,
                 )
-                for foot, seed in zip(self._plant.feet, seeds, strict=True)
+                for foot, seed in zip(self._feet, seeds, strict=True)
             ]
 
     def check(self, command: Array | None) -> None:
@@ -82,4 +88,4 @@ class FootDevices:
         """Return the reading of each range sensor, shape (number of soles,), m; NaN without a sensor or an echo."""
         if not self._ranges:
             return self._none
-        return np.array([finder.read(self._plant.model, data) for finder in self._ranges])
+        return np.array([finder.read(self._model, data) for finder in self._ranges])

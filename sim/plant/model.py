@@ -1,24 +1,21 @@
-"""MuJoCo model of a robot on its feet on a terrain, and the places of its parts."""
+"""MuJoCo model of a robot on its feet on a terrain."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 
 import mujoco
 import numpy as np
 import pinocchio as pin
 
-from wbc.core.conventions import Index
-from wbc.core.errors import InputError, ModelError, unknown_name
+from wbc.core.errors import InputError, ModelError
 from wbc.core.hull import convex_hull
 from wbc.core.robot import SIDES, Robot
 from wbc.feet import Foot, FootParts
 from wbc.feet.soles.sole import SoleGeometry
 from wbc.robots.description import RobotDescription
 from wbc.sim.plant.body_shapes import add_body_shapes
-from wbc.sim.plant.hands import HandSensor, add_grips, add_hand_sensors
+from wbc.sim.plant.hands import add_grips, add_hand_sensors
 from wbc.sim.plant.settings import Machine, PhysicsSettings
 from wbc.sim.scenes.base import Scene, make_scene
 from wbc.sim.terrain.render import TERRAIN_GROUP, AddedTerrain, add_to_spec
@@ -37,68 +34,6 @@ First half of a physics step with and without trees: 39.7 and 35.8 µs at 12 pai
 and 43.6 at 60 (soft, stones), 38.6 and 39.5 at 168 (soft, floor tiles), 51.9 and 26.2 at 240 (rigid, cobble stones),
 27.8 and 30.9 at 252 (flat, ellipsoids), 31.9 and 35.7 at 600 (rigid, stones).
 """
-
-
-@dataclass(frozen=True, eq=False)
-class PlantModel:
-    """A compiled model and the places of its parts.
-
-    Attributes:
-        model: MuJoCo's model.
-        feet: One foot per sole, left first.
-        ground: The terrain as drawn.
-        joint_qpos: Place in `qpos` of each actuated joint, shape (na,).
-        joint_dof: Place in `qvel` of each actuated joint, shape (na,).
-        base: Body of the floating base.
-        geom_sole: Index of the sole that a geom belongs to, −1 for none, shape (ngeom,).
-        geom_robot: True for geoms of the robot, shape (ngeom,).
-        body_robot: True for bodies of the robot, shape (nbody,).
-        sole_sites: Site at each sole centre, left first.
-        imu: First places in `sensordata` of the gyroscope and the accelerometer.
-        furnished: True if other things than robot and ground may touch.
-        hands: Force sensors at the wrists, in the order of `Robot.frames`; none without such sensors.
-    """
-
-    model: mujoco.MjModel
-    feet: tuple[FootParts, ...]
-    ground: AddedTerrain
-    joint_qpos: Index
-    joint_dof: Index
-    base: int
-    geom_sole: Index
-    geom_robot: np.ndarray[tuple[int], np.dtype[np.bool_]]
-    body_robot: np.ndarray[tuple[int], np.dtype[np.bool_]]
-    sole_sites: tuple[int, ...]
-    imu: tuple[int, int]
-    furnished: bool
-    hands: tuple[HandSensor, ...]
-
-    def body(self, name: str, robot: Robot) -> tuple[int, pin.SE3]:
-        """Return the body that carries a link or frame, "torso" or "base", and the frame's placement in it."""
-        name = body_frame(name, robot)
-        index = mujoco.mj_name2id(self.model, mujoco.mjtObj.mjOBJ_BODY, name)
-        if index >= 0:
-            return int(index), pin.SE3.Identity()
-        frame = robot.model.frames[robot.frame_id(name)]
-        joint = str(robot.model.names[frame.parentJoint])
-        if frame.parentJoint < 2:
-            return self.base, frame.placement
-        number = mujoco.mj_name2id(self.model, mujoco.mjtObj.mjOBJ_JOINT, joint)
-        return int(self.model.jnt_bodyid[number]), frame.placement
-
-
-def body_frame(name: str, robot: Robot) -> str:
-    """Return the link or frame of a robot by its name; "torso" and "base" stand for its torso and base frames.
-
-    Raises:
-        UnknownNameError: Neither a link nor a frame of the robot.
-    """
-    if robot.model.existFrame(name):
-        return name
-    alias = {"torso": robot.torso_frame, "base": robot.base_frame}
-    if name not in alias:
-        unknown_name("body", name, [*alias, *(f.name for f in robot.model.frames if f.name != "universe")])
-    return alias[name]
 
 
 def sole_geometries(robot: Robot) -> tuple[SoleGeometry, ...]:
@@ -146,7 +81,7 @@ def build_model(
     physics: PhysicsSettings,
     machine: Machine | None = None,
     scene: mujoco.MjSpec | None = None,
-) -> PlantModel:
+) -> tuple[mujoco.MjModel, tuple[FootParts, ...], AddedTerrain]:
     """Compile the MuJoCo model of a robot on its feet on a terrain.
 
     Args:
@@ -158,13 +93,15 @@ def build_model(
         machine: Friction and payload; none when None.
         scene: Furniture, made by `furniture`.
 
+    Returns:
+        The model, one foot per sole, left first, and the terrain as drawn.
+
     Raises:
         ModelError: MuJoCo cannot use the description, or reads other joints from it than Pinocchio.
         InputError: The foot does not fit.
     """
     spec = bare_spec(description)
     physics.apply(spec)
-    base = spec.worldbody.first_body()
     ground = add_to_spec(spec, terrain, sole_radius=foot.contact.radius)
     sensors = scene is not None or (machine is not None and machine.hand_sensors)
     feet = equip(
@@ -182,8 +119,10 @@ def build_model(
         _thin_flat_soles(model)
     if _max_pairs(model) <= MAX_PAIRS:  # the contacts are the same, and in the same order
         model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_MIDPHASE)
-    hands = list(robot.frames) if sensors else []
-    return _plant_model(model, robot, feet, ground, base.name, furnished=scene is not None, hands=hands)
+    # A clamp in one place alone would make the reported torque differ from the one applied.
+    clamps = model.jnt_actfrcrange[model.actuator_trnid[:, 0]]
+    assert (clamps == model.actuator_forcerange).all(), "joint and actuator are clamped differently"
+    return model, feet, ground
 
 
 def bare_spec(description: RobotDescription) -> mujoco.MjSpec:
@@ -374,52 +313,3 @@ def _max_pairs(model: mujoco.MjModel) -> int:
     feet = ~ground & (model.geom_conaffinity != 0)
     bodies = model.geom_bodyid
     return int(np.bincount(bodies[ground]).max(initial=0) * np.bincount(bodies[feet]).max(initial=0))
-
-
-def _plant_model(
-    model: mujoco.MjModel,
-    robot: Robot,
-    feet: Sequence[FootParts],
-    ground: AddedTerrain,
-    base: str,
-    *,
-    furnished: bool,
-    hands: Sequence[str],
-) -> PlantModel:
-    def find(kind: mujoco.mjtObj, name: str) -> int:
-        index = mujoco.mj_name2id(model, kind, name)
-        if index < 0:
-            raise InputError(f"the compiled model has no '{name}'")
-        return int(index)
-
-    # A clamp in one place alone would make the reported torque differ from the one applied.
-    clamps = model.jnt_actfrcrange[model.actuator_trnid[:, 0]]
-    assert (clamps == model.actuator_forcerange).all(), "joint and actuator are clamped differently"
-    kinds = mujoco.mjtObj
-    joints = [find(kinds.mjOBJ_JOINT, name) for name in robot.joint_names]
-    base_id = find(kinds.mjOBJ_BODY, base)
-    body_sole = np.full(model.nbody, -1, dtype=np.intp)
-    for i, foot in enumerate(feet):
-        body_sole[find(kinds.mjOBJ_BODY, foot.body)] = i
-    for body in range(1, model.nbody):  # a parent's number is below its children's
-        if body_sole[body] < 0:
-            body_sole[body] = body_sole[model.body_parentid[body]]
-
-    def reading(name: str) -> int:
-        return int(model.sensor_adr[find(kinds.mjOBJ_SENSOR, name)])
-
-    return PlantModel(
-        model=model,
-        feet=tuple(feet),
-        ground=ground,
-        joint_qpos=model.jnt_qposadr[joints].astype(np.intp),
-        joint_dof=model.jnt_dofadr[joints].astype(np.intp),
-        base=base_id,
-        geom_sole=body_sole[model.geom_bodyid],
-        geom_robot=model.body_rootid[model.geom_bodyid] == model.body_rootid[base_id],
-        body_robot=model.body_rootid == model.body_rootid[base_id],
-        sole_sites=tuple(find(kinds.mjOBJ_SITE, foot.wrench_site) for foot in feet),
-        imu=(reading("gyroscope"), reading("accelerometer")),
-        furnished=furnished,
-        hands=tuple(HandSensor.of(model, role) for role in hands),
-    )

@@ -9,7 +9,6 @@
 
 from __future__ import annotations
 
-import logging
 import math
 from collections import deque
 from dataclasses import replace
@@ -21,29 +20,22 @@ from numpy.typing import ArrayLike
 
 from wbc.core.arguments import checked
 from wbc.core.conventions import configuration_to_mujoco, velocity_to_mujoco
-from wbc.core.errors import (
-    Array,
-    InputError,
-    MeasurementError,
-    WbcError,
-    finite_array,
-    non_negative,
-    whole_number,
-)
-from wbc.core.robot import Robot, checked_configuration
-from wbc.core.signals import Command, Measurement
+from wbc.core.errors import Array, InputError, finite_array, non_negative, whole_number
+from wbc.core.robot import checked_configuration
+from wbc.core.signals import Command
 from wbc.feet import Foot, RangeSensor
 from wbc.feet import foot as foot_by_name
 from wbc.robots.description import RobotDescription
-from wbc.sim.plant.drives import DelayLine, Drives
+from wbc.sim.plant.drives import Drives
 from wbc.sim.plant.foot_devices import FootDevices
-from wbc.sim.plant.hands import Grips, check_clear
+from wbc.sim.plant.hands import Grips, HandSensor, check_clear
 from wbc.sim.plant.model import SCENE_PREFIX, build_model, furniture
-from wbc.sim.plant.pushes import Loads, Push, Pushes
-from wbc.sim.plant.sensors import NO_NOISE, NOISE_PRESETS, SensorChain, SensorNoise
+from wbc.sim.plant.places import RobotPlaces
+from wbc.sim.plant.pushes import Loads
+from wbc.sim.plant.robot import DivergedError, SimulatedRobot
+from wbc.sim.plant.sensors import NO_NOISE, SensorNoise
 from wbc.sim.plant.settings import Machine, PhysicsSettings, steps_per_tick, whole_steps
-from wbc.sim.plant.signals import TrueSignals
-from wbc.sim.plant.truth import GroundTruth, TruthReader
+from wbc.sim.plant.signals import Imu
 from wbc.sim.scenes.base import Scene
 from wbc.sim.terrain.spec import Terrain
 from wbc.sim.terrain.spec import terrain as terrain_by_name
@@ -51,31 +43,17 @@ from wbc.sim.terrain.spec import terrain as terrain_by_name
 INITIAL_PRESS = 1e-6
 """Depth of the soles in the ground at the start, m, so that all of their spheres are in contact at once."""
 
-_log = logging.getLogger(__name__)
 
-if mujoco.get_mju_user_warning() is None:  # else MuJoCo writes a file into the working directory
-    mujoco.set_mju_user_warning(lambda message: _log.info("MuJoCo: %s", message))
-
-
-class DivergedError(WbcError):
-    """A step of a simulation that has diverged: its state has no meaning."""
-
-
-class Plant:
+class Plant(SimulatedRobot):
     """A simulated robot.
 
     Position control: the servos apply kp (q_ref − q) + kd (q̇_ref − q̇) + τ, inside every physics step and integrated
     implicitly. Hybrid control: the same with the gains of the command. Torque control: τ alone. All are limited to the
     torque of the description.
 
-    Encoders, joint velocities and gyroscope are those of the present instant; accelerometer and forces are the mean
-    over the control period that ended now, like the output of an anti-aliasing filter: hard contacts chatter within a
-    period, and single samples of that mislead the controller. The force sensor sits above the foot: as with a real
-    one, its reading lacks the weight of a foot that has mass of its own.
+    The force sensor sits above the foot: as with a real one, its reading lacks the weight of a foot with a mass.
 
     Attributes:
-        description: The robot as data.
-        robot: The robot as a model, for names and sizes; its state is not kept up to date.
         foot: The feet.
         feet: Names and sizes of what was built under the ankles, left first.
         sole_sites: MuJoCo site at each sole centre, left first.
@@ -83,23 +61,10 @@ class Plant:
         terrain: The ground as drawn.
         scene: MJCF of the furniture; None without.
         physics: Settings of the physics.
-        machine: Delays, friction, payload and which sensors there are.
-        timestep: Physics step, s.
-        control_period: Time that `step` advances, s.
-        steps: Physics steps in it.
-        noise: Sensor errors.
-        seed: Seed of every random draw.
-        model: MuJoCo's model.
-        data: MuJoCo's state; positions and velocities are up to date after `step`.
         joint_torque: Torques of the servos in the physics step that ended now, shape (na,), Nm; overwritten by the
             next step.
         ticks: Control periods since the start.
-        diverged: Reason of a divergence of the simulation; None as a rule.
     """
-
-    diverged: str | None
-    _truth: GroundTruth | None
-    _measurement: Measurement | None
 
     @checked
     def __init__(
@@ -142,61 +107,46 @@ class Plant:
             ModelError: A robot that cannot be simulated.
         """
         description.needs_feet("the plant")
-        self.steps = steps_per_tick(control_period, timestep)
-        self.control_period, self.timestep = float(control_period), float(timestep)
-        self.noise = NOISE_PRESETS[noise] if isinstance(noise, str) else noise
+        steps_per_tick(control_period, timestep)
         self.foot = foot_by_name(foot) if isinstance(foot, str) else foot
         self.physics = replace(physics or PhysicsSettings(), timestep=timestep)
-        self.seed = whole_number("seed", seed, low=0)
-        self.machine = machine or Machine()
-        self.description = description
-        self.robot: Robot = description.robot()
+        machine, robot = machine or Machine(), description.robot()
         things = None if scene is None else furniture(scene)
         self.scene = None if things is None else things.to_xml()
-        self._plant = build_model(
+        model, self.feet, ground = build_model(
             description,
-            self.robot,
+            robot,
             foot=self.foot,
             terrain=terrain_by_name(terrain) if isinstance(terrain, str) else terrain,
             physics=self.physics,
-            machine=self.machine,
+            machine=machine,
             scene=things,
         )
-        self.terrain = self._plant.ground.terrain
-        self.feet = self._plant.feet
-        self.sole_sites = self._plant.sole_sites
-        self.of_robot = self._plant.body_robot
-        self.model = self._plant.model
-        self.data = mujoco.MjData(self.model)
-        self._na = self.robot.na
-        self._truth_reader = TruthReader(self._plant)
-        self._pushes = Pushes()
-        self._grips = None if things is None else Grips(self.model, self.robot, SCENE_PREFIX)
-        self._loads = Loads(self.model)
-        self._devices = FootDevices(self._plant, self.foot, range_sensor)
-        self._drives = Drives(self.model, description)
-        delay = whole_steps(self.machine.command_delay, self.timestep)
-        self._late = DelayLine(delay) if delay > 0 else None
-        torques = self.machine.torque_sensors
-        self._signals = TrueSignals(
-            self._plant, self.steps, forces=self.machine.force_sensors, torques=torques
+        places = RobotPlaces(model, robot, feet=[built.body for built in self.feet])
+        hands = robot.frames if machine.hand_sensors or things is not None else ()
+        super().__init__(
+            description,
+            robot,
+            places,
+            control_period=control_period,
+            noise=noise,
+            seed=seed,
+            machine=machine,
+            imu=Imu(places, "gyroscope", "accelerometer"),
+            soles=[name for built in self.feet for name in (built.force_sensor, built.torque_sensor)],
+            hands=[HandSensor.of(model, role) for role in hands],
         )
-        self._chain = SensorChain(
-            self.noise,
-            self._na,
-            len(self.feet),
-            self.timestep,
-            self.steps,
-            delay=self.machine.measurement_delay,
-            torques=torques,
-            hands=len(self._plant.hands),
-        )
-        self.joint_torque = np.zeros(self._na)
+        self.terrain, self.of_robot = ground.terrain, places.of_robot
+        self.sole_sites = tuple(int(model.site(built.wrench_site).id) for built in self.feet)
+        self._grips = None if things is None else Grips(model, robot, SCENE_PREFIX)
+        self._loads = Loads(model)
+        self._devices = FootDevices(model, self.feet, ground.group, self.foot, range_sensor)
+        self._drives = Drives(model, description)
+        self.joint_torque = np.zeros(robot.na)
         self._initial = None
         if initial_configuration is not None:
             self._initial = finite_array("initial_configuration", initial_configuration)
-        age = whole_steps(self.machine.measurement_delay, self.timestep)
-        self._age = age * self.timestep  # of every measurement, s
+        age = whole_steps(machine.measurement_delay, self.timestep)
         # Readings of range sensors and stiffness actuators, once a tick: the oldest is the one that counts.
         self._late_feet: deque[tuple[Array, Array]] = deque(
             maxlen=math.ceil(age / self.steps) + 1 if age else 0
@@ -243,36 +193,28 @@ class Plant:
             q[3:7] /= np.linalg.norm(q[3:7])
         if self._grips is not None:
             start = mujoco.MjData(self.model)
-            configuration_to_mujoco(q, self._plant.joint_qpos, out=start.qpos)
+            configuration_to_mujoco(q, self.places.joint_qpos, out=start.qpos)
             mujoco.mj_fwdPosition(self.model, start)
-            check_clear(self.model, start, self._plant.geom_robot)
+            check_clear(self.model, start, self._contacts.geom_robot)
         if seed is not None:
             self.seed = whole_number("seed", seed, low=0)
         self._start = q
+        self._pushes.clear(data)
         mujoco.mj_resetData(self.model, data)
-        configuration_to_mujoco(q, self._plant.joint_qpos, out=data.qpos)
+        configuration_to_mujoco(q, self.places.joint_qpos, out=data.qpos)
         if v is not None:
-            velocity_to_mujoco(q, v, self._plant.joint_dof, out=data.qvel)
+            velocity_to_mujoco(q, v, self.places.joint_dof, out=data.qvel)
         sensor_seed, *range_seeds = (
             np.random.SeedSequence(self.seed).generate_state(1 + len(self.feet)).tolist()
         )
         self._devices.reset(range_seeds)
-        self._pushes.clear(data)
         self._loads.clear()
         self._drives.reset(q[7:])
-        if self._late is not None:
-            self._late.clear()
         data.ctrl[:] = self._drives.target
-        mujoco.mj_forward(self.model, data)
-        self._truth_reader.capture(data)
-        self._signals.window[:] = data.sensordata.take(self._signals.force_places)
-        self.ticks = 0
-        self.diverged = None
         self._late_feet.clear()
+        self.ticks = 0
+        self._begin(sensor_seed)
         self._after_step()
-        if self._chain.oldest > 0:
-            self._signals.sample(data)
-        self._chain.reset(self._signals.values, sensor_seed)
 
     def on_ground(self, configuration: ArrayLike) -> Array:
         """Return a configuration moved up or down until its lowest sole point touches the ground.
@@ -289,7 +231,7 @@ class Plant:
         """
         q = finite_array("configuration", configuration, (self.robot.nq,))
         data = mujoco.MjData(self.model)
-        configuration_to_mujoco(q, self._plant.joint_qpos, out=data.qpos)
+        configuration_to_mujoco(q, self.places.joint_qpos, out=data.qpos)
         mujoco.mj_kinematics(self.model, data)
         lift = -math.inf
         for foot, site in zip(self.feet, self.sole_sites, strict=True):
@@ -306,33 +248,10 @@ class Plant:
     @property
     def joint_velocity(self) -> Array:
         """True velocities of the actuated joints now, shape (na,), rad/s."""
-        return np.asarray(self.data.qvel[self._plant.joint_dof])
+        return np.asarray(self.data.qvel[self.places.joint_dof])
 
-    def truth(self) -> GroundTruth:
-        """Return the true state now; the same object until the next step."""
-        if self._truth is None:
-            self._truth = self._truth_reader.read(self.data, self.joint_torque)
-        return self._truth
-
-    def measure(self) -> Measurement:
-        """Return the readings of the sensors now; the same object until the next step.
-
-        Raises:
-            MeasurementError: The simulation has diverged.
-        """
-        if self._measurement is None:
-            reading = self._chain.read(self._signals.values)
-            if self.diverged is not None or not math.isfinite(reading.dot(reading)):
-                raise MeasurementError(
-                    f"no measurement at {self.time:.4f} s: {self.diverged or 'a sensor is not finite'}"
-                )
-            reading.setflags(write=False)
-            self._measurement = self._signals.measurement(
-                reading,
-                self.time - self._age,
-                *(self._late_feet[0] if self._late_feet else self._feet_now()),
-            )
-        return self._measurement
+    def _foot_readings(self) -> tuple[Array, Array]:
+        return self._late_feet[0] if self._late_feet else self._feet_now()
 
     def _feet_now(self) -> tuple[Array, Array]:
         """Return the readings of the range sensors and of the stiffness actuators now, both of shape (soles,)."""
@@ -381,24 +300,8 @@ class Plant:
         q = self._start
         if configuration is not None:
             q = finite_array("configuration", configuration, (self.robot.nq,))
-        zero = np.zeros(self._na)
+        zero = np.zeros(self.robot.na)
         return Command(zero, np.array(q[7:]), zero)
-
-    def push(self, body: str, force: ArrayLike, duration: float, at: ArrayLike | None = None) -> None:
-        """Begin to push a body; pushes add up.
-
-        Args:
-            body: Link or frame of the robot; "torso" and "base" are its torso and base frames.
-            force: In the world, shape (3,), N; constant.
-            duration: s.
-            at: Point of attack in the frame of that body, shape (3,), m; the centre of mass of its link when None.
-
-        Raises:
-            UnknownNameError: No such body; the nearest names are given.
-            InputError: A force or point that is not three finite numbers, a duration that is not above zero.
-        """
-        index, place = self._plant.body(body, self.robot)
-        self._pushes.add(Push.at(index, place, force, duration, at))
 
     def grip(self, hand: str, handle: str) -> None:
         """Close a hand around a handle of the scene: it keeps its distance to the handle, and turns freely about it.
@@ -440,7 +343,7 @@ class Plant:
             UnknownNameError: No such body; the nearest names are given.
             InputError: A mass or a duration below zero, a place that is not three finite numbers.
         """
-        index, place = self._plant.body(body, self.robot)
+        index, place = self.places.carrier(body)
         point = place.act(finite_array("place of the load (m)", at, (3,)))
         mass, over = non_negative("mass of the load (kg)", mass), non_negative("ramp of the load (s)", over)
         self._loads.put(index, point, mass, over)
@@ -464,9 +367,9 @@ class Plant:
         step = mujoco.mj_step2
         for row in signals.window:
             step(model, data)
-            data.sensordata.take(signals.force_places, out=row, mode="clip")
+            signals.record(data, row)
             step = mujoco.mj_step
-        self._truth_reader.capture(data)
+        self._contacts.capture(data)
         mujoco.mj_step1(model, data)
 
     def _advance_singly(self) -> None:
@@ -482,9 +385,9 @@ class Plant:
             if self._pushes:
                 self._pushes.apply(data, model.opt.timestep)
             (mujoco.mj_step2 if begun else mujoco.mj_step)(model, data)
-            data.sensordata.take(signals.force_places, out=row, mode="clip")
+            signals.record(data, row)
             if left == 0:
-                self._truth_reader.capture(data)
+                self._contacts.capture(data)
             read = newest <= left <= oldest
             begun = left == 0 or read or bool(self._pushes)
             if begun:
@@ -494,21 +397,11 @@ class Plant:
                 self._chain.push(signals.values)
 
     def _after_step(self) -> None:
-        data = self.data
-        data.qfrc_actuator.take(self._plant.joint_dof, out=self.joint_torque, mode="clip")
+        self.data.qfrc_actuator.take(self.places.joint_dof, out=self.joint_torque, mode="clip")
         self._truth = None
         self._measurement = None
         if self._chain.oldest == 0:
-            self._signals.sample(data)
+            self._signals.sample(self.data)
         if self._late_feet.maxlen:
             self._late_feet.append(self._feet_now())
-        if (why := divergence(data)) is not None:
-            self.diverged = f"simulation diverged before {self.time:.4f} s ({why})"
-
-
-def divergence(data: mujoco.MjData) -> str | None:
-    """Return MuJoCo's warnings, or what is not finite, of a state that has no meaning; None as a rule."""
-    warned, q, v = data.warning.number, data.qpos, data.qvel
-    if any(warned.tolist()) or not math.isfinite(q.dot(q) + v.dot(v)):
-        return ", ".join(mujoco.mjtWarning(i).name for i in np.flatnonzero(warned)) or "NaN in the state"
-    return None
+        self._find_divergence()

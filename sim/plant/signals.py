@@ -1,6 +1,8 @@
-"""True signals of all sensors of a plant, in one vector, before the sensor errors."""
+"""True signals of all sensors of a robot in MuJoCo, in one vector, before the sensor errors."""
 
 from __future__ import annotations
+
+from collections.abc import Callable, Sequence
 
 import mujoco
 import numpy as np
@@ -8,60 +10,140 @@ from numpy.typing import NDArray
 
 from wbc.core.errors import Array, scalar
 from wbc.core.signals import Measurement
-from wbc.sim.plant.model import PlantModel
+from wbc.sim.plant.hands import HandSensor
+from wbc.sim.plant.places import RobotPlaces
+from wbc.sim.plant.settings import Machine
+from wbc.sim.plant.truth import Contacts
+
+
+class Imu:
+    """Gyroscope and accelerometer of a model, in the IMU frame of the robot; computed where the model has none.
+
+    Attributes:
+        gyroscope: First place in `sensordata`, rotation from the sensor's site to the IMU frame; None to compute.
+        accelerometer: Likewise.
+    """
+
+    def __init__(self, places: RobotPlaces, gyroscope: str | None, accelerometer: str | None) -> None:
+        """Find the sensors: those named, else the nearest on the IMU's body; see `RobotPlaces.sensor`."""
+        self._places = places
+        kinds = mujoco.mjtSensor
+        self.gyroscope = places.sensor("gyroscope", kinds.mjSENS_GYRO, gyroscope)
+        self.accelerometer = places.sensor("accelerometer", kinds.mjSENS_ACCELEROMETER, accelerometer)
+
+    def rates(self, data: mujoco.MjData) -> Array:
+        """Return the angular velocity, shape (3,), rad/s."""
+        if self.gyroscope is not None:
+            return _reading(data, self.gyroscope)
+        places, velocity = self._places, np.zeros(6)
+        kind = mujoco.mjtObj.mjOBJ_XBODY
+        mujoco.mj_objectVelocity(places.model, data, kind, places.imu_body, velocity, 1)
+        turned: Array = places.imu.rotation.T @ velocity[:3]
+        return turned
+
+    def specific_force(self, data: mujoco.MjData) -> Array:
+        """Return the specific force in the physics step that has just ended, shape (3,), m/s²."""
+        if self.accelerometer is not None:
+            return _reading(data, self.accelerometer)
+        places, motion = self._places, np.zeros((2, 6))
+        mujoco.mj_rnePostConstraint(places.model, data)
+        kind = mujoco.mjtObj.mjOBJ_XBODY
+        mujoco.mj_objectAcceleration(places.model, data, kind, places.imu_body, motion[0], 1)
+        mujoco.mj_objectVelocity(places.model, data, kind, places.imu_body, motion[1], 1)
+        lever, omega = places.imu.translation, motion[1, :3]
+        at_imu = motion[0, 3:] + np.cross(motion[0, :3], lever) + np.cross(omega, np.cross(omega, lever))
+        turned: Array = places.imu.rotation.T @ at_imu
+        return turned
+
+
+def _reading(data: mujoco.MjData, sensor: tuple[int, Array | None]) -> Array:
+    place, turn = sensor
+    reading: Array = data.sensordata[place : place + 3]
+    return reading if turn is None else turn @ reading
 
 
 class TrueSignals:
     """Joint positions and velocities, gyroscope, accelerometer, wrenches of soles, torques, wrenches of hands.
 
-    All but encoders and gyroscope measure forces that exist only during a physics step; they are the mean over the
-    rows of `window`, one a step. Torques are those that MuJoCo's actuators had at the beginning of the last step:
+    Accelerometer and wrenches measure forces that exist only during a physics step; they are the mean over the rows of
+    `window`, one for each step of a control period. Torques are those of the drives at the beginning of the last step:
     under an implicit integrator a joint gets less while it accelerates.
 
     Attributes:
         values: The signals as last sampled, shape (2 na + 6 + 6 × number of soles,), na more with torques, and 6 more
             for each hand with a sensor.
-        window: Forces in the last physics steps, shape (steps of a control period, 3 + 6 × number of soles and hands).
-        force_places: Places of these forces in `sensordata`.
+        window: Specific force, and reactions to the wrenches on soles and hands as MuJoCo's force sensors have them, in
+            the last physics steps, shape (steps of a control period, 3 + 6 × number of soles and hands).
     """
 
-    def __init__(self, plant: PlantModel, steps: int, *, forces: bool = True, torques: bool = False) -> None:
-        """Look up the place of each signal; forces are averaged over the physics steps of a control period."""
-        self._plant = plant
-        na, model = len(plant.joint_qpos), plant.model
-        gyro, accelerometer = plant.imu
-        hands = len(plant.hands)
-        places = [*range(accelerometer, accelerometer + 3)]
-        for foot in plant.feet:
-            for name in (foot.force_sensor, foot.torque_sensor):
-                first = int(model.sensor_adr[mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_SENSOR, name)])
-                places += range(first, first + 3)
-        for hand in plant.hands:
-            places += [*range(hand.force, hand.force + 3), *range(hand.torque, hand.torque + 3)]
-        self._gyro_places = np.arange(gyro, gyro + 3, dtype=np.intp)
-        self.force_places = np.array(places, dtype=np.intp)
-        self.window = np.zeros((steps, len(places)))
+    def __init__(
+        self,
+        places: RobotPlaces,
+        imu: Imu,
+        contacts: Contacts,
+        torque: Callable[[mujoco.MjData], Array],
+        steps: int,
+        machine: Machine,
+        *,
+        soles: Sequence[str] = (),
+        hands: Sequence[HandSensor] = (),
+    ) -> None:
+        """Lay out the vector.
+
+        Args:
+            places: The robot.
+            imu: Its IMU.
+            contacts: Its contacts.
+            torque: Returns the torques of its drives, shape (na,), Nm.
+            steps: Physics steps in a control period.
+            machine: Which sensors there are.
+            soles: Force and torque sensor of each sole; when empty, wrenches are those of the contacts.
+            hands: Force sensors at the wrists, of a robot with force sensors at its soles.
+        """
+        self._places, self._imu, self._contacts, self._torque = places, imu, contacts, torque
+        na, n, model = len(places.joints), len(places.feet), places.model
+        sensors: list[int] = []
+        if soles:
+            assert imu.accelerometer is not None and imu.accelerometer[1] is None, "not in the IMU frame"
+            firsts = [imu.accelerometer[0], *(int(model.sensor(name).adr[0]) for name in soles)]
+            firsts += [place for hand in hands for place in (hand.force, hand.torque)]
+            sensors = [place for first in firsts for place in range(first, first + 3)]
+        self._sensors = np.array(sensors, dtype=np.intp) if sensors else None
+        self.window = np.zeros((steps, 3 + 6 * (n + len(hands))))
         self._samples = scalar(steps)
+        end = 2 * na + 6 + 6 * n
+        self.values = np.empty(end + (na if machine.torque_sensors else 0) + 6 * len(hands))
+        self._parts = np.split(self.values, [na, 2 * na, 2 * na + 3, 2 * na + 6, end])[:5]
+        self._forces = self.values[2 * na + 3 : end]
         self._na = na
-        soles = 2 * na + 3 + len(places) - 6 * hands
-        self.values = np.empty(soles + (na if torques else 0) + 6 * hands)
-        self._positions, self._velocities = self.values[:na], self.values[na : 2 * na]
-        self._rates = self.values[2 * na : 2 * na + 3]
-        self._forces = self.values[2 * na + 3 : soles]
-        self._wrenches = self.values[2 * na + 6 : soles]
-        self._torque_part = slice(soles, soles + na) if torques else None
-        self._torques = None if self._torque_part is None else self.values[self._torque_part]
-        self._soles = slice(2 * na + 6, soles) if forces else None
-        self._hand_part = slice(self.values.size - 6 * hands, self.values.size) if hands else None
-        self._mean = np.empty(len(places)) if hands else self._forces
-        self._hands = [(hand.site, *_subtree(model, hand.body)) for hand in plant.hands]
+        self._soles = slice(2 * na + 6, end) if machine.force_sensors else None
+        self._torques = slice(end, end + na) if machine.torque_sensors else None
+        self._hand_part = slice(self.values.size - 6 * len(hands), self.values.size) if hands else None
+        self._mean = np.empty(self.window.shape[1]) if hands else self._forces
+        self._hands = [(hand.site, *_subtree(model, hand.body)) for hand in hands]
+
+    def begin(self, data: mujoco.MjData) -> None:
+        """Take the forces of a state at which a run begins, after `mj_forward`, as those of a whole period."""
+        self._contacts.capture(data)
+        self.record(data, self.window[0])
+        self.window[:] = self.window[0]
+        self.sample(data)
+
+    def record(self, data: mujoco.MjData, row: Array) -> None:
+        """Store the forces of the physics step that has just ended in a row of `window`; contacts are captured."""
+        if self._sensors is not None:
+            data.sensordata.take(self._sensors, out=row, mode="clip")
+            return
+        row[:3] = self._imu.specific_force(data)
+        np.negative(self._contacts.wrenches().ravel(), out=row[3:])
 
     def sample(self, data: mujoco.MjData) -> None:
         """Write the present signals into `values`; positions and velocities are up to date."""
+        positions, velocities, rates, _, wrenches = self._parts
         # With the default mode NumPy writes into a buffer first.
-        data.qpos.take(self._plant.joint_qpos, out=self._positions, mode="clip")
-        data.qvel.take(self._plant.joint_dof, out=self._velocities, mode="clip")
-        data.sensordata.take(self._gyro_places, out=self._rates, mode="clip")
+        data.qpos.take(self._places.joint_qpos, out=positions, mode="clip")
+        data.qvel.take(self._places.joint_dof, out=velocities, mode="clip")
+        rates[:] = self._imu.rates(data)
         mean = self._mean
         np.add.reduce(self.window, axis=0, out=mean)  # the mean, without the overhead of np.mean
         np.divide(mean, self._samples, out=mean)
@@ -69,13 +151,13 @@ class TrueSignals:
             self._forces[:] = mean[: self._forces.size]
             self._sample_hands(data, mean[self._forces.size :].reshape(-1, 6))
         # MuJoCo's force sensor is that of the child on the parent in site axes, with the sign of the reaction.
-        np.negative(self._wrenches, out=self._wrenches)
+        np.negative(wrenches, out=wrenches)
         if self._torques is not None:
-            data.qfrc_actuator.take(self._plant.joint_dof, out=self._torques, mode="clip")
+            self.values[self._torques] = self._torque(data)
 
     def _sample_hands(self, data: mujoco.MjData, reactions: Array) -> None:
         """Write the wrenches on the hands: what the wrists feel, less the weight of the hands without their loads."""
-        gravity = self._plant.model.opt.gravity
+        gravity = self._places.model.opt.gravity
         wrenches = self.values[self._hand_part].reshape(-1, 6)
         np.negative(reactions, out=wrenches)
         for (site, bodies, masses, centres), wrench in zip(self._hands, wrenches, strict=True):
@@ -99,7 +181,7 @@ class TrueSignals:
             None if self._soles is None else reading[self._soles].reshape(-1, 6),
             ranges,
             stiffness,
-            None if self._torque_part is None else reading[self._torque_part],
+            None if self._torques is None else reading[self._torques],
             hand_wrenches=None if self._hand_part is None else reading[self._hand_part].reshape(-1, 6),
         )
 

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 
-from wbc.core.conventions import Index, configuration_from_mujoco, velocity_from_mujoco
+from wbc.core.conventions import Index
 from wbc.core.errors import Array
-from wbc.sim.plant.model import PlantModel
+from wbc.sim.plant.places import RobotPlaces
 
 
 @dataclass(frozen=True, slots=True)
@@ -22,9 +22,9 @@ class GroundTruth:
         v: Velocity, shape (nv,), base in the base frame.
         com: Centre of mass of everything, feet included, in the world, shape (3,), m.
         com_velocity: Its velocity in the world, shape (3,), m/s.
-        joint_torque: Torque of the servos in the physics step that ended now, after the torque limit, shape (na,), Nm.
-        contact_position: Points of contact with the ground in that step, in the world, shape (n, 3), m.
-        contact_force: Force of the ground on the robot at each of them, in the world, shape (n, 3), N.
+        joint_torque: Torque of the drives in the physics step that ended now, after the torque limit, shape (na,), Nm.
+        contact_position: Points of contact with ground and things in that step, in the world, shape (n, 3), m.
+        contact_force: Force on the robot at each of them, in the world, shape (n, 3), N.
         contact_sole: Index of the sole that each contact belongs to, −1 for other parts, shape (n,).
         sole_wrench: Sum of the contacts of each sole, [force; moment] in the sole frame at the sole centre,
             shape (number of soles, 6), N and Nm; without the weight of the foot, which the sensor includes.
@@ -42,20 +42,29 @@ class GroundTruth:
     sole_wrench: Array
 
 
-class TruthReader:
-    """Reader of the ground truth of a simulation.
+class Contacts:
+    """Contacts of a robot with everything else in a physics step, and the wrench on each sole.
 
-    Forces exist only during a physics step: `capture` copies those of the step that has just ended, before the next one
-    begins.
+    Forces exist only during a physics step: `capture` copies those of the step that has just ended. Everything that
+    touches a foot counts, whichever geom of it: the ground, things, the other leg.
     """
 
-    def __init__(self, plant: PlantModel) -> None:
-        """Find the soles in the model."""
-        self._plant = plant
-        self._sites = np.array(plant.sole_sites, dtype=np.intp)
+    def __init__(self, places: RobotPlaces) -> None:
+        """Find the geoms of the robot and of its feet."""
+        model = places.model
+        self._feet = np.array(places.feet, dtype=np.intp)
+        self._offset = np.array([place.translation for place in places.soles])
+        self._turn = np.array([place.rotation for place in places.soles])
+        sole = np.full(model.nbody, -1, dtype=np.intp)
+        sole[places.feet] = np.arange(len(places.feet))
+        for body in range(1, model.nbody):  # a parent's number is below its children's
+            if sole[body] < 0:
+                sole[body] = sole[model.body_parentid[body]]
+        self._geom_sole, self.geom_robot = sole[model.geom_bodyid], places.of_robot[model.geom_bodyid]
+        self._pyramids = model.opt.cone == int(mujoco.mjtCone.mjCONE_PYRAMIDAL)
 
     def capture(self, data: mujoco.MjData) -> None:
-        """Copy the contacts of the physics step that has just ended, before the next `mj_step1`."""
+        """Copy the contacts of the physics step that has just ended, before contacts are found anew."""
         contact = data.contact
         self._address = contact.efc_address.copy()
         self._position = contact.pos.copy()
@@ -63,57 +72,56 @@ class TruthReader:
         self._geom = contact.geom.copy()
         self._dim = contact.dim.copy()
         self._force = data.efc_force.copy()
-        self._sole_position = data.site_xpos.take(self._sites, axis=0)
-        self._sole_rotation = data.site_xmat.take(self._sites, axis=0)
+        self._friction = contact.friction.copy() if self._pyramids else None
+        self._foot_position = data.xpos.take(self._feet, axis=0)
+        self._foot_rotation = data.xmat.take(self._feet, axis=0)
 
-    def read(self, data: mujoco.MjData, joint_torque: Array) -> GroundTruth:
-        """Return the ground truth in new arrays, with the torques in the last step, shape (na,), Nm."""
-        plant = self._plant
-        q = configuration_from_mujoco(data.qpos, plant.joint_qpos)
-        v = velocity_from_mujoco(q, data.qvel, plant.joint_dof)
-        mujoco.mj_subtreeVel(plant.model, data)
-        position, force, moment, sole = self._contacts()
-        return GroundTruth(
-            time=data.time,
-            q=q,
-            v=v,
-            com=data.subtree_com[plant.base].copy(),
-            com_velocity=data.subtree_linvel[plant.base].copy(),
-            joint_torque=joint_torque.copy(),
-            contact_position=position,
-            contact_force=force,
-            contact_sole=sole,
-            sole_wrench=self._wrenches(position, force, moment, sole),
-        )
+    def of_robot(self) -> tuple[Array, Array, Index]:
+        """Return points, forces on the robot (both in the world) and soles of its contacts with everything else."""
+        found, geom = self._loaded()
+        ours = self.geom_robot[geom]
+        apart = ours[:, 0] != ours[:, 1]
+        found, geom, second = found[apart], geom[apart], ours[apart, 1]
+        force, _ = self._in_world(found)
+        force *= np.where(second, 1.0, -1.0)[:, None]
+        return self._position[found], force, self._geom_sole[np.where(second, geom[:, 1], geom[:, 0])]
 
-    def _contacts(self) -> tuple[Array, Array, Array, Index]:
-        """Return positions, forces, moments (both in the world, on the robot) and soles of the loaded contacts."""
-        active = np.flatnonzero(self._address >= 0)
-        if self._plant.furnished:  # things may touch each other
-            robot = self._plant.geom_robot[self._geom[active]]
-            active = active[robot[:, 0] != robot[:, 1]]
-        if not active.size:
-            return np.zeros((0, 3)), np.zeros((0, 3)), np.zeros((0, 3)), np.zeros(0, dtype=np.intp)
-        frame = self._frame[active].reshape(-1, 3, 3)
-        geom = self._geom[active]
-        # Elliptic cones: the rows of a contact are its force in the contact frame, normal first, then its moment.
-        rows = np.arange(6)
-        place = np.minimum(self._address[active, None] + rows, self._force.size - 1)
-        local = np.where(rows < self._dim[active, None], self._force[place], 0.0)
-        # The normal points from the first geom to the second, and the force is what the second one feels.
-        second = self._plant.geom_robot[geom[:, 1]]
-        local *= np.where(second, 1.0, -1.0)[:, None]
-        force, moment = (np.matmul(part[:, None, :], frame)[:, 0] for part in (local[:, :3], local[:, 3:]))
-        mine = np.where(second, geom[:, 1], geom[:, 0])
-        return self._position[active], force, moment, self._plant.geom_sole[mine]
-
-    def _wrenches(self, position: Array, force: Array, moment: Array, sole: Index) -> Array:
-        wrench = np.zeros((self._sites.size, 6))
-        for i in range(self._sites.size):
-            mine = np.flatnonzero(sole == i)
-            f, rotation = force[mine], self._sole_rotation[i].reshape(3, 3)
-            s = (position[mine] - self._sole_position[i]).T @ f  # Σ r × f is its antisymmetric part
+    def wrenches(self) -> Array:
+        """Return the wrench on each sole, [force; moment] in the sole frame at its centre, shape (n, 6), N and Nm."""
+        found, geom = self._loaded()
+        sole = self._geom_sole[geom]
+        apart = sole[:, 0] != sole[:, 1]
+        found, sole = found[apart], sole[apart]
+        force, moment = self._in_world(found)
+        rotation = self._foot_rotation.reshape(-1, 3, 3)
+        origin = self._foot_position + np.einsum("nij,nj->ni", rotation, self._offset)
+        axes = rotation @ self._turn
+        wrench = np.zeros((len(self._feet), 6))
+        for i in range(len(self._feet)):
+            sign = np.subtract(sole[:, 1] == i, sole[:, 0] == i, dtype=float)
+            f = sign[:, None] * force
+            s = (self._position[found] - origin[i]).T @ f  # Σ r × f is its antisymmetric part
             turning = np.array([s[1, 2] - s[2, 1], s[2, 0] - s[0, 2], s[0, 1] - s[1, 0]])
-            wrench[i, :3] = f.sum(axis=0) @ rotation
-            wrench[i, 3:] = (turning + moment[mine].sum(axis=0)) @ rotation
+            wrench[i, :3] = f.sum(axis=0) @ axes[i]
+            wrench[i, 3:] = (turning + sign @ moment) @ axes[i]
         return wrench
+
+    def _loaded(self) -> tuple[Index, Index]:
+        """Return the contacts that bear load, and both geoms of each; those of flexible bodies have none."""
+        found = np.flatnonzero((self._address >= 0) & (self._geom.reshape(-1, 2) >= 0).all(axis=1))
+        return found, self._geom.reshape(-1, 2)[found].astype(np.intp)
+
+    def _in_world(self, found: Index) -> tuple[Array, Array]:
+        """Return force and moment on the second geom of each of some contacts, in the world, each of shape (n, 3)."""
+        dim = self._dim[found, None]
+        rows = np.arange(10 if self._pyramids else 6)
+        count = np.where(dim > 1, 2 * (dim - 1), 1) if self._pyramids else dim
+        place = np.minimum(self._address[found, None] + rows, self._force.size - 1)
+        local = np.where(rows < count, self._force[place] if self._force.size else 0.0, 0.0)
+        if self._friction is not None:  # of the edges of pyramids: as `mju_decodePyramid`
+            tangents = (local[:, ::2] - local[:, 1::2]) * self._friction[found]
+            local = np.hstack([local.sum(axis=1, keepdims=True), np.where(dim > 1, tangents, 0.0)])
+        # The rows are force in the contact frame, normal first, then moment.
+        frame = self._frame[found].reshape(-1, 3, 3)
+        force, moment = (np.matmul(part[:, None, :], frame)[:, 0] for part in (local[:, :3], local[:, 3:]))
+        return force, moment

@@ -24,7 +24,8 @@ from wbc.core.arguments import checked
 from wbc.core.errors import MeasurementError
 from wbc.core.signals import Command, Measurement
 from wbc.sim.plant.falls import PelvisLimits, TrueFallDetector
-from wbc.sim.plant.plant import DivergedError, Plant
+from wbc.sim.plant.plant import Plant
+from wbc.sim.plant.robot import DivergedError
 from wbc.walking.control import ReferenceControl
 from wbc.walking.falls import FallReason
 

@@ -18,7 +18,7 @@ from wbc.feet import Foot
 from wbc.feet.soles.catalog import foot as foot_by_name
 from wbc.robots import load
 from wbc.robots.registry import stamped
-from wbc.sim.plant.model import body_frame
+from wbc.sim.plant.places import body_frame
 from wbc.sim.plant.settings import Machine
 from wbc.sim.scenes.base import Scene, make_scene
 from wbc.sim.terrain.spec import RAMP, Terrain

@@ -196,22 +196,6 @@ def test_commands_act_as_late_as_stated() -> None:
     np.testing.assert_array_equal(late.data.qpos, now.data.qpos)
 
 
-def test_noise_is_that_of_the_plant_and_fixed_by_the_seed() -> None:
-    perfect, one, same, other = (
-        swaying(make_loop(noise=noise, seed=seed), 20)
-        for noise, seed in (("none", 0), ("realistic", 1), ("realistic", 1), ("realistic", 2))
-    )
-    for name in SIGNALS:
-        exact, noisy, twin, apart = (
-            np.array([getattr(m, name) for m in run]) for run in (perfect, one, same, other)
-        )
-        np.testing.assert_array_equal(noisy, twin)
-        assert (noisy != apart).any() and (noisy != exact).any()
-    errors = [m.joint_velocity[-1] for m in one], [m.joint_velocity[-1] for m in perfect]
-    assert 0.005 < np.std(np.subtract(*errors)) < 0.05  # 0.0125 rad/s and a millisecond of latency
-    assert (np.subtract(one[5].joint_position, perfect[5].joint_position) != 0.0).all()
-
-
 def test_sensors_that_a_machine_lacks_are_not_measured() -> None:
     measured = make_loop(machine=Machine(force_sensors=False)).measure()
     assert measured.sole_wrench is None and measured.joint_torque is None
@@ -366,7 +350,7 @@ def test_a_simulation_that_mujoco_has_reset_by_itself_gives_no_measurement() -> 
     loop.data.qvel[loop.places.joint_dof[0]] = 1e12
     loop.step(loop.hold())
     assert np.isfinite(loop.data.qpos).all()  # MuJoCo has put everything back to where the file has it
-    with pytest.raises(MeasurementError, match="the simulation has diverged"):
+    with pytest.raises(MeasurementError, match="simulation diverged before"):
         loop.measure()
     loop.reset()
     loop.step(loop.hold())

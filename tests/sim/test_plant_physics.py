@@ -235,6 +235,15 @@ def test_a_push_gives_its_impulse(duration: float) -> None:
     np.testing.assert_allclose(momentum, (force + 2.0 * other) * duration, rtol=1e-4)
 
 
+def test_a_reset_ends_a_push() -> None:
+    plant = Plant(load("hrp4_class"), foot=FEW_SPHERES)
+    plant.push("torso", [10.0, 0.0, 0.0], 1.0)
+    plant.step(plant.hold())
+    plant.reset()
+    plant.step(plant.hold())
+    assert not plant.data.xfrc_applied.any()
+
+
 def test_a_push_acts_where_it_is_told() -> None:
     """About the point of attack the angular momentum stays zero; about the centre of mass it is r × F t."""
     plant = Plant(load("hrp4_class"), physics=IN_SPACE, timestep=1e-4, control_period=1e-4, foot=FEW_SPHERES)

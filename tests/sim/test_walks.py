@@ -344,7 +344,7 @@ def test_the_bias_of_the_dcm_is_found_and_taken_off() -> None:
     for name, changes in (("believed", {"bias": None}), ("estimated", {})):
         trial = WalkTrial(WalkSpec(plan=WalkPlan(distance=0.3), noise="none", changes=changes))
         plant, walking = trial.plant, trial.walking
-        torso = plant._plant.body("torso", plant.robot)[0]
+        torso = plant.places.carrier("torso")[0]
         plant.model.body_ipos[torso, 0] -= 0.06
         mujoco.mj_setConst(plant.model, mujoco.MjData(plant.model))
         too_far = 0.06 * plant.model.body_mass[torso] / plant.robot.mass

@@ -1,0 +1,241 @@
+"""Places of a described robot in a MuJoCo model: joints, base, feet and IMU, found by names and compared."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+
+import mujoco
+import numpy as np
+import pinocchio as pin
+
+from wbc.core.conventions import Index, configuration_to_mujoco
+from wbc.core.errors import Array, InputError, ModelError, choose, unknown_name
+from wbc.core.robot import Robot
+
+SAME_PLACE = 2e-3
+"""Largest distance between a joint of the model and of the description that is no contradiction, m."""
+
+SAME_AXIS = 1e-2
+"""Largest distance between the axes of such joints, unit vectors."""
+
+OTHER_COM = 5e-3
+"""Distance between the centres of mass of a link in the model and in the description from which it is noted, m."""
+
+HEAVY = 0.01
+"""Least share of the robot's mass of a link whose centre of mass is compared."""
+
+
+class RobotPlaces:
+    """Places of a robot in a MuJoCo model.
+
+    Attributes:
+        model: MuJoCo's model.
+        joints: MuJoCo's joints, in the order of the robot's.
+        joint_qpos: Their places in `qpos`, shape (na,).
+        joint_dof: Their places in `qvel`, shape (na,).
+        root: Body of the floating base.
+        base_qpos: First place of the base in `qpos`.
+        base_dof: First place of the base in `qvel`.
+        of_robot: True for bodies of the robot and its feet, shape (nbody,).
+        feet: Body that carries each sole; all that hangs on it is the foot.
+        soles: Sole frame in that body.
+        imu_body: Body that carries the IMU.
+        imu: IMU frame in that body.
+    """
+
+    def __init__(
+        self,
+        model: mujoco.MjModel,
+        robot: Robot,
+        names: Mapping[str, str] | None = None,
+        prefix: str = "",
+        feet: Sequence[str] = (),
+    ) -> None:
+        """Find a robot in half-sitting.
+
+        Args:
+            model: The model.
+            robot: The robot.
+            names: Joint of the robot → joint of the model where they differ.
+            prefix: What the model puts before all other names.
+            feet: Bodies whose frames are the sole frames; those that carry the description's soles when empty.
+
+        Raises:
+            UnknownNameError: A joint that the model has not.
+            ModelError: No free joint above the joints, or a joint elsewhere or about another axis than in the
+                description.
+        """
+        names = names or {}
+        for name in names:
+            choose("joint", name, robot.joint_names)
+        self.model, self._robot, self._prefix = model, robot, prefix
+        have = {model.joint(i).name: i for i in range(model.njnt)}
+        joints = []
+        for name in robot.joint_names:
+            wanted = names.get(name, prefix + name)
+            if wanted not in have:
+                unknown_name("joint of the MuJoCo model", wanted, [n for n in have if n])
+            joints.append(have[wanted])
+        roots = model.body_rootid[model.jnt_bodyid]
+        self.joints, self.root = joints, int(roots[joints[0]])
+        if apart := [j for j in joints if roots[j] != self.root]:
+            raise ModelError(
+                f"joints '{model.joint(joints[0]).name}' and '{model.joint(apart[0]).name}' are in different trees "
+                "of the MuJoCo model"
+            )
+        free = np.flatnonzero((model.jnt_type == mujoco.mjtJoint.mjJNT_FREE) & (roots == self.root))
+        if not free.size:
+            raise ModelError(f"body '{model.body(self.root).name}' of the robot must have a free joint")
+        self.of_robot = model.body_rootid == self.root
+        self.base_qpos, self.base_dof = int(model.jnt_qposadr[free[0]]), int(model.jnt_dofadr[free[0]])
+        self.joint_qpos: Index = model.jnt_qposadr[joints].astype(np.intp)
+        self.joint_dof: Index = model.jnt_dofadr[joints].astype(np.intp)
+        rest = self._at_half_sitting()
+        _compare(model, rest, robot, joints)
+        self._rest = rest.xpos.copy(), rest.xmat.reshape(-1, 3, 3).copy()
+        bodies = [self.root, *(int(model.jnt_bodyid[joint]) for joint in joints)]
+        self._links = []  # body of each joint of the robot, and the joint's frame in it
+        for body, there in zip(bodies, list(robot.data.oMi)[1:], strict=True):
+            place = self._pose(body).actInv(there)
+            exact = place.isApprox(pin.SE3.Identity(), 1e-9)
+            self._links.append((body, pin.SE3.Identity() if exact else place))
+        carried = [self._carrier(sole.frame) for sole in robot.soles]
+        if feet:
+            carried = [(int(model.body(name).id), pin.SE3.Identity()) for name in feet]
+        self.feet, self.soles = [body for body, _ in carried], [place for _, place in carried]
+        self.imu_body, self.imu = self._carrier(robot.imu_frame)
+
+    def carrier(self, name: str) -> tuple[int, pin.SE3]:
+        """Return the body that carries a link or frame, "torso" or "base", and the frame's placement in it.
+
+        Raises:
+            UnknownNameError: Neither a link nor a frame of the robot.
+        """
+        name = body_frame(name, self._robot)
+        body, place = self._carrier(name)
+        own = mujoco.mj_name2id(self.model, mujoco.mjtObj.mjOBJ_BODY, self._prefix + name)
+        if own >= 0 and self._pose(own).isApprox(self._pose(body) * place, 1e-6):
+            return int(own), pin.SE3.Identity()
+        return body, place
+
+    def _carrier(self, name: str) -> tuple[int, pin.SE3]:
+        frame = self._robot.model.frames[self._robot.frame_id(name)]
+        body, place = self._links[max(frame.parentJoint, 1) - 1]
+        return body, place * frame.placement
+
+    def _pose(self, body: int) -> pin.SE3:
+        """Return where a body is at half-sitting."""
+        places, rotations = self._rest
+        return pin.SE3(rotations[body], places[body])
+
+    def _at_half_sitting(self) -> mujoco.MjData:
+        """Return data with the robot in half-sitting, and update the robot so."""
+        data, robot = mujoco.MjData(self.model), self._robot
+        self.set_configuration(robot.half_sitting, data.qpos)
+        mujoco.mj_kinematics(self.model, data)
+        robot.update(robot.half_sitting, np.zeros(robot.nv))
+        return data
+
+    def displaced_mass(self) -> tuple[str, float] | None:
+        """Return the link whose centre of mass is farthest off the description's at half-sitting, and how far, m.
+
+        A joint that counts from another zero has its link there; the link is named by its joint. None if no heavy link
+        is off. A link has the bodies of the model that hang on it by no joint of the description.
+        """
+        data, model, robot = self._at_half_sitting(), self.model, self._robot
+        owner = {body: i + 1 for i, (body, _) in enumerate(self._links)}
+        mass, moment = np.zeros(robot.model.njoints), np.zeros((robot.model.njoints, 3))
+        for body in np.flatnonzero(self.of_robot).tolist():
+            above = body
+            while above not in owner:
+                above = int(model.body_parentid[above])
+            mass[owner[above]] += model.body_mass[body]
+            moment[owner[above]] += model.body_mass[body] * data.xipos[body]
+        worst = ("", OTHER_COM)
+        for link in range(1, robot.model.njoints):
+            inertia = robot.model.inertias[link]
+            if min(mass[link], inertia.mass) >= HEAVY * robot.mass:
+                there = robot.data.oMi[link].act(inertia.lever)
+                distance = float(np.linalg.norm(moment[link] / mass[link] - there))
+                if distance > worst[1]:
+                    worst = ("base" if link == 1 else robot.joint_names[link - 2], distance)
+        return worst if worst[0] else None
+
+    def set_configuration(self, q: Array, qpos: Array) -> None:
+        """Write a configuration, shape (nq,), into MuJoCo's `qpos`; the rest of it is kept."""
+        configuration_to_mujoco(q, self.joint_qpos - self.base_qpos, out=qpos[self.base_qpos :])
+
+    def sensor(self, what: str, kind: mujoco.mjtSensor, name: str | None) -> tuple[int, Array | None] | None:
+        """Return a sensor of the IMU: the one named, else the nearest that is fixed to the same body; None if none is.
+
+        Returns:
+            First place in `sensordata`, and rotation from the sensor's site to the IMU frame, None where they agree.
+
+        Raises:
+            UnknownNameError: No such sensor.
+            InputError: One of another kind or on another body.
+        """
+        model = self.model
+        sensors = {model.sensor(i).name: i for i in range(model.nsensor)}
+        candidates = np.flatnonzero(model.sensor_type == int(kind)).tolist()
+        if name is not None:
+            if name not in sensors:
+                unknown_name("sensor of the MuJoCo model", name, [n for n in sensors if n])
+            if model.sensor_type[sensors[name]] != int(kind):
+                found = mujoco.mjtSensor(int(model.sensor_type[sensors[name]])).name
+                raise InputError(f"sensor '{name}' must be {what}, it is {found}")
+            candidates = [sensors[name]]
+        imu = self._pose(self.imu_body) * self.imu
+        best: tuple[float, int, Array | None] | None = None
+        for sensor in candidates:
+            site = int(model.sensor_objid[sensor])
+            body = int(model.site_bodyid[site])
+            if model.body_weldid[body] != model.body_weldid[self.imu_body]:
+                if name is not None:
+                    raise InputError(
+                        f"{what} '{name}' is fixed to body '{model.body(body).name}', the IMU of the description to "
+                        f"'{model.body(self.imu_body).name}'; give the description the right `imu`"
+                    )
+                continue
+            w, x, y, z = model.site_quat[site].tolist()
+            place = imu.actInv(self._pose(body) * pin.SE3(pin.Quaternion(w, x, y, z), model.site_pos[site]))
+            distance = float(np.linalg.norm(place.translation))
+            if best is None or distance < best[0]:
+                turn = None if np.allclose(place.rotation, np.eye(3), atol=1e-9) else place.rotation.copy()
+                best = (distance, int(model.sensor_adr[sensor]), turn)
+        return None if best is None else best[1:]
+
+
+def body_frame(name: str, robot: Robot) -> str:
+    """Return the link or frame of a robot by its name; "torso" and "base" stand for its torso and base frames.
+
+    Raises:
+        UnknownNameError: Neither a link nor a frame of the robot.
+    """
+    if robot.model.existFrame(name):
+        return name
+    alias = {"torso": robot.torso_frame, "base": robot.base_frame}
+    if name not in alias:
+        unknown_name("body", name, [*alias, *(f.name for f in robot.model.frames if f.name != "universe")])
+    return alias[name]
+
+
+def _compare(model: mujoco.MjModel, data: mujoco.MjData, robot: Robot, joints: list[int]) -> None:
+    """Raise ModelError for a joint of the model that is elsewhere than the description's, at half-sitting."""
+    pin.computeJointJacobians(robot.model, robot.data, robot.half_sitting)
+    for i, (name, joint) in enumerate(zip(robot.joint_names, joints, strict=True)):
+        column = pin.getJointJacobian(robot.model, robot.data, i + 2, pin.LOCAL_WORLD_ALIGNED)[:, i + 6]
+        slide = bool(model.jnt_type[joint] == mujoco.mjtJoint.mjJNT_SLIDE)
+        axis, found = column[:3] if slide else column[3:], data.xaxis[joint]
+        if np.linalg.norm(found + axis) < SAME_AXIS:
+            raise ModelError(f"joint '{name}' turns the other way in the MuJoCo model: its axis is reversed")
+        if np.linalg.norm(found - axis) > SAME_AXIS:
+            angle = math.degrees(math.acos(float(np.clip(found @ axis, -1.0, 1.0))))
+            raise ModelError(f"axis of joint '{name}' is {angle:.1f}° off in the MuJoCo model")
+        distance = float(np.linalg.norm(data.xanchor[joint] - robot.data.oMi[i + 2].translation))
+        if distance > SAME_PLACE and not slide:
+            raise ModelError(
+                f"joint '{name}' is {1e3 * distance:.1f} mm off in the MuJoCo model, at half-sitting: the description "
+                "is of another robot"
+            )

@@ -1,0 +1,215 @@
+"""A robot in a MuJoCo simulation: how it is measured and pushed, and its truth, whoever has built the model."""
+
+from __future__ import annotations
+
+import logging
+import math
+from collections.abc import Sequence
+
+import mujoco
+import numpy as np
+from numpy.typing import ArrayLike
+
+from wbc.core.conventions import configuration_from_mujoco, velocity_from_mujoco
+from wbc.core.errors import Array, MeasurementError, WbcError, whole_number
+from wbc.core.robot import Robot
+from wbc.core.signals import Measurement
+from wbc.robots import RobotDescription
+from wbc.sim.plant.drives import DelayLine
+from wbc.sim.plant.hands import HandSensor
+from wbc.sim.plant.places import RobotPlaces
+from wbc.sim.plant.pushes import Push, Pushes
+from wbc.sim.plant.sensors import NOISE_PRESETS, SensorChain, SensorNoise
+from wbc.sim.plant.settings import Machine, steps_per_tick, whole_steps
+from wbc.sim.plant.signals import Imu, TrueSignals
+from wbc.sim.plant.truth import Contacts, GroundTruth
+
+_log = logging.getLogger(__name__)
+
+if mujoco.get_mju_user_warning() is None:  # else MuJoCo writes a file into the working directory
+    mujoco.set_mju_user_warning(lambda message: _log.info("MuJoCo: %s", message))
+
+WARNINGS = tuple(range(int(mujoco.mjtWarning.mjNWARNING)))
+"""All kinds of warnings of MuJoCo."""
+
+
+class DivergedError(WbcError):
+    """A step of a simulation that has diverged: its state has no meaning."""
+
+
+class SimulatedRobot:
+    """What a plant of this library (`wbc.Plant`) and a model of one's own (`wbc.sim.MujocoLoop`) have in common.
+
+    Encoders, joint velocities and gyroscope are those of the present instant; accelerometer and forces are the mean
+    over the control period that ended now, like the output of an anti-aliasing filter: hard contacts chatter within a
+    period, and single samples of that mislead the controller.
+
+    Attributes:
+        description: The robot as data.
+        robot: The robot as a model, for names and sizes; its state is not kept up to date.
+        model: MuJoCo's model.
+        data: MuJoCo's state; positions and velocities are up to date after `step`.
+        places: Places of joints, base, feet and IMU in the model.
+        timestep: Physics step, s.
+        control_period: Time that `step` advances, s.
+        steps: Physics steps in it.
+        noise: Sensor errors.
+        machine: Delays, friction, payload and which sensors there are.
+        seed: Seed of every random draw.
+        diverged: Reason of a divergence of the simulation; None as a rule.
+    """
+
+    diverged: str | None
+    _truth: GroundTruth | None
+    _measurement: Measurement | None
+
+    def __init__(
+        self,
+        description: RobotDescription,
+        robot: Robot,
+        places: RobotPlaces,
+        *,
+        control_period: float,
+        noise: str | SensorNoise,
+        seed: int,
+        machine: Machine,
+        imu: Imu,
+        soles: Sequence[str] = (),
+        hands: Sequence[HandSensor] = (),
+    ) -> None:
+        """Connect the sensors; see `wbc.sim.plant.signals.TrueSignals`.
+
+        Raises:
+            UnknownNameError: No such noise preset.
+            InputError: A control period that is no multiple of the physics step, a seed that is no whole number.
+        """
+        self.description, self.robot, self.places = description, robot, places
+        self.model = places.model
+        self.data = mujoco.MjData(self.model)
+        self.timestep, self.control_period = float(self.model.opt.timestep), float(control_period)
+        self.steps = steps_per_tick(control_period, self.timestep)
+        self.noise = NOISE_PRESETS[noise] if isinstance(noise, str) else noise
+        self.seed = whole_number("seed", seed, low=0)
+        self.machine = machine
+        self._contacts, self._pushes = Contacts(places), Pushes()
+        self._signals = TrueSignals(
+            places,
+            imu,
+            self._contacts,
+            self._drive_torque,
+            self.steps,
+            machine,
+            soles=soles,
+            hands=hands,
+        )
+        self._chain = SensorChain(
+            self.noise,
+            robot.na,
+            len(places.feet),
+            self.timestep,
+            self.steps,
+            delay=machine.measurement_delay,
+            torques=machine.torque_sensors,
+            hands=len(hands),
+        )
+        # Age of every measurement, s.
+        self._age = whole_steps(machine.measurement_delay, self.timestep) * self.timestep
+        delay = whole_steps(machine.command_delay, self.timestep)
+        self._late = DelayLine(delay) if delay > 0 else None
+        self._no_feet = np.full(len(places.feet), np.nan)
+
+    @property
+    def time(self) -> float:
+        """Simulated time, s."""
+        return float(self.data.time)
+
+    def measure(self) -> Measurement:
+        """Return the readings of the sensors now; the same object until the next step.
+
+        Raises:
+            MeasurementError: The simulation has diverged.
+        """
+        if self._measurement is None:
+            reading = self._chain.read(self._signals.values)
+            if self.diverged is not None or not math.isfinite(reading.dot(reading)):
+                raise MeasurementError(
+                    f"no measurement at {self.time:.4f} s: {self.diverged or 'a sensor is not finite'}"
+                )
+            reading.setflags(write=False)
+            self._measurement = self._signals.measurement(
+                reading, self.time - self._age, *self._foot_readings()
+            )
+        return self._measurement
+
+    def push(self, body: str, force: ArrayLike, duration: float, at: ArrayLike | None = None) -> None:
+        """Begin to push a body of the robot; pushes add up.
+
+        Args:
+            body: Link or frame of the robot; "torso" and "base" are its torso and base frames.
+            force: In the world, shape (3,), N; constant.
+            duration: s.
+            at: Point of attack in the frame of that body, shape (3,), m; the centre of mass of its link when None.
+
+        Raises:
+            UnknownNameError: No such body; the nearest names are given.
+            InputError: A force or point that is not three finite numbers, a duration that is not above zero.
+        """
+        index, place = self.places.carrier(body)
+        self._pushes.add(Push.at(index, place, force, duration, at))
+
+    def truth(self) -> GroundTruth:
+        """Return the true state now; the same object until the next step.
+
+        It is for logs, tests and pictures, never for a controller.
+        """
+        if self._truth is None:
+            data, places = self.data, self.places
+            q = configuration_from_mujoco(data.qpos[places.base_qpos :], places.joint_qpos - places.base_qpos)
+            v = velocity_from_mujoco(q, data.qvel[places.base_dof :], places.joint_dof - places.base_dof)
+            mujoco.mj_subtreeVel(self.model, data)
+            position, force, sole = self._contacts.of_robot()
+            self._truth = GroundTruth(
+                time=self.time,
+                q=q,
+                v=v,
+                com=data.subtree_com[places.root].copy(),
+                com_velocity=data.subtree_linvel[places.root].copy(),
+                joint_torque=self._drive_torque(data),
+                contact_position=position,
+                contact_force=force,
+                contact_sole=sole,
+                sole_wrench=self._contacts.wrenches(),
+            )
+        return self._truth
+
+    def _drive_torque(self, data: mujoco.MjData) -> Array:
+        """Return the torques of the drives in the last physics step, a new array of shape (na,), Nm."""
+        torque: Array = data.qfrc_actuator.take(self.places.joint_dof)
+        return torque
+
+    def _foot_readings(self) -> tuple[Array, Array]:
+        """Return ranges (m) and stiffness (Nm/rad) of the soles, both of shape (soles,); NaN where there are none."""
+        return self._no_feet.copy(), self._no_feet.copy()
+
+    def _begin(self, seed: int) -> None:
+        """Forget what was before: the state is set, and so are the drives; the seed is that of the sensor errors."""
+        self._pushes.clear(self.data)
+        mujoco.mj_forward(self.model, self.data)
+        if self._late is not None:
+            self._late.clear()
+        self._measurement = self._truth = None
+        self.diverged = None
+        self._signals.begin(self.data)
+        self._chain.reset(self._signals.values, seed)
+
+    def _find_divergence(self, kinds: Sequence[int] = WARNINGS) -> None:
+        """Set `diverged` after a step: some of MuJoCo's warnings, or what is not finite."""
+        data = self.data
+        warned, q, v = data.warning.number.tolist(), data.qpos, data.qvel
+        finite = math.isfinite(q.dot(q) + v.dot(v))
+        if finite and not any(warned):
+            return
+        names = [mujoco.mjtWarning(kind).name for kind in kinds if warned[kind]]
+        if names or not finite:
+            why = ", ".join(names) or "NaN in the state"
+            self.diverged = f"simulation diverged before {self.time:.4f} s ({why})"
