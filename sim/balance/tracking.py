@@ -119,7 +119,7 @@ class TrackTrial(Trial):
 
     def true_fall(self) -> FallReason | None:
         """Return why the robot is not where the clip has it; None if it is."""
-        q = self.walking.source.motion.q[self.given]
+        q = self.walking.source.configurations[self.given]
         return self._falls.reason(self.plant.truth().q, q[2], _vertical(q[3:7]))
 
     def run(self, hooks: Sequence[TrialHook] = ()) -> TrackResult:
@@ -181,11 +181,11 @@ class _TrackMeter(TrialHook):
 
     def after(self, trial: TrackTrial) -> None:
         """See `TrialHook`."""
-        plant, motion, i = trial.plant, trial.walking.source.motion, trial.given
+        plant, source, i = trial.plant, trial.walking.source, trial.given
         truth = plant.truth()
         felt = truth.sole_wrench if self._felt is None else self._felt
-        self.joints.append(truth.q[7:] - motion.q[i, 7:])
-        self.com.append(truth.com[:2] - motion.pendulum[i].com[:2])
+        self.joints.append(truth.q[7:] - source.configurations[i, 7:])
+        self.com.append(truth.com[:2] - source.motion[i].pendulum.com[:2])
         for side, place in enumerate(plant.data.site_xpos[list(plant.sole_sites)]):
             if felt[side, 2] < LOADED * self._weight:
                 self._anchors[side] = None

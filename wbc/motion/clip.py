@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -63,21 +64,17 @@ class MotionClip:
             raise InputError(
                 f"a joint must occur once in a motion, got '{twice[0]}' {names.count(twice[0])} times"
             )
-        joints, base = (_numbers(what, getattr(self, what)) for what in ("joints", "base"))
-        if joints.ndim != 2 or joints.shape[1] != len(names):
-            raise InputError(f"joints of a motion must have shape (T, {len(names)}), got {joints.shape}")
-        if not 2 <= len(joints) <= LONGEST:
-            raise InputError(f"a motion must have 2 to {LONGEST} frames, got {len(joints)}")
-        if base.shape != (len(joints), 7):
-            raise InputError(f"base of a motion must have shape ({len(joints)}, 7), got {base.shape}")
-        if self.standing is not None and np.shape(self.standing) != (len(joints), 2):
-            raise InputError(
-                f"standing of a motion must have shape ({len(joints)}, 2), got {np.shape(self.standing)}"
-            )
-        if self.standing is not None and not np.isin(self.standing, (0, 1)).all():
-            raise InputError("standing of a motion must be true or false")
-        columns = [*("x", "y", "z", "qx", "qy", "qz", "qw"), *names]
-        _check_finite(np.hstack([base, joints]), columns, self.rate)
+        count = len(np.atleast_1d(self.joints))
+        if not 2 <= count <= LONGEST:
+            raise InputError(f"a motion must have 2 to {LONGEST} frames, got {count}")
+        joints = _table("joints", self.joints, count, names, self.rate)
+        base = _table("base", self.base, count, ("x", "y", "z", "qx", "qy", "qz", "qw"), self.rate)
+        standing = self.standing
+        if standing is not None:
+            standing = _table("standing", standing, count, ("left", "right"), self.rate)
+            if not np.isin(standing, (0, 1)).all():
+                raise InputError("standing of a motion must be true or false")
+            standing = standing.astype(bool)
         far = np.abs(joints).max(axis=0, initial=0.0)
         if far.max(initial=0.0) > MOST:
             worst = int(far.argmax())
@@ -92,13 +89,8 @@ class MotionClip:
                 f"the base must be upright in the first frame: its z-axis points up by {tilt:.2f}, at least "
                 f"{UPRIGHT:g} is needed; is the order of the quaternion right (x, y, z, w or w, x, y, z)?"
             )
-        standing = None if self.standing is None else np.array(self.standing, dtype=bool)
-        for name, value in (
-            ("joint_names", names),
-            ("base", base),
-            ("joints", joints),
-            ("standing", standing),
-        ):
+        values = {"joint_names": names, "base": base, "joints": joints, "standing": standing}
+        for name, value in values.items():
             object.__setattr__(self, name, value)
 
     def __len__(self) -> int:
@@ -196,21 +188,20 @@ def _catmull_rom(values: Array, index: Array, share: Array) -> Array:
     )
 
 
-def _numbers(what: str, values: Any) -> Array:
+def _table(what: str, values: Any, count: int, columns: Sequence[str], rate: float) -> Array:
+    """Return a copy of the numbers of all frames, shape (count, columns), after a check of each."""
     array = np.asarray(values)
-    if array.dtype.kind not in "iuf":
+    if array.dtype.kind not in "biuf":
         raise InputError(f"{what} of a motion must be real numbers, got an array of type {array.dtype}")
-    return np.array(array, dtype=float)
-
-
-def _check_finite(values: Array, columns: list[str], rate: float) -> None:
-    bad = np.argwhere(~np.isfinite(values))
-    if len(bad):
+    if array.shape != (count, len(columns)):
+        raise InputError(f"{what} of a motion must have shape ({count}, {len(columns)}), got {array.shape}")
+    if len(bad := np.argwhere(~np.isfinite(array))):
         frame, column = (int(i) for i in bad[0])
         raise InputError(
-            f"numbers of a motion must be finite, got {values[frame, column]} in frame {frame} ({frame / rate:.3f} s), "
+            f"numbers of a motion must be finite, got {array[frame, column]} in frame {frame} ({frame / rate:.3f} s), "
             f"column '{columns[column]}'"
         )
+    return np.array(array, dtype=float)
 
 
 def _unit(quaternions: Any) -> Array:

@@ -15,7 +15,7 @@ S. Nakaoka et al., IROS 2005 (leg tasks); K. Yamane, Y. Nakamura, T-RA 19(3), 20
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
-from typing import Annotated, NamedTuple
+from typing import Annotated
 
 import numpy as np
 import pinocchio as pin
@@ -31,7 +31,7 @@ from wbc.core.settings import NonNegative, Positive, Share, settings
 from wbc.motion.clip import LONGEST, MotionClip
 from wbc.motion.contacts import Contacts, ContactSettings, find_contacts
 from wbc.motion.footsteps import footsteps
-from wbc.motion.inverse_kinematics import InverseKinematics, KinematicTargets
+from wbc.motion.inverse_kinematics import InverseKinematics
 from wbc.motion.kinematics import BodyMotion
 from wbc.motion.measures import MotionMeasures, measure, supports_of
 
@@ -148,11 +148,13 @@ def make_feasible(robot: Robot, clip: MotionClip, settings: FilterSettings | Non
     before = measure(robot, motion, contacts, s.share, s.friction)
 
     smooth = _drawn_in(robot, _smooth(resampled, robot, s), s.share)
-    pace = np.maximum(1.0, _speed_ratio(robot, smooth, s))
+    speed = abs(np.gradient(smooth.joints, 1.0 / s.rate, axis=0))
+    ratio = (speed / (s.share * robot.velocity_limit)).max(axis=1)
+    pace = np.maximum(1.0, _envelope(np.maximum(ratio, 1.0), 0.3, 0.05, s.rate))
     for attempt in range(s.stretches + 1):
         eased, source = _retime(smooth, pace, s)
-        result = _balanced(robot, eased, s)
-        after = measure(robot, result.motion, result.contacts, s.share, s.friction)
+        motion, contacts, com_shift, shortened = _balanced(robot, eased, s)
+        after = measure(robot, motion, contacts, s.share, s.friction)
         slow = after.infeasible_frames
         if attempt == s.stretches or not slow.any():
             break
@@ -160,26 +162,26 @@ def make_feasible(robot: Robot, clip: MotionClip, settings: FilterSettings | Non
         frames = np.clip(np.round(source[slow] * s.rate).astype(int), 0, len(bad) - 1)
         bad[frames] = 1.0
         pace = pace * np.where(maximum_filter1d(bad, max(1, round(s.rate))) > 0.0, s.stretch, 1.0)
-    q, standing = result.motion.q, result.contacts.standing
     # The resampled clip lasts a whole number of frames, the given one a little more or less.
     source = np.minimum(source * (clip.duration / resampled.times[-1]), clip.duration)
-    given = full.sampled(source, s.rate).joints
-    difference = q[:, 7:] - given
-    rms, largest = np.sqrt((difference**2).mean(axis=0)), abs(difference).max(axis=0)
-    names = robot.joint_names
-    rests = 2.0 * s.hold
+    changed = motion.q[:, 7:] - full.sampled(source, s.rate).joints
     return FeasibleMotion(
-        MotionClip.of(robot, q, s.rate, clip.name, standing),
+        MotionClip.of(robot, motion.q, s.rate, clip.name, contacts.standing),
         source,
-        result.contacts,
+        contacts,
         before,
         after,
-        {name: float(value) for name, value in zip(names, rms, strict=True) if value > 1e-6},
-        {name: float(value) for name, value in zip(names, largest, strict=True) if value > 1e-6},
-        result.com_shift,
-        result.shortened,
-        (len(q) / s.rate - rests) / clip.duration,
+        _by_joint(robot, np.sqrt((changed**2).mean(axis=0))),
+        _by_joint(robot, abs(changed).max(axis=0)),
+        com_shift,
+        shortened,
+        (len(motion.q) / s.rate - 2.0 * s.hold) / clip.duration,
     )
+
+
+def _by_joint(robot: Robot, values: Array) -> dict[str, float]:
+    """Return what is above rounding by the name of the joint."""
+    return {name: float(v) for name, v in zip(robot.joint_names, values, strict=True) if v > 1e-6}
 
 
 def _smooth(clip: MotionClip, robot: Robot, s: FilterSettings) -> MotionClip:
@@ -218,25 +220,17 @@ def _drawn_in(robot: Robot, clip: MotionClip, share: float) -> MotionClip:
         if not heavy:
             break
         for arm in heavy:
-            part = _part_left(excess[:, arm].max(axis=1), clip.rate)[:, None]
+            part = 1.0 / _envelope(np.maximum(excess[:, arm].max(axis=1), 1.0), 0.3, 0.1, clip.rate)[:, None]
             columns = [7 + joint for joint in arm]
             q[:, columns] = rest[arm] + part * (q[:, columns] - rest[arm])
         clip = MotionClip.of(robot, q, clip.rate, clip.name, clip.standing)
     return clip
 
 
-def _part_left(excess: Array, rate: float) -> Array:
-    """Return the part of a posture that stays, one over the excess of its torques, smooth in time, shape (T,)."""
-    wide = maximum_filter1d(np.maximum(excess, 1.0), max(1, round(0.3 * rate)))
-    return np.asarray(1.0 / gaussian_filter1d(wide, 0.1 * rate, mode="nearest"))
-
-
-def _speed_ratio(robot: Robot, clip: MotionClip, s: FilterSettings) -> Array:
-    """Return by how much each frame is too fast, widened to its surroundings, shape (T,)."""
-    speed = abs(np.gradient(clip.joints, 1.0 / clip.rate, axis=0))
-    ratio = (speed / (s.share * robot.velocity_limit)).max(axis=1)
-    wide = maximum_filter1d(np.maximum(ratio, 1.0), max(1, round(0.3 * clip.rate)))
-    return np.asarray(gaussian_filter1d(wide, 0.05 * clip.rate, mode="nearest"))
+def _envelope(values: Array, window: float, smoothing: float, rate: float) -> Array:
+    """Return a smooth bound of values in time: the greatest within a window, s, then smoothed, s; shape (T,)."""
+    widest = maximum_filter1d(values, max(1, round(window * rate)))
+    return np.asarray(gaussian_filter1d(widest, smoothing * rate, mode="nearest"))
 
 
 def _retime(clip: MotionClip, pace: Array, s: FilterSettings) -> tuple[MotionClip, Array]:
@@ -266,17 +260,11 @@ def _eased(t: Array, total: float, ease: float) -> Array:
     return np.asarray(way * ((total - ease) / way[-1]))
 
 
-class _Balanced(NamedTuple):
-    """A motion with its feet on the ground and its ZMP inside the support; see `FeasibleMotion`."""
+def _balanced(robot: Robot, clip: MotionClip, s: FilterSettings) -> tuple[BodyMotion, Contacts, float, float]:
+    """Freeze the feet, and move the centre of mass until the ZMP is inside the support.
 
-    motion: BodyMotion
-    contacts: Contacts
-    com_shift: float
-    shortened: float
-
-
-def _balanced(robot: Robot, clip: MotionClip, s: FilterSettings) -> _Balanced:
-    """Freeze the feet, and move the centre of mass until the ZMP is inside the support."""
+    Motion and contacts are returned, and by how much the centre of mass was shifted and a step was shortened, m.
+    """
     q = clip.configurations(robot)
     motion = BodyMotion.of(robot, q, clip.rate)
     contacts = find_contacts(motion, s.contacts, clip.standing, s.contacts.double_support)
@@ -304,7 +292,7 @@ def _balanced(robot: Robot, clip: MotionClip, s: FilterSettings) -> _Balanced:
     com = gaussian_filter1d(given, 0.02 * clip.rate, axis=0, mode="nearest")
     result = q
     for _ in range(s.passes):
-        result = solver.solve(KinematicTargets(q, soles, stands, com), result)
+        result = solver.solve(q, soles, stands, com, result)
         motion = BodyMotion.of(robot, result, clip.rate)
         momentum = gaussian_filter1d(motion.momentum, 0.02 * clip.rate, axis=0)
         zmp = replace(motion, com=com, momentum=momentum).zmp()
@@ -315,15 +303,14 @@ def _balanced(robot: Robot, clip: MotionClip, s: FilterSettings) -> _Balanced:
         if abs(needed).max() < 1e-4 and low.max() < 1e-3:
             break
         com[:, :2] += centre_of_mass_shift(needed, float(np.median(com[:, 2])), clip.rate)
-        wide = maximum_filter1d(np.where(low > 5e-4, low, 0.0), max(1, round(0.6 * clip.rate)))
-        com[:, 2] -= 2.0 * gaussian_filter1d(wide, 0.15 * clip.rate, mode="nearest")
-    result = solver.solve(KinematicTargets(q, soles, stands, com), result)
+        com[:, 2] -= 2.0 * _envelope(np.where(low > 5e-4, low, 0.0), 0.6, 0.15, clip.rate)
+    result = solver.solve(q, soles, stands, com, result)
     # Where a joint meets its limit there is a kink: a hundredth of a second of smoothing takes metres off the ZMP.
     result = gaussian_filter1d(result, s.smoothing * clip.rate, axis=0, mode="nearest")
     result[:, 3:7] /= np.linalg.norm(result[:, 3:7], axis=1, keepdims=True)
     motion = BodyMotion.of(robot, result, clip.rate)
     shift = float(np.linalg.norm((com - given)[:, :2], axis=1).max())
-    return _Balanced(motion, contacts, shift, steps.shortened)
+    return motion, contacts, shift, steps.shortened
 
 
 def _least_load(contacts: Contacts, s: FilterSettings) -> Array:
@@ -348,7 +335,7 @@ def _straightened(robot: Robot, q: Array, rate: float, share: float) -> Array:
         excess = BodyMotion.of(robot, q, rate).torque_share(robot).max(axis=1) / share
         if (excess <= 1.0).all():
             break
-        turns = _part_left(excess, rate) - 1.0
+        turns = 1.0 / _envelope(np.maximum(excess, 1.0), 0.3, 0.1, rate) - 1.0
         for i in np.flatnonzero(turns < -1e-3):
             pin.framesForwardKinematics(robot.model, data, q[i])
             x, y, z = data.oMf[torso].rotation @ up

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
 
 import numpy as np
 import pinocchio as pin
@@ -15,22 +15,11 @@ STANCE, SWING, COM, ORIENTATION, JOINTS, LEGS = 1e4, 1e2, 1e3, 1.0, 0.5, 1e-3
 """Weights per squared error: pose of a sole that stands, and of one in the air (m², rad²), centre of mass (m²),
 rotation of base and torso, joints outside the legs, and joints of the legs (rad²), on which the feet decide."""
 
+SMALL = 1e-6
+"""Step with which a frame is solved, rad and m."""
 
-@dataclass(frozen=True, slots=True, eq=False)
-class KinematicTargets:
-    """Targets of every frame.
-
-    Attributes:
-        q: Configurations to stay near, shape (T, nq).
-        soles: Placements of left and right sole, T pairs.
-        standing: 1 where a sole stands, 0 in the air, shape (T, 2); in between the weights change geometrically.
-        com: Places of the centre of mass, shape (T, 3), m.
-    """
-
-    q: Array
-    soles: list[tuple[pin.SE3, pin.SE3]]
-    standing: Array
-    com: Array
+Soles = Sequence[tuple[pin.SE3, pin.SE3]]
+"""Placements of left and right sole in each frame."""
 
 
 class InverseKinematics:
@@ -55,27 +44,26 @@ class InverseKinematics:
 
     def solve(
         self,
-        targets: KinematicTargets,
+        q: Array,
+        soles: Soles,
+        standing: Array,
+        com: Array,
         start: Array | None = None,
         iterations: int = 12,
-        tolerance: float = 1e-6,
     ) -> Array:
-        """Return configurations that meet the targets, shape (T, nq), begun with `start` or with those to stay near.
+        """Return configurations, shape (T, nq).
 
-        A frame ends after that many Gauss–Newton `iterations`, or with a step below `tolerance`, rad and m.
+        Args:
+            q: Configurations to stay near, shape (T, nq).
+            soles: Placements of left and right sole, T pairs.
+            standing: 1 where a sole stands, 0 in the air, shape (T, 2); in between the weights change geometrically.
+            com: Places of the centre of mass, shape (T, 3), m.
+            start: Configurations to begin with, shape (T, nq); those to stay near when None.
+            iterations: Most Gauss–Newton steps of a frame, which ends with one below `SMALL`.
         """
-        solution = np.empty_like(targets.q)
-        for i, reference in enumerate(targets.q):
-            solution[i] = self._frame(
-                reference,
-                reference if start is None else start[i],
-                targets.soles[i],
-                targets.standing[i],
-                targets.com[i],
-                iterations,
-                tolerance,
-            )
-        return solution
+        starts = q if start is None else start
+        frames = zip(q, starts, soles, standing, com, strict=True)
+        return np.array([self._frame(*frame, iterations) for frame in frames])
 
     def _frame(
         self,
@@ -85,7 +73,6 @@ class InverseKinematics:
         standing: Array,
         com: Array,
         iterations: int,
-        tolerance: float,
     ) -> Array:
         model, data = self._model, self._data
         q = start.copy()
@@ -117,30 +104,26 @@ class InverseKinematics:
             step = self._bounded_step(hessian, gradient, q[7:])
             q = pin.integrate(model, q, step)
             np.clip(q[7:], self.lower, self.upper, out=q[7:])
-            if abs(step).max() < tolerance:
+            if abs(step).max() < SMALL:
                 break
         return q
 
     def _bounded_step(self, hessian: Array, gradient: Array, joints: Array) -> Array:
         """Solve for a step; joints that it would take over a limit stop there and the others are solved for again."""
         step = np.linalg.solve(hessian, gradient)
-        held: dict[int, float] = {}
+        fixed = np.empty(0, dtype=int)
         for _ in range(3):
-            beyond = [
-                (int(j), float(bound[j] - joints[j]))
-                for over, bound in (
-                    (joints + step[BASE_DOF:] > self.upper + 1e-9, self.upper),
-                    (joints + step[BASE_DOF:] < self.lower - 1e-9, self.lower),
-                )
-                for j in np.flatnonzero(over)
-                if BASE_DOF + int(j) not in held
-            ]
-            if not beyond:
+            count, reached = len(fixed), joints + step[BASE_DOF:]
+            for bound, beyond in (
+                (self.upper, reached > self.upper + 1e-9),
+                (self.lower, reached < self.lower - 1e-9),
+            ):
+                new = np.setdiff1d(BASE_DOF + np.flatnonzero(beyond), fixed)
+                step[new] = (bound - joints)[new - BASE_DOF]
+                fixed = np.append(fixed, new)
+            if len(fixed) == count:
                 break
-            held |= {BASE_DOF + j: move for j, move in beyond}
-            fixed = np.array(list(held))
             free = np.setdiff1d(np.arange(len(step)), fixed)
-            step[fixed] = list(held.values())
             rest = gradient[free] - hessian[np.ix_(free, fixed)] @ step[fixed]
             step[free] = np.linalg.solve(hessian[np.ix_(free, free)], rest)
         return np.asarray(step)

@@ -12,7 +12,6 @@ so that fast arms are no disturbance: the wrench that the stabilizer wants is th
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
 import pinocchio as pin
@@ -26,84 +25,65 @@ from wbc.motion.clip import MotionClip
 from wbc.tasks.stabilizer.pendulum import Pendulum
 from wbc.walking.pattern.swing import FootMotion
 from wbc.walking.planning.footsteps import heading, mean_heading
+from wbc.walking.source import Reference, WholeBody
 
 ZMP_SMOOTHING = 0.02
 """Standard deviation with which the reference of the ZMP is smoothed, s: splines have kinks in their accelerations."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class ClipReference:
-    """References at the ticks of a controller, in the world.
+def clip_references(
+    robot: Robot, clip: MotionClip, standing: Array, ground: float, dt: float
+) -> tuple[Array, tuple[Reference, ...]]:
+    """Return configurations, shape (T, nq), and references of the ticks of a clip.
 
-    Attributes:
+    Args:
+        robot: The robot; its state is not changed.
+        clip: The clip.
+        standing: True where the left and the right sole stand in each frame, shape (frames, 2).
+        ground: Height of the ground, m.
         dt: Control period, s.
-        q: Configurations, shape (T, nq).
-        v: Velocities, shape (T, nv).
-        a: Accelerations, shape (T, nv).
-        standing: True where the left and the right sole stand, shape (T, 2).
-        pendulum: Pendulum of each tick, for the stabilizer.
-        com_acceleration: True acceleration of the centre of mass, shape (T, 3), m/s².
-        feet: Motion of left and right sole of each tick.
-        trunk: Rotation, angular velocity and acceleration of pelvis and torso of each tick, in world axes.
-        headings: Heading of the feet, shape (T,), rad.
     """
+    q, v, a = splines(robot, clip, dt)
+    count = len(q)
+    nearest = np.minimum(np.round(np.arange(count) * dt * clip.rate).astype(int), len(clip) - 1)
+    model, data = robot.model, robot.model.createData()
+    soles = [robot.frame_id(sole.frame) for sole in robot.soles[:2]]
+    parts = [robot.frame_id(part) for part in dict.fromkeys((robot.base_frame, robot.torso_frame))]
+    com, com_velocity, com_acceleration, turning = (np.empty((count, 3)) for _ in range(4))
+    moving: list[tuple[list[FootMotion], list[FootMotion]]] = []
 
-    dt: float
-    q: Array
-    v: Array
-    a: Array
-    standing: Array
-    pendulum: tuple[Pendulum, ...]
-    com_acceleration: Array
-    feet: tuple[tuple[FootMotion, FootMotion], ...]
-    trunk: tuple[tuple[tuple[Array, Array, Array], ...], ...]
-    headings: Array
+    def motion(frame: int) -> FootMotion:
+        velocity = pin.getFrameVelocity(model, data, frame, pin.LOCAL_WORLD_ALIGNED)
+        acceleration = pin.getFrameClassicalAcceleration(model, data, frame, pin.LOCAL_WORLD_ALIGNED)
+        return FootMotion(data.oMf[frame].copy(), velocity.vector.copy(), acceleration.vector.copy())
 
-    def __len__(self) -> int:
-        return len(self.q)
-
-    @classmethod
-    def of(cls, robot: Robot, clip: MotionClip, standing: Array, ground: float, dt: float) -> ClipReference:
-        """Compute all references of a clip on a ground at a height, m, for a control period, s."""
-        q, v, a = _splines(robot, clip, dt)
-        count = len(q)
-        nearest = np.minimum(np.round(np.arange(count) * dt * clip.rate).astype(int), len(clip) - 1)
-        model, data = robot.model, robot.model.createData()
-        world = pin.LOCAL_WORLD_ALIGNED
-        soles = [robot.frame_id(sole.frame) for sole in robot.soles[:2]]
-        parts = list(dict.fromkeys((robot.base_frame, robot.torso_frame)))
-        com, com_velocity, com_acceleration = (np.empty((count, 3)) for _ in range(3))
-        turning = np.empty((count, 3))
-        feet: list[tuple[FootMotion, FootMotion]] = []
-        trunk: list[tuple[tuple[Array, Array, Array], ...]] = []
-
-        def motion(frame: int) -> FootMotion:
-            return FootMotion(
-                data.oMf[frame].copy(),
-                pin.getFrameVelocity(model, data, frame, world).vector.copy(),
-                pin.getFrameClassicalAcceleration(model, data, frame, world).vector.copy(),
-            )
-
-        for i in range(count):
-            pin.computeCentroidalMomentumTimeVariation(model, data, q[i], v[i], a[i])
-            turning[i] = data.dhg.angular
-            pin.centerOfMass(model, data, q[i], v[i], a[i])
-            com[i], com_velocity[i], com_acceleration[i] = data.com[0], data.vcom[0], data.acom[0]
-            pin.updateFramePlacements(model, data)
-            feet.append((motion(soles[0]), motion(soles[1])))
-            bodies = (motion(robot.frame_id(part)) for part in parts)
-            trunk.append(tuple((m.placement.rotation, m.velocity[3:], m.acceleration[3:]) for m in bodies))
-        pendulum = _pendulums(com, com_velocity, com_acceleration, turning / robot.mass, ground, dt)
-        headings = np.array(
-            [mean_heading(*(heading(foot.placement.rotation) for foot in pair)) for pair in feet]
+    for i in range(count):
+        turning[i] = pin.computeCentroidalMomentumTimeVariation(model, data, q[i], v[i], a[i]).angular
+        pin.centerOfMass(model, data, q[i], v[i], a[i])
+        com[i], com_velocity[i], com_acceleration[i] = data.com[0], data.vcom[0], data.acom[0]
+        pin.updateFramePlacements(model, data)
+        moving.append(([motion(sole) for sole in soles], [motion(part) for part in parts]))
+    pendulums = _pendulums(com, com_velocity, com_acceleration, turning / robot.mass, ground, dt)
+    return q, tuple(
+        Reference(
+            pendulums[i],
+            (left, right),
+            tuple(standing[nearest[i]].tolist()),
+            mean_heading(heading(left.placement.rotation), heading(right.placement.rotation)),
+            body=WholeBody(
+                com_acceleration[i],
+                [(m.placement.rotation, m.velocity[3:], m.acceleration[3:]) for m in trunk],
+                q[i, 7:],
+                v[i, 6:],
+                a[i, 6:],
+            ),
         )
-        return cls(
-            dt, q, v, a, standing[nearest], pendulum, com_acceleration, tuple(feet), tuple(trunk), headings
-        )
+        for i, ((left, right), trunk) in enumerate(moving)
+    )
 
 
-def _splines(robot: Robot, clip: MotionClip, dt: float) -> tuple[Array, Array, Array]:
-    """Return configurations, velocities and accelerations at the ticks."""
+def splines(robot: Robot, clip: MotionClip, dt: float) -> tuple[Array, Array, Array]:
+    """Return configurations, velocities and accelerations of a clip at the ticks of a period, s."""
     frames = clip.configurations(robot)
     count = math.ceil(clip.duration / dt - 1e-9) + 1
     t = np.minimum(np.arange(count) * dt, clip.duration)

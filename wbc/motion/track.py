@@ -24,14 +24,14 @@ from wbc.core.settings import NonNegative, Positive, Share, settings
 from wbc.motion.clip import MotionClip
 from wbc.motion.contacts import find_contacts
 from wbc.motion.kinematics import BodyMotion, leg_joints
-from wbc.motion.reference import ClipReference, placed
+from wbc.motion.reference import clip_references, placed
 from wbc.tasks.stabilizer.distribution import DistributionSettings
 from wbc.walking.control import WalkingControl
 from wbc.walking.pattern.swing import FootMotion
 from wbc.walking.planning.phases import Event, Phase
 from wbc.walking.planning.reach import bent_height
 from wbc.walking.settings import WalkingControlSettings
-from wbc.walking.source import Reference, ReferenceSource, WholeBody
+from wbc.walking.source import Reference, ReferenceSource
 from wbc.walking.tasks import TaskGains
 
 START = 0.1
@@ -71,7 +71,8 @@ class ClipSource(ReferenceSource):
 
     Attributes:
         clip: The clip, where the robot is.
-        motion: References of each tick.
+        configurations: Configurations of the clip at the ticks, shape (T, nq).
+        motion: References of the ticks, as the clip has them.
         tick: Index of the present tick in `motion`.
         landings: Number of landings so far.
         com_height: Height of the CoM over the soles at the start, m.
@@ -112,7 +113,7 @@ class ClipSource(ReferenceSource):
         if self.com_height is None:
             self.com_height = min(float(robot.com[2]) - ground, bent_height(robot, s.walking.drive.stretch))
         self.clip = placed(robot, clip, q[0], (left, right))
-        self.motion = ClipReference.of(robot, self.clip, contacts.standing, ground, dt)
+        self.configurations, self.motion = clip_references(robot, self.clip, contacts.standing, ground, dt)
         self.tick = 0
         self.landings = 0
         self._dt, self._fade = dt, s.fade
@@ -129,37 +130,28 @@ class ClipSource(ReferenceSource):
 
     def update(self, state: State) -> Reference:
         """Return the references of this tick, and land or lift the feet."""
-        motion = self.motion
-        self.tick = i = min(round(state.time / self._dt), len(motion) - 1)
+        self.tick = i = min(round(state.time / self._dt), len(self.motion) - 1)
         loads = state.load.tolist()
         events = tuple(event for side in (0, 1) for event in self._switch(side, i, loads[side]))
         contact = (self._swings[0] is None, self._swings[1] is None)
         phase = Phase.STANDING if self.finished else (Phase.DOUBLE if all(contact) else Phase.SINGLE)
-        q, v, a = motion.q[i, 7:], motion.v[i, 6:], motion.a[i, 6:]
-        return Reference(
-            motion.pendulum[i],
-            (self._foot(0, i), self._foot(1, i)),
-            contact,
-            float(motion.headings[i]),
-            phase,
-            self.landings,
-            events,
-            body=WholeBody(motion.com_acceleration[i], motion.trunk[i], q, v, a),
+        feet = (self._foot(0, i), self._foot(1, i))
+        return self.motion[i]._replace(
+            feet=feet, contact=contact, phase=phase, step=self.landings, events=events
         )
 
     def _switch(self, side: int, i: int, load: float) -> tuple[Event, ...]:
         """Lift or land a foot when the clip says so, or when it meets the ground a little before."""
-        standing = self.motion.standing
-        planned = bool(standing[i, side])
+        planned = self.motion[i].contact[side]
         if self._swings[side] is None:
             if planned or self._early[side]:
                 self._early[side] = self._early[side] and not planned
                 return ()
-            place, given = self._soles[side], self.motion.feet[i][side].placement
+            place, given = self._soles[side], self.motion[i].feet[side].placement
             turn = np.asarray(pin.log3(place.rotation @ given.rotation.T))
             self._swings[side] = i, np.concatenate([place.translation - given.translation, turn])
             return (Event.LIFT_OFF,)
-        soon = standing[min(i + self._ahead, len(standing) - 1), side]
+        soon = self.motion[min(i + self._ahead, len(self.motion) - 1)].contact[side]
         if not (planned or (soon and load > self._load)):
             return ()
         self._swings[side], self._early[side] = None, not planned
@@ -169,7 +161,7 @@ class ClipSource(ReferenceSource):
 
     def _foot(self, side: int, i: int) -> FootMotion:
         """Motion of a sole: at rest where it stands; in the air that of the clip, from where it was lifted."""
-        swing, given = self._swings[side], self.motion.feet[i][side]
+        swing, given = self._swings[side], self.motion[i].feet[side]
         if swing is None:
             return FootMotion.at_rest(self._places[side])
         begin, offset = swing
