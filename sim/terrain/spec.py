@@ -76,7 +76,7 @@ class Terrain:
         start: World x of the start of the rough part, m.
         strip: Length of the flat strip before and after the rough part, m.
         ramp: Length of the first piece of the rough part, on which heights grow from 0 to their own, m; solids sink
-            by the share of their middle. 0 for a sharp edge. The amplitude is that without the ramp.
+            by the ratio at their middle. 0 for a sharp edge. The amplitude is that without the ramp.
         rendering: "geoms" (solids), "height_field", or "auto": solids wherever the family is made of them.
         resolution: Greatest cell of a height field, m; fine enough for family and sole when None.
         sole_radius: Radius of the spheres under the sole, m; a height field must be as fine.
@@ -259,11 +259,11 @@ class Terrain:
         return Ground(floor, self._sunk(Ground(floor, shapes)), self._strips(0.0, family.stop(site), floor))
 
     def _share(self, x: Array) -> Array:
-        """Return the share of their heights that points have by the ramp, at world x (m)."""
+        """Return the ratio of the heights on the ramp to those without it, at world x (m)."""
         return np.clip((x - self.start) / self.ramp, 0.0, 1.0) if self.ramp > 0.0 else np.ones_like(x)
 
     def _sunk(self, ground: Ground) -> tuple[Shape, ...]:
-        """Return the solids of a ground, those of the ramp sunk by the share of their middle."""
+        """Return the solids of a ground, those of the ramp sunk by the ratio at their middle."""
         boxes = np.array([shape.box for shape in ground.shapes]).reshape(-1, 4)
         x, y = (boxes[:, 0] + boxes[:, 1]) / 2.0, (boxes[:, 2] + boxes[:, 3]) / 2.0
         drops = (1.0 - self._share(x)) * ground.height(x, y)

@@ -49,7 +49,7 @@ class _Moment(NamedTuple):
 
     @property
     def share(self) -> float:
-        """Share of the phase that is over."""
+        """Elapsed time over the duration of the phase."""
         return min(1.0, self.elapsed / self.duration) if self.duration > 0.0 else 0.0
 
     @property

@@ -142,7 +142,7 @@ def check_drive(rows: Sequence[Sequence[float]]) -> None:
 
 
 class Drive(TrialHook):
-    """Commanded velocities of a walk that is under way."""
+    """Commanded velocities of a walk, row by row."""
 
     def __init__(self, rows: Sequence[Sequence[float]] | None, walking: ReferenceControl) -> None:
         """Begin with the first row of `WalkPlan.drive`; None for a walk along a plan."""

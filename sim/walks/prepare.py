@@ -38,7 +38,7 @@ class PreparedWalk:
         settings: Settings.
         configuration: Configuration of the controller's robot at the start, shape (nq,).
         plan: Footsteps, with timings on the grid of the control period; none of a stepping walk.
-        way: Footsteps that lead to the goal; those of the plan, or, of a stepping walk, those that it does not take.
+        way: Footsteps that lead to the goal: those of the plan; a stepping walk takes the last ones as its goal.
         orders: Velocities over time, as rows of `WalkPlan.drive`; None for a walk along a plan or to a goal.
         nominal_time: Duration of the walk as planned, s.
         notes: Changes that made it walkable.
@@ -129,7 +129,7 @@ def prepare(
 def _orders(
     plan: WalkPlan, way: FootstepPlan, walking: SteppingControl
 ) -> tuple[tuple[tuple[float, float, float, float], ...] | None, float]:
-    """Return the velocities of a stepping walk, None for the goal at the end of a way, and its nominal time, s.
+    """Return the velocities of a stepping walk, None for the goal at the end of `way`, and its nominal time, s.
 
     A plan that states footsteps is an `InputError`.
     """

@@ -49,7 +49,7 @@ class Fall:
         onset: Time of the onset, s.
         step: Number of the step at the onset, from 1; one more than the last at the end of the walk.
         phase: "single support", "double support" or "standing".
-        share: Share of that phase that was over.
+        share: Elapsed time over the duration of that phase.
         dcm_forward: Excursion of the DCM along the stance foot, m: measured minus reference; None without a stabilizer.
         dcm_outward: Excursion over the stance foot to the outside, m; likewise.
         cause: "dropped" where the pelvis sank; else the direction of the larger excursion, or without them of the
@@ -123,10 +123,10 @@ class WalkResult:
         drift: Displacement of the feet to the left, m.
         yaw_error: Heading of the pelvis minus that of the reference, rad.
         goal_error: Distance of the middle of the feet from that of the plan's last stand, m; None for a driven walk.
-        track_error: Greatest distance of that middle from the planned way, m; None for a driven walk.
+        track_error: Greatest distance of that middle from the planned track, m; None for a driven walk.
         zmp_error: m.
         com_error: m; of the stabilizer's CoM, less the bias that it has estimated.
-        dcm_error: The same of the DCM, m.
+        dcm_error: m; of the DCM, less its bias.
         dcm_error_max: m.
         peak_torque_ratio: Greatest joint torque over its limit, at the ends of the control periods.
         peak_torque_joint: Joint of that torque.

@@ -77,7 +77,7 @@ class WalkSpec(TrialSpec):
         terrain: Family of grounds that `wbc terrain` lists.
         amplitude: Highest minus lowest point of the ground, m.
         terrain_params: Parameters of the ground, and length, width, start, strip, ramp, rendering.
-        scene: What stands on the ground, one that `wbc terrain` lists.
+        scene: Things on the ground: a scene that `wbc terrain` lists.
         scene_params: Parameters of the scene.
         seed: Fixes the ground and the errors of the sensors.
         noise_seed: Another seed for the errors of the sensors.
@@ -90,7 +90,7 @@ class WalkSpec(TrialSpec):
         gains: Preset of settings: default, frizza for the paper's law, no_bias for the same without bias estimate.
         changes: Settings that differ from the preset; see `wbc.sim.walks.settings.TrialSettings`.
         start: Place of the robot at the start: x (m), y (m) and heading (rad).
-        pushes: Pushes on the way.
+        pushes: Pushes during the walk.
     """
 
     kind: ClassVar[str] = "walk"

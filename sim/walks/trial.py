@@ -1,4 +1,4 @@
-"""A simulated walk: spec in, result out, with hooks that look on.
+"""A simulated walk: spec in, result out, with hooks that observe.
 
 result = walk(foot="soft", stiffness=5.0, terrain="stones", amplitude=0.02, seed=7)
 """
@@ -62,7 +62,7 @@ def walk(
     Args:
         spec: The walk; the default one when None: 3 m on a flat ground.
         policy: Stiffness policy of variable soles: a name, or a policy of one's own.
-        hooks: Look on; they do not change the result.
+        hooks: Observers of every tick; they do not change the result.
         **values: Fields of `WalkSpec` and `WalkPlan` that differ from the spec: robot, foot, terrain, distance, ….
 
     Returns:
@@ -91,7 +91,7 @@ class WalkTrial(Trial):
     Attributes:
         spec: The walk.
         meter: Measures the figures of the result.
-        sole_meter: Measures those of soles of variable stiffness; None without a policy.
+        sole_meter: Measures the figures of soles of variable stiffness; None without a policy.
     """
 
     @checked
@@ -143,7 +143,7 @@ class WalkTrial(Trial):
         """Walk to the end, a fall or the time limit; once only.
 
         Args:
-            hooks: Look on.
+            hooks: Observers of every tick.
         """
         plant, drive, limit = self.plant, self._drive, self._prepared.time_limit
         with self.running(hooks):
@@ -166,7 +166,7 @@ class WalkTrial(Trial):
     def _result(self, clock: WallClock) -> WalkResult:
         walking, diverged = self.walking, self.diverged
         fall = None if self.fall is None else self.meter.fall(self.fall.name.lower())
-        # A robot that a hook has steered on the way has another goal than its plan's.
+        # A robot that a hook has steered has another goal than its plan's.
         arrival = None if walking.steered and not self._steered else self._arrival
         if diverged is not None:
             outcome = "diverged"
@@ -205,7 +205,7 @@ class WalkTrial(Trial):
         return math.atan2(2.0 * (w * k + i * j), 1.0 - 2.0 * (j * j + k * k))
 
     def _travel(self, arrival: Arrival | None) -> dict[str, Any]:
-        """Return the true displacement of the feet, what it cost, and the true errors of goal and heading."""
+        """Return the true displacement of the feet, the cost of transport, and the true errors of goal and heading."""
         q = self.plant.data.qpos
         if not np.isfinite(q[:7]).all():
             found = dict.fromkeys(("distance", "drift", "yaw_error", "goal_error"), math.nan)

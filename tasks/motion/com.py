@@ -71,7 +71,7 @@ class CoMTask(TargetTask[Array]):
 class CoMOverFeetTask(CoMTask):
     """Bring the centre of mass to a point over the middle of the soles: the target goes with the feet.
 
-    The target is the way from the middle of the soles' frames to the centre of mass, along the axes of the world, m.
+    The target is the vector from the middle of the soles' frames to the centre of mass, in world axes, m.
     """
 
     @checked

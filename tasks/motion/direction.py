@@ -19,7 +19,7 @@ from wbc.tasks.motion.moving import Course
 from wbc.tasks.options import MotionOptions
 
 NEAREST = 0.05
-"""Distance below which a point counts as this far away, m: nothing can look at what is in its eye."""
+"""Least distance of a point that the gaze task divides by, m."""
 
 
 def least_turn(axis: Array, direction: Array) -> Array:
@@ -188,7 +188,7 @@ class GazeTask(DirectionTask):
         return Course(self.target, self._checked)
 
     def _put(self, target: Any, velocity: Array, acceleration: Array) -> None:
-        self._target = target  # no feed-forward: it would need the distance, and a look is not that quick
+        self._target = target  # no feed-forward: it would need the distance, and a gaze moves slowly
 
 
 class _Directions(Course):

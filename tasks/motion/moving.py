@@ -21,7 +21,7 @@ NEAR = {"m": 0.01, "rad": 0.05}
 """Unit → error within which a task has reached its target."""
 
 SLOW = {"m": 0.05, "rad": 0.2}
-"""Unit → speed below which it has, per second."""
+"""Unit → speed below which a task has reached its target, per second."""
 
 DIFFERENCE = 1e-4
 """Step of the difference that gives the rate of a Jacobian of rotations, rad."""
@@ -161,7 +161,7 @@ class MovingTask(Task):
         """Move the target through others, without a stop, to rest at the last; see `move_to`.
 
         Args:
-            targets: One after the other; rotations between two of them go the short way.
+            targets: One after the other; a rotation between two of them is the shorter turn.
             duration: From the first target to the last, s.
             speed: Greatest speed.
             acceleration: Greatest acceleration.
@@ -216,7 +216,7 @@ class MovingTask(Task):
 
     @property
     def moving(self) -> bool:
-        """True while the target is on its way."""
+        """True while the target moves."""
         return self._trajectory is not None
 
     @property
@@ -227,7 +227,7 @@ class MovingTask(Task):
 
     @property
     def speed(self) -> float:
-        """Measured speed now, `unit`/s: that of the fastest part (position, rotation, joint)."""
+        """Measured speed now, `unit`/s: that of the fastest of position, rotation and joints."""
         return self._greatest(self.velocity)
 
     @property

@@ -18,7 +18,7 @@ from wbc.tasks.options import GainOptions
 
 
 class PostureTask(MovingTask, JointTask, SelectionTask):
-    """Bring joints to given positions; what is left free by all other tasks goes here.
+    """Bring joints to given positions, as far as the other tasks leave them free.
 
     Error and residual are in rad and rad/s² (m and m/s² for sliding joints); the weight is a cost per (rad/s²)².
     Weight 0.1 and stiffness 20 1/s² by default.

@@ -64,7 +64,7 @@ class TargetTask(AxesTask, Generic[T]):
         self._target = target
 
     def _present(self, robot: Robot) -> T:
-        """Return the target at which a robot has no error, as a copy."""
+        """Return the target at which the present error is zero, as a copy."""
         raise NotImplementedError
 
     def _checked(self, value: Any) -> T:

@@ -8,9 +8,9 @@ shortfall s in newtons and newton metres, so that there always is a solution:
                 friction, CoP and yaw torque of a rectangle; least normal force
 
 with r the left-foot ratio: 1 when the left foot carries all weight. Taking moments about the ZMP keeps the numbers
-small wherever the robot stands. A foot in the air has no part in the sum: its wrench only costs, and is zero.
+small wherever the robot stands. The wrench of a foot in the air is not in the sum: it only costs, and is zero.
 
-On one foot there is nothing to share: where it can give the desired wrench, that is the result, and no QP is solved.
+On one foot nothing is distributed: where it can give the desired wrench, that is the result, and no QP is solved.
 
 Source: S. Caron, A. Kheddar, O. Tempier, "Stair climbing stabilization of the HRP-4 humanoid robot using
 whole-body admittance control", ICRA 2019, section IV; weights of mc_rtc's stabilizer.
@@ -36,7 +36,7 @@ ROWS = 17
 
 
 LEAST_SHARE = 0.05
-"""Least share of the load by which moments of a foot cost."""
+"""Least ratio of a foot's load to the sum by which its moments are weighed."""
 
 
 @settings
@@ -58,7 +58,7 @@ class DistributionSettings:
         ankle_shear: Cost of horizontal force, 1/N².
         ankle_normal: Cost of normal force, 1/N²; it only picks one of several solutions.
         pressure: Cost of a load that is not shared by the left-foot ratio, 1/N².
-        torque_by_load: Let the ankle torque of each of two feet cost by the inverse square of its share of the load, so
+        torque_by_load: Weigh the ankle torque of each of two feet by the inverse square of its load over the sum, so
             that the CoP of the foot with less load lies closer to the middle of its sole. At equal costs both get the
             same torque, and its CoP lies at the edge.
     """
@@ -102,7 +102,7 @@ class FootWrenches(NamedTuple):
 
 
 def left_foot_ratio(zmp: Array, left: Array, right: Array) -> float:
-    """Return the share of the left foot that puts the ZMP on the line between the feet: 1 at the left foot.
+    """Return the left-foot ratio that puts the ZMP on the line between the feet: 1 at the left foot.
 
     Target ZMP and ankles or sole centres are points in the world, shape (3,), m.
     """
@@ -204,7 +204,7 @@ class WrenchDistribution:
         return FootWrenches(solution[:12].reshape(2, 6), solution[12:], status)
 
     def _on_one_foot(self, foot: int, net: Array, soles: Sequence[pin.SE3]) -> FootWrenches | None:
-        """Give the whole wrench to the only foot on the ground; None where it is beyond what the foot can give."""
+        """Return the whole wrench as that of the only foot on the ground; None where the foot cannot give it."""
         wrench = soles[foot].actInv(pin.Force(net)).vector
         rows = self._cones[foot].dot(wrench)  # of the cone, then the normal force
         normal, rows[-1] = float(rows[-1]), 0.0
@@ -215,7 +215,7 @@ class WrenchDistribution:
         return FootWrenches(wrenches, np.zeros(6), Status.SOLVED)
 
     def _write_foot(self, foot: int, sole: pin.SE3, zmp: Array) -> None:
-        """Write the part of a foot on the ground in the sum of wrenches."""
+        """Write the wrench of a foot on the ground into the sum of wrenches."""
         p, column, rotation = self._problem, 6 * foot, sole.rotation
         force, moment = slice(column, column + 3), slice(column + 3, column + 6)
         p.equality[:3, force] = p.equality[3:6, moment] = rotation

@@ -1,7 +1,7 @@
-"""Lean of the trunk: for a while it gives the moment that the feet cannot give.
+"""Lean of the trunk: for a short time it supplies the moment that the feet cannot give.
 
 Where the CoP cannot go further, the distribution of wrenches has a shortfall m of the moment about the desired ZMP. The
-reaction to a trunk that is turned the other way gives this moment, as people do on a beam (the hip strategy):
+reaction to a trunk that accelerates the other way gives this moment (the hip strategy):
 
     I φ̈ = −m − I (2 ζ √k φ̇ + k φ),   |φ| ≤ φ_max,
 
@@ -36,10 +36,10 @@ class LeanSettings:
     """Settings of the lean.
 
     Attributes:
-        inertia: I, as a share of m h² with the mass of the robot and the height of its CoM; a smaller one leans more.
+        inertia: I over m h², with the mass of the robot and the height of its CoM; a smaller one leans more.
         stiffness: Stiffness k of the spring that brings the trunk back, 1/s².
         damping: Damping ratio ζ of the spring.
-        dead_band: Missing moment that causes no lean, as a share of m g h.
+        dead_band: Missing moment that causes no lean, over m g h.
         limit: Greatest lean about each axis, φ_max, rad.
         braking: Deceleration before the limit, rad/s².
     """
@@ -86,7 +86,7 @@ class Lean:
         self.angle = self.speed = (0.0, 0.0)
 
     def bear(self, mass: float) -> None:
-        """Take another mass of the robot, kg, above zero: it has got a load."""
+        """Set the mass of the robot with its load, kg, above zero."""
         s = self.settings
         first_moment = positive("mass (kg)", mass) * self._height
         self._inertia = s.inertia * first_moment * self._height

@@ -46,7 +46,7 @@ class StabilizerTask(CoMTask):
 
     Attributes:
         parts: Tasks on the contacts' wrenches, which a controller takes and gives back with this one.
-        output: What the stabilizer made of the last tick; None before the first one.
+        output: Output of the stabilizer in the last tick; None before the first one.
     """
 
     @checked
@@ -73,8 +73,8 @@ class StabilizerTask(CoMTask):
             distribution: Settings of the wrench distribution; the defaults when None.
             estimate: Robot whose state is the measured one, where it is not the controller's own (`State.robot`).
             wrench_weight: Desired foot wrenches on torques, cost per N² and (Nm)².
-            moment_by_load: Let moments of the desired wrenches of two feet cost by the inverse square of each one's
-                share of the load.
+            moment_by_load: Weigh the moments of the desired wrenches of two feet by the inverse square of each foot's
+                load over the sum.
             **options: See `MotionOptions`.
 
         Raises:
@@ -226,7 +226,7 @@ class StabilizerTask(CoMTask):
             target: Reference of the pendulum.
             contact: True for each foot that is to carry.
             places: Placements of the left and the right sole as planned.
-            push: Acceleration of the CoM beyond that of the pendulum, m/s².
+            push: Acceleration of the CoM on top of the pendulum's, m/s².
         """
         output = self.output
         assert output is not None
@@ -255,7 +255,7 @@ class StabilizerTask(CoMTask):
         self.follow(com, velocity, acceleration)
 
     def _weigh_moments(self, side: int, contact: tuple[bool, bool], output: StabilizerOutput) -> None:
-        """Let the moments of a desired wrench cost by the foot's share of the load."""
+        """Weigh the moments of a desired wrench by the inverse square of the foot's load over the sum."""
         weight, (left, right) = self._wrench_weight.copy(), output.feet.wrenches[:, 2].tolist()
         if all(contact):
             share = max((left, right)[side] / max(left + right, 1.0), LEAST_SHARE)

@@ -86,7 +86,7 @@ def level_zmp(wrench: Array, point: Array) -> Array:
 
 
 def zmp_offset(outside: Array, point: Array, weight: float) -> Array:
-    """Return how far a wrench moves the ZMP of the feet: they have theirs there, the pendulum turns about z − δ, m.
+    """Return the offset δ by which a wrench moves the ZMP z of the feet, m: the pendulum turns about z − δ.
 
     `outside` is the wrench of the surroundings on all but the feet, [force; moment] at the world origin, shape (6,), N
     and Nm; `point` the ZMP of the feet, shape (3,), m; `weight` the vertical force of the pendulum, N.

@@ -1,7 +1,7 @@
 """Set-points of the body of a robot that walks: height of the CoM, lean and turn of the trunk, and gaze, at any tick.
 
 Each goes to what it is set to with bounded speed and acceleration, so that a walk goes on meanwhile; what the robot
-cannot reach is refused by name. Nothing of it is computed before something is set.
+cannot reach is refused by name. Nothing is computed until a set-point is assigned.
 """
 
 from __future__ import annotations
@@ -56,7 +56,7 @@ NEAREST = 0.3
 """Horizontal distance of a point from the torso from which on a torso turns to it, m: below, its direction whirls."""
 
 ARRIVED = 1e-3
-"""Way left, m and rad, from which a set-point counts as reached."""
+"""Distance from a set-point, m and rad, below which it counts as reached."""
 
 
 class Twist(NamedTuple):
@@ -140,7 +140,7 @@ class Body(FixedAttributes):
         self._set(0, height - self._nominal)
 
     def check_steps(self, lift: float) -> None:
-        """Refuse steps that the legs have no room for: under a body that is low, an ankle or a knee meets its limit.
+        """Refuse steps that a lowered body leaves the legs no travel for: an ankle or a knee would meet its limit.
 
         Args:
             lift: Height by which the feet will be lifted, m.
@@ -248,7 +248,7 @@ class Body(FixedAttributes):
 
     @property
     def moving(self) -> bool:
-        """True while height or trunk are on their way."""
+        """True while height or trunk move to their set-points."""
         return bool(np.abs(self._goal - self._now).max() > ARRIVED)
 
     @property
@@ -297,7 +297,7 @@ class Body(FixedAttributes):
         self._aim(heading)
 
     def _aim(self, heading: float) -> None:
-        """Aim the torso of a robot without a neck, by a task, where its look has got to; back ahead, end it."""
+        """Point the gaze task of a torso without a neck along its present look; switch it off when that is ahead."""
         if self._gaze is None or self._neck:
             return
         if self._point is None and not self._now[4]:

@@ -45,7 +45,7 @@ class FallSettings:
 
 
 TOPPLING = 0.7
-"""Share of the tilt of a fall from which on a torso is not raised again: healthy walks come to 0.45 of it."""
+"""Ratio of the tilt to that of a fall above which a walk counts as lost: healthy walks reach 0.45."""
 
 
 class FallDetector:

@@ -39,11 +39,11 @@ class LoadSettings:
     Attributes:
         hands: Roles or frames of the robot that hold loads, in equal parts; all of its hands when empty.
         lag: Time constant with which mass and place follow the outside wrench, s.
-        rest_lag: The same once the load has not changed for a while, s: sensors are noisy, and the robot sways.
-        largest: Greatest mass, as a share of the robot's own.
+        rest_lag: Time constant once the load has settled, s: sensors are noisy, and the robot sways.
+        largest: Greatest mass of the load over the robot's.
         reach: Greatest horizontal distance of the load from the middle of the hands, m.
-        dead_band: Mass that is no load, as a share of the robot's own: errors of sensors and of the model.
-        step: Change of the estimate from which the models are changed, as a share of the robot's mass.
+        dead_band: Mass over the robot's below which it counts as an error of sensors and model, not as a load.
+        step: Change of the estimate, over the robot's mass, above which the models are changed.
     """
 
     hands: tuple[str, ...] = ()
@@ -104,7 +104,7 @@ class HeldLoad:
         return self.middle + (c * x - s * y, s * x + c * y, 0.0)
 
     def update(self, outside: OutsideWrench, dt: float) -> None:
-        """Follow the outside wrench, and let the models follow; what they get is taken off the observer's estimate."""
+        """Update the estimate from the outside wrench, and the models from it; their part is taken off the outside wrench."""
         s, robot = self.settings, self._robot
         if not outside.ready:
             return

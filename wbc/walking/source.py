@@ -31,7 +31,7 @@ NO_PUSH = (0.0, 0.0)
 
 
 class Support(NamedTuple):
-    """Share of each foot in carrying a robot that balances by its steps.
+    """Load of each foot of a robot that balances by its steps.
 
     Attributes:
         stance: Foot that carries: 0 left, 1 right.

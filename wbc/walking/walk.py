@@ -50,7 +50,7 @@ class WalkSettings:
 
     Attributes:
         preview: Preview control; the ZMP is planned 20 mm to the inner side of a stance foot, because rough ground tips
-            robots outward. On soles too narrow for that, the default is half of the room beside the margin.
+            robots outward. On soles too narrow for that, the default is half of the half width that the margin leaves.
         climbing_inward: Greatest distance of the planned ZMP to the inner side in a plan with stairs, m: the further
             inward the ZMP, the more torque the hips need, and on a stair they have none to spare.
         phases: Loads and times at which phases change.
@@ -103,7 +103,7 @@ class Walk:
         sole_sizes: (length, width) of the left and of the right sole, m.
         omega: Natural frequency of the pendulum, 1/s.
         com_height: Height of the CoM over the support while walking, m.
-        reaction: Share of the reaction to the swing of a leg that the CoM gives way to, 0 to 1; the feet hold the
+        reaction: Ratio of the reaction to the swing of a leg that the CoM yields to, 0 to 1; the feet hold the
             rest.
     """
 
@@ -307,7 +307,7 @@ class Walk:
         return pendulum
 
     def _travels(self) -> list[Travel]:
-        """Ways of the foot in the air and of the next one."""
+        """Displacements of the foot in the air and of the next one."""
         phases, swing = self.phases, self._swing_gait
         plan, step, lead = phases.plan, phases.step, phases.duration - phases.elapsed
         on_way = swing.takeoff_time + swing.landing_time

@@ -26,14 +26,12 @@ class Random(FieldFamily):
     """White noise through a first-order low-pass, constant across the track, as in the paper.
 
     The paper prints cut-offs "0.0001 … 0.1 m⁻¹"; as cycles per metre those would be waves of 10 km to 10 m on a
-    track of 3 m. The authors' public profiles agree with a share of the Nyquist frequency of their 7 mm grid,
+    track of 3 m. The authors' public profiles agree with a ratio to the Nyquist frequency of their 7 mm grid,
     which is what `cutoff` is; `describe` reports the spatial frequency beside it. Below about 1e-3 the ground is
     a random walk and hardly changes any more.
     """
 
-    cutoff: Annotated[float, Field(gt=0.0, le=0.99)] = param(
-        0.01, "Cut-off as a share of the Nyquist frequency"
-    )
+    cutoff: Annotated[float, Field(gt=0.0, le=0.99)] = param(0.01, "Cut-off over the Nyquist frequency")
     spacing: Annotated[Positive, "m"] = param(0.007, "Distance between noise samples")
 
     @property
@@ -62,7 +60,7 @@ def low_pass(signal: Array, cutoff: float) -> Array:
 
     Args:
         signal: Samples, shape (n,).
-        cutoff: Half-power frequency as a share of the Nyquist frequency, below 1.
+        cutoff: Half-power frequency over the Nyquist frequency, below 1.
 
     Source: bilinear transform of 1/(s + 1) with the frequency warped to K = tan(π w / 2).
     """

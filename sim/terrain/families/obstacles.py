@@ -182,7 +182,7 @@ class Slats(ShapeFamily):
     gap_min: Annotated[Positive, "m"] = param(0.06, "Narrowest gap")
     gap_max: Annotated[Positive, "m"] = param(0.11, "Widest gap", at_least="gap_min")
     sag: Annotated[float, Field(ge=0.0, le=0.9)] = param(
-        0.3, "How far the lowest slat lies below the edge, as a share of the depth"
+        0.3, "Depth of the lowest slat below the edge, over the depth of the pit"
     )
     tilt: Annotated[float, Field(ge=0.0, le=0.3), "rad"] = param(
         0.02, "Greatest slope of a slat along and across the track"

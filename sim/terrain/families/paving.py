@@ -18,7 +18,7 @@ from wbc.sim.terrain.families.solids import BURIED, plate
 from wbc.sim.terrain.shapes import Cylinder, Shape
 
 SHORTEST_CUT = 0.25
-"""A brick cut by the edge of the track is left out when it is shorter than this share of itself."""
+"""Ratio of its length below which a brick that the edge of the track cuts is left out."""
 
 
 def _laid(
@@ -26,7 +26,7 @@ def _laid(
 ) -> Iterator[Shape]:
     """Lay plates in rows along x, every other row shifted by `bond` plate lengths, with joints between them.
 
-    Heights belong to the highest corner; `tilt` is the rise over a plate as a share of the amplitude, less where a high
+    Heights belong to the highest corner; `tilt` is the rise over a plate over the amplitude, less where a high
     plate would lean over its joint.
     """
     pitch = (size[0] + joint, size[1] + joint)

@@ -59,7 +59,7 @@ class Site:
 
         Args:
             pitch: Distance between neighbours, m.
-            jitter: Share of the pitch, 0 to 0.5.
+            jitter: Greatest displacement over the pitch, 0 to 0.5.
             margin: Distance kept from the edges, m.
 
         Returns:

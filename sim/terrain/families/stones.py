@@ -63,7 +63,7 @@ class CobbleStones(ShapeFamily):
     """Round domes on an uneven hexagonal lattice, touching their neighbours."""
 
     pitch: Annotated[Positive, "m"] = param(0.18, "Distance between neighbours")
-    overlap: Share = param(0.1, "How far a dome reaches beyond half the pitch, as a share of it")
+    overlap: Share = param(0.1, "Overlap of a dome with its neighbour, over half the pitch")
     jitter: Annotated[float, Field(ge=0.0, le=0.5)] = param(
         0.08, "Greatest displacement, as a share of the pitch"
     )

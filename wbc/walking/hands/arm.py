@@ -37,7 +37,7 @@ class HandArm:
         return place
 
     def compliance(self) -> float | None:
-        """Return the compliance of the servos between trunk and hand, m/N, as it gives way most; None without gains."""
+        """Return the compliance of the hand on its servos in the softest direction, m/N; None without gains."""
         robot, arm = self._robot, self.joints
         servos = robot.servos
         if servos is None:
@@ -63,7 +63,7 @@ class HandArm:
     def strength(self, direction: Array, share: float) -> tuple[float, str]:
         """Return the greatest force along a direction of length 1 in the world, N, and the joint that bounds it.
 
-        `share` of the torque limits is what a force may take, beside the arm's weight.
+        The force may use the ratio `share` of the torque limits, beside the arm's weight.
         """
         robot, arm = self._robot, self.joints
         jacobian = pin.getFrameJacobian(robot.model, robot.data, self.frame, pin.LOCAL_WORLD_ALIGNED)

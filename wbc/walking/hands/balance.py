@@ -28,7 +28,7 @@ class ComShift:
 
     @property
     def still(self) -> bool:
-        """True once nothing is left of a shift."""
+        """True once the shift has decayed to zero."""
         return float(np.abs(self.value).max() + np.abs(self._speed).max()) < 1e-5
 
     def follow(self, goal: Array, dt: float) -> None:

@@ -1,15 +1,15 @@
-"""One hand on something: it approaches, touches, presses with a measured force, lets go, or notices its loss.
+"""Contact of one hand: approach, touch, press with a measured force, release, and detection of a lost contact.
 
-    free → reach → approach → hold → free            `press`, there, felt, `release`
+    free → reach → approach → hold → free            `press`, arrived, touch, `release`
              ↓                  ↓
-           grip → free         lost                  `grip`, there; nothing is felt any more
+           grip → free         lost                  `grip`, arrived; no force any more
 
-A hand that grips keeps its place before the robot, which walks; what it pulls or pushes is measured, and where that is
-more than it may be, the hand yields.
+A hand that grips keeps its pose relative to the walking robot; the force on it is measured, and the hand yields where
+it exceeds its limit.
 
-A hand that holds yields at a speed proportional to its force error, so that the force is what was asked for whatever
-robot and surface do: the admittance is that of the servos behind it, 1 / (4 T K) with the stiffness K of the arm's
-servos at the hand, along the force, and the delay T of sensor and servo.
+A hand that presses yields at a speed proportional to its force error, so that the force follows its target while robot
+and surface move. The admittance is 1 / (4 T K), with the stiffness K of the arm's servos at the hand, along the force,
+and the delay T of sensor and servo.
 """
 
 from __future__ import annotations
@@ -55,28 +55,28 @@ class HandSettings:
 
     Attributes:
         weight: Position of the hand, cost per (m/s²)².
-        turn_weight: Its orientation while it approaches, cost per (rad/s²)².
-        hold_weight: Its orientation while it presses, cost per (rad/s²)²: an arm that has to fold turns the hand.
-        stiffness: Of both, 1/s².
-        reach: Time in which a hand goes before a surface, s.
-        clearance: Distance of the tip of the hand before a surface from which it is approached, m.
+        turn_weight: Orientation of the hand while it approaches, cost per (rad/s²)².
+        hold_weight: Orientation of the hand while it presses, cost per (rad/s²)²: an arm that folds turns the hand.
+        stiffness: Stiffness of position and orientation, 1/s².
+        reach: Time in which a hand moves to the start of its approach, s.
+        clearance: Distance of the hand's tip from the surface at the start of the approach, m.
         length: From the frame of a hand to its tip, m.
         approach: Speed towards a surface, m/s.
         search: Greatest distance of an approach, m.
-        behind: Distance by which a hand that searches may stay behind its target, m: its arm is no longer.
-        touch: Force that is a touch, N.
-        ramp: Time in which a force is built up, taken back or changed, s.
+        behind: Position error of a searching hand above which its arm counts as stretched, and the contact as lost, m.
+        touch: Force above which the hand has touched the surface, N.
+        ramp: Time over which a force is built up, reduced or changed, s.
         lag: Delay T of force sensor and servos together, s; the admittance is 1 / (4 T K).
-        silence: Time without a reading of the force sensor after which what depends on it ends, s.
+        silence: Time without a reading of the force sensor after which a pressing hand has lost its contact, s.
         compliance: Compliance of the arm's servos at the hand where the robot has no servo gains, m/N.
-        follow: Time constant, twice, with which a hand that grips follows the feet, s.
+        follow: Time constant of each of two low-passes with which a hand that grips follows the feet, s.
         edge: Ratio of the distance to the edge of the soles that the ZMP of the feet moves for planned forces before
             the CoM does: less lean, and less margin against disturbances.
-        help: Share of the moment that the feet cannot give which hands that press take over; 0 leaves it to the trunk.
-        loss: Share of the force below which a contact is lost.
-        loss_time: Time below that share after which the contact counts as lost, s.
-        loss_ramp: Time in which the balance forgets a force that is lost, s.
-        share: Share of an arm's torque limits, beside its weight, that a force may take.
+        help: Ratio of the moment missing at the feet that pressing hands take over; 0 leaves it to the trunk.
+        loss: Ratio of measured to planned force below which a contact is lost.
+        loss_time: Time below that ratio after which the contact counts as lost, s.
+        loss_ramp: Time over which a lost force is faded out of the balance, s.
+        share: Ratio of an arm's torque limits, beside its weight, that a force may use.
         margin: Distance of the DCM from the edge of the soles that must be left when a force is lost suddenly, m.
     """
 
@@ -164,7 +164,7 @@ class Hand:
 
     @property
     def planned(self) -> float:
-        """Force with which it is to press now, N: what is asked for, or what the arm has if that is less."""
+        """Planned force, N: the force asked for, limited to what the arm can give."""
         return min(self.force.value, self._most)
 
     @property
@@ -174,7 +174,7 @@ class Hand:
 
     @property
     def helps(self) -> bool:
-        """True while the hand may press with more for the balance: until it is to let go."""
+        """True while the balance may ask the hand for more force: from its contact until its release."""
         return self.state is HandState.HOLD and self.force.goal > 0.0
 
     @property
@@ -238,9 +238,9 @@ class Hand:
             self._free()
 
     def sense(self, wrench: Array | None, dt: float) -> None:
-        """Take what its sensor reads. The last reading stands in for none until `silence` has passed.
+        """Take a reading of the force sensor; without one the last reading holds until `silence` has passed.
 
-        Then a hand that presses or is on its way has lost its contact, and one that grips feels nothing.
+        After that a hand that presses or approaches has lost its contact, and the force on one that grips is zero.
 
         Args:
             wrench: [force; moment] in its frame, shape (6,), N and Nm; None or NaN without a reading.
@@ -291,7 +291,7 @@ class Hand:
             before = self.force.value
             self.force.advance(dt)
             self.bounded, self._most = self.force.value > most, most
-            if self.force.goal == 0.0:  # the part of the balance goes with the force
+            if self.force.goal == 0.0:  # the force for the balance fades with it
                 self.extra *= self.force.value / max(before, 1e-9)
             self._watch(dt)
             if self.force.goal == 0.0 and self.force.value == 0.0:
@@ -366,7 +366,7 @@ class Hand:
         self._move(point, settings.approach * self.direction, np.zeros(3))
 
     def _watch(self, dt: float) -> None:
-        """Notice that there is nothing to press on any more."""
+        """Detect the loss of the contact from a force that stays too small."""
         least = min(self.planned, self.target)
         short = self.pressed < self._settings.loss * least and least > 2.0 * self._settings.touch
         self._short = self._short + dt if short else 0.0
@@ -374,7 +374,7 @@ class Hand:
             self._lose()
 
     def _fade(self, duration: float) -> None:
-        """Take the force back within a time, s."""
+        """Reduce the force to zero within a time, s."""
         self.force = Ramp(self.planned)
         self.force.to(0.0, duration)
 

@@ -43,9 +43,8 @@ from wbc.walking.planning.phases import Phase
 from wbc.walking.source import Reference
 
 SLOW_TIME = 1.0
-"""Time constant of the share of a force that moves the CoM, s, of hands that grip: mc_rtc's; the ZMP takes the rest.
-
-The servos of the arms are told of the same share."""
+"""Time constant of the low-pass whose output shifts the CoM for forces of hands that grip, s: mc_rtc's. The rest shifts
+the ZMP. The servos of the arms get the same low-passed force as feed-forward."""
 
 RELAX = 0.1
 """Ratio of the forces on them to which hands that grip yield while the robot stands: forces that remain when a walk
@@ -58,7 +57,7 @@ HELP_FROM = 1.0
 """Moment that the feet cannot give from which hands help, Nm: their distribution leaves a little at any time."""
 
 HELP_LEAK = 0.05
-"""Share of their help that they give back in that time, once the feet are enough."""
+"""Ratio of their help by which hands reduce it in each `HELP_TIME`, so that it ends once the feet give all moment."""
 
 FILTER_TIME = 0.05
 """Time constant of the low-pass on the measured force that the feet do not have to give, s: mc_rtc's."""
@@ -150,7 +149,7 @@ class Hands:
 
     @property
     def _weight(self) -> float:
-        """Of the robot with the load that it holds, N."""
+        """Weight of the robot with the load that it holds, N."""
         return self._robot.mass * GRAVITY
 
     @property
@@ -165,7 +164,7 @@ class Hands:
 
     @property
     def active(self) -> bool:
-        """True while a hand presses, or the balance still remembers that one did."""
+        """True while a hand presses, or its lost force is still being faded out of the balance."""
         return self._acting
 
     @property
@@ -236,7 +235,7 @@ class Hands:
         firm: bool,
         grip: bool,
     ) -> None:
-        """Check what a hand is to do, and let it begin."""
+        """Check the order of a hand, and begin it."""
         choose("hand", hand, self.all)
         self._check_sensor(hand)
         if grip and self.all[hand].state is HandState.HOLD:
@@ -323,7 +322,7 @@ class Hands:
                 held += offset
 
         def margin(force: float) -> float:
-            """Return how far the ZMP stays within the edge, m, when all forces are lost."""
+            """Return the distance of the ZMP inside the edge of the soles after all forces are lost, m."""
             total = held + force * own
             size = math.hypot(total[0], total[1])
             return self._to_edge(total if size > 1e-9 else own, self._yaw) - self.settings.margin - size
@@ -396,9 +395,9 @@ class Hands:
     def _yield(self, rests: bool) -> None:
         """Let hands that grip yield to internal forces, and to forces beyond their limits.
 
-        Of no use are vertical forces, and the squeeze of two hands along the line between them. Too much is what all
-        hands together feel above their limits; a couple, which turns what they hold, may be more. While the robot
-        `rests`, it stands, and no force is of use.
+        Internal forces are the vertical ones, and the squeeze of two hands along the line between them. The limit holds
+        for the sum of the forces on all hands; a couple, which turns what they hold, has none. While the robot `rests`,
+        hands also yield to the ratio `RELAX` of every force.
         """
         gripping = [hand for hand in self.all.values() if hand.state is HandState.GRIP]
         if not gripping:
@@ -454,7 +453,7 @@ class Hands:
         levers = np.array(
             [np.cross(arm, -hand.direction)[:2] for arm, hand in zip(arms, pressing, strict=True)]
         ).T
-        # The moment that the hands give already is in what they measure: `missing` is what lacks beside it.
+        # The measured forces of the hands contain their help: `missing` is the moment that lacks beside it.
         size = math.hypot(missing[0], missing[1])
         lacks = missing * (max(0.0, 1.0 - HELP_FROM / size) if size > 0.0 else 0.0)
         self._missing += -math.expm1(-dt / HELP_TIME) * (lacks - self._missing)
@@ -464,10 +463,10 @@ class Hands:
             hand.extra += dt / HELP_TIME * (force - HELP_LEAK * hand.extra)
 
     def forces(self) -> Array:
-        """Return the generalised forces on the controller's robot that its dynamics have to know, shape (nv,).
+        """Return the generalised forces of the hands in the dynamics of the controller's robot, shape (nv,).
 
-        Hands that press feel what is planned, hands that grip the slow share of what is measured: servos that were
-        told the whole of it at once would answer every force with its opposite, and hold the hand without yielding.
+        They are the planned forces of hands that press, and the low-passed measured ones of hands that grip: with the
+        whole measured force as feed-forward the servos would cancel each change of it, and the hand would not yield.
         """
         robot = self._robot
         total = np.zeros(robot.nv)

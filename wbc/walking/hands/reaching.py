@@ -6,7 +6,7 @@
 A target is given in the world, in the frame of the pelvis, or in that of an object whose pose is told as it moves. The
 error of the task is bounded, and the reference waits for a hand that cannot follow. The hand moves its arm alone, and
 the task of the centre of mass all joints but those of arms with targets; each counts the motion of the others. So the
-balance does not shake the hand, and a hand that strains for a target out of reach does not pull at the balance. Without
+balance does not shake the hand, and a hand whose target is out of reach does not disturb the balance. Without
 a target an arm is held by the posture, or swings with the opposite foot.
 """
 
@@ -62,7 +62,7 @@ class ArmSettings:
         turn_speed: Greatest angular speed of the reference, rad/s.
         turn_acceleration: Its greatest angular acceleration, rad/s².
         lead: Error of the hand at which its reference waits, m (of the rotation, rad).
-        blend: Time in which a hand is taken to its task, and let go, s.
+        blend: Time over which the weight of a hand's task rises and falls, s.
         waist: Hands with targets move the joints of the waist as well.
         swing: Swing of arms without targets, m/m: displacement of a hand forward for each metre that the other side's
             foot is ahead of its own. 0 holds them still.

@@ -38,13 +38,13 @@ is thrown forward, and both legs move against it. In walks of the built-in robot
 
 
 class Travel(NamedTuple):
-    """Way of a foot through the air.
+    """Displacement of a foot through the air.
 
     Attributes:
         time: Time since it began, s; negative before.
         duration: Time from rest to rest, s.
-        x: Way in the world, m.
-        y: The same, m.
+        x: Displacement from lift-off to landing along the world's x axis, m.
+        y: Displacement along the world's y axis, m.
     """
 
     time: float
@@ -89,7 +89,7 @@ class SwingReaction:
         return max(map(abs, (*self.dcm, *self._com))) < NEGLIGIBLE
 
     def update(self, travels: Sequence[Travel], weight: float) -> None:
-        """Advance by one tick, by the ways of the foot in the air and of the next one; a share `weight` counts."""
+        """Advance by one tick with the displacements of the foot in the air and of the next one, times `weight`."""
         x = y = push_x = push_y = 0.0
         for travel in travels:
             sway, push = _unit(travel.time, travel.duration, self._omega)
@@ -129,7 +129,7 @@ def _unit(time: float, duration: float, omega: float) -> tuple[float, float]:
 
 
 def _derivatives(s: float, duration: float, omega: float) -> tuple[float, float]:
-    """Sum of the derivatives of ẍ over rising powers of ω, and ẍ, at a share of the duration."""
+    """Sum of the derivatives of ẍ over rising powers of ω, and ẍ, at a time over the duration."""
     square = duration * duration
     push = s * (60.0 + s * (120.0 * s - 180.0)) / square
     jerk = (60.0 + s * (360.0 * s - 360.0)) / (square * duration)

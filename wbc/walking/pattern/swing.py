@@ -26,7 +26,7 @@ SHORTEST = 0.05
 """Least duration of a piece of the motion, s: ten periods of 5 ms, so that a late change stays a motion."""
 
 EDGE_SHARE = 0.2
-"""Share of the swing by which the foot travels later up, or earlier down, a stair of the swing height."""
+"""Ratio of the swing by which the foot travels later up, or earlier down, a stair as high as the swing."""
 
 COORDINATES = ("x", "y", "z", "roll", "pitch", "yaw")
 

@@ -1,7 +1,7 @@
 """Step adjustment: place and time of a landing with which the pendulum can be caught.
 
-Over the planned ZMP, a DCM error of e now is one of e · e^{ωT} when the foot has landed and taken over, T from now. The
-part that no ZMP within the stance foot brings back asks for another place or time of the landing, such that the DCM
+Over the planned ZMP, a DCM error of e now is one of e · e^{ωT} when the foot has landed and taken over, T from now. An
+error that no ZMP within the stance foot brings back asks for another place or time of the landing, such that the DCM
 is as planned relative to the new foot. With the exponential of time τ = e^{ωT} as unknown this is linear,
 
     u + b = z + (ξ − z) τ + δ (1 − τ*)
@@ -198,7 +198,7 @@ class StepAdjuster:
         """True if the planned step is already optimal, so that the QP can be skipped.
 
         The plan with the ZMP shifted by δ = e τ*/(τ* − 1), for a DCM error e, keeps the equation. If the stance foot
-        has room for this shift, its cost bounds the least cost from above, and with it every change:
+        can take this shift, its cost bounds the least cost from above, and with it every change:
 
             w_u |u − u*|² ≤ w_δ |δ|²,   w_τ (τ/τ* − 1)² ≤ w_δ |δ|².
         """

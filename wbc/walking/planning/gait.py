@@ -20,7 +20,7 @@ Size = Annotated[float, Field(gt=0.0, le=60.0)]
 """A length or a time of a gait, m or s; the robot's reach is far below 60."""
 
 SizeOrZero = Annotated[float, Field(ge=0.0, le=60.0)]
-"""One that may be zero."""
+"""A length or a time of a gait that may be zero, m or s."""
 
 
 _BY_SPEED = (
@@ -51,10 +51,10 @@ speed and 0.6 m of the turning one. Quick swings are low and land without slowin
 is needed to lift the foot."""
 
 SLOW = 0.3
-"""Speed up to which the feet hold the reaction to the swing of a leg, m/s; from `QUICK` on the CoM gives way to it."""
+"""Speed up to which the feet hold the reaction to the swing of a leg, m/s; from `QUICK` on the CoM yields to it."""
 
 QUICK = 0.35
-"""Speed from which the CoM gives way to the whole reaction, m/s."""
+"""Speed from which the CoM yields to the whole reaction, m/s."""
 
 GRID = {name: 0.01 for name in (*TIMINGS, "takeoff_time", "landing_time")}
 """Values of a gait for a speed are multiples of this (s), the other ones of 0.001."""
@@ -75,7 +75,7 @@ class Gait:
         initial_double_support: Time to shift the weight before the first step, s.
         final_double_support: Time to come to rest after the last step, s.
         swing_height: Highest point of the swing foot over the higher of its two ends, m.
-        apex: Time of the highest point, as a share of the single support, 0.3 to 0.7; 0.5 in a plan with stairs.
+        apex: Time of the highest point over that of the single support, 0.3 to 0.7; 0.5 in a plan with stairs.
         takeoff_time: Time in which the foot only rises after lift-off, s.
         landing_time: Time in which the foot only sinks before touch-down, s.
         landing_speed: Downward speed at touch-down, m/s; half of it in a plan with stairs.
@@ -172,7 +172,7 @@ def pace(velocity: Sequence[float]) -> float:
 
 
 def reaction(speed: float) -> float:
-    """Return the share of the reaction to a leg's swing that the CoM gives way to, at a speed of the gait (m/s)."""
+    """Return the ratio of the reaction to a leg's swing that the CoM yields to, at a speed of the gait (m/s)."""
     return min(1.0, max(0.0, (speed - SLOW) / (QUICK - SLOW)))
 
 

@@ -1,6 +1,6 @@
 """Height of the ground over the plan, as the landings find it.
 
-A foot that lands e higher than expected moves the next landings up by a share of e, and by a smaller share of e the
+A foot that lands e higher than expected moves the next landings up by a fraction of e, and by a smaller fraction the
 rise that is expected from each step to the next: where the ground keeps rising, or the estimate drifts, feet would
 otherwise always land too early.
 """
@@ -24,7 +24,7 @@ class GroundEstimate:
     def __init__(self, height_share: float, rise_share: float) -> None:
         """Expect the ground where the plan has it.
 
-        `height_share` of the unexpected height of a landing moves the next landings, `rise_share` of it changes the
+        The ratio `height_share` of the unexpected height of a landing moves the next landings, `rise_share` changes the
         rise.
         """
         self._height_share, self._rise_share = height_share, rise_share
@@ -37,7 +37,7 @@ class GroundEstimate:
         return replace(planned, z=planned.z + self.height)
 
     def land(self, unexpected: float) -> None:
-        """Learn from the height of a landing over the expected one, m."""
+        """Update the estimate with the height of a landing over the expected one, m."""
         self._unexpected = unexpected
         self.height += self._height_share * unexpected
         self.rise += self._rise_share * unexpected

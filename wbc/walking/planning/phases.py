@@ -44,17 +44,17 @@ class Event(enum.Enum):
 
 @settings
 class PhaseSettings:
-    """Loads and times at which phases change. Loads are shares of the robot's weight.
+    """Loads and times at which phases change. Loads are over the robot's weight.
 
     Attributes:
         touch_down: Load at which a swing foot has met the ground; 0.08 is 30 N of 39 kg.
-        early: Share of the swing before which a load is a stumble, not a touch-down.
+        early: Ratio of the swing before which a load is a stumble, not a touch-down.
         debounce: Time that the load must last, s.
         lift_off: Greatest load of the foot that leaves.
         stance: Least load of the foot that stays.
         max_wait: Longest time that lift-off waits for these two loads, s; then the foot lifts all the same.
         max_late: Longest time that a foot searches for ground, s; then it is taken to stand where it is.
-        early_credit: Share of the time saved by an early touch-down that is given to the double support: 1 keeps
+        early_credit: Ratio of the time saved by an early touch-down that the double support gets: 1 keeps
             the rhythm of the plan, 0 steps on earlier.
         hold: Remaining time that the pattern plans with while a phase waits for a foot, s.
     """

@@ -24,7 +24,7 @@ def walk_distance(start: FootstepPlan, distance: float, *, first: str = "left") 
 
     Args:
         start: Feet and gait; its steps are dropped.
-        distance: Way of the feet, m; negative walks backwards.
+        distance: Displacement of the feet, m; negative walks backwards.
         first: Side that steps first.
 
     Raises:

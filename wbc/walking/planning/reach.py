@@ -19,13 +19,13 @@ MAX_SLOPE = 0.5
 
 
 STRETCHED = 0.98
-"""Share of its length to which a leg may stretch in a step: beyond, knees lose their authority."""
+"""Ratio of its length to which a leg may stretch in a step: further, the knee hardly moves the foot."""
 
 STANDING = 0.979
-"""Share of its length to which a standing leg may stretch: a leg that is straight already can take no step."""
+"""Ratio of its length to which a standing leg may stretch: a straight leg can take no step."""
 
 STRAIGHT = 0.95
-"""Share of its length from which a leg in half-sitting is too straight for long steps."""
+"""Ratio of its length from which a leg in half-sitting is too straight for long steps."""
 
 
 @settings
@@ -159,7 +159,7 @@ def hip_height(robot: Robot, com_height: float | None, leg: Leg) -> float:
 def bent_height(robot: Robot, stretch: float) -> float:
     """Return the CoM height over the soles of a robot that is driven, m: with bent knees if it stands straight.
 
-    A leg then stretches to a share `stretch` of its length between hip and ankle.
+    A leg then stretches to the ratio `stretch` of its length between hip and ankle.
     """
     leg = leg_geometry(robot)
     if leg.hip_height <= STRAIGHT * leg.length:

@@ -33,10 +33,10 @@ Place = tuple[float, float, float]
 AT_REST: Velocity = (0.0, 0.0, 0.0)
 
 LEADER_TURN = 4.0 / 3.0
-"""Share of the turn of a step that the foot on the outer side takes; the other one takes 2/3 and turns inwards."""
+"""Turn of the outer foot over that of the step; the inner one takes 2/3 and turns inwards."""
 
 TURN_REACH = 0.9
-"""Share of the greatest turn of a foot that steps may use."""
+"""Ratio of the greatest turn of a foot that steps may use."""
 
 FINER = 0.02
 """Step of the speed by which a gait is made quicker until the legs reach, m/s."""
@@ -59,8 +59,8 @@ class DriveSettings:
         fastest_back: Greatest velocity granted backwards, m/s.
         pace_limit: Speed of the gait up to which steps become quicker where the legs do not reach; what they still do
             not reach is not granted. With 0.6 m/s `g1` walks at 0.4 m/s; robots that are pushed then fall more often.
-        reach: Share of the legs' reach forward and to the side that steps may use; the rest is for step adjustment.
-        stretch: Share of its length to which the legs stretch of a robot that is driven and whose legs are
+        reach: Ratio of the legs' reach forward and to the side that steps may use; the rest is for step adjustment.
+        stretch: Ratio of their length to which the legs stretch of a robot that is driven and whose legs are
             straighter than 0.95 in half-sitting (`g1`): straight legs take no long steps. A given CoM height comes
             first.
         steps: Steps that are planned ahead, before the one that closes up.
@@ -129,7 +129,7 @@ class FootstepSource(ABC):
     Attributes:
         target: Commanded velocity; None for a planner that takes none.
         granted: Velocity of the present plan; None for the mean of its next two steps.
-        pace: Speed of the gait (`SPEEDS`), m/s, from which on the CoM gives way to the reaction of quick legs.
+        pace: Speed of the gait (`SPEEDS`), m/s, from which on the CoM yields to the reaction of quick legs.
         within_reach: True if the steps are within reach by construction, also quick ones, which reach further.
     """
 
@@ -193,7 +193,7 @@ class VelocitySource(FootstepSource):
         self._ramp(0.0 if past is None else now.time - past)
         side = now.first or self.leader()
         asked = self._wish, now.start.spacing, now.start.gait
-        if asked != self._asked:  # a constant velocity keeps its share
+        if asked != self._asked:  # a constant velocity keeps its ratio within reach
             self._asked, (self.pace, self._share) = asked, self._fit(*asked)
         gait = Gait.at_speed(self.pace, now.start.gait)
         cycle = gait.single_support + gait.double_support
@@ -239,7 +239,7 @@ class VelocitySource(FootstepSource):
         return replace(start, steps=self._steps(start, now.first, [(dx, dy, turn)]))
 
     def _fit(self, velocity: Velocity, spacing: float, gait: Gait) -> tuple[float, float]:
-        """Return the speed of the gait for a velocity, and the greatest share of the velocity within reach.
+        """Return the speed of the gait for a velocity, and the greatest ratio of the velocity within reach.
 
         Where the legs do not reach, steps are quicker.
         """
@@ -261,7 +261,7 @@ class VelocitySource(FootstepSource):
         return speed, low
 
     def _within(self, velocity: Velocity, speed: float, spacing: float, gait: Gait, share: float) -> bool:
-        """True if both feet's steps with a share of a velocity are within reach, and no sole is on the other."""
+        """True if both feet's steps with the ratio `share` of a velocity are within reach, and no soles overlap."""
         r, s = self._reach, self.settings.reach
         gait = Gait.at_speed(speed, gait)
         cycle = gait.single_support + gait.double_support
@@ -459,7 +459,7 @@ def _middle(foot: Footstep, spacing: float) -> Place:
 
 
 def _beside(foot: Footstep, share: float, spacing: float) -> Place:
-    """Place at a share of the spacing to the right (positive, of a left foot) of a foot."""
+    """Place at a ratio of the spacing to the right (positive, of a left foot) of a foot."""
     return _moved((foot.x, foot.y, foot.yaw), 0.0, -share * spacing, 0.0)
 
 

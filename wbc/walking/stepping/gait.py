@@ -311,7 +311,7 @@ class SteppingGait:
         return stance[0] + cos * forward - sin * lateral, stance[1] + sin * forward + cos * lateral
 
     def _touch(self, state: BodyState, swing: int) -> tuple[Event, ...]:
-        """Notice that the swing foot has met the ground, or has lost it again."""
+        """Detect that the swing foot has met the ground, or has lost it again."""
         s, force = self.settings, state.wrenches[swing][2]
         if self._met is None:
             if self._elapsed > s.early * self._time and force > s.contact:
@@ -374,7 +374,7 @@ class SteppingGait:
         self._mode, self._elapsed, self._contact = mode, 0.0, None
 
     def _most_forces(self, state: BodyState) -> tuple[float, float]:
-        """Return the greatest normal force of each foot: one that has stood unloads, one that waits has a share."""
+        """Return the greatest normal force of each foot, N: the one that has stood unloads, one that waits has `share`."""
         s, swing = self.settings, 1 - self._stance
         most = [s.most_force, s.most_force]
         most[swing] = 0.0
@@ -405,7 +405,7 @@ class SteppingGait:
         return x - sin * aside, y + cos * aside
 
     def _outside(self, state: BodyState, dcm: Divergent, share: float) -> float:
-        """Return the distance of the DCM beyond a share of the standing boxes, m; negative within them."""
+        """Return the distance of the DCM outside the standing boxes scaled by `share`, m; negative within them."""
         s, (left, right) = self.settings, state.places
         half_length, half_width = (0.5 * share * size for size in s.standing_box)
         across = left[0] - right[0], left[1] - right[1]

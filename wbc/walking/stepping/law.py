@@ -33,7 +33,7 @@ Point = tuple[float, float]
 """x, y, m."""
 
 SIDEWAYS = 0.8
-"""Greatest share of the distance between the feet by which they come together in a walk to the side."""
+"""Greatest ratio of the distance between the feet by which they come together in a walk to the side."""
 
 NEAR = 1e-3
 """Least offset that is divided by, m: it takes longer than any step to grow."""
@@ -94,7 +94,7 @@ class Orbit(NamedTuple):
         """Return the orbit of a velocity, forward and left, m/s.
 
         The side is 1 if the left foot swings, −1 if the right one does; w is the distance between the feet, m, T the
-        step time, s. Walking sideways shifts the offsets by a share of w/(1 + E) at most.
+        step time, s. Walking sideways shifts the offsets by at most `SIDEWAYS` w/(1 + E).
         """
         growth = math.exp(omega * time)
         still = width / (1.0 + growth)

@@ -107,37 +107,37 @@ class SteppingSettings:
         near: Distance from a goal within which it is walked to without being faced, h.
         goal_time: Time constant with which a near goal is approached, 1/ω.
         arrived: Distance from a goal at which the robot stops, h.
-        arrived_turn: Heading off that of the goal at which it stops, rad.
+        arrived_turn: Error of the heading at a goal at which the robot stops, rad.
         path_lag: Time constant with which the path follows a robot that walks sideways or turns, 1/ω.
         speed_lag: Integral time of the velocity by which the robot falls short of what is asked for, 1/ω.
-        speed_bias: Greatest velocity that is added for it, hω.
+        speed_bias: Greatest velocity that this integral adds, hω.
         drift_gain: Velocity back towards the path for each metre beside it, ω.
-        drift_speed: Greatest such velocity, hω.
+        drift_speed: Greatest velocity back towards the path, hω.
         cop_lag: Low-pass of the measured centre of pressure, 1/ω.
         over: Distance of the DCM beyond the stance foot from which the robot closes up at once, h.
-        foothold: Point of the sole that carries: share of the way from its centre to below the ankle.
+        foothold: Point of the sole that carries: its distance from the centre over that of the point below the ankle.
         box: Size of the box of the centre of pressure around that point, in lengths and widths of the sole.
         standing_box: The same while the robot stands, sole sizes.
         friction: Coulomb coefficient of the ground.
         swing_height: Height of the swing above the higher of foot and ground, h.
-        apex: Share of the step at which the foot is highest.
+        apex: Time over the step time at which the foot is highest.
         lift_speed: Speed with which the foot lifts off, hω.
         aim: Depth below the expected ground at which the foot aims, h.
-        landing_speed: Speed with which it arrives there, hω.
-        search_speed: Speed with which it sinks on from the end of the step, hω.
-        search: Greatest depth under the ground at which it looks for it, h.
-        settle: Share of the step after which the foot no longer plans its way, but follows its landing.
-        follow: Time constant with which it does, 1/ω.
-        early: Share of the step from which a force is a contact.
+        landing_speed: Speed with which the foot arrives there, hω.
+        search_speed: Speed with which the foot sinks on from the end of the step, hω.
+        search: Greatest depth below the expected ground to which the foot sinks, h.
+        settle: Time over the step time from which the foot follows its landing instead of planning a quintic to it.
+        follow: Time constant with which the foot then follows its landing, 1/ω.
+        early: Time over the step time from which a force is a contact.
         contact: Force from which a swing foot has met the ground, mg.
         lost: Force below which it has lost it again, mg.
-        held: Force on the other foot above which that is no flight, mg.
+        held: Force on the other foot above which a lost contact is no flight, mg.
         lost_time: Time after a contact in which it is not lost, 1/ω.
         patience: Lateral offset of the DCM, over that at the end of a step, at which a foot in contact takes over.
         stretch: Offset of the DCM over that of the orbit, ahead or behind, that ends a step, or a wait, at once, h.
         stretch_side: Greatest lateral offset with which it ends a wait, h.
         share: Greatest force of a foot that is in contact and waits, mg.
-        unload: Time in which the foot that has stood is unloaded, 1/ω.
+        unload: Time over which the foot that has stood is unloaded, 1/ω.
         most_force: Greatest force of a foot, mg.
         least_force: Least force of the foot that stands, mg.
         ground_lag: Low-pass of the height of the ground, 1/ω.
@@ -146,8 +146,8 @@ class SteppingSettings:
         rest: Time from the shift to the first step, and least time of a stand, 1/ω.
         stand_gain: Feedback of the DCM while the robot stands.
         stop_speed: Walking velocity below which the robot may stop, hω.
-        stop_length: Greatest distance between the feet after the last step: a wide stand has no room to the side, h.
-        stop_box: Share of the standing box within which the DCM must be to stop.
+        stop_length: Greatest distance between the feet after the last step: in a wide stand the sole holds no push to the side, h.
+        stop_box: Ratio of the standing box within which the DCM must be to stop.
     """
 
     bend: Annotated[NonNegative, "leg"] = 0.162
@@ -213,7 +213,7 @@ class SteppingSettings:
     stop_box: Share = 0.9
 
     def in_si(self, scale: Scale) -> SteppingSettings:
-        """Return the settings of one robot in metres, seconds and newtons; shares and angles stay.
+        """Return the settings of one robot in metres, seconds and newtons; ratios and angles stay.
 
         Args:
             scale: Size of the robot.

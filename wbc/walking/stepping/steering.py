@@ -45,7 +45,7 @@ class Steering:
         self.heading = heading
         self.velocity: Point = (0.0, 0.0)
         self._path: Point | None = None
-        self._line: tuple[Point, float] | None = None  # begin and direction of the way to a goal
+        self._line: tuple[Point, float] | None = None  # start and direction of the line to a goal
         self._missing = 0.0  # forward velocity by which the steps fall short of what is asked for, m/s
         aside = min(SIDEWAYS * (settings.widest - settings.gap) / settings.step_time, settings.fastest_aside)
         ratio = settings.stride / (settings.step_time * settings.brisk)
@@ -121,7 +121,7 @@ class Steering:
         return self.limited((min(max(ahead, -s.cruise), s.cruise), aside, off / s.goal_time))
 
     def limited(self, velocity: Velocity) -> Velocity:
-        """Return the part of a velocity that can be walked."""
+        """Return a velocity scaled down to what can be walked."""
         (x, y, turn), (forward, back, aside, most_turn) = velocity, self.limits
         return (
             min(max(x, -back), forward),
@@ -130,7 +130,7 @@ class Steering:
         )
 
     def _held(self, place: Point, turn: float) -> Point:
-        """Return the velocity of the steps with the way back to the path, whose point moves on beside the robot."""
+        """Return the velocity of the steps plus the one back towards the path, whose point moves on beside the robot."""
         s, (x, y) = self._s, self.velocity
         cos, sin = math.cos(self.heading), math.sin(self.heading)
         if self._line is not None:

@@ -17,7 +17,7 @@ class SwingReference:
 
     Along the ground: a quintic from the reference as it is to rest at the landing; near the end a critically damped
     follower. In height: up to the apex, down to below the expected ground, and from the end of the step on down at the
-    search speed, whatever the time of the step does then.
+    search speed, even if the time of the step still changes.
 
     Attributes:
         place: Reference over the ground, m.

@@ -31,28 +31,28 @@ class SteppingGains:
 
     Attributes:
         com_weight: Height of the CoM; on two feet its place as well.
-        com_stiffness: Of the height, ω².
-        com_damping: Of the height, ω.
+        com_stiffness: Stiffness of the CoM's height, ω².
+        com_damping: Damping of the CoM's height, ω.
         swing_weight: Place of the swing foot.
-        swing_stiffness: Of its place, ω².
-        swing_damping: Of its place, ω.
+        swing_stiffness: Stiffness of its place, ω².
+        swing_damping: Damping of its place, ω.
         swing_turn_weight: Rotation of the swing foot.
-        swing_turn_stiffness: Of its rotation, ω².
-        swing_turn_damping: Of its rotation, ω.
+        swing_turn_stiffness: Stiffness of its rotation, ω².
+        swing_turn_damping: Damping of its rotation, ω.
         pelvis_weight: Tilt of the pelvis.
         pelvis_yaw_weight: Heading of the pelvis.
-        pelvis_stiffness: Of the pelvis, ω².
-        pelvis_damping: Of the pelvis, ω.
+        pelvis_stiffness: Stiffness of the pelvis, ω².
+        pelvis_damping: Damping of the pelvis, ω.
         posture_weight: Joints that are not in the legs.
-        posture_stiffness: Of these joints, ω².
-        posture_damping: Of these joints, ω.
+        posture_stiffness: Stiffness of these joints, ω².
+        posture_damping: Damping of these joints, ω.
         leg_weight: Joints of the legs, which are only damped.
-        leg_damping: Of these joints, ω.
+        leg_damping: Damping of the joints of the legs, ω.
         foothold_weight: Place of a foot that stands.
         foothold_turn_weight: Rotation of a foot that stands on ground of unknown shape.
         standing_turn_weight: Rotation of both feet in a stand.
-        foothold_damping: Of a foot that stands, ω.
-        yielding: Share of these weights for a foot that is unloaded, or waits to take over.
+        foothold_damping: Damping of a foot that stands, ω.
+        yielding: Ratio of these weights for a foot that is unloaded, or waits to take over.
         force_weight: Forces on the feet, cost per (N/kg)².
         moment_weight: Moments on the feet, cost per (Nm/(kg h))².
         torsion: Greatest yaw moment over the normal force, in half widths of the sole.
