@@ -1,8 +1,6 @@
 """Press on a table, a wall or a rail with both hands, and hold the force.
 
-python examples/hands/press.py --on wall --force 60 --view
-
-On a rail or a wall the hands help to balance: the centre of mass goes beyond the toes.
+On a rail the hands carry the CoM beyond the toes: python examples/hands/press.py --on rail --force 80 --view
 """
 
 from __future__ import annotations
@@ -11,62 +9,51 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from _hands import HANDS, HandTrial, at_ease, hand_options
+from _hands import connect, hand_options, report, stand
 
-import wbc
 from wbc.sim import make_scene
-from wbc.walking import HandSettings, HandState
 
 SURFACES = {
     "table": ((0.42, 0.7), (0.0, 0.0, -1.0), 0.0),
     "wall": ((0.8, 0.42), (1.0, 0.0, 0.0), 1.0),
     "rail": ((0.8, 0.55), (0.65, 0.0, -0.76), 1.0),
 }
-"""Point in front of and below the shoulder, in shares of the arm's reach; direction of the force; `help`."""
+"""Place before and below the shoulder (`Hands.point`); direction of the force; `help`."""
 
 
 def main(arguments: Sequence[str] | None = None) -> dict[str, Any]:
     """Run the example."""
     options = hand_options(__doc__, arguments, on=tuple(SURFACES), force=20.0, hold=30.0)
     place, direction, help_ = SURFACES[options.on]
-    x, y, z = at_ease(wbc.load_robot(options.robot).robot(), *place)
+    walking = stand(options, edge=0.5, help=help_, ramp=6.0)
+    hands, along = walking.hands, np.array(direction) / np.linalg.norm(direction)
+    x, y, z = hands.point("left_hand", *place)
     if (options.robot, options.on) == ("talos", "wall"):
         x, z = 0.6, 1.0  # its stretched arms are too heavy for their shoulders
     size = {"wall": {}, "rail": {"height": z}, "table": {"height": z}}[options.on]
     scene = make_scene(options.on, distance=x - (0.06 if options.on == "table" else 0.0), **size)
-    trial = HandTrial(options, scene, hands=HandSettings(edge=0.5, help=help_, ramp=6.0))
-    hands, plant, along = trial.hands, trial.plant, np.array(direction) / np.linalg.norm(direction)
-    given: list[float] = []  # by the surface, N
-    ahead: list[float] = []  # centre of mass before the toes, m
+    trial = connect(options, walking, scene)
+    plant, given, ahead = trial.plant, [], []  # by the surface, N; centre of mass before the toes, mm
 
     def look() -> None:
-        truth = plant.truth()
-        given.append(-float(truth.contact_force[truth.contact_sole < 0].sum(axis=0) @ along))
-        toes = max(plant.data.site_xpos[list(plant.sole_sites), 0]) + 0.5 * trial.robot.soles[0].length
-        ahead.append(float(truth.com[0] - toes))
+        given.append(-plant.truth().other_force @ along)
+        toes = max(plant.data.site_xpos[list(plant.sole_sites), 0]) + 0.5 * plant.robot.soles[0].length
+        ahead.append(1e3 * (plant.truth().com[0] - toes))
 
-    with trial.stages("reach"):
-        trial.go(0.5)
-        for name, side in HANDS.items():
+    with trial.running(options.hooks()):
+        trial.advance(0.5)
+        for name, side in (("left_hand", 1.0), ("right_hand", -1.0)):
             hands.press(name, 0.5 * options.force, along, at=(x, side * y, z), firm=True)
-        trial.wait(lambda: all(hand.state is HandState.HOLD for hand in hands.all.values()), 30.0)
-        trial.stage = "ramp"
-        trial.go(hands.settings.ramp + 1.0)
-        trial.stage = "hold"
-        trial.go(options.hold, look)
+        trial.until(lambda: hands.there, 30.0)
+        trial.advance(hands.settings.ramp + 1.0)
+        trial.advance(options.hold, look)
+        trial.stage = "done"
 
-    size = round(0.1 / plant.control_period)
-    spans = np.array(given[: len(given) // size * size]).reshape(-1, size).mean(axis=1)  # over 0.1 s each
-    return trial.report(
-        on=options.on,
-        force_N=options.force,
-        mean_N=float(spans.mean()),
-        least_N=float(spans.min()),
-        greatest_N=float(spans.max()),
-        steady=float(np.mean(np.abs(spans - options.force) <= 0.1 * options.force)),
-        beyond_toes_mm=1e3 * max(ahead),
-        lost=hands.lost,
-    )
+    spans = np.array(given[: len(given) // 20 * 20]).reshape(-1, 20).mean(axis=1)  # over 0.1 s each
+    steady = float(np.mean(np.abs(spans - options.force) <= 0.1 * options.force))
+    asked = {"on": options.on, "force_N": options.force, "lost": hands.lost}
+    force = {"mean_N": spans.mean(), "least_N": spans.min(), "greatest_N": spans.max(), "steady": steady}
+    return report(trial, options, **asked, **force, beyond_toes_mm=max(ahead))
 
 
 if __name__ == "__main__":

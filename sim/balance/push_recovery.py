@@ -72,7 +72,8 @@ def push_standing(spec: StandPushSpec) -> PushResult:
     plant = trial.plant
     start, sway = plant.truth().com[:2].copy(), Sway()
     trial.meters.append(sway)
-    trial.advance(spec.seconds)
+    with trial.running():
+        trial.advance(spec.seconds)
     pushed = sway.com[round(spec.before / spec.period) :]
     speed = float(np.linalg.norm(plant.truth().com_velocity[:2]))
     return PushResult(

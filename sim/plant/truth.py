@@ -41,6 +41,11 @@ class GroundTruth:
     contact_sole: Index
     sole_wrench: Array
 
+    @property
+    def other_force(self) -> Array:
+        """Force of the surroundings on all but the soles, in the world, shape (3,), N."""
+        return np.asarray(self.contact_force[self.contact_sole < 0].sum(axis=0))
+
 
 class Contacts:
     """Contacts of a robot with everything else in a physics step, and the wrench on each sole.

@@ -4,7 +4,13 @@
     trial.scenario.append(Shove())      # a `TrialHook`: pushes, orders to the controller, whatever a trial is about
     result = trial.run()
 
-A trial that is a sequence of stages advances by itself: `trial.advance(2.0)`, `trial.until(arrived, 10.0)`.
+A trial that is a sequence of stages advances by itself, and ends where a stage does not come to its end:
+
+    with trial.running():
+        trial.advance(2.0)
+        trial.until(lambda: hand.reached, 10.0)
+        trial.follow(walk_distance(FootstepPlan.standing(robot), 1.0))
+        trial.stage = "done"
 """
 
 from __future__ import annotations
@@ -13,7 +19,7 @@ import math
 import time
 from array import array
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from typing import Any, Protocol
 
@@ -21,13 +27,20 @@ import numpy as np
 from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
 
 from wbc.core.arguments import checked
-from wbc.core.errors import MeasurementError
+from wbc.core.errors import MeasurementError, WbcError
 from wbc.core.signals import Command, Measurement
 from wbc.sim.plant.falls import PelvisLimits, TrueFallDetector
 from wbc.sim.plant.plant import Plant
 from wbc.sim.plant.robot import DivergedError
 from wbc.walking.control import ReferenceControl
 from wbc.walking.falls import FallReason
+from wbc.walking.planning.footsteps import FootstepPlan
+
+Look = Callable[[], None]
+
+
+class StageError(WbcError):
+    """A stage of a trial has not come to its end: the robot has fallen, or the time of the stage is over."""
 
 
 class CommandSource(Protocol):
@@ -85,6 +98,7 @@ class Trial:
         meters: Hooks that measure the figures of the result; they come first in every tick.
         hooks: Hooks that look on, whose time is not counted.
         scenario: Hooks that act: steer, push, give orders.
+        stage: Name of the present stage, which whoever advances the trial sets.
         fall: Reason of the fall; None before.
         diverged: Reason of a divergence of the simulation; None as a rule.
         tick_times: Wall time of each tick, from measurement to command, s.
@@ -113,6 +127,7 @@ class Trial:
         self.meters: list[TrialHook] = []
         self.hooks: list[TrialHook] = []
         self.scenario = list(scenario)
+        self.stage = "start"
         self.fall: FallReason | None = None
         self.diverged: str | None = None
         self.tick_times = array("d")
@@ -127,7 +142,8 @@ class Trial:
     @property
     def walker(self) -> ReferenceControl | None:
         """The controller, if it is one that walks and can be steered: a view shows its steps and drives it."""
-        return None
+        control = self.walking
+        return control if isinstance(control, ReferenceControl) and control.steered else None
 
     @property
     def ground(self) -> float:
@@ -182,14 +198,15 @@ class Trial:
                     hook.after(self)
         return self.fall is None and self.diverged is None
 
-    def advance(self, seconds: float, look: Callable[[], None] | None = None) -> bool:
-        """Simulate for a time; False if the robot falls.
+    def advance(self, seconds: float, look: Look | None = None) -> None:
+        """Simulate for a time.
 
         Args:
             seconds: Simulated time, s.
             look: Called after each control period.
 
         Raises:
+            StageError: The robot falls, or has fallen.
             DivergedError: The simulation has diverged: no fall, and no result.
         """
         plant = self.plant
@@ -199,10 +216,11 @@ class Trial:
                 raise DivergedError(f"the simulation cannot go on: {self.diverged}; reset it")
             if look is not None:
                 look()
-        return not self.fallen
+        if self.fall is not None:
+            raise StageError(f"stage '{self.stage}' ended with a fall: {self.fall.value}")
 
-    def until(self, what: Callable[[], bool], most: float, look: Callable[[], None] | None = None) -> bool:
-        """Simulate until something is true; False if the robot falls or the time is over.
+    def until(self, what: Callable[[], bool], most: float, look: Look | None = None) -> None:
+        """Simulate until something is true.
 
         Args:
             what: Condition, asked every 0.1 s.
@@ -210,19 +228,43 @@ class Trial:
             look: Called after each control period.
 
         Raises:
+            StageError: The robot falls, or the time is over.
             DivergedError: The simulation has diverged.
         """
         begin = self.plant.time
         while not what():
-            if self.plant.time - begin > most or not self.advance(0.1, look):
-                return False
-        return True
+            if self.plant.time - begin > most:
+                raise StageError(f"stage '{self.stage}' was not over after {most:g} s")
+            self.advance(0.1, look)
+
+    def follow(self, plan: FootstepPlan, rest: float = 0.0, look: Look | None = None) -> None:
+        """Walk along a plan to its end, and rest.
+
+        Args:
+            plan: Footsteps from where the robot stands.
+            rest: Time at rest after the last step, s.
+            look: Called after each control period.
+
+        Raises:
+            StageError: The robot falls, or does not come to the end of the plan: a step is refused, or takes too long.
+            DivergedError: The simulation has diverged.
+        """
+        walking = self.walking
+        walking.follow(plan)
+        self.advance(1.0, look)
+        self.until(lambda: bool(walking.finished), 3.0 * (len(plan) + 4), look)
+        if walking.source.reason:
+            raise StageError(f"stage '{self.stage}' ended: {walking.source.reason}")
+        self.advance(rest, look)
 
     @contextmanager
     def running(self, hooks: Sequence[TrialHook] = ()) -> Iterator[None]:
-        """Add hooks and start all of them; sums are made by one thread, as those of several depend on their number."""
+        """Add hooks and start all of them; a stage that does not come to its end ends the trial.
+
+        Sums are made by one thread, as those of several depend on their number.
+        """
         self.hooks += hooks
-        with threadpool_limits(1):
+        with threadpool_limits(1), suppress(StageError):
             for hook in (*self.meters, *self.hooks, *self.scenario):
                 hook.start(self)
             yield

@@ -102,7 +102,9 @@ def runs() -> dict[str, Callable[[], Any]]:
 def _carry() -> Any:
     """Run the example that is handed a load, for a step."""
     sys.path.insert(0, str(Path(__file__).parents[2] / "examples" / "hands"))
-    example = importlib.import_module("carry")
+    example, common = (importlib.import_module(name) for name in ("carry", "_hands"))
+    angles = (-0.7816186898784364, 0.13222536818187688, -0.013848294512559645, -0.829715253239616)
+    common.ARMS["hrp4_class"] = (*angles, -9.911958910933055e-18), (1, -1, -1, 1, -1)
     return example.main(["--share", "0.1", "--over", "0.5", "--steps", "1", "--end", "keep"])
 
 

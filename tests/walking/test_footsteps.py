@@ -101,6 +101,20 @@ def test_turning_in_place_turns_and_stays(angle: float) -> None:
     assert math.remainder(right.yaw - angle, 2 * math.pi) == pytest.approx(0.0, abs=1e-9)
 
 
+@pytest.mark.parametrize("angle", [0.5, -0.2, 0.02])
+@pytest.mark.parametrize("looks", [0.0, 3.0, -3.1])
+def test_a_turn_about_a_point_ahead_keeps_its_distance_and_faces_it(angle: float, looks: float) -> None:
+    start = START.moved(pin.SE3(pin.utils.rotate("z", looks), np.zeros(3)))
+    plan = turn_in_place(start, angle, per_step=0.08, ahead=1.0)
+    check_plan(plan, ROBOT)
+    before, after = (0.5 * (left.position + right.position) for left, right in (start.final, plan.final))
+    yaws = looks, looks + angle
+    for foot in plan.final:
+        assert math.remainder(foot.yaw - yaws[1], math.tau) == pytest.approx(0.0, abs=1e-9)
+    ahead = [np.array([math.cos(yaw), math.sin(yaw), 0.0]) for yaw in yaws]
+    assert after + ahead[1] == pytest.approx(before + ahead[0], abs=0.02)
+
+
 def test_sideways_never_crosses() -> None:
     for vy in (0.1, -0.1):
         plan = walk_velocity(START, (0.0, vy, 0.0), 6)

@@ -1,9 +1,8 @@
-"""Examples of hands: what the page of hands has measured holds, and turns about a cart are as great as planned."""
+"""Examples of hands: what the page of hands has measured holds."""
 
 from __future__ import annotations
 
 import importlib
-import itertools
 import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -11,12 +10,9 @@ from types import ModuleType
 from typing import Any
 
 import numpy as np
-import pinocchio as pin
 import pytest
 
-from wbc.core.errors import InputError
 from wbc.robots import load
-from wbc.walking import FootstepPlan
 
 FOLDER = Path(__file__).parents[2] / "examples" / "hands"
 NAMES = ("carry", "cart", "door", "one_foot", "press")
@@ -27,7 +23,7 @@ def example(monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable[[str], ModuleT
     """Import examples by name, as Python does for a script that is run from its folder."""
     monkeypatch.syspath_prepend(str(FOLDER))
     yield importlib.import_module
-    for name in {*NAMES, "_arms", "_hands", "_common"} & set(sys.modules):
+    for name in {*NAMES, "_hands", "_common"} & set(sys.modules):
         del sys.modules[name]
 
 
@@ -41,8 +37,9 @@ def run(module: ModuleType, *arguments: str) -> dict[str, Any]:
 
 
 def test_every_example_takes_the_common_options(example: Example, capsys: pytest.CaptureFixture[str]) -> None:
-    assert {path.stem for path in FOLDER.glob("*.py")} == {*NAMES, "_arms", "_hands"}
+    assert {path.stem for path in FOLDER.glob("*.py")} == {*NAMES, "_hands"}
     for name in NAMES:
+        assert len((FOLDER / f"{name}.py").read_text(encoding="utf-8").splitlines()) <= 60
         with pytest.raises(SystemExit, match="0"):
             example(name).main(["--help"])
         text = capsys.readouterr().out
@@ -82,7 +79,7 @@ def test_feet_that_slip_under_a_cart_turn_on_until_the_gyroscope_is_satisfied(ex
     once = run(example("cart"), *turn, "--corrections", "0")
     again = run(example("cart"), *turn)
     assert abs(once["heading_error_deg"]) > 3.0, "the feet slip"
-    assert again["corrections"] > 0 and abs(again["heading_error_deg"]) < 2.5
+    assert again["steps"] > once["steps"] and abs(again["heading_error_deg"]) < 2.5
 
 
 @pytest.mark.slow
@@ -106,39 +103,10 @@ def test_a_load_is_found_carried_and_dropped(example: Example, words: str) -> No
     assert result["steps"] >= 6 and result["at_the_end_kg"] < 0.05
 
 
-@pytest.mark.slow
-def test_without_looking_for_a_load_the_robot_does_not_stand_still_under_it(example: Example) -> None:
-    result = example("carry").main(["--share", "0.2", "--known", "no", "--noise", "none", "--steps", "0"])
-    assert not result["upright"] or result["steps"] > 0
-
-
-def test_arms_reach_forward(example: Example) -> None:
-    robot = load("hrp4_class").robot()
-    robot.update(example("_arms").arms_forward(robot, 0.35), np.zeros(robot.nv))
-    places = np.array([robot.placement(frame).translation for frame in robot.frames.values()])
-    assert places[:, 0] == pytest.approx([0.35, 0.35], abs=0.003)
-    assert places[0] == pytest.approx(places[1] * (1.0, -1.0, 1.0), abs=1e-4)
-
-
-def test_a_force_that_a_sudden_loss_would_not_leave_standing_is_refused(
-    example: Example, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    cart = example("cart")
-    monkeypatch.setitem(cart.ROBOTS, "hrp4_class", (15.0, 60.0, 2.2))
-    with pytest.raises(InputError, match="a sudden loss of 60 N"):
-        cart.main(["--noise", "none"])
-
-
-def test_a_turn_about_a_cart_is_as_great_as_it_should_be_wherever_the_robot_looks(example: Example) -> None:
-    cart, arm = example("cart"), 1.0
-    for looks, angle in itertools.product((0.0, 3.0, -3.1), (0.5, -0.2, 0.06, -0.02, np.pi)):
-        turn = pin.SE3(pin.utils.rotate("z", looks), np.zeros(3))
-        start = FootstepPlan.standing(load("hrp4_class").robot()).moved(turn)
-        plan = cart.turning(start, angle, arm, 2.2)
-        off = cart.heading(plan) - cart.heading(start) - angle
-        assert np.remainder(off + np.pi, 2.0 * np.pi) == pytest.approx(np.pi, abs=1e-6)
-        if angle > 0.5:
-            continue  # more than a cart is turned at once
-        feet = np.array([[(foot.x, foot.y) for foot in p.final] for p in (start, plan)]).mean(axis=1)
-        ahead = np.array([[np.cos(yaw), np.sin(yaw)] for yaw in (cart.heading(start), cart.heading(plan))])
-        assert feet[1] + arm * ahead[1] == pytest.approx(feet[0] + arm * ahead[0], abs=0.02)
+def test_arms_go_ahead(example: Example) -> None:
+    for name in ("hrp4_class", "talos", "g1"):
+        robot = load(name).robot()
+        robot.update(example("_hands").arms_ahead(robot), np.zeros(robot.nv))
+        places = np.array([robot.placement(frame).translation for frame in robot.frames.values()])
+        assert places[:, 0] == pytest.approx([0.35, 0.35], abs=0.003)
+        assert places[0] == pytest.approx(places[1] * (1.0, -1.0, 1.0), abs=1e-3)

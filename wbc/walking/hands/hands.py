@@ -34,6 +34,7 @@ from wbc.tasks.force.admittance import AdmittanceTask
 from wbc.tasks.stabilizer.pendulum import Pendulum
 from wbc.tasks.stabilizer.zmp import zmp_offset
 from wbc.walking.hands.arm import HandArm
+from wbc.walking.hands.arm_swing import HANDS
 from wbc.walking.hands.balance import ComShift
 from wbc.walking.hands.hand import Hand, HandSettings, HandState
 from wbc.walking.hands.motion import MovingFrame
@@ -176,6 +177,42 @@ class Hands:
     def lost(self) -> tuple[str, ...]:
         """Hands that have lost their contact."""
         return tuple(name for name, hand in self.all.items() if hand.state is HandState.LOST)
+
+    @property
+    def there(self) -> bool:
+        """True while all hands that are to press or grip do so."""
+        busy = [hand.state for hand in self.all.values() if hand.active]
+        return bool(busy) and all(state in (HandState.HOLD, HandState.GRIP) for state in busy)
+
+    @property
+    def heading(self) -> float:
+        """Heading of the line between both hands, in a world in which feet do not slip, rad: that of a cart they hold.
+
+        Zero looks along x, with the left hand to the left.
+        """
+        left, right = (self._estimate.placement(self._frames[hand]).translation for hand in HANDS)
+        return math.atan2(right[0] - left[0], left[1] - right[1]) + self.slip
+
+    def point(self, hand: str, ahead: float, below: float, outward: float = 0.09) -> Array:
+        """Return a place for the tip of a hand in the world, shape (3,), m, by its way from the shoulder.
+
+        Args:
+            hand: Role of the hand.
+            ahead: Ratio of that way forward to the length of the stretched arm with its hand.
+            below: The same downwards.
+            outward: The same away from the trunk.
+
+        Raises:
+            UnknownNameError: No such hand.
+        """
+        arm = self._arms[choose("hand", hand, self._arms)]
+        robot = self._robot
+        trunk = robot.placement(robot.base_frame)
+        yaw = heading(trunk.rotation)
+        c, s, left = math.cos(yaw), math.sin(yaw), math.copysign(outward, trunk.actInv(arm.shoulder)[1])
+        reach = arm.reach + self.settings.length
+        place: Array = arm.shoulder + reach * np.array([c * ahead - s * left, s * ahead + c * left, -below])
+        return place
 
     @checked
     def press(

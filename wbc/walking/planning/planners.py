@@ -74,28 +74,32 @@ def walk_velocity(
 
 
 @checked
-def turn_in_place(start: FootstepPlan, angle: float, *, per_step: float = 0.25) -> FootstepPlan:
-    """Turn on the spot.
+def turn_in_place(
+    start: FootstepPlan, angle: float, *, per_step: float = 0.25, ahead: float = 0.0
+) -> FootstepPlan:
+    """Turn on the spot, or about a point ahead.
 
     Args:
         start: Feet and gait; its steps are dropped.
         angle: To the left, rad.
         per_step: Greatest turn from one foot to the other, rad.
+        ahead: Distance of that point before the middle of the feet, m: the robot walks round it and faces it, one foot
+            turns and the other one goes aside.
 
     Raises:
         InputError: An angle of zero, or one that is not finite.
     """
-    angle = finite_scalar("angle (rad)", angle)
+    angle, ahead = finite_scalar("angle (rad)", angle), finite_scalar("ahead (m)", ahead)
     if angle == 0.0:
         raise InputError("angle (rad) must not be zero")
     per_step = finite_scalar("per_step (rad)", per_step, low=1e-3, high=3.0)
     pairs = max(1, math.ceil(abs(angle) / per_step - 1e-9))
     _check_count("angle (rad)", angle, 2 * pairs)
-    leader = "left" if angle > 0.0 else "right"
-    # Each pair of steps turns by one opening, so that there is nothing left to close.
-    return walk_path(
-        start, [(0.0, 0.0, angle / (2 * pairs))] * (2 * pairs), first=leader, leader=leader, close=False
-    )
+    turn, inner = angle / (2 * pairs), "left" if angle > 0.0 else "right"
+    # Each pair of steps turns by one opening, so that there is nothing left to close, but for the way aside.
+    leaders = (other(inner) if ahead > 0.0 else inner, inner)
+    first, aside = leaders[0], -ahead * turn
+    return _path(start, [(0.0, aside, turn)] * (2 * pairs), first, leaders, close=ahead != 0.0)
 
 
 @checked
