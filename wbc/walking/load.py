@@ -104,7 +104,7 @@ class HeldLoad:
         return self.middle + (c * x - s * y, s * x + c * y, 0.0)
 
     def update(self, outside: OutsideWrench, dt: float) -> None:
-        """Update the estimate from the outside wrench, and the models from it; their part is taken off the outside wrench."""
+        """Update the estimate from the outside wrench, and move its changes from the wrench into the models."""
         s, robot = self.settings, self._robot
         if not outside.ready:
             return

@@ -42,7 +42,7 @@ class TaskGains(BodyGains):
         contact_return: Stiffness of a standing foot towards its place in torque control, 1/s².
         wrench_weight: Desired foot wrenches in torque control, cost per N² and (Nm)².
         moment_by_load: Weigh the moments of the desired wrenches of two feet by the inverse square of each foot's load
-            over the sum: at equal weights the moments of the foot with less load bring its CoP to the edge, and it turns.
+            over the sum: at equal weights the CoP of the foot with less load is at the edge, and it turns.
         even_soles: Bound yaw moments of soles in torque control as under even pressure, not at their corners alone.
     """
 

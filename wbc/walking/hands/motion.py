@@ -76,7 +76,7 @@ class MovingFrame:
 
 
 def quintic_part(time: float, duration: float, begin: float, end: float) -> tuple[float, float, float]:
-    """Return a quintic from 0 to 1, with two derivatives, at a time, s; `begin` and `end` are ratios of the duration, s."""
+    """Return a quintic from 0 to 1 with two derivatives; times are in s, `begin` and `end` over the duration."""
     span = (end - begin) * duration
     elapsed = min(max(time - begin * duration, 0.0), span)
     return Quintic((0.0, 0.0, 0.0), (1.0, 0.0, 0.0), span).at(elapsed)

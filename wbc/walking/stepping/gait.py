@@ -374,7 +374,7 @@ class SteppingGait:
         self._mode, self._elapsed, self._contact = mode, 0.0, None
 
     def _most_forces(self, state: BodyState) -> tuple[float, float]:
-        """Return the greatest normal force of each foot, N: the one that has stood unloads, one that waits has `share`."""
+        """Return the greatest normal force of each foot, N: the old stance foot unloads, one that waits has `share`."""
         s, swing = self.settings, 1 - self._stance
         most = [s.most_force, s.most_force]
         most[swing] = 0.0

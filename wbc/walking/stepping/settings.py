@@ -146,7 +146,7 @@ class SteppingSettings:
         rest: Time from the shift to the first step, and least time of a stand, 1/ω.
         stand_gain: Feedback of the DCM while the robot stands.
         stop_speed: Walking velocity below which the robot may stop, hω.
-        stop_length: Greatest distance between the feet after the last step: in a wide stand the sole holds no push to the side, h.
+        stop_length: Greatest distance between the feet after the last step, h: a wide stand holds no push to the side.
         stop_box: Ratio of the standing box within which the DCM must be to stop.
     """
 

@@ -130,7 +130,7 @@ class Steering:
         )
 
     def _held(self, place: Point, turn: float) -> Point:
-        """Return the velocity of the steps plus the one back towards the path, whose point moves on beside the robot."""
+        """Return the velocity of the steps plus the one back to the path, whose point moves on beside the robot."""
         s, (x, y) = self._s, self.velocity
         cos, sin = math.cos(self.heading), math.sin(self.heading)
         if self._line is not None:
