@@ -19,17 +19,13 @@ def page(data: dict[str, Any]) -> str:
     """Return the page."""
     versions, tables = data["version"], data["table"]
     now = versions[-1]["walk"]
-    rows = [
-        [
-            str(v["walk"]),
-            f"`{v['commit']}`, {v['date']}",
-            v["change"],
-            ", ".join(f"{e:.2f}" for e in v["errors"]),
-        ]
-        for v in versions
-    ]
-    head = ["Walk", "Since", "Change", "ZMP, CoM and DCM error of the reference walk, mm"]
-    parts = [data["intro"], "## Versions of the walk", data["versions"], markdown(head, "rllr", rows)]
+    last = versions[-1]
+    errors = ", ".join(f"{e:.2f}" for e in last["errors"])
+    version = (
+        f"Walk {now}, since `{last['commit']}`, {last['date']}: {last['change']}.\n"
+        f"Errors of ZMP, CoM and DCM in the reference walk: {errors} mm."
+    )
+    parts = [data["intro"], "## Versions of the walk", data["versions"], version]
     parts += [data["reference"], "## Results", data["results"]]
     for table in tables:
         parts += section(table, now)
