@@ -138,16 +138,6 @@ def test_a_file_that_is_read_is_not_written(
     assert Path(read).read_bytes() == content
 
 
-def test_an_export_onto_its_own_journal_is_refused(folder: Path, capsys: Captured) -> None:
-    shutil.move("journal.jsonl", "journal.csv")
-    content = Path("journal.csv").read_bytes()
-    for name in ("journal.csv", f"../{folder.name}/journal.csv", str(folder / "journal.csv")):
-        words = ["study", "table", "study.json", "--journal", "journal.csv", "-o", name]
-        assert main(words) == BAD_INPUT
-        assert "choose another name" in capsys.readouterr().err
-        assert Path("journal.csv").read_bytes() == content
-
-
 @pytest.mark.slow
 def test_a_recording_that_lost_data_says_so(folder: Path, capsys: Captured) -> None:
     old = Path("log.arrow").read_bytes()
@@ -177,32 +167,6 @@ def test_a_result_that_cannot_be_printed_is_one_line() -> None:
             check=False,
         )
     assert (done.returncode, done.stderr) == (FAILED, "wbc: [Errno 28] No space left on device\n")
-
-
-def mounted(folder: Path, kilobytes: int) -> bool:
-    words = ["mount", "-t", "tmpfs", "-o", f"size={kilobytes}k", "tmpfs", str(folder)]
-    return subprocess.run(words, capture_output=True, check=False).returncode == 0
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("name", WRITERS)
-def test_a_disk_that_is_really_full(folder: Path, name: str, capsys: Captured) -> None:
-    disk = folder / "disk"
-    disk.mkdir()
-    if shutil.which("mount") is None or not mounted(disk, 16):
-        pytest.skip("a disk can only be mounted by root")
-    try:
-        target = disk / name
-        target.write_text("old")
-        (disk / "ballast").write_bytes(bytes(8192))
-        assert main([*words_for(name), str(target)]) in (FAILED, RAN)
-        err = capsys.readouterr().err
-        assert f"wbc: cannot write {target}: No space left on device" in err or target.stat().st_size > 3
-        assert sorted(os.listdir(disk)) == sorted([name, "ballast"])
-        if "No space" in err:
-            assert target.read_text() == "old"
-    finally:
-        subprocess.run(["umount", str(disk)], check=True)
 
 
 def test_entries_of_other_code_that_are_left_out_are_counted(folder: Path, capsys: Captured) -> None:

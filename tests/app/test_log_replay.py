@@ -25,8 +25,6 @@ from PIL import Image
 from recorded import make_walk, recorded_scans, recorded_stand, recorded_walk, run
 
 import wbc
-from wbc import app
-from wbc.app import replay as package
 from wbc.app.address import PortError
 from wbc.app.cli import main
 from wbc.app.log.reader import Log
@@ -412,11 +410,6 @@ def test_page_is_served_to_this_machine_alone(page: str, capsys: pytest.CaptureF
     finally:
         thread.join()
     assert server.url in capsys.readouterr().err
-
-
-def test_documentation_shows_what_there_is() -> None:
-    for name in re.findall(r"\b([a-z_]+)\(", package.__doc__ or ""):
-        assert hasattr(app, name) or name in ("open", "write_text"), name
 
 
 @pytest.mark.slow

@@ -256,7 +256,7 @@ def test_path_is_checked_before_anything_is_drawn(
 ) -> None:
     (tmp_path / "folder.png").mkdir()
     for path, words in (
-        ("walk.bmp", "must end in one of .png, .svg, .pdf"),
+        ("walk.bmp", "must end in one of .png, .pdf, .svg, .jpg"),
         (str(tmp_path / "none" / "a.png"), "no folder"),
         (str(tmp_path / "folder.png"), "it is a folder"),
         ("/proc/a.png", "cannot write"),

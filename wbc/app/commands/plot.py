@@ -9,6 +9,7 @@ from typing import Annotated, Any
 
 from cyclopts import Parameter
 
+from wbc.app.files import PICTURES, check_target
 from wbc.app.log.reader import Log
 from wbc.app.output import Flat, Output, OutputOptions, Report, reports
 from wbc.core.errors import InputError
@@ -22,8 +23,8 @@ class PlotOptions:
     """File of the figures.
 
     Attributes:
-        out: File to write, ending in .png, .svg or .pdf; several figures become the pages of one PDF, or files whose
-            names end in theirs. The name of the log with .png when not given.
+        out: File to write, ending in .png, .pdf, .svg or .jpg; several figures become the pages of one PDF, or files
+            whose names end in theirs. The name of the log with .png when not given.
         list: Name the signals of the logs instead of drawing.
     """
 
@@ -50,14 +51,14 @@ def plot(
         return _listing(logs, notes, output)
 
     from wbc.app.plot.figures import FIGURES, draw, missing  # noqa: PLC0415 - slow to import
-    from wbc.app.plot.output import check_output, save  # noqa: PLC0415
+    from wbc.app.plot.output import save  # noqa: PLC0415
     from wbc.app.plot.signals import draw_signals, select  # noqa: PLC0415 - slow to import
 
     figures, signals = (
         [word for word in drawings if word in FIGURES],
         [w for w in drawings if w not in FIGURES],
     )
-    target = check_output(options.out or f"{logs[0].path.stem}.png", paths)
+    target = check_target("a picture", options.out or f"{logs[0].path.stem}.png", PICTURES, paths)
     if signals:
         _check_signals(logs, signals, FIGURES, select)
     if not drawings:

@@ -7,6 +7,7 @@ from typing import Annotated, Any
 
 from cyclopts import Parameter
 
+from wbc.app.files import check_picture
 from wbc.app.output import Flat, Output, OutputOptions, Report, reports
 from wbc.core.errors import InputError, finite_scalar
 from wbc.core.settings import Positive, settings
@@ -112,11 +113,7 @@ def _check(file: str, options: RobotFileOptions, output: Output) -> Report:
     """Report what is in the file of a robot, what was derived and what is doubtful."""
     if options.name is not None:
         raise InputError("--name is the name under which `wbc robots add` adds a robot")
-    plot = options.plot
-    if plot is not None:
-        from wbc.app.plot.output import check_output  # noqa: PLC0415  Matplotlib takes half a second
-
-        check_output(plot, [file])
+    plot = check_picture(options.plot, [file])
     description = _described(file, options)
     doubts = description.doubts()
     lines = [

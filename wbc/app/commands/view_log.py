@@ -12,7 +12,7 @@ from cyclopts import Parameter
 from rich.progress import Progress
 
 from wbc.app.address import Host, Port
-from wbc.app.files import FILMS
+from wbc.app.files import FILMS, check_target
 from wbc.app.log.reader import Log
 from wbc.app.output import Flat, Output, OutputOptions, Report, progress_console, reports
 from wbc.core.errors import InputError
@@ -64,7 +64,7 @@ def view(
 ) -> Report:
     """Replay a log in the browser with a time slider, or write it as a page or a film."""
     from wbc.app.replay.film import check_film, render_video  # noqa: PLC0415 - slow
-    from wbc.app.replay.page import check_page, replay_page  # noqa: PLC0415 - slow
+    from wbc.app.replay.page import replay_page  # noqa: PLC0415 - slow
     from wbc.app.replay.page_server import PageServer  # noqa: PLC0415
     from wbc.app.replay.replay import Replay  # noqa: PLC0415 - slow
 
@@ -78,7 +78,7 @@ def view(
     elif film:
         check_film(out, [log])
     else:
-        check_page(out, [log])
+        check_target("a page", out, EXPORTS, [log])
     replay = Replay(opened)
     with _bar("filming" if film else "preparing") as progress:
         if out is not None and film:

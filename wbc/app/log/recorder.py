@@ -107,7 +107,7 @@ class Recorder(TrialHook):
         if name in self._added:
             raise InputError(f"there is a signal '{name}' already; choose another name")
         signal = Signal(name, unit, about, "list" if changing else "number")
-        function = value if _takes_the_tick(value) else _ignoring_the_tick(value)
+        function = value if _takes_the_tick(value) else lambda tick: value()  # type: ignore[call-arg]
         self._added[name] = (signal, function, axes)
 
     def __call__(
@@ -256,10 +256,8 @@ def _add_own(
     signals: Signals, signal: Signal, function: Read, axes: tuple[str, ...] | None, first: Any
 ) -> None:
     """Describe a signal of `Recorder.add`; its first value decides its kind and shape."""
-    name, kind, waiting = signal.name, signal.kind, [first]
-
-    def value(tick: Tick) -> Any:
-        return waiting.pop() if waiting else function(tick)
+    name, waiting = signal.name, [first]
+    kind = "text" if isinstance(first, str) and signal.kind != "list" else signal.kind
 
     def numbers(value: Any) -> Array:
         try:
@@ -267,36 +265,31 @@ def _add_own(
         except (TypeError, ValueError) as error:
             raise InputError(f"signal '{name}' cannot keep {value!r}") from error
 
-    def text(tick: Tick) -> str | None:
-        return None if (given := value(tick)) is None else str(given)
+    shape = numbers(first).shape if kind == "number" else ()
 
-    def list_of_numbers(tick: Tick) -> Array | None:
-        return None if (given := value(tick)) is None else numbers(given).reshape(-1)
-
-    if kind == "list":
-        signals.one(name, signal.unit, signal.about, list_of_numbers, "list")
-        return
-    if isinstance(first, str):
-        signals.one(name, signal.unit, signal.about, text, "text")
-        return
-    shape = numbers(first).shape
-
-    def same_shape(tick: Tick) -> Any:
-        given = value(tick)
-        if given is not None and np.shape(given) != shape:
-            raise InputError(f"signal '{name}' has changed from shape {shape} to {np.shape(given)}")
-        return None if given is None else numbers(given)
+    def read(tick: Tick) -> Any:
+        value = waiting.pop() if waiting else function(tick)
+        if value is None:
+            return None
+        if kind == "text":
+            return str(value)
+        array = numbers(value)
+        if kind == "list":
+            return array.reshape(-1)
+        if array.shape != shape:
+            raise InputError(f"signal '{name}' has changed from shape {shape} to {array.shape}")
+        return array
 
     if len(shape) > 1:
         raise InputError(f"signal '{name}' must be a number or an array of one dimension, got shape {shape}")
     if not shape:
-        flag = isinstance(first, (bool, np.bool_))
-        signals.one(name, signal.unit, signal.about, same_shape, "flag" if flag else "number")
+        flag = kind == "number" and isinstance(first, (bool, np.bool_))
+        signals.one(name, signal.unit, signal.about, read, "flag" if flag else kind)
         return
     parts = axes or {2: ("x", "y"), 3: ("x", "y", "z")}.get(shape[0]) or tuple(map(str, range(shape[0])))
     if len(parts) != shape[0]:
         raise InputError(f"signal '{name}' has {shape[0]} parts, but {len(parts)} axes")
-    signals.group(name, parts, signal.unit, signal.about, same_shape)
+    signals.group(name, parts, signal.unit, signal.about, read)
 
 
 def _takes_the_tick(function: Callable[..., Any]) -> bool:
@@ -306,10 +299,6 @@ def _takes_the_tick(function: Callable[..., Any]) -> bool:
     except ValueError:
         return False
     return any(p.default is p.empty and p.kind is not p.VAR_KEYWORD for p in parameters)
-
-
-def _ignoring_the_tick(function: Callable[..., Any]) -> Callable[[Tick], Any]:
-    return lambda tick: function()
 
 
 def _check_kind(what: str, value: object, kind: type) -> None:

@@ -143,14 +143,9 @@ class LogWriter:
                 arrays.append(pa.array(next(numbers)))
             elif signal.kind in ("text", "list"):
                 arrays.append(pa.array([row[place] for row in objects], TYPES[signal.kind]))
-            else:
+            else:  # what is NaN is null, but a time
                 column = np.ascontiguousarray(rows[:, place])
-                mask = None if signal.kind == "double" else np.isnan(column)
-                arrays.append(
-                    pa.array(np.nan_to_num(column) if mask is not None else column, mask=mask).cast(
-                        TYPES[signal.kind]
-                    )
-                )
+                arrays.append(pa.array(column, from_pandas=signal.kind != "double").cast(TYPES[signal.kind]))
         self._out.write_batch(pa.RecordBatch.from_arrays(arrays, schema=self._schema))
         self._file.flush()
         self.written += len(rows)

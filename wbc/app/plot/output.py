@@ -3,31 +3,17 @@
 from __future__ import annotations
 
 import io
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 
 from matplotlib.backends.backend_pdf import PdfPages
 from matplotlib.figure import Figure
 
-from wbc.app.files import check_target
+from wbc.app.files import PICTURES, check_target
 from wbc.core.arguments import checked
 from wbc.core.files import replacing, save_figure
 
-FORMATS = (".png", ".svg", ".pdf")
 DPI = 130
-
-
-def check_output(path: str | Path, inputs: Iterable[str | Path] = ()) -> Path:
-    """Return the path of figures to be written.
-
-    Args:
-        path: File to write.
-        inputs: Files that the figures are made from.
-
-    Raises:
-        InputError: Another file type, no such folder, not writable, or one of the inputs.
-    """
-    return check_target("a figure", path, FORMATS, inputs)
 
 
 @checked
@@ -45,7 +31,7 @@ def save(figures: Mapping[str, Figure], path: str | Path) -> list[Path]:
         InputError: A path that cannot be written.
         FileError: The disk is full, for example.
     """
-    target = check_output(path)
+    target = check_target("a picture", path, PICTURES)
     if target.suffix.lower() == ".pdf":
         document = io.BytesIO()
         with PdfPages(document) as pages:

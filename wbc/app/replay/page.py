@@ -4,21 +4,18 @@ from __future__ import annotations
 
 import base64
 import json
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from string import Template
 from typing import Any
 
 import numpy as np
 
-from wbc.app.files import check_target
 from wbc.app.replay.caption import caption
 from wbc.app.replay.replay import Replay
 from wbc.app.view.page import Page
 from wbc.app.view.viewer_commands import empty_scene, object_commands, transform_command
 from wbc.core.arguments import checked
-
-PAGES = (".html", ".htm")
 
 CONTROLS = Path(__file__).with_name("controls.html")
 """Slider, buttons and script of the page."""
@@ -70,19 +67,6 @@ def replay_page(
     )
     head, end, tail = page.rpartition("</body>")
     return head + controls + end + tail
-
-
-def check_page(path: str | Path, inputs: Iterable[str | Path] = ()) -> Path:
-    """Return the path of a page to be written.
-
-    Args:
-        path: File to write.
-        inputs: Files that it is made from.
-
-    Raises:
-        InputError: Another file type, no such folder, not writable, or one of the inputs.
-    """
-    return check_target("a page", path, PAGES, inputs)
 
 
 def _first_picture(replay: Replay, tick: int) -> list[bytes]:

@@ -5,9 +5,7 @@ from __future__ import annotations
 import math
 from typing import Any
 
-import mujoco
 import numpy as np
-import pinocchio as pin
 
 from wbc.app.log.plain import from_plain
 from wbc.app.log.reader import Log
@@ -62,9 +60,15 @@ class Replay:
             raise InputError(f"{log.path} holds no ticks; there is nothing to replay")
         with decoding(log.path, "log that can be replayed"):
             self.plant = None if log.header.get("plant") is None else rebuild_plant(log)
-            self._stage = _LoopStage(log) if self.plant is None else _PlantStage(log, self.plant)
+            self._source: PlantSource | RobotSource
+            self.sole_paths: tuple[tuple[str, ...], ...] = ((), ())
+            if self.plant is not None:
+                self._source, self._q = PlantSource(self.plant), _states_of_plant(log, self.plant)
+                self.sole_paths = tuple(sole_paths(self.plant.model, foot) for foot in self.plant.feet)
+            else:
+                self._source, self._q = _robot_of_loop(log)
             self.terrain = make_terrain("flat") if self.plant is None else self.plant.terrain
-            scene = self._stage.source.scene
+            scene = self._source.scene
             self.overlays = Overlays(log, scene.com_height)
             self.scene: Scene = scene.extended(
                 self.overlays.objects, self.overlays.moving, self.overlays.legend
@@ -74,7 +78,7 @@ class Replay:
             known = "zmp/measured/x" in log or "foot/left/estimated/position/x" in log
             self.drift = Drift(log)
             self._zmp = self.drift(measured_zmp(log)) if known else None
-            self.sole_paths, self.base_places = self._stage.sole_paths, self._stage.q[:, :3]
+            self.base_places = self._q[:, :3]
             self._stiffness = [log[f"foot/{side}/stiffness"] for side in SIDES]
             self._push: tuple[Array, ...] = ()
             if "truth/push/point/x" in log:
@@ -104,8 +108,11 @@ class Replay:
         return [int(i) for i in np.unique(nearest)]
 
     def show(self, tick: int) -> None:
-        """Put all bodies into their positions at a tick; an `InputError` for one that the log does not have."""
-        self._stage.show(self._checked(tick))
+        """Put all bodies into their positions at a tick, but furniture, which stays where it was at the start.
+
+        `InputError` for a tick that the log does not have.
+        """
+        self._source.show(self._q[self._checked(tick)])
 
     def _checked(self, tick: int) -> int:
         if whole_number("tick of a log", tick, low=0) >= len(self):
@@ -125,7 +132,7 @@ class Replay:
         """Return the state at a tick; forces are those of the foot sensors."""
         self.show(tick)
         forces: list[Force] = []
-        for sole, wrenches in zip(self._stage.soles(), self._wrenches, strict=True):
+        for sole, wrenches in zip(self._source.soles(), self._wrenches, strict=True):
             wrench = wrenches[tick]
             if np.isfinite(wrench).all() and wrench[2] >= MIN_LOAD:
                 forces += sole_force(sole.translation, sole.rotation, wrench)
@@ -134,96 +141,44 @@ class Replay:
             if np.isfinite(point).all() and force.any():
                 forces.append(("push", point, force))
         zmp = None if self._zmp is None or not np.isfinite(self._zmp[tick]).all() else self._zmp[tick]
-        return Snapshot(float(self.log.time[tick]), self._stage.poses(), self._com[tick], zmp, forces)
+        return Snapshot(float(self.log.time[tick]), self._source.poses(), self._com[tick], zmp, forces)
 
 
-class _PlantStage:
-    """The plant of a log, put into logged states.
-
-    Attributes:
-        q: Positions of the robot in MuJoCo's order, shape (ticks, size).
-    """
-
-    def __init__(self, log: Log, plant: Plant) -> None:
-        self.source, self._plant = PlantSource(plant), plant
-        model = plant.model
-        self._soles = [model.site(foot.wrench_site).id for foot in plant.feet]
-        self.sole_paths = tuple(sole_paths(model, foot) for foot in plant.feet)
-        joints = [model.joint(i) for i in range(1, model.njnt) if plant.of_robot[model.jnt_bodyid[i]]]
-        self.q = _base_in_mujoco(log, 7 + len(joints))
-        for joint in joints:
-            name = position_signal(joint.name, plant.robot)
-            if name not in log:
-                raise InputError(
-                    f"{log.path} has no '{name}': the plant of {log.header.get('program', 'the log')} had "
-                    "other joints than the one that this version builds"
-                )
-            self.q[:, joint.qposadr[0]] = log[name]
-
-    def show(self, tick: int) -> None:
-        """Put all bodies into their positions at a tick; furniture stays where it was at the start."""
-        plant = self._plant
-        plant.data.qpos[: self.q.shape[1]] = self.q[tick]
-        mujoco.mj_kinematics(plant.model, plant.data)
-
-    def poses(self) -> Array:
-        """Return the poses of the scene's bodies, shape (number of bodies, 4, 4)."""
-        return self.source.poses()
-
-    def soles(self) -> list[pin.SE3]:
-        """Return the sole frames in the world."""
-        data = self._plant.data
-        return [pin.SE3(data.site_xmat[i].reshape(3, 3), data.site_xpos[i]) for i in self._soles]
-
-
-class _LoopStage:
-    """The robot of any other loop, put into the true states of a log, or into the estimated ones without these.
-
-    Attributes:
-        q: Configurations, shape (ticks, nq).
-    """
-
-    sole_paths: tuple[tuple[str, ...], ...] = ((), ())
-
-    def __init__(self, log: Log) -> None:
-        if log.header.get("description") is None:
-            raise InputError(f"{log.path} was recorded without a plant: there is nothing to show")
-        description = from_plain(log.header["description"])
-        self.source, self._robot = RobotSource(description, None), description.robot()
-        which = "truth" if "truth/base/position/x" in log else "estimated"
-        base = "truth/base" if which == "truth" else "base/estimated"
-        if f"{base}/position/x" not in log:
-            raise InputError(
-                f"{log.path} has neither the true nor an estimated base: there is nothing to show"
-            )
-        joints = "truth/joint/position" if which == "truth" else "joint/position"
-        quaternion = log[f"{base}/orientation"]
-        quaternion = quaternion / np.linalg.norm(quaternion, axis=1, keepdims=True)
-        columns = np.column_stack([log[f"{joints}/{name}"] for name in self._robot.joint_names])
-        self.q = np.ascontiguousarray(
-            np.hstack([log[f"{base}/position"], quaternion, columns]), dtype=np.float64
-        )
-
-    def show(self, tick: int) -> None:
-        """Put all links into their positions at a tick."""
-        self._robot.update_kinematics(self.q[tick], np.zeros(self._robot.nv))
-
-    def poses(self) -> Array:
-        """Return the poses of the scene's bodies, shape (number of bodies, 4, 4)."""
-        return self.source.snapshot(self._robot, None, 0.0).poses
-
-    def soles(self) -> list[pin.SE3]:
-        """Return the sole frames in the world."""
-        return [self._robot.placement(sole.frame) for sole in self._robot.soles]
-
-
-def _base_in_mujoco(log: Log, size: int) -> Array:
-    """Return rows of MuJoCo's positions with the true base in them, shape (ticks, size)."""
-    q = np.empty((len(log), size))
+def _states_of_plant(log: Log, plant: Plant) -> Array:
+    """Return the positions of the robot in a plant, in MuJoCo's order, shape (ticks, size)."""
+    model = plant.model
+    joints = [model.joint(i) for i in range(1, model.njnt) if plant.of_robot[model.jnt_bodyid[i]]]
+    q = np.empty((len(log), 7 + len(joints)))
     q[:, :3] = log["truth/base/position"]
-    quaternion = log["truth/base/orientation"][:, [3, 0, 1, 2]]
-    q[:, 3:7] = quaternion / np.linalg.norm(quaternion, axis=1, keepdims=True)
+    q[:, 3:7] = _unit(log["truth/base/orientation"])[:, [3, 0, 1, 2]]
+    for joint in joints:
+        name = position_signal(joint.name, plant.robot)
+        if name not in log:
+            raise InputError(
+                f"{log.path} has no '{name}': the plant of {log.header.get('program', 'the log')} had "
+                "other joints than the one that this version builds"
+            )
+        q[:, joint.qposadr[0]] = log[name]
     return q
+
+
+def _robot_of_loop(log: Log) -> tuple[RobotSource, Array]:
+    """Return the robot of any other loop and its true configurations, or the estimated ones; shape (ticks, nq)."""
+    if log.header.get("description") is None:
+        raise InputError(f"{log.path} was recorded without a plant: there is nothing to show")
+    description = from_plain(log.header["description"])
+    base, joints = "truth/base", "truth/joint/position"
+    if f"{base}/position/x" not in log:
+        base, joints = "base/estimated", "joint/position"
+    if f"{base}/position/x" not in log:
+        raise InputError(f"{log.path} has neither the true nor an estimated base: there is nothing to show")
+    columns = [log[f"{joints}/{name}"] for name in description.robot().joint_names]
+    q = np.column_stack([log[f"{base}/position"], _unit(log[f"{base}/orientation"]), *columns])
+    return RobotSource(description, None), q
+
+
+def _unit(quaternions: Array) -> Array:
+    return np.asarray(quaternions / np.linalg.norm(quaternions, axis=1, keepdims=True))
 
 
 def rebuild_plant(log: Log) -> Plant:

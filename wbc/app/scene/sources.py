@@ -28,12 +28,13 @@ FOOT = "foot/"
 
 
 class PlantSource:
-    """Snapshots of a plant, with its soft soles as they are bent; it never writes to the plant."""
+    """Snapshots of a plant, with its soft soles as they are bent; none but `show` writes to the plant."""
 
     def __init__(self, plant: Plant) -> None:
         """Make the scene and find the bodies."""
         self.plant = plant
         model = plant.model
+        self._soles = [model.site(foot.wrench_site).id for foot in plant.feet]
         self.scene: Scene = make_scene(
             plant.description.name,
             [*robot_parts(plant.description), *_foot_parts(plant)],
@@ -50,6 +51,18 @@ class PlantSource:
         poses[:, :3, :3] = data.xmat[self._ids].reshape(-1, 3, 3)
         poses[:, :3, 3] = data.xpos[self._ids]
         return poses
+
+    def soles(self) -> list[pin.SE3]:
+        """Return the sole frames in the world."""
+        data = self.plant.data
+        return [pin.SE3(data.site_xmat[i].reshape(3, 3), data.site_xpos[i]) for i in self._soles]
+
+    def show(self, q: Array) -> None:
+        """Put the robot into positions, the first ones of the plant in MuJoCo's order; for a plant that never steps."""
+        import mujoco  # noqa: PLC0415
+
+        self.plant.data.qpos[: len(q)] = q
+        mujoco.mj_kinematics(self.plant.model, self.plant.data)
 
     def snapshot(self) -> Snapshot:
         """Return the present state."""
@@ -105,7 +118,6 @@ class RobotSource:
             robot = state
         else:
             robot.update(finite_array("configuration to show", state, (robot.nq,)), np.zeros(robot.nv))
-        poses = np.array([robot.placement(i).homogeneous for i in self._ids])
         forces: list[Force] = []
         total, levels = np.zeros(6), [0.0]
         if sole_wrench is not None:
@@ -115,7 +127,20 @@ class RobotSource:
                 place = robot.placement(sole.frame)
                 total += place.act(pin.Force(wrench)).vector
                 forces += sole_force(place.translation, place.rotation, wrench)
-        return Snapshot(time, poses, np.array(robot.com), _zmp(total, min(levels)), forces)
+        return Snapshot(time, self.poses(robot), np.array(robot.com), _zmp(total, min(levels)), forces)
+
+    def poses(self, robot: Robot | None = None) -> Array:
+        """Return the poses of the scene's bodies, shape (number of bodies, 4, 4), m; of the one shown when None."""
+        robot = robot or self._robot
+        return np.array([robot.placement(i).homogeneous for i in self._ids])
+
+    def soles(self) -> list[pin.SE3]:
+        """Return the sole frames in the world."""
+        return [self._robot.placement(sole.frame) for sole in self._robot.soles]
+
+    def show(self, q: Array) -> None:
+        """Put the robot into a configuration, shape (nq,)."""
+        self._robot.update_kinematics(np.ascontiguousarray(q), np.zeros(self._robot.nv))
 
 
 def sole_force(position: Array, rotation: Array, wrench: Array) -> list[Force]:

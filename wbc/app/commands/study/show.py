@@ -14,7 +14,7 @@ from typing import Annotated, Any, Literal
 from cyclopts import Parameter
 from pydantic import Field
 
-from wbc.app.files import check_target, read_object
+from wbc.app.files import check_picture, check_target, read_object
 from wbc.app.output import Flat, Output, OutputOptions, Report, reports
 from wbc.core.changes import changed, read_changes
 from wbc.core.errors import InputError
@@ -183,10 +183,8 @@ def table(
     out: Path | None = options.out
     inputs: list[str | Path] = [options.journal, study]
     figure = options.of == "arms" and out is not None and out.suffix.lower() not in (".csv", ".json")
-    if out is not None and figure:
-        from wbc.app.plot.output import check_output  # noqa: PLC0415 - slow to import
-
-        out = check_output(out, inputs)
+    if figure:
+        out = check_picture(out, inputs)
     elif out is not None:
         endings = (".csv", ".json") if options.of == "arms" else (".json",)
         out = check_target("a result", out, endings, inputs)
