@@ -124,6 +124,8 @@ def test_urdf_and_sole_links_are_enough(tmp_path: Path) -> None:
     said = "\n".join(description.derived)
     for word in ("200 x 90 mm", "half-sitting", "armature", "torso", "IMU"):
         assert word in said
+    aside = RobotDescription.from_urdf(biped(geometry=FOOT_BOX.replace("0.03 0 ", "0.03 -1e-5 ")), **FEET)
+    assert any("at (30, 0, -60) mm" in line for line in aside.derived), "no -0"
 
 
 def test_xml_and_file_are_the_same_robot(tmp_path: Path) -> None:

@@ -143,6 +143,14 @@ def test_stance_and_lift_off() -> None:
     assert plan.stance(3) == plan.steps[2] and plan.lift_off(3) == plan.steps[1]
 
 
+@pytest.mark.parametrize(("name", "bound"), [("x", 0.01), ("z", 0.01), ("yaw", 0.05)])
+def test_a_foot_closes_up_unless_it_stands_beside_the_other_already(name: str, bound: float) -> None:
+    for off, steps in ((0.9 * bound, 0), (1.1 * bound, 1)):
+        left = replace(START.left, **{name: getattr(START.left, name) + off})
+        walk = walk_distance(replace(START, left=left), 0.5, first="left")
+        assert len(walk.stopping_after(-1)) == steps
+
+
 def test_a_ground_that_is_known_lifts_the_steps() -> None:
     plan = walk_distance(START, 1.0).on(lambda x, y: 0.1 * x + 0.2 * y)
     for step in plan.steps:

@@ -268,6 +268,33 @@ def test_feet_that_have_stepped_out_of_a_push_close_up_before_the_robot_stands(s
     assert body.gait.stands
 
 
+@pytest.mark.parametrize(
+    ("load", "cop", "expected"),
+    [
+        (1.0, (0.05, 0.01), (0.05, 0.01)),
+        (1.0, (0.2, -0.1), (SCALE.sole[0], -SCALE.sole[1])),
+        (0.02, (0.05, 0.01), (SteppingSettings().in_si(SCALE).foothold, 0.0)),
+    ],
+    ids=["within the sole", "beyond its edges", "hardly any force"],
+)
+def test_a_step_is_about_the_centre_of_pressure_of_its_stance_foot(
+    load: float, cop: tuple[float, float], expected: tuple[float, float]
+) -> None:
+    body = PointMass()
+    body.run(0.6)
+    body.gait.steering.command((0.2, 0.0, 0.0))
+    while body.ticks[-1].reference.support.swing is None:
+        body.run(DT)
+    tick, force = body.ticks[-1], load * SCALE.weight
+    stance, wrenches = tick.reference.support.stance, [[0.0] * 6, [0.0] * 6]
+    wrenches[stance] = [0.0, 0.0, force, cop[1] * force, -cop[0] * force, 0.0]
+    for _ in range(25):  # five times the lag of the measured pressure
+        reference = body.gait.update(tick.state._replace(wrenches=wrenches), tick.frames)
+    assert reference.support.stance == stance
+    place = tick.frames[stance].actInv(np.array(reference.pendulum.zmp))
+    assert tuple(place[:2]) == pytest.approx(expected, abs=2e-3)
+
+
 def test_a_foot_that_lands_early_waits_for_the_dcm_with_a_part_of_the_weight() -> None:
     body = PointMass()
     body.run(0.6)
