@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import ast
 from collections.abc import Iterable, Mapping
+from functools import cache
 from html import escape
 from pathlib import Path
 
@@ -51,7 +52,8 @@ def module_files(root: Path) -> dict[str, Path]:
     return files
 
 
-def module_graph(root: Path) -> dict[str, set[str]]:
+@cache
+def module_graph(root: Path) -> Graph:
     """Return which module imports which, imports inside functions and for type checkers included."""
     files = module_files(root)
     graph: dict[str, set[str]] = {}

@@ -140,13 +140,13 @@ def test_parts_make_up_the_period_of_a_walk_that_is_otherwise_the_same(
 
 class _SlowTask(PostureTask):
     def evaluate(self, error: Array) -> None:
-        sleep(0.001)
+        sleep(0.0003)
         super().evaluate(error)
 
 
 class _SlowHook(TrialHook):
     def tick(self, tick: TrialTick) -> None:
-        sleep(0.002)
+        sleep(0.0006)
 
 
 def test_a_profile_finds_a_slow_task_and_a_slow_hook_by_name_and_leaves_the_walk_alone() -> None:
@@ -157,8 +157,8 @@ def test_a_profile_finds_a_slow_task_and_a_slow_hook_by_name_and_leaves_the_walk
     parts = {row.what: row for row in rows}
     ticks = parts["sensors"].calls
     assert ticks == round(result.seconds / spec.period)
-    assert parts["task 'mine'"].calls == ticks and parts["task 'mine'"].us > 1000.0
-    assert parts["hook _SlowHook"].us > 2000.0 > parts["QP: assembly"].us
+    assert parts["task 'mine'"].calls == ticks and parts["task 'mine'"].us > 300.0
+    assert parts["hook _SlowHook"].us > 600.0 > parts["QP: assembly"].us
     assert list(parts) == list(dict.fromkeys(what for what, _, _ in parts_of(trial, [_SlowHook()])))
     assert sum(row.share for row in rows) == pytest.approx(1.0) and min(row.us for row in rows) > 0.0
     for owner in (

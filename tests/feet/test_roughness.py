@@ -19,7 +19,6 @@ from wbc.feet.stiffness.roughness import (
     PARAMETERS,
     Roughness,
     RoughnessSettings,
-    detrend,
     low_pass,
     profile_roughness,
     roughness,
@@ -129,12 +128,6 @@ def test_agrees_with_scipy_and_direct_sums(seed: int, n: int) -> None:
     lines = np.array([abs(np.exp(-2j * math.pi * k * np.arange(n) / n) @ d / n) ** 2 for k in range(n)])
     assert r["M"] == pytest.approx(lines[1:].sum()), "Parseval"
     assert r["K"] == pytest.approx(1 - (lines[1:] ** 2).sum() / lines[1:].sum() ** 2)
-
-
-def test_m_is_the_integral_of_scipys_spectrum() -> None:
-    z = rough(256)[0]
-    frequency, density = signal.periodogram(z, fs=1 / STEP, detrend="constant")
-    assert roughness(grid(256), z, PLAIN)["M"] == pytest.approx(density.sum() * frequency[1])
 
 
 def test_the_corrected_slope_is_the_integral_of_the_spectrum_where_the_ground_is_smooth() -> None:
@@ -308,13 +301,6 @@ def test_filtering_takes_roughness_away() -> None:
         assert (filtered[name] < raw[name]).all(), name
     above_nyquist = roughness(grid(100), z, RoughnessSettings(corner=0.5 / STEP))
     np.testing.assert_allclose(above_nyquist.values, raw.values)
-
-
-def test_detrending_leaves_nothing_that_a_line_explains() -> None:
-    z = rough(50, count=3)
-    t = np.arange(50)
-    for row, line in zip(detrend(z), z, strict=True):
-        np.testing.assert_allclose(row, line - np.polyval(np.polyfit(t, line, 1), t), atol=1e-14)
 
 
 def test_roughness_is_that_of_the_filtered_profile_about_its_line() -> None:

@@ -94,6 +94,7 @@ def test_examples_import_public_names_alone() -> None:
                 assert {alias.name for alias in node.names} <= set(public), path.name
 
 
+@pytest.mark.slow
 def test_two_robots_lift_a_board_together(load: Load) -> None:
     result = load("two_robots").main([])
     assert abs(result["lifted_mm"] - 100.0) < 10.0 and result["tilt_deg"] < 2.0

@@ -40,9 +40,15 @@ def sources(folder: Path) -> Iterator[Path]:
 
 
 @cache
+def all_imports(file: Path) -> tuple[list[tuple[str, int]], list[tuple[str, int]]]:
+    """All modules that a file names in imports, with their lines, and those that it imports when it is imported."""
+    tree = ast.parse(file.read_text(encoding="utf-8"))
+    return list(_imports(tree, False)), list(_imports(tree, True))
+
+
 def imports(file: Path, *, at_import_time: bool = False) -> list[tuple[str, int]]:
     """Modules that a file names in imports, with their lines; types alone are not looked at."""
-    return list(_imports(ast.parse(file.read_text(encoding="utf-8")), at_import_time))
+    return all_imports(file)[at_import_time]
 
 
 def _imports(node: ast.AST, at_import_time: bool) -> Iterator[tuple[str, int]]:
@@ -74,7 +80,7 @@ def test_what_is_imported_is_declared(at_import_time: bool) -> None:
     extras = [] if at_import_time else [*project["optional-dependencies"].values()]
     lines = [*project["dependencies"], *(line for extra in extras for line in extra)]
     declared = {canonical(re.split(r"[\[<>=!~; ]", line, maxsplit=1)[0]) for line in lines}
-    offered = packages_distributions()
+    offered = distributions()
     unknown: dict[str, str] = {}
     for folder in FOLDERS.values():
         for file in sources(folder):
@@ -88,6 +94,9 @@ def test_what_is_imported_is_declared(at_import_time: bool) -> None:
                 if not declared & {canonical(name) for name in names}:
                     unknown.setdefault(top, f"{file.relative_to(ROOT)}:{line}")
     assert not unknown, f"imported, but not among the dependencies: {unknown}"
+
+
+distributions = cache(packages_distributions)
 
 
 def canonical(distribution: str) -> str:
@@ -170,12 +179,6 @@ def test_the_first_names_of_the_package_exist() -> None:
         _ = wbc.Plnt
 
 
-@cache
-def module_graph() -> dict[str, set[str]]:
-    graph: dict[str, set[str]] = architecture.module_graph(ROOT)
-    return graph
-
-
 def circles(graph: dict[str, set[str]]) -> list[list[str]]:
     """Shortest circle through each module that has one; every circle once."""
     found: dict[frozenset[str], list[str]] = {}
@@ -199,7 +202,7 @@ def circles(graph: dict[str, set[str]]) -> list[list[str]]:
 
 def test_modules_do_not_import_each_other_in_circles() -> None:
     """Imports inside functions and for type checkers count, too: a circle is one idea in two files."""
-    wrong = [" -> ".join(way) for way in circles(module_graph())]
+    wrong = [" -> ".join(way) for way in circles(architecture.module_graph(ROOT))]
     assert not wrong, "\n".join(wrong)
 
 
@@ -210,7 +213,7 @@ def test_a_circle_is_noticed() -> None:
 
 def test_rooms_do_not_import_each_other_in_circles() -> None:
     """A room is a folder of a package; modules that lie in the package itself belong to no room."""
-    graph = module_graph()
+    graph = architecture.module_graph(ROOT)
     rooms = {module: architecture.room_of(ROOT, module) for module in graph if module.count(".") > 1}
     rooms = {module: room for module, room in rooms.items() if room.count(".") > 1}
     wrong = [" -> ".join(way) for way in circles(architecture.grouped(graph, rooms))]

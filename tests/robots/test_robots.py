@@ -361,10 +361,6 @@ def test_states_and_models_that_no_robot_has_are_refused() -> None:
         Robot(bare, [], pin.neutral(bare))
 
 
-def test_the_generator_is_deterministic() -> None:
-    assert hrp4_class.urdf() == hrp4_class.urdf()
-
-
 def test_names_and_registration(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(registry, "_FACTORIES", copy.copy(registry._FACTORIES))
     assert names()[:3] == BUILT_IN

@@ -59,14 +59,6 @@ def random_cases(count: int, seed: int):
 
 
 @pytest.mark.parametrize("settings", [DistributionSettings(), DistributionSettings.legacy()])
-def test_a_zmp_between_the_feet_is_shared_equally(settings: DistributionSettings) -> None:
-    result = standing(0.0, settings=settings)
-    np.testing.assert_allclose(result.wrenches[:, 2], WEIGHT / 2, rtol=1e-4)
-    for wrench in result.wrenches:
-        assert np.abs(cop(wrench)).max() < 1e-3
-
-
-@pytest.mark.parametrize("settings", [DistributionSettings(), DistributionSettings.legacy()])
 @pytest.mark.parametrize(("y", "loaded"), [(0.105, 0), (-0.105, 1)])
 def test_a_zmp_under_a_foot_loads_that_foot_without_ankle_torque(
     settings: DistributionSettings, y: float, loaded: int

@@ -75,11 +75,7 @@ def moving(rng: np.random.Generator) -> Pendulum:
     return Pendulum(com, velocity, np.array([*(omega**2 * offset), 0.0]), point, rate, omega)
 
 
-# The oracle list, in its order
-
-
-def test_oracle_1_omega() -> None:
-    assert natural_frequency(0.85) == pytest.approx(3.397, abs=5e-4)
+# The oracle list, in its order; the first is in test_pendulum.py, the tenth in test_bias.py
 
 
 def test_oracle_2_no_error_asks_for_the_pattern_itself() -> None:
@@ -254,9 +250,6 @@ def test_the_com_admittance_says_how_fast_its_shift_moves_at_the_bound_too() -> 
     assert c.offset[0] == LEGACY.max_com_offset
     assert c.velocity[0] == c.acceleration[0] == 0.0
     assert c.velocity[1] != 0.0
-
-
-# (The tenth, the bias estimator, is in test_walking_bias.py.)
 
 
 # Algebra

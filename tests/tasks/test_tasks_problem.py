@@ -6,6 +6,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 import qpsolvers
+from properties import by_default
 from task_factory import ROBOTS, integrate, left_hand, make_robot, near_half_sitting, right_hand, standing
 
 from wbc.core.errors import Array
@@ -74,14 +75,15 @@ def test_without_tasks_and_contacts_a_robot_falls_freely(name: str) -> None:
 
 
 @robots
-def test_accelerations_agree_with_daqp(name: str) -> None:
+@pytest.mark.parametrize("states", by_default((25, 500), 25))
+def test_accelerations_agree_with_daqp(name: str, states: int) -> None:
     """At random states, with targets far enough for limits to push."""
     rng = np.random.default_rng(1)
     controller = everything(name)
     robot = controller.robot
     half = np.array(controller.task("com").target)
     compared, pushed = 0, 0
-    for _ in range(25):
+    for _ in range(states):
         controller.task("com").target = half + rng.normal(scale=[0.05, 0.05, 0.02])
         controller.task("momentum").target = rng.normal(size=6)
         controller.update(*near_half_sitting(robot, rng, 0.05, 0.2))
@@ -97,26 +99,8 @@ def test_accelerations_agree_with_daqp(name: str) -> None:
         np.testing.assert_allclose(solution.accelerations, other[: robot.nv], atol=1e-3)
         compared += 1
         pushed += bool(solution.active_limits)
-    assert compared >= 20
-    assert pushed >= 10
-
-
-@pytest.mark.slow
-@robots
-def test_accelerations_agree_with_daqp_on_many_states(name: str) -> None:
-    rng = np.random.default_rng(2)
-    controller = everything(name)
-    robot = controller.robot
-    half = np.array(controller.task("com").target)
-    for _ in range(500):
-        controller.task("com").target = half + rng.normal(scale=[0.1, 0.1, 0.05])
-        controller.update(*near_half_sitting(robot, rng, rng.uniform(0.0, 0.1), rng.uniform(0.0, 0.5)))
-        for contact in controller.contacts:
-            contact.reset()
-        solution, other = controller.solve(), by_daqp(controller.problem)
-        assert solution.ok == (other is not None)
-        if other is not None:
-            np.testing.assert_allclose(solution.accelerations, other[: robot.nv], atol=1e-3)
+    assert compared >= 0.8 * states
+    assert pushed >= 0.4 * states
 
 
 @robots

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import pinocchio as pin
 import pytest
 
 import wbc
@@ -16,8 +18,10 @@ from wbc.app.scene.shapes import HIDDEN
 from wbc.app.scene.sources import PlantSource
 from wbc.core.errors import InputError
 from wbc.robots import load
-from wbc.walking import FootstepPlan, Reference, Stand, State, WalkingControl
+from wbc.walking import FootstepPlan, Reference, Stand, State, WalkingControl, WalkingControlSettings
+from wbc.walking.falls import FallSettings
 from wbc.walking.planning.phases import Phase
+from wbc.walking.source import WholeBody
 from wbc.walking.stepping.walk import SteppingWalk
 
 DESCRIPTION = load("hrp4_class")
@@ -64,6 +68,29 @@ def test_a_source_of_ones_own_is_followed_logged_and_shown(tmp_path: Path) -> No
     assert max(sides) - min(sides) > 0.015
     wanted = Log.open(tmp_path / "own.arrow")["com/reference"]
     assert np.ptp(wanted[:, 1]) == pytest.approx(0.03, abs=2e-3)
+
+
+@pytest.mark.parametrize(("torso", "trunks"), [("chest", 2), ("pelvis", 1)])
+def test_a_robot_that_bows_as_its_source_does_is_upright(torso: str, trunks: int) -> None:
+    """Also one whose pelvis is its torso."""
+    robot = replace(DESCRIPTION, torso=torso).robot()
+    still = np.zeros(robot.na)
+
+    class Bows(Stand):
+        def update(self, state: State) -> Reference:
+            bow = pin.rpy.rpyToMatrix(0.0, min(0.2 * state.time, 0.1), 0.0)
+            trunk = [(bow, np.zeros(3), np.zeros(3))] * trunks
+            whole = WholeBody(np.zeros(3), trunk, robot.half_sitting[7:], still, still)
+            return super().update(state)._replace(body=whole)
+
+    plant = wbc.Plant(DESCRIPTION)
+    falls = FallSettings(tilt=0.08)
+    walking = WalkingControl(robot, Bows(robot), plant.control_period, WalkingControlSettings(falls=falls))
+    while plant.time < 1.0:
+        plant.step(walking.command(plant.measure()))
+    assert walking.fallen is None and walking.control.failures == 0
+    tilt = pin.rpy.matrixToRpy(walking.control.observer.robot.placement(torso).rotation)[1]
+    assert tilt == pytest.approx(0.1, abs=0.03)
 
 
 def test_a_source_that_raises_fails_its_ticks_and_the_robot_gets_commands() -> None:

@@ -192,6 +192,14 @@ def test_phases_follow_each_other_and_steps_are_counted() -> None:
     landed = [e for e in events if e in (Event.TOUCH_DOWN, Event.EARLY_TOUCH_DOWN, Event.LATE_TOUCH_DOWN)]
     assert events[0] is Event.STARTED and events[-1] is Event.STOPPED
     assert body.gait.steps_done == len(landed) == events.count(Event.LIFT_OFF) >= 8
+    s = body.gait.settings
+    lifts = [tick for tick in body.ticks if Event.LIFT_OFF in tick.reference.events]
+    supports = [tick.reference.support for tick in lifts]
+    first, *others = (support.most_force[1 - support.stance] for support in supports)
+    assert first == 0.0 and others == pytest.approx([2.0 * s.share] * len(others))
+    assert supports[0].stance == 1, "the right foot"
+    seen = lifts[0].frames[1].actInv(np.array(lifts[0].state.com))
+    assert seen[1] == pytest.approx(s.shift * s.width / (1.0 + math.exp(SCALE.omega * s.step_time)), abs=0.01)
     assert body.gait.stands
     place = body.com[:2].copy()
     body.run(2.0)
