@@ -24,7 +24,7 @@ from wbc.feet.stiffness.clusters import Clusters
 from wbc.feet.stiffness.comparison import candidates, compare, comparison_table
 from wbc.sim.studies.best_stiffness import labels, stiffness_table
 from wbc.sim.studies.catalog import study_by_name
-from wbc.sim.studies.journal import Entry, read_journal
+from wbc.sim.studies.journal import Entries, Entry, read_journal
 from wbc.sim.studies.paper.choice import choice
 from wbc.sim.studies.paper.experiments import TABLE_IV, authority_heights, fig5, table4
 from wbc.sim.studies.paper.optimization import BOUNDS, OPTIMISATION_SEED, OptimisationSpec, Walked
@@ -116,8 +116,13 @@ class Mark:
         path = journals / file
         if not path.is_file():
             raise SystemExit(f"table {self.words}: no journal {path}")
-        self.entries = read_journal(path)
-        self.ramp = _ramp(self.entries)
+        self.journal = read_journal(path)
+        self.ramp = _ramp(self.journal)
+
+    @cached_property
+    def entries(self) -> Mapping[str, Entry]:
+        """The walks of the journal as of this code."""
+        return self.journal.as_own()
 
     def option(self, name: str) -> str | None:
         """Return the last value of an option; None if it is not given."""
@@ -137,7 +142,7 @@ class Mark:
     def study(self) -> Study:
         """The part of the study that the table is about: grounds and layouts with walks."""
         part = self.part(self.whole)
-        walked = [trial for trial, entry in study_entries(part, self.entries, any_code=True) if entry]
+        walked = [trial for trial, entry in study_entries(part, self.entries) if entry]
         grounds, layouts = {trial.cell for trial in walked}, {trial.seed for trial in walked}
         return replace(
             part,
@@ -160,12 +165,11 @@ class Mark:
             metric=self.option("--metric"),
             by=self.options.get("--by", []),
             margin=None if margin is None else float(margin),
-            any_code=True,
         )
 
     def optimised(self) -> Iterator[tuple[OptimisationSpec, list[Walked], Optimum]]:
         """Yield optimisation, walks and optimum of each of its grounds."""
-        return _optimised(self.name.split("+"), self.option("--law") or "default", self.entries)
+        return _optimised(self.name.split("+"), self.option("--law") or "default", self.journal)
 
     def code(self, used: list[Entry]) -> str:
         """Return the code of some entries, which must be one."""
@@ -189,7 +193,7 @@ def made(name: str, file: str, options: str, journals: Path) -> str:
         return _optima(mark)
     if kind == "folds":
         return _folds(mark)
-    used = [entry for _, entry in study_entries(mark.study, mark.entries, any_code=True) if entry is not None]
+    used = [entry for _, entry in study_entries(mark.study, mark.entries) if entry is not None]
     if kind == "choice":
         first = mark.option("--chosen-by")
         text = choice(
@@ -197,7 +201,6 @@ def made(name: str, file: str, options: str, journals: Path) -> str:
             mark.entries,
             mark.options.get("--arm", ()),
             chosen_by=None if first is None else int(first),
-            any_code=True,
         ).markdown()
     elif kind == "table4":
         text = table_four(mark.table())
@@ -238,7 +241,7 @@ def _folds(mark: Mark) -> str:
     used = list(mark.entries.values())
     sharp = replace(full, base=merged(full.base, {"terrain_params": mark.ramp}))
     study = sharp.narrowed(arms={f"{entry.spec['stiffness']:g}" for entry in used})
-    table = stiffness_table(study, labels(study, mark.entries, any_code=True), windows=WINDOWS)
+    table = stiffness_table(study, labels(study, mark.entries), windows=WINDOWS)
     walks = _count(len(used), full.size)
     chosen = [c for c in candidates() if c.name in ("KNN 10, paper's features (paper)", "largest class")]
     judged = comparison_table(compare(table, chosen, folds=10, clusters=Clusters.logarithmic()))
@@ -258,7 +261,7 @@ def _optimised(
             bounds=BOUNDS["wide" if own else "paper"],
             ramp=_ramp(entries).get("ramp"),
         )
-        known = walked_points(spec, entries, any_code=True)
+        known = walked_points(spec, entries)
         yield spec, known, optimum(known, spec.bounds)
 
 
@@ -266,9 +269,10 @@ def _optima(mark: Mark) -> str:
     """Return the optima of some grounds beside the paper's Table II, and their walks on held-out layouts."""
     found = {spec: best for spec, _, best in mark.optimised()}
     grounds = {spec.ground: each for spec, each in found.items()}
-    judged = {k: entry for k, entry in mark.entries.items() if entry.spec["seed"] < OPTIMISATION_SEED}
+    held_out = [e for e in mark.journal.values() if e.spec["seed"] < OPTIMISATION_SEED]
+    judged = Entries({entry.key: entry.line()[:-1] for entry in held_out}).as_own()
     study = validation(found, VALIDATIONS).narrowed(arms=mark.options.get("--arm", ()))
-    table = study_table(mark.part(study), judged, any_code=True) if judged else None
+    table = study_table(mark.part(study), judged) if judged else None
     if mark.option("--as") == "held-out":
         if table is None:
             raise SystemExit(f"table {mark.words}: no walks on held-out layouts")
@@ -279,7 +283,7 @@ def _optima(mark: Mark) -> str:
     text = table_two(grounds)
     if table is not None:
         text += f"\n\nOn held-out layouts, each k with the best gains:\n\n{table.markdown()}"
-    used = [entry for entry in mark.entries.values() if entry.spec.get("terrain") in grounds]
+    used = [entry for entry in mark.journal.values() if entry.spec.get("terrain") in grounds]
     walks = ", ".join(f"{each.walks} on `{ground}`" for ground, each in grounds.items())
     partial = "Partial: " if any(each.walks < BUDGET for each in found.values()) else ""
     caption = f"*{partial}{walks} of {BUDGET} walks a ground, {_code(mark.code(used))}*"

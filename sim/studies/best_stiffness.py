@@ -197,18 +197,16 @@ def pooled_curve(stiffness: Array, J: Array, ground: Array) -> Curve:
     return curve
 
 
-def labels(
-    study: Study, entries: Mapping[str, Entry], *, pooled: bool = True, any_code: bool = False
-) -> dict[str, Label]:
+def labels(study: Study, entries: Mapping[str, Entry], *, pooled: bool = True) -> dict[str, Label]:
     """Return the best stiffness of each cell of a study whose arms are stiffnesses; those with less than 4 left out.
 
     The `pooled` curve of all other grounds is the prior of each ground: it decides where walks of the ground do not.
-    Without it each ground stands alone, as in the paper. `any_code` takes walks of other versions of the code, too.
+    Without it each ground stands alone, as in the paper.
     Walks that diverged, crashed or took too long do not count.
     """
     _check_arms(study)
     found: dict[str, list[tuple[float, float, int]]] = {}
-    for trial, entry in study_entries(study, entries, any_code=any_code):
+    for trial, entry in study_entries(study, entries):
         assert isinstance(trial.spec, WalkSpec)
         if entry is None or entry.status != "done" or entry.result is None:
             continue

@@ -12,10 +12,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from wbc.core.errors import Array, InputError, finite_array, finite_scalar, positive, whole_number
+from wbc.core.errors import Array, InputError, finite_array, positive, whole_number
 
 CONFIDENCE = 0.95
-"""Default confidence of an interval."""
+"""Confidence of every interval."""
 
 RESAMPLES = 9999
 """Resamples of bootstrap and permutation test, scipy's default: the ends of an interval vary by about 1 % of its width,
@@ -81,9 +81,7 @@ class Equivalence:
     equivalent: bool
 
 
-def mean_interval(
-    values: Sequence[float], layouts: Sequence[Hashable] | None = None, *, confidence: float = CONFIDENCE
-) -> Estimate:
+def mean_interval(values: Sequence[float], layouts: Sequence[Hashable] | None = None) -> Estimate:
     """Return the mean with its cluster bootstrap interval, bias-corrected and accelerated; the normal one of many.
 
     `layouts` names the layout of each trial; trials are on layouts of their own when None. The same values give the
@@ -94,7 +92,6 @@ def mean_interval(
     """
     from scipy.stats import bootstrap  # noqa: PLC0415 - takes half a second to import
 
-    _check_confidence(confidence)
     sample = finite_array("values to average", list(values))
     n = sample.size
     if n == 0:
@@ -109,7 +106,7 @@ def mean_interval(
     if sums.size >= MANY:
         from scipy.stats import norm  # noqa: PLC0415 - slow to import
 
-        half = float(norm.ppf(0.5 + confidence / 2.0)) * _standard_error(sums, counts)
+        half = float(norm.ppf(0.5 + CONFIDENCE / 2.0)) * _standard_error(sums, counts)
         return Estimate(n, mean, mean - half, mean + half, sums.size)
 
     def ratio(total: Array, count: Array, axis: int = -1) -> Array:
@@ -122,19 +119,13 @@ def mean_interval(
         paired=True,
         vectorized=True,
         n_resamples=RESAMPLES,
-        confidence_level=confidence,
+        confidence_level=CONFIDENCE,
         random_state=np.random.default_rng(0),
     ).confidence_interval
     low, high = float(interval.low), float(interval.high)
     if not (math.isfinite(low) and math.isfinite(high)):
         return Estimate(n, mean, mean, mean, sums.size)  # the means of all layouts are equal
     return Estimate(n, mean, low, high, sums.size)
-
-
-def _check_confidence(confidence: float) -> None:
-    """Refuse a confidence outside (0, 1)."""
-    if not 0.0 < finite_scalar("confidence", confidence) < 1.0:
-        raise InputError(f"confidence must lie in (0, 1), such as 0.95, got {confidence:g}")
 
 
 def _by_layout(sample: Array, layouts: Sequence[Hashable] | None) -> tuple[Array, Array]:
@@ -250,7 +241,7 @@ def _bounded_p(sums: Array, counts: Array, margin: float, reach: float) -> float
     return min(1.0, 1.0 / max(float(np.mean([np.prod(1.0 + stake * lead) for stake in STAKES])), 1e-300))
 
 
-def share_interval(successes: int, trials: int, *, confidence: float = CONFIDENCE) -> tuple[float, float]:
+def share_interval(successes: int, trials: int) -> tuple[float, float]:
     """Return the exact interval of a share of successes; one-sided where all or none succeeded.
 
     20 of 20 is "at least 86 %".
@@ -259,16 +250,15 @@ def share_interval(successes: int, trials: int, *, confidence: float = CONFIDENC
     """
     from scipy.stats import binomtest  # noqa: PLC0415 - slow to import
 
-    _check_confidence(confidence)
     whole_number("trials", trials, low=1)
     if not 0 <= successes <= trials:
         raise InputError(f"successes must be from 0 to the {trials} trials, got {successes}")
     side = {0: "less", trials: "greater"}.get(successes, "two-sided")
-    found = binomtest(successes, trials, alternative=side).proportion_ci(confidence, "exact")
+    found = binomtest(successes, trials, alternative=side).proportion_ci(CONFIDENCE, "exact")
     return float(found.low), float(found.high)
 
 
-def rate_interval(events: int, time: float, *, confidence: float = CONFIDENCE) -> tuple[float, float]:
+def rate_interval(events: int, time: float) -> tuple[float, float]:
     """Return the exact interval of a rate of independent events in the unit of `time`; one-sided where there were none.
 
     No event in half an hour is "at most 6 an hour".
@@ -277,11 +267,10 @@ def rate_interval(events: int, time: float, *, confidence: float = CONFIDENCE) -
     """
     from scipy.stats import chi2  # noqa: PLC0415 - slow to import
 
-    _check_confidence(confidence)
     count, time = whole_number("events", events, low=0), positive("time", time)
     if count == 0:
-        return 0.0, -math.log(1.0 - confidence) / time
-    rest = 0.5 * (1.0 - confidence)
+        return 0.0, -math.log(1.0 - CONFIDENCE) / time
+    rest = 0.5 * (1.0 - CONFIDENCE)
     return float(chi2.ppf(rest, 2 * count)) / 2.0 / time, float(chi2.isf(rest, 2 * count + 2)) / 2.0 / time
 
 

@@ -29,7 +29,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import field
 from pathlib import Path
 from types import TracebackType
-from typing import Any, Literal
+from typing import Any
 
 from pydantic_core import from_json
 
@@ -38,10 +38,8 @@ from wbc.core.errors import InputError, WbcError, shown_path
 from wbc.core.files import decoding
 from wbc.core.settings import settings, to_json
 from wbc.sim.studies.provenance import provenance, renamed
+from wbc.sim.studies.trials import Status, trial_from_json
 from wbc.sim.walks.stiffness_policy import CONTENT, FILE
-
-Status = Literal["done", "diverged", "timeout", "crashed"]
-"""End of a trial: with a result, with a diverged simulation (no result), after its time-out, with an error."""
 
 PACKED = ".xz"
 """Ending of a compressed journal."""
@@ -102,11 +100,30 @@ def trial_key(spec: Mapping[str, Any], version: Mapping[str, Any] | None = None)
 
     A file that the policy of a spec reads is in the key by its content, whatever its name.
     """
-    own = version is None or version is provenance()
-    content = (
-        f'{{"spec":{canonical(_by_content(spec))},"version":{_own_version() if own else canonical(version)}}}'
-    )
+    code = _own_version() if version is None else canonical(version)
+    content = f'{{"spec":{canonical(_by_content(spec))},"version":{code}}}'
     return hashlib.sha256(content.encode()).hexdigest()[:32]
+
+
+def own_key(spec: Mapping[str, Any]) -> str | None:
+    """Return the key of a stored spec with this code; None for a spec that it cannot read.
+
+    The spec is read and written again, so that one of an earlier version has the key of today.
+    """
+    seed = {"seed": spec["seed"]} if "seed" in spec else {}
+    plain = _written_again(
+        canonical({**spec, **dict.fromkeys(seed, 0)})
+    )  # specs differ in nothing else as a rule
+    return None if plain is None else trial_key(plain | seed)
+
+
+@functools.lru_cache(4096)
+def _written_again(spec: str) -> dict[str, Any] | None:
+    try:
+        plain: dict[str, Any] = trial_from_json(json.loads(spec)).to_json()
+        return plain
+    except (InputError, TypeError):
+        return None
 
 
 @functools.cache
@@ -175,17 +192,28 @@ class Entries(Mapping[str, Entry]):
     def __contains__(self, key: object) -> bool:
         return key in self._lines
 
-    def status(self, key: str) -> Status:
-        """Return the status of an entry, without reading the rest of it."""
-        found = _STATUS.search(self._lines[key])
-        return found[1].decode() if found else self[key].status  # type: ignore[return-value]
-
     def put(self, key: str, line: bytes) -> None:
         """Add a line, or replace one."""
         self._lines[key] = line
 
+    def as_own(self) -> Entries:
+        """Return the entries by the keys of their specs with this code, whatever code made them; its own come first.
 
-_STATUS = re.compile(rb',"status":"(\w+)","sum":"[0-9a-f]{16}","version":')
+        Those whose spec this code cannot read are left out, and their number is logged.
+        """
+        found: dict[str, bytes] = {}
+        unreadable = 0
+        for key, entry in self.items():
+            today = own_key(entry.spec)
+            if today is None:
+                unreadable += 1
+            elif today == key or today not in self:
+                found[today] = self._lines[key]
+        if unreadable:
+            _log.warning("%d entries whose spec this version cannot read are left out", unreadable)
+        return Entries(found)
+
+
 _SUM = re.compile(rb',"sum":"([0-9a-f]{16})"(?=,"version":)')
 _KEY = re.compile(rb',"key":"([0-9a-f]{32})","result":')
 """Places in a line as `Entry.line` writes it. A quotation mark inside a text has a backslash before it, so that none of
@@ -193,19 +221,21 @@ these can be found there."""
 
 
 @checked
-def read_journal(path: Path | str, *, largest: int = LARGEST) -> Mapping[str, Entry]:
+def read_journal(path: Path | str, *, any_code: bool = False, largest: int = LARGEST) -> Mapping[str, Entry]:
     """Return all entries of a journal, by key; the last one of each.
 
     Lines that are torn or damaged are skipped, and their number is logged.
 
     Args:
         path: The file; one that does not exist is empty, one whose name ends in .xz is compressed.
+        any_code: Take results of other versions of the code for those of this one: by the keys of their specs with it.
         largest: Largest size that a compressed one may unpack to, bytes.
 
     Raises:
         JournalError: The file cannot be read, or is no journal.
     """
-    return _read(path, largest)
+    entries = _read(path, largest)
+    return entries.as_own() if any_code else entries
 
 
 def _read(path: Path | str, largest: int = LARGEST) -> Entries:
@@ -276,11 +306,12 @@ class Journal:
     """
 
     @checked
-    def __init__(self, path: Path | str) -> None:
+    def __init__(self, path: Path | str, *, any_code: bool = False) -> None:
         """Open or begin a journal, lock it, and cut off a torn last line.
 
         Args:
             path: The file; folders on the way are made.
+            any_code: Take results of other versions of the code for those of this one, see `read_journal`.
 
         Raises:
             InputError: A folder or a compressed file.
@@ -295,7 +326,8 @@ class Journal:
             raise JournalError(f"journal {path} cannot be written: {error}") from error
         try:
             self._lock()
-            self.entries = _read(self.path)
+            entries = _read(self.path)
+            self.entries = entries.as_own() if any_code else entries
             self._cut_off_torn_line()
         except BaseException:
             self.close()

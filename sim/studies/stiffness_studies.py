@@ -146,7 +146,7 @@ def halfway_heights() -> dict[str, float]:
     return {name: float(height) for name, height in data["heights_m"].items()}
 
 
-def half_heights(study: Study, entries: Mapping[str, Entry], *, any_code: bool = False) -> dict[str, float]:
+def half_heights(study: Study, entries: Mapping[str, Entry]) -> dict[str, float]:
     """Return the height of each ground at which half of the walks are completed, m; the study has a single arm.
 
     The share of completed walks is fitted by a decreasing function of the height (isotonic regression), linear between
@@ -161,7 +161,7 @@ def half_heights(study: Study, entries: Mapping[str, Entry], *, any_code: bool =
     from sklearn.isotonic import IsotonicRegression  # noqa: PLC0415 - takes a second to import
 
     walks: dict[str, list[tuple[float, bool]]] = {}
-    for trial, entry in study_entries(study, entries, any_code=any_code):
+    for trial, entry in study_entries(study, entries):
         if entry is not None and entry.status == "done" and entry.result is not None:
             spec = trial.spec.to_json()
             done = entry.result["outcome"] == "completed"

@@ -20,9 +20,8 @@ from pydantic import Field
 
 from wbc.core.errors import InputError, choose, unknown_name
 from wbc.core.settings import Count, Seed, from_json, settings, to_json
-from wbc.sim.studies.journal import Entry, trial_key
-from wbc.sim.studies.provenance import differences, provenance
-from wbc.sim.studies.sweep import by_spec
+from wbc.sim.studies.journal import Entry, own_key, trial_key
+from wbc.sim.studies.provenance import differences
 from wbc.sim.studies.trials import Trial, kind_of, trial_from_json, with_seed
 
 FRESH_SEED = 100
@@ -254,18 +253,10 @@ def merged(*parts: Parts) -> dict[str, Any]:
     return result
 
 
-def study_entries(
-    study: Study, entries: Mapping[str, Entry], *, any_code: bool = False
-) -> Iterator[tuple[StudyTrial, Entry | None]]:
-    """Yield all trials of a study, each with its entry in a journal; None where it has not been run.
-
-    With `any_code` results of other versions of the code count, too.
-    """
-    others = by_spec(entries.values()) if any_code else {}
-    version = provenance()
+def study_entries(study: Study, entries: Mapping[str, Entry]) -> Iterator[tuple[StudyTrial, Entry | None]]:
+    """Yield all trials of a study, each with its entry in a journal; None where it has not been run."""
     for trial in study.trials():
-        entry = entries.get(trial_key(trial.plain, version))
-        yield trial, others.get(trial_key(trial.plain, {})) if entry is None and others else entry
+        yield trial, entries.get(trial_key(trial.plain))
 
 
 @settings(kw_only=True)
@@ -275,7 +266,6 @@ class LeftOut:
     Attributes:
         entries: Number of all entries of the journal.
         other_code: Entries of the study's trials by another version of the code.
-        replaced: Entries of trials of which a result of another version is used.
         other_trials: Entries of trials that the study, or the part of it, does not have.
         unreadable: Entries whose spec the present code cannot read.
         differences: Differences between the other versions and the present one → number of entries.
@@ -283,20 +273,18 @@ class LeftOut:
 
     entries: int
     other_code: int = 0
-    replaced: int = 0
     other_trials: int = 0
     unreadable: int = 0
     differences: Mapping[str, int] = field(default_factory=dict)
 
     def text(self) -> str | None:
         """Return the numbers and reasons; None if there is nothing that a user would miss in a result."""
-        total = self.other_code + self.replaced + self.other_trials + self.unreadable
+        total = self.other_code + self.other_trials + self.unreadable
         if not (self.other_code or self.unreadable or (total and total == self.entries)):
             return None
         why = "; ".join(f"{n}: {text}" for text, n in self.differences.items())
         reasons = {
             f"of another version of the code ({why}), which --any-code takes": self.other_code,
-            "of trials of which another version's result is used": self.replaced,
             "of trials that are not part of it": self.other_trials,
             "whose spec this version cannot read": self.unreadable,
         }
@@ -304,25 +292,19 @@ class LeftOut:
         return f"{total} of {self.entries} entries are left out: {parts}"
 
 
-def left_out(study: Study, entries: Mapping[str, Entry], *, any_code: bool = False) -> LeftOut:
-    """Count the entries of a journal that a result of a study, of any or of this code alone, does not use."""
-    used, specs = set(), set()
-    for trial, entry in study_entries(study, entries, any_code=any_code):
-        specs.add(trial_key(trial.plain, {}))
-        if entry is not None:
-            used.add(entry.key)
+def left_out(study: Study, entries: Mapping[str, Entry]) -> LeftOut:
+    """Count the entries of a journal that a result of a study does not use."""
+    own = {trial_key(trial.plain) for trial in study.trials()}
     reasons: Counter[str] = Counter()
     versions: Counter[str] = Counter()
     for key, entry in entries.items():
-        if key in used or entry.key in used:
+        if key in own:
             continue
-        spec = next(iter(by_spec([entry])), None)
-        if spec is None:
+        today = own_key(entry.spec)
+        if today is None:
             reasons["unreadable"] += 1
-        elif spec not in specs:
+        elif today not in own:
             reasons["other_trials"] += 1
-        elif any_code:
-            reasons["replaced"] += 1
         else:
             reasons["other_code"] += 1
             versions[", ".join(differences(entry.version)) or "an earlier form of the spec"] += 1

@@ -256,7 +256,6 @@ def study_table(
     completed_only: bool = False,
     by: Sequence[str] = (),
     margin: float | None = None,
-    any_code: bool = False,
 ) -> StudyTable:
     """Make the table of a study.
 
@@ -274,7 +273,6 @@ def study_table(
         by: Parts of the specs, such as "terrain" or "gait.swing_height": cells that agree in them are one row. Without
             any, each cell is a row.
         margin: Difference that counts as none, in the unit of the metric, to test for equivalence.
-        any_code: Take results of other versions of the code, too.
 
     Raises:
         UnknownNameError: A metric that no result has, or a part that no spec has.
@@ -285,7 +283,7 @@ def study_table(
     members: dict[str, set[str]] = {}  # row → its cells
     layouts: dict[Hashable, Hashable] = {}  # (cell, seed) → ground and seed
     families: dict[Hashable, Hashable] = {}
-    trials = list(study_entries(study, entries, any_code=any_code))
+    trials = list(study_entries(study, entries))
     reach = reach_of((entry for _, entry in trials), name)
     for trial, entry in trials:
         row = _row(trial, by) if len(by) else trial.cell
@@ -397,9 +395,7 @@ def reach_of(entries: Iterable[Entry | None], name: str) -> float | None:
     return 1.0 if answers and all(isinstance(value, bool) for value in answers) else None
 
 
-def study_rows(
-    study: Study, entries: Mapping[str, Entry], *, any_code: bool = False
-) -> tuple[list[str], list[list[Any]]]:
+def study_rows(study: Study, entries: Mapping[str, Entry]) -> tuple[list[str], list[list[Any]]]:
     """Return names of columns and all trials of a study as rows, for a spreadsheet or a data frame.
 
     Columns are cell, arm, seed, status, and every part of the results that is no list, such as "zmp_error.mean"; None
@@ -408,7 +404,7 @@ def study_rows(
     first = ["cell", "arm", "seed", "status"]
     found: list[tuple[list[Any], dict[str, Any]]] = []
     columns: dict[str, None] = {}
-    for trial, entry in study_entries(study, entries, any_code=any_code):
+    for trial, entry in study_entries(study, entries):
         status = "missing" if entry is None else entry.status
         parts = flattened({} if entry is None else entry.result or {})
         columns |= dict.fromkeys(parts)

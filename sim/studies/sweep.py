@@ -34,9 +34,9 @@ from typing import Annotated, Any
 from wbc.core.arguments import checked
 from wbc.core.errors import InputError, WbcError, check_parts, shown
 from wbc.core.settings import Count, Positive, to_json
-from wbc.sim.studies.journal import Entry, Journal, Status, trial_key
+from wbc.sim.studies.journal import Entry, Journal, trial_key
 from wbc.sim.studies.provenance import differences, provenance
-from wbc.sim.studies.trials import Outcome, Trial, run_trial, trial_from_json
+from wbc.sim.studies.trials import Outcome, Trial, run_trial
 
 TIMEOUT = 600.0
 """Default time-out of a trial, s: a walk of 22 steps takes some ten seconds of wall time."""
@@ -105,19 +105,18 @@ def sweep(
     workers: Count = 1,
     timeout: Annotated[Positive, "s"] | None = TIMEOUT,
     retry: bool = False,
-    any_code: bool = False,
     progress: Progress | None = None,
 ) -> SweepSummary:
     """Run all trials that the journal does not have.
 
     Args:
         specs: The trials; equal ones are run once.
-        journal: Journal to which each trial is written as soon as it has ended.
+        journal: Journal to which each trial is written as soon as it has ended. One that was opened with `any_code` has
+            results of other versions of the code, too.
         executor: Executor that runs them; local processes when None.
         workers: Number of local processes.
         timeout: Wall time that a trial may take, s; unlimited when None.
         retry: Run trials again that crashed or timed out.
-        any_code: Accept results of other versions of the code, too.
         progress: Called when the sweep begins and after each trial.
 
     Raises:
@@ -133,16 +132,11 @@ def sweep(
     specs = list(specs)
     for spec in specs:
         check_parts("a trial", spec, "kind", "to_json")
-    trials = {trial_key(plain, version): (spec, plain) for spec in specs for plain in [spec.to_json()]}
-    known = by_spec(journal.entries.values()) if any_code else {}
+    trials = {trial_key(plain): (spec, plain) for spec in specs for plain in [spec.to_json()]}
     summary = SweepSummary(len(trials))
     pending: Pending = deque()
     for key, (spec, plain) in trials.items():
-        if key in journal:
-            status: Status | None = journal.entries.status(key)
-        else:
-            other = known.get(trial_key(plain, {})) if known else None
-            status = None if other is None else other.status
+        status = journal.entries[key].status if key in journal else None
         if status is None or (retry and status in ("crashed", "timeout")):
             pending.append((spec, plain))
         else:
@@ -170,21 +164,6 @@ def sweep(
         _run_locally(pending, workers, timeout, record)
     summary.seconds = time.perf_counter() - begin
     return summary
-
-
-def by_spec(entries: Iterable[Entry]) -> dict[str, Entry]:
-    """Return entries by the key of their spec alone, whatever code made them.
-
-    Specs are read and written again, so that those of earlier versions have the keys of today; specs that cannot be
-    read any more are left out.
-    """
-    found = {}
-    for entry in entries:
-        try:
-            found[trial_key(trial_from_json(entry.spec).to_json(), {})] = entry
-        except (InputError, TypeError):
-            continue
-    return found
 
 
 Pending = deque[tuple[Trial, dict[str, Any]]]

@@ -57,21 +57,18 @@ class _Collected:
     clocks: list[Mapping[str, float]] = field(default_factory=list)
 
 
-def swing_summaries(
-    study: Study, entries: Mapping[str, Entry], *, any_code: bool = False
-) -> dict[str, SwingSummary]:
+def swing_summaries(study: Study, entries: Mapping[str, Entry]) -> dict[str, SwingSummary]:
     """Sum up the swings of each cell, and of all cells.
 
     Args:
         study: A study with walks on soles of variable stiffness; other walks are left out.
         entries: Entries of a journal, by key.
-        any_code: Take walks of other versions of the code, too.
 
     Returns:
         Cell → summary; the last is "all" if there are several.
     """
     collected: dict[str, _Collected] = {}
-    for trial, entry in study_entries(study, entries, any_code=any_code):
+    for trial, entry in study_entries(study, entries):
         if entry is None or entry.status != "done" or not (entry.result or {}).get("stiffness"):
             continue
         for row in (trial.cell, ALL):

@@ -14,16 +14,18 @@ import time
 import traceback
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, fields, replace
-from typing import Annotated, Any, ClassVar, Protocol, Self
+from typing import Annotated, Any, ClassVar, Literal, Protocol, Self
 
 from wbc.core.errors import InputError
 from wbc.core.registry import Registry
 from wbc.core.settings import Positive, settings, to_json
 from wbc.sim.balance.push_recovery import largest_recovered
-from wbc.sim.studies.journal import Status
 from wbc.sim.trial.loop import TrialHook, TrialTick
 from wbc.sim.walks.spec import WalkSpec
 from wbc.sim.walks.trial import walk
+
+Status = Literal["done", "diverged", "timeout", "crashed"]
+"""End of a trial: with a result, with a diverged simulation (no result), after its time-out, with an error."""
 
 Check = Callable[[], None]
 """Function that a running trial calls now and then; raises `TrialTimeout` after its time-out."""

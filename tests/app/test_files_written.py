@@ -190,14 +190,14 @@ def test_entries_of_other_code_that_are_left_out_are_counted(folder: Path, capsy
         assert {name: left_out[name] for name in counts} == counts
         (reason,) = left_out["differences"]
         assert reason == f"code 0123456789ab instead of {provenance()['code']}"
-        assert left_out["differences"][reason] == 4 and left_out["replaced"] == 0
+        assert left_out["differences"][reason] == 4
     before = Path("journal.jsonl").read_bytes()
     assert main(["study", "run", "study.json", "--journal", "journal.jsonl"]) == BAD_INPUT
     assert "4 trials of 'small' by another version of the code: --any-code takes" in capsys.readouterr().err
     assert Path("journal.jsonl").read_bytes() == before
     assert main(["study", "table", "study.json", "--journal", "journal.jsonl", "--any-code", "--json"]) == RAN
     left_out = json.loads(capsys.readouterr().out)["left_out"]
-    assert (left_out["other_code"], left_out["replaced"]) == (0, 1)
+    assert (left_out["other_code"], left_out["other_trials"], left_out["entries"]) == (0, 1, 5)
 
 
 def test_left_out_entries_are_said(folder: Path, caplog: pytest.LogCaptureFixture) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -228,11 +229,11 @@ def test_labels_leave_out_what_did_not_end_and_what_others_have_run(tmp_path: Pa
     assert set(found) == {cell.name for cell in study.cells} and {
         label.walks for label in found.values()
     } == {6}
-    other = {
-        key: Entry(e.spec, e.status, e.result, e.clock, None, {"wbc": "0"}) for key, e in entries.items()
-    }
-    other = {entry.key: entry for entry in other.values()}
-    assert labels(study, other) == {} and labels(study, other, any_code=True) == found
+    with Journal(tmp_path / "other.jsonl") as journal:
+        for entry in entries.values():
+            journal.add(replace(entry, version={"wbc": "0"}))
+    assert labels(study, read_journal(journal.path)) == {}
+    assert labels(study, read_journal(journal.path, any_code=True)) == found
     with pytest.raises(InputError, match="run the study first"):
         stiffness_table(study, {})
     with pytest.raises(InputError, match="windows"):

@@ -103,12 +103,11 @@ def _leaves(settings: Any, prefix: str = "") -> Iterator[tuple[str, Any]]:
             yield prefix + field.name, value
 
 
-def full_name(settings: Any, name: str) -> str:
+def _full_name(names: tuple[str, ...], name: str) -> str:
     """Return the full name of a setting, gains.dcm_p, of which the last part, or the last parts, are given.
 
     Raises `UnknownNameError` if no setting has that name, with the nearest, `InputError` if several have it.
     """
-    names = setting_names(settings)
     if name in names:
         return name
     matches = [path for path in names if path.endswith("." + name)]
@@ -163,11 +162,13 @@ def _in_order(settings: Any, changes: Mapping[str, Any] | Changes) -> list[tuple
     pairs = list(changes.items() if isinstance(changes, Mapping) else changes)
     pairs.sort(key=lambda pair: (pair[1] is None) - (pair[1] is True))
     ordered: list[tuple[str, Any]] = []
+    names = setting_names(settings) if pairs else ()
     for name, value in pairs:
-        path = full_name(settings, name)
+        path = _full_name(names, name)
         ordered.append((path, value))
         if value is True:  # settings that are switched on can be changed now
             settings = _switched_on(settings, path.split("."))
+            names = setting_names(settings)
     return ordered
 
 

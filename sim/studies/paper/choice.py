@@ -146,7 +146,6 @@ def choice(
     metric: str | None = None,
     margin: float = DEFAULT_MARGIN,
     chosen_by: int | None = None,
-    any_code: bool = False,
 ) -> Choice:
     """Find the best arm of each cell, and what choosing it by the cell is worth.
 
@@ -164,12 +163,12 @@ def choice(
     part = study.narrowed(arms=chosen)
     if len(part.arms) < 2:
         raise InputError(f"a choice needs at least two arms, got {', '.join(chosen) or 'none'}")
-    grounds, missing = _complete(part, entries, name, any_code)
+    grounds, missing = _complete(part, entries, name)
     if not grounds:
         raise InputError(
             f"no ground of '{study.name}' has two layouts on which all of {', '.join(chosen)} were walked"
         )
-    reach = reach_of((entry for _, entry in study_entries(part, entries, any_code=any_code)), name)
+    reach = reach_of((entry for _, entry in study_entries(part, entries)), name)
     names = tuple(part.arms)
     if chosen_by is None:
         enough = min(len(ground.values) for ground in grounds) >= FOLDS
@@ -227,13 +226,11 @@ class _Ground:
     seeds: Sequence[int]
 
 
-def _complete(
-    study: Study, entries: Mapping[str, Entry], metric: str, any_code: bool
-) -> tuple[list[_Ground], int]:
+def _complete(study: Study, entries: Mapping[str, Entry], metric: str) -> tuple[list[_Ground], int]:
     """Return the cells with two layouts that all arms have walked, and the number of layouts that are left out."""
     found: dict[tuple[str, int], dict[str, float]] = {}
     layout: dict[tuple[str, int], Hashable] = {}
-    for trial, entry in study_entries(study, entries, any_code=any_code):
+    for trial, entry in study_entries(study, entries):
         value = value_of(entry, metric)
         if value is not None:
             found.setdefault((trial.cell, trial.seed), {})[trial.arm] = value

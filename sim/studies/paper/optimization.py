@@ -310,11 +310,10 @@ Run = Callable[[list[WalkSpec]], Mapping[str, Entry]]
 """Function that runs walks that a journal does not have, and returns the entries of the journal."""
 
 
-def optimise(spec: OptimisationSpec, budget: int, run: Run, *, any_code: bool = False) -> list[Walked]:
+def optimise(spec: OptimisationSpec, budget: int, run: Run) -> list[Walked]:
     """Walk the points of an optimisation until its budget is spent; return points and results in the order of asking.
 
-    `run` runs walks; what a journal has is not run again; `any_code` takes walks of other versions of the code, too.
-    Walks without a result are left out.
+    `run` runs walks; what a journal has is not run again. Walks without a result are left out.
     """
     asker, asked = Asker(spec.seed), 0
     known: list[Walked] = []
@@ -326,10 +325,8 @@ def optimise(spec: OptimisationSpec, budget: int, run: Run, *, any_code: bool = 
         ]
         asked += len(points)
         entries = run(specs)
-        by_content = {trial_key(e.spec, {}): e for e in entries.values()} if any_code else {}
         for point, walk in zip(points, specs, strict=True):
-            plain = walk.to_json()
-            entry = entries.get(trial_key(plain)) or by_content.get(trial_key(plain, {}))
+            entry = entries.get(trial_key(walk.to_json()))
             if entry is not None and entry.status == "done" and entry.result is not None:
                 known.append(Walked(point, float(entry.result["J"]), entry.result))
     return known

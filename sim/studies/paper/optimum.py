@@ -21,7 +21,6 @@ from wbc.sim.studies.paper.optimization import (
     fitted,
     parameters,
 )
-from wbc.sim.studies.provenance import provenance
 from wbc.sim.studies.study import FRESH_SEED, Cell, Study
 
 GRID = 201
@@ -83,13 +82,11 @@ class Optimum:
         return len(self.same) == 1 and self.same[0] == (float(self.k[0]), float(self.k[-1]))
 
 
-def walked_points(
-    spec: OptimisationSpec, entries: Mapping[str, Entry], *, any_code: bool = False
-) -> list[Walked]:
+def walked_points(spec: OptimisationSpec, entries: Mapping[str, Entry]) -> list[Walked]:
     """Return the points of an optimisation that a journal has, in the order in which they were asked for."""
     found = {}
     for entry in entries.values():
-        if entry.status != "done" or entry.result is None or not (any_code or entry.version == provenance()):
+        if entry.status != "done" or entry.result is None:
             continue
         if entry.spec.get("seed", 0) >= OPTIMISATION_SEED and spec.owns(entry.spec):
             point = tuple(spec.bounds.unit(parameters(entry.spec)))

@@ -120,12 +120,12 @@ def optimize(
     total = (options.budget + 5 * options.validate) * len(specs)
     with open_runner(options, total) as run:
         for spec in specs:
-            known = walked[spec.ground] = optimise(spec, options.budget, run, any_code=options.any_code)
+            known = walked[spec.ground] = optimise(spec, options.budget, run)
             found[spec.ground] = optimum(known, spec.bounds, seed=spec.seed)
             if options.validate:
                 study = validation({spec: found[spec.ground]}, options.validate)
                 entries = run([trial.spec for trial in study.trials()])  # type: ignore[misc]
-                judged[spec.ground] = study_table(study, entries, any_code=options.any_code)
+                judged[spec.ground] = study_table(study, entries)
     figures = [] if options.figures is None else save_figures(options.figures, walked, found)
     data = {
         "grounds": {
@@ -171,7 +171,7 @@ def open_runner(
 ) -> Iterator[Callable[[list[WalkSpec]], Mapping[str, Entry]]]:
     """Open journal and workers once for many small sweeps; yield the function that runs the walks of one."""
     with ExitStack() as stack:
-        journal = stack.enter_context(Journal(options.journal))
+        journal = stack.enter_context(Journal(options.journal, any_code=options.any_code))
         if options.cluster is not None:
             executor = stack.enter_context(cluster_executor(options.cluster, workers=options.workers))
         else:
@@ -186,7 +186,6 @@ def open_runner(
                 executor=executor,
                 timeout=options.timeout,
                 retry=options.retry,
-                any_code=options.any_code,
             )
             bar.advance(task, len(specs))
             return journal.entries

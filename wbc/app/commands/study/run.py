@@ -19,7 +19,7 @@ from rich.progress import (
     TimeRemainingColumn,
 )
 
-from wbc.app.commands.study.show import JournalOptions, PartOptions, StudyName
+from wbc.app.commands.study.show import PartOptions, StudyName, entries_of
 from wbc.app.files import check_target
 from wbc.app.output import Flat, Output, OutputOptions, Report, progress_console, reports
 from wbc.core.errors import InputError, unknown_name
@@ -59,7 +59,7 @@ def reruns(study: Study, entries: Mapping[str, Entry], journal: Path) -> list[di
             "error": entry.error,
             "command": f"wbc study run --journal {shlex.quote(str(journal))} --key {entry.key[:KEY_LENGTH]}",
         }
-        for trial, entry in study_entries(study, entries, any_code=True)
+        for trial, entry in study_entries(study, entries)
         if entry is not None and entry.status != "done"
     ]
 
@@ -136,7 +136,7 @@ def run(
     summary = run_trials(chosen, options, any_code=part.any_code)
     failed = []
     if set(summary.counts) - {"done"}:
-        failed = reruns(chosen, read_journal(options.journal), options.journal)
+        failed = reruns(chosen, read_journal(options.journal, any_code=True), options.journal)
     data = {
         "study": chosen.name,
         "journal": str(options.journal),
@@ -151,7 +151,7 @@ def _rerun(options: RunOrRerunOptions, key: str, output: Output) -> Report:
     target = None
     if options.out is not None:
         target = check_target("a spec", options.out, (".json",), [options.journal])
-    entry = entry_by_key(JournalOptions(journal=options.journal).entries(), key)
+    entry = entry_by_key(entries_of(options.journal), key)
     spec = trial_from_json(entry.spec)
     if target is not None:
         write_text(target, json.dumps(entry.spec, indent=2) + "\n")
@@ -186,8 +186,8 @@ def run_trials(study: Study, options: RunOptions, *, any_code: bool = False) -> 
     """
     specs = [trial.spec for trial in study.trials()]
     with ExitStack() as stack:
-        journal = stack.enter_context(Journal(options.journal))
-        older = 0 if any_code else left_out(study, journal.entries).other_code
+        journal = stack.enter_context(Journal(options.journal, any_code=any_code))
+        older = left_out(study, journal.entries).other_code
         if older:
             raise InputError(
                 f"{options.journal} has {older} trials of '{study.name}' by another version of the code: --any-code "
@@ -212,7 +212,6 @@ def run_trials(study: Study, options: RunOptions, *, any_code: bool = False) -> 
             workers=options.workers,
             timeout=options.timeout,
             retry=options.retry,
-            any_code=any_code,
             progress=progress,
         )
 

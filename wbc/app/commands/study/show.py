@@ -36,21 +36,11 @@ StudyName = Annotated[
 ]
 
 
-@settings(kw_only=True)
-class JournalOptions:
-    """Journal that a result is made from.
-
-    Attributes:
-        journal: File that `wbc study run` has written.
-    """
-
-    journal: Path
-
-    def entries(self) -> Mapping[str, Entry]:
-        """Return the entries of the journal; `InputError` if there is none."""
-        if not self.journal.exists():
-            raise InputError(f"there is no journal {self.journal}; `wbc study run` writes it")
-        return read_journal(self.journal)
+def entries_of(journal: Path, *, any_code: bool = False) -> Mapping[str, Entry]:
+    """Return the entries of a journal; `InputError` if there is none."""
+    if not journal.exists():
+        raise InputError(f"there is no journal {journal}; `wbc study run` writes it")
+    return read_journal(journal, any_code=any_code)
 
 
 @settings(kw_only=True)
@@ -84,17 +74,18 @@ class PartOptions(ShownPartOptions):
 
     any_code: bool = False
 
-    def read(self, study: str, options: JournalOptions) -> tuple[Study, Mapping[str, Entry], dict[str, Any]]:
+    def read(self, study: str, journal: Path) -> tuple[Study, Mapping[str, Entry], dict[str, Any]]:
         """Return this part of a study, the entries of a journal, and the numbers of those left out, with a warning."""
-        chosen, entries = self.part(study), options.entries()
-        return chosen, entries, note_left_out(chosen, entries, any_code=self.any_code)
+        chosen, entries = self.part(study), entries_of(journal, any_code=self.any_code)
+        return chosen, entries, note_left_out(chosen, entries)
 
 
 @settings(kw_only=True)
-class TableOptions(JournalOptions):
+class TableOptions:
     """What is made of a journal, and what is written of it.
 
     Attributes:
+        journal: File that `wbc study run` has written.
         of: arms (means with intervals and paired differences), swings of variable soles, heights at which half of the
             walks are completed, best (stiffness of each cell), or choice (best arm of each ground, and its worth).
         metric: Part of the results, such as steps_done, zmp_error.mean or peak_torque_ratio; that of the study if not
@@ -110,6 +101,7 @@ class TableOptions(JournalOptions):
         out: File to write: a figure of the arms (.png, .svg, .pdf), a row for each trial (.csv), the result (.json).
     """
 
+    journal: Path
     of: Literal["arms", "swings", "heights", "best", "choice"] = "arms"
     metric: str | None = None
     completed: bool = False
@@ -191,9 +183,9 @@ def table(
     target = None
     if options.table is not None:
         target = check_target("a stiffness table", options.table, (".csv",), inputs)
-    chosen, entries, unused = part.read(study, options)
+    chosen, entries, unused = part.read(study, options.journal)
     if out is not None and out.suffix.lower() == ".csv":
-        return output.report(*_export(chosen, entries, out, unused, any_code=part.any_code))
+        return output.report(*_export(chosen, entries, out, unused))
     data, text, labels = _MADE[options.of](chosen, entries, options, part)
     if out is not None and figure:
         _draw(chosen, entries, options, part, out)
@@ -219,7 +211,6 @@ def _arms_table(
         completed_only=options.completed,
         by=options.by,
         margin=options.margin,
-        any_code=part.any_code,
     )
 
 
@@ -229,22 +220,22 @@ def _arms(study: Study, entries: Mapping[str, Entry], options: TableOptions, par
 
 
 def _swings(study: Study, entries: Mapping[str, Entry], options: TableOptions, part: PartOptions) -> Made:
-    summaries = swing_summaries(study, entries, any_code=part.any_code)
+    summaries = swing_summaries(study, entries)
     if not summaries:
         raise InputError(f"{options.journal} has no walk of '{study.name}' on soles of variable stiffness")
     return {"study": study.name, "rows": to_json(summaries)}, swing_table(summaries), {}
 
 
 def _heights(study: Study, entries: Mapping[str, Entry], options: TableOptions, part: PartOptions) -> Made:
-    found = half_heights(study, entries, any_code=part.any_code)
+    found = half_heights(study, entries)
     if not found:
         raise InputError(f"{options.journal} has no walks of '{study.name}'; run the study")
-    data = {"study": study.name, **origin(study, entries, any_code=part.any_code), "heights_m": found}
+    data = {"study": study.name, **origin(study, entries), "heights_m": found}
     return data, "\n".join(f"{name:<20} {1e3 * h:5.1f} mm" for name, h in found.items()), {}
 
 
 def _best(study: Study, entries: Mapping[str, Entry], options: TableOptions, part: PartOptions) -> Made:
-    found = labels(study, entries, pooled=not options.separate, any_code=part.any_code)
+    found = labels(study, entries, pooled=not options.separate)
     if not found:
         raise InputError(
             f"{options.journal} has no cell of '{study.name}' with walks of enough stiffnesses; run the study"
@@ -252,7 +243,7 @@ def _best(study: Study, entries: Mapping[str, Entry], options: TableOptions, par
     data = {
         "study": study.name,
         "separate": options.separate,
-        **origin(study, entries, any_code=part.any_code),
+        **origin(study, entries),
         "labels": to_json(found),
     }
     return data, label_table(found), found
@@ -266,9 +257,8 @@ def _choice(study: Study, entries: Mapping[str, Entry], options: TableOptions, p
         metric=options.metric,
         margin=DEFAULT_MARGIN if options.margin is None else options.margin,
         chosen_by=options.chosen_by,
-        any_code=part.any_code,
     )
-    data = made.to_json() | origin(study, entries, any_code=part.any_code)
+    data = made.to_json() | origin(study, entries)
     return data, made.markdown(), {} if options.table is None else made.labels(study)
 
 
@@ -293,10 +283,10 @@ def _draw(
 
 
 def _export(
-    study: Study, entries: Mapping[str, Entry], target: Path, unused: dict[str, Any], *, any_code: bool
+    study: Study, entries: Mapping[str, Entry], target: Path, unused: dict[str, Any]
 ) -> tuple[dict[str, Any], str]:
     """Write all results to a table, for a spreadsheet or a data frame."""
-    columns, rows = study_rows(study, entries, any_code=any_code)
+    columns, rows = study_rows(study, entries)
     with replacing(target) as new, new.open("w", newline="", encoding="utf-8") as file:
         writer = csv.writer(file)
         writer.writerow(columns)
@@ -305,9 +295,9 @@ def _export(
     return data, f"{len(rows)} rows with {len(columns)} columns written to {target}"
 
 
-def origin(study: Study, entries: Mapping[str, Entry], *, any_code: bool) -> dict[str, Any]:
+def origin(study: Study, entries: Mapping[str, Entry]) -> dict[str, Any]:
     """Return the origin of a result: counts of trials by status, versions of the code, seeds."""
-    found = study_entries(study, entries, any_code=any_code)
+    found = study_entries(study, entries)
     used = [(trial, entry) for trial, entry in found if entry is not None]
     versions = {json.dumps(entry.version, sort_keys=True) for _, entry in used}
     return {
@@ -317,9 +307,9 @@ def origin(study: Study, entries: Mapping[str, Entry], *, any_code: bool) -> dic
     }
 
 
-def note_left_out(study: Study, entries: Mapping[str, Entry], *, any_code: bool) -> dict[str, Any]:
+def note_left_out(study: Study, entries: Mapping[str, Entry]) -> dict[str, Any]:
     """Warn of entries of a journal that are not used, and return their numbers as a part of a result."""
-    unused = left_out(study, entries, any_code=any_code)
+    unused = left_out(study, entries)
     text = unused.text()
     if text is not None:
         logger.warning("%s", text)
