@@ -20,7 +20,7 @@ from wbc.tasks.behaviours import (
 from wbc.tasks.check import check_task
 from wbc.tasks.force.admittance import AdmittanceTask
 from wbc.tasks.force.compliance import ComplianceTask
-from wbc.tasks.force.impedance import FirstOrderImpedanceTask, ImpedanceTask
+from wbc.tasks.force.impedance import ImpedanceTask
 from wbc.tasks.force.torque import JointTorqueTask
 from wbc.tasks.force.wrench import WrenchTask
 from wbc.tasks.motion.com import CoMOverFeetTask, CoMTask
@@ -71,7 +71,6 @@ __all__ = [
     "JointTorqueTask",
     "WrenchTask",
     "AdmittanceTask",
-    "FirstOrderImpedanceTask",
     "ImpedanceTask",
     # Targets that move
     "Trajectory",

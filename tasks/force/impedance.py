@@ -1,4 +1,4 @@
-"""Impedance: tasks on a frame that yields to the wrench error like a mass on a spring and a damper."""
+"""Impedance: a task on a frame that yields to the wrench error like a mass on a spring and a damper."""
 
 from __future__ import annotations
 
@@ -26,23 +26,24 @@ SPRING = (1000.0, 100.0)
 MASS = (10.0, 1.0)
 """kg and kg m²; ours: with the springs, 10 rad/s undamped in all axes."""
 
-DAMPER = (100.0, 10.0)
-"""Ns/m and Nms/rad of the first-order law; ours: with the springs, a time constant of 0.1 s."""
 
+class ImpedanceTask(ComplianceTask):
+    """Yield to the wrench error like a mass on a spring and a damper.
 
-class FirstOrderImpedanceTask(ComplianceTask):
-    """Yield to the wrench error like a spring and a damper side by side.
+        mass ∘ acceleration + damper ∘ velocity + spring ∘ offset = measured − target wrench
 
-        damper ∘ velocity + spring ∘ offset = wrench gain ∘ (measured − target wrench)
+    The offset settles at wrench error / spring and goes back to zero with the wrench error; without a mass with the
+    time constant damper / spring. Time constant of the low-pass 0.05 s, velocity bound 1 m/s and 3 rad/s by default.
 
-    The offset settles at wrench error · gain / spring, with the time constant damper / spring, and decays to zero with
-    the wrench error. Time constant of the low-pass 0.05 s, velocity bound 1 m/s and 3 rad/s by default.
+    On surroundings of stiffness K the loop through the low-pass is stable for damper > time constant · K (Routh's
+    criterion, sufficient): on stiff ones take a shorter time constant, more damping or no mass, which is always stable.
 
-    Source: the law is that of mc_rtc's FirstOrderImpedanceTask (jrl-umi3218/mc_rtc), integrated implicitly, so that
-    no choice of damper and control period is unstable by itself.
+    Source: the law is that of mc_rtc's ImpedanceTask (jrl-umi3218/mc_rtc), without a mass that of its
+    FirstOrderImpedanceTask, integrated implicitly, so that no choice of mass, damper and control period is unstable by
+    itself.
     """
 
-    _kind = "first-order impedance"
+    _kind = "impedance"
 
     @checked
     def __init__(
@@ -50,9 +51,9 @@ class FirstOrderImpedanceTask(ComplianceTask):
         frame: str,
         target: pin.SE3 | None = None,
         *,
+        mass: ArrayLike = MASS,
         spring: ArrayLike = SPRING,
-        damper: ArrayLike = DAMPER,
-        wrench_gain: ArrayLike = (1.0, 1.0),
+        damper: ArrayLike | None = None,
         **options: Unpack[ComplianceOptions],
     ) -> None:
         """Describe the task.
@@ -60,14 +61,30 @@ class FirstOrderImpedanceTask(ComplianceTask):
         Args:
             frame: Frame of the robot, or the name of a sole.
             target: Pose in the world at zero offset; the present one when None.
-            spring: Along the axes of the frame, shape (6,) or a pair (linear, angular), N/m and Nm/rad, ≥ 0.
-            damper: Along the same axes, Ns/m and Nms/rad, above zero.
-            wrench_gain: Factor on the wrench error, shape (6,) or a pair, ≥ 0.
+            mass: Along the axes of the frame, shape (6,) or a pair (linear, angular), kg and kg m², ≥ 0; zero is a
+                spring and a damper side by side.
+            spring: Along the same axes, N/m and Nm/rad, ≥ 0.
+            damper: Along the same axes, Ns/m and Nms/rad, above zero; critical, 2·√(mass · spring), when None.
             **options: See `ComplianceOptions`.
+
+        Raises:
+            UnknownNameError: An unknown option or axis.
+            InputError: A value out of range; a mass or a spring of zero without a damper.
         """
+        check_options(self, ComplianceOptions, options)
         options = {"time_constant": SMOOTHING, "velocity_bound": VELOCITY_BOUND, **options}
         super().__init__(frame, target, **options)
-        self.spring, self.damper, self.wrench_gain = spring, damper, wrench_gain
+        self.mass, self.spring = mass, spring
+        self.damper = 2.0 * np.sqrt(self._mass * self._spring) if damper is None else damper
+
+    @property
+    def mass(self) -> Array:
+        """Shape (6,), kg and kg m²; assign that or a pair (linear, angular)."""
+        return read_only(self._mass)
+
+    @mass.setter
+    def mass(self, value: ArrayLike) -> None:
+        self._mass = six(self.name, "mass (kg, kg m²)", value)
 
     @property
     def spring(self) -> Array:
@@ -87,84 +104,10 @@ class FirstOrderImpedanceTask(ComplianceTask):
     def damper(self, value: ArrayLike) -> None:
         self._damper = six(self.name, "damper (Ns/m, Nms/rad)", value, above_zero=True)
 
-    @property
-    def wrench_gain(self) -> Array:
-        """Factor on the wrench error, shape (6,); assign that or a pair (linear, angular)."""
-        return read_only(self._wrench_gain)
-
-    @wrench_gain.setter
-    def wrench_gain(self, value: ArrayLike) -> None:
-        self._wrench_gain = six(self.name, "wrench gain", value)
-
-    def comply(self, error: Array, rate: Array, dt: float) -> tuple[Array, Array]:
-        """Solve the law for the velocity at the end of the period; see `ComplianceTask.comply`."""
-        force = self._wrench_gain * error - self._spring * self.offset_vector()
-        velocity = force / (self._damper + dt * self._spring)
-        return velocity, (self._wrench_gain * rate - self._spring * velocity) / self._damper
-
-
-class ImpedanceTask(FirstOrderImpedanceTask):
-    """Yield to the wrench error like a mass on a spring and a damper.
-
-        mass ∘ acceleration + damper ∘ velocity + spring ∘ offset = wrench gain ∘ (measured − target wrench)
-
-    On surroundings of stiffness K the loop through the low-pass is stable for damper > time constant · K (Routh's
-    criterion, sufficient): on stiff ones take a shorter time constant, more damping or `FirstOrderImpedanceTask`, which
-    is always stable.
-
-    Source: the law is that of mc_rtc's ImpedanceTask (jrl-umi3218/mc_rtc), integrated implicitly, so that no choice of
-    mass, damper and control period is unstable by itself.
-    """
-
-    _kind = "impedance"
-
-    @checked
-    def __init__(
-        self,
-        frame: str,
-        target: pin.SE3 | None = None,
-        *,
-        mass: ArrayLike = MASS,
-        spring: ArrayLike = SPRING,
-        damper: ArrayLike | None = None,
-        wrench_gain: ArrayLike = (1.0, 1.0),
-        **options: Unpack[ComplianceOptions],
-    ) -> None:
-        """Describe the task.
-
-        Args:
-            frame: Frame of the robot, or the name of a sole.
-            target: Pose in the world at zero offset; the present one when None.
-            mass: Along the axes of the frame, shape (6,) or a pair (linear, angular), kg and kg m², above zero.
-            spring: Along the same axes, N/m and Nm/rad, ≥ 0.
-            damper: Along the same axes, Ns/m and Nms/rad, above zero; critical, 2·√(mass · spring), when None.
-            wrench_gain: Factor on the wrench error.
-            **options: See `ComplianceOptions`.
-
-        Raises:
-            UnknownNameError: An unknown option or axis.
-            InputError: A value out of range; a spring of zero without a damper.
-        """
-        check_options(self, ComplianceOptions, options)
-        if damper is None:
-            name = options.get("name") or f"{frame} {self._kind}"
-            stiffness = six(name, "spring (N/m, Nm/rad)", spring)
-            damper = 2.0 * np.sqrt(six(name, "mass (kg, kg m²)", mass, above_zero=True) * stiffness)
-        super().__init__(frame, target, spring=spring, damper=damper, wrench_gain=wrench_gain, **options)
-        self.mass = mass
-
-    @property
-    def mass(self) -> Array:
-        """Shape (6,), kg and kg m²; assign that or a pair (linear, angular)."""
-        return read_only(self._mass)
-
-    @mass.setter
-    def mass(self, value: ArrayLike) -> None:
-        self._mass = six(self.name, "mass (kg, kg m²)", value, above_zero=True)
-
     def comply(self, error: Array, rate: Array, dt: float) -> tuple[Array, Array]:
         """Solve the law for velocity and offset at the end of the period; see `ComplianceTask.comply`."""
-        force = self._wrench_gain * error - self._spring * self.offset_vector()
-        mass = self._mass
-        velocity = (mass * self._velocity + dt * force) / (mass + dt * self._damper + dt * dt * self._spring)
-        return velocity, (velocity - self._velocity) / dt
+        mass, spring, damper = self._mass, self._spring, self._damper
+        force = error - spring * self.offset_vector()
+        velocity = (mass * self._velocity + dt * force) / (mass + dt * damper + dt * dt * spring)
+        massless = (rate - spring * velocity) / damper
+        return velocity, np.where(mass > 0.0, (velocity - self._velocity) / dt, massless)

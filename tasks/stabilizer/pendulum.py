@@ -63,6 +63,23 @@ class Pendulum(NamedTuple):
         """Divergent component of motion, at the height of the CoM, shape (3,), m."""
         return self.com + self.com_velocity / self.omega
 
+    def moved(self, shift: Array, velocity: Array, acceleration: Array) -> Pendulum:
+        """Return the pendulum with a motion on top of that of its CoM, and the ZMP that goes with it.
+
+        Args:
+            shift: Displacement of the CoM, shape (3,), m.
+            velocity: Its velocity, shape (3,), m/s.
+            acceleration: Its acceleration, shape (3,), m/s².
+        """
+        zmp = self.zmp.copy()
+        zmp[:2] += shift[:2] - acceleration[:2] / self.omega**2
+        return self._replace(
+            com=self.com + shift,
+            com_velocity=self.com_velocity + velocity,
+            com_acceleration=self.com_acceleration + acceleration,
+            zmp=zmp,
+        )
+
     @staticmethod
     def at_rest(com: Array, ground: float = 0.0) -> Pendulum:
         """Return a CoM that rests over its ZMP on a ground of that height, m; a CoM that is not above it is refused."""

@@ -20,7 +20,6 @@ from wbc.tasks import (
     CoMOverFeetTask,
     CoMTask,
     DirectionTask,
-    FirstOrderImpedanceTask,
     GazeTask,
     ImpedanceTask,
     MomentumTask,
@@ -95,7 +94,6 @@ MOTION_TASKS: dict[str, Case] = {
     "momentum": Case(lambda r: MomentumTask()),
     "angular momentum": Case(lambda r: MomentumTask(axes=("roll", "pitch", "yaw"))),
     "admittance": Case(lambda r: AdmittanceTask(left_hand(r), admittance=ADMITTANCE), in_frame=True),
-    "first-order impedance": Case(lambda r: FirstOrderImpedanceTask(left_hand(r)), in_frame=True),
     "impedance": Case(lambda r: ImpedanceTask(left_hand(r)), in_frame=True),
 }
 

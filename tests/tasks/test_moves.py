@@ -20,7 +20,7 @@ from wbc.core.robot import Robot
 from wbc.tasks import (
     CoMTask,
     DirectionTask,
-    FirstOrderImpedanceTask,
+    ImpedanceTask,
     MomentumTask,
     OrientationTask,
     PoseTask,
@@ -55,7 +55,7 @@ TASKS: dict[str, tuple[Callable[[Robot], Any], Callable[[Any, Robot], Any]]] = {
         lambda now, _: moved(now),
     ),
     "yielding": (
-        lambda robot: FirstOrderImpedanceTask(left_hand(robot), weight=100.0),
+        lambda robot: ImpedanceTask(left_hand(robot), weight=100.0),
         lambda now, _: moved(now),
     ),
     "posture": (

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 import pinocchio as pin
@@ -19,7 +20,6 @@ from wbc.tasks import (
     AdmittanceTask,
     ComplianceTask,
     CoMTask,
-    FirstOrderImpedanceTask,
     ImpedanceTask,
     PoseTask,
     PostureTask,
@@ -116,12 +116,11 @@ def test_low_pass_makes_the_loop_of_second_order() -> None:
     np.testing.assert_allclose(felt / TARGET, np.tile(expected[:, None], 6), atol=0.04)
 
 
-@pytest.mark.parametrize("kind", [FirstOrderImpedanceTask, ImpedanceTask])
-def test_impedance_settles_where_both_springs_balance(kind: type[FirstOrderImpedanceTask]) -> None:
+@pytest.mark.parametrize("mass", [(0.0, 0.0), (10.0, 1.0)])
+def test_impedance_settles_where_both_springs_balance(mass: tuple[float, float]) -> None:
     own = (5e3, 100.0)
-    task, _, felt = press(
-        lambda r: kind("palm", spring=own, damper=(2000.0, 30.0), target_wrench=TARGET), 1.5, 0.002
-    )
+    options = {"mass": mass, "spring": own, "damper": (2000.0, 30.0), "target_wrench": TARGET}
+    task, _, felt = press(lambda r: ImpedanceTask("palm", **options), 1.5, 0.002)
     outer = np.repeat([FORCE_STIFFNESS, MOMENT_STIFFNESS], 3)
     inner = np.repeat(own, 3)
     # Outer spring: felt = −outer · offset.  Own spring: inner · offset = felt − target.
@@ -132,40 +131,50 @@ def test_impedance_settles_where_both_springs_balance(kind: type[FirstOrderImped
     )
 
 
-def test_impedance_laws_in_closed_form() -> None:
-    """A constant force on mass, spring and damper: the textbook answers, with no robot in the way."""
+def test_impedance_law_in_closed_form() -> None:
+    """A constant force on springs and dampers, along z with a mass: the textbook answers, with no robot in the way."""
     robot = robot_with_palm()
-    mass, spring, force, dt = 2.0, 50.0, 5.0, 1e-4
-    first = FirstOrderImpedanceTask(
-        "palm", spring=(spring, 1.0), damper=(20.0, 1.0), time_constant=0.0, name="first"
+    mass, spring, damper, force, dt = 2.0, 50.0, 20.0, 5.0, 1e-4
+    critical = 2.0 * np.sqrt(mass * spring)
+    task = ImpedanceTask(
+        "palm",
+        mass=(0.0, 0.0, mass, 1.0, 1.0, 1.0),
+        spring=(spring, 1.0),
+        damper=(damper, damper, critical, 2.0, 2.0, 2.0),
+        time_constant=0.0,
     )
-    second = ImpedanceTask("palm", mass=(mass, 1.0), spring=(spring, 1.0), time_constant=0.0, name="second")
-    for task in (first, second):
-        task.bind(robot)
-        task.measured_wrench = [0.0, 0.0, force, 0.0, 0.0, 0.0]
+    task.bind(robot)
+    task.measured_wrench = [force, 0.0, force, 0.0, 0.0, 0.0]
     pole = np.sqrt(spring / mass)
     for tick in range(1, 8001):
-        for task in (first, second):
-            task.advance(dt)
-        t = tick * dt
+        task.advance(dt)
+        t, settled = tick * dt, force / spring
         if tick % 2000 == 0:
-            settled = force / spring
-            lag = settled * (1.0 - np.exp(-t * spring / 20.0))
-            critical = settled * (1.0 - (1.0 + pole * t) * np.exp(-pole * t))
-            np.testing.assert_allclose(first.offset_vector()[2], lag, rtol=2e-3)
-            np.testing.assert_allclose(second.offset_vector()[2], critical, rtol=2e-3)
-    np.testing.assert_allclose(second.damper[:3], 2.0 * np.sqrt(mass * spring))
+            lag = settled * (1.0 - np.exp(-t * spring / damper))
+            swings = settled * (1.0 - (1.0 + pole * t) * np.exp(-pole * t))
+            np.testing.assert_allclose(task.offset_vector()[[0, 2]], [lag, swings], rtol=2e-3)
+    np.testing.assert_allclose(
+        ImpedanceTask("palm", mass=(mass, 1.0), spring=(spring, 1.0)).damper[:3], critical
+    )
 
 
-@pytest.mark.parametrize("kind", [AdmittanceTask, FirstOrderImpedanceTask, ImpedanceTask])
+LAWS: dict[str, Callable[..., ComplianceTask]] = {
+    "admittance": partial(AdmittanceTask, "palm", admittance=(2e-3, 0.1)),
+    "spring and damper": partial(
+        ImpedanceTask, "palm", mass=(0.0, 0.0), spring=(800.0, 50.0), damper=(100.0, 10.0)
+    ),
+    "impedance": partial(ImpedanceTask, "palm", spring=(800.0, 50.0)),
+}
+
+
+@pytest.mark.parametrize("law", LAWS)
 @pytest.mark.parametrize("time_constant", [0.0, 0.05])
 def test_feed_forward_acceleration_is_the_slope_of_the_velocity_while_it_yields(
-    kind: type[ComplianceTask], time_constant: float
+    law: str, time_constant: float
 ) -> None:
     """At a force that jumps and then grows: velocity and acceleration of all laws belong together."""
     robot, dt = robot_with_palm(), 1e-4
-    options = {"admittance": (2e-3, 0.1)} if kind is AdmittanceTask else {"spring": (800.0, 50.0)}
-    task = kind("palm", time_constant=time_constant, velocity_bound=(10.0, 10.0), **options)
+    task = LAWS[law](time_constant=time_constant, velocity_bound=(10.0, 10.0))
     task.bind(robot)
     velocity, acceleration = [], []
     for tick in range(3000):
@@ -177,37 +186,32 @@ def test_feed_forward_acceleration_is_the_slope_of_the_velocity_while_it_yields(
         acceleration.append(task._rows.acceleration[1])
     slope = np.gradient(velocity, dt)[10:-1]
     told = np.array(acceleration)[10:-1]
-    assert np.abs(slope).max() > 1e-3 or kind is AdmittanceTask
+    assert np.abs(slope).max() > 1e-3 or law == "admittance"
     np.testing.assert_allclose(told, slope, atol=2e-2 * np.abs(slope).max() + 1e-9)
 
 
 @pytest.mark.parametrize(("spring", "damper"), [(1e6, 1.0), (1e6, 1e5), (0.0, 1e5), (10.0, 1e-3)])
-def test_no_spring_or_damper_is_too_stiff_for_the_period(spring: float, damper: float) -> None:
-    robot, dt, force = robot_with_palm(), 0.005, 20.0
-    for task in (
-        FirstOrderImpedanceTask("palm", spring=(spring, 1.0), damper=(damper, 1.0), name="first"),
-        ImpedanceTask("palm", mass=(1.0, 1.0), spring=(spring, 1.0), damper=(damper, 1.0), name="second"),
-    ):
-        task.bind(robot)
-        task.measured_wrench = [force, 0.0, 0.0, 0.0, 0.0, 0.0]
-        furthest = max(force * 2000 * dt / damper if spring == 0.0 else force / spring, 1e-9)
-        for _ in range(2000):
-            task.advance(dt)
-            assert 0.0 <= task.offset_vector()[0] <= 2.0 * furthest + 1e-9
-        if spring == 1e6:
-            np.testing.assert_allclose(task.offset_vector()[0], force / spring, rtol=1e-3)
+@pytest.mark.parametrize("mass", [0.0, 1.0])
+def test_no_spring_or_damper_is_too_stiff_for_the_period(spring: float, damper: float, mass: float) -> None:
+    dt, force = 0.005, 20.0
+    task = ImpedanceTask(
+        "palm",
+        mass=(mass, 1.0),
+        spring=(spring, 1.0),
+        damper=(damper if mass == 0.0 or spring == 0.0 else 2.0 * np.sqrt(mass * spring), 1.0),
+    )
+    task.bind(robot_with_palm())
+    task.measured_wrench = [force, 0.0, 0.0, 0.0, 0.0, 0.0]
+    furthest = max(force * 2000 * dt / damper if spring == 0.0 else force / spring, 1e-9)
+    for _ in range(2000):
+        task.advance(dt)
+        assert 0.0 <= task.offset_vector()[0] <= 2.0 * furthest + 1e-9
+    if spring == 1e6:
+        np.testing.assert_allclose(task.offset_vector()[0], force / spring, rtol=1e-3)
 
 
-def makers() -> dict[str, Callable[[Robot], ComplianceTask]]:
-    return {
-        "admittance": lambda r: AdmittanceTask("palm", admittance=ADMITTANCE, stiffness=30.0),
-        "first-order impedance": lambda r: FirstOrderImpedanceTask("palm", stiffness=30.0),
-        "impedance": lambda r: ImpedanceTask("palm", stiffness=30.0),
-    }
-
-
-@pytest.mark.parametrize("kind", makers())
-def test_without_wrench_error_it_is_a_pose_task(kind: str) -> None:
+@pytest.mark.parametrize("law", LAWS)
+def test_without_wrench_error_it_is_a_pose_task(law: str) -> None:
     rng = np.random.default_rng(1)
     answers = []
     for compliant in (True, False):
@@ -216,7 +220,7 @@ def test_without_wrench_error_it_is_a_pose_task(kind: str) -> None:
         target = robot.placement(left_hand(robot)) * pin.SE3(
             pin.exp3(np.array([0.2, -0.1, 0.1])), np.full(3, 0.05)
         )
-        task = makers()[kind](robot) if compliant else PoseTask(left_hand(robot), target, stiffness=30.0)
+        task = LAWS[law](stiffness=30.0) if compliant else PoseTask(left_hand(robot), target, stiffness=30.0)
         task.target = target
         task.weight = 7.0
         controller.add(SoleContact("left_foot"), SoleContact("right_foot"), PostureTask())

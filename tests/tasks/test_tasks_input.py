@@ -19,7 +19,6 @@ from wbc.core.robot import Robot
 from wbc.tasks import (
     AdmittanceTask,
     CoMTask,
-    FirstOrderImpedanceTask,
     ImpedanceTask,
     JointTorqueTask,
     MomentumTask,
@@ -72,9 +71,9 @@ WRONG_VALUES: dict[str, Callable[[], object]] = {
         "left_hand", admittance=(1e-3, 0.0), target_wrench=[0.0, 1.0]
     ),
     "admittance: offset bound": lambda: AdmittanceTask("left_hand", admittance=(0, 0), offset_bound=-1.0),
-    "impedance: no mass": lambda: ImpedanceTask("left_hand", mass=(0.0, 1.0)),
+    "impedance: no mass and no damper": lambda: ImpedanceTask("left_hand", mass=(0.0, 1.0)),
     "impedance: neither spring nor damper": lambda: ImpedanceTask("left_hand", spring=(0.0, 0.0)),
-    "first-order impedance: no damper": lambda: FirstOrderImpedanceTask("left_hand", damper=(0.0, 1.0)),
+    "impedance: no damper": lambda: ImpedanceTask("left_hand", damper=(0.0, 1.0)),
 }
 
 

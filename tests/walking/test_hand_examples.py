@@ -63,8 +63,11 @@ def test_a_robot_leans_on_a_rail_with_its_mass_beyond_its_toes(example: Example)
 
 
 @pytest.mark.slow
-def test_a_robot_on_one_foot_with_a_hand_on_the_wall_stands_a_push(example: Example) -> None:
+def test_a_robot_on_one_foot_stands_a_push_with_a_hand_on_the_wall_and_falls_without(
+    example: Example,
+) -> None:
     assert run(example("one_foot"), "--impulse", "0.2")["on_one_foot"]
+    assert not example("one_foot").main(["--impulse", "0.2", "--force", "0"])["upright"]
 
 
 @pytest.mark.slow

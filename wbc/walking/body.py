@@ -322,15 +322,9 @@ class Body(FixedAttributes):
         Args:
             pendulum: Reference of the walk.
         """
-        com, velocity, acceleration = (
-            pendulum.com.copy(),
-            pendulum.com_velocity.copy(),
-            pendulum.com_acceleration.copy(),
+        return pendulum.moved(
+            *(np.array([0.0, 0.0, part[0]]) for part in (self._now, self._rate, self._push))
         )
-        com[2] += self._now[0]
-        velocity[2] += self._rate[0]
-        acceleration[2] += self._push[0]
-        return pendulum._replace(com=com, com_velocity=velocity, com_acceleration=acceleration)
 
     def leaned(self, lean: LeanMotion, heading: float) -> LeanMotion:
         """Return a lean of the trunk with the one that is set.

@@ -22,14 +22,22 @@ from typing import Annotated
 import numpy as np
 from pydantic import Field
 
-from wbc.core.errors import Array, InputError, choose
+from wbc.core.errors import Array, InputError
 from wbc.core.estimation.outside import OutsideWrench, moment_about
 from wbc.core.lag import lag_gain
 from wbc.core.robot import GRAVITY, Robot
-from wbc.core.settings import NonNegative, Positive, Share, settings
+from wbc.core.settings import Positive, settings
 
 SETTLING = 0.5
 """Time after a change of the load until the robot has settled with it, s."""
+
+LAG, REST_LAG = 0.1, 0.5
+"""Time constant with which mass and place follow the outside wrench, and that once the load has settled, s: sensors are
+noisy, and the robot sways."""
+
+DEAD_BAND, STEP = 0.01, 0.0005
+"""Mass over the robot's below which it counts as an error of sensors and model, not as a load; change of the estimate,
+over the robot's mass, above which the models are changed."""
 
 
 @settings
@@ -38,53 +46,48 @@ class LoadSettings:
 
     Attributes:
         hands: Roles or frames of the robot that hold loads, in equal parts; all of its hands when empty.
-        lag: Time constant with which mass and place follow the outside wrench, s.
-        rest_lag: Time constant once the load has settled, s: sensors are noisy, and the robot sways.
         largest: Greatest mass of the load over the robot's.
         reach: Greatest horizontal distance of the load from the middle of the hands, m.
-        dead_band: Mass over the robot's below which it counts as an error of sensors and model, not as a load.
-        step: Change of the estimate, over the robot's mass, above which the models are changed.
     """
 
     hands: tuple[str, ...] = ()
-    lag: Annotated[NonNegative, "s"] = 0.1
-    rest_lag: Annotated[NonNegative, "s"] = 0.5
     largest: Annotated[float, Field(gt=0.0, le=1.0)] = 0.4
     reach: Annotated[Positive, "m"] = 0.3
-    dead_band: Share = 0.01
-    step: Annotated[Positive, ""] = 0.0005
 
 
 class HeldLoad:
     """Estimate of the load in the hands of one robot.
+
+    Horizontal vectors in the heading of the robot are complex numbers: forward + i left.
 
     Attributes:
         settings: Settings.
         frames: Names of the frames that hold the load.
         mass: Mass of the load as estimated, kg.
         applied: Mass of the load in the models, kg.
-        offset: Horizontal place of the load from the middle of the hands, in the heading of the robot, shape (2,), m.
     """
 
     def __init__(self, robot: Robot, settings: LoadSettings | None = None) -> None:
         """Start with empty hands; all clones of the estimated robot carry the load, too.
 
-        Raises `InputError` for a robot without hands, or a frame that does not move.
+        Raises:
+            UnknownNameError: No such hand or frame.
+            InputError: A robot without hands, or a frame that does not move.
         """
         self.settings = s = settings or LoadSettings()
-        self.frames = hand_frames(robot, s.hands)
-        self._robot = robot
-        self._hands = [robot.frame_id(frame) for frame in self.frames]
-        for hand in self._hands:  # what a control before this one has left in the model
-            robot.carry(hand, 0.0)
-        self._own = robot.mass
+        if not (s.hands or robot.frames):
+            raise InputError(f"robot '{robot.name}' has no hands to hold a load with")
+        roles = {**robot.frames, "torso": robot.torso_frame, "base": robot.base_frame}
+        self.frames = tuple(roles.get(hand, hand) for hand in s.hands or robot.frames)
+        self._robot, self._hands = robot, [robot.frame_id(frame) for frame in self.frames]
         self._places = [robot.placement(hand) for hand in self._hands]
         self.mass = self.applied = 0.0
-        # First moments about the middle of the hands, in the heading, kg m: as estimated, and in the models.
-        self._moment: tuple[float, ...] = (0.0, 0.0)
-        self._applied_moment: tuple[float, ...] = (0.0, 0.0)
+        self._moment = self._applied_moment = (
+            0j  # first moment about the middle, as estimated and in the models, kg m
+        )
+        self.release()  # what a control before this one has left in the model
+        self._own = robot.mass
         self._quiet = SETTLING  # time for which the estimate has not changed, s
-        self.offset = np.zeros(2)
 
     @property
     def changing(self) -> bool:
@@ -99,9 +102,17 @@ class HeldLoad:
     @property
     def place(self) -> Array:
         """Place of the load in the world, at the height of the hands, shape (3,), m."""
-        c, s = self._heading()
-        x, y = self.offset.tolist()
-        return self.middle + (c * x - s * y, s * x + c * y, 0.0)
+        offset = self._heading() * self._offset
+        return self.middle + (offset.real, offset.imag, 0.0)
+
+    @property
+    def offset(self) -> Array:
+        """Horizontal place of the load from the middle of the hands, in the heading of the robot, shape (2,), m."""
+        return np.array((self._offset.real, self._offset.imag))
+
+    @property
+    def _offset(self) -> complex:
+        return self._applied_moment / self.applied if self.applied > 0.0 else 0j
 
     def update(self, outside: OutsideWrench, dt: float) -> None:
         """Update the estimate from the outside wrench, and move its changes from the wrench into the models."""
@@ -110,86 +121,50 @@ class HeldLoad:
             return
         points = [place.translation.tolist() for place in self._places]
         middle = [sum(point[axis] for point in points) / len(points) for axis in range(3)]
-        wrench, com = outside.wrench, robot.com.tolist()
-        mx, my, _ = moment_about(wrench, com, middle)
-        c, n = self._heading()
-        gain = lag_gain(dt, s.lag if self.changing else max(s.lag, s.rest_lag))
+        wrench, heading = outside.wrench, self._heading()
+        mx, my, _ = moment_about(wrench, robot.com.tolist(), middle)
+        gain = lag_gain(dt, LAG if self.changing else REST_LAG)
         mass = self.applied - float(wrench[2]) / GRAVITY
-        x = self._applied_moment[0] + (c * my - n * mx) / GRAVITY
-        y = self._applied_moment[1] + (-n * my - c * mx) / GRAVITY
         self._quiet += dt
-        if abs(mass - self.mass) > s.dead_band * self._own:
+        if abs(mass - self.mass) > DEAD_BAND * self._own:
             self._quiet = 0.0
         self.mass = mass = min(max(self.mass + gain * (mass - self.mass), 0.0), s.largest * self._own)
-        if mass <= s.dead_band * self._own:
+        if mass <= DEAD_BAND * self._own:
             mass = 0.0
-        reach = mass * s.reach
-        before_x, before_y = self._moment
-        self._moment = x, y = tuple(
-            min(max(old + gain * (new - old), -reach), reach) for old, new in ((before_x, x), (before_y, y))
+        moment, reach = (
+            self._applied_moment + complex(my, -mx) * heading.conjugate() / GRAVITY,
+            mass * s.reach,
         )
-        off = abs(mass - self.applied) + math.hypot(x - self._applied_moment[0], y - self._applied_moment[1])
-        least = s.step * self._own
-        if off >= (least if mass > 0.0 else 1e-9):
-            self._apply(outside, mass, (x, y), middle, c, n)
+        moment = self._moment + gain * (moment - self._moment)
+        self._moment = complex(*(min(max(part, -reach), reach) for part in (moment.real, moment.imag)))
+        if abs(mass - self.applied) + abs(self._moment - self._applied_moment) >= (
+            STEP * self._own if mass > 0.0 else 1e-9
+        ):
+            self._apply(outside, mass, middle, heading)
 
     def release(self) -> None:
         """Take the load off the models at once."""
         for hand in self._hands:
             self._robot.carry(hand, 0.0)
-        self.mass = self.applied = 0.0
-        self._moment = self._applied_moment = (0.0, 0.0)
-        self._quiet = 0.0
-        self.offset = np.zeros(2)
+        self.mass = self.applied = self._quiet = 0.0
+        self._moment = self._applied_moment = 0j
 
-    def _apply(
-        self,
-        outside: OutsideWrench,
-        mass: float,
-        moment: tuple[float, ...],
-        middle: Sequence[float],
-        c: float,
-        n: float,
-    ) -> None:
-        """Put a load into the models, and take it off the outside wrench."""
-        robot = self._robot
-        offset = (moment[0] / mass, moment[1] / mass) if mass > 0.0 else (0.0, 0.0)
-        arm = np.array((c * offset[0] - n * offset[1], n * offset[0] + c * offset[1], 0.0))
+    def _apply(self, outside: OutsideWrench, mass: float, middle: Sequence[float], heading: complex) -> None:
+        """Put the load into the models, and then take what they gain, about the CoM, off the outside wrench."""
+        robot, gained = self._robot, mass - self.applied
+        moved = heading * (self._moment - self._applied_moment)
+        self.applied, self._applied_moment = mass, self._moment
+        arm = heading * self._offset
         for hand, place in zip(self._hands, self._places, strict=True):
-            robot.carry(hand, mass / len(self._hands), place.rotation.T.dot(arm))
-        # The weight that the models gain, about the CoM.
-        gained = mass - self.applied
-        dx, dy = (new - old for new, old in zip(moment, self._applied_moment, strict=True))
+            lever = place.rotation.T.dot(np.array((arm.real, arm.imag, 0.0)))
+            robot.carry(hand, mass / len(self._hands), lever)
         x, y, _ = robot.com.tolist()
-        first_x = c * dx - n * dy + gained * (middle[0] - x)
-        first_y = n * dx + c * dy + gained * (middle[1] - y)
+        first_x, first_y = moved.real + gained * (middle[0] - x), moved.imag + gained * (middle[1] - y)
         outside.explain((0.0, 0.0, -gained * GRAVITY, -first_y * GRAVITY, first_x * GRAVITY, 0.0))
-        self.applied, self._applied_moment = mass, moment
-        self.offset = np.array(offset)
 
-    def _heading(self) -> tuple[float, float]:
-        """Cosine and sine of the heading of the base."""
+    def _heading(self) -> complex:
+        """Heading of the base as a complex number of length 1."""
         rotation = self._robot.data.oMi[1].rotation
         c, n = float(rotation[0, 0]), float(rotation[1, 0])
         size = math.hypot(c, n) or 1.0
-        return c / size, n / size
-
-
-def hand_frames(robot: Robot, hands: Sequence[str] = ()) -> tuple[str, ...]:
-    """Return the frames of hands by their roles, all hands when empty; a frame's own name stands for itself.
-
-    Raises `UnknownNameError` for what is neither, `InputError` for a robot without hands, or a frame that does not
-    move.
-    """
-    roles = {**robot.frames, "torso": robot.torso_frame, "base": robot.base_frame}
-    if not hands and not robot.frames:
-        raise InputError(f"robot '{robot.name}' has no hands to hold a load with")
-    frames = []
-    for hand in hands or tuple(robot.frames):
-        if hand not in roles and not robot.model.existFrame(hand):
-            choose("hand", hand, (*roles, *(str(each.name) for each in robot.model.frames)))
-        frame = roles.get(hand, hand)
-        if robot.model.frames[robot.frame_id(frame)].parentJoint == 0:
-            raise InputError(f"a load must be on a frame that moves with the robot, '{frame}' does not move")
-        frames.append(frame)
-    return tuple(frames)
+        return complex(c / size, n / size)

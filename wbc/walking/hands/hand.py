@@ -27,13 +27,22 @@ from wbc.core.robot import Robot
 from wbc.core.settings import NonNegative, Positive, Share, settings
 from wbc.tasks.force.admittance import AdmittanceTask
 from wbc.tasks.motion.direction import least_turn
+from wbc.walking.hands.arm import HandArm
 from wbc.walking.hands.motion import MovingFrame, Ramp, quintic_part
 
 logger = logging.getLogger(__name__)
 
-GAP = 0.01
-"""Distance between the tip of a hand and a handle that it is to grip, m."""
+GAP, CLEARANCE, SEARCH, BEHIND = 0.01, 0.05, 0.5, 0.03
+"""Distance of the tip of a hand from a handle that it grips, and from a surface at the start of its approach; greatest
+length of an approach; error of a searching hand above which its arm counts as stretched, and the contact as lost, m."""
 
+WEIGHT, TURN_WEIGHT, HOLD_WEIGHT = 50.0, 5.0, 0.3
+"""Cost of the position of a hand, per (m/s²)²; of its orientation while it approaches and while it presses, per
+(rad/s²)²: an arm that folds turns the hand."""
+
+LOSS, LOSS_TIME, LOSS_RAMP, SILENCE = 0.3, 0.02, 0.15, 0.05
+"""Ratio of measured to planned force below which, and time after which, a contact is lost; time over which a lost force
+is faded out of the balance; time without a reading after which a pressing hand has lost its contact, s."""
 
 NO_MOMENT = np.zeros(3)
 
@@ -54,53 +63,29 @@ class HandSettings:
     """Settings of hands that press on things.
 
     Attributes:
-        weight: Position of the hand, cost per (m/s²)².
-        turn_weight: Orientation of the hand while it approaches, cost per (rad/s²)².
-        hold_weight: Orientation of the hand while it presses, cost per (rad/s²)²: an arm that folds turns the hand.
-        stiffness: Stiffness of position and orientation, 1/s².
         reach: Time in which a hand moves to the start of its approach, s.
-        clearance: Distance of the hand's tip from the surface at the start of the approach, m.
         length: From the frame of a hand to its tip, m.
         approach: Speed towards a surface, m/s.
-        search: Greatest distance of an approach, m.
-        behind: Position error of a searching hand above which its arm counts as stretched, and the contact as lost, m.
         touch: Force above which the hand has touched the surface, N.
         ramp: Time over which a force is built up, reduced or changed, s.
         lag: Delay T of force sensor and servos together, s; the admittance is 1 / (4 T K).
-        silence: Time without a reading of the force sensor after which a pressing hand has lost its contact, s.
         compliance: Compliance of the arm's servos at the hand where the robot has no servo gains, m/N.
-        follow: Time constant of each of two low-passes with which a hand that grips follows the feet, s.
         edge: Ratio of the distance to the edge of the soles that the ZMP of the feet moves for planned forces before
             the CoM does: less lean, and less margin against disturbances.
         help: Ratio of the moment missing at the feet that pressing hands take over; 0 leaves it to the trunk.
-        loss: Ratio of measured to planned force below which a contact is lost.
-        loss_time: Time below that ratio after which the contact counts as lost, s.
-        loss_ramp: Time over which a lost force is faded out of the balance, s.
         share: Ratio of an arm's torque limits, beside its weight, that a force may use.
         margin: Distance of the DCM from the edge of the soles that must be left when a force is lost suddenly, m.
     """
 
-    weight: Positive = 50.0
-    turn_weight: NonNegative = 5.0
-    hold_weight: NonNegative = 0.3
-    stiffness: Annotated[Positive, "1/s²"] = 100.0
     reach: Annotated[Positive, "s"] = 3.0
-    clearance: Annotated[NonNegative, "m"] = 0.05
     length: Annotated[NonNegative, "m"] = 0.14
     approach: Annotated[Positive, "m/s"] = 0.05
-    search: Annotated[Positive, "m"] = 0.5
-    behind: Annotated[Positive, "m"] = 0.03
     touch: Annotated[Positive, "N"] = 4.0
     ramp: Annotated[Positive, "s"] = 2.0
     lag: Annotated[Positive, "s"] = 0.02
-    silence: Annotated[NonNegative, "s"] = 0.05
     compliance: Annotated[Positive, "m/N"] = 3e-4
-    follow: Annotated[Positive, "s"] = 0.25
     edge: Share = 0.0
     help: Share = 0.0
-    loss: Share = 0.3
-    loss_time: Annotated[NonNegative, "s"] = 0.02
-    loss_ramp: Annotated[Positive, "s"] = 0.15
     share: Share = 0.9
     margin: Annotated[NonNegative, "m"] = 0.01
 
@@ -112,6 +97,7 @@ class Hand:
         name: Role of the hand.
         index: Its place in `Measurement.hand_wrenches`.
         task: The hand's task; without weight while the hand is free.
+        arm: Its arm.
         state: State.
         direction: Direction in which the hand presses, in the world, shape (3,).
         pressed: Force with which it presses, as measured, along that direction, N.
@@ -125,42 +111,28 @@ class Hand:
     """
 
     def __init__(
-        self,
-        robot: Robot,
-        name: str,
-        index: int,
-        task: AdmittanceTask,
-        axis: Array,
-        settings: HandSettings,
+        self, robot: Robot, name: str, index: int, task: AdmittanceTask, settings: HandSettings
     ) -> None:
-        """Begin free.
-
-        Args:
-            robot: The robot that the task moves.
-            name: Role of the hand.
-            index: Its place in `Measurement.hand_wrenches`.
-            task: Its task.
-            axis: Direction from the wrist to the tip, in the frame of the hand, shape (3,).
-            settings: Settings.
-        """
-        self._axis = axis
+        """Begin free, with the task of the hand on the robot that it moves."""
         self.name, self.index, self.task, self._settings = name, index, task, settings
-        self._robot = robot
-        self.state = HandState.FREE
+        self._robot, self.arm = robot, HandArm(robot, task.frame)
+        self._axis = self.arm.axis()
         self.direction = np.zeros(3)
-        self.force = Ramp()
-        self.pressed = self.extra = 0.0
         self.reading, self.tare = np.zeros(6), np.zeros(6)
-        self._silent = 0.0  # time since the last reading, s
-        self._most = math.inf  # that the arm has, N
-        self.bounded = False
-        self.excess = np.zeros(3)
-        self._felt = self._short = 0.0  # time that a touch, or none, has lasted, s
-        self._start = pin.SE3.Identity()
-        self._path, self._turn, self._rotation = np.zeros(3), np.zeros(3), np.eye(3)
-        self._travelled = self._elapsed = 0.0
+        self._start = self._held = pin.SE3.Identity()  # of a way; in the frame that goes with the robot
+        self._turn, self._rotation = np.zeros(3), np.eye(3)
         self._grips = False
-        self._held = pin.SE3.Identity()  # in the frame that goes with the robot
+        self._enter(HandState.FREE)
+
+    def _enter(self, state: HandState) -> None:
+        """Begin without a force, at the start of a way."""
+        self.state, self.force = state, Ramp()
+        self.pressed = self.extra = 0.0
+        self.excess, self.bounded, self._most = np.zeros(3), False, math.inf  # force that the arm has, N
+        self._path, self._travelled, self._elapsed = np.zeros(3), 0.0, 0.0
+        # Time since the last reading, and for which a touch, or a lack of force, has lasted, s.
+        self._silent = self._felt = self._short = 0.0
+        self.task.reset()
 
     @property
     def planned(self) -> float:
@@ -197,26 +169,20 @@ class Hand:
             force: N.
             at: Point of the surface, in the world, shape (3,), m; wherever the hand meets it when None.
         """
-        settings = self._settings
         if self.state is HandState.HOLD:
             self.direction = direction
-            self.force.to(force, settings.ramp)
+            self.force.to(force, self._settings.ramp)
             return
-        self.direction = direction
-        self.state, self._felt, self._travelled = HandState.APPROACH, 0.0, 0.0
-        self._path, self._elapsed, self._grips, self._silent = np.zeros(3), 0.0, False, 0.0
-        self.extra, self.excess, self.bounded, self._most = 0.0, np.zeros(3), False, math.inf
-        self._start = pin.SE3(self._robot.placement(self.task.frame))
-        self.task.target = self._start
-        self.task.reset()
-        self.task.weight = (*[settings.weight] * 3, *[settings.turn_weight] * 3)
-        self.force = Ramp()
+        self._enter(HandState.APPROACH)
+        self.direction, self._grips = direction, False
+        self._start = self.task.target = pin.SE3(self._robot.placement(self.task.frame))
+        self.task.weight = (*[WEIGHT] * 3, *[TURN_WEIGHT] * 3)
         self.force.goal = force
         self._rotation = np.array(self._start.rotation)
         if at is not None:
             self.state = HandState.REACH
             self.tare = np.zeros(6)
-            self._path = at - (settings.clearance + settings.length) * direction - self._start.translation
+            self._path = at - (CLEARANCE + self._settings.length) * direction - self._start.translation
             self._turn = least_turn(self._axis, self._rotation.T @ direction)
 
     def grip(self, direction: Array, limit: float, at: Array) -> None:
@@ -227,7 +193,7 @@ class Hand:
             limit: Force above which the hand yields, N.
             at: The handle, in the world, shape (3,), m.
         """
-        self.press(direction, limit, at + self._settings.clearance * direction - GAP * direction)
+        self.press(direction, limit, at + CLEARANCE * direction - GAP * direction)
         self._grips = True
 
     def release(self) -> None:
@@ -238,7 +204,7 @@ class Hand:
             self._free()
 
     def sense(self, wrench: Array | None, dt: float) -> None:
-        """Take a reading of the force sensor; without one the last reading holds until `silence` has passed.
+        """Take a reading of the force sensor; without one the last reading holds until `SILENCE` has passed.
 
         After that a hand that presses or approaches has lost its contact, and the force on one that grips is zero.
 
@@ -250,10 +216,10 @@ class Hand:
             self.reading[:], self._silent = wrench, 0.0
             return
         before, self._silent = self._silent, self._silent + dt
-        if self._silent <= self._settings.silence:
+        if self._silent <= SILENCE:
             return
         self.reading[:] = self.tare
-        if before <= self._settings.silence:
+        if before <= SILENCE:
             logger.error("%s: no reading of its force sensor for %.3f s", self.name, self._silent)
         if self.state in (HandState.REACH, HandState.APPROACH, HandState.HOLD):
             self._lose()
@@ -338,10 +304,8 @@ class Hand:
     def _carry(self, rotation: Array, middle: MovingFrame) -> None:
         """Keep the pose relative to the feet; yield to the excess of the force on all hands."""
         task, place = self.task, middle.placement * self._held
-        lever = place.translation - middle.placement.translation
-        velocity = middle.velocity + middle.turning * np.array((-lever[1], lever[0], 0.0))
         self._rotation = place.rotation
-        self._move(place.translation, velocity, np.zeros(3))
+        self._move(place.translation, middle.velocity(place.translation), np.zeros(3))
         task.target_wrench = np.zeros(6)
         task.measured_wrench = np.concatenate((self.excess @ rotation, NO_MOMENT))
         self.bounded = bool(np.abs(self.excess[:2]).max() > self._settings.touch)
@@ -351,14 +315,14 @@ class Hand:
         self._felt = self._felt + dt if self.pressed > settings.touch else 0.0
         if self._felt >= 2.0 * dt - 1e-9:
             self.state, self._short = HandState.HOLD, 0.0
-            task.weight = (*[settings.weight] * 3, *[settings.hold_weight] * 3)
+            task.weight = (*[WEIGHT] * 3, *[HOLD_WEIGHT] * 3)
             task.feedforward_velocity = np.zeros(6)
             goal = self.force.goal
             self.force = Ramp(min(settings.touch, goal))
             self.force.to(goal, settings.ramp)
             return
         behind = task.target.translation - self._robot.placement(task.frame).translation
-        if self._travelled >= settings.search or float(np.linalg.norm(behind)) > settings.behind:
+        if self._travelled >= SEARCH or float(np.linalg.norm(behind)) > BEHIND:
             self._lose()
             return
         self._travelled += settings.approach * dt
@@ -368,9 +332,9 @@ class Hand:
     def _watch(self, dt: float) -> None:
         """Detect the loss of the contact from a force that stays too small."""
         least = min(self.planned, self.target)
-        short = self.pressed < self._settings.loss * least and least > 2.0 * self._settings.touch
+        short = self.pressed < LOSS * least and least > 2.0 * self._settings.touch
         self._short = self._short + dt if short else 0.0
-        if self._short > self._settings.loss_time + 1e-9:
+        if self._short > LOSS_TIME + 1e-9:
             self._lose()
 
     def _fade(self, duration: float) -> None:
@@ -382,16 +346,11 @@ class Hand:
         if self.state is not HandState.HOLD:  # stop where it is
             self.task.target = pin.SE3(self._robot.placement(self.task.frame))
         self.state = HandState.LOST
-        self._fade(self._settings.loss_ramp)
+        self._fade(LOSS_RAMP)
         self.extra = 0.0
         self.task.target_wrench = np.zeros(6)
         self.task.feedforward_velocity = np.zeros(6)
 
     def _free(self) -> None:
-        self.state = HandState.FREE
+        self._enter(HandState.FREE)
         self.task.weight = 0.0
-        self.task.reset()
-        self.force = Ramp()
-        self.pressed = self.extra = 0.0
-        self.excess = np.zeros(3)
-        self.bounded = False

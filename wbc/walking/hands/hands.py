@@ -22,7 +22,6 @@ from types import MappingProxyType
 import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
-from scipy.optimize import brentq
 
 from wbc.core.arguments import checked
 from wbc.core.errors import Array, InputError, choose, finite_array, finite_scalar
@@ -33,15 +32,19 @@ from wbc.core.signals import Measurement
 from wbc.tasks.force.admittance import AdmittanceTask
 from wbc.tasks.stabilizer.pendulum import Pendulum
 from wbc.tasks.stabilizer.zmp import zmp_offset
-from wbc.walking.hands.arm import HandArm
 from wbc.walking.hands.arm_swing import HANDS
-from wbc.walking.hands.balance import ComShift
 from wbc.walking.hands.hand import Hand, HandSettings, HandState
-from wbc.walking.hands.motion import MovingFrame
+from wbc.walking.hands.motion import Follower, MovingFrame
 from wbc.walking.hands.reaching import Arms
 from wbc.walking.planning.footsteps import heading
 from wbc.walking.planning.phases import Phase
 from wbc.walking.source import Reference
+
+STIFFNESS = 100.0
+"""Stiffness of position and orientation of a hand, 1/s²."""
+
+SHIFT_TIME = 0.15
+"""Time constant with which the CoM follows the planned forces, s, twice: its acceleration is bounded."""
 
 SLOW_TIME = 1.0
 """Time constant of the low-pass whose output shifts the CoM for forces of hands that grip, s: mc_rtc's. The rest shifts
@@ -86,7 +89,7 @@ class Hands:
         settings: HandSettings,
         edges: tuple[float, float],
         height: float,
-        arms: Arms | None = None,
+        arms: Arms,
     ) -> None:
         """Add a task for each hand, without weight.
 
@@ -101,47 +104,40 @@ class Hands:
         Raises:
             InputError: A robot without hands.
         """
-        self._robot, self._estimate = controller.robot, estimate
+        self._robot, self._estimate, self._arms = controller.robot, estimate, arms
         if not self._robot.frames:
             raise InputError(
                 f"hands need a robot with hands; the description of '{self._robot.name}' has none"
             )
         self.settings = settings
         self._edges, self._height = edges, height
-        self._arms = {role: HandArm(self._robot, frame) for role, frame in self._robot.frames.items()}
-        self._frames = {role: arm.frame for role, arm in self._arms.items()}
         hands = {}
         for index, (role, frame) in enumerate(self._robot.frames.items()):
-            arm = self._arms[role]
-            given = arm.compliance()
-            compliance = settings.compliance if given is None else given
-            task = controller.add(
-                AdmittanceTask(
-                    frame,
-                    name=f"{role} force",
-                    admittance=(compliance / (4.0 * settings.lag), 0.0),
-                    weight=0.0,
-                    stiffness=settings.stiffness,
-                    velocity_bound=(2.0 * settings.approach, 0.1),
-                    time_constant=SMOOTHING,
-                )
+            task = AdmittanceTask(
+                frame,
+                name=f"{role} force",
+                admittance=(0.0, 0.0),
+                weight=0.0,
+                stiffness=STIFFNESS,
+                velocity_bound=(2.0 * settings.approach, 0.1),
+                time_constant=SMOOTHING,
             )
-            hands[role] = Hand(self._robot, role, index, task, arm.axis(), settings)
+            hands[role] = hand = Hand(self._robot, role, index, controller.add(task), settings)
+            compliance = hand.arm.compliance() or settings.compliance
+            task.admittance = (compliance / (4.0 * settings.lag), 0.0)
         self.all: Mapping[str, Hand] = MappingProxyType(hands)
-        self._targets = {} if arms is None else {arm.name: arm for arm in arms.hands}
-        if arms is not None:
-            arms.occupied.update(hands)
+        arms.occupied.update(hands)
         self._outside = np.zeros(6)  # measured, filtered, at the world origin
         self._felt = np.zeros((len(hands), 6))  # measured, filtered, at each hand in world axes
-        self._measurement: Measurement | None = None  # the last one
-        self._borne = np.zeros((len(hands), 6))  # the same, the slow share of hands that grip
-        self._missing = np.zeros(2)
+        self._borne = np.zeros((len(hands), 6))  # the same, the slow part of hands that grip
         self._slow = np.zeros(6)  # of hands that grip, filtered once more
-        self._middle = MovingFrame(settings.follow)
+        self._missing = np.zeros(2)
+        self._measurement: Measurement | None = None  # the last one
+        self._middle: MovingFrame | None = None
         self._acting = False
         self._turn, self._start_yaw, self.slip = GyroTurn(), self._yaw, 0.0
         self._imu = self._estimate.placement(self._estimate.imu_frame)
-        self._shift = ComShift()
+        self._shift = Follower(SHIFT_TIME, np.zeros(2))
 
     @property
     def _yaw(self) -> float:
@@ -156,7 +152,7 @@ class Hands:
     @property
     def shift(self) -> Array:
         """Shift of the CoM for the planned forces, shape (2,), m."""
-        return self._shift.value
+        return np.asarray(self._shift.value)
 
     @property
     def outside(self) -> Array:
@@ -190,7 +186,7 @@ class Hands:
 
         Zero looks along x, with the left hand to the left.
         """
-        left, right = (self._estimate.placement(self._frames[hand]).translation for hand in HANDS)
+        left, right = (self._place(hand).translation for hand in HANDS)
         return math.atan2(right[0] - left[0], left[1] - right[1]) + self.slip
 
     def point(self, hand: str, ahead: float, below: float, outward: float = 0.09) -> Array:
@@ -205,8 +201,7 @@ class Hands:
         Raises:
             UnknownNameError: No such hand.
         """
-        arm = self._arms[choose("hand", hand, self._arms)]
-        robot = self._robot
+        arm, robot = self.all[choose("hand", hand, self.all)].arm, self._robot
         trunk = robot.placement(robot.base_frame)
         yaw = heading(trunk.rotation)
         c, s, left = math.cos(yaw), math.sin(yaw), math.copysign(outward, trunk.actInv(arm.shoulder)[1])
@@ -280,7 +275,7 @@ class Hands:
                 f"{hand} must let go of what it presses on before it grips: release('{hand}') and wait until it is "
                 f"free, it presses with {self.all[hand].pressed:.0f} N"
             )
-        if hand in self._targets and self._targets[hand].target is not None:
+        if self._arms[hand].target is not None:
             raise InputError(
                 f"{hand} must have no target when it presses or grips: arms['{hand}'].release() takes the one it has"
             )
@@ -300,7 +295,7 @@ class Hands:
             raise InputError(f"point for {hand} (m) must be given to grip, got None")
         if at is not None:
             point = finite_array(f"point for {hand} (m)", at, (3,))
-            arm = self._arms[hand]
+            arm = self.all[hand].arm
             far, reach = float(np.linalg.norm(point - arm.shoulder)), arm.reach + self.settings.length
             if far > reach:
                 raise InputError(
@@ -339,13 +334,17 @@ class Hands:
 
         The direction is in the world, of length 1, shape (3,).
         """
-        return self._arms[hand].strength(direction, self.settings.share)
+        return self.all[hand].arm.strength(direction, self.settings.share)
+
+    def _place(self, hand: str) -> pin.SE3:
+        """Return the placement of a hand as estimated."""
+        return self._estimate.data.oMf[self.all[hand].arm.frame]
 
     def _check_loss(self, hand: str, along: Array, force: float, at: Array | None) -> None:
         """Check that the robot survives if what it presses on, at a point or where it is now, gives way."""
         ground = float(self._estimate.com[2]) - self._height
         point = np.array([*self._estimate.com[:2], ground])
-        held, own = np.zeros(2), np.zeros(2)  # offset by the other hands, and by 1 N of this one
+        held, own = np.zeros(2), np.zeros(2)  # offset of the ZMP by the other hands, and by 1 N of this one
         for name, other in self.all.items():
             push, place = other.force.goal * other.direction * other.active, other.destination
             if name == hand:
@@ -357,22 +356,16 @@ class Hands:
                 own = offset
             else:
                 held += offset
-
-        def margin(force: float) -> float:
-            """Return the distance of the ZMP inside the edge of the soles after all forces are lost, m."""
-            total = held + force * own
-            size = math.hypot(total[0], total[1])
-            return self._to_edge(total if size > 1e-9 else own, self._yaw) - self.settings.margin - size
-
-        if math.hypot(own[0], own[1]) < 1e-9:
-            return
-        if margin(force) < 0.0:
-            most = brentq(margin, 0.0, force) if margin(0.0) > 0.0 else 0.0
-            size = math.hypot(*(held + force * own))
+        c, s = math.cos(self._yaw), math.sin(self._yaw)
+        ahead = np.array(((c, s), (-s, c)))
+        held, own = ahead @ held, ahead @ own
+        room = np.subtract(self._edges, self.settings.margin)  # to toes and side
+        most = float(np.min((room - np.sign(own) * held) / np.maximum(np.abs(own), 1e-9)))
+        if force > most:
+            moved = 1e3 * math.hypot(*(held + force * own))
             raise InputError(
-                f"{hand} may press with {most:.0f} N there on what may give way: a sudden loss of {force:g} N would "
-                f"move the ZMP by {1e3 * size:.0f} mm of {1e3 * (size + margin(force)):.0f} mm to the edge of the "
-                "soles (firm=True for what cannot)"
+                f"{hand} may press with {max(most, 0.0):.0f} N there on what may give way: a sudden loss of {force:g} "
+                f"N would move the ZMP by {moved:.0f} mm, beyond the edge of the soles (firm=True for what cannot)"
             )
 
     # ---- in a tick ------------------------------------------------------------------------------------------------
@@ -392,6 +385,8 @@ class Hands:
             return None
         zmp = reference.pendulum.zmp
         feet = [motion.placement.translation for motion in reference.feet]
+        if self._middle is None:
+            self._middle = MovingFrame(feet, reference.heading)
         self._middle.update(feet, reference.heading, dt)
         readings = measurement.hand_wrenches
         quick, slow = -math.expm1(-dt / FILTER_TIME), -math.expm1(-dt / SLOW_TIME)
@@ -399,7 +394,7 @@ class Hands:
         for name, hand in self.all.items():
             if not hand.active:
                 continue
-            place = self._estimate.data.oMf[self._frames[name]]
+            place = self._place(name)
             hand.sense(None if readings is None else readings[hand.index], dt)
             wrench = hand.reading - hand.tare
             most = self.strength(name, hand.direction)[0] if hand.state is HandState.HOLD else math.inf
@@ -419,14 +414,13 @@ class Hands:
         self._yield(rests)
         self._outside += quick * (felt + pulled - self._outside)
         self._slow += slow * (pulled - self._slow)
-        self._shift.follow(
-            self._lean(-zmp_offset(planned + self._slow, zmp, self._weight), reference.heading), dt
-        )
-        self._acting = pressing or not self._shift.still or float(np.abs(self._outside[:3]).max()) > 0.1
+        lean = self._lean(-zmp_offset(planned + self._slow, zmp, self._weight), reference.heading)
+        self._shift.follow(lean - self._shift.value, dt)
+        moves = float(np.abs(self._shift.value).max() + np.abs(self._shift.velocity).max()) >= 1e-5
+        self._acting = pressing or moves or float(np.abs(self._outside[:3]).max()) > 0.1
         if not self._acting:
             self._outside[:] = self._slow[:] = 0.0
-            self._middle = MovingFrame(self.settings.follow)
-            self._shift.reset()
+            self._middle, self._shift = None, Follower(SHIFT_TIME, np.zeros(2))
         return self._outside
 
     def _yield(self, rests: bool) -> None:
@@ -444,9 +438,7 @@ class Hands:
         size, limit = len(gripping) * float(np.linalg.norm(mean)), sum(hand.force.goal for hand in gripping)
         excess = np.tile((max(0.0, size - limit) / max(size, 1e-9)) * mean, (len(gripping), 1))
         if len(gripping) == 2:
-            first, second = (
-                self._estimate.data.oMf[self._frames[hand.name]].translation for hand in gripping
-            )
+            first, second = (self._place(hand.name).translation for hand in gripping)
             line = (second - first) / max(float(np.linalg.norm(second - first)), 1e-6)
             excess += np.outer((forces - mean) @ line, line)
         if rests:
@@ -474,7 +466,8 @@ class Hands:
 
     def shifted(self, pendulum: Pendulum) -> Pendulum:
         """Return a reference of the pendulum without hands, moved for their forces."""
-        return self._shift.applied(pendulum)
+        shift = self._shift
+        return pendulum.moved(*(np.append(x, 0.0) for x in (shift.value, shift.velocity, shift.acceleration)))
 
     def help(self, missing: Array, zmp: Array, dt: float) -> None:
         """Distribute a moment that the feet cannot give to the hands that press, by least squares.
@@ -486,7 +479,7 @@ class Hands:
         if not pressing or self.settings.help == 0.0:
             self._missing[:] = 0.0
             return
-        arms = [self._estimate.data.oMf[self._frames[hand.name]].translation - zmp for hand in pressing]
+        arms = [self._place(hand.name).translation - zmp for hand in pressing]
         levers = np.array(
             [np.cross(arm, -hand.direction)[:2] for arm, hand in zip(arms, pressing, strict=True)]
         ).T
@@ -507,7 +500,7 @@ class Hands:
         """
         robot = self._robot
         total = np.zeros(robot.nv)
-        for name, hand in self.all.items():
+        for hand in self.all.values():
             if hand.state is HandState.HOLD:
                 wrench = np.concatenate((-hand.target * hand.direction, np.zeros(3)))
             elif hand.state is HandState.GRIP:
@@ -515,6 +508,6 @@ class Hands:
             else:
                 continue
             total += wrench @ pin.getFrameJacobian(
-                robot.model, robot.data, self._frames[name], pin.LOCAL_WORLD_ALIGNED
+                robot.model, robot.data, hand.arm.frame, pin.LOCAL_WORLD_ALIGNED
             )
         return total

@@ -4,12 +4,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 import pinocchio as pin
 
 from wbc.core.errors import Array
 from wbc.tasks.trajectories import Quintic
+
+FOLLOW = 0.25
+"""Time constant of each of two low-passes with which a hand that grips follows the feet, s."""
 
 
 class Ramp:
@@ -42,37 +46,50 @@ class Ramp:
             self.value = self._curve.at(self._elapsed)[0]
 
 
-class MovingFrame:
-    """Middle of both feet as planned, on the ground, smoothed: what a hand holds goes with it.
+class Follower:
+    """Value that follows its goal like a critically damped mass: two low-passes in a row.
 
     Attributes:
-        placement: In the world.
-        velocity: Of its origin, shape (3,), m/s.
-        turning: Speed about the vertical, rad/s.
+        value: Present value, a number or an array.
+        velocity: Its derivative.
+        acceleration: The derivative of that.
     """
 
-    def __init__(self, time_constant: float) -> None:
-        """Begin at the first update; the time constant, s, is that of both filters in a row."""
+    def __init__(self, time_constant: float, value: Any) -> None:
+        """Rest at a value; the time constant, s, is that of each low-pass."""
         self._rate = 1.0 / time_constant
-        self._yaw = self.turning = 0.0
-        self._began = False
-        self.placement, self.velocity = pin.SE3.Identity(), np.zeros(3)
+        self.value = value
+        self.velocity = self.acceleration = 0.0 * value
+
+    def follow(self, error: Any, dt: float) -> None:
+        """Advance by a period, s, towards a goal: `error` is goal minus value."""
+        self.acceleration = self._rate * self._rate * error - 2.0 * self._rate * self.velocity
+        self.velocity = self.velocity + dt * self.acceleration
+        self.value = self.value + dt * self.velocity
+
+
+class MovingFrame:
+    """Frame in the middle of both planned feet, on the ground, smoothed: what a hand holds moves with it."""
+
+    def __init__(self, feet: Sequence[Array], yaw: float) -> None:
+        """Begin between planned places of both feet, each of shape (3,), m, with a heading, rad."""
+        self._point, self._yaw = Follower(FOLLOW, 0.5 * (feet[0] + feet[1])), Follower(FOLLOW, yaw)
 
     def update(self, feet: Sequence[Array], yaw: float, dt: float) -> None:
         """Follow the planned places of both feet, each of shape (3,), m, and the heading, rad."""
-        middle = 0.5 * (feet[0] + feet[1])
-        if not self._began:
-            self._began, self._yaw, self._point = True, yaw, middle
-        rate = self._rate
-        # Critically damped.
-        self.velocity = self.velocity + dt * (
-            rate * rate * (middle - self._point) - 2.0 * rate * self.velocity
-        )
-        self._point = self._point + dt * self.velocity
-        error = math.remainder(yaw - self._yaw, 2.0 * math.pi)
-        self.turning += dt * (rate * rate * error - 2.0 * rate * self.turning)
-        self._yaw += dt * self.turning
-        self.placement = pin.SE3(pin.rpy.rpyToMatrix(0.0, 0.0, self._yaw), self._point)
+        self._point.follow(0.5 * (feet[0] + feet[1]) - self._point.value, dt)
+        self._yaw.follow(math.remainder(yaw - self._yaw.value, 2.0 * math.pi), dt)
+
+    @property
+    def placement(self) -> pin.SE3:
+        """Placement in the world."""
+        return pin.SE3(pin.rpy.rpyToMatrix(0.0, 0.0, self._yaw.value), self._point.value)
+
+    def velocity(self, point: Array) -> Array:
+        """Return the velocity of a point that goes with the frame, both in the world, shape (3,), m and m/s."""
+        lever = point - self._point.value
+        moved: Array = self._point.velocity + self._yaw.velocity * np.array((-lever[1], lever[0], 0.0))
+        return moved
 
 
 def quintic_part(time: float, duration: float, begin: float, end: float) -> tuple[float, float, float]:

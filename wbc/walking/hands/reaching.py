@@ -13,7 +13,7 @@ a target an arm is held by the posture, or swings with the opposite foot.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Annotated, Protocol
+from typing import Annotated, Any
 
 import numpy as np
 import pinocchio as pin
@@ -31,6 +31,7 @@ from wbc.tasks.motion.posture import PostureTask
 from wbc.tasks.motion.relative import RelativeFrameTask
 from wbc.tasks.trajectories import Trajectory, approach
 from wbc.walking.hands.arm_swing import ArmSwing
+from wbc.walking.hands.hand import Hand
 from wbc.walking.pattern.swing import FootMotion
 
 ARRIVED = 1e-3
@@ -40,12 +41,17 @@ WORLD, PELVIS = "world", "pelvis"
 """Frames of targets that are always there."""
 
 
-class Occupied(Protocol):
-    """A hand that may press or grip, and then takes no target."""
+STIFFNESS, BLEND = 100.0, 0.3
+"""Stiffness of the task of a hand, 1/s²; time over which its weight rises and falls, s."""
 
-    @property
-    def active(self) -> bool:
-        """True while the hand presses, grips, or is on its way to it."""
+ERROR_BOUND = (0.05, 0.3)
+"""Greatest error of the hand that acts, m, and of its rotation, rad."""
+
+TURN_SPEED, TURN_ACCELERATION = 1.5, 6.0
+"""Greatest angular speed, rad/s, and acceleration, rad/s², of the reference."""
+
+LEAD = 0.1
+"""Error of the hand at which its reference waits, m (of the rotation, rad)."""
 
 
 @settings
@@ -54,30 +60,16 @@ class ArmSettings:
 
     Attributes:
         weight: Hand with a target, cost per (m/s²)² and (rad/s²)².
-        stiffness: 1/s².
-        error_bound: Greatest error of the hand that acts, m.
-        turn_bound: The same of its rotation, rad.
         speed: Greatest speed of the reference of a hand, m/s.
         acceleration: Its greatest acceleration, m/s².
-        turn_speed: Greatest angular speed of the reference, rad/s.
-        turn_acceleration: Its greatest angular acceleration, rad/s².
-        lead: Error of the hand at which its reference waits, m (of the rotation, rad).
-        blend: Time over which the weight of a hand's task rises and falls, s.
         waist: Hands with targets move the joints of the waist as well.
         swing: Swing of arms without targets, m/m: displacement of a hand forward for each metre that the other side's
             foot is ahead of its own. 0 holds them still.
     """
 
     weight: Positive = 100.0
-    stiffness: Annotated[Positive, "1/s²"] = 100.0
-    error_bound: Annotated[Positive, "m"] = 0.05
-    turn_bound: Annotated[Positive, "rad"] = 0.3
     speed: Annotated[Positive, "m/s"] = 0.5
     acceleration: Annotated[Positive, "m/s²"] = 2.0
-    turn_speed: Annotated[Positive, "rad/s"] = 1.5
-    turn_acceleration: Annotated[Positive, "rad/s²"] = 6.0
-    lead: Annotated[Positive, "m"] = 0.1
-    blend: Annotated[Positive, "s"] = 0.3
     waist: bool = False
     swing: Annotated[NonNegative, "m/m"] = 0.0
 
@@ -98,7 +90,7 @@ class Arm:
         dt: float,
         settings: ArmSettings,
         objects: Mapping[str, tuple[pin.SE3, Array]],
-        occupied: Mapping[str, Occupied],
+        occupied: Mapping[str, Hand],
     ) -> None:
         """Leave the arm to the posture.
 
@@ -140,13 +132,7 @@ class Arm:
         """
         if self._goal is None or not self._on:
             return np.full(6, np.nan)
-        here = self._pose_of(self._within).actInv(self._robot.placement(self.frame))
-        error = np.concatenate(
-            [self._goal.translation - here.translation, pin.log3(self._goal.rotation @ here.rotation.T)]
-        )
-        if self._point:
-            error[3:] = 0.0
-        return error
+        return self._left(self._pose_of(self._within).actInv(self._robot.placement(self.frame)))
 
     @property
     def moving(self) -> bool:
@@ -155,10 +141,8 @@ class Arm:
             return False
         if self._trajectory is not None:
             return True
-        left = self._reference.actInv(self._goal)
-        return bool(
-            np.linalg.norm(left.translation) > ARRIVED or pin.AngleAxis(left.rotation).angle > ARRIVED
-        )
+        left = self._left(self._reference)
+        return bool(np.linalg.norm(left[:3]) > ARRIVED or np.linalg.norm(left[3:]) > ARRIVED)
 
     @property
     def speed(self) -> float:
@@ -262,11 +246,10 @@ class Arm:
     # ---- the tick -----------------------------------------------------------------------------------------------
 
     def update(self) -> None:
-        """Move the reference on and hand it to the task; does nothing without one."""
+        """Move the reference on and hand it to the task; the hand is active."""
         s, dt = self._settings, self._dt
-        self._ratio = (
-            min(1.0, self._ratio + dt / s.blend) if self._on else max(0.0, self._ratio - dt / s.blend)
-        )
+        change = dt / BLEND if self._on else -dt / BLEND
+        self._ratio = min(1.0, max(0.0, self._ratio + change))
         task = self._tasks[self._within == PELVIS]
         weight = np.full(6, s.weight * self._ratio**2 * (3.0 - 2.0 * self._ratio))
         if self._point:
@@ -275,54 +258,43 @@ class Arm:
         solution = self._controller.solution
         if solution is not None:
             task.spared_acceleration = solution.accelerations[self._spared]
-        assert self._goal is not None
-        error = task.error
-        goal, reference = self._goal, self._reference
-        displacement = np.concatenate(
-            [goal.translation - reference.translation, pin.log3(goal.rotation @ reference.rotation.T)]
-        )
-        if self._point:
-            displacement[3:] = 0.0
-        before = self._velocity.copy()
-        if self._trajectory is not None:
-            self._follow(task, *self._along(self._trajectory, error))
+        error, before, reference = task.error, self._velocity.copy(), self._reference
+        behind = [float(np.linalg.norm(error[:3])), float(np.linalg.norm(error[3:]))]
+        pace = [min(1.0, max(0.0, 2.0 - 2.0 * off / LEAD)) for off in behind]
+        if self._trajectory is not None:  # more slowly where the hand stays behind
+            slower = pace[0] if self._point else min(pace)
+            self._elapsed += slower * dt
+            self._reference, velocity, push = self._course.motion(*self._trajectory.at(self._elapsed))
+            self._velocity = slower * velocity
+            if self._elapsed >= self._trajectory.duration:
+                self._trajectory = None
+            self._follow(task, slower * slower * push)
             return
-        for rows, speed, acceleration in (
-            (slice(0, 3), s.speed, s.acceleration),
-            (slice(3, 6), s.turn_speed, s.turn_acceleration),
+        left = self._left(reference)
+        for rows, granted, acceleration in (
+            (slice(0, 3), s.speed * pace[0], s.acceleration),
+            (slice(3, 6), TURN_SPEED * pace[1], TURN_ACCELERATION),
         ):
-            behind = float(np.linalg.norm(error[rows]))
-            granted = speed * min(1.0, max(0.0, 2.0 - 2.0 * behind / s.lead))
-            self._velocity[rows] = approach(displacement[rows], before[rows], granted, acceleration, dt)
+            self._velocity[rows] = approach(left[rows], before[rows], granted, acceleration, dt)
         reference.translation = reference.translation + dt * self._velocity[:3]
         reference.rotation = pin.exp3(dt * self._velocity[3:]) @ reference.rotation
-        self._follow(task, reference, self._velocity, (self._velocity - before) / dt)
+        self._follow(task, (self._velocity - before) / dt)
 
-    def _along(self, trajectory: Trajectory, error: Array) -> tuple[pin.SE3, Array, Array]:
-        """Move the reference on along a trajectory, more slowly where the hand stays behind."""
-        behind = float(np.linalg.norm(error[:3]))
-        if not self._point:
-            behind = max(behind, float(np.linalg.norm(error[3:])))
-        pace = min(1.0, max(0.0, 2.0 - 2.0 * behind / self._settings.lead))
-        self._elapsed += pace * self._dt
-        reference, velocity, acceleration = self._course.motion(*trajectory.at(self._elapsed))
-        self._reference, self._velocity = pin.SE3(reference), pace * velocity
-        if self._elapsed >= trajectory.duration:
-            self._trajectory = None
-        return self._reference, self._velocity, pace * pace * acceleration
+    def _left(self, here: pin.SE3) -> Array:
+        """Return displacement and rotation from a pose in the target's frame to the target, shape (6,), m and rad."""
+        goal = self._goal
+        assert goal is not None
+        turn = np.zeros(3) if self._point else pin.log3(goal.rotation @ here.rotation.T)
+        return np.concatenate([goal.translation - here.translation, turn])
 
-    def _follow(
-        self, task: PoseTask | RelativeFrameTask, reference: pin.SE3, velocity: Array, acceleration: Array
-    ) -> None:
-        if isinstance(task, RelativeFrameTask) or self._within == WORLD:
-            there = reference
-        else:
+    def _follow(self, task: PoseTask | RelativeFrameTask, acceleration: Array) -> None:
+        """Give the task the reference, which moves on in its frame with an acceleration, shape (6,)."""
+        there, velocity = self._reference, self._velocity
+        if self._within not in (WORLD, PELVIS):
             place, moving = self._objects[self._within]
-            there = place * reference
-            arm = there.translation - place.translation
-            turn = place.rotation
+            turn, there = place.rotation, place * there
             velocity = np.concatenate([turn @ velocity[:3], turn @ velocity[3:]]) + moving
-            velocity[:3] += np.cross(moving[3:], arm)
+            velocity[:3] += np.cross(moving[3:], there.translation - place.translation)
             acceleration = np.concatenate([turn @ acceleration[:3], turn @ acceleration[3:]])
         task.follow(pin.SE3(there), velocity, acceleration)
 
@@ -337,22 +309,17 @@ class Arm:
     def _task_of(self, within_pelvis: bool) -> PoseTask | RelativeFrameTask:
         """Return the task, added to the controller when it is used for the first time."""
         if within_pelvis not in self._tasks:
-            s = self._settings
-            bound = np.repeat([s.error_bound, s.turn_bound], 3)
-            task: PoseTask | RelativeFrameTask
-            if within_pelvis:
-                task = RelativeFrameTask(
-                    self.frame,
-                    self._robot.base_frame,
-                    name=f"{self.name} in the pelvis",
-                    weight=0.0,
-                    stiffness=s.stiffness,
-                    error_bound=bound,
-                )
-            else:
-                task = PoseTask(
-                    self.frame, name=self.name, weight=0.0, stiffness=s.stiffness, error_bound=bound
-                )
+            options: Any = {
+                "name": f"{self.name} in the pelvis" if within_pelvis else self.name,
+                "weight": 0.0,
+                "stiffness": STIFFNESS,
+                "error_bound": np.repeat(ERROR_BOUND, 3),
+            }
+            task: PoseTask | RelativeFrameTask = (
+                RelativeFrameTask(self.frame, self._robot.base_frame, **options)
+                if within_pelvis
+                else PoseTask(self.frame, **options)
+            )
             task.spared = self._spared
             task.set_by(f"walking.arms['{self.name}'].reach(…)")
             self._tasks[within_pelvis] = self._controller.add(task)
@@ -380,7 +347,7 @@ class Arms:
         self._com, self._posture, self._controller = com, posture, controller
         robot = controller.robot
         self._objects: dict[str, tuple[pin.SE3, Array]] = {}
-        self.occupied: dict[str, Occupied] = {}
+        self.occupied: dict[str, Hand] = {}
         self._hands = {
             name: Arm(controller, name, dt, settings, self._objects, self.occupied) for name in robot.frames
         }
