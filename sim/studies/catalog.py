@@ -53,8 +53,7 @@ ROUGH: dict[str, dict[str, Any]] = {
     "stones": {"terrain": "stones"},
     "cylinder obstacles": {"terrain": "cylinder_obstacles"},
     "cobble stones": {"terrain": "cobble_stones"},
-    "random w = 0.01": {"terrain": "random", "terrain_params": {"cutoff": 0.01}},
-    "random w = 0.1": {"terrain": "random", "terrain_params": {"cutoff": 0.1}},
+    **{f"random w = {w:g}": {"terrain": "random", "terrain_params": {"cutoff": w}} for w in (0.01, 0.1)},
 }
 """Rough grounds of the main table."""
 

@@ -252,7 +252,11 @@ def test_no_measurement_of_any_phase_gets_an_exception_or_a_wild_command() -> No
             return replace(measurement, **{name: BAD[kind](value)})
 
     got = take_over(
-        "hybrid", 250.0, 0.5, seconds=1.0, script=lambda m, r, t: where or where.append(r), kind=Faulty
+        *("hybrid", 250.0, 0.5),
+        seconds=1.0,
+        hang=2.0,
+        script=lambda m, r, t: where or where.append(r),
+        kind=Faulty,
     )
     assert got.stood and got.wild == 0 and got.report.reason == "stopped"
     assert all(told[phase] > 6 * len(faults) for phase in Phase if phase is not Phase.DAMPED)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import mujoco
 import numpy as np
 import pytest
+from properties import by_default
 
 import wbc
 from wbc.core.errors import InputError, UnknownNameError
@@ -26,7 +27,7 @@ def run(plant: SharedPlant, seconds: float, kind: type = wbc.PositionControl) ->
         plant.step({name: controls[name].command(m) for name, m in plant.measure().items()})
 
 
-@pytest.mark.parametrize("kind", [wbc.PositionControl, wbc.HybridControl])
+@pytest.mark.parametrize("kind", by_default([wbc.PositionControl, wbc.HybridControl], wbc.HybridControl))
 def test_robots_apart_from_each_other_stand_as_each_would_alone(kind: type) -> None:
     plant = SharedPlant({"one": HRP4, "two": G1}, places={"two": (1.0, 0.5, np.pi / 2)}, control_period=0.002)
     run(plant, 0.5, kind)

@@ -12,6 +12,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from properties import examples
+from scipy.spatial.transform import Rotation
 
 from wbc.core.errors import Array, InputError
 from wbc.core.settings import Positive
@@ -19,7 +20,8 @@ from wbc.sim.terrain.families import base
 from wbc.sim.terrain.families.base import FieldFamily, family, param, terrain_families
 from wbc.sim.terrain.families.fields import low_pass
 from wbc.sim.terrain.families.patchwork import stretches
-from wbc.sim.terrain.families.site import Site
+from wbc.sim.terrain.families.site import Site, centred
+from wbc.sim.terrain.shapes import Ellipsoid
 from wbc.sim.terrain.spec import Terrain, terrain
 
 NAMES = [n for n in terrain_families() if n not in ("flat", "image")]
@@ -354,6 +356,21 @@ def test_slats_leave_gaps_to_the_floor_of_the_pit() -> None:
 def test_high_plates_do_not_lean_out_of_the_track(name: str) -> None:
     for seed in range(8):
         assert terrain(name, 0.1, seed).shapes  # the ground is checked as it is built
+
+
+def test_the_top_of_a_tilted_ellipsoid_lies_on_it() -> None:
+    rng, size = np.random.default_rng(0), np.array([0.2, 0.1, 0.05])
+    shape = Ellipsoid(
+        np.array([0.1, -0.2, 0.3]), size, Rotation.from_euler("xyz", [0.5, -0.7, 0.4]).as_matrix()
+    )
+    x, y = (shape.position[i] + rng.uniform(-0.03, 0.03, 50) for i in (0, 1))
+    inside = (np.stack([x, y, shape.top(x, y)], axis=-1) - shape.position) @ shape.rotation / size
+    np.testing.assert_allclose(np.linalg.norm(inside, axis=1), 1.0)
+
+
+def test_points_between_two_ends_are_centred_and_one_stands_where_no_two_fit() -> None:
+    for width, expected in ((0.35, [0.025, 0.125, 0.225, 0.325]), (0.05, [0.025])):
+        np.testing.assert_allclose(centred(0.0, width, 0.1), expected)
 
 
 def test_height_field_of_solids_lies_on_the_solids() -> None:
