@@ -13,7 +13,7 @@ from wbc.core.control import Mode
 from wbc.core.errors import Array
 from wbc.core.robot import GRAVITY
 from wbc.core.settings import NonNegative, settings
-from wbc.motion import MotionClip, MotionControl, TrackSettings, first_configuration
+from wbc.motion import MotionClip, MotionControl, first_configuration, tracking_settings
 from wbc.sim.plant.falls import PelvisLimits
 from wbc.sim.trial.loop import Trial, TrialHook, TrialTick
 from wbc.sim.trial.result import TrialResult
@@ -85,7 +85,7 @@ class TrackTrial(Trial):
 
     @checked
     def __init__(
-        self, clip: MotionClip, spec: TrackSpec | None = None, track: TrackSettings | None = None
+        self, clip: MotionClip, spec: TrackSpec | None = None, track: WalkingControlSettings | None = None
     ) -> None:
         """Build robot, plant and controller; the robot stands as the clip begins.
 
@@ -104,9 +104,8 @@ class TrackTrial(Trial):
         plant.reset(plant.on_ground(q))
         observer.reset(q)
         robot.update(q, np.zeros(robot.nv))
-        control = MotionControl(
-            robot, clip, spec.period, _with_mode(track or TrackSettings(), spec.chosen), observer=observer
-        )
+        settings = replace(track or tracking_settings(), mode=spec.chosen)
+        control = MotionControl(robot, clip, spec.period, settings, observer=observer)
         limits = control.falls.settings
         super().__init__(plant, control, PelvisLimits(-limits.drop, limits.tilt))
         self._errors = _TrackMeter(robot.mass * GRAVITY)
@@ -198,7 +197,7 @@ class _TrackMeter(TrialHook):
 
 @checked
 def track_motion(
-    clip: MotionClip, spec: TrackSpec | None = None, track: TrackSettings | None = None
+    clip: MotionClip, spec: TrackSpec | None = None, track: WalkingControlSettings | None = None
 ) -> TrackResult:
     """Track a clip in the simulator; see `TrackTrial`.
 
@@ -216,8 +215,3 @@ def _vertical(quaternion: Array) -> tuple[float, float, float]:
     """Return the vertical axis of the world in a body's frame, from the body's orientation (x, y, z, w)."""
     x, y, z, w = quaternion.tolist()
     return 2.0 * (x * z - w * y), 2.0 * (y * z + w * x), 1.0 - 2.0 * (x * x + y * y)
-
-
-def _with_mode(track: TrackSettings, mode: Mode) -> TrackSettings:
-    walking: WalkingControlSettings = replace(track.walking, mode=mode)
-    return replace(track, walking=walking)

@@ -25,7 +25,7 @@ from wbc.motion import (
     read_motion,
     write_motion,
 )
-from wbc.motion.contacts import find_contacts
+from wbc.motion.contacts import find_contacts, runs
 from wbc.motion.feasible import centre_of_mass_shift
 from wbc.motion.footsteps import footsteps
 from wbc.motion.generator import MOTIONS
@@ -282,11 +282,11 @@ def test_the_friction_that_soles_need_is_that_of_the_forces_and_of_the_yaw_momen
 def test_contacts_are_found_and_flight_is_refused_with_its_time(g1: Robot) -> None:
     clip = make_motion(g1, "one_leg", 1)
     motion = BodyMotion.of(g1, clip.configurations(g1), clip.rate)
-    contacts = find_contacts(motion)
-    lifted = (~contacts.standing).any(axis=0)
+    _, stands = find_contacts(motion)
+    lifted = (~stands).any(axis=0)
     assert lifted.sum() == 1, "one foot leaves the ground"
     (begin, end), *_ = [
-        (np.argmin(column), len(column) - np.argmin(column[::-1])) for column in contacts.standing.T[lifted]
+        (np.argmin(column), len(column) - np.argmin(column[::-1])) for column in stands.T[lifted]
     ]
     assert 2.5 <= begin / clip.rate <= 3.2 and 5.8 <= end / clip.rate <= 6.5
     standing = np.ones((len(clip), 2), dtype=bool)
@@ -316,7 +316,7 @@ def test_a_contact_of_two_frames_at_two_heights_is_found_in_a_clip_of_few_frames
     speeds[5:7, 0] = 0.1, 0.3
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(BodyMotion, "sole_speed", lambda self: speeds)
-        standing = find_contacts(slow).standing
+        _, standing = find_contacts(slow)
     assert standing[:, 0].tolist() == [frame in (5, 6) for frame in range(12)] and standing[:, 1].all()
 
 
@@ -325,24 +325,24 @@ def test_steps_out_of_reach_are_shortened_and_the_body_comes_along(g1: Robot) ->
     clip = make_motion(g1, "steps", 1)
     q = clip.configurations(g1)
     motion = BodyMotion.of(g1, q, clip.rate)
-    contacts = find_contacts(motion, double_support=0.15)
-    same = footsteps(g1, motion, contacts, 0.1)
-    assert same.body is None and same.shortened == 0.0
-    first = contacts.stances(1)[1][0]  # where the right foot lands first
+    _, standing = find_contacts(motion, double_support=0.15)
+    same, body, shortened = footsteps(g1, motion, standing, 0.1)
+    assert body is None and shortened == 0.0
+    first = runs(standing[:, 1])[1][0]  # where the right foot lands first
     far = motion.sole_positions.copy()
     far[first:, 1, 0] += 0.6
-    moved = footsteps(g1, replace(motion, sole_positions=far), contacts, 0.1)
-    step = moved.soles[first][0].actInv(moved.soles[first][1])
-    longest = Reach.of(g1, float(np.median(motion.com[contacts.standing.sum(axis=1) == 1, 2]))).max_length
+    moved, body, shortened = footsteps(g1, replace(motion, sole_positions=far), standing, 0.1)
+    step = moved[first][0].actInv(moved[first][1])
+    longest = Reach.of(g1, float(np.median(motion.com[standing.sum(axis=1) == 1, 2]))).max_length
     assert step.translation[0] == pytest.approx(longest, abs=1e-3)
-    assert moved.shortened == pytest.approx(
-        0.6 + same.soles[first][0].actInv(same.soles[first][1]).translation[0] - longest, abs=2e-3
+    assert shortened == pytest.approx(
+        0.6 + same[first][0].actInv(same[first][1]).translation[0] - longest, abs=2e-3
     )
-    assert moved.body is not None
-    np.testing.assert_allclose(moved.body[0].homogeneous, np.eye(4), atol=1e-12)
-    assert moved.body[-1].translation[0] < -0.2
+    assert body is not None
+    np.testing.assert_allclose(body[0].homogeneous, np.eye(4), atol=1e-12)
+    assert body[-1].translation[0] < -0.2
     for side, sole in enumerate(sole_corners(g1)):
-        heights = [(sole @ pair[side].rotation[2]).min() + pair[side].translation[2] for pair in moved.soles]
+        heights = [(sole @ pair[side].rotation[2]).min() + pair[side].translation[2] for pair in moved]
         assert min(heights) > -1e-9
 
 
@@ -363,7 +363,7 @@ def test_both_soles_stay_loaded_where_no_step_is_near(g1: Robot) -> None:
     for least in (0.0, 0.15):
         result = make_feasible(g1, clip, FilterSettings(least_load=least, friction=9.0))
         motion = BodyMotion.of(g1, result.clip.configurations(g1), result.clip.rate)
-        load = load_shares(motion.sole_positions[..., :2], motion.zmp(), result.contacts.standing)
+        load = load_shares(motion.sole_positions[..., :2], motion.zmp(), result.clip.standing)
         shares.append(float(np.percentile(load.min(axis=1), 2.0)))
     spacing = float(np.linalg.norm(np.diff(motion.sole_positions[0], axis=0)))
     edge = 0.15 - 0.6 * 0.5 * g1.soles[0].width / spacing
@@ -413,11 +413,11 @@ def test_feet_leave_and_reach_their_places_from_above(g1: Robot) -> None:
     """A foot that drags or glides along the ground lands early, and beside its place."""
     clip = make_motion(g1, "steps", 1)
     motion = BodyMotion.of(g1, clip.configurations(g1), clip.rate)
-    contacts = find_contacts(motion, double_support=0.15)
-    steps, corners = footsteps(g1, motion, contacts, 0.1), sole_corners(g1)[1]
-    _, lift_off = contacts.stances(1)[0]
-    landing, _ = contacts.stances(1)[1]
-    path = [pair[1] for pair in steps.soles[lift_off - 1 : landing + 1]]
+    _, standing = find_contacts(motion, double_support=0.15)
+    (steps, *_), corners = footsteps(g1, motion, standing, 0.1), sole_corners(g1)[1]
+    _, lift_off = runs(standing[:, 1])[0]
+    landing, _ = runs(standing[:, 1])[1]
+    path = [pair[1] for pair in steps[lift_off - 1 : landing + 1]]
     for sole, place in [
         (path[3], path[0]),
         (path[-4], path[-1]),

@@ -6,7 +6,7 @@ from wbc.motion.feasible import FilterSettings, make_feasible
 from wbc.motion.files import read_motion, write_motion
 from wbc.motion.generator import make_motion
 from wbc.motion.measures import check_motion
-from wbc.motion.track import MotionControl, TrackSettings, first_configuration
+from wbc.motion.track import MotionControl, first_configuration, tracking_settings
 
 __all__ = [
     # Clips and their files
@@ -22,6 +22,6 @@ __all__ = [
     "make_feasible",
     # Tracked
     "MotionControl",
-    "TrackSettings",
     "first_configuration",
+    "tracking_settings",
 ]

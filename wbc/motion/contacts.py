@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Annotated, Any
 
 import numpy as np
@@ -39,32 +38,13 @@ class ContactSettings:
     double_support: Annotated[NonNegative, "s"] = 0.15
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Contacts:
-    """Contacts of both soles over time.
-
-    Attributes:
-        rate: Frames per second, Hz.
-        ground: Height of the ground in the clip's world, m.
-        standing: True where a sole stands, left and right, shape (T, 2).
-    """
-
-    rate: float
-    ground: float
-    standing: Array
-
-    def stances(self, side: int) -> list[tuple[int, int]]:
-        """Return first frame and the one after the last of each contact of a side, 0 left, 1 right."""
-        return _runs(self.standing[:, side])
-
-
 def find_contacts(
     motion: BodyMotion,
     settings: ContactSettings | None = None,
     known: Array | None = None,
     double_support: float = 0.0,
-) -> Contacts:
-    """Find the contacts of a motion on a flat ground, with a foot on it in every frame.
+) -> tuple[float, Array]:
+    """Return the height of a flat ground, m, and where soles stand on it, shape (T, 2): one at least in every frame.
 
     The ground is where soles at rest are: the 5th percentile of their lowest corners. The lowest point of the whole
     clip is no measure: one dip would make the rest float.
@@ -81,7 +61,7 @@ def find_contacts(
     """
     s = settings or ContactSettings()
     ground, standing = _contacts(motion, s, known)
-    for first, last in _runs(~standing.any(axis=1)):
+    for first, last in runs(~standing.any(axis=1)):
         begin, end = first / motion.rate, last / motion.rate
         if end - begin > s.flight + 1e-9:
             raise InputError(
@@ -91,13 +71,13 @@ def find_contacts(
         standing[first:last] = standing[first - 1] if first else standing[min(last, len(standing) - 1)]
     overlap = round(double_support * motion.rate)
     for side in (0, 1):
-        for _, last in _runs(standing[:, side]):
+        for _, last in runs(standing[:, side]):
             before = max(0, last - overlap)
             landed = np.flatnonzero(standing[before:last, 1 - side])
             if last < len(standing) and not standing[before:last, 1 - side].all():
                 landing = before + int(landed[0]) if landed.size else last
                 standing[last : landing + overlap, side] = True
-    return Contacts(motion.rate, ground, standing)
+    return ground, standing
 
 
 def _contacts(motion: BodyMotion, s: ContactSettings, known: Array | None) -> tuple[float, Array]:
@@ -124,22 +104,22 @@ def _contacts(motion: BodyMotion, s: ContactSettings, known: Array | None) -> tu
             now = (now or bool(begin[i])) and not bool(end[i])
             standing[i, side] = now
         column = standing[:, side]
-        for first, last in _runs(~column):
+        for first, last in runs(~column):
             if first > 0 and last < len(column) and last - first < s.gap * motion.rate:
                 column[first:last] = True
-        for first, last in _runs(column):
+        for first, last in runs(column):
             heights = motion.sole_positions[first:last, side, 2]
             off = abs(heights - np.median(heights))
             settled = np.flatnonzero((off < s.settle) | (off == off.min()))  # one at least
             column[first:last] = False
             column[first + settled[0] : first + settled[-1] + 1] = True
-        for first, last in _runs(column):
+        for first, last in runs(column):
             if last - first < s.shortest * motion.rate:
                 column[first:last] = False
     return ground, standing
 
 
-def _runs(flags: Any) -> list[tuple[int, int]]:
+def runs(flags: Any) -> list[tuple[int, int]]:
     """Return first index and the one after the last of each run of True."""
     edges = np.flatnonzero(np.diff(np.concatenate([[0], flags.astype(int), [0]])))
     return [(int(a), int(b)) for a, b in edges.reshape(-1, 2)]

@@ -29,7 +29,7 @@ from wbc.core.errors import Array, InputError
 from wbc.core.robot import BASE_DOF, GRAVITY, Robot
 from wbc.core.settings import NonNegative, Positive, Share, settings
 from wbc.motion.clip import LONGEST, MotionClip
-from wbc.motion.contacts import Contacts, ContactSettings, find_contacts
+from wbc.motion.contacts import ContactSettings, find_contacts
 from wbc.motion.footsteps import footsteps
 from wbc.motion.inverse_kinematics import InverseKinematics
 from wbc.motion.kinematics import BodyMotion
@@ -44,6 +44,13 @@ HELD = 0.01
 STRAIGHTENING = 5
 """Most passes that turn the trunk up until the waist can hold it."""
 
+BLEND, SHIFT, SMOOTHING = 0.1, 0.6, 0.03
+"""Times, s: in which a foot leaves and reaches its frozen place, from a step in which the load may leave a sole that
+stands, and the standard deviation of the last smoothing of all joints."""
+
+PASSES, STRETCHES, STRETCH = 8, 3, 1.2
+"""Passes of inverse kinematics and ZMP; passes, and factor, of time that is stretched around infeasible frames."""
+
 
 @settings
 class FilterSettings:
@@ -56,18 +63,12 @@ class FilterSettings:
         share: Greatest share of the limits of joint speeds, and of the torques of joints outside the legs.
         ease: Time in which the motion starts from rest and comes to rest, s.
         hold: Time at rest at both ends, s.
-        blend: Time in which a foot leaves and reaches its frozen place, s.
-        smoothing: Standard deviation of the last smoothing of all joints, s.
         sole_share: Share of length and width of each sole, about its centre, on which the ZMP stays; the rest is for
             feedback.
         least_load: Least share of the load of each sole, for a ZMP between their centres, where both stand and none is
             about to leave.
-        shift: Time from a step in which the load may leave a sole that stands, s.
         friction: Greatest coefficient of friction that forces and yaw moments of the soles may need; the rest is
             for feedback.
-        passes: Passes of inverse kinematics and ZMP.
-        stretch: Factor by which time is stretched around frames that are still not feasible.
-        stretches: Most of these stretches.
         contacts: Search for contacts.
     """
 
@@ -77,15 +78,9 @@ class FilterSettings:
     share: Annotated[Share, Positive] = 0.8
     ease: Annotated[NonNegative, "s"] = 0.4
     hold: Annotated[NonNegative, "s"] = 0.5
-    blend: Annotated[Positive, "s"] = 0.1
-    smoothing: Annotated[Positive, "s"] = 0.03
     sole_share: Annotated[Share, Positive] = 0.6
     least_load: Annotated[Share, Field(lt=0.5)] = 0.15
-    shift: Annotated[Positive, "s"] = 0.6
     friction: Positive = 0.5
-    passes: Annotated[int, Field(ge=1, le=20)] = 8
-    stretch: Annotated[float, Field(gt=1.0, le=3.0)] = 1.2
-    stretches: Annotated[int, Field(ge=0, le=20)] = 3
     contacts: ContactSettings = field(default_factory=ContactSettings)
 
 
@@ -96,7 +91,6 @@ class FeasibleMotion:
     Attributes:
         clip: The clip for tracking: all joints of the robot, its ground at z = 0, at rest at both ends.
         source_times: Time in the given clip of each frame, shape (T,), s.
-        contacts: Contacts of the clip.
         before: Measures of the given clip at the rate of the result.
         after: Measures of the result.
         changes: Joint → root mean square of the change, rad, for joints that changed; compared at the same frames.
@@ -108,7 +102,6 @@ class FeasibleMotion:
 
     clip: MotionClip
     source_times: Array
-    contacts: Contacts
     before: MotionMeasures
     after: MotionMeasures
     changes: dict[str, float]
@@ -145,30 +138,29 @@ def make_feasible(robot: Robot, clip: MotionClip, settings: FilterSettings | Non
     resampled = full.sampled(times, s.rate)
     motion = BodyMotion.of(robot, resampled.configurations(robot), s.rate)
     contacts = find_contacts(motion, s.contacts, resampled.standing)
-    before = measure(robot, motion, contacts, s.share, s.friction)
+    before = measure(robot, motion, *contacts, s.share, s.friction)
 
     smooth = _drawn_in(robot, _smooth(resampled, robot, s), s.share)
     speed = abs(np.gradient(smooth.joints, 1.0 / s.rate, axis=0))
     ratio = (speed / (s.share * robot.velocity_limit)).max(axis=1)
     pace = np.maximum(1.0, _envelope(np.maximum(ratio, 1.0), 0.3, 0.05, s.rate))
-    for attempt in range(s.stretches + 1):
+    for attempt in range(STRETCHES + 1):
         eased, source = _retime(smooth, pace, s)
-        motion, contacts, com_shift, shortened = _balanced(robot, eased, s)
-        after = measure(robot, motion, contacts, s.share, s.friction)
+        motion, standing, com_shift, shortened = _balanced(robot, eased, s)
+        after = measure(robot, motion, 0.0, standing, s.share, s.friction)
         slow = after.infeasible_frames
-        if attempt == s.stretches or not slow.any():
+        if attempt == STRETCHES or not slow.any():
             break
         bad = np.zeros(len(pace))
         frames = np.clip(np.round(source[slow] * s.rate).astype(int), 0, len(bad) - 1)
         bad[frames] = 1.0
-        pace = pace * np.where(maximum_filter1d(bad, max(1, round(s.rate))) > 0.0, s.stretch, 1.0)
+        pace = pace * np.where(maximum_filter1d(bad, max(1, round(s.rate))) > 0.0, STRETCH, 1.0)
     # The resampled clip lasts a whole number of frames, the given one a little more or less.
     source = np.minimum(source * (clip.duration / resampled.times[-1]), clip.duration)
     changed = motion.q[:, 7:] - full.sampled(source, s.rate).joints
     return FeasibleMotion(
-        MotionClip.of(robot, motion.q, s.rate, clip.name, contacts.standing),
+        MotionClip.of(robot, motion.q, s.rate, clip.name, standing),
         source,
-        contacts,
         before,
         after,
         _by_joint(robot, np.sqrt((changed**2).mean(axis=0))),
@@ -260,38 +252,33 @@ def _eased(t: Array, total: float, ease: float) -> Array:
     return np.asarray(way * ((total - ease) / way[-1]))
 
 
-def _balanced(robot: Robot, clip: MotionClip, s: FilterSettings) -> tuple[BodyMotion, Contacts, float, float]:
+def _balanced(robot: Robot, clip: MotionClip, s: FilterSettings) -> tuple[BodyMotion, Array, float, float]:
     """Freeze the feet, and move the centre of mass until the ZMP is inside the support.
 
-    Motion and contacts are returned, and by how much the centre of mass was shifted and a step was shortened, m.
+    Return the motion, where soles stand, and by how much the centre of mass was shifted and a step shortened, m.
     """
     q = clip.configurations(robot)
     motion = BodyMotion.of(robot, q, clip.rate)
-    contacts = find_contacts(motion, s.contacts, clip.standing, s.contacts.double_support)
-    q[:, 2] -= contacts.ground
+    ground, standing = find_contacts(motion, s.contacts, clip.standing, s.contacts.double_support)
+    q[:, 2] -= ground
     motion = BodyMotion.of(robot, q, clip.rate)
-    contacts = replace(contacts, ground=0.0)
-    steps = footsteps(robot, motion, contacts, s.blend)
-    soles = steps.soles
-    if steps.body is not None:
+    soles, body, shortened = footsteps(robot, motion, standing, BLEND)
+    if body is not None:
         q[:, :7] = [
-            pin.SE3ToXYZQUAT(move * pin.XYZQUATToSE3(base))
-            for move, base in zip(steps.body, q[:, :7], strict=True)
+            pin.SE3ToXYZQUAT(move * pin.XYZQUATToSE3(base)) for move, base in zip(body, q[:, :7], strict=True)
         ]
         motion = BodyMotion.of(robot, q, clip.rate)
     solver = InverseKinematics(robot, s.joint_margin)
-    supports = supports_of(robot, soles, contacts.standing, s.sole_share, _least_load(contacts, s))
+    supports = supports_of(robot, soles, standing, s.sole_share, _least_load(standing, s))
     q[:, 3:7] = _straightened(robot, q, clip.rate, s.share)
     # The ZMP is that of the centre of mass as it is asked for: what inverse kinematics makes of it has kinks, of
     # which second differences make metres.
     given = motion.com.copy()
     given[:, 2] = BodyMotion.of(robot, q, clip.rate).com[:, 2]
-    stands = gaussian_filter1d(
-        contacts.standing.astype(float), 0.25 * s.blend * clip.rate, axis=0, mode="nearest"
-    )
+    stands = gaussian_filter1d(standing.astype(float), 0.25 * BLEND * clip.rate, axis=0, mode="nearest")
     com = gaussian_filter1d(given, 0.02 * clip.rate, axis=0, mode="nearest")
     result = q
-    for _ in range(s.passes):
+    for _ in range(PASSES):
         result = solver.solve(q, soles, stands, com, result)
         motion = BodyMotion.of(robot, result, clip.rate)
         momentum = gaussian_filter1d(motion.momentum, 0.02 * clip.rate, axis=0)
@@ -306,20 +293,18 @@ def _balanced(robot: Robot, clip: MotionClip, s: FilterSettings) -> tuple[BodyMo
         com[:, 2] -= 2.0 * _envelope(np.where(low > 5e-4, low, 0.0), 0.6, 0.15, clip.rate)
     result = solver.solve(q, soles, stands, com, result)
     # Where a joint meets its limit there is a kink: a hundredth of a second of smoothing takes metres off the ZMP.
-    result = gaussian_filter1d(result, s.smoothing * clip.rate, axis=0, mode="nearest")
+    result = gaussian_filter1d(result, SMOOTHING * clip.rate, axis=0, mode="nearest")
     result[:, 3:7] /= np.linalg.norm(result[:, 3:7], axis=1, keepdims=True)
     motion = BodyMotion.of(robot, result, clip.rate)
     shift = float(np.linalg.norm((com - given)[:, :2], axis=1).max())
-    return motion, contacts, shift, steps.shortened
+    return motion, standing, shift, shortened
 
 
-def _least_load(contacts: Contacts, s: FilterSettings) -> Array:
+def _least_load(standing: Array, s: FilterSettings) -> Array:
     """Return the least share of the load of each of two soles that stand; zero next to a step, shape (T,)."""
-    alone = contacts.standing.sum(axis=1) < 2
-    near = maximum_filter1d(alone.astype(float), max(1, round(s.shift * contacts.rate)))
-    return np.asarray(
-        s.least_load * gaussian_filter1d(1.0 - near, s.shift / 6.0 * contacts.rate, mode="nearest")
-    )
+    alone = standing.sum(axis=1) < 2
+    near = maximum_filter1d(alone.astype(float), max(1, round(SHIFT * s.rate)))
+    return np.asarray(s.least_load * gaussian_filter1d(1.0 - near, SHIFT / 6.0 * s.rate, mode="nearest"))
 
 
 def _straightened(robot: Robot, q: Array, rate: float, share: float) -> Array:

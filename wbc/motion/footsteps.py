@@ -9,7 +9,7 @@ import pinocchio as pin
 
 from wbc.core.errors import Array
 from wbc.core.robot import Robot
-from wbc.motion.contacts import Contacts
+from wbc.motion.contacts import runs
 from wbc.motion.kinematics import BodyMotion, sole_corners
 from wbc.walking.planning.footsteps import heading
 from wbc.walking.planning.reach import STANDING, Reach, leg_geometry
@@ -19,22 +19,6 @@ CLEARANCE = 0.01
 
 SETTLE = 0.06
 """Time in which a foot rises to the clearance, and comes down from it, above its place, s."""
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Footsteps:
-    """Soles of every frame, with the body that goes with them.
-
-    Attributes:
-        soles: Placements of left and right sole, T pairs.
-        body: Motion over the ground that takes the given body to where the soles are, T placements; None where all
-            steps are within reach and nothing is moved.
-        shortened: Greatest distance by which a step was brought within reach, m.
-    """
-
-    soles: list[tuple[pin.SE3, pin.SE3]]
-    body: list[pin.SE3] | None
-    shortened: float
 
 
 @dataclass(slots=True, eq=False)
@@ -67,14 +51,26 @@ class _Stance:
         return self.place * self.given.inverse()
 
 
-def footsteps(robot: Robot, motion: BodyMotion, contacts: Contacts, blend: float) -> Footsteps:
-    """Return the footsteps of a clip on a ground at z = 0; feet leave and reach their places in `blend` seconds.
+def footsteps(
+    robot: Robot, motion: BodyMotion, standing: Array, blend: float
+) -> tuple[list[tuple[pin.SE3, pin.SE3]], list[pin.SE3] | None, float]:
+    """Return the footsteps of a clip on a ground at z = 0.
 
     A step that is longer, wider or turned further than the walk's planner allows at the height of the clip is brought
     within its reach; those after it keep their places relative to the other foot.
+
+    Args:
+        robot: The robot.
+        motion: The motion.
+        standing: True where a sole stands, shape (T, 2).
+        blend: Time in which a foot leaves and reaches its place, s.
+
+    Returns:
+        Left and right sole in each frame; the motion over the ground in each frame that takes the given body to where
+        the soles are, None where all steps are within reach; and the greatest distance by which a step was moved, m.
     """
-    stances = [[_Stance.of(motion, side, *frames) for frames in contacts.stances(side)] for side in (0, 1)]
-    shortened = _bring_within_reach(stances, _reach(robot, motion, contacts))
+    stances = [[_Stance.of(motion, side, *frames) for frames in runs(standing[:, side])] for side in (0, 1)]
+    shortened = _bring_within_reach(stances, _reach(robot, motion, standing))
     paths, moves = zip(
         *(_path(motion, side, stances[side], sole_corners(robot)[side], blend) for side in (0, 1)),
         strict=True,
@@ -82,13 +78,13 @@ def footsteps(robot: Robot, motion: BodyMotion, contacts: Contacts, blend: float
     body = None
     if any(stance.moved for side in stances for stance in side):
         body = [pin.SE3.Interpolate(left, right, 0.5) for left, right in zip(*moves, strict=True)]
-    return Footsteps(list(zip(*paths, strict=True)), body, shortened)
+    return list(zip(*paths, strict=True)), body, shortened
 
 
-def _reach(robot: Robot, motion: BodyMotion, contacts: Contacts) -> Reach:
+def _reach(robot: Robot, motion: BodyMotion, standing: Array) -> Reach:
     """Return the reach at the height of the clip on one foot; to the side that of half-sitting, as in a walk."""
     widest = Reach.of(robot)
-    alone = contacts.standing.sum(axis=1) == 1
+    alone = standing.sum(axis=1) == 1
     if not alone.any():
         return widest
     leg = leg_geometry(robot)

@@ -18,7 +18,7 @@ from wbc.core.arguments import checked
 from wbc.core.errors import Array
 from wbc.core.robot import Robot
 from wbc.motion.clip import MotionClip
-from wbc.motion.contacts import Contacts, find_contacts
+from wbc.motion.contacts import find_contacts
 from wbc.motion.kinematics import BodyMotion, sole_corners
 
 FLOATS = 0.02
@@ -138,9 +138,9 @@ class MotionMeasures:
 
 
 def measure(
-    robot: Robot, motion: BodyMotion, contacts: Contacts, share: float, friction: float
+    robot: Robot, motion: BodyMotion, ground: float, stands: Array, share: float, friction: float
 ) -> MotionMeasures:
-    """Measure a motion with a foot at least on the ground in each frame.
+    """Measure a motion on a ground at a height, m, of which one sole stands at least in each frame, shape (T, 2).
 
     Allowed are a share of the limits of joint speeds and torques, and a coefficient of friction.
     """
@@ -152,14 +152,13 @@ def measure(
         [pin.SE3(motion.sole_rotations[i, k], motion.sole_positions[i, k]) for k in (0, 1)]
         for i in range(len(motion.q))
     ]
-    areas = supports_of(robot, soles, contacts.standing)
-    zmp = motion.zmp(contacts.ground)
+    areas = supports_of(robot, soles, stands)
+    zmp = motion.zmp(ground)
     outside = np.array([area.outside(point) for area, point in zip(areas, zmp, strict=True)])
-    needed = motion.friction(robot, contacts.standing, contacts.ground)
-    both = np.logical_and(contacts.standing[1:], contacts.standing[:-1])
+    needed = motion.friction(robot, stands, ground)
+    both = np.logical_and(stands[1:], stands[:-1])
     path = np.linalg.norm(np.diff(motion.sole_positions[..., :2], axis=0), axis=-1)
-    lowest = motion.corners[..., 2].min(axis=2) - contacts.ground
-    stands = contacts.standing
+    lowest = motion.corners[..., 2].min(axis=2) - ground
     return MotionMeasures(
         duration=(len(motion.q) - 1) / motion.rate,
         joint_excess={name: float(value) for name, value in zip(names, excess, strict=True) if value > 1e-6},
@@ -204,4 +203,4 @@ def check_motion(
         InputError: The robot leaves the ground; the time at which it does is named.
     """
     motion = BodyMotion.of(robot, clip.configurations(robot), clip.rate)
-    return measure(robot, motion, find_contacts(motion, known=clip.standing), share, friction)
+    return measure(robot, motion, *find_contacts(motion, known=clip.standing), share, friction)

@@ -9,9 +9,6 @@ where it was lifted, and stands where it has landed. Early ground ends a swing.
 
 from __future__ import annotations
 
-from dataclasses import field
-from typing import Annotated
-
 import numpy as np
 import pinocchio as pin
 
@@ -20,7 +17,6 @@ from wbc.core.control import State
 from wbc.core.errors import Array, InputError, as_period
 from wbc.core.estimation.observer import Observer
 from wbc.core.robot import GRAVITY, Robot
-from wbc.core.settings import NonNegative, Positive, Share, settings
 from wbc.motion.clip import MotionClip
 from wbc.motion.contacts import find_contacts
 from wbc.motion.kinematics import BodyMotion, leg_joints
@@ -38,32 +34,23 @@ START = 0.1
 """Greatest distance of a joint from the first frame of a clip at which tracking may begin, rad."""
 
 
-@settings
-class TrackSettings:
-    """Settings of a clip's tracking.
+FADE = 0.2
+"""Time in which a foot that is lifted goes over to the path of the clip, s."""
 
-    Attributes:
-        walking: Mode, gains of the stabilizer, weights of the tasks.
-        posture_weight: Joints outside the legs, cost per (rad/s²)².
-        leg_weight: Joints of the legs, cost per (rad/s²)²; small, for soles, centre of mass and pelvis decide on them.
-        posture_stiffness: 1/s².
-        fade: Time in which a foot that is lifted goes over to the path of the clip, s.
-        touch_down: Load, as a share of the weight, at which a foot has met the ground before its time.
-        early: Time before the planned landing from which on such a load is a landing, s.
-    """
+TOUCH_DOWN, EARLY = 0.08, 0.1
+"""Load, as a share of the weight, at which a foot has met the ground before its time, and from how long before, s."""
 
-    walking: WalkingControlSettings = field(
-        default_factory=lambda: WalkingControlSettings(
-            distribution=DistributionSettings(torque_by_load=True),
-            tasks=TaskGains(moment_by_load=True, even_soles=True),
-        )
+POSTURE, LEGS, STIFFNESS = 1.0, 0.01, 100.0
+"""Costs per (rad/s²)² of the joints outside the legs, and of the legs: small, for soles, centre of mass and pelvis
+decide on them. Stiffness of both, 1/s²."""
+
+
+def tracking_settings() -> WalkingControlSettings:
+    """Return the settings of a walk's controller that tracks a clip: feet cost by their load, soles press evenly."""
+    return WalkingControlSettings(
+        distribution=DistributionSettings(torque_by_load=True),
+        tasks=TaskGains(moment_by_load=True, even_soles=True),
     )
-    posture_weight: Positive = 1.0
-    leg_weight: Positive = 0.01
-    posture_stiffness: Annotated[Positive, "1/s²"] = 100.0
-    fade: Annotated[Positive, "s"] = 0.2
-    touch_down: Share = 0.08
-    early: Annotated[NonNegative, "s"] = 0.1
 
 
 class ClipSource(ReferenceSource):
@@ -87,7 +74,7 @@ class ClipSource(ReferenceSource):
         robot: Robot,
         clip: MotionClip,
         dt: float,
-        settings: TrackSettings | None = None,
+        settings: WalkingControlSettings | None = None,
     ) -> None:
         """Put the clip where the robot stands; the motion begins with the first tick.
 
@@ -95,33 +82,33 @@ class ClipSource(ReferenceSource):
             robot: The robot, in the first frame of the clip, anywhere on level ground.
             clip: Clip of its joints.
             dt: Control period, s.
-            settings: Settings; the defaults when None.
+            settings: Mode, gains and weights; `tracking_settings` when None.
 
         Raises:
             UnknownNameError: The clip is of another robot.
             InputError: The robot leaves the ground in the clip; the time at which it does is named. A robot that does
                 not stand as the clip begins.
         """
-        s = settings or TrackSettings()
+        s = settings or tracking_settings()
         q = clip.configurations(robot)
-        contacts = find_contacts(BodyMotion.of(robot, q, clip.rate), known=clip.standing)
+        _, standing = find_contacts(BodyMotion.of(robot, q, clip.rate), known=clip.standing)
         _check_start(robot, q[0])
         self._soles = [robot.placement(sole.frame) for sole in robot.soles[:2]]
         left, right = (place.copy() for place in self._soles)
         ground = 0.5 * float(left.translation[2] + right.translation[2])
-        self.com_height = s.walking.com_height
+        self.com_height = s.com_height
         if self.com_height is None:
-            self.com_height = min(float(robot.com[2]) - ground, bent_height(robot, s.walking.drive.stretch))
+            self.com_height = min(float(robot.com[2]) - ground, bent_height(robot, s.drive.stretch))
         self.clip = placed(robot, clip, q[0], (left, right))
-        self.configurations, self.motion = clip_references(robot, self.clip, contacts.standing, ground, dt)
+        self.configurations, self.motion = clip_references(robot, self.clip, standing, ground, dt)
         self.tick = 0
         self.landings = 0
-        self._dt, self._fade = dt, s.fade
+        self._dt = dt
         self._places: list[pin.SE3] = [left, right]  # of feet that stand
         # Tick of lift-off, and offset from the clip there.
         self._swings: list[tuple[int, Array] | None] = [None, None]
         self._early = [False, False]  # feet that stand before their time
-        self._load, self._ahead = s.touch_down * robot.mass * GRAVITY, round(s.early / dt)
+        self._load, self._ahead = TOUCH_DOWN * robot.mass * GRAVITY, round(EARLY / dt)
 
     @property
     def finished(self) -> bool:
@@ -165,10 +152,10 @@ class ClipSource(ReferenceSource):
         if swing is None:
             return FootMotion.at_rest(self._places[side])
         begin, offset = swing
-        x = (i - begin) * self._dt / self._fade
+        x = (i - begin) * self._dt / FADE
         if x >= 1.0:
             return given
-        share, rate = 1.0 - x * x * (3.0 - 2.0 * x), -6.0 * x * (1.0 - x) / self._fade
+        share, rate = 1.0 - x * x * (3.0 - 2.0 * x), -6.0 * x * (1.0 - x) / FADE
         placement, turn = given.placement, pin.exp3(share * offset[3:])
         placement = pin.SE3(turn @ placement.rotation, placement.translation + share * offset[:3])
         return FootMotion(placement, given.velocity + rate * offset, given.acceleration)
@@ -190,7 +177,7 @@ class MotionControl(WalkingControl):
         robot: Robot,
         clip: MotionClip,
         dt: float,
-        settings: TrackSettings | None = None,
+        settings: WalkingControlSettings | None = None,
         *,
         observer: Observer | None = None,
     ) -> None:
@@ -200,16 +187,16 @@ class MotionControl(WalkingControl):
             robot: The robot, in the first frame of the clip, anywhere on level ground.
             clip: Clip of its joints.
             dt: Control period, s.
-            settings: Settings; the defaults when None.
+            settings: Mode, gains and weights; `tracking_settings` when None.
             observer: Estimates the robot's state; a new one when None.
         """
-        s = settings or TrackSettings()
+        s = settings or tracking_settings()
         source = ClipSource(robot, clip, as_period(dt), s)
-        super().__init__(robot, source, dt, s.walking, observer=observer)
+        super().__init__(robot, source, dt, s, observer=observer)
         posture = self.tasks.posture
-        weight = np.full(robot.na, s.posture_weight)
-        weight[leg_joints(robot)] = s.leg_weight
-        posture.stiffness, posture.weight = s.posture_stiffness, weight
+        weight = np.full(robot.na, POSTURE)
+        weight[leg_joints(robot)] = LEGS
+        posture.stiffness, posture.weight = STIFFNESS, weight
 
 
 @checked

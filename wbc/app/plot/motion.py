@@ -22,6 +22,7 @@ def draw_changes(robot: Robot, given: MotionClip, result: FeasibleMotion) -> Fig
         row[0] for row in grid(figure, 4, 1, sharex=True, height_ratios=(3, 2, 2, 1))
     )
     clip, time = result.clip, result.clip.times
+    standing = np.ones((len(clip), 2), dtype=bool) if clip.standing is None else clip.standing
     source = np.clip(result.source_times, 0.0, given.duration)
     before = given.sampled(source, clip.rate)
     most = sorted((n for n in result.changes if n in given.joint_names), key=lambda n: -result.changes[n])[
@@ -39,9 +40,7 @@ def draw_changes(robot: Robot, given: MotionClip, result: FeasibleMotion) -> Fig
     zmp = body.zmp()
     for axes, axis, label in ((forward, 0, "x (m)"), (sideways, 1, "y (m)")):
         low, high = (
-            getattr(np, bound)(
-                np.where(result.contacts.standing[..., None], body.corners[..., axis], fill), axis=(1, 2)
-            )
+            getattr(np, bound)(np.where(standing[..., None], body.corners[..., axis], fill), axis=(1, 2))
             for bound, fill in (("min", np.inf), ("max", -np.inf))
         )
         axes.fill_between(time, low, high, color="0.88", label="support")
@@ -50,9 +49,7 @@ def draw_changes(robot: Robot, given: MotionClip, result: FeasibleMotion) -> Fig
         axes.set_ylabel(label)
     legend(forward)
     for side, name in enumerate(("left", "right")):
-        stands.fill_between(
-            time, side + 0.1, side + 0.9, where=result.contacts.standing[:, side], color=SIDE_COLOURS[name]
-        )
+        stands.fill_between(time, side + 0.1, side + 0.9, where=standing[:, side], color=SIDE_COLOURS[name])
     stands.set_yticks([0.5, 1.5], ["left", "right"], color=BLACK)
     stands.set_xlabel("time (s)")
     return figure
