@@ -60,10 +60,6 @@ def text_of(page: Path) -> str:
     return text
 
 
-def blocks(page: Path, language: str) -> list[str]:
-    return [code for kind, code in FENCE.findall(text_of(page)) if kind == language]
-
-
 def programs(page: Path, *, slow: bool = True) -> list[tuple[int, str, str | None]]:
     """Line, program and the output that stands right behind it, for each program of a page.
 

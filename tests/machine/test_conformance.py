@@ -110,7 +110,6 @@ NA = DESCRIPTION.robot().na
 SWAP = np.arange(NA)
 SWAP[[3, 20]] = SWAP[[20, 3]]
 YAW = pin.rpy.rpyToMatrix(0.0, 0.0, np.pi / 2)
-MIRROR = np.diag([1.0, -1.0, 1.0])
 ONE = np.where(np.arange(NA) == 4, -1.0, 1.0)
 
 

@@ -22,7 +22,6 @@ from wbc.sim.plant.sensors import REALISTIC, SensorChain
 
 ROBOTS = ("hrp4_class", "talos", "g1")
 FEW_SPHERES = FlatFoot(ContactSpheres(row_spacing=0.1))
-IN_SPACE = PhysicsSettings(gravity=0.0)
 SIGNALS = ("joint_position", "joint_velocity", "angular_velocity", "specific_force", "sole_wrench")
 
 

@@ -36,6 +36,18 @@ def test_every_robot_stands_clear_of_every_scene(robot: str) -> None:
             assert np.abs(plant.data.qpos[address : address + 3] - start[address : address + 3]).max() < 2e-3
 
 
+@pytest.mark.parametrize("angle", [0.0, 90.0])
+def test_a_wall_stands_on_the_floor_with_its_face_at_its_distance(angle: float) -> None:
+    spec = mujoco.MjSpec()
+    make_scene("wall", distance=0.6, angle=angle, width=1.2, height=0.9).build(spec)
+    model = spec.compile()
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    place = pin.utils.rotate("z", np.radians(angle)).T @ data.geom_xpos[0]  # as seen by who looks at it
+    near, far = place - model.geom_size[0], place + model.geom_size[0]
+    np.testing.assert_allclose([*near, *far[1:]], [0.6, -0.6, 0.0, 0.6, 0.9], atol=1e-9)
+
+
 def test_a_plant_without_a_scene_has_neither_shapes_nor_wrist_sensors() -> None:
     plant = Plant(load("hrp4_class"))
     assert plant.measure().hand_wrenches is None

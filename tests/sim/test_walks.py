@@ -247,12 +247,6 @@ def test_who_lies_has_fallen_whatever_the_controller_believes() -> None:
     assert look() is FallReason.HEIGHT
 
 
-def _description() -> Any:
-    from wbc.robots import load  # noqa: PLC0415
-
-    return load("hrp4_class")
-
-
 class Poison(TrialHook):
     """Does what no hook should do."""
 

@@ -13,6 +13,7 @@ import pytest
 
 from wbc.app import cli
 from wbc.core.errors import InputError, UnknownNameError
+from wbc.feet.soles.soft import toe_sensor
 from wbc.feet.stiffness.model import DEFAULT_MODEL
 from wbc.sim.terrain.families.patchwork import stretches
 from wbc.sim.terrain.spec import terrain
@@ -58,6 +59,12 @@ def test_every_swing_is_accounted_for() -> None:
             "Sp^3",
         }
         assert step["wanted_nm_per_rad"] == 4.0 * step["cluster"] - 2.0
+
+
+def test_range_sensors_are_perfect_where_the_sensors_have_no_noise() -> None:
+    plant = WalkTrial(WalkSpec(foot="variable", policy="model", terrain="flat", noise="none")).plant
+    toe = toe_sensor(plant.foot)[2]  # type: ignore[arg-type]
+    assert plant.measure().sole_range == pytest.approx([toe, toe], abs=3e-3)
 
 
 @pytest.mark.slow

@@ -34,7 +34,6 @@ from wbc.tasks import (
     check_task,
 )
 
-STEP = 1e-6
 cases = pytest.mark.parametrize("case", MOTION_TASKS)
 robots = pytest.mark.parametrize("name", ROBOTS)
 
@@ -46,10 +45,6 @@ def bound(case: str, robot: Robot, rng: np.random.Generator) -> tuple[MotionTask
     task = MOTION_TASKS[case].make(robot)
     task.bind(robot)
     return task, q, v
-
-
-def velocity_of(task: MotionTask, robot: Robot, v: Array) -> Array:
-    return rows_of(task, robot)[0] @ v
 
 
 @robots
