@@ -46,7 +46,7 @@ def main(arguments: Sequence[str] | None = None) -> dict[str, Any]:
                 held = True
                 for name, tasks in hands.items():
                     for hand, task in tasks.items():
-                        plant.grip(name, hand, f"{name} {hand.removesuffix('_hand')} handle")
+                        plant.loops[name].grip(hand, f"{name} {hand.removesuffix('_hand')} handle")
                         task.move_to(task.target + [0.0, 0.0, options.lift], speed=0.1)
             view.update()
     board = plant.data.body("scene/board")

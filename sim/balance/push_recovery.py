@@ -12,8 +12,7 @@ import numpy as np
 from wbc.core.control import Mode
 from wbc.core.errors import InputError, positive
 from wbc.core.settings import Count, NonNegative, Positive, Seed, settings
-from wbc.robots import load
-from wbc.sim.balance.standing import MODES, Feedback, StandSpec, StandTrial, Sway
+from wbc.sim.balance.standing import MODES, Feedback, StandSpec, StandTrial
 from wbc.sim.trial.push import PUSH_DURATION, PushSchedule, WalkPush
 
 REST_SPEED = 0.1
@@ -69,9 +68,7 @@ def push_standing(spec: StandPushSpec) -> PushResult:
     """Push a standing robot; the same spec gives the same result."""
     push = WalkPush(time=spec.before, impulse=spec.impulse, direction=spec.direction, duration=spec.duration)
     trial = StandTrial(spec, [PushSchedule([push])])
-    plant = trial.plant
-    start, sway = plant.truth().com[:2].copy(), Sway()
-    trial.meters.append(sway)
+    plant, sway = trial.plant, trial.sway
     with trial.running():
         trial.advance(spec.seconds)
     pushed = sway.com[round(spec.before / spec.period) :]
@@ -79,7 +76,7 @@ def push_standing(spec: StandPushSpec) -> PushResult:
     return PushResult(
         recovered=not trial.fallen and speed < REST_SPEED,
         fell_at=plant.time if trial.fallen else None,
-        com_offset=max((float(np.linalg.norm(com[:2] - start)) for com in pushed), default=0.0),
+        com_offset=max((float(np.linalg.norm((com - sway.origin)[:2])) for com in pushed), default=0.0),
         failures=trial.control.failures,
     )
 
@@ -148,25 +145,14 @@ class PushTableSpec:
     steps: Literal["none", "allowed"] = "none"
 
     def __post_init__(self) -> None:
-        for robot in self.robot:
-            load(robot)
         self.specs()
 
     def specs(self) -> list[StandPushSpec]:
         """Return a spec for each cell of the table, robot by robot, mode by mode, direction by direction."""
+        same = ("duration", "after", "foot", "noise", "seed", "feedback", "steps")
+        common = {name: getattr(self, name) for name in same}
         return [
-            StandPushSpec(
-                robot=robot,
-                mode=mode,
-                direction=2.0 * math.pi * i / self.directions,
-                duration=self.duration,
-                after=self.after,
-                foot=self.foot,
-                noise=self.noise,
-                seed=self.seed,
-                feedback=self.feedback,
-                steps=self.steps,
-            )
+            StandPushSpec(robot=robot, mode=mode, direction=2.0 * math.pi * i / self.directions, **common)
             for robot in self.robot
             for mode in self.mode
             for i in range(self.directions)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from typing import Annotated, Any, ClassVar, Literal, get_args
@@ -18,7 +17,7 @@ from wbc.core.errors import Array, InputError
 from wbc.core.settings import Positive, settings
 from wbc.sim.plant.truth import GroundTruth
 from wbc.sim.trial.loop import Trial, TrialHook
-from wbc.sim.trial.result import TrialResult, rounded
+from wbc.sim.trial.result import TrialResult
 from wbc.sim.trial.spec import TrialSpec
 from wbc.tasks.balance import BalanceGains, balance_controller
 from wbc.walking.falls import FallReason
@@ -102,6 +101,7 @@ class StandTrial(Trial):
     Attributes:
         spec: The stand.
         control: The controller and its observer.
+        sway: Measures where the centre of mass is.
     """
 
     def __init__(self, spec: StandSpec, scenario: Sequence[TrialHook] = ()) -> None:
@@ -110,42 +110,43 @@ class StandTrial(Trial):
         robot, plant, observer = spec.build(OBSERVER if spec.steps == "allowed" else None)
         self.control: PositionControl | TorqueControl
         if spec.steps == "allowed":
-            walking = SteppingControl(
+            walking: Any = SteppingControl(
                 robot, spec.period, SteppingControlSettings(mode=spec.chosen), observer=observer
             )
             self.control = walking.control
-            super().__init__(plant, walking, scenario=scenario)
-            return
-        controller = balance_controller(robot, spec.period, spec.gains)
-        if spec.mode == "position":
-            self.control = PositionControl(controller, observer, feedback=spec.feedback)
         else:
-            self.control = (TorqueControl if spec.mode == "torque" else HybridControl)(controller, observer)
-        super().__init__(plant, self.control, scenario=scenario)
+            controller = balance_controller(robot, spec.period, spec.gains)
+            if spec.mode == "position":
+                self.control = PositionControl(controller, observer, feedback=spec.feedback)
+            else:
+                self.control = (TorqueControl if spec.mode == "torque" else HybridControl)(
+                    controller, observer
+                )
+            walking = self.control
+        super().__init__(plant, walking, scenario=scenario)
+        self.sway = Sway(plant.truth().com)
+        self.meters.append(self.sway)
 
     def find_fall(self) -> FallReason | None:
         """Return why the robot has fallen in truth: a controller that stands may take a slide for a fall."""
         return None if self.plant.diverged else self.true_fall()
 
-    def run(self, hooks: Sequence[TrialHook] = ()) -> StandResult:
-        """Stand for the time of the spec and return the result; raises `DivergedError` where there is none."""
-        spec, sway = self.spec, Sway()
-        self.meters.append(sway)
-        target = np.array(self.plant.truth().com)
-        with self.running(hooks):
-            start = time.perf_counter()
-            self.advance(spec.seconds)
-            elapsed = time.perf_counter() - start
-        half = len(sway.com) // 2
-        error = np.linalg.norm((np.array(sway.com) - target)[half:, :2], axis=1)
+    def simulate(self) -> None:
+        """See `Trial`."""
+        self.advance(self.spec.seconds)
+
+    def result(self) -> StandResult:
+        """Return how still it stood in the second half."""
+        spec, half = self.spec, len(self.sway.com) // 2
+        error = np.linalg.norm((np.array(self.sway.com) - self.sway.origin)[half:, :2], axis=1)
         return StandResult(
             robot=spec.robot,
             mode=spec.chosen,
             upright=not self.fallen,
-            com_error_mm=rounded(1e3 * error.max()),
-            zmp_noise_mm=rounded(1e3 * np.sqrt(np.nanvar(np.array(sway.zmp)[half:], axis=0).sum())),
-            real_time_factor=rounded(self.plant.time / elapsed),
-            tick_us={name: rounded(value) for name, value in self.tick_us().items()},
+            com_error_mm=float(1e3 * error.max()),
+            zmp_noise_mm=float(1e3 * np.sqrt(np.nanvar(np.array(self.sway.zmp)[half:], axis=0).sum())),
+            real_time_factor=self.real_time_factor,
+            tick_us=self.tick_us(),
             seconds=self.plant.time,
             steps_taken=self.walking.steps_done if spec.steps == "allowed" else 0,
             failures=self.control.failures,
@@ -157,9 +158,16 @@ class StandTrial(Trial):
 
 
 class Sway(TrialHook):
-    """True centre of mass and zero-tilting moment point after each control period."""
+    """True centre of mass and zero-tilting moment point after each control period.
 
-    def __init__(self) -> None:
+    Attributes:
+        origin: Centre of mass at the start, shape (3,), m.
+        com: Those since, m.
+        zmp: Zero-tilting moment points, shape (2,), m.
+    """
+
+    def __init__(self, origin: Array) -> None:
+        self.origin = origin.copy()
         self.com: list[Array] = []
         self.zmp: list[Array] = []
 
@@ -184,7 +192,8 @@ def stand(spec: StandSpec | None = None, **values: Any) -> StandResult:
         UnknownNameError: A field that the spec does not have; the nearest names are given.
         InputError: A value out of range, or a foot that does not fit the robot.
     """
-    return StandTrial(replace(spec or StandSpec(), **values)).run()
+    result: StandResult = StandTrial(replace(spec or StandSpec(), **values)).run()
+    return result
 
 
 def centre_of_pressure(truth: GroundTruth) -> Array:

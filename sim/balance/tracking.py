@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Annotated
 
@@ -121,18 +120,13 @@ class TrackTrial(Trial):
         q = self.walking.source.configurations[self.given]
         return self._falls.reason(self.plant.truth().q, q[2], _vertical(q[3:7]))
 
-    def run(self, hooks: Sequence[TrialHook] = ()) -> TrackResult:
-        """Track the clip to its end or a fall, once only.
+    def simulate(self) -> None:
+        """See `Trial`."""
+        self.advance((len(self.walking.source.motion) - 1) * self.spec.period + self.spec.after)
 
-        Args:
-            hooks: Look on.
-
-        Raises:
-            DivergedError: The simulation has diverged.
-        """
+    def result(self) -> TrackResult:
+        """Return how well the clip was tracked."""
         control, spec, errors = self.walking, self.spec, self._errors
-        with self.running(hooks):
-            self.advance((len(control.source.motion) - 1) * spec.period + spec.after)
         joints = np.degrees(np.array(errors.joints))
         each = np.sqrt((joints**2).mean(axis=0))
         worst = int(each.argmax())
@@ -208,7 +202,8 @@ def track_motion(
         spec: The simulation; the defaults when None.
         track: Settings of the controller.
     """
-    return TrackTrial(clip, spec, track).run()
+    result: TrackResult = TrackTrial(clip, spec, track).run()
+    return result
 
 
 def _vertical(quaternion: Array) -> tuple[float, float, float]:

@@ -17,8 +17,8 @@ from wbc.feet import foot as foot_by_name
 from wbc.robots import RobotDescription
 from wbc.sim.loop.mujoco_loop import MujocoLoop, step_together
 from wbc.sim.plant.body_shapes import SHAPE_GROUP
-from wbc.sim.plant.hands import Grips, add_grips, check_clear
-from wbc.sim.plant.model import SCENE_PREFIX, bare_spec, compiled, equip, furniture
+from wbc.sim.plant.hands import SCENE_PREFIX, add_grips, check_clear
+from wbc.sim.plant.model import bare_spec, compiled, equip, furniture
 from wbc.sim.plant.sensors import NO_NOISE, SensorNoise
 from wbc.sim.plant.settings import Machine, PhysicsSettings
 from wbc.sim.scenes.base import Scene
@@ -42,7 +42,7 @@ class SharedPlant:
     scene robots touch things and each other; without one only the ground.
 
     Attributes:
-        loops: Name → loop of the robot, with its truth, pushes and sensors.
+        loops: Name → loop of the robot, with its truth, pushes, grips and sensors.
         model: MuJoCo's model; names of a robot begin with its own and a slash.
         data: MuJoCo's state.
         control_period: Time that `step` advances, s.
@@ -106,7 +106,7 @@ class SharedPlant:
                 if geom.group == SHAPE_GROUP:  # touches things, and the other robots
                     geom.contype, geom.conaffinity = 2 << i, 1 | (every & ~(1 << i)) << 1
             spec.attach(part, prefix=f"{name}/", frame=spec.worldbody.add_frame())
-            add_grips(spec, robot, SCENE_PREFIX, f"{name}/")
+            add_grips(spec, robot, f"{name}/")
         self.model = compiled(spec, " and ".join(robots))
         self.data = mujoco.MjData(self.model)
         self.control_period = float(control_period)
@@ -123,9 +123,6 @@ class SharedPlant:
         }
         for loop in self.loops.values():
             loop.data = self.data
-        self._grips = {
-            name: Grips(self.model, loop.robot, SCENE_PREFIX, f"{name}/") for name, loop in self.loops.items()
-        }
         self.reset()
 
     @property
@@ -186,20 +183,3 @@ class SharedPlant:
             finite_array("point (m)", point, (3,))
         )
         return place
-
-    def grip(self, robot: str, hand: str, handle: str) -> None:
-        """Close a hand of a robot around a handle of the scene; see `wbc.Plant.grip`.
-
-        Raises:
-            UnknownNameError: No such robot, hand or handle.
-            InputError: The handle is out of the hand's reach.
-        """
-        self._grips[choose("robot", robot, self._grips)].close(self.data, hand, handle)
-
-    def let_go(self, robot: str, hand: str) -> None:
-        """Open a hand of a robot.
-
-        Raises:
-            UnknownNameError: No such robot or hand.
-        """
-        self._grips[choose("robot", robot, self._grips)].open(self.data, hand)

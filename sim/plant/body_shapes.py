@@ -8,19 +8,13 @@ import pinocchio as pin
 from wbc.core.robot import Robot
 from wbc.robots.derivation.shapes import LinkShape, link_shapes
 from wbc.robots.description import RobotDescription
+from wbc.sim.scenes.base import GEOMS
 
 SHAPE_GROUP = 3
 """Geom group of these shapes: viewers do not show it, and range sensors do not see it."""
 
 HAND_RADIUS = 0.03
 """Radius of the ball at a hand without geometry, m."""
-
-_KINDS = {
-    "box": mujoco.mjtGeom.mjGEOM_BOX,
-    "sphere": mujoco.mjtGeom.mjGEOM_SPHERE,
-    "cylinder": mujoco.mjtGeom.mjGEOM_CYLINDER,
-    "capsule": mujoco.mjtGeom.mjGEOM_CAPSULE,
-}
 
 
 def add_body_shapes(spec: mujoco.MjSpec, description: RobotDescription, robot: Robot) -> None:
@@ -43,7 +37,7 @@ def add_body_shapes(spec: mujoco.MjSpec, description: RobotDescription, robot: R
 def _add(body: mujoco.MjsBody, shape: LinkShape) -> None:
     x, y, z, w = pin.Quaternion(shape.placement.rotation).normalized().coeffs()
     body.add_geom(
-        type=_KINDS[shape.kind],
+        type=GEOMS[shape.kind],
         size=[*shape.size, *[0.0] * (3 - len(shape.size))],
         pos=shape.placement.translation,
         quat=[w, x, y, z],

@@ -11,9 +11,11 @@ import pinocchio as pin
 from wbc.core.errors import Array, InputError, choose
 from wbc.core.robot import Robot
 
+SCENE_PREFIX = "scene/"
+"""Beginning of all names of the furniture."""
+
 REACH = 0.25
 """Greatest distance between the frame of a hand and a handle that it grips, m: the length of a hand."""
-
 
 DEEPEST = 0.005
 """Depth of a link in a thing from which the thing goes through the robot, m."""
@@ -54,18 +56,19 @@ def add_hand_sensors(spec: mujoco.MjSpec, robot: Robot) -> None:
             spec.add_sensor(name=f"{role} {what}", type=kind, objtype=mujoco.mjtObj.mjOBJ_SITE, objname=name)
 
 
-def add_grips(spec: mujoco.MjSpec, robot: Robot, prefix: str, owner: str = "") -> None:
+def add_grips(spec: mujoco.MjSpec, robot: Robot, owner: str = "") -> None:
     """Add a grip for each hand and each handle, open at the start.
 
     A handle is a site of the scene whose name ends with "handle". A closed grip holds the handle where it was in the
-    hand, and leaves the hand free to turn about it. Names of the scene begin with the prefix, those of the robot with
-    the owner.
+    hand, and leaves the hand free to turn about it. Names of the robot begin with the owner.
     """
-    handles = [site for site in spec.sites if site.name.startswith(prefix) and site.name.endswith("handle")]
+    handles = [
+        site for site in spec.sites if site.name.startswith(SCENE_PREFIX) and site.name.endswith("handle")
+    ]
     for role in robot.frames:
         for handle in handles:
             spec.add_equality(
-                name=f"{owner}{role} on {handle.name.removeprefix(prefix)}",
+                name=f"{owner}{role} on {handle.name.removeprefix(SCENE_PREFIX)}",
                 type=mujoco.mjtEq.mjEQ_CONNECT,
                 objtype=mujoco.mjtObj.mjOBJ_BODY,
                 name1=spec.site(f"{owner}{role} site").parent.name,
@@ -75,28 +78,28 @@ def add_grips(spec: mujoco.MjSpec, robot: Robot, prefix: str, owner: str = "") -
 
 
 class Grips:
-    """Grips of a plant that holds a scene.
+    """Grips of a robot on the handles of a scene.
 
     Attributes:
         handles: Handle → site.
     """
 
-    def __init__(self, model: mujoco.MjModel, robot: Robot, prefix: str, owner: str = "") -> None:
-        """Find the handles: sites of the scene, whose names begin with the prefix, the robot's with the owner."""
+    def __init__(self, model: mujoco.MjModel, robot: Robot, owner: str) -> None:
+        """Find the handles in a model in which the names of the robot begin with the owner."""
         self._model, self._hands, self._owner = model, tuple(robot.frames), owner
-        names = [model.site(i).name for i in range(model.nsite)]
+        names = (model.site(i).name for i in range(model.nsite))
         self.handles = {
-            name.removeprefix(prefix): i
+            name.removeprefix(SCENE_PREFIX): i
             for i, name in enumerate(names)
-            if name.startswith(prefix) and name.endswith("handle")
+            if name.startswith(SCENE_PREFIX) and name.endswith("handle")
         }
 
     def close(self, data: mujoco.MjData, hand: str, handle: str) -> None:
         """Hold a handle where it is now; positions are up to date.
 
-        Raises `UnknownNameError` for no such hand or handle, `InputError` for one out of the hand's reach.
+        Raises `UnknownNameError` for no such hand or handle, `InputError` without handles, or out of the hand's reach.
         """
-        choose("hand", hand, self._hands)
+        self._check(hand)
         choose("handle", handle, self.handles)
         model = self._model
         site = int(model.site(f"{self._owner}{hand} site").id)
@@ -113,14 +116,15 @@ class Grips:
         data.eq_active[grip] = 1
 
     def open(self, data: mujoco.MjData, hand: str) -> None:
-        """Let go of whatever a hand holds.
-
-        Raises:
-            UnknownNameError: No such hand.
-        """
-        choose("hand", hand, self._hands)
+        """Let go of whatever a hand holds; raises as `close`."""
+        self._check(hand)
         for handle in self.handles:
             data.eq_active[int(self._model.equality(f"{self._owner}{hand} on {handle}").id)] = 0
+
+    def _check(self, hand: str) -> None:
+        if not self.handles:
+            raise InputError("a plant without a scene has nothing to grip; give scene=")
+        choose("hand", hand, self._hands)
 
 
 def check_clear(model: mujoco.MjModel, data: mujoco.MjData, of_robot: np.ndarray[Any, Any]) -> None:

@@ -15,14 +15,11 @@ from wbc.feet import Foot, FootParts
 from wbc.feet.soles.sole import SoleGeometry
 from wbc.robots.description import RobotDescription
 from wbc.sim.plant.body_shapes import add_body_shapes
-from wbc.sim.plant.hands import add_grips, add_hand_sensors
+from wbc.sim.plant.hands import SCENE_PREFIX, add_grips, add_hand_sensors
 from wbc.sim.plant.settings import Machine, PhysicsSettings
 from wbc.sim.scenes.base import Scene, make_scene
 from wbc.sim.terrain.render import TERRAIN_GROUP, AddedTerrain, add_to_spec
 from wbc.sim.terrain.spec import Terrain
-
-SCENE_PREFIX = "scene/"
-"""Beginning of all names of the furniture."""
 
 UNLIMITED_TORQUE = 1e6
 """Torque limits from this value on are none, Nm."""
@@ -109,7 +106,7 @@ def build_model(
     )
     if scene is not None:
         spec.attach(scene, prefix=SCENE_PREFIX, frame=spec.worldbody.add_frame())
-        add_grips(spec, robot, SCENE_PREFIX)
+        add_grips(spec, robot)
     model = compiled(spec, robot.name)
     if (
         physics.few_contacts

@@ -31,6 +31,7 @@ class RobotPlaces:
 
     Attributes:
         model: MuJoCo's model.
+        prefix: What the model puts before all names of the robot.
         joints: MuJoCo's joints, in the order of the robot's.
         joint_qpos: Their places in `qpos`, shape (na,).
         joint_dof: Their places in `qvel`, shape (na,).
@@ -69,7 +70,7 @@ class RobotPlaces:
         names = names or {}
         for name in names:
             choose("joint", name, robot.joint_names)
-        self.model, self._robot, self._prefix = model, robot, prefix
+        self.model, self.prefix, self._robot = model, prefix, robot
         have = {model.joint(i).name: i for i in range(model.njnt)}
         joints = []
         for name in robot.joint_names:
@@ -114,7 +115,7 @@ class RobotPlaces:
         """
         name = body_frame(name, self._robot)
         body, place = self._carrier(name)
-        own = mujoco.mj_name2id(self.model, mujoco.mjtObj.mjOBJ_BODY, self._prefix + name)
+        own = mujoco.mj_name2id(self.model, mujoco.mjtObj.mjOBJ_BODY, self.prefix + name)
         if own >= 0 and self._pose(own).isApprox(self._pose(body) * place, 1e-6):
             return int(own), pin.SE3.Identity()
         return body, place

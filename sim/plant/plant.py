@@ -20,7 +20,7 @@ from numpy.typing import ArrayLike
 
 from wbc.core.arguments import checked
 from wbc.core.conventions import configuration_to_mujoco, velocity_to_mujoco
-from wbc.core.errors import Array, InputError, finite_array, non_negative, whole_number
+from wbc.core.errors import Array, finite_array, non_negative, whole_number
 from wbc.core.robot import checked_configuration
 from wbc.core.signals import Command
 from wbc.feet import Foot, RangeSensor
@@ -28,8 +28,8 @@ from wbc.feet import foot as foot_by_name
 from wbc.robots.description import RobotDescription
 from wbc.sim.plant.drives import Drives
 from wbc.sim.plant.foot_devices import FootDevices
-from wbc.sim.plant.hands import Grips, HandSensor, check_clear
-from wbc.sim.plant.model import SCENE_PREFIX, build_model, furniture
+from wbc.sim.plant.hands import HandSensor, check_clear
+from wbc.sim.plant.model import build_model, furniture
 from wbc.sim.plant.places import RobotPlaces
 from wbc.sim.plant.pushes import Loads
 from wbc.sim.plant.robot import DivergedError, SimulatedRobot
@@ -138,7 +138,6 @@ class Plant(SimulatedRobot):
         )
         self.terrain, self.of_robot = ground.terrain, places.of_robot
         self.sole_sites = tuple(int(model.site(built.wrench_site).id) for built in self.feet)
-        self._grips = None if things is None else Grips(model, robot, SCENE_PREFIX)
         self._loads = Loads(model)
         self._devices = FootDevices(model, self.feet, ground.group, self.foot, range_sensor)
         self._drives = Drives(model, description)
@@ -191,7 +190,7 @@ class Plant(SimulatedRobot):
         else:
             q = checked_configuration("configuration", configuration, self.robot.nq)
             q[3:7] /= np.linalg.norm(q[3:7])
-        if self._grips is not None:
+        if self.scene is not None:
             start = mujoco.MjData(self.model)
             configuration_to_mujoco(q, self.places.joint_qpos, out=start.qpos)
             mujoco.mj_fwdPosition(self.model, start)
@@ -302,33 +301,6 @@ class Plant(SimulatedRobot):
             q = finite_array("configuration", configuration, (self.robot.nq,))
         zero = np.zeros(self.robot.na)
         return Command(zero, np.array(q[7:]), zero)
-
-    def grip(self, hand: str, handle: str) -> None:
-        """Close a hand around a handle of the scene: it keeps its distance to the handle, and turns freely about it.
-
-        Args:
-            hand: Role of the hand, such as "left_hand".
-            handle: Name of the handle's site in the scene, such as "left handle".
-
-        Raises:
-            UnknownNameError: No such hand or handle.
-            InputError: No scene, or the handle is out of the hand's reach.
-        """
-        self._hands_of_scene().close(self.data, hand, handle)
-
-    def let_go(self, hand: str) -> None:
-        """Open a hand.
-
-        Raises:
-            UnknownNameError: No such hand.
-            InputError: No scene.
-        """
-        self._hands_of_scene().open(self.data, hand)
-
-    def _hands_of_scene(self) -> Grips:
-        if self._grips is None:
-            raise InputError("a plant without a scene has nothing to grip; give scene=")
-        return self._grips
 
     def load(self, body: str, mass: float, *, over: float = 0.0, at: ArrayLike = (0.0, 0.0, 0.0)) -> None:
         """Let a body carry a mass of which the description knows nothing; loads at several places add up.

@@ -16,7 +16,7 @@ from wbc.core.robot import Robot
 from wbc.core.signals import Measurement
 from wbc.robots import RobotDescription
 from wbc.sim.plant.drives import DelayLine
-from wbc.sim.plant.hands import HandSensor
+from wbc.sim.plant.hands import Grips, HandSensor
 from wbc.sim.plant.places import RobotPlaces
 from wbc.sim.plant.pushes import Push, Pushes
 from wbc.sim.plant.sensors import NOISE_PRESETS, SensorChain, SensorNoise
@@ -92,6 +92,7 @@ class SimulatedRobot:
         self.seed = whole_number("seed", seed, low=0)
         self.machine = machine
         self._contacts, self._pushes = Contacts(places), Pushes()
+        self._grips = Grips(self.model, robot, places.prefix)
         self._signals = TrueSignals(
             places,
             imu,
@@ -156,6 +157,28 @@ class SimulatedRobot:
         """
         index, place = self.places.carrier(body)
         self._pushes.add(Push.at(index, place, force, duration, at))
+
+    def grip(self, hand: str, handle: str) -> None:
+        """Close a hand around a handle of the scene: it keeps its distance to the handle, and turns freely about it.
+
+        Args:
+            hand: Role of the hand, such as "left_hand".
+            handle: Name of the handle's site in the scene, such as "left handle".
+
+        Raises:
+            UnknownNameError: No such hand or handle.
+            InputError: No scene with handles, or the handle is out of the hand's reach.
+        """
+        self._grips.close(self.data, hand, handle)
+
+    def let_go(self, hand: str) -> None:
+        """Open a hand.
+
+        Raises:
+            UnknownNameError: No such hand.
+            InputError: No scene with handles.
+        """
+        self._grips.open(self.data, hand)
 
     def truth(self) -> GroundTruth:
         """Return the true state now; the same object until the next step.

@@ -41,12 +41,13 @@ WOOD = (0.72, 0.58, 0.42, 1.0)
 METAL = (0.55, 0.58, 0.62, 1.0)
 """Colours."""
 
-_GEOMS = {
+GEOMS = {
     "box": mujoco.mjtGeom.mjGEOM_BOX,
     "sphere": mujoco.mjtGeom.mjGEOM_SPHERE,
     "cylinder": mujoco.mjtGeom.mjGEOM_CYLINDER,
     "capsule": mujoco.mjtGeom.mjGEOM_CAPSULE,
 }
+"""Kinds of solids."""
 
 
 def param(default: Any, about: str) -> Any:
@@ -106,7 +107,7 @@ class Scene(ABC):
             colour: Red, green, blue, opacity.
         """
         return body.add_geom(
-            type=_GEOMS[kind],
+            type=GEOMS[kind],
             size=[*size, *[0.0] * (3 - len(size))],
             pos=pos,
             quat=quat,

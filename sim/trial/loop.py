@@ -11,6 +11,8 @@ A trial that is a sequence of stages advances by itself, and ends where a stage 
         trial.until(lambda: hand.reached, 10.0)
         trial.follow(walk_distance(FootstepPlan.standing(robot), 1.0))
         trial.stage = "done"
+
+A new kind of trial says how long it goes on (`simulate`) and what its `result` is.
 """
 
 from __future__ import annotations
@@ -27,7 +29,7 @@ import numpy as np
 from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
 
 from wbc.core.arguments import checked
-from wbc.core.errors import MeasurementError, WbcError
+from wbc.core.errors import InputError, MeasurementError, WbcError
 from wbc.core.signals import Command, Measurement
 from wbc.sim.plant.falls import PelvisLimits, TrueFallDetector
 from wbc.sim.plant.plant import Plant
@@ -104,6 +106,7 @@ class Trial:
         tick_times: Wall time of each tick, from measurement to command, s.
         physics_time: Wall time in the simulator, s.
         hook_time: Wall time in `hooks`, s.
+        loop_time: Wall time of `run` but that in `hooks`, s.
     """
 
     @checked
@@ -131,7 +134,7 @@ class Trial:
         self.fall: FallReason | None = None
         self.diverged: str | None = None
         self.tick_times = array("d")
-        self.physics_time = self.hook_time = 0.0
+        self.physics_time = self.hook_time = self.loop_time = 0.0
         self._falls = TrueFallDetector(plant.robot, limits)
 
     @property
@@ -158,6 +161,37 @@ class Trial:
     def find_fall(self) -> FallReason | None:
         """Return why the robot has fallen, by its controller or in truth; None if it has not."""
         return self.walking.fallen or (None if self.plant.diverged else self.true_fall())
+
+    def run(self, hooks: Sequence[TrialHook] = ()) -> Any:
+        """Run a trial that has an end, once only, and return its result.
+
+        Args:
+            hooks: Look on.
+
+        Raises:
+            DivergedError: The simulation has diverged, and the trial has no result for that.
+        """
+        with self.running(hooks):
+            begin = time.perf_counter()
+            try:
+                self.simulate()
+            finally:
+                self.loop_time = time.perf_counter() - begin - self.hook_time
+        result = self.result()
+        for hook in self.hooks:
+            hook.end(result)
+        return result
+
+    def simulate(self) -> None:
+        """Advance to the end; each kind of trial has its own.
+
+        Raises:
+            InputError: A trial of one's own, which has no end.
+        """
+        raise InputError("a trial of one's own has no end: `advance` or `until`, within `running`")
+
+    def result(self) -> Any:
+        """Return the result at the end; each kind of trial has its own."""
 
     def step(self) -> bool:
         """Advance by one control period; False once the robot has fallen or the simulation has diverged."""
@@ -268,6 +302,11 @@ class Trial:
             for hook in (*self.meters, *self.hooks, *self.scenario):
                 hook.start(self)
             yield
+
+    @property
+    def real_time_factor(self) -> float:
+        """Simulated time over wall time of `run`."""
+        return self.plant.time / self.loop_time if self.loop_time > 0.0 else math.inf
 
     def tick_us(self) -> dict[str, float]:
         """Return the wall time of a tick, from measurement to command: median and 99th percentile, µs."""

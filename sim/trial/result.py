@@ -20,8 +20,3 @@ class TrialResult:
     seed: int
     seconds: float
     failures: int
-
-
-def rounded(value: float) -> float:
-    """Return a number with the four significant digits that are meaningful."""
-    return float(f"{float(value):.4g}")

@@ -11,6 +11,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from wbc.core.errors import Array, finite_array
+from wbc.sim.plant.plant import Plant
+from wbc.sim.trial.loop import Trial, TrialHook
 
 GOAL_DISTANCE = 0.5
 """Greatest distance of the middle of the feet from the goal, and from the track on the way, m: beyond, the robot stands
@@ -20,7 +22,7 @@ GOAL_TURN = math.radians(45.0)
 """Greatest error of the pelvis' heading at the goal, rad."""
 
 
-class Arrival:
+class Arrival(TrialHook):
     """Comparison of a walk with its goal and its track.
 
     Attributes:
@@ -38,6 +40,11 @@ class Arrival:
         self._ways = np.diff(self.track, axis=0) if len(self.track) > 1 else np.zeros((1, 2))
         self._squares = np.maximum((self._ways**2).sum(axis=1), 1e-12)
 
+    def after(self, trial: Trial) -> None:
+        """See `TrialHook`."""
+        if trial.diverged is None:
+            self.update(middle(trial.plant))
+
     def update(self, middle: Array) -> None:
         """Compare the middle of the feet, shape (2,), m, with the track."""
         arm = middle - self._begins
@@ -53,3 +60,8 @@ class Arrival:
         """Return true if a robot that stands there (m, rad) is at its goal and has kept to its track."""
         turned = abs(math.remainder(heading - self.goal[2], 2.0 * math.pi))
         return max(self.error(middle), self.track_error) <= GOAL_DISTANCE and turned <= GOAL_TURN
+
+
+def middle(plant: Plant) -> Array:
+    """Return the middle between the true soles, shape (2,), m."""
+    return np.asarray(np.mean(plant.data.site_xpos[list(plant.sole_sites), :2], axis=0))

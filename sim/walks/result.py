@@ -7,6 +7,7 @@ from typing import Any
 
 from wbc.core.html import html_table
 from wbc.core.settings import to_json
+from wbc.sim.trial.result import TrialResult
 from wbc.sim.walks.spec import WalkSpec
 
 
@@ -92,7 +93,7 @@ class WallClock:
 
 
 @dataclass(frozen=True, kw_only=True)
-class WalkResult:
+class WalkResult(TrialResult):
     """Result of one walk. SI units throughout; all but `clock` follows from the spec, bit for bit.
 
     Errors are horizontal distances |reference − measured|, both axes together, in every tick until the walk ended,
@@ -100,13 +101,11 @@ class WalkResult:
     ground truth. Distance, drift, heading, errors of goal and track, sole tilt, contact area and torques are true.
 
     Attributes:
-        robot: Name.
         foot: Name.
         sole_stiffness: Stiffness of the sole hinges at the start, Nm/rad; None for rigid soles.
         policy: Stiffness policy of variable soles; None for others.
         terrain: Family of the ground.
         amplitude: Amplitude of the ground, m.
-        seed: Seed of ground and sensors.
         outcome: completed, strayed, fell, diverged or unfinished. A walk is completed by a robot that has done all its
             steps, stands at its goal and has kept to its track (`wbc.sim.walks.arrival`); one that has done them and
             is elsewhere has strayed. A simulation that diverged is no fall and no success; an unfinished walk neither
@@ -118,7 +117,6 @@ class WalkResult:
         fall_reason: height, tilt, dcm or solver; None if it did not fall.
         fall: The fall; None if it did not fall.
         diverged: Reason of a divergence of the simulation; None as a rule.
-        seconds: Simulated time, s.
         distance: Displacement of the feet along their first heading, m.
         drift: Displacement of the feet to the left, m.
         yaw_error: Heading of the pelvis minus that of the reference, rad.
@@ -142,18 +140,15 @@ class WalkResult:
         stiffness: Record of each swing, in order: side, stiffness commanded and actual at the landing, decision with
             its features and its time before the landing, error of the scanned profile (`StepStiffness`,
             `wbc.sim.walks.stiffness_meter`); None for soles without an actuator.
-        failures: Ticks without a solution or with an unusable measurement.
         notes: Changes that made the plan walkable.
         clock: Wall-clock timings; None in a record that was read back without them.
     """
 
-    robot: str
     foot: str
     sole_stiffness: float | None
     policy: str | None
     terrain: str
     amplitude: float
-    seed: int
     outcome: str
     steps_planned: int
     steps_done: int
@@ -162,7 +157,6 @@ class WalkResult:
     fall_reason: str | None
     fall: Fall | None
     diverged: str | None
-    seconds: float
     distance: float
     drift: float
     yaw_error: float
@@ -182,7 +176,6 @@ class WalkResult:
     sole_pitch: Spread
     contact_area: Spread
     stiffness: tuple[dict[str, Any], ...] | None
-    failures: int
     notes: tuple[str, ...]
     clock: WallClock | None = None
 

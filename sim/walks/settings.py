@@ -45,8 +45,8 @@ DERIVED = {
 
 
 @settings
-class TrialSettings(WalkingControlSettings):
-    """Settings of a simulated walk: those of the controller, and those of what surrounds it.
+class Surroundings:
+    """Settings of what surrounds the controller of a simulated walk.
 
     Attributes:
         observer: Settings of the base estimator.
@@ -59,6 +59,11 @@ class TrialSettings(WalkingControlSettings):
     physics: PhysicsSettings = field(default_factory=PhysicsSettings)
     stiffness: StiffnessTiming = field(default_factory=StiffnessTiming)
     range_sensor: RangeSensor = field(default_factory=lambda: RangeSensor(noise=0.001, resolution=0.001))
+
+
+@settings
+class TrialSettings(Surroundings, WalkingControlSettings):
+    """Settings of a simulated walk: those of the controller, and those of what surrounds it."""
 
     @staticmethod
     def preset(name: str) -> TrialSettings:
@@ -87,20 +92,10 @@ class TrialSettings(WalkingControlSettings):
 
 
 @settings
-class SteppingTrialSettings(SteppingControlSettings):
-    """Settings of a simulated stepping walk: those of the controller, and those of what surrounds it.
-
-    Attributes:
-        observer: Settings of the base estimator.
-        physics: Settings of the simulator.
-        stiffness: Timing of the stiffness policy of variable soles: scan, decision, command.
-        range_sensor: Range sensor under each toe of such soles; perfect with the sensor noise "none".
-    """
+class SteppingTrialSettings(Surroundings, SteppingControlSettings):
+    """Settings of a simulated stepping walk: those of the controller, and those of what surrounds it."""
 
     observer: ObserverSettings = OBSERVER
-    physics: PhysicsSettings = field(default_factory=PhysicsSettings)
-    stiffness: StiffnessTiming = field(default_factory=StiffnessTiming)
-    range_sensor: RangeSensor = field(default_factory=lambda: RangeSensor(noise=0.001, resolution=0.001))
 
 
 def preset_of(law: Law, gains: str) -> TrialSettings | SteppingTrialSettings:

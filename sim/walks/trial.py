@@ -15,7 +15,7 @@ import numpy as np
 from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
 
 from wbc.core.arguments import checked
-from wbc.core.errors import Array, InputError, choose
+from wbc.core.errors import InputError, choose
 from wbc.core.estimation.observer import Observer
 from wbc.core.robot import GRAVITY, Robot
 from wbc.feet import RangeSensor
@@ -24,7 +24,7 @@ from wbc.sim.plant.falls import PelvisLimits
 from wbc.sim.plant.plant import Plant
 from wbc.sim.trial.loop import Trial, TrialHook
 from wbc.sim.trial.push import PushSchedule
-from wbc.sim.walks.arrival import Arrival
+from wbc.sim.walks.arrival import Arrival, middle
 from wbc.sim.walks.meter import WalkMeter
 from wbc.sim.walks.plans import Drive, WalkPlan
 from wbc.sim.walks.prepare import PreparedWalk, moved
@@ -82,7 +82,8 @@ def walk(
     if isinstance(policy, str):
         values["policy"], policy = policy, None
     spec = WalkSpec(**values) if spec is None else replace(spec, **values)
-    return WalkTrial(spec, policy=policy).run(hooks)
+    result: WalkResult = WalkTrial(spec, policy=policy).run(hooks)
+    return result
 
 
 class WalkTrial(Trial):
@@ -120,14 +121,16 @@ class WalkTrial(Trial):
         self.walking: ReferenceControl
         super().__init__(plant, walking, PelvisLimits.walking(pelvis, prepared.settings.falls))
         self._drive, self._arrival = Drive(prepared.orders, walking), prepared.arrival()
-        self.scenario += [self._drive, PushSchedule(spec.pushes), _Track(self._arrival)]
+        self.scenario += [self._drive, PushSchedule(spec.pushes)]
         self.meter = WalkMeter(plant, walking)
         self.sole_meter = None if walking.stiffness is None else StiffnessMeter(plant, walking)
         self.meters += [self.meter] if self.sole_meter is None else [self.meter, self.sole_meter]
         self._origin = middle(plant)
         self._steered = walking.steered
-        if self._arrival is not None and self._steered:
-            walking.go_to(*self._arrival.goal)
+        if self._arrival is not None:
+            self.scenario.append(self._arrival)
+            if self._steered:
+                walking.go_to(*self._arrival.goal)
 
     @property
     def walker(self) -> ReferenceControl:
@@ -139,31 +142,14 @@ class WalkTrial(Trial):
         """Height of the lower sole, m."""
         return _ground(self.plant)
 
-    def run(self, hooks: Sequence[TrialHook] = ()) -> WalkResult:
-        """Walk to the end, a fall or the time limit; once only.
-
-        Args:
-            hooks: Observers of every tick.
-        """
+    def simulate(self) -> None:
+        """Walk to the end, a fall or the time limit."""
         plant, drive, limit = self.plant, self._drive, self._prepared.time_limit
-        with self.running(hooks):
-            begin = time.perf_counter()
-            while not drive.over and plant.time < limit and self.step():
-                pass
-            loop = time.perf_counter() - begin - self.hook_time
-        clock = WallClock(
-            wall_s=time.perf_counter() - self._begin,
-            real_time_factor=plant.time / loop if loop > 0.0 else math.inf,
-            tick_us=self.tick_us(),
-            physics_share=self.physics_time / loop if loop > 0.0 else math.nan,
-            decision_us=None if self.sole_meter is None else self.sole_meter.decision_us(),
-        )
-        result = self._result(clock)
-        for hook in self.hooks:
-            hook.end(result)
-        return result
+        while not drive.over and plant.time < limit and self.step():
+            pass
 
-    def _result(self, clock: WallClock) -> WalkResult:
+    def result(self) -> WalkResult:
+        """Return what became of the walk."""
         walking, diverged = self.walking, self.diverged
         fall = None if self.fall is None else self.meter.fall(self.fall.name.lower())
         # A robot that a hook has steered has another goal than its plan's.
@@ -196,7 +182,13 @@ class WalkTrial(Trial):
             stiffness=None if self.sole_meter is None else tuple(self.sole_meter.steps()),
             failures=walking.control.failures,
             notes=self._prepared.notes,
-            clock=clock,
+            clock=WallClock(
+                wall_s=time.perf_counter() - self._begin,
+                real_time_factor=self.real_time_factor,
+                tick_us=self.tick_us(),
+                physics_share=self.physics_time / self.loop_time if self.loop_time > 0.0 else math.nan,
+                decision_us=None if self.sole_meter is None else self.sole_meter.decision_us(),
+            ),
         )
 
     def _heading(self) -> float:
@@ -227,23 +219,6 @@ class WalkTrial(Trial):
         }
 
 
-class _Track(TrialHook):
-    """Comparison of the true place of the feet with the track of a walk."""
-
-    def __init__(self, arrival: Arrival | None) -> None:
-        self._arrival = arrival
-
-    def after(self, trial: Trial) -> None:
-        """See `TrialHook`."""
-        if self._arrival is not None and trial.diverged is None:
-            self._arrival.update(middle(trial.plant))
-
-
-def middle(plant: Plant) -> Array:
-    """Return the middle between the true soles, shape (2,), m."""
-    return np.asarray(np.mean(plant.data.site_xpos[list(plant.sole_sites), :2], axis=0))
-
-
 def _ground(plant: Plant) -> float:
     """Return the height of the lower sole, m."""
     places, (left, right) = plant.data.site_xpos, plant.sole_sites
@@ -254,18 +229,16 @@ def _walking(
     spec: WalkSpec, prepared: PreparedWalk, robot: Robot, scheduler: StiffnessScheduler | None
 ) -> tuple[ReferenceControl, float | None]:
     """Return the controller of a robot that stands at the start, and the height of its CoM while it walks, m."""
-    settings, adopt = prepared.settings, spec.mode != "position"
-    if isinstance(settings, SteppingTrialSettings):
-        observer = Observer(robot, settings.observer, adopt=adopt)
-        observer.reset(prepared.configuration)
-        robot.update(prepared.configuration, np.zeros(robot.nv))
-        stepping = SteppingControl(robot, spec.period, settings, observer=observer, stiffness=scheduler)
-        return stepping, stepping.source.gait.scale.height
+    settings = prepared.settings
+    stepping = isinstance(settings, SteppingTrialSettings)
     # Only a walk on torques needs more of the estimate than where its parts are and how they move.
-    observer = Observer(robot, settings.observer, adopt=adopt, dynamics=False)
+    observer = Observer(robot, settings.observer, adopt=spec.mode != "position", dynamics=stepping)
     observer.reset(prepared.configuration)
     robot.update(prepared.configuration, np.zeros(robot.nv))
-    walking = WalkingControl(
+    if isinstance(settings, SteppingTrialSettings):
+        walking = SteppingControl(robot, spec.period, settings, observer=observer, stiffness=scheduler)
+        return walking, walking.source.gait.scale.height
+    return WalkingControl(
         robot,
         prepared.plan,
         spec.period,
@@ -273,8 +246,7 @@ def _walking(
         observer=observer,
         stiffness=scheduler,
         extent=spec.extent,
-    )
-    return walking, settings.com_height
+    ), settings.com_height
 
 
 def _plant(spec: WalkSpec, prepared: PreparedWalk, robot: Robot) -> Plant:

@@ -159,7 +159,7 @@ def _foot_parts(plant: Plant) -> list[Part]:
     import mujoco  # noqa: PLC0415
 
     from wbc.feet.soles.common_mjcf import VISUAL_GROUP  # noqa: PLC0415
-    from wbc.sim.plant.model import SCENE_PREFIX  # noqa: PLC0415
+    from wbc.sim.plant.hands import SCENE_PREFIX  # noqa: PLC0415
 
     model, parts = plant.model, []
     names = [str(model.body(body).name) for body in model.geom_bodyid]
