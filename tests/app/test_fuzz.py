@@ -102,7 +102,7 @@ def test_every_call_of_logs_and_replays_ends_in_a_result_or_a_refusal(folder: Pa
         ),
         *(lambda v: app.render_video(v, folder / "new.gif"), lambda v: app.render_video(replay, v)),
         *(lambda v: app.Recorder(v).close(), lambda v: app.Recorder(path, title=v).close()),
-        *(lambda v: app.Recorder(path, seed=v).close(), lambda v: app.Recorder(path).add(v, lambda: 1.0)),
+        lambda v: app.Recorder(path).add(v, lambda: 1.0),
         *(lambda v, i=i: app.Recorder(path)(*tick[:i], v, *tick[i + 1 :]) for i in range(4)),  # type: ignore[misc]
     )
 

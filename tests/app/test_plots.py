@@ -251,21 +251,6 @@ def test_pictures_are_what_their_names_say(log: Log, tmp_path: Path) -> None:
     assert pdf.read_bytes().count(b"/Type /Page ") == 2
 
 
-def test_path_is_checked_before_anything_is_drawn(
-    log: Log, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    (tmp_path / "folder.png").mkdir()
-    for path, words in (
-        ("walk.bmp", "must end in one of .png, .pdf, .svg, .jpg"),
-        (str(tmp_path / "none" / "a.png"), "no folder"),
-        (str(tmp_path / "folder.png"), "it is a folder"),
-        ("/proc/a.png", "cannot write"),
-    ):
-        assert main(["plot", str(log.path), "-o", path]) == 2
-        assert words in capsys.readouterr().err
-    assert sorted(p.name for p in tmp_path.iterdir()) == ["folder.png"]
-
-
 def test_command_draws_lists_and_refuses(
     log: Log,
     standing: Log,

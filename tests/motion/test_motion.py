@@ -167,19 +167,6 @@ def test_tables_of_other_content_are_refused_in_one_line(tmp_path: Path, text: s
     assert "\n" not in str(refused.value)
 
 
-def test_joints_in_degrees_are_refused(arms: MotionClip) -> None:
-    with pytest.raises(InputError, match="joints of a motion must be in rad, joint '.*; in degrees"):
-        replace(arms, joints=np.degrees(arms.joints))
-
-
-def test_feet_stand_or_not(arms: MotionClip) -> None:
-    numbers = np.tile([1, 0], (len(arms), 1))  # as a file may have them
-    clip = replace(arms, standing=numbers)
-    assert clip.standing is not None and clip.standing.dtype == bool
-    with pytest.raises(InputError, match="standing of a motion must be true or false"):
-        replace(arms, standing=np.full((len(arms), 2), 0.5))
-
-
 def test_sampling_at_the_own_times_changes_nothing(arms: MotionClip) -> None:
     again = arms.sampled(arms.times, arms.rate)
     np.testing.assert_allclose(again.joints, arms.joints, atol=1e-12)
@@ -208,9 +195,13 @@ def test_bad_clips_are_refused_with_value_and_rule(g1: Robot, arms: MotionClip, 
         ({"joints": arms.joints[:, :3]}, r"shape \(601, 29\), got \(601, 3\)"),
         ({"joint_names": ("a", *arms.joint_names[2:], "a")}, "once in a motion, got 'a' 2 times"),
         ({"base": 2.0 * arms.base}, "length 1"),
+        ({"joints": np.degrees(arms.joints)}, "joints of a motion must be in rad, joint '.*; in degrees"),
+        ({"standing": np.full((len(arms), 2), 0.5)}, "standing of a motion must be true or false"),
     ):
         with pytest.raises(InputError, match=message):
             clip(**changes)
+    numbers = clip(standing=np.tile([1, 0], (len(arms), 1))).standing  # as a file may have them
+    assert numbers is not None and numbers.dtype == bool
     with pytest.raises(UnknownNameError, match="no joint of 'talos'"):
         arms.configurations(load_robot("talos").robot())
     with pytest.raises(InputError, match=r"at most 10000 s at 100 Hz, got 19999 s"):

@@ -33,7 +33,7 @@ from wbc.motion.contacts import ContactSettings, find_contacts
 from wbc.motion.footsteps import footsteps
 from wbc.motion.inverse_kinematics import InverseKinematics
 from wbc.motion.kinematics import BodyMotion
-from wbc.motion.measures import MotionMeasures, measure, supports_of
+from wbc.motion.measures import MotionMeasures, by_joint, measure, supports_of
 
 DRAWING = 10
 """Most passes that draw in an arm until its joints can hold it."""
@@ -163,17 +163,12 @@ def make_feasible(robot: Robot, clip: MotionClip, settings: FilterSettings | Non
         source,
         before,
         after,
-        _by_joint(robot, np.sqrt((changed**2).mean(axis=0))),
-        _by_joint(robot, abs(changed).max(axis=0)),
+        by_joint(robot, np.sqrt((changed**2).mean(axis=0))),
+        by_joint(robot, abs(changed).max(axis=0)),
         com_shift,
         shortened,
         (len(motion.q) / s.rate - 2.0 * s.hold) / clip.duration,
     )
-
-
-def _by_joint(robot: Robot, values: Array) -> dict[str, float]:
-    """Return what is above rounding by the name of the joint."""
-    return {name: float(v) for name, v in zip(robot.joint_names, values, strict=True) if v > 1e-6}
 
 
 def _smooth(clip: MotionClip, robot: Robot, s: FilterSettings) -> MotionClip:

@@ -131,7 +131,7 @@ def _path(
         max(1, round(blend * motion.rate)),
         max(1, round(SETTLE * motion.rate)),
     )
-    given = [pin.SE3(motion.sole_rotations[i, side], motion.sole_positions[i, side]) for i in range(count)]
+    given = motion.soles(side)
     path, moves = list(given), [pin.SE3.Identity()] * count
     for stance in stances:
         path[stance.first : stance.last] = [stance.place] * (stance.last - stance.first)

@@ -65,10 +65,10 @@ class BodyMotion:
                 corners[i, side] = offsets[side] @ placement.rotation.T + placement.translation
         return cls(rate, q, v, positions, rotations, corners, com, momentum, robot.mass)
 
-    @property
-    def joint_speed(self) -> Array:
-        """Joint velocities, shape (T, na), rad/s."""
-        return self.v[:, BASE_DOF:]
+    def soles(self, side: int) -> list[pin.SE3]:
+        """Return the sole frame of a side, 0 left and 1 right, in each frame."""
+        pairs = zip(self.sole_rotations[:, side], self.sole_positions[:, side], strict=True)
+        return [pin.SE3(rotation, position) for rotation, position in pairs]
 
     def zmp(self, ground: float = 0.0) -> Array:
         """Return the point on the ground, at a height, m, about which gravity and inertia have no horizontal moment.

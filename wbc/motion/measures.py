@@ -16,7 +16,7 @@ from scipy.spatial import ConvexHull, QhullError
 
 from wbc.core.arguments import checked
 from wbc.core.errors import Array
-from wbc.core.robot import Robot
+from wbc.core.robot import BASE_DOF, Robot
 from wbc.motion.clip import MotionClip
 from wbc.motion.contacts import find_contacts
 from wbc.motion.kinematics import BodyMotion, sole_corners
@@ -144,15 +144,11 @@ def measure(
 
     Allowed are a share of the limits of joint speeds and torques, and a coefficient of friction.
     """
-    names, joints = robot.joint_names, motion.q[:, 7:]
+    joints = motion.q[:, 7:]
     excess = np.maximum(joints - robot.position_upper, robot.position_lower - joints).max(axis=0)
-    speed, torque = abs(motion.joint_speed) / robot.velocity_limit, motion.torque_share(robot)
+    speed, torque = abs(motion.v[:, BASE_DOF:]) / robot.velocity_limit, motion.torque_share(robot)
     allowed = SHARE_SLACK * share
-    soles = [
-        [pin.SE3(motion.sole_rotations[i, k], motion.sole_positions[i, k]) for k in (0, 1)]
-        for i in range(len(motion.q))
-    ]
-    areas = supports_of(robot, soles, stands)
+    areas = supports_of(robot, list(zip(motion.soles(0), motion.soles(1), strict=True)), stands)
     zmp = motion.zmp(ground)
     outside = np.array([area.outside(point) for area, point in zip(areas, zmp, strict=True)])
     needed = motion.friction(robot, stands, ground)
@@ -161,9 +157,9 @@ def measure(
     lowest = motion.corners[..., 2].min(axis=2) - ground
     return MotionMeasures(
         duration=(len(motion.q) - 1) / motion.rate,
-        joint_excess={name: float(value) for name, value in zip(names, excess, strict=True) if value > 1e-6},
-        joint_speed=_over(names, speed, allowed),
-        joint_torque=_over(names, torque, allowed),
+        joint_excess=by_joint(robot, excess),
+        joint_speed=by_joint(robot, speed.max(axis=0), allowed),
+        joint_torque=by_joint(robot, torque.max(axis=0), allowed),
         foot_slide=1e3 * float(path[both].sum()) / max(float(both.sum()) / motion.rate, 1e-9),
         penetration=1e3 * max(0.0, -float(lowest.min())),
         floating=float((lowest[stands] > FLOATS).mean()) if stands.any() else 0.0,
@@ -177,9 +173,9 @@ def measure(
     )
 
 
-def _over(names: Sequence[str], shares: Array, allowed: float) -> dict[str, float]:
-    """Return the greatest share of each joint that exceeds what is allowed."""
-    return {name: float(most) for name, most in zip(names, shares.max(axis=0), strict=True) if most > allowed}
+def by_joint(robot: Robot, values: Array, bound: float = 1e-6) -> dict[str, float]:
+    """Return the values of all joints, shape (na,), that exceed a bound, by the names of the joints."""
+    return {name: float(v) for name, v in zip(robot.joint_names, values, strict=True) if v > bound}
 
 
 @checked

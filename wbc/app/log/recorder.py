@@ -27,7 +27,6 @@ from wbc.robots import RobotDescription
 from wbc.sim.plant.plant import Plant
 from wbc.sim.trial.loop import TrialHook
 from wbc.tasks.behaviours import Program
-from wbc.tasks.scheduling.stiffness import StiffnessScheduler
 
 if TYPE_CHECKING:
     from wbc.sim import MujocoLoop
@@ -51,8 +50,6 @@ class Recorder(TrialHook):
         *,
         spec: Any = None,
         title: str = "",
-        seed: int | None = None,
-        stiffness: StiffnessScheduler | None = None,
     ) -> None:
         """Open the file.
 
@@ -60,16 +57,14 @@ class Recorder(TrialHook):
             path: The file, by custom with the ending .arrow; an existing log is replaced.
             spec: Specification of the run, stored in the header: a dataclass, or plain values.
             title: Title of the log; the robot's name when empty.
-            seed: Seed of the run; the plant's when None.
-            stiffness: Stiffness scheduling, recorded once a step; that of the walk when None.
 
         Raises:
             InputError: The file cannot be written.
         """
         self._writer = LogWriter(path)
         self.path = self._writer.path
-        self._spec, self._title, self._seed = spec, title, seed
-        self._stiffness = stiffness
+        self._spec, self._title = spec, title
+        self._seed: int | None = None  # of the plant when None
         self._added: dict[str, tuple[Signal, Callable[..., Any], tuple[str, ...] | None]] = {}
         self._signals: Signals | None = None
         self._model: Robot | None = None  # of a controller of one's own
@@ -202,7 +197,7 @@ class Recorder(TrialHook):
         """
         self._refuse_more()
         self._spec = self._spec or trial.spec
-        self._seed = trial.spec.seed if self._seed is None else self._seed
+        self._seed = trial.spec.seed
 
     def tick(self, tick: TrialTick) -> None:
         """Record one tick; see `TrialHook`."""
@@ -216,7 +211,7 @@ class Recorder(TrialHook):
         """Describe the signals of the run and write the header."""
         _check_kind("measurement", tick.measurement, Measurement)
         _check_kind("command", tick.command, Command)
-        signals = tick_signals(tick, self._stiffness or getattr(tick.control, "stiffness", None))
+        signals = tick_signals(tick)
         for signal, function, axes in self._added.values():
             _add_own(signals, signal, function, axes, function(tick))
         period = None if tick.controller is None else tick.controller.dt

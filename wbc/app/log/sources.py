@@ -37,7 +37,7 @@ WRENCH_UNITS = ("N", "N", "N", "Nm", "Nm", "Nm")
 VELOCITY, VELOCITY_UNITS = ("forward", "left", "turn"), ("m/s", "m/s", "rad/s")
 
 
-def tick_signals(tick: Tick, stiffness: StiffnessScheduler | None) -> Signals:
+def tick_signals(tick: Tick) -> Signals:
     """Return the signals of all objects of a run, from its first tick."""
     signals = Signals()
     signals.one("time", "s", "time stamp of the measurement", lambda t: t.measurement.time, "double")
@@ -58,8 +58,8 @@ def tick_signals(tick: Tick, stiffness: StiffnessScheduler | None) -> Signals:
         _add_plant(signals, tick)
     elif tick.truth is not None:
         _add_truth(signals, tick)
-    if stiffness is not None:
-        _add_stiffness(signals, stiffness)
+    if tick.walking is not None and tick.walking.stiffness is not None:
+        _add_stiffness(signals, tick.walking.stiffness)
     return signals
 
 

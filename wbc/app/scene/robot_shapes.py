@@ -59,11 +59,6 @@ def read_mesh(path: str) -> tuple[Array, Any]:
     return np.array(model.vertices()), np.array(faces)
 
 
-def homogeneous(placement: pin.SE3) -> Array:
-    """Return a placement as a matrix of shape (4, 4)."""
-    return np.array(placement.homogeneous)
-
-
 def _parts(
     link: str, element: ElementTree.Element, colours: dict[str, Colour], directories: tuple[Path, ...]
 ) -> list[Part]:
@@ -129,7 +124,7 @@ def _origin(element: ElementTree.Element) -> Array:
     if origin is None:
         return np.eye(4)
     rotation = pin.rpy.rpyToMatrix(*_numbers(origin.get("rpy", "0 0 0")))
-    return homogeneous(pin.SE3(rotation, np.array(_numbers(origin.get("xyz", "0 0 0")))))
+    return np.array(pin.SE3(rotation, np.array(_numbers(origin.get("xyz", "0 0 0")))).homogeneous)
 
 
 def _numbers(text: str) -> list[float]:
@@ -153,7 +148,10 @@ def _sticks(description: RobotDescription) -> dict[str, list[Part]]:
                 plate = frame.placement * pin.SE3(np.eye(3), np.array([0.0, 0.0, 0.4 * thickness]))
                 parts.append(
                     Part(
-                        body, VisualBox((sole.length, sole.width, 0.8 * thickness)), PLAIN, homogeneous(plate)
+                        body,
+                        VisualBox((sole.length, sole.width, 0.8 * thickness)),
+                        PLAIN,
+                        np.array(plate.homogeneous),
                     )
                 )
         parts += [_rod(body, end, thickness) for end in ends if np.linalg.norm(end) > thickness]
@@ -164,4 +162,6 @@ def _sticks(description: RobotDescription) -> dict[str, list[Part]]:
 def _rod(body: str, end: Array, thickness: float) -> Part:
     length = float(np.linalg.norm(end))
     turn = pin.Quaternion.FromTwoVectors(np.array([0.0, 0.0, 1.0]), end / length).matrix()
-    return Part(body, VisualCylinder(thickness, length), PLAIN, homogeneous(pin.SE3(turn, 0.5 * end)))
+    return Part(
+        body, VisualCylinder(thickness, length), PLAIN, np.array(pin.SE3(turn, 0.5 * end).homogeneous)
+    )
