@@ -1,4 +1,4 @@
-"""Tables of hands, arms and loads: presses, carts, doors, arm swing and carries, one run after another.
+"""Tables of hands and loads: presses, carts, doors and carries by the examples, one run after another.
 
 Every run is a line of the journal, and a run that is there already is not made again.
 
@@ -18,24 +18,9 @@ import math
 import sys
 from collections import defaultdict
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import asdict, dataclass
 from functools import partial
 from pathlib import Path
 from typing import Any
-
-import numpy as np
-
-from wbc.robots import load as load_robot
-from wbc.sim import Plant
-from wbc.sim.plant.falls import TrueFallDetector
-from wbc.sim.trial.spec import CONTROL_PERIOD, chosen_mode
-from wbc.walking import (
-    ArmSettings,
-    FootstepPlan,
-    WalkingControl,
-    WalkingControlSettings,
-    walk_distance,
-)
 
 Row = dict[str, Any]
 
@@ -56,51 +41,10 @@ KINDS: dict[str, tuple[str, tuple[str, ...]]] = {
 """Kind of runs → example of hands, and its options in each of them."""
 
 
-@dataclass(frozen=True)
-class SwingSpec:
-    """A walk of 3 m, with arms that swing by a share of the way of the other side's foot, or hang still."""
-
-    robot: str
-    swing: float
-    seed: int = 0
-
-
-def walk_with_arms(spec: SwingSpec) -> Row:
-    """Walk, and return the moment about the vertical under the stance foot and the turn that was not planned."""
-    description = load_robot(spec.robot)
-    mode = chosen_mode(description, None)
-    plant = Plant(description, noise="realistic", seed=spec.seed, control_period=CONTROL_PERIOD[mode])
-    robot = description.robot()
-    settings = WalkingControlSettings(mode=mode, arms=ArmSettings(swing=spec.swing))
-    plan = walk_distance(FootstepPlan.standing(robot), 3.0)
-    walking = WalkingControl(robot, plan, plant.control_period, settings)
-    falls, moments = TrueFallDetector(plant.robot), []
-    while not walking.finished and walking.fallen is None and not falls.fallen(plant.truth().q):
-        plant.step(walking.command(plant.measure()))
-        if walking.reference is not None and sum(walking.reference.contact) == 1:
-            stance = walking.reference.contact.index(True)
-            moments.append(float(plant.truth().sole_wrench[stance, 5]))
-    x, y, z, w = plant.data.qpos[[4, 5, 6, 3]]
-    return {
-        "robot": spec.robot,
-        "seed": spec.seed,
-        "swing": spec.swing,
-        "stage": "done" if walking.finished else "fell",
-        "yaw_rms_Nm": float(np.sqrt(np.mean(np.square(moments)))),
-        "yaw_most_Nm": float(np.percentile(np.abs(moments), 99.0)),
-        "turned_deg": math.degrees(math.atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))),
-    }
-
-
 def trials(kind: str, robots: Iterable[str], seed: int) -> Iterator[tuple[Row, Callable[[], Row]]]:
     """Yield the spec of each run of a kind, and what runs it."""
+    name, runs = KINDS[kind]
     for robot in robots:
-        if kind == "swing":
-            for swing in (0.0, 0.5, 1.0):
-                spec = SwingSpec(robot, swing, seed)
-                yield asdict(spec), partial(walk_with_arms, spec)
-            continue
-        name, runs = KINDS[kind]
         for options in runs:
             words = [*options.split(), "--robot", robot, "--seed", str(seed)]
             yield {"words": words}, partial(importlib.import_module(name).main, words)
@@ -122,7 +66,7 @@ def table(kind: str, rows: list[Row]) -> str:
         if row["kind"] == kind:
             result = row["result"]
             force = result["force_N"] if kind == "press" else None  # of a cart or a door it is a result
-            cells[result["robot"], result.get("on"), force, result.get("swing")].append(result)
+            cells[result["robot"], result.get("on"), force].append(result)
     head, line = TABLES[kind]
     width = head.count("|") - 1
     lines = [head, "|" + "---|" * width]
@@ -195,14 +139,6 @@ def _carry(results: list[Row]) -> str:
     )
 
 
-def _swing(results: list[Row]) -> str:
-    mean = {name: sum(row[name] for row in results) / len(results) for name in ("yaw_rms_Nm", "yaw_most_Nm")}
-    return (
-        f"{results[0]['swing']:g} | {_done(results)} | {mean['yaw_rms_Nm']:.2f} Nm | {mean['yaw_most_Nm']:.2f} Nm | "
-        f"{_most(results, 'turned_deg'):.1f}° | {_seeds(results)}"
-    )
-
-
 LOAD_HEAD = "| Robot | Load | Done without a fall | Mass within | Place within | Least steps | Seeds |"
 TABLES: dict[str, tuple[str, Callable[[list[Row]], str]]] = {
     "press": (
@@ -221,10 +157,6 @@ TABLES: dict[str, tuple[str, Callable[[list[Row]], str]]] = {
     ),
     "load": (LOAD_HEAD, _carry),
     "chest": (LOAD_HEAD, _carry),
-    "swing": (
-        "| Robot | `arms.swing` | Done | Yaw moment of the stance foot, rms | 99 % below | Turned, most | Seeds |",
-        _swing,
-    ),
 }
 
 

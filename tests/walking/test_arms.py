@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pinocchio as pin
@@ -14,17 +15,24 @@ from wbc.core.qp.controller import Controller
 from wbc.core.robot import BASE_DOF
 from wbc.sim import Plant, TrialHook, WalkPlan, WalkSpec, WalkTrial
 from wbc.sim.trial.loop import TrialTick
-from wbc.tasks import CoMTask, PostureTask
+from wbc.tasks import CoMTask
+from wbc.tasks.trajectories import approach
 from wbc.walking import ArmSettings, FootstepPlan, WalkingControl, WalkingControlSettings
-from wbc.walking.hands.reaching import Arm, Arms, approach
 from wbc.walking.pattern.swing import FootMotion
 
 DT = 0.005
 
 
-def control() -> WalkingControl:
+def control(**arms: Any) -> WalkingControl:
     robot = load_robot("hrp4_class").robot()
-    return WalkingControl(robot, FootstepPlan.standing(robot), DT)
+    settings = WalkingControlSettings(arms=ArmSettings(**arms))
+    return WalkingControl(robot, FootstepPlan.standing(robot), DT, settings)
+
+
+def update(walking: WalkingControl, ticks: int = 1) -> None:
+    left, right = walking.walk._feet
+    for _ in range(ticks):
+        walking.arms.update((left, right), 0.0)
 
 
 @pytest.mark.parametrize("goal", [(2.0, -1.0, 0.5), (0.02, 0.0, 0.0), (0.0, 0.0, 0.0)])
@@ -80,7 +88,7 @@ def test_every_hand_of_the_robot_has_an_arm_and_the_balance_counts_each_joint_on
     assert [arm.name for arm in walking.arms.hands] == ["gripper", "right_hand"]
     for arm in walking.arms.hands:
         arm.reach([0.3, 0.0, 1.0])
-    walking.arms.update((walking.walk._feet[0], walking.walk._feet[1]), 0.0)
+    update(walking)
     spared = walking.tasks.com.spared - BASE_DOF
     assert np.unique(spared).size == spared.size
     assert set(spared) == {joint for arm in walking.arms.hands for joint in arm.joints}
@@ -89,18 +97,15 @@ def test_every_hand_of_the_robot_has_an_arm_and_the_balance_counts_each_joint_on
 def test_a_hand_without_a_target_adds_nothing_and_one_that_is_let_go_costs_nothing() -> None:
     walking = control()
     rows = walking.controller.problem.n_soft
-    feet = (walking.walk._feet[0], walking.walk._feet[1])
     hand = walking.arms["left_hand"]
     assert not hand.active and hand.target is None and np.isnan(hand.error).all()
     hand.reach([0.3, 0.2, 1.0])
     assert hand.active and rows == walking.controller.problem.n_soft
-    for _ in range(100):
-        walking.arms.update(feet, 0.0)
+    update(walking, 100)
     assert walking.controller.task("left_hand").weight[0] == pytest.approx(walking.arms.settings.weight)
     assert not walking.controller.task("left_hand").weight[3:].any(), "a point has no rotation"
     hand.release()
-    for _ in range(100):
-        walking.arms.update(feet, 0.0)
+    update(walking, 100)
     assert not hand.active and walking.controller.task("left_hand").idle
     assert walking.tasks.com.spared.size == 0
 
@@ -109,16 +114,14 @@ def test_a_pose_after_a_point_turns_a_hand_from_where_it_is() -> None:
     """At a point the wrist turns as it likes; the reference of its rotation must not be that of before."""
     walking = control()
     robot, hand = walking.controller.robot, walking.arms["left_hand"]
-    feet = (walking.walk._feet[0], walking.walk._feet[1])
     hand.reach(robot.placement(hand.frame).translation)
-    for _ in range(100):
-        walking.arms.update(feet, 0.0)
+    update(walking, 100)
     q = np.array(robot.half_sitting)
     q[7 + hand.joints[-1]] += 0.8
     robot.update(q, np.zeros(robot.nv))
     here = pin.SE3(robot.placement(hand.frame))
     hand.reach(here)
-    walking.arms.update(feet, 0.0)
+    update(walking)
     task = walking.controller.task("left_hand")
     np.testing.assert_allclose(task.target.rotation, here.rotation, atol=1e-9)
     assert np.abs(task.feedforward_velocity[3:]).max() < 1e-9
@@ -134,7 +137,7 @@ def test_a_target_in_the_frame_of_an_object_moves_with_it() -> None:
     away = box.rotation @ hand.error[:3]
     np.testing.assert_allclose(here + away, box.act(np.array([0.0, -0.1, 0.0])), atol=1e-12)
     task = walking.controller.task("right_hand")
-    walking.arms.update((walking.walk._feet[0], walking.walk._feet[1]), 0.0)
+    update(walking)
     arm = here - box.translation
     moving = np.array([0.1, 0.0, 0.0]) + np.cross([0.0, 0.0, 0.2], arm)
     np.testing.assert_allclose(task.feedforward_velocity[:3], moving, atol=2.0 * DT)
@@ -152,32 +155,25 @@ def test_bad_targets_are_refused_with_the_choices() -> None:
         arms.place("world", pin.SE3.Identity())
     with pytest.raises(InputError, match="speed"):
         ArmSettings(speed=0.0)
-    controller = Controller(load_robot("hrp4_class").robot(), DT)
-    with pytest.raises(UnknownNameError, match="no hand 'left'; did you mean 'left_hand'"):
-        Arm(controller, "left", DT, ArmSettings(), {}, {})
 
 
 def test_arms_swing_with_the_opposite_foot() -> None:
-    robot = load_robot("hrp4_class").robot()
-    controller = Controller(robot, DT)
-    com, posture = controller.add(CoMTask()), controller.add(PostureTask())
+    walking = control(swing=0.5)
+    robot, posture = walking.controller.robot, walking.tasks.posture
     rest = posture.target.copy()
-    arms = Arms(controller, com, posture, DT, ArmSettings(swing=0.5))
     ahead = FootMotion(pin.SE3(np.eye(3), np.array([0.2, -0.1, 0.0])), np.full(6, 0.3), np.zeros(6))
-    arms.update((FootMotion.at_rest(pin.SE3(np.eye(3), np.array([0.0, 0.1, 0.0]))), ahead), 0.0)
+    walking.arms.update((FootMotion.at_rest(pin.SE3(np.eye(3), np.array([0.0, 0.1, 0.0]))), ahead), 0.0)
     moved = posture.target - rest
     assert (moved != 0.0).sum() == 2, "one joint of each arm"
-
-    def hand(name: str, change: Array) -> float:
+    places = []
+    for change in (np.zeros(robot.na), moved):
         q = robot.half_sitting.copy()
         q[7:] += change
-        data = robot.model.createData()
-        pin.framesForwardKinematics(robot.model, data, q)
-        return float(data.oMf[robot.frame_id(robot.frames[name])].translation[0])
-
-    still = np.zeros(robot.na)
-    assert hand("left_hand", moved) - hand("left_hand", still) == pytest.approx(0.1, abs=0.02)
-    assert hand("right_hand", moved) - hand("right_hand", still) == pytest.approx(-0.1, abs=0.02)
+        robot.update(q, np.zeros(robot.nv))
+        places.append(
+            [robot.placement(robot.frames[f"{side}_hand"]).translation[0] for side in ("left", "right")]
+        )
+    assert np.subtract(places[1], places[0]) == pytest.approx([0.1, -0.1], abs=0.02)
     speeds = posture.feedforward_velocity[moved != 0.0] / moved[moved != 0.0]
     np.testing.assert_allclose(speeds, 0.3 / 0.2)
 

@@ -14,8 +14,7 @@ import pytest
 from wbc.core.errors import InputError, UnknownNameError
 from wbc.core.robot import GRAVITY
 from wbc.robots import load
-from wbc.sim import Plant, SensorNoise, SignalNoise, make_scene
-from wbc.sim.plant.falls import TrueFallDetector
+from wbc.sim import Plant, SensorNoise, SignalNoise, Trial, make_scene
 from wbc.tasks.motion.direction import least_turn
 from wbc.tasks.stabilizer.zmp import zmp_offset
 from wbc.walking import (
@@ -33,11 +32,11 @@ TABLE = {"distance": 0.18, "height": 0.7}
 DOWN, AHEAD = (0.0, 0.0, -1.0), (1.0, 0.0, 0.0)
 
 
-def standing(**settings: Any) -> tuple[WalkingControl, Hands]:
+def standing(robot: str = "hrp4_class", **settings: Any) -> tuple[WalkingControl, Hands]:
     """Return the controller of a robot that stands, and its hands."""
-    robot = load("hrp4_class").robot()
+    model = load(robot).robot()
     given = WalkingControlSettings(hands=HandSettings(**settings))
-    walking = WalkingControl(robot, FootstepPlan.standing(robot), 0.005, given)
+    walking = WalkingControl(model, FootstepPlan.standing(model), 0.005, given)
     assert walking.hands is not None
     return walking, walking.hands
 
@@ -87,107 +86,64 @@ def test_offsets_that_are_known_exactly(above: float, force: Any, moment: Any, o
 # ---- in the plant --------------------------------------------------------------------------------------------------
 
 
-class Stand:
-    """A robot that stands before a scene, with hands."""
+def pressing(noise: str | SensorNoise = "none", extra: float = 0.0) -> tuple[Trial, Hands]:
+    """Return a robot whose hands press 25 N each on a table, with a known load on its trunk."""
+    walking, hands = standing(reach=1.2, ramp=0.8)
+    trial = Trial(Plant(load("hrp4_class"), scene=make_scene("table", **TABLE), noise=noise), walking)
+    robot = walking.controller.robot
+    robot.carry(robot.torso_frame, extra * robot.mass)
+    trial.plant.load(robot.torso_frame, robot.mass - trial.plant.robot.mass)
+    walking.stabilizer.mass, walking.walk.phases.weight = robot.mass, robot.mass * GRAVITY
+    trial.advance(0.1)
+    for side, y in (("left", 0.2), ("right", -0.2)):
+        hands.press(f"{side}_hand", 25.0, DOWN, at=(0.24, y, TABLE["height"]), firm=True)
+    trial.advance(3.4)
+    assert [hand.state for hand in hands.all.values()] == 2 * [HandState.HOLD] and hands.there
+    return trial, hands
 
-    def __init__(
-        self, scene: Any, *, robot: str = "hrp4_class", noise: str | SensorNoise = "none", **settings: Any
-    ) -> None:
-        self.scene = scene
-        self.plant = Plant(load(robot), scene=scene, noise=noise)
-        model = load(robot).robot()
-        self.walking = WalkingControl(
-            model,
-            FootstepPlan.standing(model),
-            self.plant.control_period,
-            WalkingControlSettings(hands=HandSettings(**settings)),
-        )
-        assert self.walking.hands is not None
-        self.hands = self.walking.hands
-        self._fall = TrueFallDetector(self.plant.robot)
 
-    def run(self, seconds: float, look: Callable[[], None] = lambda: None) -> None:
-        end = self.plant.time + seconds
-        while self.plant.time < end:
-            self.plant.step(self.walking.command(self.plant.measure()))
-            look()
-            assert self.walking.fallen is None and not self._fall.fallen(self.plant.truth().q), (
-                self.plant.time
-            )
-
-    def press_both(self, force: float) -> None:
-        x, height = self.scene.distance + 0.06, self.scene.height
-        for side, y in (("left", 0.2), ("right", -0.2)):
-            self.hands.press(f"{side}_hand", force, DOWN, at=(x, y, height), firm=True)
-
-    def vanish(self) -> None:
-        model = self.plant.model
-        for geom in range(model.ngeom):
-            if model.body(model.geom_bodyid[geom]).name.startswith("scene/"):
-                model.geom_contype[geom] = model.geom_conaffinity[geom] = 0
+def shift_of(trial: Trial) -> np.ndarray[Any, Any]:
+    """Return the shift of the CoM to the point about which feet and hands together turn the pendulum."""
+    place = np.mean([trial.plant.data.site(f"{side}_hand site").xpos for side in ("left", "right")], axis=0)
+    weight = trial.walking.controller.robot.mass * GRAVITY
+    return -zmp_offset(wrench_at(place, (0.0, 0.0, 50.0)), np.zeros(3), weight)
 
 
 def test_both_hands_press_on_a_table_and_a_loss_is_noticed_within_50_ms() -> None:
-    wrong = SensorNoise(hand_force=SignalNoise(bias_std=1.5))
-    stand = Stand(make_scene("table", **TABLE), noise=wrong, reach=1.2, ramp=0.8)
-    stand.run(0.1)
-    stand.press_both(25.0)
-    stand.run(3.4)
-    hands = [stand.hands.all[name] for name in ("left_hand", "right_hand")]
-    assert all(hand.state is HandState.HOLD for hand in hands)
-    assert max(np.linalg.norm(hand.tare[:3]) for hand in hands) > 1.0, "the sensors are off"
+    trial, hands = pressing(SensorNoise(hand_force=SignalNoise(bias_std=1.5)))
+    both, plant = hands.all.values(), trial.plant
+    assert max(np.linalg.norm(hand.tare[:3]) for hand in both) > 1.0, "the sensors are off"
     felt: list[list[float]] = []
-    stand.run(0.5, lambda: felt.append([hand.pressed for hand in hands]))
+    trial.advance(0.5, lambda: felt.append([hand.pressed for hand in both]))
     assert np.array(felt) == pytest.approx(25.0, abs=2.5)
-    truth = stand.plant.truth()
-    assert truth.other_force[2] == pytest.approx(50.0, rel=0.03), (
-        "what the table gives, whatever the wrists' offsets"
-    )
-    # The feet keep their ZMP: the CoM is over the point about which feet and hands together turn the pendulum.
-    place = np.mean([stand.plant.data.site(f"{hand.name} site").xpos for hand in hands], axis=0)
-    weight = stand.plant.robot.mass * GRAVITY
-    expected = -zmp_offset(wrench_at(place, (0.0, 0.0, 50.0)), np.zeros(3), weight)
-    assert stand.hands.shift == pytest.approx(expected, abs=4e-3)
+    truth, expected = plant.truth(), shift_of(trial)
+    assert truth.other_force[2] == pytest.approx(50.0, rel=0.03), "whatever the wrists' offsets"
+    assert hands.shift == pytest.approx(expected, abs=4e-3)
     assert truth.com[:2] == pytest.approx(expected, abs=6e-3)
 
     for _ in range(3):  # the sensors drop out
-        measured = replace(stand.plant.measure(), hand_wrenches=np.full((2, 6), np.nan))
-        stand.plant.step(stand.walking.command(measured))
-    assert stand.walking.control.failures == 0
-    assert [hand.pressed for hand in hands] == pytest.approx(felt[-1], abs=1.0)
-    assert stand.hands.shift == pytest.approx(expected, abs=4e-3)
+        measured = replace(plant.measure(), hand_wrenches=np.full((2, 6), np.nan))
+        plant.step(trial.walking.command(measured))
+    assert trial.walking.control.failures == 0
+    assert [hand.pressed for hand in both] == pytest.approx(felt[-1], abs=1.0)
+    assert hands.shift == pytest.approx(expected, abs=4e-3)
 
-    stand.vanish()
-    gone = stand.plant.time
-    noticed: list[float] = []
-
-    def look() -> None:
-        if len(stand.hands.lost) == 2 and not noticed:
-            noticed.append(stand.plant.time)
-
-    stand.run(2.0, look)
-    assert noticed and noticed[0] - gone <= 0.05 + 1e-9
-    assert np.abs(stand.hands.shift).max() < 1e-3, "and the balance is again that of the feet alone"
+    model = plant.model
+    for geom in range(model.ngeom):  # the table vanishes
+        if model.body(model.geom_bodyid[geom]).name.startswith("scene/"):
+            model.geom_contype[geom] = model.geom_conaffinity[geom] = 0
+    lost: list[int] = []
+    trial.advance(2.0, lambda: lost.append(len(hands.lost)))
+    assert lost[round(0.05 / plant.control_period)] == 2
+    assert np.abs(hands.shift).max() < 1e-3, "and the balance is again that of the feet alone"
 
 
 @pytest.mark.slow
 def test_a_heavier_robot_shifts_its_com_less_for_the_same_force() -> None:
     """A fifth of the weight on the trunk, known to the models."""
-    stand = Stand(make_scene("table", **TABLE), reach=1.2, ramp=0.8)
-    robot, walking = stand.walking.controller.robot, stand.walking
-    extra = 0.2 * robot.mass
-    robot.carry(robot.torso_frame, extra)
-    stand.plant.load(robot.torso_frame, extra)
-    walking.stabilizer.mass = robot.mass
-    walking.walk.phases.weight = weight = robot.mass * GRAVITY
-    stand.run(0.1)
-    stand.press_both(25.0)
-    stand.run(3.4)
-    hands = stand.hands.all.values()
-    assert [hand.state for hand in hands] == 2 * [HandState.HOLD]
-    place = np.mean([stand.plant.data.site(f"{hand.name} site").xpos for hand in hands], axis=0)
-    expected = -zmp_offset(wrench_at(place, (0.0, 0.0, 50.0)), np.zeros(3), weight)
-    assert abs(expected[0]) > 0.02 and stand.hands.shift == pytest.approx(expected, abs=2e-3)
+    trial, hands = pressing(extra=0.2)
+    expected = shift_of(trial)
+    assert abs(expected[0]) > 0.02 and hands.shift == pytest.approx(expected, abs=2e-3)
 
 
 def test_hands_that_do_nothing_change_nothing() -> None:
@@ -214,20 +170,6 @@ def test_the_least_turn_brings_an_axis_to_a_direction(turned: float) -> None:
         turn = least_turn(np.array(axis), direction)
         np.testing.assert_allclose(pin.exp3(turn) @ axis, direction, atol=1e-6)
         assert np.linalg.norm(turn) == pytest.approx(turned, abs=1e-6)
-
-
-def test_a_hand_that_was_let_go_keeps_nothing_of_its_last_force() -> None:
-    hands = standing()[1]
-    hand = hands.all["left_hand"]
-    hands.press("left_hand", 20.0, AHEAD, firm=True)
-    hand.extra, hand.excess, hand.bounded = (
-        7.0,
-        np.ones(3),
-        True,
-    )  # help of the last push, a handle that pulled
-    hands.release("left_hand")
-    assert (hand.state, hand.target, hand.bounded) == (HandState.FREE, 0.0, False)
-    assert not hand.excess.any()
 
 
 @pytest.mark.parametrize("offset", [1.0, 5.0, 12.0])
@@ -261,77 +203,62 @@ def test_hands_whose_force_is_not_measured_neither_press_nor_grip() -> None:
 
 @pytest.mark.slow
 def test_impossible_readings_of_a_wrist_are_refused_and_a_dead_sensor_lets_go() -> None:
-    stand = Stand(make_scene("table", **TABLE), reach=1.2, ramp=0.8)
-    stand.run(0.1)
-    stand.press_both(25.0)
-    stand.run(3.4)
-    hands, control = stand.hands, stand.walking.control
+    trial, hands = pressing()
+    control, plant = trial.walking.control, trial.plant
     shift, felt = hands.shift.copy(), hands.outside.copy()
 
     def tick(value: float, ticks: int) -> None:
         for _ in range(ticks):
-            measured = stand.plant.measure()
-            assert measured.hand_wrenches is not None
-            wrenches = measured.hand_wrenches.copy()
+            measured = plant.measure()
+            wrenches = np.array(measured.hand_wrenches)
             wrenches[0, 2] = value
-            stand.plant.step(stand.walking.command(replace(measured, hand_wrenches=wrenches)))
+            plant.step(trial.walking.command(replace(measured, hand_wrenches=wrenches)))
 
     for value in (1e5, np.inf, -1e9):
         tick(value, 3)
         assert control.status() == "refused: force sensor of left_hand"
-        stand.run(0.02)
+        trial.advance(0.02)
         assert control.status() == "ok"
-    assert [hand.state for hand in hands.all.values()] == 2 * [HandState.HOLD]
+    assert hands.there
     assert hands.shift == pytest.approx(shift, abs=1e-3) and hands.outside == pytest.approx(felt, abs=3.0)
     tick(1e5, 15)
     assert hands.lost == ("left_hand",) and control.failures == 0
-    stand.run(1.0)
+    trial.advance(1.0)
     assert hands.all["right_hand"].state is HandState.HOLD
 
 
 def test_a_hand_that_finds_no_surface_stops() -> None:
-    stand = Stand(make_scene("table", distance=3.0), approach=0.2)
-    stand.hands.press("left_hand", 10.0, DOWN, firm=True)
-    start = stand.plant.data.site("left_hand site").xpos.copy()
-    while stand.hands.all["left_hand"].state is not HandState.LOST:
-        stand.run(0.1)
-        assert stand.plant.time < 4.0
-    stand.run(0.2)
-    assert np.linalg.norm(stand.plant.data.site("left_hand site").xpos - start) < 0.6
-    stand.hands.release("left_hand")
-    assert stand.hands.all["left_hand"].state is HandState.FREE
+    walking, hands = standing(approach=0.2)
+    trial = Trial(Plant(load("hrp4_class"), scene=make_scene("table", distance=3.0)), walking)
+    hands.press("left_hand", 10.0, DOWN, firm=True)
+    site = trial.plant.data.site("left_hand site")
+    start = site.xpos.copy()
+    trial.until(lambda: hands.lost == ("left_hand",), 4.0)
+    trial.advance(0.2)
+    assert np.linalg.norm(site.xpos - start) < 0.6
+    hands.release("left_hand")
+    assert hands.all["left_hand"].state is HandState.FREE
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    ("robot", "noise", "height"),
-    [("hrp4_class", "none", 0.9), ("g1", "realistic", 0.85)],
-)
-def test_a_cart_is_pushed(robot: str, noise: str, height: float) -> None:
-    stand = Stand(make_scene("cart", distance=0.37, handle=height, resistance=15.0), robot=robot, noise=noise)
-    plant, walking = stand.plant, stand.walking
-    cart = plant.model.body("scene/cart").id
-    stand.run(0.2)
+@pytest.mark.parametrize(("robot", "height"), [("hrp4_class", 0.9), ("g1", 0.85)])
+def test_a_cart_is_pushed_and_no_force_on_the_hands_moves_a_landing(robot: str, height: float) -> None:
+    walking, hands = standing(robot)
+    scene = make_scene("cart", distance=0.37, handle=height, resistance=15.0)
+    trial = Trial(Plant(load(robot), scene=scene, noise="realistic"), walking)
+    cart, model = trial.plant.data.body("scene/cart").xpos, walking.controller.robot
     for side, y in (("left", 0.2), ("right", -0.2)):
-        stand.hands.grip(f"{side}_hand", (0.37, y, height), AHEAD, limit=13.0)
-    stand.run(3.2)
-    assert all(hand.state is HandState.GRIP for hand in stand.hands.all.values())
+        hands.grip(f"{side}_hand", (0.37, y, height), AHEAD, limit=13.0)
+    trial.until(lambda: hands.there, 4.0)
     for side in ("left", "right"):
-        plant.grip(f"{side}_hand", f"{side} handle")
-    stand.run(1.0)
-    before = plant.data.xpos[cart].copy()
-    plan = walk_distance(FootstepPlan.standing(walking.controller.robot), 0.4)
-    walking.follow(plan)
-    pushed = []
-    stand.run(1.0)
-    while not walking.finished:
-        stand.run(0.5, lambda: pushed.append(float(np.linalg.norm(stand.hands.outside[:2]))))
-    stand.run(4.0)
-    assert plant.data.xpos[cart] - before == pytest.approx([0.4, 0.0, 0.0], abs=0.03)
-    for foot, planned in zip(walking.controller.robot.soles, plan.steps[-2:], strict=True):
-        landed = walking.controller.robot.placement(foot.frame).translation[1]
-        assert abs(landed) == pytest.approx(abs(planned.y), abs=0.01), "no force on the hands moves a landing"
-    assert np.linalg.norm(stand.hands.outside[:2]) < 0.5 * max(pushed), "and it fades at rest"
+        trial.plant.grip(f"{side}_hand", f"{side} handle")
+    trial.advance(1.0)
+    before, plan, pushed = cart.copy(), walk_distance(FootstepPlan.standing(model), 0.4), []
+    trial.follow(plan, 4.0, lambda: pushed.append(float(np.linalg.norm(hands.outside[:2]))))
+    assert cart - before == pytest.approx([0.4, 0.0, 0.0], abs=0.03)
+    for foot, planned in zip(model.soles, plan.steps[-2:], strict=True):
+        assert abs(model.placement(foot.frame).translation[1]) == pytest.approx(abs(planned.y), abs=0.01)
+    assert np.linalg.norm(hands.outside[:2]) < 0.5 * max(pushed), "and it fades at rest"
 
 
 @pytest.mark.parametrize(
@@ -405,29 +332,22 @@ def test_the_bound_is_what_a_sudden_loss_leaves() -> None:
         hands.press("right_hand", 20.0, AHEAD, at=(0.3, -0.2, 1.05))
 
 
-def turned_hands(yaw: float) -> Hands:
-    """Return the hands of a robot that stands with a heading, rad."""
-    robot = load("hrp4_class").robot()
-    q = np.array(robot.half_sitting)
-    turn = pin.SE3(pin.utils.rotate("z", yaw), np.zeros(3))
-    q[:7] = pin.SE3ToXYZQUAT(turn * pin.XYZQUATToSE3(q[:7]))
-    robot.update(q, np.zeros(robot.nv))
-    settings = WalkingControlSettings(hands=HandSettings())
-    hands = WalkingControl(robot, FootstepPlan.standing(robot), 0.005, settings).hands
-    assert hands is not None
-    return hands
-
-
 @pytest.mark.parametrize("yaw", [0.5 * np.pi, -2.3])
 def test_the_bound_goes_with_the_heading_of_the_robot(yaw: float) -> None:
     """Before the hands have ever moved, too: soles are longer than wide wherever the robot looks."""
-    for along in (AHEAD, (0.0, 1.0, 0.0), (0.8, -0.6, 0.0)):
-        words = []
-        for hands, turn in ((turned_hands(0.0), 0.0), (turned_hands(yaw), yaw)):
+    robot, words = load("hrp4_class").robot(), []
+    for turn in (0.0, yaw):
+        q = np.array(robot.half_sitting)
+        q[:7] = pin.SE3ToXYZQUAT(pin.SE3(pin.utils.rotate("z", turn), np.zeros(3)) * pin.XYZQUATToSE3(q[:7]))
+        robot.update(q, np.zeros(robot.nv))
+        settings = WalkingControlSettings(hands=HandSettings())
+        hands = WalkingControl(robot, FootstepPlan.standing(robot), 0.005, settings).hands
+        assert hands is not None
+        for along in (AHEAD, (0.0, 1.0, 0.0), (0.8, -0.6, 0.0)):
             with pytest.raises(InputError) as refused:
                 hands.press("left_hand", 60.0, pin.utils.rotate("z", turn) @ along, at=(0.1, 0.1, 0.9))
             words.append(str(refused.value))
-        assert words[0] == words[1]
+    assert words[:3] == words[3:]
 
 
 def held_hand(force: float, **settings: Any) -> tuple[Hands, Hand, Callable[[float], None]]:

@@ -64,26 +64,15 @@ def test_a_load_that_is_dropped_leaves_the_models() -> None:
 
 def test_a_load_that_is_let_go_of_leaves_the_balance_as_well() -> None:
     """Masses of stabilizer and phases are those of the models, and the estimate of the bias rests meanwhile."""
-    robot = DESCRIPTION.robot()
-    settings = WalkingControlSettings(load=LoadSettings())
-    walking, plant = WalkingControl(robot, FootstepPlan.standing(robot), DT, settings), Plant(DESCRIPTION)
-    load, own = walking.load, robot.mass
-    assert load is not None
-
-    def stand(seconds: float) -> None:
-        for _ in range(round(seconds / DT)):
-            plant.step(walking.command(plant.measure()))
-
-    stand(2.0)
+    trial, mass = handed_over(0.05, "none")
+    walking, load, robot = trial.walking, trial.walking.load, trial.walking.controller.robot
+    own = trial.plant.robot.mass
+    assert walking.stabilizer.mass == robot.mass == pytest.approx(own + mass, rel=0.01) and not load.changing
     for hand in robot.frames.values():
-        plant.load(hand, 1.5, over=0.5)
-    stand(2.0)
-    assert walking.stabilizer.mass == robot.mass == pytest.approx(own + 3.0, rel=0.01) and not load.changing
-    for hand in robot.frames.values():
-        plant.load(hand, 0.0)
+        trial.plant.load(hand, 0.0)
     load.release()
     assert load.changing
-    stand(0.1)
+    trial.advance(0.1)
     assert walking.stabilizer.mass == robot.mass == pytest.approx(own)
     assert walking.walk.phases.weight == pytest.approx(own * GRAVITY) and walking.fallen is None
 

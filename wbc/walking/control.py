@@ -77,6 +77,10 @@ class ReferenceControl:
         body: Height of the CoM, lean and turn of the trunk, and gaze, which can be set at any tick.
         balance: Stabilizer; None for a robot that balances by its steps, and so are `output`, `stabilizer`, `lean`,
             `bias`, `hands` and `load`.
+        lean: Lean of the trunk; None keeps it upright.
+        bias: Estimator of the error of the measured DCM; None takes it as measured.
+        hands: Hands that press on things; None without.
+        load: Load in the hands as estimated; None where none is expected.
         falls: Fall detector.
         stiffness: Scheduler that sets the soles while they swing; None leaves them alone.
         reference: References of the last tick with a good measurement; None before the first one.
@@ -98,6 +102,13 @@ class ReferenceControl:
         self.source, self.control, self.controller, self.tasks = source, control, control.controller, tasks
         self.dt = control.controller.dt
         self.arms, self.body, self.balance = arms, body, balance
+        self.lean: Lean | None = None
+        self.bias: BiasEstimator | None = None
+        self.hands: Hands | None = None
+        self.load: HeldLoad | None = None
+        if balance is not None:
+            self.lean, self.bias = balance.lean, balance.bias
+            self.hands, self.load = balance.hands, balance.load
         self.falls, self.stiffness = FallDetector(falls), stiffness
         self.reference: Reference | None = None
         control.reach = FEET_STEP if balance is None else FEET_AS_PLANNED
@@ -224,26 +235,6 @@ class ReferenceControl:
     def stabilizer(self) -> Stabilizer | None:
         """Feedback and admittances."""
         return None if self.balance is None else self.balance.stabilizer
-
-    @property
-    def lean(self) -> Lean | None:
-        """Lean of the trunk; None keeps it upright."""
-        return None if self.balance is None else self.balance.lean
-
-    @property
-    def bias(self) -> BiasEstimator | None:
-        """Estimator of the error of the measured DCM; None takes it as measured."""
-        return None if self.balance is None else self.balance.bias
-
-    @property
-    def hands(self) -> Hands | None:
-        """Hands that press on things; None without."""
-        return None if self.balance is None else self.balance.hands
-
-    @property
-    def load(self) -> HeldLoad | None:
-        """Load in the hands as estimated; None where none is expected."""
-        return None if self.balance is None else self.balance.load
 
     # ---- steering, which is the source's ----------------------------------------------------------------------------
 

@@ -32,7 +32,6 @@ from wbc.core.signals import Measurement
 from wbc.tasks.force.admittance import AdmittanceTask
 from wbc.tasks.stabilizer.pendulum import Pendulum
 from wbc.tasks.stabilizer.zmp import zmp_offset
-from wbc.walking.hands.arm_swing import HANDS
 from wbc.walking.hands.hand import Hand, HandSettings, HandState
 from wbc.walking.hands.motion import Follower, MovingFrame
 from wbc.walking.hands.reaching import Arms
@@ -78,6 +77,9 @@ class Hands:
     Attributes:
         settings: Settings.
         all: Role → hand.
+        outside: Wrench of the surroundings on all hands, measured and smoothed, [force; moment] at the world origin,
+            shape (6,), N and Nm.
+        active: True while a hand presses, or its lost force is still being faded out of the balance.
         slip: Angle by which the feet have slipped while the robot walked, rad: turn by the gyroscope less that of the
             estimate, which holds on to the feet.
     """
@@ -127,14 +129,14 @@ class Hands:
             task.admittance = (compliance / (4.0 * settings.lag), 0.0)
         self.all: Mapping[str, Hand] = MappingProxyType(hands)
         arms.occupied.update(hands)
-        self._outside = np.zeros(6)  # measured, filtered, at the world origin
+        self.outside = np.zeros(6)  # measured, filtered, at the world origin
         self._felt = np.zeros((len(hands), 6))  # measured, filtered, at each hand in world axes
         self._borne = np.zeros((len(hands), 6))  # the same, the slow part of hands that grip
         self._slow = np.zeros(6)  # of hands that grip, filtered once more
         self._missing = np.zeros(2)
         self._measurement: Measurement | None = None  # the last one
         self._middle: MovingFrame | None = None
-        self._acting = False
+        self.active = False
         self._turn, self._start_yaw, self.slip = GyroTurn(), self._yaw, 0.0
         self._imu = self._estimate.placement(self._estimate.imu_frame)
         self._shift = Follower(SHIFT_TIME, np.zeros(2))
@@ -153,16 +155,6 @@ class Hands:
     def shift(self) -> Array:
         """Shift of the CoM for the planned forces, shape (2,), m."""
         return np.asarray(self._shift.value)
-
-    @property
-    def outside(self) -> Array:
-        """Wrench of the surroundings on all hands, measured and smoothed, [force; moment] at the origin, shape (6,)."""
-        return self._outside
-
-    @property
-    def active(self) -> bool:
-        """True while a hand presses, or its lost force is still being faded out of the balance."""
-        return self._acting
 
     @property
     def gripping(self) -> bool:
@@ -186,7 +178,7 @@ class Hands:
 
         Zero looks along x, with the left hand to the left.
         """
-        left, right = (self._place(hand).translation for hand in HANDS)
+        left, right = (self._place(hand).translation for hand in ("left_hand", "right_hand"))
         return math.atan2(right[0] - left[0], left[1] - right[1]) + self.slip
 
     def point(self, hand: str, ahead: float, below: float, outward: float = 0.09) -> Array:
@@ -285,7 +277,7 @@ class Hands:
         if length < 1e-6:
             raise InputError(f"direction of {hand} must have a length, got {along}")
         along /= length
-        most, joint = self.strength(hand, along)
+        most, joint = self.all[hand].arm.strength(along, self.settings.share)
         if at is None and force > most:
             raise InputError(
                 f"{hand} can press with {most:.0f} N there ({joint} has no more torque), got {force:g} N"
@@ -328,13 +320,6 @@ class Hands:
         """
         choose("hand", hand, self.all)
         self.all[hand].release()
-
-    def strength(self, hand: str, direction: Array) -> tuple[float, str]:
-        """Return the greatest force of an arm as it is now along a direction, N, and the joint that bounds it.
-
-        The direction is in the world, of length 1, shape (3,).
-        """
-        return self.all[hand].arm.strength(direction, self.settings.share)
 
     def _place(self, hand: str) -> pin.SE3:
         """Return the placement of a hand as estimated."""
@@ -381,7 +366,7 @@ class Hands:
         if not rests:
             self.slip = math.remainder(self._turn.angle - (self._yaw - self._start_yaw), math.tau)
         pressing = any(hand.active for hand in self.all.values())
-        if not (pressing or self._acting):
+        if not (pressing or self.active):
             return None
         zmp = reference.pendulum.zmp
         feet = [motion.placement.translation for motion in reference.feet]
@@ -397,7 +382,9 @@ class Hands:
             place = self._place(name)
             hand.sense(None if readings is None else readings[hand.index], dt)
             wrench = hand.reading - hand.tare
-            most = self.strength(name, hand.direction)[0] if hand.state is HandState.HOLD else math.inf
+            most = math.inf
+            if hand.state is HandState.HOLD:
+                most, _ = hand.arm.strength(hand.direction, self.settings.share)
             hand.update(wrench, place.rotation, most, self._middle, dt)
             if hand.state in (HandState.HOLD, HandState.LOST):
                 felt += place.act(pin.Force(wrench)).vector
@@ -412,16 +399,16 @@ class Hands:
             else:
                 self._felt[hand.index] = self._borne[hand.index] = 0.0
         self._yield(rests)
-        self._outside += quick * (felt + pulled - self._outside)
+        self.outside += quick * (felt + pulled - self.outside)
         self._slow += slow * (pulled - self._slow)
         lean = self._lean(-zmp_offset(planned + self._slow, zmp, self._weight), reference.heading)
         self._shift.follow(lean - self._shift.value, dt)
         moves = float(np.abs(self._shift.value).max() + np.abs(self._shift.velocity).max()) >= 1e-5
-        self._acting = pressing or moves or float(np.abs(self._outside[:3]).max()) > 0.1
-        if not self._acting:
-            self._outside[:] = self._slow[:] = 0.0
+        self.active = pressing or moves or float(np.abs(self.outside[:3]).max()) > 0.1
+        if not self.active:
+            self.outside[:] = self._slow[:] = 0.0
             self._middle, self._shift = None, Follower(SHIFT_TIME, np.zeros(2))
-        return self._outside
+        return self.outside
 
     def _yield(self, rests: bool) -> None:
         """Let hands that grip yield to internal forces, and to forces beyond their limits.

@@ -12,6 +12,7 @@ a target an arm is held by the posture, or swings with the opposite foot.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from typing import Annotated, Any
 
@@ -30,7 +31,6 @@ from wbc.tasks.motion.moving import NEAR, SLOW, Placing
 from wbc.tasks.motion.posture import PostureTask
 from wbc.tasks.motion.relative import RelativeFrameTask
 from wbc.tasks.trajectories import Trajectory, approach
-from wbc.walking.hands.arm_swing import ArmSwing
 from wbc.walking.hands.hand import Hand
 from wbc.walking.pattern.swing import FootMotion
 
@@ -40,6 +40,12 @@ ARRIVED = 1e-3
 WORLD, PELVIS = "world", "pelvis"
 """Frames of targets that are always there."""
 
+
+SIDES = {"left_hand": 1.0, "right_hand": -1.0}
+"""Hands that swing with the foot of the other side, and the sign of their way while the right foot is ahead."""
+
+LEAST_GAIN = 0.01
+"""Displacement of a hand forward per angle of a joint, m/rad, below which the joint cannot swing the arm."""
 
 STIFFNESS, BLEND = 100.0, 0.3
 """Stiffness of the task of a hand, 1/s²; time over which its weight rises and falls, s."""
@@ -351,8 +357,8 @@ class Arms:
         self._hands = {
             name: Arm(controller, name, dt, settings, self._objects, self.occupied) for name in robot.frames
         }
-        arms = {name: (hand.frame, hand.joints) for name, hand in self._hands.items()}
-        self._swing = ArmSwing(robot, arms, posture) if settings.swing > 0.0 else None
+        self._rest = np.array(posture.target)
+        self._turns = self._swing_turns() if settings.swing > 0.0 else None
         self._spared: tuple[str, ...] = ()
 
     def __getitem__(self, name: str) -> Arm:
@@ -394,8 +400,34 @@ class Arms:
                 self._hands[name].update()
         if active or self._spared:
             self._spare(active)
-        if self._swing is not None:
-            self._swing.update(feet, yaw, self.settings.swing)
+        if self._turns is not None:
+            self._swing(feet, yaw, self._turns)
+
+    def _swing_turns(self) -> Array:
+        """Return how far joints turn for each metre that the right foot is ahead, rad/m: in each arm one joint.
+
+        It is the one that moves the hand forward most; an arm without such a joint is held still.
+        """
+        robot, turns = self._controller.robot, np.zeros(self._posture.dim)
+        forward = robot.placement(robot.base_frame).rotation[:, 0]
+        for name, sign in SIDES.items():
+            if name in self._hands and self._hands[name].joints:
+                frame, joints = robot.frame_id(self._hands[name].frame), self._hands[name].joints
+                rows = pin.getFrameJacobian(robot.model, robot.data, frame, pin.LOCAL_WORLD_ALIGNED)
+                gains = [float(forward @ rows[:3, BASE_DOF + joint]) for joint in joints]
+                joint, gain = max(zip(joints, gains, strict=True), key=lambda each: abs(each[1]))
+                if abs(gain) > LEAST_GAIN:
+                    turns[joint] = sign * self.settings.swing / gain
+        return turns
+
+    def _swing(self, feet: Sequence[FootMotion], yaw: float, turns: Array) -> None:
+        """Let arms follow the feet of the other side."""
+        ahead = math.cos(yaw), math.sin(yaw)
+        (left, right) = feet
+        x, y, _ = (right.placement.translation - left.placement.translation).tolist()
+        u, v = (right.velocity - left.velocity)[:2].tolist()
+        way, speed = ahead[0] * x + ahead[1] * y, ahead[0] * u + ahead[1] * v
+        self._posture.follow(self._rest + turns * way, turns * speed, np.zeros(self._posture.dim))
 
     def _spare(self, active: tuple[str, ...]) -> None:
         """Keep the balance from using the arms of active hands."""
