@@ -13,7 +13,7 @@ from typing import Any, Unpack
 import numpy as np
 import pinocchio as pin
 
-from wbc.core.arguments import check_fields, checked, spelled_out
+from wbc.core.arguments import check_fields, checked
 from wbc.core.drive.servos import Servos
 from wbc.core.errors import Array, InputError, ModelError, choose
 from wbc.core.html import html_text
@@ -105,7 +105,6 @@ class RobotDescription:
 
     @classmethod
     @checked
-    @spelled_out
     def from_urdf(
         cls,
         source: str | Path,
@@ -159,7 +158,6 @@ class RobotDescription:
 
     @classmethod
     @checked
-    @spelled_out
     def from_mjcf(
         cls,
         source: object,

@@ -16,13 +16,14 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 
 from wbc.core.arguments import checked
 from wbc.core.errors import InputError, WbcError, positive, shown, unknown_name
 from wbc.core.qp.controller import Controller, Item, ItemT
+from wbc.core.settings import Positive
 from wbc.core.signals import Command, Measurement
 
 logger = logging.getLogger(__name__)
@@ -99,9 +100,8 @@ Condition = Callable[[Scope], bool]
 
 
 @checked
-def after(seconds: float) -> Condition:
+def after(seconds: Annotated[Positive, "s"]) -> Condition:
     """Return a condition that holds from a time after the start of the state on, s."""
-    positive("time of a condition (s)", seconds)
     return lambda now: now.elapsed >= seconds - 1e-9
 
 
@@ -113,7 +113,7 @@ def reached(*things: Any) -> Condition:
 
 
 @checked
-def error_below(thing: object, bound: float) -> Condition:
+def error_below(thing: object, bound: Positive) -> Condition:
     """Return a condition that holds while no component of an error is above a bound and the target does not move.
 
     Args:
@@ -121,16 +121,14 @@ def error_below(thing: object, bound: float) -> Condition:
         bound: In the unit of its error.
     """
     _check((thing,), "error")
-    positive("bound of an error", bound)
     settling: Any = thing
     return lambda now: not getattr(thing, "moving", False) and float(np.abs(settling.error).max()) < bound
 
 
 @checked
-def speed_below(thing: object, bound: float) -> Condition:
+def speed_below(thing: object, bound: Positive) -> Condition:
     """Return a condition that holds while a task or hand is slower than a bound, its unit per second."""
     _check((thing,), "speed")
-    positive("bound of a speed", bound)
     settling: Any = thing
     return lambda now: bool(settling.speed < bound)
 

@@ -53,7 +53,7 @@ class MotionOptions(GainOptions, total=False):
         joints: Joints that the task may use, "base" for the floating base; all of them when None, the default.
     """
 
-    axes: Sequence[str]
+    axes: str | Sequence[str]
     joints: str | Sequence[str] | None
 
 

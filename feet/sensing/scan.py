@@ -257,8 +257,11 @@ def resample(x: ArrayLike, z: ArrayLike, settings: ScanSettings | None = None) -
     return _broken_line(cell, mean, np.array([1.0, 0.0]), given)
 
 
+Length = Annotated[Positive, "m"]
+
+
 @checked
-def windows(z: ArrayLike, step: float, length: float, every: float) -> Array:
+def windows(z: ArrayLike, step: Length, length: Length, every: Length) -> Array:
     """Return overlapping windows of a long profile, each as long as what a foot sees in one swing.
 
     Args:
@@ -274,11 +277,9 @@ def windows(z: ArrayLike, step: float, length: float, every: float) -> Array:
         InputError: A length out of range, or a profile shorter than one window.
     """
     heights = finite_array("heights of a profile (m)", z)
-    pitch = positive("profile step (m)", step)
-    size = round(positive("window length (m)", length) / pitch) + 1
-    stride = max(1, round(positive("distance between windows (m)", every) / pitch))
+    size, stride = round(length / step) + 1, max(1, round(every / step))
     if heights.ndim != 1 or heights.size < size:
         raise InputError(
-            f"a profile of {heights.shape} samples holds no window of {length:g} m ({size} samples of {pitch:g} m)"
+            f"a profile of {heights.shape} samples holds no window of {length:g} m ({size} samples of {step:g} m)"
         )
     return np.lib.stride_tricks.sliding_window_view(heights, size)[::stride]

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from dataclasses import field
-from typing import Any
+from typing import Annotated, Any
 
 from wbc.core.arguments import checked
-from wbc.core.errors import InputError, finite_scalar, positive
-from wbc.core.settings import check_inherited, settings
+from wbc.core.errors import InputError
+from wbc.core.settings import Positive, check_inherited, settings
 from wbc.feet.soles.contact import ContactSpheres
 from wbc.feet.soles.parts import FootParts
 from wbc.feet.soles.sole import FootFit, SoleGeometry
@@ -69,10 +69,10 @@ LARGEST_FOOT = 2.0
 def fitted_sole(
     sole: SoleGeometry,
     *,
-    length: float,
-    width: float,
+    length: Annotated[Positive, "m"],
+    width: Annotated[Positive, "m"],
     ankle_behind: float,
-    ankle_height: float | None = None,
+    ankle_height: Annotated[Positive, "m"] | None = None,
     min_height: float,
 ) -> SoleGeometry:
     """Return the rectangle of a foot under an ankle, oriented and laterally placed as the robot's own sole.
@@ -88,14 +88,11 @@ def fitted_sole(
     Raises:
         InputError: The foot does not fit this ankle.
     """
-    positive("foot length (m)", length)
-    positive("foot width (m)", width)
-    finite_scalar("ankle position behind the sole centre (m)", ankle_behind)
     own_height = float(sole.ankle[2])
     if ankle_height is None:
         height = max(own_height, min_height)
     else:
-        height = positive("ankle height over the sole (m)", ankle_height)
+        height = ankle_height
         if height < min_height:
             raise InputError(
                 f"the foot does not fit under '{sole.ankle_link}': it needs an ankle at least "

@@ -5,13 +5,14 @@ from __future__ import annotations
 import logging
 import time
 from collections.abc import Callable
-from typing import Protocol
+from typing import Annotated, Protocol
 
 import mujoco
 import numpy as np
 
 from wbc.core.arguments import checked
-from wbc.core.errors import Array, InputError, check_parts, non_negative, positive
+from wbc.core.errors import Array, InputError, check_parts
+from wbc.core.settings import NonNegative, Positive
 from wbc.core.signals import Command, Measurement
 from wbc.sim.loop.mujoco_loop import MujocoLoop
 
@@ -43,7 +44,12 @@ class RobotServer:
 
     @checked
     def __init__(
-        self, loop: MujocoLoop, wire: RobotWire, *, watchdog: float = 0.015, band: float = 0.0
+        self,
+        loop: MujocoLoop,
+        wire: RobotWire,
+        *,
+        watchdog: Annotated[Positive, "s"] = 0.015,
+        band: Annotated[NonNegative, "s"] = 0.0,
     ) -> None:
         """Connect a simulated robot with a wire.
 
@@ -58,13 +64,12 @@ class RobotServer:
         """
         check_parts("a wire", wire, "receive", "send")
         self.loop, self._wire = loop, wire
-        self._watchdog = positive("watchdog (s)", watchdog)
+        self._watchdog, self._band = watchdog, band
         if watchdog <= loop.control_period:
             raise InputError(
                 f"watchdog must be longer than the control period of the loop, {loop.control_period:g} s, "
                 f"got {watchdog:g} s"
             )
-        self._band = non_negative("time at the band (s)", band)
         self._hung = np.zeros(6)  # force and moment of the band, N and Nm
         self.damped, self.silent, self.late = False, 0.0, 0
         self._rack: Command | None = loop.hold()

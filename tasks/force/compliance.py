@@ -27,7 +27,6 @@ from wbc.core.errors import (
     Array,
     InputError,
     MeasurementError,
-    check_options,
     finite_array,
     non_negative,
     positive,
@@ -68,7 +67,6 @@ class ComplianceTask(PoseTargetTask):
             target: Pose in the world at zero offset; the present one when None.
             **options: See `ComplianceOptions`.
         """
-        check_options(self, ComplianceOptions, options)
         time_constant = options.pop("time_constant", SMOOTHING)
         velocity_bound = options.pop("velocity_bound", VELOCITY_BOUND)
         target_wrench, offset_bound = options.pop("target_wrench", None), options.pop("offset_bound", None)

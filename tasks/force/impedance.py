@@ -9,7 +9,7 @@ import pinocchio as pin
 from numpy.typing import ArrayLike
 
 from wbc.core.arguments import checked
-from wbc.core.errors import Array, check_options
+from wbc.core.errors import Array
 from wbc.core.qp.task import read_only
 from wbc.tasks.force.compliance import ComplianceTask, six
 from wbc.tasks.options import ComplianceOptions
@@ -71,7 +71,6 @@ class ImpedanceTask(ComplianceTask):
             UnknownNameError: An unknown option or axis.
             InputError: A value out of range; a mass or a spring of zero without a damper.
         """
-        check_options(self, ComplianceOptions, options)
         options = {"time_constant": SMOOTHING, "velocity_bound": VELOCITY_BOUND, **options}
         super().__init__(frame, target, **options)
         self.mass, self.spring = mass, spring

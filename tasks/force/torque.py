@@ -8,7 +8,7 @@ from typing import Unpack
 import numpy as np
 
 from wbc.core.arguments import checked
-from wbc.core.errors import Array, check_options
+from wbc.core.errors import Array
 from wbc.core.qp.problem import Problem
 from wbc.core.qp.task import VariableTask
 from wbc.core.robot import BASE_DOF, Robot
@@ -41,7 +41,6 @@ class JointTorqueTask(JointTask, VariableTask):
             joints: Joint or joints of the task; all when None.
             **options: See `TaskOptions`.
         """
-        check_options(self, TaskOptions, options)
         super().__init__("joint torques", target, joints, {"weight": 1e-4, **options})
 
     def _present(self, robot: Robot) -> Array:

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from wbc.core.arguments import checked
-from wbc.core.errors import Array, InputError, check_options, finite_array, unknown_name
+from wbc.core.errors import Array, InputError, finite_array, unknown_name
 from wbc.core.qp.contact import AXES, Contact
 from wbc.core.qp.problem import Problem
 from wbc.core.qp.task import VariableTask, read_only
@@ -46,7 +46,6 @@ class WrenchTask(VariableTask):
                 the contact has when None.
             **options: See `TaskOptions`.
         """
-        check_options(self, TaskOptions, options)
         self._contact = contact
         size = contact.dim if isinstance(contact, Contact) else len(AXES)
         rest: dict[str, Any] = {"weight": 1e-3, **options}

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from wbc.core.errors import Array, InputError, check_options, names_in, unknown_name
+from wbc.core.errors import Array, InputError, names_in, unknown_name
 from wbc.core.qp.task import ERROR_BOUNDS, MotionTask
 from wbc.core.robot import BASE_DOF, Robot
 from wbc.tasks.motion.moving import MovingTask
@@ -41,7 +41,6 @@ class AxesTask(MovingTask, MotionTask):
             UnknownNameError: An unknown option or axis.
             InputError: An axis twice or out of order, or a gain out of range.
         """
-        check_options(self, MotionOptions, options)
         gains: dict[str, Any] = {**options}
         name = gains.pop("name", None) or name
         mask = axis_mask(name, gains.pop("axes", choices), choices)

@@ -61,7 +61,7 @@ class MomentumTask(TargetTask[Array]):
 
     @damping.setter
     def damping(self, value: ArrayLike | None) -> None:
-        if value is None or np.any(np.asarray(value) != 0.0):
+        if value is None or finite_array(f"damping of task '{self.name}' (1/s)", value).any():
             raise InputError(
                 f"task '{self.name}' has no damping: its stiffness is a rate, 1/s; got {value!r}"
             )

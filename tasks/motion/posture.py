@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from wbc.core.arguments import checked
-from wbc.core.errors import Array, check_options, non_negative
+from wbc.core.errors import Array, non_negative
 from wbc.core.qp.task import SelectionTask
 from wbc.core.robot import BASE_DOF, Robot
 from wbc.tasks.motion.joints import JointTask, JointValues
@@ -44,7 +44,6 @@ class PostureTask(MovingTask, JointTask, SelectionTask):
             joint_weights: Joint name → factor on the weight; it stays when the weight is changed.
             **options: See `GainOptions`.
         """
-        check_options(self, GainOptions, options)
         self._factor: Array | None = None
         self._factors = {
             joint: non_negative(f"weight of joint '{joint}' in a posture task", factor)

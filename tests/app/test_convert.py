@@ -133,7 +133,7 @@ def test_a_log_without_a_robot_has_signals_alone(tmp_path: Path, capsys: pytest.
     pytest.importorskip("mcap")
     log, out = tmp_path / "stand.arrow", tmp_path / "stand.mcap"
     opened = recorded_stand(log, plant=False)
-    with pytest.raises(InputError, match="pictures a second"):
+    with pytest.raises(InputError, match=r"rate \(1/s\) must be"):
         convert_log(opened, out, rate=0.0)
     assert main(["log", "convert", str(log), str(out), "--json"]) == 0
     assert "without a plant" in json.loads(capsys.readouterr().out)["without_scene"]

@@ -196,7 +196,7 @@ def test_the_plants_drives_apply_the_gains_of_the_command() -> None:
 
 
 def test_references_that_run_away_from_the_estimate_are_refused() -> None:
-    with pytest.raises(InputError, match=r"reference time \(s\)"):
+    with pytest.raises(InputError, match=r"reference_time \(s\)"):
         bare(G1.robot(), -0.02)
 
 

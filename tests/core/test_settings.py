@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 from pydantic import Field
 
-from wbc.core.arguments import checked, spelled_out
+from wbc.core.arguments import checked
 from wbc.core.errors import InputError, UnknownNameError
 from wbc.core.registry import Registry, call_checked
 from wbc.core.settings import (
@@ -267,7 +267,6 @@ class Laces(TypedDict, total=False):
 
 def test_options_of_a_typed_dictionary_are_checked_and_named_like_parameters() -> None:
     @checked
-    @spelled_out
     def shoe(size: float, **options: Unpack[Laces]) -> tuple[float, Laces]:
         return size, options
 

@@ -240,10 +240,10 @@ def test_an_exception_names_the_state_or_is_an_outcome() -> None:
         (lambda: State("end"), "does not begin with 'end'"),
         (lambda: State("a", timeout=0.0), "timeout of state 'a'"),
         (lambda: State("a", done=3.0), "done must be a function or none, got 3.0"),  # type: ignore[arg-type]
-        (lambda: after(-1.0), "time of a condition"),
+        (lambda: after(-1.0), "seconds .s. must be"),
         (lambda: reached(3.0), "needs something with 'reached'"),
         (reached, "at least one"),
-        (lambda: error_below(CoMTask(), 0.0), "bound of an error"),
+        (lambda: error_below(CoMTask(), 0.0), "bound must be"),
         (lambda: any_of(1.0), "functions of a scope"),  # type: ignore[arg-type]
         (lambda: Program(Machine("m", steps("a")), 3.0), "drives a control or a Controller"),
     ],
@@ -367,7 +367,7 @@ def test_what_a_robot_that_walks_is_told_in_a_file_is_checked_before_it_moves() 
         ({"body": {"lower": 0.1}}, "'program/low': hand, release, body and go_to are of a walking robot"),
         ({}, "'program/low': it moves nothing to wait for"),
         ({"done": {"aftr": 1.0}}, "'program/low': no condition 'aftr'; did you mean 'after'"),
-        ({"done": {"after": -1.0}}, "'program/low': time of a condition"),
+        ({"done": {"after": -1.0}}, "'program/low': seconds (s) must be"),
         ({"done": "reached"}, "'program/low': a condition needs at least one task"),
         ({"done": {"all": 3}}, "'program/low': condition 'all' cannot be 3"),
         (

@@ -110,11 +110,14 @@ def test_unknown_name_is_refused_with_the_nearest_ones(what: str) -> None:
 
 
 UNKNOWN_OPTIONS: dict[str, tuple[Callable[..., Task], str]] = {
-    "gain": (lambda: CoMTask(wieght=1.0), "no option of CoMTask 'wieght'; did you mean 'weight'"),
-    "axes": (lambda: PoseTask("left_hand", axis=("x",)), "no option of PoseTask 'axis'; did you mean 'axes'"),
+    "gain": (lambda: CoMTask(wieght=1.0), "no parameter of CoMTask 'wieght'; did you mean 'weight'"),
+    "axes": (
+        lambda: PoseTask("left_hand", axis=("x",)),
+        "no parameter of PoseTask 'axis'; did you mean 'axes'",
+    ),
     "own": (
         lambda: PostureTask(joint_weigths={}),
-        "no option of PostureTask 'joint_weigths'; did you mean 'joint_we",
+        "no parameter of PostureTask 'joint_weigths'; did you mean 'joint_we",
     ),
     "compliance": (lambda: ImpedanceTask("left_foot", time_konstant=0.1), "did you mean 'time_constant'"),
     "of another task": (
@@ -123,13 +126,13 @@ UNKNOWN_OPTIONS: dict[str, tuple[Callable[..., Task], str]] = {
     ),
     "stiffness of a torque": (
         lambda: JointTorqueTask(stiffness=1.0),
-        "no option of JointTorqueTask 'stiffness'",
+        "no parameter of JointTorqueTask 'stiffness'",
     ),
     "stiffness of a wrench": (
         lambda: WrenchTask("left_foot", stiffness=1.0),
-        "no option of WrenchTask 'stiffness'",
+        "no parameter of WrenchTask 'stiffness'",
     ),
-    "axes of a posture": (lambda: PostureTask(axes=("x",)), "no option of PostureTask 'axes'"),
+    "axes of a posture": (lambda: PostureTask(axes=("x",)), "no parameter of PostureTask 'axes'"),
 }
 
 

@@ -38,10 +38,10 @@ def checked(function: Callable[P, T]) -> Callable[P, T]:
     """Decorate a public function or constructor: its arguments are checked against its annotations before it runs.
 
     Numbers are finite, arrays hold finite numbers, objects are instances of their class, callables can be called.
-    Protocols and `**options` are not looked at; annotations must be importable at run time. The function raises
-    `InputError` naming the argument, the rule and the value.
+    Of `**options: Unpack[Options]` each is checked like a parameter. Protocols are not looked at; annotations must be
+    importable at run time. The function raises `InputError` naming the argument, the rule and the value.
     """
-    signature = inspect.signature(function)
+    signature = _spelled_out(function)
 
     @functools.wraps(function)
     def call(*args: P.args, **kwargs: P.kwargs) -> T:
@@ -51,23 +51,28 @@ def checked(function: Callable[P, T]) -> Callable[P, T]:
     return call
 
 
-def spelled_out(function: Callable[P, T]) -> Callable[P, T]:
-    """Decorate a function with `**options: Unpack[Options]`: its signature names each option, for checks and for help.
+def _spelled_out(function: Callable[..., Any]) -> inspect.Signature:
+    """Return the signature of a function in which `**options: Unpack[Options]` is each option by itself.
 
-    The default of an option that may be None is None there, that of any other `...`. Stands below `checked`.
+    The default of an option that may be None is None there, that of any other `...`. Help shows the same.
     """
     signature = inspect.signature(function)
-    *parameters, several = signature.parameters.values()
-    hint = types.SimpleNamespace(__annotations__={several.name: several.annotation})
+    parameters = [*signature.parameters.values()]
+    if not parameters or "Unpack" not in str(parameters[-1].annotation):
+        return signature
+    last = parameters.pop()
+    hint = types.SimpleNamespace(__annotations__={last.name: last.annotation})
     names = getattr(function, "__globals__", {})
-    (options,) = typing.get_args(typing.get_type_hints(hint, globalns=names)[several.name])
-    for name, kind in typing.get_type_hints(options, include_extras=True).items():
+    (options,) = typing.get_args(typing.get_type_hints(hint, globalns=names)[last.name])
+    vars(function)["__options__"] = kinds = typing.get_type_hints(options, include_extras=True)
+    for name, kind in kinds.items():
         default = None if type(None) in typing.get_args(kind) else ...
+        text = getattr(options.__annotations__[name], "__forward_arg__", kind)
         parameters.append(
-            inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=default, annotation=kind)
+            inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=default, annotation=text)
         )
-    vars(function)["__signature__"] = signature.replace(parameters=parameters)
-    return function
+    vars(function)["__signature__"] = signature = signature.replace(parameters=parameters)
+    return signature
 
 
 def checked_on_failure(function: Callable[P, T]) -> Callable[P, T]:
@@ -141,13 +146,16 @@ def _rules_of(owner: Any) -> dict[str, tuple[TypeAdapter[Any], Any]]:
     else:
         several = (inspect.Parameter.VAR_KEYWORD, inspect.Parameter.VAR_POSITIONAL)
         parameters = inspect.signature(owner).parameters.values()
+        options = getattr(owner, "__options__", {})
         texts = {each.name: each.annotation for each in parameters if each.kind not in several}
-        texts = {name: text for name, text in texts.items() if text is not inspect.Parameter.empty}
+        texts = {
+            n: text for n, text in texts.items() if text is not inspect.Parameter.empty and n not in options
+        }
         alone = types.SimpleNamespace(
             __annotations__=texts
         )  # what it returns may be known to type checkers alone
         names = getattr(inspect.unwrap(owner), "__globals__", {})
-        hints = typing.get_type_hints(alone, globalns=names, include_extras=True)
+        hints = typing.get_type_hints(alone, globalns=names, include_extras=True) | options
     rules = {}
     for name, hint in hints.items():
         if typing.get_origin(hint) is not typing.ClassVar:

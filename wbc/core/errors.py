@@ -7,9 +7,8 @@ this code.
 from __future__ import annotations
 
 import difflib
-import inspect
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any, NoReturn
 
@@ -103,25 +102,6 @@ def check_parts(what: str, value: object, *parts: str) -> None:
             *most, last = parts
             every = f"{', '.join(most)} and {last}" if most else last
             raise InputError(f"{what} must have {every}; '{part}' is missing in {shown(value)}")
-
-
-def check_options(owner: object, kind: type, options: Iterable[str]) -> None:
-    """Raise `UnknownNameError` for an option that is not in the typed dictionary of a task or contact."""
-    known = frozenset(kind.__annotations__)
-    if isinstance(options, Mapping):
-        _check_name_and_hard(options)
-    for option in options:
-        if option not in known:
-            own = frozenset(inspect.signature(type(owner)).parameters) - {"options"}
-            unknown_name(f"option of {type(owner).__name__}", option, known | own)
-
-
-def _check_name_and_hard(options: Mapping[str, Any]) -> None:
-    name, hard = options.get("name"), options.get("hard", False)
-    if name is not None and not isinstance(name, str):
-        raise InputError(f"the name of a task or contact must be text, got {shown(name)}")
-    if not isinstance(hard, (bool, np.bool_)):
-        raise InputError(f"hard must be true or false, got {shown(hard)}")
 
 
 def scalar(value: float) -> Array:

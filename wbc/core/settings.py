@@ -51,6 +51,9 @@ NonNegative = Annotated[float, Field(ge=0.0)]
 Share = Annotated[float, Field(ge=0.0, le=1.0)]
 """A number from zero to one."""
 
+Ratio = Annotated[float, Field(gt=0.0, le=1.0)]
+"""A number above zero, up to one."""
+
 MOST = 10_000_000
 """Largest count: what is counted is made or done."""
 

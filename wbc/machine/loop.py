@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from typing import Protocol
+from typing import Annotated, Protocol
 
 from wbc.core.arguments import checked
-from wbc.core.errors import WbcError, as_period, check_parts, positive
+from wbc.core.errors import WbcError, as_period, check_parts
+from wbc.core.settings import Positive
 from wbc.core.signals import Command, Measurement
 from wbc.robots import RobotDescription
 
@@ -63,7 +64,12 @@ class DriverLoop:
 
     @checked
     def __init__(
-        self, driver: Driver, description: RobotDescription, control_period: float, *, timeout: float = 1.0
+        self,
+        driver: Driver,
+        description: RobotDescription,
+        control_period: float,
+        *,
+        timeout: Annotated[Positive, "s"] = 1.0,
     ) -> None:
         """Store the driver.
 
@@ -79,7 +85,7 @@ class DriverLoop:
         check_parts("a driver", driver, "read", "write", "damp")
         self.description = description
         self.control_period = as_period(control_period)
-        self._driver, self._timeout = driver, positive("timeout (s)", timeout)
+        self._driver, self._timeout = driver, timeout
         self._newest: Measurement | None = None
 
     def measure(self) -> Measurement:

@@ -17,13 +17,14 @@ import csv
 import zipfile
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 
 from wbc.core.arguments import checked
-from wbc.core.errors import Array, InputError, positive
+from wbc.core.errors import Array, InputError
 from wbc.core.files import decoding, parsing, read_text, replacing
+from wbc.core.settings import Positive
 from wbc.motion.clip import MotionClip
 
 BASE_COLUMNS = ("x", "y", "z", "qx", "qy", "qz", "qw")
@@ -60,7 +61,7 @@ def write_motion(clip: MotionClip, path: str | Path) -> None:
 
 @checked
 def read_motion(
-    path: str | Path, *, rate: float | None = None, joints: Sequence[str] | None = None
+    path: str | Path, *, rate: Annotated[Positive, "Hz"] | None = None, joints: Sequence[str] | None = None
 ) -> MotionClip:
     """Read a clip from a file of any format above, known by its ending, its header and the names of its arrays.
 
@@ -74,8 +75,6 @@ def read_motion(
             contradict the file.
     """
     path = _known(Path(path))
-    if rate is not None:
-        positive("rate of a motion (Hz)", rate)
     with parsing(path, "motion"):
         data = _arrays(path) if path.suffix == ".npz" else _columns(path)
         try:

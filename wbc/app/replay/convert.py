@@ -9,6 +9,7 @@ from __future__ import annotations
 import importlib.util
 from collections.abc import Iterable
 from pathlib import Path
+from typing import Annotated
 
 from wbc.app.files import check_target
 from wbc.app.log.reader import Log
@@ -17,8 +18,9 @@ from wbc.app.replay.convert_rrd import write_rrd
 from wbc.app.replay.groups import Progress
 from wbc.app.replay.replay import Replay
 from wbc.core.arguments import checked
-from wbc.core.errors import InputError, positive
+from wbc.core.errors import InputError
 from wbc.core.files import replacing
+from wbc.core.settings import Positive
 
 CONVERSIONS = (".mcap", ".rrd")
 """Endings of the files that logs are converted to."""
@@ -50,7 +52,7 @@ def check_conversion(path: str | Path, inputs: Iterable[str | Path] = ()) -> Pat
 
 @checked
 def convert_log(
-    log: Log, path: str | Path, *, rate: float = RATE, progress: Progress | None = None
+    log: Log, path: str | Path, *, rate: Annotated[Positive, "1/s"] = RATE, progress: Progress | None = None
 ) -> str | None:
     """Write a log as MCAP or RRD.
 
@@ -66,7 +68,7 @@ def convert_log(
     Raises:
         InputError: As `check_conversion` raises it, a rate that is not above zero, or an empty log.
     """
-    target, rate = check_conversion(path, [log.path]), positive("pictures a second (1/s)", rate)
+    target = check_conversion(path, [log.path])
     if not len(log):
         raise InputError(f"{log.path} holds no ticks; there is nothing to convert")
     reason = replay = None

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 from wbc.app.view.base import View
 from wbc.app.view.meshcat_view import MeshcatView
 from wbc.core.arguments import checked
-from wbc.core.errors import non_negative
+from wbc.core.settings import NonNegative
 from wbc.sim.trial.loop import TrialHook
 
 if TYPE_CHECKING:
@@ -40,7 +40,7 @@ class WatchWalk(TrialHook):
         rate: float | None = None,
         speed: float | None = 1.0,
         controls: bool = True,
-        wait: float = 0.0,
+        wait: Annotated[NonNegative, "s"] = 0.0,
     ) -> None:
         """Store the options of the view.
 
@@ -56,7 +56,7 @@ class WatchWalk(TrialHook):
         Raises:
             InputError: A negative time to wait.
         """
-        self._wait = non_negative("time to wait for a page (s)", wait)
+        self._wait = wait
         self._workbench = workbench
         self._options: dict[str, Any] = dict(host=host, port=port, speed=speed, controls=controls)
         if rate is not None:

@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
+from typing import Annotated
+
 import numpy as np
 
 from wbc.core.arguments import checked
 from wbc.core.control import FailurePolicy, SafetySettings, State
 from wbc.core.drive.torque import TorqueControl
-from wbc.core.errors import Array, InputError, finite_array, non_negative, scalar
+from wbc.core.errors import Array, InputError, finite_array, scalar
 from wbc.core.estimation.observer import Observer
 from wbc.core.lag import lag_gain
 from wbc.core.qp.controller import Controller
 from wbc.core.qp.solution import Solution
 from wbc.core.robot import BASE_DOF
+from wbc.core.settings import NonNegative
 from wbc.core.signals import Command
 
 
@@ -39,7 +42,7 @@ class HybridControl(TorqueControl):
         *,
         kp: Array | None = None,
         kd: Array | None = None,
-        reference_time: float = 0.02,
+        reference_time: Annotated[NonNegative, "s"] = 0.02,
         safety: SafetySettings | None = None,
     ) -> None:
         """Connect a controller to its observer.
@@ -66,7 +69,7 @@ class HybridControl(TorqueControl):
             soft = robot.servos.soft()
             kp, kd = soft[0] if kp is None else kp, soft[1] if kd is None else kd
         self.kp, self.kd = _gains("kp", kp, robot.na), _gains("kd", kd, robot.na)
-        self._pull = lag_gain(controller.dt, non_negative("reference time (s)", reference_time))
+        self._pull = lag_gain(controller.dt, reference_time)
         self._dt = scalar(controller.dt)
         self._off = np.zeros(robot.na)
         self.q, self.v = np.array(robot.q[7:]), np.zeros(robot.na)

@@ -7,19 +7,20 @@ mc_rtc.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Literal
+from typing import Annotated, Literal
 
 import numpy as np
 import pinocchio as pin
 
 from wbc.core.arguments import checked
 from wbc.core.control import DriveControl, FailurePolicy, SafetySettings, State
-from wbc.core.errors import Array, InputError, positive, scalar, shown
+from wbc.core.errors import Array, InputError, scalar, shown
 from wbc.core.estimation.observer import Observer
 from wbc.core.lag import lag_gain
 from wbc.core.qp.controller import Controller
 from wbc.core.qp.solution import Solution
 from wbc.core.robot import checked_configuration
+from wbc.core.settings import Positive
 from wbc.core.signals import Command
 
 
@@ -43,7 +44,7 @@ class PositionControl(DriveControl):
         *,
         feedback: Literal["open", "closed"] = "open",
         feedforward: bool = True,
-        reference_time: float = 0.1,
+        reference_time: Annotated[Positive, "s"] = 0.1,
         safety: SafetySettings | None = None,
     ) -> None:
         """Connect a controller to its observer.
@@ -75,7 +76,7 @@ class PositionControl(DriveControl):
         self.feedback = feedback
         self._follows_estimate = feedback == "closed"
         self.feedforward = feedforward
-        self._pull = lag_gain(controller.dt, positive("reference time (s)", reference_time))
+        self._pull = lag_gain(controller.dt, reference_time)
         self.q = np.array(controller.robot.q)
         self.v = np.array(controller.robot.v)
         self._step = np.zeros(controller.robot.nv)

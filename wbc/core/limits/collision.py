@@ -13,10 +13,10 @@ import numpy as np
 import pinocchio as pin
 
 from wbc.core.arguments import checked
-from wbc.core.errors import Array, InputError, non_negative, positive, shown
+from wbc.core.errors import Array, InputError, shown
 from wbc.core.limits.rows import RowLimit, limit_time_constant
 from wbc.core.robot import Robot
-from wbc.core.settings import Positive, settings
+from wbc.core.settings import NonNegative, Positive, settings
 
 Point = tuple[float, float, float]
 
@@ -96,10 +96,10 @@ class SelfCollisionLimit(RowLimit):
         *,
         shapes: Mapping[str, Shape | Sequence[Shape]] | None = None,
         urdf: str | Path | None = None,
-        margin: float = 0.02,
-        influence: float = 0.3,
+        margin: Annotated[NonNegative, "m"] = 0.02,
+        influence: Annotated[Positive, "m"] = 0.3,
         time_constant: float = 0.1,
-        recovery: float = 10.0,
+        recovery: Annotated[NonNegative, "m/s²"] = 10.0,
         name: str = "self-collision",
     ) -> None:
         """Describe the limit.
@@ -140,12 +140,10 @@ class SelfCollisionLimit(RowLimit):
                     f"shapes of '{frame}' must be spheres and capsules, at least one; got {given}"
                 )
         self._urdf = urdf
-        self._margin = non_negative(f"margin of limit '{name}' (m)", margin)
-        self._influence = positive(f"influence of limit '{name}' (m)", influence)
+        self._margin, self._influence, self._recovery = margin, influence, recovery
         if self._influence <= self._margin:
             raise InputError(f"influence of limit '{name}' must exceed its margin, {influence} ≤ {margin} m")
         self._time = limit_time_constant(time_constant)
-        self._recovery = non_negative(f"recovery of limit '{name}' (m/s²)", recovery)
 
     def bind(self, robot: Robot) -> None:
         """Build the shapes.

@@ -9,15 +9,17 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from wbc.core.arguments import checked
-from wbc.core.errors import Array, InputError, non_negative
+from wbc.core.errors import Array, InputError
 from wbc.core.hull import convex_hull
 from wbc.core.limits.rows import RowLimit, damped_bound, limit_time_constant
 from wbc.core.robot import Robot
+from wbc.core.settings import NonNegative
 
 MOST_EDGES = 1000
 """Largest number of edges of a polygon."""
@@ -36,9 +38,9 @@ class CoMPolygonLimit(RowLimit):
         self,
         polygon: ArrayLike | None = None,
         *,
-        margin: float = 0.01,
+        margin: Annotated[NonNegative, "m"] = 0.01,
         time_constant: float | None = None,
-        recovery: float | None = None,
+        recovery: Annotated[NonNegative, "m/s²"] | None = None,
         max_edges: int = 8,
         name: str = "CoM polygon",
     ) -> None:
@@ -61,11 +63,8 @@ class CoMPolygonLimit(RowLimit):
         if not 3 <= max_edges <= MOST_EDGES:
             raise InputError(f"limit '{name}' must have 3 to {MOST_EDGES} edges, got {max_edges}")
         self.name, self.dim = name, int(max_edges)
-        self._margin = non_negative(f"margin of limit '{name}' (m)", margin)
+        self._margin, self._given_recovery = margin, recovery
         self._given_time = None if time_constant is None else limit_time_constant(time_constant)
-        self._given_recovery = (
-            None if recovery is None else non_negative(f"recovery of limit '{name}' (m/s²)", recovery)
-        )
         self._robot: Robot | None = None
         self._normals, self._offsets = np.zeros((self.dim, 2)), np.full(self.dim, np.inf)
         self._edges = 0

@@ -7,13 +7,15 @@ never empty. A joint that starts outside its limits is brought back instead of m
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from wbc.core.arguments import checked, checked_on_failure
-from wbc.core.errors import Array, InputError, finite_array, finite_scalar, non_negative, positive, scalar
+from wbc.core.errors import Array, InputError, finite_array, positive, scalar
 from wbc.core.robot import Robot
+from wbc.core.settings import NonNegative, Ratio
 
 RECOVERY_TIME = 0.1
 """Time constant with which a violated bound is approached again, s."""
@@ -86,8 +88,8 @@ class JointLimits:
         velocity: bool = True,
         acceleration: ArrayLike | None = None,
         braking: ArrayLike | None = None,
-        margin: float = 1e-3,
-        velocity_ratio: float = 1.0,
+        margin: Annotated[NonNegative, "rad"] = 1e-3,
+        velocity_ratio: Ratio = 1.0,
     ) -> None:
         """Choose the bounds.
 
@@ -108,10 +110,7 @@ class JointLimits:
         self.name = "joint limits"
         self._use_position, self._use_velocity = bool(position), bool(velocity)
         self._acceleration, self._braking = acceleration, braking
-        self._margin = non_negative("margin of joint limits (rad)", margin)
-        self._ratio = finite_scalar(
-            "velocity ratio of joint limits", velocity_ratio, low=0.0, high=1.0, open_low=True
-        )
+        self._margin, self._ratio = margin, velocity_ratio
 
     def bind(self, robot: Robot) -> None:
         """Take the limits from the model.
@@ -188,7 +187,7 @@ class TorqueLimits:
     """Bounds of the joint torques, and of how fast they change."""
 
     @checked
-    def __init__(self, *, ratio: float = 1.0, rate: ArrayLike | None = None) -> None:
+    def __init__(self, *, ratio: Ratio = 1.0, rate: ArrayLike | None = None) -> None:
         """Choose the bounds.
 
         Args:
@@ -199,7 +198,7 @@ class TorqueLimits:
             InputError: A value out of range.
         """
         self.name = "torque limits"
-        self._ratio = finite_scalar("ratio of torque limits", ratio, low=0.0, high=1.0, open_low=True)
+        self._ratio = ratio
         self._rate = rate
 
     def bind(self, robot: Robot) -> None:

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
-from typing import TypedDict, Unpack
+from typing import Annotated, TypedDict, Unpack
 
 import numpy as np
 import pinocchio as pin
@@ -19,7 +19,6 @@ from wbc.core.arguments import checked, checked_on_failure
 from wbc.core.errors import (
     Array,
     InputError,
-    check_options,
     finite_array,
     finite_scalar,
     names_in,
@@ -28,6 +27,7 @@ from wbc.core.errors import (
     shown,
 )
 from wbc.core.robot import GRAVITY, Robot
+from wbc.core.settings import NonNegative, Positive
 
 AXES = ("x", "y", "z", "roll", "pitch", "yaw")
 """Names of the axes of a contact frame, in the order of its wrench."""
@@ -119,7 +119,7 @@ class ContactOptions(TypedDict, total=False):
     damping: float | None
     wrench_weight: ArrayLike
     active: bool
-    free_axes: Sequence[str]
+    free_axes: str | Sequence[str]
     free_force: bool
     motion_weight: ArrayLike | None
 
@@ -473,8 +473,8 @@ class SoleContact(_HeldFrame):
         self,
         sole: str,
         *,
-        friction: float = 0.7,
-        margin: float = 0.005,
+        friction: Positive = 0.7,
+        margin: Annotated[NonNegative, "m"] = 0.005,
         even: bool = False,
         **options: Unpack[ContactOptions],
     ) -> None:
@@ -491,10 +491,7 @@ class SoleContact(_HeldFrame):
             UnknownNameError: An unknown option.
             InputError: A value out of range.
         """
-        check_options(self, ContactOptions, options)
-        self._friction = positive(f"friction of contact '{sole}'", friction)
-        self._margin = non_negative(f"CoP margin of contact '{sole}' (m)", margin)
-        self._even = even
+        self._friction, self._margin, self._even = friction, margin, even
         self._rectangle: tuple[float, float] | None = None  # as given
         self._size: tuple[float, float] | None = None  # of the robot's sole
         # With these weights 100 N of shear, 300 N of weight and 10 Nm of ankle torque cost about the same.
@@ -585,7 +582,7 @@ class PointContact(Contact):
         frame: str,
         *,
         normal: ArrayLike = (0.0, 0.0, 1.0),
-        friction: float = 0.7,
+        friction: Positive = 0.7,
         **options: Unpack[ContactOptions],
     ) -> None:
         """Describe the contact.
@@ -600,15 +597,14 @@ class PointContact(Contact):
             UnknownNameError: An unknown option.
             InputError: A value out of range.
         """
-        check_options(self, ContactOptions, options)
         axis = finite_array(f"normal of contact '{frame}'", normal, (3,))
         length = float(np.linalg.norm(axis))
         if length < 1e-9:
             raise InputError(f"normal of contact '{frame}' must not be zero")
         world_to_contact = pin.Quaternion.FromTwoVectors(axis / length, np.array([0.0, 0.0, 1.0])).matrix()
         self._world_to_contact = np.ascontiguousarray(world_to_contact)
-        self._friction = positive(f"friction of contact '{frame}'", friction)
-        super().__init__(frame, frame, friction_pyramid(self._friction), **options)
+        self._friction = friction
+        super().__init__(frame, frame, friction_pyramid(friction), **options)
 
     @property
     def rotation(self) -> Array:
@@ -646,7 +642,6 @@ class FixedContact(_HeldFrame):
             UnknownNameError: An unknown option.
             InputError: A value out of range.
         """
-        check_options(self, ContactOptions, options)
         chosen: ContactOptions = {"max_force": 1e6, "wrench_weight": 1e-8, **options}
         super().__init__(frame, frame, np.zeros((0, 6)), **chosen)
 

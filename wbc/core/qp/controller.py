@@ -13,7 +13,7 @@ from typing import Any, TypeVar, overload
 import numpy as np
 
 from wbc.core.arguments import checked
-from wbc.core.errors import Array, InputError, WbcError, as_period, choose, positive, shown
+from wbc.core.errors import Array, InputError, WbcError, as_period, choose, shown
 from wbc.core.html import html_text
 from wbc.core.limits.rows import JointLimits, RowLimit, TorqueLimits
 from wbc.core.qp.assembly import Assembly, Limit
@@ -24,6 +24,7 @@ from wbc.core.qp.solution import Solution, Timings
 from wbc.core.qp.solver import QpSolver, SolverSettings
 from wbc.core.qp.task import MotionTask, SelectionTask, Task, VariableTask, evaluated
 from wbc.core.robot import Robot
+from wbc.core.settings import Positive
 from wbc.core.signals import Measurement
 
 Item = Task | Contact | JointLimits | TorqueLimits | RowLimit
@@ -46,7 +47,7 @@ class Controller:
         robot: Robot,
         dt: float,
         *,
-        regularisation: float = 1e-4,
+        regularisation: Positive = 1e-4,
         settings: SolverSettings | None = None,
     ) -> None:
         """Make a controller without tasks, contacts or limits; `add` them.
@@ -63,7 +64,7 @@ class Controller:
         """
         self.robot = robot
         self._dt = as_period(dt)
-        self._regularisation = positive("regularisation", regularisation)
+        self._regularisation = regularisation
         self._settings = settings or SolverSettings()
         self._tasks: list[Task] = []
         self._contacts: list[Contact] = []

@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 import math
-from typing import Unpack
+from typing import Annotated, Unpack
 
 import numpy as np
 import pinocchio as pin
 
 from wbc.core.arguments import checked
-from wbc.core.errors import Array, check_options, finite_array, finite_scalar, positive
+from wbc.core.errors import Array, finite_array, finite_scalar
 from wbc.core.qp.contact import Contact, ContactOptions, friction_pyramid
 from wbc.core.robot import Robot
+from wbc.core.settings import Positive
 from wbc.core.vectors import add_cross
 
 HOLD = (1000.0, 1000.0, 1000.0, 3.0, 3.0, 3.0)
@@ -40,8 +41,8 @@ class Foothold(Contact):
         self,
         sole: str,
         *,
-        friction: float = 0.5,
-        torsion: float = 0.03,
+        friction: Positive = 0.5,
+        torsion: Annotated[Positive, "m"] = 0.03,
         **options: Unpack[ContactOptions],
     ) -> None:
         """Describe the contact: the whole sole, until `set_box` says otherwise.
@@ -56,9 +57,7 @@ class Foothold(Contact):
             UnknownNameError: An unknown option.
             InputError: A value out of range.
         """
-        check_options(self, ContactOptions, options)
-        self._friction = positive(f"friction of contact '{sole}'", friction)
-        self._torsion = positive(f"torsion of contact '{sole}' (m)", torsion)
+        self._friction, self._torsion = friction, torsion
         self._half = (0.0, 0.0)  # of the box
         self._centre = np.zeros(3)
         self._change = np.eye(6)  # from the sole's origin in world axes to the centre in its axes

@@ -207,7 +207,7 @@ class Task(FixedAttributes):
         what = f"error_bound of task '{self.name}' ({self.unit})"
         try:
             bound = np.broadcast_to(np.asarray(value, dtype=float), (self._dim,))
-        except (TypeError, ValueError):
+        except (TypeError, ValueError, OverflowError):
             raise InputError(
                 f"{what} must be a scalar or have shape ({self._dim},), got {shown(value)}"
             ) from None

@@ -5,14 +5,20 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
+from typing import Annotated
 
 import numpy as np
 import pinocchio as pin
+from pydantic import Field
 
 from wbc.core.arguments import checked
-from wbc.core.errors import InputError, choose, finite_array, finite_scalar, positive
+from wbc.core.errors import InputError, choose, finite_array
 from wbc.core.robot import SIDES
+from wbc.core.settings import Positive
 from wbc.walking.planning.footsteps import Footstep, FootstepPlan, mean_heading, other
+
+Turn = Annotated[float, Field(ge=1e-3, le=3.0), "rad"]
+"""Turn of a step."""
 
 MOST_STEPS = 10_000
 """Greatest number of steps of a plan, three hours of walking: a greater one is a slip of the finger."""
@@ -30,7 +36,6 @@ def walk_distance(start: FootstepPlan, distance: float, *, first: str = "left") 
     Raises:
         InputError: A distance of zero or not finite.
     """
-    distance = finite_scalar("distance (m)", distance)
     if abs(distance) < 1e-6:
         raise InputError("distance (m) must not be zero; a plan without steps stands")
     count = max(1, math.ceil(abs(distance) / start.gait.step_length - 1e-9))
@@ -58,7 +63,7 @@ def walk_velocity(
     """
     if len(velocity) != 3:
         raise InputError(f"velocity must be (forward m/s, left m/s, turn rad/s), got {velocity!r}")
-    vx, vy, turn = (finite_scalar("velocity", value) for value in velocity)
+    vx, vy, turn = velocity
     if steps < 1:
         raise InputError(f"steps must be at least 1, got {steps}")
     _check_count("steps", steps, steps)
@@ -75,7 +80,7 @@ def walk_velocity(
 
 @checked
 def turn_in_place(
-    start: FootstepPlan, angle: float, *, per_step: float = 0.25, ahead: float = 0.0
+    start: FootstepPlan, angle: float, *, per_step: Turn = 0.25, ahead: float = 0.0
 ) -> FootstepPlan:
     """Turn on the spot, or about a point ahead.
 
@@ -89,10 +94,8 @@ def turn_in_place(
     Raises:
         InputError: An angle of zero, or one that is not finite.
     """
-    angle, ahead = finite_scalar("angle (rad)", angle), finite_scalar("ahead (m)", ahead)
     if angle == 0.0:
         raise InputError("angle (rad) must not be zero")
-    per_step = finite_scalar("per_step (rad)", per_step, low=1e-3, high=3.0)
     pairs = max(1, math.ceil(abs(angle) / per_step - 1e-9))
     _check_count("angle (rad)", angle, 2 * pairs)
     turn, inner = angle / (2 * pairs), "left" if angle > 0.0 else "right"
@@ -154,9 +157,9 @@ def climb_stairs(
     start: FootstepPlan,
     *,
     rise: float,
-    tread: float,
+    tread: Annotated[Positive, "m"],
     count: int,
-    first_edge: float,
+    first_edge: Annotated[Positive, "m"],
     together: bool = True,
     first: str = "left",
 ) -> FootstepPlan:
@@ -177,12 +180,11 @@ def climb_stairs(
     if rise == 0.0 or count < 1:
         raise InputError(f"a stair must have a rise and at least one step, got rise {rise} m, count {count}")
     _check_count("number of stairs", count, 2 * count + 2)
-    tread = positive("tread (m)", tread)
     middle = _middle(start.left, start.right)
     half = 0.5 * start.spacing
     ground = 0.5 * (start.left.z + start.right.z)
     # Centre of the tread of each stair, after an approach that ends half a tread before the edge.
-    approach = positive("first_edge (m)", first_edge) - 0.5 * tread
+    approach = first_edge - 0.5 * tread
     if approach < -1e-9:
         raise InputError(
             f"the feet must stand half a tread, {0.5 * tread:g} m, before the edge, got {first_edge:g} m"
