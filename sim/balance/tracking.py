@@ -21,7 +21,7 @@ from wbc.walking.falls import FallReason
 from wbc.walking.settings import WalkingControlSettings
 
 LOADED = 0.05
-"""Load of a sole that stands, as a share of the weight: with less it may move, and is about to leave."""
+"""Load of a sole that stands, over the weight: with less it may move, and is about to lift."""
 
 
 @settings(kw_only=True)

@@ -19,7 +19,7 @@ class Impact:
         arch_energy: Part of the drop energy turned to heat in the damper of the frontal arch, J.
         spring_energy: Part of the drop energy stored in the springs at rest, J.
         rebound_energy: Kinetic energy of the fastest upward motion after the first contact, J.
-        absorbed: Share of the drop energy that did not come back in the rebound.
+        absorbed: Ratio of the drop energy that the rebound does not return.
     """
 
     speed: float

@@ -1,4 +1,4 @@
-"""The loop of all simulations: orders, measure, command, looks, step, fallen?
+"""The loop of all simulations: orders, measurement, command, hooks, step, fall test.
 
     trial = WalkTrial(WalkSpec(robot="talos"))
     trial.scenario.append(Shove())      # a `TrialHook`: pushes, orders to the controller, whatever a trial is about
@@ -70,9 +70,9 @@ class TrialTick:
 
 
 class TrialHook:
-    """Part of a trial that is called in every tick: a look, a record, a scenario. Override what is needed.
+    """Hook of a trial, called in every tick: an observer, a recorder, a scenario. Override the methods it needs.
 
-    The result is the same with any hooks that only look on.
+    The result is the same with any hooks that only observe.
     """
 
     def start(self, trial: Any) -> None:
@@ -98,7 +98,7 @@ class Trial:
         plant: The plant.
         walking: The controller.
         meters: Hooks that measure the figures of the result; they come first in every tick.
-        hooks: Hooks that look on, whose time is not counted.
+        hooks: Hooks that observe, whose time is not counted.
         scenario: Hooks that act: steer, push, give orders.
         stage: Name of the present stage, which whoever advances the trial sets.
         fall: Reason of the fall; None before.

@@ -31,7 +31,7 @@ class WalkPush:
         body: Link or frame that is pushed, at the centre of mass of its link.
         time: Time at which the push begins, s; None for a phase of a step.
         step: Number of the step, from 1; None for a time.
-        phase: Share of the step at which the push begins: 0 when its foot lifts off, 1 when the next one would.
+        phase: Time over the step time at which the push begins: 0 when its foot lifts off, 1 when the next one would.
     """
 
     impulse: Annotated[NonNegative, "Ns/kg"]

@@ -1,4 +1,4 @@
-"""What the results of all trials have in common."""
+"""Base of the results of all trials."""
 
 from __future__ import annotations
 

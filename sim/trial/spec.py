@@ -1,4 +1,4 @@
-"""Robot, drives, foot and sensors of a simulation: what the specs of all trials have in common.
+"""Robot, drives, foot and sensors of a simulation: base of the specs of all trials.
 
 The command line, files and journals of a trial are made from the fields of its spec.
 """
@@ -27,7 +27,7 @@ CONTROL_PERIOD: dict[Mode, float] = {"position": 0.005, "torque": 0.002, "hybrid
 
 @settings(kw_only=True)
 class TrialSpec:
-    """Robot, drives, foot and sensors of a simulation. A spec that exists can be run: what is wrong is refused here.
+    """Robot, drives, foot and sensors of a simulation. A spec that exists can be run: bad values are refused here.
 
     Attributes:
         robot: Robot: a name that `wbc robots` lists, or a file (MJCF, URDF or TOML).
