@@ -48,34 +48,6 @@ def test_a_state_is_carried_ahead_over_the_commands_that_act_meanwhile(delay: fl
     np.testing.assert_allclose(ahead_q, pin.integrate(model, q, step), atol=1e-12)
 
 
-def test_a_plant_delays_measurements_and_commands_by_its_machine() -> None:
-    late = Plant(
-        G1, foot=FOOT, control_period=DT, machine=Machine(measurement_delay=0.004, command_delay=0.003)
-    )
-    prompt = Plant(G1, foot=FOOT, control_period=DT)
-    hold = prompt.hold()
-    assert hold.joint_position is not None
-    pushed = Command(np.full(29, 3.0), hold.joint_position)
-    seen = []
-    for tick in range(6):
-        seen.append(prompt.measure())
-        late_now = late.measure()
-        if tick >= 2:
-            assert late_now.time == pytest.approx(late.time - 0.004)
-            old = seen[0].joint_position  # nothing has moved before the first command acts
-            assert np.abs(late_now.joint_position - old).max() < 1e-4 or tick > 3
-        late.step(pushed)
-        prompt.step(pushed)
-    kp = G1.kp * (hold.joint_position - late.measure().joint_position)
-    assert np.abs(late.joint_torque - 3.0 - kp).max() < 20.0
-    first = Plant(G1, foot=FOOT, control_period=0.001, machine=Machine(command_delay=0.003))
-    torques = []
-    for _ in range(5):
-        first.step(Command(np.full(29, 3.0)))
-        torques.append(float(first.joint_torque[-1]))
-    assert [torque == 3.0 for torque in torques] == [False, False, False, True, True]
-
-
 @pytest.mark.parametrize("mode", ["position", "torque", "hybrid"])
 def test_wrenches_are_estimated_where_there_are_no_sensors(mode: str) -> None:
     """Noisy sensors, 1 kg at the torso that the model lacks; the error is bounded in shares of the weight.

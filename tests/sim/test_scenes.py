@@ -56,37 +56,24 @@ def test_a_plant_without_a_scene_has_neither_shapes_nor_wrist_sensors() -> None:
     assert touching == {"world", "left/foot", "right/foot"}
 
 
-def test_wrist_sensors_feel_a_load_and_not_the_weight_of_the_hand() -> None:
+@pytest.mark.parametrize("pushed", [False, True])
+def test_wrist_sensors_feel_a_load_or_a_force_and_not_the_weight_of_the_hand(pushed: bool) -> None:
     plant = Plant(load("hrp4_class"), machine=Machine(hand_sensors=True))
-    plant.load("left_hand", 3.0, over=0.3, at=(0.0, 0.0, 0.05))
-    for _ in range(200):
+    robot, at = plant.robot, np.array([0.0, 0.0, 0.05])
+    force = np.array([-6.0, 3.0, 8.0]) if pushed else np.array([0.0, 0.0, -3.0 * GRAVITY])
+    if pushed:
+        plant.push("left_hand", force, 1.0, at=at)
+    else:
+        plant.load("left_hand", 3.0, over=0.3, at=at)
+    for _ in range(150 if pushed else 200):
         plant.step(plant.hold())
-    measured = plant.measure().hand_wrenches
+    measured, truth = plant.measure().hand_wrenches, plant.truth()
     assert measured is not None
-    robot, truth = plant.robot, plant.truth()
     robot.update(truth.q, truth.v)
-    weight = robot.placement(robot.frames["left_hand"]).rotation.T @ [0.0, 0.0, -3.0 * GRAVITY]
-    assert measured[0] == pytest.approx(np.hstack([weight, np.cross([0.0, 0.0, 0.05], weight)]), abs=0.15)
-    assert measured[1] == pytest.approx(np.zeros(6), abs=0.15)
-
-
-def test_wrist_sensors_feel_a_force_on_the_hand_and_not_its_weight() -> None:
-    plant = Plant(load("hrp4_class"), machine=Machine(hand_sensors=True))
-    robot = plant.robot
-    force = np.array([-6.0, 3.0, 8.0])
-    plant.push("left_hand", force, 1.0, at=(0.0, 0.0, 0.05))
-    for _ in range(150):
-        plant.step(plant.hold())
-    measured = plant.measure().hand_wrenches
-    assert measured is not None
-    truth = plant.truth()
-    robot.update(truth.q, truth.v)
-    place = robot.placement(robot.frames["left_hand"])
-    expected = pin.Force(
-        place.rotation.T @ force, np.cross([0.0, 0.0, 0.05], place.rotation.T @ force)
-    ).vector
-    assert measured[0] == pytest.approx(expected, abs=0.15)
-    assert measured[1] == pytest.approx(np.zeros(6), abs=0.15)
+    local = robot.placement(robot.frames["left_hand"]).rotation.T @ force
+    assert measured[0] == pytest.approx(np.hstack([local, np.cross(at, local)]), abs=0.15)
+    if not pushed:
+        assert measured[1] == pytest.approx(np.zeros(6), abs=0.15)
 
 
 def test_a_fall_is_felt() -> None:
@@ -138,6 +125,8 @@ def test_the_cart_moves_above_its_resistance_and_not_below() -> None:
     assert moved[1] == pytest.approx((20.0 - 15.0) / 10.0 * 0.2, rel=0.3)
 
 
+DRIVEN = """<mujoco><worldbody><body><joint name="j"/><geom size="1"/></body></worldbody>
+<actuator><motor joint="j"/></actuator></mujoco>"""
 BROKEN = '<mujoco><worldbody><body><geom type="box" size="0 1 1"/></body></worldbody></mujoco>'
 
 
@@ -156,10 +145,10 @@ BROKEN = '<mujoco><worldbody><body><geom type="box" size="0 1 1"/></body></world
         (lambda: make_scene("cart", width=0.39), "width (m) must be a finite number of at least 0.4"),
         (lambda: make_scene("rail", width=0.39), "width (m) must be a finite number of at least 0.4"),
         (lambda: make_scene("rail", height=0.01), "height (m) of a rail must be above its radius"),
-        (
-            lambda: Plant(load("g1"), scene=BROKEN),
-            "scene cannot be read: ",
-        ),
+        (lambda: Plant(load("g1"), scene=BROKEN), "scene cannot be read: "),
+        (lambda: Plant(load("g1"), scene="<mujoco><worldbody><body/></mujoco>"), "scene cannot be read: "),
+        (lambda: Plant(load("g1"), scene="missing.xml"), "scene cannot be read: "),
+        (lambda: Plant(load("g1"), scene=DRIVEN), "furniture without actuators"),
         (lambda: Plant(load("g1"), scene=make_scene("wall", distance=0.05)), "mm inside 'wall'"),
         (lambda: Plant(load("g1")).grip("left_hand", "left handle"), "without a scene"),
         (lambda: Plant(load("g1"), scene="rail").grip("left_hnd", "left handle"), "left_hand"),

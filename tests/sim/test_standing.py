@@ -42,14 +42,16 @@ def without_clock(result: StandResult) -> dict[str, Any]:
 
 
 @pytest.mark.parametrize(
-    ("robot", "mode"), [(robot, mode) for robot in names() for mode in MODES[: 3 if robot == "g1" else 1]]
+    ("robot", "mode", "foot"),
+    [(robot, mode, "flat") for robot in names() for mode in MODES[: 3 if robot == "g1" else 1]]
+    + [("hrp4_class", "position", "soft")],
 )
-def test_every_robot_stands_still_and_one_in_every_mode(robot: str, mode: Mode) -> None:
-    result = stand(StandSpec(robot=robot, mode=mode, seconds=1.0))
+def test_every_robot_stands_still_and_one_in_every_mode(robot: str, mode: Mode, foot: str) -> None:
+    result = stand(StandSpec(robot=robot, mode=mode, foot=foot, seconds=1.0 if foot == "flat" else 1.5))
     assert result.upright and result.failures == 0
-    assert result.seconds == pytest.approx(1.0)
-    assert result.com_error_mm < 3.0
-    assert result.zmp_noise_mm < 0.5
+    assert result.seconds == pytest.approx(1.0 if foot == "flat" else 1.5)
+    assert result.com_error_mm < (3.0 if foot == "flat" else 5.0)
+    assert result.zmp_noise_mm < 0.5 or foot == "soft"
 
 
 @pytest.mark.parametrize(
@@ -72,11 +74,8 @@ def test_stands_with_noisy_sensors_and_repeats_itself_bit_for_bit(options: Stand
 @pytest.mark.parametrize("mode", MODES)
 @pytest.mark.parametrize("robot", names())
 def test_every_robot_stands_for_long(robot: str, mode: Mode, noise: str) -> None:
-    result = stand(StandSpec(robot=robot, mode=mode, noise=noise, seconds=10.0))
+    result = stand(robot=robot, mode=mode, noise=noise, seconds=10.0)
     assert result.upright and result.failures == 0
-    if mode == "position":
-        closed = stand(StandSpec(robot=robot, noise=noise, feedback="closed", seconds=10.0))
-        assert closed.upright and closed.failures == 0
 
 
 @pytest.mark.parametrize("name", ["rigid", "soft"])
@@ -97,11 +96,6 @@ def test_the_controller_knows_the_feet_that_are_on(name: str) -> None:
 def test_a_robots_own_soles_are_left_alone() -> None:
     for robot in names():
         assert with_feet(load(robot), foot("flat")) is load(robot)
-
-
-def test_stands_on_soft_feet() -> None:
-    result = stand(StandSpec(foot="soft", seconds=1.5))
-    assert result.upright and result.com_error_mm < 5.0
 
 
 def test_pressure_of_a_robot_at_rest_is_under_its_centre_of_mass() -> None:
