@@ -41,7 +41,7 @@ class SteppingControlSettings:
 
     Attributes:
         mode: "torque": torques are sent; "hybrid": torques, with the machine's soft servos around the motion that they
-            make; "position": stiff servos follow that motion.
+            make; "position": stiff servos follow that motion, which starts anew from the estimate in each period.
         com_height: Height of the CoM over the soles while walking, m; from `gait.bend` when None.
         gait: Law of the steps.
         tasks: Weights and gains of the tasks.
@@ -106,7 +106,8 @@ class SteppingControl(ReferenceControl):
         control: PositionControl | TorqueControl
         if s.mode == "position":
             observer = observer or Observer(robot, OBSERVER)
-            control = PositionControl(controller, observer, feedback="closed", safety=s.safety)
+            # References that lag behind the estimate hold ankles and soles against the ground that they stand on.
+            control = PositionControl(controller, observer, feedback="closed", reference_time=dt, safety=s.safety)
         else:
             observer = observer or Observer(robot, OBSERVER, adopt=True)
             kind = HybridControl if s.mode == "hybrid" else TorqueControl
