@@ -88,7 +88,11 @@ class TrialSpec:
     @property
     def period(self) -> float:
         """Control period, s."""
-        return CONTROL_PERIOD[self.chosen] if self.control_period is None else self.control_period
+        return self._usual_period() if self.control_period is None else self.control_period
+
+    def _usual_period(self) -> float:
+        """Return the control period when none is given, s."""
+        return CONTROL_PERIOD[self.chosen]
 
     def build(self, observer: ObserverSettings | None = None) -> tuple[Robot, Plant, Observer]:
         """Return the controller's robot, the plant, and an observer that knows the delays.

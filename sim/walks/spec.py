@@ -24,7 +24,7 @@ from wbc.sim.scenes.base import Scene, make_scene
 from wbc.sim.terrain.spec import RAMP, Terrain
 from wbc.sim.terrain.spec import terrain as terrain_by_name
 from wbc.sim.trial.push import WalkPush
-from wbc.sim.trial.spec import TrialSpec
+from wbc.sim.trial.spec import CONTROL_PERIOD, TrialSpec
 from wbc.sim.walks.plans import WalkPlan
 from wbc.sim.walks.prepare import PreparedWalk, prepare
 from wbc.sim.walks.settings import (
@@ -86,7 +86,7 @@ class WalkSpec(TrialSpec):
             unless settings state others ("observer.command_delay").
         plan: Distance, velocity, turn, stairs, footsteps or velocities over time.
         gait: Sizes and timings of steps of a LIPM walk.
-        law: lipm plans footsteps, stepping decides place and time of each as it goes.
+        law: lipm plans footsteps, stepping decides place and time of each as it goes, every 2 ms in any mode.
         gains: Preset of settings: default, frizza for the paper's law, no_bias for the same without bias estimate.
         changes: Settings that differ from the preset; see `wbc.sim.walks.settings.TrialSettings`.
         start: Place of the robot at the start: x (m), y (m) and heading (rad).
@@ -120,7 +120,7 @@ class WalkSpec(TrialSpec):
 
         store("robot", stamped(self.robot))
         load(self.robot).needs_feet("a walk")
-        if self.law == "stepping" and self.mode is None:  # in position control it falls
+        if self.law == "stepping" and self.mode is None:
             store("mode", "torque")
         super().__post_init__()
         if max(self.seed, self.noise_seed or 0) >= SEED_LIMIT:
@@ -146,6 +146,10 @@ class WalkSpec(TrialSpec):
             body_frame(push.body, prepared.robot())
             if push.step is not None and push.step > steps > 0 and self.plan.drive is None:
                 raise InputError(f"a push at step {push.step} of a walk of {steps} steps")
+
+    def _usual_period(self) -> float:
+        """Return the control period when none is given, s: steps are decided anew every 2 ms on any drives."""
+        return CONTROL_PERIOD["torque"] if self.law == "stepping" else super()._usual_period()
 
     def foot_design(self) -> Foot:
         """Return the foot.

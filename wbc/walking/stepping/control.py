@@ -107,7 +107,9 @@ class SteppingControl(ReferenceControl):
         if s.mode == "position":
             observer = observer or Observer(robot, OBSERVER)
             # References that lag behind the estimate hold ankles and soles against the ground that they stand on.
-            control = PositionControl(controller, observer, feedback="closed", reference_time=dt, safety=s.safety)
+            control = PositionControl(
+                controller, observer, feedback="closed", reference_time=dt, safety=s.safety
+            )
         else:
             observer = observer or Observer(robot, OBSERVER, adopt=True)
             kind = HybridControl if s.mode == "hybrid" else TorqueControl
