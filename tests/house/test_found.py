@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from wbc.sim.studies.intervals import mean_interval, rate_interval, sign_flip_p
+from wbc.sim.studies.intervals import holm, mean_interval, rate_interval, sign_flip_p
 from wbc.sim.studies.study_table import cause_of
 
 DOCS = Path(__file__).resolve().parents[2] / "docs"
@@ -243,6 +243,26 @@ def over(arm: str, other: str, part: Callable[[Result], float]) -> tuple[list[fl
     return [part(arms[arm][at]) - part(arms[other][at]) for at in arms[arm]], [at[0] for at in arms[arm]]
 
 
+@cache
+def attribution() -> dict[str, dict[Layout, Result]]:
+    """Walks of the study of that name: part of the default law that is added to the paper's → layout."""
+    names = {
+        "feedforward": "torque feed-forward",
+        "lean": "lean",
+        "walk.adjustment": "step adjustment",
+        "walk.phases.lift_off": "a step that waits for load",
+        "gains.cop_admittance": "a CoP admittance five times as quick",
+    }
+    parts: dict[str, dict[Layout, Result]] = defaultdict(dict)
+    for spec, result in walks("attribution"):
+        changed = [name for key, name in names.items() if key in dict(spec["changes"])]
+        name = "slow landing" if spec["gait"]["apex"] == 0.4 else "the paper's law"
+        if spec["gains"] == "default":
+            name = "all, the default law"
+        parts[changed[0] if changed else name][spec["terrain"], spec["seed"]] = result
+    return parts
+
+
 def signed(text: str) -> str:
     return text.replace("-", "−").replace("−0.0", "0.0")
 
@@ -343,3 +363,35 @@ def test_a_stiff_toe_falls_forward_as_often_as_a_soft_one() -> None:
         for arm in ("toe 400, arch 5", "soft, 5")
     }
     assert falls["toe 400, arch 5"] == falls["soft, 5"]
+
+
+def test_no_single_part_of_the_default_law_closes_the_gap() -> None:
+    """The table of the study 'attribution', by layouts, and what is said of its rule."""
+    parts = attribution()
+    paper = parts.pop("the paper's law")
+    more = {
+        name: np.array([steps(walks_of[at]) - steps(paper[at]) for at in sorted(paper)])
+        for name, walks_of in parts.items()
+    }
+    whole = more["all, the default law"]
+    drawn = np.random.default_rng(0).integers(0, len(whole), (10_000, len(whole)))
+    p_values = {}
+    for name, gained in more.items():
+        assert len(gained) == 100
+        found = mean_interval(list(gained))
+        share = (gained[drawn].mean(1) / whole[drawn].mean(1)).tolist()
+        low, high = (round(100.0 * float(np.quantile(share, q))) for q in (0.025, 0.975))
+        part = f"{100.0 * gained.mean() / whole.mean():.0f} [{low}, {high}] % "
+        done = sum(map(arrived, parts[name].values()))
+        line = signed(f"| {done} | {found.mean:.1f} [{found.low:.1f}, {found.high:.1f}] | ")
+        says(f"| {name} {line}" + (signed(part) if gained is not whole else "") + "|")
+        p_values[name] = sign_flip_p(list(gained))
+    established = [
+        name
+        for name, p in zip(p_values, holm(list(p_values.values())), strict=True)
+        if p is not None and p <= 0.003
+    ]
+    assert sorted(established) == ["a CoP admittance five times as quick", "all, the default law", "lean"]
+    says(f"{sum(map(arrived, paper.values()))} of 100 walks arrive, by the default law")
+    falls = [cause_of(r) for r in paper.values()].count("sideways")
+    says(f"it falls sideways {falls / sum(map(steps, paper.values())) * 1e3:.0f} times in 1,000 steps")
