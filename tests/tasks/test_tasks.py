@@ -332,6 +332,17 @@ def test_weights_share_between_tasks_that_disagree() -> None:
     np.testing.assert_allclose(jacobian @ controller.solve().accelerations, [1.0, -0.25, 0.0], atol=1e-5)
 
 
+def test_postures_that_disagree_each_tell_their_own_residual() -> None:
+    robot = make_robot("hrp4_class")
+    controller = Controller(robot, 0.002, regularisation=1e-9)
+    joints = arm(robot)[:2]
+    here = robot.q[7:][[robot.joint_index(joint) for joint in joints]]
+    controller.add(PostureTask(here + 0.1, joints=joints, name="one", weight=3.0, stiffness=10.0))
+    controller.add(PostureTask(here[1:] - 0.1, joints=joints[1:], name="two", weight=1.0, stiffness=10.0))
+    residuals = controller.solve().residuals
+    np.testing.assert_allclose([*residuals["one"], *residuals["two"]], [0.0, -0.5, 1.5], atol=1e-5)
+
+
 def test_weights_of_joints_stay_when_the_weight_changes() -> None:
     robot = make_robot("hrp4_class")
     joint = robot.joint_names[3]

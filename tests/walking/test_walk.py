@@ -474,14 +474,14 @@ def test_without_a_push_no_step_is_moved() -> None:
 # Bad input
 
 
-@pytest.mark.parametrize("move", [(1.0, 0.0, 0.0, 0.0), (0.0, 0.0, 0.3, 0.0), (0.0, 0.0, 0.0, 0.2)])
+@pytest.mark.parametrize("move", [(0.022, 0.0, 0.0, 0.0), (0.0, 0.0, 0.052, 0.0), (0.0, 0.0, 0.0, 0.052)])
 def test_a_plan_must_begin_where_the_robot_stands(move: tuple[float, float, float, float]) -> None:
     *shift, turn = move
     world = pin.SE3(pin.rpy.rpyToMatrix(0.0, 0.0, turn), np.array(shift))
     robot = ROBOT.clone()
     with pytest.raises(InputError, match="must begin where the robot stands"):
         WalkingControl(robot, walk_distance(START, 0.3).moved(world), DT)
-    near = pin.SE3(np.eye(3), np.array([0.005, 0.0, 0.03]))
+    near = pin.SE3(pin.utils.rotate("z", 0.9 * turn), 0.9 * np.array(shift))
     WalkingControl(robot, walk_distance(START, 0.3).moved(near), DT)
 
 
