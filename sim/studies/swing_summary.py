@@ -33,7 +33,6 @@ class SwingSummary:
         ahead: Time from the decision to the landing: 1st, 50th and 99th percentile over the swings, s.
         profile_error: |scanned − true| ground as the policy sees it (its shape), m: mean, and mean of the scans' 95th
             percentiles.
-        profile_error_as_believed: The same at the height at which the controller believes the ground to be, m.
         decision_us: Time from the complete scan to the command, µs: median over the walks, and the longest.
     """
 
@@ -46,7 +45,6 @@ class SwingSummary:
     stiffness: tuple[float, float, float]
     ahead: tuple[float, float, float] | None
     profile_error: tuple[float, float] | None
-    profile_error_as_believed: tuple[float, float] | None
     decision_us: tuple[float, float] | None
 
 
@@ -98,8 +96,7 @@ def _summary(group: _Collected) -> SwingSummary:
         fallbacks=dict(fallbacks.most_common()),
         stiffness=_percentiles([s["commanded_nm_per_rad"] for s in swings], 10),
         ahead=_percentiles(ahead, 1) if ahead else None,
-        profile_error=_errors(swings, "profile_error_m"),
-        profile_error_as_believed=_errors(swings, "profile_error_as_believed_m"),
+        profile_error=_errors([s["profile_error_m"] for s in swings if s["profile_error_m"] is not None]),
         decision_us=(
             (float(np.median([c["median"] for c in group.clocks])), max(c["max"] for c in group.clocks))
             if group.clocks
@@ -113,11 +110,10 @@ def _percentiles(values: list[float], outer: float) -> tuple[float, float, float
     return float(low), float(middle), float(high)
 
 
-def _errors(swings: list[Mapping[str, Any]], name: str) -> tuple[float, float] | None:
-    known = [s[name] for s in swings if s[name] is not None]
-    if not known:
+def _errors(scans: list[Mapping[str, float]]) -> tuple[float, float] | None:
+    if not scans:
         return None
-    return float(np.mean([e["mean"] for e in known])), float(np.mean([e["p95"] for e in known]))
+    return float(np.mean([e["mean"] for e in scans])), float(np.mean([e["p95"] for e in scans]))
 
 
 def swing_table(summaries: Mapping[str, SwingSummary]) -> str:

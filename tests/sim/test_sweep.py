@@ -241,7 +241,7 @@ def test_killed_in_the_middle_a_sweep_loses_what_was_in_flight_and_goes_on(tmp_p
     words = [str(path), str(marks), str(count), "0.3", str(workers)]
     process = subprocess.Popen([sys.executable, "-c", code, *words])
     try:
-        give_up = time.monotonic() + 60.0
+        give_up = time.monotonic() + 300.0
         while len(read_journal(path)) < 2 and time.monotonic() < give_up and process.poll() is None:
             time.sleep(0.02)
     finally:
@@ -741,16 +741,3 @@ def test_corrected_p_values_and_exact_shares() -> None:
     assert (low, high) == (pytest.approx(0.272, abs=1e-3), pytest.approx(0.728, abs=1e-3))
     with pytest.raises(InputError, match="successes must be from 0 to the 5 trials, got 6"):
         share_interval(6, 5)
-
-
-def test_pairs_take_out_what_both_have_in_common() -> None:
-    rng = np.random.default_rng(2)
-    ground = rng.normal(0.0, 7.0, 40)
-    a = dict(enumerate(ground + 1.0 + rng.normal(0.0, 0.5, 40)))
-    b = dict(enumerate(ground)) | {99: 1000.0}
-    difference = mean_interval([a[i] - b[i] for i in a])
-    assert difference.n == 40 and difference.low is not None and difference.high is not None
-    assert 0.0 < difference.low < 1.0 < difference.high
-    single = mean_interval(list(a.values()))
-    assert single.low is not None and single.high is not None
-    assert difference.high - difference.low < 0.2 * (single.high - single.low)
