@@ -244,6 +244,17 @@ def over(arm: str, other: str, part: Callable[[Result], float]) -> tuple[list[fl
 
 
 @cache
+def stepping_soles() -> dict[str, dict[Layout, Result]]:
+    """Walks of the study of that name: sole → layout."""
+    soles: dict[str, dict[Layout, Result]] = defaultdict(dict)
+    for spec, result in walks("stepping_soles"):
+        kind = spec["foot"].replace("_", " ")
+        name = kind if kind == "rigid" else f"{kind}, {spec['stiffness']:g}"
+        soles[name][spec["terrain"], spec["seed"]] = result
+    return soles
+
+
+@cache
 def attribution() -> dict[str, dict[Layout, Result]]:
     """Walks of the study of that name: part of the default law that is added to the paper's → layout."""
     names = {
@@ -395,3 +406,30 @@ def test_no_single_part_of_the_default_law_closes_the_gap() -> None:
     says(f"{sum(map(arrived, paper.values()))} of 100 walks arrive, by the default law")
     falls = [cause_of(r) for r in paper.values()].count("sideways")
     says(f"it falls sideways {falls / sum(map(steps, paper.values())) * 1e3:.0f} times in 1,000 steps")
+
+
+def test_under_the_stepping_walk_no_soft_sole_is_shown_to_go_further() -> None:
+    """The table of the study 'stepping_soles' beside the LIPM walks of the same layouts, and its rule."""
+    soles, lipm = stepping_soles(), hypotheses()
+    p_values, within = [], []
+    for name, results in soles.items():
+        beside = {at: lipm[name][at] for at in results}
+        families = [family for family, _ in results]
+        found = mean_interval(
+            [100.0 * (arrived(results[at]) - arrived(beside[at])) for at in results], families
+        )
+        peak = np.mean([result["impact"] for result in results.values() if arrived(result)])
+        counts = [sum(map(arrived, some.values())) for some in (results, beside)]
+        text = signed(f"{found.mean:.0f} [{found.low:.0f}, {found.high:.0f}]")
+        says(f"| {name} | {counts[0]} | {counts[1]} | {text} | {peak:.1f} |")
+        if name == "rigid":
+            continue
+        share = {
+            f: np.mean([arrived(w[at]) for w in soles.values() for at in w if at[0] == f]) for f in families
+        }
+        pairs = [at for at in results if 0.1 <= share[at[0]] <= 0.9]
+        further = [results[at]["distance"] - soles["rigid"][at]["distance"] for at in pairs]
+        p_values.append(sign_flip_p(further, [family for family, _ in pairs]))
+        ends = mean_interval(further, [family for family, _ in pairs])
+        within.append(ends.low is not None and ends.high is not None and max(-ends.low, ends.high) < 0.25)
+    assert all(p is not None and p > 0.05 for p in holm(p_values)) and not any(within)
