@@ -531,7 +531,7 @@ def test_a_run_with_an_argument_that_is_none_starts_no_guard(
         ({"wire": None}, "a wire must have receive and send"),
         ({"watchdog": np.nan}, "watchdog"),
         ({"watchdog": 1e-4}, "watchdog must be longer than the control period"),
-        ({"band": -1.0}, "time at the band"),
+        ({"band": -1.0}, r"band \(s\) must be"),
     ],
 )
 def test_a_simulated_robot_without_a_loop_or_a_wire_is_refused(wrong: dict[str, Any], message: str) -> None:

@@ -54,9 +54,10 @@ def write_motion(clip: MotionClip, path: str | Path) -> None:
             np.savez_compressed(new, joint_names=np.array(clip.joint_names), **columns)
             return
         with new.open("w", newline="", encoding="utf-8") as text:
-            csv.writer(text, lineterminator="\n").writerow(["time", *BASE_COLUMNS, *clip.joint_names])
+            writer = csv.writer(text, lineterminator="\n")
+            writer.writerow(["time", *BASE_COLUMNS, *clip.joint_names])
             table = np.column_stack([clip.times, clip.base, clip.joints])
-            np.savetxt(text, table, fmt="%.9g", delimiter=",")
+            writer.writerows([f"{value:.9g}" for value in row] for row in table)
 
 
 @checked
