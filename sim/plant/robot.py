@@ -38,7 +38,7 @@ class DivergedError(WbcError):
 
 
 class SimulatedRobot:
-    """What a plant of this library (`wbc.Plant`) and a model of one's own (`wbc.sim.MujocoLoop`) have in common.
+    """A robot in a MuJoCo model, common to plants (`wbc.Plant`) and models of one's own (`wbc.sim.MujocoLoop`).
 
     Encoders, joint velocities and gyroscope are those of the present instant; accelerometer and forces are the mean
     over the control period that ended now, like the output of an anti-aliasing filter: hard contacts chatter within a

@@ -669,3 +669,11 @@ def test_a_walk_is_the_same_by_any_solver(solver: str) -> None:
     assert other.outcome == usual.outcome == "completed"
     assert other.distance == pytest.approx(usual.distance, abs=1e-5)
     assert other.com_error.mean == pytest.approx(usual.com_error.mean, abs=1e-5)
+
+
+def test_steps_are_decided_every_2_ms_on_any_drives_unless_told_otherwise() -> None:
+    """At the 5 ms of the LIPM walk position servos are so much inertia at the ankles that `g1` falls over stones."""
+    for mode in ("position", "torque", "hybrid"):
+        assert WalkSpec(law="stepping", mode=mode).period == 0.002
+    assert WalkSpec(law="stepping", mode="position", control_period=0.004).period == 0.004
+    assert WalkSpec(mode="position").period == 0.005

@@ -137,7 +137,7 @@ def _columns(path: Path) -> dict[str, Any]:
 
 
 class _Content(NamedTuple):
-    """What a file holds: base, joints, and rate, joint names and contacts as far as it has them."""
+    """Contents of a file: base, joints, and rate, joint names and contacts as far as it has them."""
 
     base: Array
     joints: Array
