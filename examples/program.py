@@ -12,7 +12,7 @@ from typing import Any
 from _common import parse, report, upright
 
 import wbc
-from wbc.tasks import Machine, Program, State, after, reached
+from wbc.tasks import Program, State, StateMachine, after, reached
 from wbc.walking import FootstepPlan, WalkingControl, WalkingControlSettings
 
 
@@ -37,10 +37,12 @@ def main(arguments: Sequence[str] | None = None) -> dict[str, Any]:
         State(
             "walk", lambda now: walking.go_to(options.distance, 0.0, 0.0), done=lambda now: walking.finished
         ),
-        Machine("wave", [wave(hand, carried, side, i) for i, side in enumerate((0.06, -0.06, 0.06, -0.06))]),
+        StateMachine(
+            "wave", [wave(hand, carried, side, i) for i, side in enumerate((0.06, -0.06, 0.06, -0.06))]
+        ),
         State("rest", lambda now: (hand.release(), body.look_at(None)), done=after(2.0)),
     ]
-    program = Program(Machine("program", states, {"look": {"timeout": "squat"}}), walking)
+    program = Program(StateMachine("program", states, {"look": {"timeout": "squat"}}), walking)
     lowest, before = high, float(plant.truth().com[0])
 
     def watch() -> None:

@@ -7,9 +7,9 @@ A new motion task is a file in `motion/`, a new force task a file in `force/`, e
 from wbc.core.qp.task import MotionTask, SelectionTask, VariableTask
 from wbc.tasks.balance import BalanceGains, balance_controller
 from wbc.tasks.behaviours import (
-    Machine,
     Program,
     State,
+    StateMachine,
     after,
     all_of,
     any_of,
@@ -29,7 +29,7 @@ from wbc.tasks.motion.frame import OrientationTask, PoseTask, PositionTask
 from wbc.tasks.motion.momentum import MomentumTask
 from wbc.tasks.motion.posture import PostureTask
 from wbc.tasks.motion.relative import RelativeFrameTask
-from wbc.tasks.programs import read_machine
+from wbc.tasks.programs import read_state_machine
 from wbc.tasks.scheduling.policies import (
     EdgePolicy,
     FixedPolicy,
@@ -76,9 +76,9 @@ __all__ = [
     "Trajectory",
     # Behaviours: states, one after another
     "State",
-    "Machine",
+    "StateMachine",
     "Program",
-    "read_machine",
+    "read_state_machine",
     "after",
     "reached",
     "error_below",

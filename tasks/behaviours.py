@@ -2,7 +2,7 @@
 
     reach = State("reach", lambda now: hand.move_to(point, speed=0.3), done=reached(hand), timeout=5.0)
     squat = State("squat", lambda now: com.move_to(low, duration=2.0), done=reached(com))
-    program = Program(Machine("demo", [reach, squat], {"reach": {"timeout": "squat"}}), control)
+    program = Program(StateMachine("demo", [reach, squat], {"reach": {"timeout": "squat"}}), control)
     program.run(plant)                       # or program.command(measurement), or wbc.run(driver, program)
 
 Every condition is looked at once a tick, before the tick of the controller, on what the tick before has left. A state
@@ -225,7 +225,7 @@ class State:
         return frozenset(self.outcomes) | ({"timeout"} if self.timeout is not None else set())
 
 
-class Machine(State):
+class StateMachine(State):
     """States, and what follows each of them for each outcome.
 
     "done" leads to the next state of the list, or ends the machine after the last; any other outcome without a
@@ -313,7 +313,7 @@ class Machine(State):
         if self._name is None:
             return self.name
         inner = self.states[self._name]
-        return f"{self.name}/{inner.path if isinstance(inner, Machine) else inner.name}"
+        return f"{self.name}/{inner.path if isinstance(inner, StateMachine) else inner.name}"
 
     def start(self, now: Scope) -> None:
         """Begin the first state."""
@@ -389,7 +389,7 @@ class Program:
 
     @checked
     def __init__(
-        self, machine: Machine, control: object, *, fallen: Callable[[], bool] | None = None
+        self, machine: StateMachine, control: object, *, fallen: Callable[[], bool] | None = None
     ) -> None:
         """Begin with the first tick.
 

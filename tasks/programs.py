@@ -32,7 +32,7 @@ from wbc.core.errors import (
 )
 from wbc.core.files import read_toml
 from wbc.core.settings import Positive, from_json, settings
-from wbc.tasks.behaviours import Machine, State, after, all_of, any_of, error_below, reached, speed_below
+from wbc.tasks.behaviours import State, StateMachine, after, all_of, any_of, error_below, reached, speed_below
 
 
 @settings(kw_only=True)
@@ -88,7 +88,7 @@ class StateTable:
 
 
 @checked
-def read_machine(source: str | Path | dict[str, Any], control: object) -> Machine:
+def read_state_machine(source: str | Path | dict[str, Any], control: object) -> StateMachine:
     """Return the machine of a TOML file, its names looked up in what it is to drive.
 
     Args:
@@ -107,7 +107,7 @@ def read_machine(source: str | Path | dict[str, Any], control: object) -> Machin
     return _machine(table, control, "")
 
 
-def _machine(table: Mapping[str, Any], control: Any, path: str) -> Machine:
+def _machine(table: Mapping[str, Any], control: Any, path: str) -> StateMachine:
     path, tables = f"{path}{table.get('name')}/", table.get("state")
     if not isinstance(tables, list) or not all(isinstance(each, dict) for each in tables):
         raise InputError(f"'{path}' needs [[state]] tables, got {shown(tables)}")
@@ -125,7 +125,7 @@ def _machine(table: Mapping[str, Any], control: Any, path: str) -> Machine:
             raise (UnknownNameError if isinstance(error, UnknownNameError) else InputError)(
                 f"{where}: {error}"
             ) from error
-    return Machine(
+    return StateMachine(
         str(table.get("name")), states, {str(each.get("name")): each.get("next", {}) for each in tables}
     )
 

@@ -2,19 +2,11 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from wbc.core.errors import InputError
-from wbc.core.files import save_figure
-from wbc.feet.stiffness.analysis import (
-    LearningCurve,
-    learning_curve,
-    principal_components,
-    stiffness_by_amplitude,
-)
+from wbc.feet.stiffness.analysis import LearningCurve, principal_components, stiffness_by_amplitude
 from wbc.feet.stiffness.dataset import StiffnessTable
 from wbc.feet.stiffness.model import ModelSettings
 from wbc.feet.stiffness.validation import Validation, cross_validate
@@ -22,45 +14,27 @@ from wbc.feet.stiffness.validation import Validation, cross_validate
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-PICTURES = (".png", ".pdf", ".svg", ".jpg")
 
-
-def draw_model(table: StiffnessTable, path: str | Path, settings: ModelSettings | None = None) -> None:
-    """Draw a table and the quality of a nearest-neighbour model on it.
+def model_figure(table: StiffnessTable, settings: ModelSettings, curve: LearningCurve) -> Figure:
+    """Return a figure of a table and of the quality of a nearest-neighbour model on it.
 
     Four panels: profiles in the first two principal components; confusion of clusters, grounds kept apart; accuracy
     against the number of training grounds; best stiffness against amplitude, a line per ground.
 
     Args:
         table: Profiles with their best stiffness.
-        path: Picture to write (.png, .pdf, .svg, .jpg).
-        settings: Settings of the model; the paper's when None.
+        settings: Settings of the model.
+        curve: Its learning curve on the table.
 
     Raises:
-        InputError: The path cannot be written, or the table is too small for a cross-validation.
+        InputError: A table that is too small for a cross-validation.
     """
-    target = Path(path)
-    if target.suffix.lower() not in PICTURES:
-        raise InputError(f"a picture's name must end in one of {', '.join(PICTURES)}, got '{target.name}'")
-    if not target.parent.is_dir():
-        raise InputError(f"no folder {target.parent} to write {target.name} into")
-    given = ModelSettings() if settings is None else settings
-    grounds = cross_validate(table, given, "grounds")
-    curve = learning_curve(table, given)
-    figure = model_figure(table, given, grounds, curve)
-    save_figure(figure, target, dpi=130)
-
-
-def model_figure(
-    table: StiffnessTable, settings: ModelSettings, validation: Validation, curve: LearningCurve
-) -> Figure:
-    """Return the figure of `draw_model` from given results."""
     from matplotlib.figure import Figure  # noqa: PLC0415 - slow to import
 
     figure = Figure(figsize=(11.0, 8.5), layout="constrained")
     (data, confusion), (learning, trend) = figure.subplots(2, 2)
     _draw_components(figure, data, table, settings)
-    _draw_confusion(figure, confusion, validation)
+    _draw_confusion(figure, confusion, cross_validate(table, settings, "grounds"))
     _draw_curve(learning, curve)
     _draw_trends(trend, table)
     return figure
@@ -118,34 +92,3 @@ def _draw_trends(axes: Any, table: StiffnessTable) -> None:
         axes.plot(1e3 * amplitudes, best, ".-", label=ground)
     axes.set(xlabel="amplitude of the ground (mm)", ylabel="best stiffness (Nm/rad)", title="by ground")
     axes.legend(fontsize=6, loc="center left", bbox_to_anchor=(1.0, 0.5))
-
-
-def labels_figure(table: StiffnessTable) -> Figure:
-    """Return a figure of best stiffness against amplitude, a panel per ground, with the range of nearly best values."""
-    from matplotlib.figure import Figure  # noqa: PLC0415 - slow to import
-
-    grounds = list(dict.fromkeys(table.ground.tolist()))
-    columns = min(4, len(grounds))
-    rows = -(-len(grounds) // columns)
-    figure = Figure(figsize=(2.4 * columns, 1.0 + 1.8 * rows), layout="constrained")
-    panels = figure.subplots(rows, columns, sharey=True, squeeze=False)
-    for panel in panels.flat[len(grounds) :]:
-        panel.set_axis_off()
-    for panel, ground in zip(panels.flat, grounds, strict=False):
-        first = [
-            int(np.flatnonzero((table.ground == ground) & (table.amplitude == amplitude))[0])
-            for amplitude in np.unique(table.amplitude[table.ground == ground])
-        ]
-        amplitude, best = 1e3 * table.amplitude[first], table.stiffness[first]
-        low, high = table.stiffness_low[first], table.stiffness_high[first]
-        if np.isfinite(low).all() and np.isfinite(high).all():
-            panel.vlines(amplitude, low, high, color="tab:blue", alpha=0.35, linewidth=5.0)
-        panel.plot(amplitude, best, "o-", color="tab:blue", markersize=4.0, linewidth=1.0)
-        panel.set_yscale("log")
-        panel.set_title(ground.replace("_", " "), fontsize=9)
-        panel.grid(alpha=0.3)
-    for panel in panels[:, 0]:
-        panel.set_ylabel("k (Nm/rad)", fontsize=9)
-    for panel in panels[-1]:
-        panel.set_xlabel("amplitude (mm)", fontsize=9)
-    return figure

@@ -76,11 +76,11 @@ class TrialSettings(Surroundings, WalkingControlSettings):
         """
         if choose("gains", name, PRESETS) == "default":
             return TrialSettings()
-        paper, plain = name == "frizza", StabilizerGains.legacy()
+        paper, plain = name == "frizza", StabilizerGains.mc_rtc()
         return TrialSettings(
             feedforward=False,
             gains=replace(plain, **PAPER_GAINS) if paper else plain,
-            distribution=DistributionSettings.legacy(),
+            distribution=DistributionSettings.mc_rtc(),
             lean=None,
             bias=BiasSettings() if paper else None,
             walk=WalkSettings(

@@ -76,7 +76,7 @@ class DistributionSettings:
     torque_by_load: bool = False
 
     @staticmethod
-    def legacy() -> DistributionSettings:
+    def mc_rtc() -> DistributionSettings:
         """Return mc_rtc's costs (10000 net, 100 · diag(1, 1, 1e-4 | 1e-3, 1e-3, 1e-4)², 1), all over 100.
 
         The smallest, 1e-8 and 1e-6, only pick one of many solutions. They are raised to 1e-5, since no solver resolves

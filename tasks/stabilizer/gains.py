@@ -47,7 +47,7 @@ class StabilizerGains:
     """Gains, time constants and bounds. Pairs may be given as one number for both directions.
 
     The defaults walk best on all soles: a quick transfer of load, a CoP admittance that goes with torque
-    feed-forward, and filtered wrenches. `legacy` is mc_rtc's plain law.
+    feed-forward, and filtered wrenches. `mc_rtc` is that library's plain law.
 
     Attributes:
         dcm_p: Proportional gain on the DCM error, 1/s: the closed-loop pole if the CoP follows without lag.
@@ -118,7 +118,7 @@ class StabilizerGains:
             object.__setattr__(self, name, (x, y) if name in PAIRS else x)
 
     @staticmethod
-    def legacy() -> StabilizerGains:
+    def mc_rtc() -> StabilizerGains:
         """Return mc_rtc's plain law with the gains of its HRP-4 family: nothing filtered, nothing adapted."""
         return StabilizerGains(
             dcm_d=0.0,

@@ -23,15 +23,9 @@ from wbc.core.errors import Array, finite_array, positive
 from wbc.core.robot import GRAVITY
 
 
-def natural_frequency(height: float, vertical_acceleration: float = 0.0) -> float:
-    """Return ω = √((g + c̈_z) / h), 1/s, at a height of the CoM over the ZMP, m, and its vertical acceleration, m/s².
-
-    Raises `InputError` for a height, or g + c̈_z, that is not above zero.
-    """
-    return math.sqrt(
-        positive("g + vertical CoM acceleration (m/s²)", GRAVITY + vertical_acceleration)
-        / positive("height of the CoM over the ZMP (m)", height)
-    )
+def natural_frequency(height: float) -> float:
+    """Return ω = √(g / h), 1/s, at a height of the CoM over the ZMP, m; `InputError` if it is not above zero."""
+    return math.sqrt(GRAVITY / positive("height of the CoM over the ZMP (m)", height))
 
 
 def dcm(com: Array, com_velocity: Array, omega: float) -> Array:

@@ -475,7 +475,7 @@ EARLIER = {
     "foot": {
         "$class": "wbc.feet.soft:VariableStiffnessFoot",
         "contact": {
-            "$class": "wbc.feet.contact:SoleContact",
+            "$class": "wbc.feet.contact:ContactSpheres",
             "law": {
                 "$class": "wbc.feet.contact:ConstraintLaw",
                 "time_constant": 0.002,
@@ -525,7 +525,7 @@ EARLIER = {
         "joint_position": {"$class": "wbc.sim.sensors:SignalNoise"},
     },
 }
-"""Parts of the header of a log of version 0.1.0, whose modules had other names; one class had another name, too."""
+"""Parts of the header of a log of version 0.1.0, whose modules had other names."""
 
 
 def test_logs_from_before_the_move_of_modules_are_read() -> None:

@@ -34,7 +34,7 @@ from wbc.app.plot.output import save
 from wbc.app.plot.signals import draw_signals, select
 from wbc.app.replay.caption import caption
 from wbc.core.errors import InputError, UnknownNameError
-from wbc.tasks import Machine, Program, State, after
+from wbc.tasks import Program, State, StateMachine, after
 from wbc.tasks.balance import balance_controller
 from wbc.walking.planning.footsteps import Footstep
 
@@ -172,7 +172,7 @@ def test_states_of_a_program_are_drawn_as_bands(tmp_path: Path) -> None:
     plant = wbc.Plant(wbc.load_robot("hrp4_class"))
     control = wbc.PositionControl(balance_controller(plant.description.robot(), plant.control_period))
     states = [State("wait", done=after(0.03)), State("look", done=after(0.03))]
-    program = Program(Machine("demo", states), control)
+    program = Program(StateMachine("demo", states), control)
     with Recorder(tmp_path / "demo.arrow") as record:
         program.run(plant, record=record)
     log = Log.open(tmp_path / "demo.arrow")
@@ -185,7 +185,7 @@ def test_states_of_a_program_are_drawn_as_bands(tmp_path: Path) -> None:
     for figure in (draw("balance", [log]), draw_signals([log], ["com/estimated"])):
         assert {text.get_text() for text in figure.axes[0].texts} >= {"wait", "look"}
         assert figure.axes[0].patches
-    alone = Program(Machine("demo", states), control.controller)
+    alone = Program(StateMachine("demo", states), control.controller)
     with Recorder(tmp_path / "alone.arrow") as record, pytest.raises(InputError, match=r"write\(…\)"):
         record(plant, alone, plant.measure(), control.command(plant.measure()))
 

@@ -43,7 +43,7 @@ from wbc.core.errors import InputError
 from wbc.core.robot import GRAVITY
 from wbc.core.signals import Command
 from wbc.sim.terrain.spec import terrain
-from wbc.tasks import Machine, Program, State, after
+from wbc.tasks import Program, State, StateMachine, after
 from wbc.tasks.balance import balance_controller
 
 ROBOTS = ("hrp4_class", "talos", "g1")
@@ -390,7 +390,7 @@ def test_the_state_of_a_program_stands_in_the_pictures(monkeypatch: pytest.Monke
     plant, said = wbc.Plant(wbc.load_robot("hrp4_class")), list[str]()
     control = wbc.PositionControl(balance_controller(plant.description.robot(), plant.control_period))
     states = [State("wait", done=after(0.02)), State("look", done=after(0.02))]
-    program = Program(Machine("demo", states), control)
+    program = Program(StateMachine("demo", states), control)
     with MeshcatView(plant, program=program, port=0, rate=1e6) as view:
         monkeypatch.setattr(view, "_send", lambda time, matrices, note: said.append(note.text[0]))
         program.run(plant, after_tick=view.update)

@@ -17,7 +17,6 @@ from wbc.feet.stiffness.clusters import Clusters
 from wbc.feet.stiffness.comparison import candidates, compare, comparison_table
 from wbc.feet.stiffness.dataset import REQUIRED, ProfileRecipe, StiffnessTable
 from wbc.feet.stiffness.features import PAPER_FEATURES, WINDOW_FEATURES, FeatureSet, select_features
-from wbc.feet.stiffness.figures import draw_model, labels_figure
 from wbc.feet.stiffness.model import ModelSettings, StiffnessModel
 from wbc.feet.stiffness.roughness import PARAMETERS, RoughnessSettings, roughness
 from wbc.feet.stiffness.validation import PROTOCOLS, Candidate, cross_validate
@@ -495,25 +494,6 @@ def test_bad_splits_are_refused(table: StiffnessTable) -> None:
         cross_validate(table.rows(slice(0, 12)), ModelSettings(neighbours=11), "amplitudes", folds=2)
 
 
-def test_the_picture_is_drawn(table: StiffnessTable, tmp_path: Path) -> None:
-    draw_model(table, tmp_path / "model.png", ModelSettings(PLAIN))
-    assert (tmp_path / "model.png").stat().st_size > 20_000
-    for path, message in ((tmp_path / "model.txt", "must end in"), (tmp_path / "no" / "m.png", "no folder")):
-        with pytest.raises(InputError, match=message):
-            draw_model(table, path)
-
-
-def test_labels_are_drawn_where_they_are(table: StiffnessTable) -> None:
-    figure = labels_figure(table)
-    grounds = list(dict.fromkeys(table.ground.tolist()))
-    drawn = [panel for panel in figure.axes if panel.lines]
-    assert [panel.get_title() for panel in drawn] == [ground.replace("_", " ") for ground in grounds]
-    mine = table.ground == grounds[0]
-    heights = np.unique(table.amplitude[mine])
-    best = [table.stiffness[mine & (table.amplitude == height)][0] for height in heights]
-    np.testing.assert_allclose(drawn[0].lines[-1].get_xydata(), np.stack([1e3 * heights, best], axis=1))
-
-
 def test_the_command_judges_a_table(
     table: StiffnessTable, tmp_path: Path, capfd: pytest.CaptureFixture[str]
 ) -> None:
@@ -529,9 +509,12 @@ def test_the_command_judges_a_table(
         "3",
         "--folds",
         "2",
+        "--plot",
+        str(tmp_path / "judged.png"),
         "--json",
     ]
     assert cli.main(words) == 0
+    assert (tmp_path / "judged.png").stat().st_size > 20_000
     told = json.loads(capfd.readouterr().out)
     asked = [row for row in told["validation"] if row["model"] == "the model asked for"]
     assert {row["split"] for row in asked} == set(PROTOCOLS)

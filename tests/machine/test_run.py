@@ -199,7 +199,7 @@ def test_a_program_runs_on_a_machine() -> None:
         assert isinstance(com, wbc.CoMTask)
         com.move_to(com.target - [0.0, 0.0, 0.03], duration=0.5)
 
-    program = Program(behaviours.Machine("demo", [State("down", down, done=after(0.8))]), control)
+    program = Program(behaviours.StateMachine("demo", [State("down", down, done=after(0.8))]), control)
     settings = RunSettings(fade=0.2, blend=0.2, stop=0.2)
     runner = Runner(machine, program, 1.0 / PERIOD, settings=settings, guard=False, clock=machine.clock)
     report = runner.run(until=lambda: program.ended)

@@ -19,18 +19,18 @@ from wbc.core.qp.controller import Controller
 from wbc.robots import load
 from wbc.tasks import (
     CoMTask,
-    Machine,
     PoseTask,
     PositionTask,
     Program,
     State,
+    StateMachine,
     after,
     all_of,
     any_of,
     balance_controller,
     error_below,
     reached,
-    read_machine,
+    read_state_machine,
     speed_below,
 )
 from wbc.tasks.behaviours import BehaviourError, Scope
@@ -70,7 +70,7 @@ def test_states_follow_each_other_and_say_so(caplog: pytest.LogCaptureFixture) -
         )
         for name in ("one", "two")
     ]
-    program = Program(Machine("both", states), standing("hrp4_class", dt=DT))
+    program = Program(StateMachine("both", states), standing("hrp4_class", dt=DT))
     assert program.path == "both"
     with caplog.at_level(logging.INFO):
         assert run(program) == "done"
@@ -97,7 +97,7 @@ def test_what_a_state_adds_lives_as_long_as_the_state() -> None:
             self.outcomes["done"] = all_of(reached(self.task), speed_below(self.task, 0.01))
 
     reach = Reach("reach", timeout=3.0)
-    program = Program(Machine("demo", [reach, State("rest", timeout=0.05)]), controller)
+    program = Program(StateMachine("demo", [reach, State("rest", timeout=0.05)]), controller)
     step(program)
     assert program.path == "demo/reach" and [t.name for t in controller.tasks] == ["posture", "hand"]
     assert len(controller.limits) == 1
@@ -120,7 +120,7 @@ def test_conditions_join() -> None:
         "either": any_of(low, after(5.0)),
         "neither": any_of(after(0.2)),
     }.items():
-        program = Program(Machine("m", [State(name, done=condition)]), controller)
+        program = Program(StateMachine("m", [State(name, done=condition)]), controller)
         run(program)
         times[name] = program.time
     assert times["move"] == pytest.approx(0.505, abs=3 * DT)  # not before the target has arrived
@@ -145,7 +145,7 @@ def test_outcomes_lead_where_the_transitions_say() -> None:
         "cheer": {"done": "give up"},
         "give up": {"done": "end: well"},
     }
-    program = Program(Machine("m", states, transitions), controller)
+    program = Program(StateMachine("m", states, transitions), controller)
     assert run(program) == "well"
     assert tries == pytest.approx([0.0, 0.1, 0.2])
     assert [path for _, path, _ in program.history] == [
@@ -159,8 +159,8 @@ def test_outcomes_lead_where_the_transitions_say() -> None:
 
 
 def test_machines_nest_and_their_outcome_leads_on() -> None:
-    inner = Machine("inner", [*steps("a"), State("b", timeout=0.02)], {"b": {"timeout": "end: late"}})
-    outer = Machine("outer", [inner, *steps("c")], {"inner": {"late": "c"}})
+    inner = StateMachine("inner", [*steps("a"), State("b", timeout=0.02)], {"b": {"timeout": "end: late"}})
+    outer = StateMachine("outer", [inner, *steps("c")], {"inner": {"late": "c"}})
     assert inner.possible == {"late"} and outer.possible == {"done"}
     program = Program(outer, standing("hrp4_class", dt=DT))
     paths = []
@@ -174,7 +174,7 @@ def test_machines_nest_and_their_outcome_leads_on() -> None:
 def test_a_machine_has_a_timeout_that_ends_what_is_in_it() -> None:
     controller = standing("hrp4_class", dt=DT)
     stay = State("stay", lambda now: now.add(CoMTask(name="centre")))
-    program = Program(Machine("m", [Machine("inner", [stay], timeout=0.1)]), controller)
+    program = Program(StateMachine("m", [StateMachine("inner", [stay], timeout=0.1)]), controller)
     step(program)
     assert len(controller.tasks) == 2
     assert run(program) == "timeout" and program.time == pytest.approx(0.1)
@@ -185,7 +185,7 @@ def test_falls_and_ticks_without_a_solution_are_outcomes() -> None:
     controller = standing("hrp4_class", dt=DT)
     down: list[bool] = []
     lie = State("lie", done=after(0.05))
-    machine = Machine("m", [State("stand"), lie], {"stand": {"fall": "lie"}})
+    machine = StateMachine("m", [State("stand"), lie], {"stand": {"fall": "lie"}})
     program = Program(machine, controller, fallen=lambda: bool(down))
     for _ in range(10):
         step(program)
@@ -197,7 +197,7 @@ def test_falls_and_ticks_without_a_solution_are_outcomes() -> None:
             now.add(CoMTask([0.0, 0.0, height], name=f"at {height}", hard=True, stiffness=30.0))
 
     program = Program(
-        Machine(
+        StateMachine(
             "m",
             [State("stand", timeout=0.02), State("torn", contradict, timeout=1.0)],
             {"stand": {"timeout": "torn"}},
@@ -216,10 +216,10 @@ def test_an_exception_names_the_state_or_is_an_outcome() -> None:
         raise ValueError("no such thing")
 
     broken = State("broken", bad, done=after(1.0))
-    program = Program(Machine("m", [Machine("inner", [broken])]), controller)
+    program = Program(StateMachine("m", [StateMachine("inner", [broken])]), controller)
     with pytest.raises(BehaviourError, match=r"state 'm/inner/broken': ValueError: no such thing"):
         step(program)
-    outer = Machine("m", [Machine("inner", [broken]), *steps("c")], {"inner": {"error": "c"}})
+    outer = StateMachine("m", [StateMachine("inner", [broken]), *steps("c")], {"inner": {"error": "c"}})
     program = Program(outer, controller)
     assert run(program) == "done" and program.history[0][1:] == ("m/inner", "error")
 
@@ -227,13 +227,16 @@ def test_an_exception_names_the_state_or_is_an_outcome() -> None:
 @pytest.mark.parametrize(
     ("make", "message"),
     [
-        (lambda: Machine("m", steps("a"), {"b": {"done": "a"}}), "no state of machine 'm' 'b'"),
-        (lambda: Machine("m", steps("a", "b"), {"a": {"done": "bb"}}), "no state .* 'bb'; did you mean 'b'"),
-        (lambda: Machine("m", steps("a"), {"a": {"tiemout": "a"}}), "no outcome of state 'a' 'tiemout'"),
-        (lambda: Machine("m", steps("a", "a")), "different names"),
-        (lambda: Machine("m", []), "different names"),
+        (lambda: StateMachine("m", steps("a"), {"b": {"done": "a"}}), "no state of machine 'm' 'b'"),
         (
-            lambda: Machine("m", steps("a", "b"), {"a": {"done": "end"}}),
+            lambda: StateMachine("m", steps("a", "b"), {"a": {"done": "bb"}}),
+            "no state .* 'bb'; did you mean 'b'",
+        ),
+        (lambda: StateMachine("m", steps("a"), {"a": {"tiemout": "a"}}), "no outcome of state 'a' 'tiemout'"),
+        (lambda: StateMachine("m", steps("a", "a")), "different names"),
+        (lambda: StateMachine("m", []), "different names"),
+        (
+            lambda: StateMachine("m", steps("a", "b"), {"a": {"done": "end"}}),
             "no transition .* leads to state 'b'",
         ),
         (lambda: State("a/b"), "without '/'"),
@@ -245,7 +248,7 @@ def test_an_exception_names_the_state_or_is_an_outcome() -> None:
         (reached, "at least one"),
         (lambda: error_below(CoMTask(), 0.0), "bound must be"),
         (lambda: any_of(1.0), "functions of a scope"),  # type: ignore[arg-type]
-        (lambda: Program(Machine("m", steps("a")), 3.0), "drives a control or a Controller"),
+        (lambda: Program(StateMachine("m", steps("a")), 3.0), "drives a control or a Controller"),
     ],
 )
 def test_what_cannot_run_is_refused_before_it_runs(make: Any, message: str) -> None:
@@ -258,7 +261,7 @@ def test_a_machine_without_an_end_is_not_asked_for_one() -> None:
         def measure(self) -> None:
             raise AssertionError("it began")
 
-    endless = Machine("m", steps("a", "b"), {"b": {"done": "a"}})
+    endless = StateMachine("m", steps("a", "b"), {"b": {"done": "a"}})
     assert not endless.possible
     with pytest.raises(InputError, match="machine 'm' has no end"):
         Program(endless, standing("hrp4_class", dt=DT)).run(Plant())
@@ -269,7 +272,7 @@ def test_a_program_without_anything_to_do_costs_a_controller_nothing() -> None:
     torques = []
     for with_program in (False, True):
         controller: Controller = standing("hrp4_class", dt=DT)
-        program = Program(Machine("m", steps("a", "b", "c")), controller)
+        program = Program(StateMachine("m", steps("a", "b", "c")), controller)
         for _ in range(20):
             if with_program:
                 program.tick()
@@ -293,7 +296,7 @@ def test_a_program_in_a_file_moves_what_it_names_and_waits_for_it(tmp_path: Path
         '[[state]]\nname = "hold"\ndone = { all = [{ after = 0.1 }, { error_below = { com = 0.01 } }] }\n'
     )
     program, before = (
-        Program(read_machine(tmp_path / "squat.toml", controller), controller),
+        Program(read_state_machine(tmp_path / "squat.toml", controller), controller),
         controller.robot.com[2],
     )
     assert run(program) == "done"
@@ -312,7 +315,7 @@ def test_a_program_in_a_file_moves_what_it_names_and_waits_for_it(tmp_path: Path
 def test_the_program_of_the_examples_is_that_of_every_robot(robot: str) -> None:
     model = load(robot).robot()
     walking = WalkingControl(model, FootstepPlan.standing(model), DT)
-    machine = read_machine(Path(__file__).parents[2] / "examples/program.toml", walking)
+    machine = read_state_machine(Path(__file__).parents[2] / "examples/program.toml", walking)
     assert [*machine.states] == ["stand", "reach", "look", "squat", "rise", "walk", "wave", "rest"]
     assert machine.transitions["look"]["timeout"] == "squat" and machine.possible == {"done", "timeout"}
 
@@ -338,9 +341,9 @@ def test_what_a_robot_that_walks_is_told_in_a_file_is_checked_before_it_moves() 
         ({"go_to": [3.0, 0.0, 0.0]}, "the ground extends over x from -1 to 1"),
     ):
         with pytest.raises(InputError, match="'program/low'.*" + re.escape(message)):
-            read_machine(table(**state), walking)
+            read_state_machine(table(**state), walking)
     assert [task.name for task in walking.controller.tasks] == names and not walking.body.active
-    read_machine(table(body={"look_at": [], "lean": [0.0, 0.1]}, go_to=[0.5, 0.0, 0.0]), walking)
+    read_state_machine(table(body={"look_at": [], "lean": [0.0, 0.1]}, go_to=[0.5, 0.0, 0.0]), walking)
 
 
 @pytest.mark.parametrize(
@@ -379,4 +382,4 @@ def test_what_a_robot_that_walks_is_told_in_a_file_is_checked_before_it_moves() 
 )
 def test_what_is_wrong_in_a_file_is_named_with_its_state(state: dict[str, Any], message: str) -> None:
     with pytest.raises(InputError, match=re.escape(message)):
-        read_machine(table(**state), balance_controller(load("hrp4_class").robot(), DT))
+        read_state_machine(table(**state), balance_controller(load("hrp4_class").robot(), DT))

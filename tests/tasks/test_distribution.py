@@ -58,7 +58,7 @@ def random_cases(count: int, seed: int):
 # Conventions: the oracle of the stabilizer (a 62.4 kg robot with its feet at ±0.105 m)
 
 
-@pytest.mark.parametrize("settings", [DistributionSettings(), DistributionSettings.legacy()])
+@pytest.mark.parametrize("settings", [DistributionSettings(), DistributionSettings.mc_rtc()])
 @pytest.mark.parametrize(("y", "loaded"), [(0.105, 0), (-0.105, 1)])
 def test_a_zmp_under_a_foot_loads_that_foot_without_ankle_torque(
     settings: DistributionSettings, y: float, loaded: int
@@ -230,7 +230,7 @@ def test_bad_input_is_refused() -> None:
 
 def test_the_last_digits_of_proxqp_do_not_show() -> None:
     """They depend on where its memory lies; with mc_rtc's costs nothing else can solve many of these."""
-    settings, shifts = DistributionSettings.legacy(), np.random.default_rng(5)
+    settings, shifts = DistributionSettings.mc_rtc(), np.random.default_rng(5)
     one, other = (WrenchDistribution(SIZES, settings) for _ in range(2))
     by_proxqp = SolverSettings(solver="proxqp", tolerance=1e-5, residual_tolerance=1e-3)
     for each in (one, other):

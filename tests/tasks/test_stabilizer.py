@@ -41,11 +41,11 @@ SIZES = ((0.22, 0.10), (0.22, 0.10))
 SOLES = [pin.SE3(np.eye(3), np.array([0.0, y, 0.0])) for y in (0.105, -0.105)]
 REST = Pendulum.at_rest(np.array([0.0, 0.0, HEIGHT]))
 DT = 0.005
-LEGACY = StabilizerGains.legacy()
+MC_RTC = StabilizerGains.mc_rtc()
 
 
-def stabilizer(gains: StabilizerGains = LEGACY) -> Stabilizer:
-    return Stabilizer(MASS, WrenchDistribution(SIZES, DistributionSettings.legacy()), gains)
+def stabilizer(gains: StabilizerGains = MC_RTC) -> Stabilizer:
+    return Stabilizer(MASS, WrenchDistribution(SIZES, DistributionSettings.mc_rtc()), gains)
 
 
 def feet(left: float, right: float) -> np.ndarray:
@@ -85,7 +85,7 @@ def test_oracle_2_no_error_asks_for_the_pattern_itself() -> None:
         wrench = wrench_through(target.com, target.com_acceleration, MASS)
         plane = pin.SE3(np.eye(3), target.zmp)
         np.testing.assert_allclose(zmp(wrench, plane), target.zmp, atol=1e-9)
-        result = tick(stabilizer(replace(LEGACY, dcm_p=5.0, dcm_i=10.0)), target)
+        result = tick(stabilizer(replace(MC_RTC, dcm_p=5.0, dcm_i=10.0)), target)
         np.testing.assert_allclose(result.com_acceleration, target.com_acceleration, atol=1e-12)
         np.testing.assert_allclose(result.net_wrench, wrench, atol=1e-9)
         np.testing.assert_allclose(result.net_wrench[:3], MASS * (target.com_acceleration + [0, 0, GRAVITY]))
@@ -93,7 +93,7 @@ def test_oracle_2_no_error_asks_for_the_pattern_itself() -> None:
 
 
 def test_oracle_3_a_com_error_of_10_mm_shifts_the_zmp_by_24_7_mm() -> None:
-    result = tick(stabilizer(replace(LEGACY, dcm_p=5.0)), com=[-0.01, 0.0, HEIGHT])
+    result = tick(stabilizer(replace(MC_RTC, dcm_p=5.0)), com=[-0.01, 0.0, HEIGHT])
     np.testing.assert_allclose(result.errors.dcm, [0.01, 0.0])
     np.testing.assert_allclose(
         result.zmp[:2], [-0.0247, 0.0], atol=5e-5
@@ -181,12 +181,12 @@ def test_oracle_5_100_m_away_and_turned_it_is_the_same(yaw: float) -> None:
 
 
 def test_oracle_6_an_over_pressed_foot_moves_up() -> None:
-    rates = height_rates(replace(LEGACY, force_difference=1e-4), (350.0, 250.0), (300.0, 300.0), (0.0, 0.0))
+    rates = height_rates(replace(MC_RTC, force_difference=1e-4), (350.0, 250.0), (300.0, 300.0), (0.0, 0.0))
     np.testing.assert_allclose(rates, (0.005, -0.005), atol=1e-12)
 
 
 def test_oracle_7_a_cop_error_turns_the_ankle() -> None:
-    gains = replace(LEGACY, cop_admittance=0.01)
+    gains = replace(MC_RTC, cop_admittance=0.01)
     target, felt = feet(300.0, 0.0)[0], feet(300.0, 0.0)[0]
     felt[4] = -0.02 * 300.0  # CoP 2 cm ahead of where it should be
     roll, pitch = cop_rates(gains, felt, target)
@@ -198,7 +198,7 @@ def test_oracle_7_a_cop_error_turns_the_ankle() -> None:
 
 
 def test_oracle_8_the_air_disables_and_landing_starts_afresh() -> None:
-    s = stabilizer(replace(LEGACY, dcm_i=10.0, dcm_d=0.5))
+    s = stabilizer(replace(MC_RTC, dcm_i=10.0, dcm_d=0.5))
     away = [0.01, 0.02, HEIGHT]
     for _ in range(200):
         before = tick(s, com=away, wrenches=STANDING + 1.0)
@@ -225,7 +225,7 @@ def test_oracle_8_the_air_disables_and_landing_starts_afresh() -> None:
 
 
 def test_oracle_9_the_com_admittance_leaks_away_in_10_s() -> None:
-    c = ComAdmittance(replace(LEGACY, com_admittance=0.5))
+    c = ComAdmittance(replace(MC_RTC, com_admittance=0.5))
     for _ in range(200):
         c.update(np.array([-0.05, 0.02]), 0.0, DT)
     start = c.offset.copy()
@@ -239,7 +239,7 @@ def test_oracle_9_the_com_admittance_leaks_away_in_10_s() -> None:
 
 
 def test_the_com_admittance_says_how_fast_its_shift_moves_at_the_bound_too() -> None:
-    c = ComAdmittance(replace(LEGACY, com_admittance=0.5))
+    c = ComAdmittance(replace(MC_RTC, com_admittance=0.5))
     speed = 0.0
     for k in range(400):
         before = c.offset.copy()
@@ -247,7 +247,7 @@ def test_the_com_admittance_says_how_fast_its_shift_moves_at_the_bound_too() -> 
         np.testing.assert_allclose(c.velocity, (c.offset - before) / DT, atol=1e-15)
         assert c.acceleration[1] == pytest.approx((c.velocity[1] - speed) / DT, abs=1e-12)
         speed = c.velocity[1]
-    assert c.offset[0] == LEGACY.max_com_offset
+    assert c.offset[0] == MC_RTC.max_com_offset
     assert c.velocity[0] == c.acceleration[0] == 0.0
     assert c.velocity[1] != 0.0
 
@@ -342,11 +342,11 @@ def test_the_proportional_gain_is_the_pole_of_the_dcm(kp: float) -> None:
 def test_height_gains_never_ask_the_ground_to_pull(
     stiffness: float, damping: float, rise: float, speed: float
 ) -> None:
-    s = stabilizer(replace(LEGACY, height_p=stiffness, height_d=damping))
+    s = stabilizer(replace(MC_RTC, height_p=stiffness, height_d=damping))
     out = tick(s, com=[0.01, 0.0, HEIGHT + rise], velocity=[0.0, 0.0, speed])
     assert out.net_wrench[2] >= 0.49 * s.mass * GRAVITY
     assert out.zmp[0] > 0.01  # beyond the CoM, so that it is pushed back
-    gentle = tick(stabilizer(replace(LEGACY, height_p=10.0)), com=[0.0, 0.0, HEIGHT + 0.01])
+    gentle = tick(stabilizer(replace(MC_RTC, height_p=10.0)), com=[0.0, 0.0, HEIGHT + 0.01])
     assert gentle.com_acceleration[2] == pytest.approx(-0.1)
 
 
@@ -441,7 +441,7 @@ def test_without_a_zmp_the_average_fades_and_there_is_no_rate() -> None:
 
 def test_a_known_bias_changes_nothing_but_the_measurement() -> None:
     """The force goes through the true CoM: with the bias taken out, all outputs are those of the truth."""
-    gains = replace(LEGACY, dcm_p=5.0)
+    gains = replace(MC_RTC, dcm_p=5.0)
     com, velocity = np.array([0.012, -0.02, HEIGHT]), np.array([0.05, 0.04, 0.0])
     bias = np.array([0.006, -0.004])
     truth = tick(stabilizer(gains), com=com, velocity=velocity)
@@ -484,7 +484,7 @@ def test_the_force_through_the_com_meets_the_ground_at_the_zmp_whatever_its_vert
 
 @pytest.mark.parametrize("wrench_time", [0.0, 0.05])
 def test_feet_turn_by_the_error_of_the_filtered_wrenches_to_the_desired_ones(wrench_time: float) -> None:
-    s = stabilizer(replace(LEGACY, cop_admittance=0.01, wrench_time=wrench_time, dcm_p=5.0))
+    s = stabilizer(replace(MC_RTC, cop_admittance=0.01, wrench_time=wrench_time, dcm_p=5.0))
     filtered = None
     for k in range(10):
         wrenches = STANDING + np.array([[0, 0, 20.0, 3.0, -2.0, 0], [0, 0, -20.0, -1.0, 4.0, 0]]) * np.sin(k)
@@ -592,7 +592,7 @@ def test_a_correction_moves_a_foot_in_its_own_axes() -> None:
 
 
 def test_presets_and_clamps(caplog: pytest.LogCaptureFixture) -> None:
-    assert LEGACY.cop_admittance == (0.01, 0.01) and LEGACY.wrench_time == 0.0
+    assert MC_RTC.cop_admittance == (0.01, 0.01) and MC_RTC.wrench_time == 0.0
     with caplog.at_level(logging.WARNING):
         gains = StabilizerGains(dcm_p=(3.0, 50.0), force_difference=1.0)
     assert gains.dcm_p == (3.0, 20.0) and gains.force_difference == 2e-3
@@ -617,7 +617,7 @@ def test_bad_input_is_refused(make, error, message) -> None:
 
 
 def test_changing_gains_keeps_what_was_learnt() -> None:
-    s = stabilizer(replace(LEGACY, dcm_i=5.0))
+    s = stabilizer(replace(MC_RTC, dcm_i=5.0))
     for _ in range(100):
         before = tick(s, com=[0.01, 0.0, HEIGHT])
     s.gains = replace(s.gains, dcm_p=6.0)

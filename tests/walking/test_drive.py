@@ -8,13 +8,14 @@ from dataclasses import replace
 import numpy as np
 import pinocchio as pin
 import pytest
+from pendulum import BY_TIME
 
 import wbc
 from wbc.core.errors import InputError
 from wbc.robots import load
 from wbc.walking import FootstepPlan, Gait, WalkingControl, climb_stairs, walk_distance
 from wbc.walking.lipm import LipmWalk
-from wbc.walking.planning.phases import Event, Phase, PhaseSettings
+from wbc.walking.planning.phases import Event, Phase
 from wbc.walking.planning.reach import Reach, bent_height, check_plan
 from wbc.walking.planning.sources import (
     AT_REST,
@@ -40,7 +41,7 @@ class Stage:
     def __init__(self, name: str = "hrp4_class", plan: FootstepPlan | None = None) -> None:
         robot = ROBOTS[name]
         start = FootstepPlan.standing(robot) if plan is None else plan
-        settings = WalkSettings(phases=PhaseSettings.by_time(), adjustment=None)
+        settings = WalkSettings(phases=BY_TIME, adjustment=None)
         self.walk = Walk(robot, start, float(robot.com[2]), DT, settings, com=np.array(robot.com))
         self.source = LipmWalk(self.walk, robot)
         self.time = 0.0
@@ -316,7 +317,7 @@ def test_timings_that_are_rounded_while_a_robot_is_steered_are_not_logged(
 ) -> None:
     """Gaits of a speed are multiples of 10 ms; at a period of 4 ms every plan would say so, ten times a second."""
     robot, period = ROBOTS["hrp4_class"], 0.004
-    settings = WalkSettings(phases=PhaseSettings.by_time(), adjustment=None)
+    settings = WalkSettings(phases=BY_TIME, adjustment=None)
     walk = Walk(robot, FootstepPlan.standing(robot), float(robot.com[2]), period, settings)
     source = LipmWalk(walk, robot)
     source.velocity = (0.3, 0.0, 0.0)

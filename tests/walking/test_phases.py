@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from pendulum import BY_TIME
 
 from wbc.core.errors import InputError
 from wbc.walking.falls import FallDetector, FallReason, FallSettings
@@ -138,7 +139,7 @@ def test_late_ground_is_waited_for() -> None:
 
 
 def test_by_time_alone() -> None:
-    w = walking(settings=PhaseSettings.by_time())
+    w = walking(settings=BY_TIME)
     kinds = [e for _, e in run(w, lambda w: (0.5, 0.5), 6.0)]
     assert kinds == [Event.LIFT_OFF, Event.TOUCH_DOWN] * 4 + [Event.STOPPED]
 

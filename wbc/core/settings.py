@@ -272,9 +272,11 @@ def _refuse(kind: Any, error: ValidationError) -> NoReturn:
         loc = (names[loc[0]], *loc[1:])
     unknown = first["type"].startswith("unexpected")
     path, hint, unit = _locate(kind, loc[:-1] if unknown else loc)
-    if first["type"].startswith("unexpected"):
-        names = [field.name for field in dataclasses.fields(_class_of(hint))]
-        unknown_name(f"setting of {path or _class_of(hint).__name__}", loc[-1], names)
+    if unknown:
+        owner, name = _class_of(hint), loc[-1]
+        inside = {part: _class_of(_hints(owner)[part]) for part in _field_names(owner)}
+        deeper = [f"{part}.{name}" for part, inner in inside.items() if inner and name in _field_names(inner)]
+        unknown_name(f"setting of {path or owner.__name__}", name, deeper or inside)
     what = f"{path} ({unit})" if unit else path or getattr(kind, "__name__", str(kind))
     if first["type"] == "missing" and not short:
         raise InputError(f"{what} is missing: {rule_of(hint)}") from None

@@ -5,6 +5,7 @@ Whatever decides on footsteps goes into `planning`, on reference motion into `pa
 """
 
 from wbc.core.control import State
+from wbc.tasks.stabilizer.pendulum import Pendulum
 from wbc.walking.control import WalkingControl
 from wbc.walking.hands.hand import HandSettings, HandState
 from wbc.walking.hands.reaching import ArmSettings
@@ -30,6 +31,7 @@ __all__ = [
     "ReferenceSource",
     "Stand",
     "State",
+    "Pendulum",
     "FootMotion",
     # A walk that balances by its steps
     "SteppingControl",

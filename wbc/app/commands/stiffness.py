@@ -9,9 +9,10 @@ import numpy as np
 from cyclopts import Parameter
 from pydantic import Field
 
-from wbc.app.files import check_target
+from wbc.app.files import check_picture, check_target
 from wbc.app.output import Flat, Output, OutputOptions, Report, reports
 from wbc.core.errors import InputError
+from wbc.core.files import save_figure
 from wbc.core.settings import Count, settings, to_json
 from wbc.feet.stiffness.analysis import amplitude_trends, learning_curve, principal_components
 from wbc.feet.stiffness.authors import is_authors_file, load_table
@@ -19,7 +20,7 @@ from wbc.feet.stiffness.clusters import Clusters
 from wbc.feet.stiffness.comparison import candidates, compare, comparison_table
 from wbc.feet.stiffness.dataset import StiffnessTable
 from wbc.feet.stiffness.features import PAPER_FEATURES, WINDOW_FEATURES, select_features
-from wbc.feet.stiffness.figures import PICTURES, draw_model
+from wbc.feet.stiffness.figures import model_figure
 from wbc.feet.stiffness.model import DEFAULT_TABLE, Kind, ModelSettings, StiffnessModel
 from wbc.feet.stiffness.validation import Candidate
 
@@ -115,15 +116,14 @@ def _train(table: Path, options: ModelOptions, output: Output) -> Report:
 def _judge(table: Path, options: ModelOptions, output: Output) -> Report:
     data, theirs = load_table(table), is_authors_file(table)
     chosen = options.settings(data)
-    if options.plot is not None:
-        check_target("a picture", options.plot, PICTURES, [table])
+    plot = check_picture(options.plot, [table])
     judged = tuple(each for each in candidates() if not theirs or each.features == PAPER_FEATURES)
     if chosen != ModelSettings():
         judged = (Candidate.of(chosen, "the model asked for"), *judged)
     results = compare(data, judged, folds=options.folds, clusters=chosen.clusters)
     curve = learning_curve(data, chosen)
-    if options.plot is not None:
-        draw_model(data, options.plot, chosen)
+    if plot is not None:
+        save_figure(model_figure(data, chosen, curve), plot, dpi=130)
     trends = amplitude_trends(data)
     components = principal_components(data, chosen.features)
     selection = None if theirs else select_features(data.values)

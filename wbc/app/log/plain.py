@@ -24,9 +24,6 @@ from wbc.core.errors import InputError, unknown_name
 ROOMS = ("wbc.robots", "wbc.feet", "wbc.sim")
 """Packages whose classes make up a plant; imported when a log names a class of this library."""
 
-RENAMED = {"wbc.feet.contact:SoleContact": "wbc:ContactSpheres"}
-"""Names of renamed classes in earlier logs, and their present names; a move to another module needs no entry."""
-
 
 def to_plain(value: Any) -> Any:
     """Return a value as objects, lists, numbers and texts; keys with a `$` name its type.
@@ -113,7 +110,7 @@ def _name(kind: type) -> str:
 
 def _kind(name: str) -> Any:
     """Return the class of a name."""
-    module, _, path = RENAMED.get(name, name).partition(":")
+    module, _, path = name.partition(":")
     if module.split(".")[0] == "wbc":
         return _class_of_wbc(path)
     if module not in sys.modules:

@@ -31,7 +31,7 @@ from wbc.core.robot import GRAVITY
 from wbc.robots import RobotDescription
 from wbc.sim.plant.plant import Plant
 from wbc.sim.terrain.spec import Terrain
-from wbc.tasks.behaviours import Machine, Program
+from wbc.tasks.behaviours import Program, StateMachine
 from wbc.tasks.stabilizer.gains import StabilizerGains
 
 if TYPE_CHECKING:
@@ -665,7 +665,7 @@ def program_text(program: Program) -> str:
         follows = machine.transitions[name]
         lines += [f"{name}: {outcome} → {goal}" for outcome, goal in follows.items()]
         machine = machine.states[name]
-        if not isinstance(machine, Machine):
+        if not isinstance(machine, StateMachine):
             break
     return "  \n".join([*lines, *(f"{t:.2f} s {path}: {how}" for t, path, how in program.history[-5:])])
 

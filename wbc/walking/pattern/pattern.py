@@ -21,14 +21,14 @@ from wbc.walking.pattern.height import HeightProfile
 from wbc.walking.planning.schedule import SupportPhase
 
 
-def dcm_backwards(times: Array, zmp: Array, dcm_end: Array, omega: float) -> Array:
-    """Return the DCM at the knots of a broken line of ZMPs, shape (k, 2), m, from that at the end, shape (2,), m.
+def dcm_backwards(times: Array, zmp: Array, omega: float) -> Array:
+    """Return the DCM at the knots of a broken line of ZMPs that leads to its end, where it rests, shape (k, 2), m.
 
     Knots are increasing times, shape (k,), s; `omega` is the natural frequency, 1/s.
     """
     knots: list[float] = np.asarray(times, dtype=float).tolist()
     points: list[list[float]] = np.asarray(zmp, dtype=float).tolist()
-    x, y = np.asarray(dcm_end, dtype=float).tolist()
+    x, y = points[-1]
     dcm = [(x, y)]
     for i in range(len(knots) - 2, -1, -1):
         span = knots[i + 1] - knots[i]
@@ -60,7 +60,6 @@ class Pattern:
         com_velocity: Array,
         height: float,
         profile: HeightProfile,
-        dcm_end: Array | None = None,
     ) -> None:
         """Follow a broken line of ZMPs.
 
@@ -68,11 +67,10 @@ class Pattern:
             times: Knots, increasing from 0, shape (k,), s.
             zmp: ZMP at the knots, shape (k, 2), m.
             com: CoM at the start, horizontal, shape (2,), m; only its convergent part is used, since the DCM is the one
-                that leads to `dcm_end`.
+                that leads to the last ZMP, over which the CoM comes to rest.
             com_velocity: Velocity of the CoM, shape (2,), m/s.
             height: Height of the CoM over the support, m.
             profile: Height of the support.
-            dcm_end: DCM at the last knot, shape (2,), m; the last ZMP, over which the CoM comes to rest, when None.
 
         Raises:
             InputError: Times that do not increase, a height not above zero, a number that is not finite.
@@ -87,7 +85,7 @@ class Pattern:
         self._knots: list[float] = self.times.tolist()
         self._rate = np.zeros_like(self.zmp)
         np.divide(self.zmp[1:] - self.zmp[:-1], span[:, None], out=self._rate[:-1])
-        self.dcm = dcm_backwards(self.times, self.zmp, self.zmp[-1] if dcm_end is None else dcm_end, omega)
+        self.dcm = dcm_backwards(self.times, self.zmp, omega)
         convergent = [(np.asarray(com) - np.asarray(com_velocity) / omega).tolist()]
         for dt, (x, y), (rate_x, rate_y) in zip(
             span.tolist(), self.zmp.tolist(), self._rate.tolist(), strict=False

@@ -125,7 +125,7 @@ class PreviewController:
         tail = ref_times > times[-1] + 1e-9
         tail_times, tail_points = ref_times[tail], ref_points[tail]
         after = np.concatenate((times[-1:], tail_times)), np.concatenate((reference[-1:], tail_points))
-        end_dcm = dcm_backwards(*after, after[1][-1], self.omega)[0]
+        end_dcm = dcm_backwards(*after, self.omega)[0]
         dcm = start.com[:2] + start.com_velocity[:2] / self.omega
 
         self._fill(times, reference, areas, end_dcm, dcm)

@@ -21,6 +21,9 @@ from wbc.walking.planning.gait import Gait
 LEAST_STAIR = 0.02
 """Difference in height from which two footholds are on a stair, m."""
 
+CLOSED = (0.01, 0.05)
+"""Distance (m) and turn (rad) up to which a foot that stands beside the other one need not close up."""
+
 
 def other(side: str) -> str:
     """Return the other side."""
@@ -207,14 +210,8 @@ class FootstepPlan:
         cut = replace(self, steps=self.steps[: index + 1])
         left, right = cut.final
         stands = self.stance(index + 1).side if self.steps else "right"
-        last, mate = (left, right) if stands == "left" else (right, left)
-        offset = self.spacing if mate.side == "left" else -self.spacing
-        c, s = math.cos(last.yaw), math.sin(last.yaw)
-        beside = replace(last, side=mate.side, x=last.x - s * offset, y=last.y + c * offset)
-        forward, left_of, up, turn = mate.seen_from(beside)
-        if math.hypot(forward, left_of) < 0.01 and abs(up) < 0.01 and abs(turn) < 0.05:
-            return cut  # the other foot stands there already
-        return replace(cut, steps=(*cut.steps, beside))
+        stance, mate = (left, right) if stands == "left" else (right, left)
+        return replace(cut, steps=(*cut.steps, *closing_step(stance, mate, self.spacing)))
 
     @staticmethod
     def standing(robot: Robot, gait: Gait | None = None) -> FootstepPlan:
@@ -229,6 +226,16 @@ class FootstepPlan:
             for side, sole in zip(SIDES, robot.soles[:2], strict=True)
         )
         return FootstepPlan(left, right, (), gait or Gait())
+
+
+def closing_step(stance: Footstep, mate: Footstep, spacing: float) -> tuple[Footstep, ...]:
+    """Return the step that brings a foot beside the one that stands, `spacing` (m) from it; none if it is there."""
+    offset = spacing if mate.side == "left" else -spacing
+    c, s = math.cos(stance.yaw), math.sin(stance.yaw)
+    beside = replace(stance, side=mate.side, x=stance.x - s * offset, y=stance.y + c * offset)
+    forward, left, up, turn = mate.seen_from(beside)
+    stands = math.hypot(forward, left) < CLOSED[0] and abs(up) < CLOSED[0] and abs(turn) < CLOSED[1]
+    return () if stands else (beside,)
 
 
 def check_start(robot: Robot, plan: FootstepPlan) -> None:

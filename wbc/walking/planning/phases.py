@@ -69,11 +69,6 @@ class PhaseSettings:
     early_credit: Share = 1.0
     hold: Annotated[Positive, "s"] = 0.05
 
-    @staticmethod
-    def by_time() -> PhaseSettings:
-        """Return phases by time alone: feet lift and land as planned, whatever they carry."""
-        return PhaseSettings(touch_down=1.0, early=1.0, lift_off=1.0, stance=0.0, max_wait=0.0, max_late=0.0)
-
 
 class WalkPhases:
     """State machine of one walk.

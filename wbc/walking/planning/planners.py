@@ -111,7 +111,6 @@ def walk_path(
     moves: Iterable[tuple[float, float, float]],
     *,
     first: str = "left",
-    leader: str | None = None,
     close: bool = True,
 ) -> FootstepPlan:
     """Place the feet beside a middle that moves.
@@ -120,12 +119,10 @@ def walk_path(
         start: Feet and gait; its steps are dropped.
         moves: Motion of the middle in each step: forward (m), left (m), turn (rad).
         first: Side that steps first.
-        leader: Side that takes the sideways and turning motion of two steps, so that the feet never cross;
-            each step takes its own when None.
         close: Add a step that brings the other foot beside the last one.
     """
     choose("side", first, SIDES)
-    return _path(start, moves, first, None if leader is None else (leader, leader), close=close)
+    return _path(start, moves, first, None, close=close)
 
 
 def _path(

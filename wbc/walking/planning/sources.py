@@ -18,7 +18,14 @@ from wbc.core.arguments import checked
 from wbc.core.errors import finite_array, finite_scalar
 from wbc.core.robot import SIDES
 from wbc.core.settings import NonNegative, Positive, Share, settings
-from wbc.walking.planning.footsteps import Footstep, FootstepPlan, mean_heading, other
+from wbc.walking.planning.footsteps import (
+    CLOSED,
+    Footstep,
+    FootstepPlan,
+    closing_step,
+    mean_heading,
+    other,
+)
 from wbc.walking.planning.gait import SLOW, SPEEDS, Gait, pace
 from wbc.walking.planning.phases import Phase, WalkPhases
 from wbc.walking.planning.reach import Reach, soles_overlap
@@ -43,9 +50,6 @@ FINER = 0.02
 
 TRIES = 2
 """Landings beside a goal after which a robot stands as near to it as its landings are to their plans."""
-
-CLOSED = (0.01, 0.05)
-"""Distance (m) and turn (rad) up to which a foot that stands beside the other one need not close up."""
 
 
 @settings
@@ -421,12 +425,7 @@ class PlanSource(FootstepSource):
 def close_up(start: FootstepPlan, side: str) -> FootstepPlan:
     """Return the feet with one step that brings that foot beside the other; without steps if it stands there."""
     stance, mate = (start.right, start.left) if side == "left" else (start.left, start.right)
-    x, y, yaw = _beside(stance, 1.0 if side == "right" else -1.0, start.spacing)
-    beside = replace(stance, side=side, x=x, y=y, yaw=yaw)
-    forward, left, up, turn = mate.seen_from(beside)
-    if math.hypot(forward, left) < CLOSED[0] and abs(up) < CLOSED[0] and abs(turn) < CLOSED[1]:
-        return replace(start, steps=())
-    return replace(start, steps=(beside,))
+    return replace(start, steps=closing_step(stance, mate, start.spacing))
 
 
 def checked_velocity(velocity: Sequence[float] | None) -> Velocity:
@@ -455,12 +454,9 @@ def _moved(place: Place, dx: float, dy: float, turn: float) -> tuple[float, floa
 
 def _middle(foot: Footstep, spacing: float) -> Place:
     """Middle between a foot and one that stands beside it."""
-    return _beside(foot, 0.5 if foot.side == "left" else -0.5, spacing)
-
-
-def _beside(foot: Footstep, share: float, spacing: float) -> Place:
-    """Place at a ratio of the spacing to the right (positive, of a left foot) of a foot."""
-    return _moved((foot.x, foot.y, foot.yaw), 0.0, -share * spacing, 0.0)
+    return _moved(
+        (foot.x, foot.y, foot.yaw), 0.0, -0.5 * spacing if foot.side == "left" else 0.5 * spacing, 0.0
+    )
 
 
 def _foot(middle: Place, side: str, half: float, z: float) -> Footstep:
