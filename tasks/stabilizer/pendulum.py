@@ -76,7 +76,15 @@ class Pendulum(NamedTuple):
 
     @staticmethod
     def at_rest(com: Array, ground: float = 0.0) -> Pendulum:
-        """Return a CoM that rests over its ZMP on a ground of that height, m; a CoM that is not above it is refused."""
+        """Return a CoM that rests over its ZMP.
+
+        Args:
+            com: Centre of mass in the world, shape (3,), m.
+            ground: Height of the ground, m.
+
+        Raises:
+            InputError: A CoM that is not above the ground.
+        """
         com = finite_array("com (m)", com, (3,))
         omega = natural_frequency(com[2] - ground)
         zero = np.zeros(3)
