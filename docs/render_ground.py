@@ -19,7 +19,6 @@ from PIL import Image
 from wbc.app.cli import main as wbc
 from wbc.core.errors import Array
 from wbc.feet import foot
-from wbc.feet.soles.soft_design import TransverseBending
 from wbc.sim.rig.fixture import Rig
 from wbc.sim.rig.spec import FootTest
 from wbc.sim.terrain.plot import plot_families
@@ -53,7 +52,7 @@ def over_bar(stiffness: float) -> FootTest:
 VIEWS: dict[str, FootTest] = {
     "rigid, on stones": FootTest(foot("rigid"), STONES, load=LOAD),
     "soft, k = 5 Nm/rad": FootTest(foot("soft"), STONES, load=LOAD),
-    "soft, cut into strips": FootTest(foot("soft", transverse=TransverseBending("flaps")), STONES, load=LOAD),
+    "long arch, k = 5 Nm/rad": FootTest(foot("long_arch"), STONES, load=LOAD),
     "soft over a bar, k = 1": over_bar(1.0),
     "k = 20": over_bar(20.0),
     "k = 80": over_bar(80.0),

@@ -24,7 +24,6 @@ class FootParts:
         contact_geoms: Spheres that touch the ground, row by row from the toe, each row from right to left.
         sole_joints: Hinges of the sole about the transverse axis, from the toe to the heel; empty for a rigid
             sole.
-        transverse_joints: Hinges of the sole about the longitudinal axis, from the toe; usually empty.
         variable_joints: Hinges whose stiffness follows the commanded one.
         arch_joint: Hinge of the frontal arch, None without one.
         loop_sites: Sites on the arch and on the sole that the loop closure holds together, None without one.
@@ -41,7 +40,6 @@ class FootParts:
     range_height: float
     contact_geoms: tuple[str, ...]
     sole_joints: tuple[str, ...] = ()
-    transverse_joints: tuple[str, ...] = ()
     variable_joints: tuple[str, ...] = ()
     arch_joint: str | None = None
     loop_sites: tuple[str, str] | None = None

@@ -189,9 +189,7 @@ class SoleProbe:
         self._own = np.zeros(model.ngeom, dtype=bool)
         self._own[[_id(model, geom, name) for name in foot.contact_geoms]] = True
         joints = [_id(model, joint, name) for name in foot.sole_joints]
-        transverse = [_id(model, joint, name) for name in foot.transverse_joints]
         self._qpos = model.jnt_qposadr[joints] if joints else np.zeros(0, dtype=int)
-        self._transverse_qpos = model.jnt_qposadr[transverse] if transverse else np.zeros(0, dtype=int)
         self._loop = (
             None if foot.loop_sites is None else tuple(_id(model, site, name) for name in foot.loop_sites)
         )
@@ -200,10 +198,6 @@ class SoleProbe:
     def angles(self, data: mujoco.MjData) -> Array:
         """Return the angles of the sole hinges from the toe to the heel, shape (phalanges,), rad."""
         return np.asarray(data.qpos[self._qpos])
-
-    def transverse_angles(self, data: mujoco.MjData) -> Array:
-        """Return the angles of the hinges about the longitudinal axis from the toe to the heel, rad."""
-        return np.asarray(data.qpos[self._transverse_qpos])
 
     def loop_gap(self, data: mujoco.MjData) -> float:
         """Return the distance between the two sides of the loop closure, m; 0 without a loop."""

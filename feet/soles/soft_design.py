@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Annotated, Literal
+from typing import Annotated
 
 import numpy as np
 import pinocchio as pin
@@ -25,27 +25,6 @@ ARCH_THICKNESS = 0.01
 
 CARRIED_MASS = 20.0
 """Mass that a sole carries, for its critical damping, kg: half of a robot of 40 kg."""
-
-
-@settings
-class TransverseBending:
-    """Hinges about the longitudinal axis, which the paper's foot lacks.
-
-    "twist" puts one between neighbouring phalanges; the heel phalanx stays fixed to the backward arch about this axis.
-    "flaps" cuts every phalanx lengthwise into three strips and hinges the outer two onto the middle one. A standing
-    robot simulates 1.2 to 1.4 times slower with "twist" than with the plain sole, 1.2 to 3.5 times with "flaps".
-
-    Attributes:
-        kind: "twist" or "flaps".
-        stiffness: Nm/rad per hinge; None takes the stiffness of the sole, also when it varies.
-        damping: Nms/rad per hinge.
-        hinge_share: Distance of the flaps' hinges from the middle, share of half the width.
-    """
-
-    kind: Literal["twist", "flaps"] = "twist"
-    stiffness: Annotated[NonNegative, "Nm/rad"] | None = None
-    damping: Annotated[NonNegative, "Nms/rad"] = 2.0
-    hinge_share: Annotated[float, Field(ge=0.05, le=0.95)] = 1.0 / 3.0
 
 
 @dataclass(frozen=True)
@@ -109,7 +88,6 @@ class SoftDesign(Foot):
         backward_arch_mass: Mass of the backward arch, kg.
         armature: Rotor-like inertia added to each sole hinge, kg m²; 0 with the `discrete` integrator, 1e-3 makes
             `implicitfast` usable at 1 ms.
-        transverse: Bending about the longitudinal axis; None as in the paper.
         encoders: True to measure the angles of the sole hinges.
 
     Source: k, b, arch, loop and ten phalanges from the paper, sections II-A and II-B; footprint and ankle position from
@@ -139,7 +117,6 @@ class SoftDesign(Foot):
     frontal_arch_mass: Annotated[Positive, "kg"] = 0.07
     backward_arch_mass: Annotated[NonNegative, "kg"] = 0.07
     armature: Annotated[NonNegative, "kg m²"] = 0.0
-    transverse: TransverseBending | None = None
     encoders: bool = False
 
     def __post_init__(self) -> None:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import mujoco
 import numpy as np
 import pinocchio as pin
@@ -25,18 +23,7 @@ from wbc.feet.soles.soft_design import ARCH_THICKNESS, SoftDesign
 from wbc.feet.soles.sole import FootFit, box_inertia
 
 _LATERAL = (0.0, 1.0, 0.0)
-_FORWARD = (1.0, 0.0, 0.0)
 _VISUAL_GAP = 0.001  # m between the drawn phalanges
-
-
-@dataclass
-class _Segment:
-    """A rigid strip of a phalanx: its body, the origin of the body, and the edges of the strip along y."""
-
-    body: mujoco.MjsBody
-    origin: Array
-    right: float
-    left: float
 
 
 class SoftFootBuilder:
@@ -69,9 +56,8 @@ class SoftFootBuilder:
             self.layout.hinges[-1],
             ARCH_THICKNESS / 2.0,
         )
-        self._segments: list[list[_Segment]] = [[] for _ in range(foot.phalanges)]
-        self._pitch: list[str] = []
-        self._transverse: list[str] = []
+        self._phalanges: list[tuple[mujoco.MjsBody, Array]] = []  # body and its origin, from the toe
+        self._hinges: list[str] = []  # of the sole, from the toe
 
     def build(self) -> FootParts:
         """Add all other parts; return their names."""
@@ -79,13 +65,11 @@ class SoftFootBuilder:
         for i in reversed(range(self.foot.phalanges)):
             parent, parent_origin = self._add_phalanx(i, parent, parent_origin)
         geoms = self._add_spheres()
-        toe = self._segments[0][0]
+        toe, toe_origin = self._phalanges[0]
         sensor_place = np.array([self.layout.centres[0], 0.0, self.foot.hinge_height])
-        site = add_range_site(toe.body, self.side, sensor_place - toe.origin)
+        site = add_range_site(toe, self.side, sensor_place - toe_origin)
         arch_joint, loop_sites = self._add_frontal_arch()
-        transverse = self.foot.transverse
-        follows = transverse is not None and transverse.stiffness is None
-        pitch_joints, transverse_joints = tuple(self._pitch[::-1]), tuple(self._transverse[::-1])
+        hinges = tuple(self._hinges)
         return FootParts(
             side=self.side,
             fit=self.fit,
@@ -96,12 +80,11 @@ class SoftFootBuilder:
             range_site=site,
             range_height=self.foot.hinge_height,
             contact_geoms=geoms,
-            sole_joints=pitch_joints,
-            transverse_joints=transverse_joints,
-            variable_joints=pitch_joints[self.foot.front_hinges :] + (transverse_joints if follows else ()),
+            sole_joints=hinges,
+            variable_joints=hinges[self.foot.front_hinges :],
             arch_joint=arch_joint,
             loop_sites=loop_sites,
-            encoders=self._add_encoders(pitch_joints),
+            encoders=self._add_encoders(hinges),
         )
 
     def _add_phalanx(
@@ -115,79 +98,42 @@ class SoftFootBuilder:
             assert foot.front_stiffness is not None
             stiffness = foot.front_stiffness
         body = parent.add_body(name=name, pos=origin - parent_origin)
-        self._pitch.append(
-            _add_hinge(
-                body,
-                f"{name}_pitch",
-                _LATERAL,
-                stiffness,
-                foot.damping_at(stiffness),
-                foot.armature,
-            )
-        )
-        half = foot.width / 2.0
-        middle = half
-        if foot.transverse is not None and foot.transverse.kind == "twist" and i < foot.phalanges - 1:
-            self._add_transverse_hinge(body, f"{name}_twist")
-        elif foot.transverse is not None and foot.transverse.kind == "flaps":
-            middle = foot.transverse.hinge_share * half
-            for side, right, left in (("right", -half, -middle), ("left", middle, half)):
-                place = np.array(
-                    [self.layout.centres[i], middle if left > 0.0 else -middle, foot.hinge_height]
-                )
-                flap = body.add_body(name=f"{name}_{side}", pos=place - origin)
-                self._add_transverse_hinge(flap, f"{name}_{side}_roll")
-                self._add_strip(i, flap, place, right, left)
-        self._add_strip(i, body, origin, -middle, middle)
+        damping = foot.damping_at(stiffness)
+        self._hinges.insert(0, _add_hinge(body, f"{name}_pitch", stiffness, damping, foot.armature))
+        centre = np.array([self.layout.centres[i], 0.0, foot.thickness / 2.0]) - origin
+        size = (self.layout.pitch, foot.width, foot.thickness)
+        set_inertia(body, box_inertia(foot.phalanx_mass, size, centre))
+        drawn = (self.layout.pitch - _VISUAL_GAP, foot.width - _VISUAL_GAP, foot.thickness)
+        add_box(body, f"{name}_box", centre, drawn)
+        self._phalanges.insert(0, (body, origin))
         return body, origin
 
-    def _add_strip(self, i: int, body: mujoco.MjsBody, origin: Array, right: float, left: float) -> None:
-        """Give a body a strip of phalanx i."""
-        foot, width = self.foot, left - right
-        centre = np.array([self.layout.centres[i], (left + right) / 2.0, foot.thickness / 2.0]) - origin
-        mass = foot.phalanx_mass * width / foot.width
-        set_inertia(body, box_inertia(mass, (self.layout.pitch, width, foot.thickness), centre))
-        size = (self.layout.pitch - _VISUAL_GAP, width - _VISUAL_GAP, foot.thickness)
-        add_box(body, f"{body.name}_box", centre, size)
-        self._segments[i].append(_Segment(body, origin, right, left))
-
-    def _add_transverse_hinge(self, body: mujoco.MjsBody, name: str) -> None:
-        transverse = self.foot.transverse
-        assert transverse is not None
-        stiffness = self.foot.stiffness if transverse.stiffness is None else transverse.stiffness
-        armature = self.foot.armature
-        self._transverse.append(_add_hinge(body, name, _FORWARD, stiffness, transverse.damping, armature))
-
     def _add_spheres(self) -> tuple[str, ...]:
-        """Add the grid of contact spheres, each to the strip of the sole that it lies in; return their names."""
+        """Add the grid of contact spheres, each to its phalanx; return their names."""
         foot, contact = self.foot, self.foot.contact
         names = []
         for row, x in enumerate(foot.contact_rows()):
-            segments = self._segments[row // contact.rows_per_phalanx]
+            body, origin = self._phalanges[row // contact.rows_per_phalanx]
             for column, y in enumerate(contact.column_positions(foot.width)):
-                segment = next(s for s in segments if s.right - 1e-9 <= y <= s.left + 1e-9)
-                position = np.array([x, y, contact.radius]) - segment.origin
+                position = np.array([x, y, contact.radius]) - origin
                 name = part(self.side, f"sole_{row + 1}_{column + 1}")
-                names.append(add_contact_sphere(segment.body, name, position, contact))
+                names.append(add_contact_sphere(body, name, position, contact))
         return tuple(names)
 
     def _add_frontal_arch(self) -> tuple[str, tuple[str, str] | None]:
         foot, side = self.foot, self.side
         origin, loop_point = np.array(self.layout.arch_hinge), np.array(self.layout.loop_point)
         arch = self.body.add_body(name=part(side, "frontal_arch"), pos=origin)
-        joint = _add_hinge(
-            arch, part(side, "arch_pitch"), _LATERAL, foot.arch_stiffness, foot.arch_damping, 0.0
-        )
+        joint = _add_hinge(arch, part(side, "arch_pitch"), foot.arch_stiffness, foot.arch_damping, 0.0)
         set_inertia(arch, pin.SE3(np.eye(3), -origin).act(self.layout.frontal_arch))
         tip = loop_point - origin
         add_bar(arch, part(side, "frontal_arch_bar"), (0.0, 0.0, 0.0), tip, ARCH_THICKNESS / 2.0)
         if not foot.loop:
             return joint, None
-        # The middle strip is added last and is the one that the arch holds.
-        held = self._segments[foot.loop_phalanx - 1][-1]
+        held, held_origin = self._phalanges[foot.loop_phalanx - 1]
         sites = (part(side, "loop_arch"), part(side, "loop_sole"))
         arch.add_site(name=sites[0], pos=tip, size=[0.004] * 3, group=CONTACT_GROUP)
-        held.body.add_site(name=sites[1], pos=loop_point - held.origin, size=[0.004] * 3, group=CONTACT_GROUP)
+        held.add_site(name=sites[1], pos=loop_point - held_origin, size=[0.004] * 3, group=CONTACT_GROUP)
         parameters = solver_parameters(foot.loop_law)
         self.spec.add_equality(
             name=part(side, "loop"),
@@ -213,15 +159,8 @@ class SoftFootBuilder:
         return tuple(f"{joint}_angle" for joint in joints)
 
 
-def _add_hinge(
-    body: mujoco.MjsBody,
-    name: str,
-    axis: tuple[float, float, float],
-    stiffness: float,
-    damping: float,
-    armature: float,
-) -> str:
-    joint = body.add_joint(name=name, type=mujoco.mjtJoint.mjJNT_HINGE, axis=axis, armature=armature)
+def _add_hinge(body: mujoco.MjsBody, name: str, stiffness: float, damping: float, armature: float) -> str:
+    joint = body.add_joint(name=name, type=mujoco.mjtJoint.mjJNT_HINGE, axis=_LATERAL, armature=armature)
     joint.stiffness[0] = stiffness  # the other entries are coefficients of higher powers of the angle
     joint.damping[0] = damping
     return name

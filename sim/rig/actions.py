@@ -162,7 +162,6 @@ def _hold(rig: Rig, gap_peak: float, depth_peak: float) -> Hold | None:
         contact_forces=tuple(contacts.forces[:, 2].tolist()),
         contact_area=rig.contact_area(),
         sole_angles=tuple(rig.probe.angles(rig.data).tolist()),
-        transverse_angles=tuple(rig.probe.transverse_angles(rig.data).tolist()),
         sole_line=_rows(rig.sole_line()),
         skeleton=_rows(rig.skeleton()),
         loop_gap=gap,

@@ -86,7 +86,7 @@ class Rig:
         self.probe = SoleProbe(self.model, self.foot)
         self.mass = float(self.model.body_mass.sum())
         self._dof = {name: int(self.model.joint(name).dofadr[0]) for name in ("lift", "pitch")}
-        soft = [self.model.joint(name) for name in (*self.foot.sole_joints, *self.foot.transverse_joints)]
+        soft = [self.model.joint(name) for name in self.foot.sole_joints]
         self._sole_joints = np.array([joint.id for joint in soft], dtype=int)
         self._sole_qpos = np.array([joint.qposadr[0] for joint in soft], dtype=int)
         self._sole_dof = np.array([joint.dofadr[0] for joint in soft], dtype=int)

@@ -50,7 +50,6 @@ class Hold:
         contact_forces: Vertical forces at these points, N.
         contact_area: Area of the convex hull of the contact points in plan, m².
         sole_angles: Angles of the sole hinges from the toe to the heel, rad.
-        transverse_angles: Angles of the hinges about the longitudinal axis, rad; usually empty.
         sole_line: Contact spheres' lowest points in plan and world z, row by row from the toe, m.
         skeleton: Heel hinge, ankle and tip of the frontal arch (rigid foot: sole centre and ankle) in plan
             and world z, m.
@@ -74,7 +73,6 @@ class Hold:
     contact_forces: tuple[float, ...]
     contact_area: float
     sole_angles: tuple[float, ...]
-    transverse_angles: tuple[float, ...]
     sole_line: Points
     skeleton: Points
     loop_gap: float

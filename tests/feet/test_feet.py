@@ -31,7 +31,6 @@ from wbc.feet.soles.contact import (
     solver_parameters,
 )
 from wbc.feet.soles.rigid import RigidFoot
-from wbc.feet.soles.soft_design import TransverseBending
 from wbc.feet.soles.sole import SoleGeometry, bar_inertia
 
 OWN = SoleGeometry.under_ankle(0.093, 0.160, 0.076, spacing=0.175)
@@ -126,7 +125,6 @@ def test_impossible_designs_are_refused(kind: str, parameters: dict[str, float],
     [
         (lambda: ContactSpheres(condim=2), "condim must be 3 or 4 or 6, got 2"),
         (lambda: ContactSpheres(inset=0.06).column_positions(0.1), "leaves nothing"),
-        (lambda: TransverseBending("roll"), "twist"),  # type: ignore[arg-type]
         (lambda: StiffnessActuator(low=10.0, high=10.0), "exceed"),
         (lambda: StiffnessActuator(low=0.0), "low .* must be above 0 for an actuator with a rate limit"),
         (lambda: StiffnessActuator().at_rest(-1.0), r"\[1, 2000\]"),

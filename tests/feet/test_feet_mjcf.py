@@ -24,7 +24,6 @@ from wbc.feet.soles.contact import (
     solver_parameters,
 )
 from wbc.feet.soles.runtime_mjcf import RangeFinder, SoleProbe, SoleStiffness
-from wbc.feet.soles.soft_design import TransverseBending
 from wbc.feet.soles.sole import SoleGeometry
 from wbc.sim.plant.settings import PhysicsSettings
 from wbc.sim.terrain.render import TERRAIN_GROUP, add_to_spec
@@ -41,8 +40,6 @@ DESIGNS: dict[str, Foot] = {
     "variable": foot("variable", stiffness=40.0),
     "one row": foot("soft", contact=ContactSpheres(rows_per_phalanx=1)),
     "no loop": foot("soft", loop=False, stiffness=80.0),
-    "twist": foot("soft", transverse=TransverseBending("twist")),
-    "flaps": foot("soft", transverse=TransverseBending("flaps", stiffness=20.0)),
     "six phalanges": foot("soft", phalanges=6, loop_phalanx=2, arch_hinge=(0.01, -0.02)),
 }
 
@@ -192,7 +189,7 @@ def test_mujoco_and_the_fit_agree_on_the_inertia_of_the_foot(name: str) -> None:
     np.testing.assert_allclose(inertia, about_link, atol=1e-9)
 
 
-@pytest.mark.parametrize("name", ["flat", "rigid", "soft", "flaps"])
+@pytest.mark.parametrize("name", ["flat", "rigid", "soft"])
 def test_lowest_points_of_the_spheres_span_the_rectangle(name: str) -> None:
     stand = Stand(DESIGNS[name], "nothing", drop=0.0)
     sole = stand.foot.fit.sole
@@ -206,7 +203,7 @@ def test_lowest_points_of_the_spheres_span_the_rectangle(name: str) -> None:
     np.testing.assert_allclose(extent.min(axis=0), [-sole.length / 2, -sole.width / 2], atol=1e-9)
 
 
-@pytest.mark.parametrize("name", ["soft", "no loop", "six phalanges", "flaps"])
+@pytest.mark.parametrize("name", ["soft", "no loop", "six phalanges"])
 def test_the_loop_is_closed_in_the_rest_shape(name: str) -> None:
     stand = Stand(DESIGNS[name], "nothing")
     assert stand.probe.loop_gap(stand.data) < 1e-12
@@ -226,7 +223,7 @@ def test_two_feet_share_a_model() -> None:
 
 
 def test_names_of_a_foot_are_none_that_a_robot_would_use() -> None:
-    stand = Stand(foot("soft", encoders=True, transverse=TransverseBending("flaps")), "nothing")
+    stand = Stand(foot("soft", encoders=True), "nothing")
     kinds = mujoco.mjtObj
     counts = {
         kinds.mjOBJ_BODY: stand.model.nbody,
@@ -257,10 +254,8 @@ def test_a_foot_goes_under_its_own_ankle_only() -> None:
 @pytest.mark.parametrize("name", DESIGNS)
 @pytest.mark.parametrize("ground", ["plane", "field"])
 def test_under_a_free_ankle_the_centre_of_pressure_is_under_the_ankle(name: str, ground: str) -> None:
-    if name == "no loop" or (name == "flaps" and ground == "field"):
-        pytest.skip(
-            "without the loop nothing carries the front of the foot; one ground is enough for the flaps"
-        )
+    if name == "no loop":
+        pytest.skip("without the loop nothing carries the front of the foot")
     stand = Stand(DESIGNS[name], terrain("flat") if ground == "plane" else "flat field")
     stand.settle(1.5)
     contacts = stand.probe.contacts(stand.model, stand.data)
@@ -284,7 +279,7 @@ def test_a_level_rigid_sole_presses_evenly(name: str, ground: str) -> None:
     assert len(np.unique(np.round(contacts.points[:, :2], 4), axis=0)) == len(stand.foot.contact_geoms)
 
 
-@pytest.mark.parametrize("name", ["flat", "rigid", "soft", "twist"])
+@pytest.mark.parametrize("name", ["flat", "rigid", "soft"])
 def test_the_force_sensor_reads_what_the_ground_does_about_the_sole_centre(name: str) -> None:
     stand = Stand(DESIGNS[name], terrain("slope", 0.1), x=1.0, drop=0.1)
     stand.settle(2.0)
@@ -318,14 +313,11 @@ def test_encoders_read_the_shape_of_the_sole() -> None:
 # --- stiffness at run time -------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("transverse", [None, TransverseBending("twist")])
 @pytest.mark.parametrize(("before", "after"), [(0.0, 42.0), (42.0, 0.0), (5.0, 80.0)])
-def test_a_stiffness_set_at_run_time_equals_one_compiled_in(
-    before: float, after: float, transverse: TransverseBending | None
-) -> None:
+def test_a_stiffness_set_at_run_time_equals_one_compiled_in(before: float, after: float) -> None:
     ground = terrain("stones", 0.03, 2)
-    compiled = Stand(foot("soft", stiffness=after, transverse=transverse), ground, x=1.5, drop=0.1)
-    changed = Stand(foot("soft", stiffness=before, transverse=transverse), ground, x=1.5, drop=0.1)
+    compiled = Stand(foot("soft", stiffness=after), ground, x=1.5, drop=0.1)
+    changed = Stand(foot("soft", stiffness=before), ground, x=1.5, drop=0.1)
     SoleStiffness(changed.model, changed.foot).step(after, 0.0)
     for stand in (compiled, changed):
         stand.settle(0.5)

@@ -1,7 +1,6 @@
 """Motions: clips of joint positions read from the field's formats, measured, made feasible for a robot, and tracked."""
 
 from wbc.motion.clip import MotionClip
-from wbc.motion.contacts import ContactSettings
 from wbc.motion.feasible import FilterSettings, make_feasible
 from wbc.motion.files import read_motion, write_motion
 from wbc.motion.generator import make_motion
@@ -16,7 +15,6 @@ __all__ = [
     # Made by rule
     "make_motion",
     # Measured, and made feasible
-    "ContactSettings",
     "FilterSettings",
     "check_motion",
     "make_feasible",

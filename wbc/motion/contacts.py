@@ -2,47 +2,29 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any
+from typing import Any
 
 import numpy as np
 
 from wbc.core.errors import Array, InputError
-from wbc.core.settings import NonNegative, Positive, settings
 from wbc.motion.kinematics import BodyMotion
 
+HEIGHT, SPEED = 0.03, 0.2
+"""Height of a sole's highest corner over the ground, m, and speed of its fastest corner, m/s, below which a contact
+begins."""
 
-@settings
-class ContactSettings:
-    """Settings of the search for contacts.
+RELEASE_HEIGHT, RELEASE_SPEED = 0.03, 0.4
+"""Height of the lowest corner, m, and speed, m/s, above which it ends."""
 
-    Attributes:
-        height: Greatest height of a sole's highest corner over the ground at which a contact begins, m.
-        speed: Greatest speed of a sole's fastest corner at which it begins, m/s.
-        release_height: Height of the lowest corner at which it ends, m.
-        release_speed: Speed at which it ends, m/s.
-        settle: Both ends of a contact in which the sole's height differs by more from its median are no part of it, m.
-        shortest: Shorter contacts are dropped, s.
-        gap: Shorter gaps between contacts are filled, s.
-        flight: Longest time without any contact, s.
-        double_support: Least time on both feet when one takes over, s: the foot that leaves stays longer.
-    """
+SETTLE = 0.015
+"""Both ends of a contact in which the sole's height differs by more from its median are no part of it, m."""
 
-    height: Annotated[Positive, "m"] = 0.03
-    speed: Annotated[Positive, "m/s"] = 0.2
-    release_height: Annotated[Positive, "m"] = 0.03
-    release_speed: Annotated[Positive, "m/s"] = 0.4
-    settle: Annotated[Positive, "m"] = 0.015
-    shortest: Annotated[NonNegative, "s"] = 0.1
-    gap: Annotated[NonNegative, "s"] = 0.06
-    flight: Annotated[NonNegative, "s"] = 0.08
-    double_support: Annotated[NonNegative, "s"] = 0.15
+SHORTEST, GAP, FLIGHT = 0.1, 0.06, 0.08
+"""Shorter contacts are dropped, shorter gaps between contacts are filled; longest time without any contact, s."""
 
 
 def find_contacts(
-    motion: BodyMotion,
-    settings: ContactSettings | None = None,
-    known: Array | None = None,
-    double_support: float = 0.0,
+    motion: BodyMotion, known: Array | None = None, double_support: float = 0.0
 ) -> tuple[float, Array]:
     """Return the height of a flat ground, m, and where soles stand on it, shape (T, 2): one at least in every frame.
 
@@ -51,22 +33,20 @@ def find_contacts(
 
     Args:
         motion: The motion.
-        settings: Settings; the defaults when None.
         known: True where a sole stands, shape (T, 2), of which the ground alone is to be found.
         double_support: Least time on both feet when one takes over, s.
 
     Raises:
-        InputError: The robot leaves the ground for longer than the settings let pass; the time at which it does is
+        InputError: The robot leaves the ground for longer than `FLIGHT`; the time at which it does is
             named.
     """
-    s = settings or ContactSettings()
-    ground, standing = _contacts(motion, s, known)
+    ground, standing = _contacts(motion, known)
     for first, last in runs(~standing.any(axis=1)):
         begin, end = first / motion.rate, last / motion.rate
-        if end - begin > s.flight + 1e-9:
+        if end - begin > FLIGHT + 1e-9:
             raise InputError(
                 f"a motion must have a foot on the ground at all times: no sole stands from {begin:.2f} s to "
-                f"{end:.2f} s, {end - begin:.2f} s, at most {s.flight:g} s are let pass"
+                f"{end:.2f} s, {end - begin:.2f} s, at most {FLIGHT:g} s are let pass"
             )
         standing[first:last] = standing[first - 1] if first else standing[min(last, len(standing) - 1)]
     overlap = round(double_support * motion.rate)
@@ -80,7 +60,7 @@ def find_contacts(
     return ground, standing
 
 
-def _contacts(motion: BodyMotion, s: ContactSettings, known: Array | None) -> tuple[float, Array]:
+def _contacts(motion: BodyMotion, known: Array | None) -> tuple[float, Array]:
     """Return the height of the ground, m, and where each sole stands, shape (T, 2)."""
     lowest, highest, speed = (
         motion.corners[..., 2].min(axis=2),
@@ -89,32 +69,32 @@ def _contacts(motion: BodyMotion, s: ContactSettings, known: Array | None) -> tu
     )
     if known is not None and known.any():
         return float(np.percentile(lowest[known], 5.0)), known.copy()
-    slow = speed < s.speed
+    slow = speed < SPEED
     level = lowest[slow] if slow.any() else lowest.ravel()
     # Soles may rest at several heights, such as a raised foot that is held still: the ground is the lowest of them.
     floor = np.percentile(level, 5.0)
-    near = level[level < floor + s.height]
+    near = level[level < floor + HEIGHT]
     ground = float(np.percentile(near, 5.0)) if near.size else float(floor)
     standing = np.zeros(lowest.shape, dtype=bool)
     for side in (0, 1):
-        begin = (highest[:, side] - ground < s.height) & slow[:, side]
-        end = (lowest[:, side] - ground > s.release_height) | (speed[:, side] > s.release_speed)
+        begin = (highest[:, side] - ground < HEIGHT) & slow[:, side]
+        end = (lowest[:, side] - ground > RELEASE_HEIGHT) | (speed[:, side] > RELEASE_SPEED)
         now = bool(begin[: max(1, int(0.1 * motion.rate))].any())
         for i in range(len(standing)):
             now = (now or bool(begin[i])) and not bool(end[i])
             standing[i, side] = now
         column = standing[:, side]
         for first, last in runs(~column):
-            if first > 0 and last < len(column) and last - first < s.gap * motion.rate:
+            if first > 0 and last < len(column) and last - first < GAP * motion.rate:
                 column[first:last] = True
         for first, last in runs(column):
             heights = motion.sole_positions[first:last, side, 2]
             off = abs(heights - np.median(heights))
-            settled = np.flatnonzero((off < s.settle) | (off == off.min()))  # one at least
+            settled = np.flatnonzero((off < SETTLE) | (off == off.min()))  # one at least
             column[first:last] = False
             column[first + settled[0] : first + settled[-1] + 1] = True
         for first, last in runs(column):
-            if last - first < s.shortest * motion.rate:
+            if last - first < SHORTEST * motion.rate:
                 column[first:last] = False
     return ground, standing
 

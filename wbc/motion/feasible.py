@@ -14,7 +14,7 @@ S. Nakaoka et al., IROS 2005 (leg tasks); K. Yamane, Y. Nakamura, T-RA 19(3), 20
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import Annotated
 
 import numpy as np
@@ -29,7 +29,7 @@ from wbc.core.errors import Array, InputError
 from wbc.core.robot import BASE_DOF, GRAVITY, Robot
 from wbc.core.settings import NonNegative, Positive, Share, settings
 from wbc.motion.clip import LONGEST, MotionClip
-from wbc.motion.contacts import ContactSettings, find_contacts
+from wbc.motion.contacts import find_contacts
 from wbc.motion.footsteps import footsteps
 from wbc.motion.inverse_kinematics import InverseKinematics
 from wbc.motion.kinematics import BodyMotion
@@ -48,6 +48,14 @@ BLEND, SHIFT, SMOOTHING = 0.1, 0.6, 0.03
 """Times, s: in which a foot leaves and reaches its frozen place, from a step in which the load may leave a sole that
 stands, and the standard deviation of the last smoothing of all joints."""
 
+JOINT_MARGIN, SOLE_SHARE = 0.05, 0.6
+"""Distance to the joint limits, rad; ratio of length and width of each sole, about its centre, on which the ZMP stays:
+the rest is for feedback."""
+
+EASE, DOUBLE_SUPPORT = 0.4, 0.15
+"""Time in which the motion starts from rest and comes to rest; least time on both feet when one takes over, s: the foot
+that leaves stays longer."""
+
 PASSES, STRETCHES, STRETCH = 8, 3, 1.2
 """Passes of inverse kinematics and ZMP; passes, and factor, of time that is stretched around infeasible frames."""
 
@@ -59,29 +67,20 @@ class FilterSettings:
     Attributes:
         rate: Frames per second of the result, Hz.
         cutoff: Low pass of all joints and of the base, zero phase, Hz.
-        joint_margin: Distance to the joint limits, rad.
         share: Greatest share of the limits of joint speeds, and of the torques of joints outside the legs.
-        ease: Time in which the motion starts from rest and comes to rest, s.
         hold: Time at rest at both ends, s.
-        sole_share: Share of length and width of each sole, about its centre, on which the ZMP stays; the rest is for
-            feedback.
         least_load: Least share of the load of each sole, for a ZMP between their centres, where both stand and none is
             about to leave.
         friction: Greatest coefficient of friction that forces and yaw moments of the soles may need; the rest is
             for feedback.
-        contacts: Search for contacts.
     """
 
     rate: Annotated[Positive, "Hz"] = 100.0
     cutoff: Annotated[Positive, "Hz"] = 6.0
-    joint_margin: Annotated[NonNegative, "rad"] = 0.05
     share: Annotated[Share, Positive] = 0.8
-    ease: Annotated[NonNegative, "s"] = 0.4
     hold: Annotated[NonNegative, "s"] = 0.5
-    sole_share: Annotated[Share, Positive] = 0.6
     least_load: Annotated[Share, Field(lt=0.5)] = 0.15
     friction: Positive = 0.5
-    contacts: ContactSettings = field(default_factory=ContactSettings)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -137,7 +136,7 @@ def make_feasible(robot: Robot, clip: MotionClip, settings: FilterSettings | Non
     times = np.linspace(0.0, clip.duration, max(2, round(clip.duration * s.rate) + 1))
     resampled = full.sampled(times, s.rate)
     motion = BodyMotion.of(robot, resampled.configurations(robot), s.rate)
-    contacts = find_contacts(motion, s.contacts, resampled.standing)
+    contacts = find_contacts(motion, resampled.standing)
     before = measure(robot, motion, *contacts, s.share, s.friction)
 
     smooth = _drawn_in(robot, _smooth(resampled, robot, s), s.share)
@@ -174,7 +173,7 @@ def make_feasible(robot: Robot, clip: MotionClip, settings: FilterSettings | Non
 def _smooth(clip: MotionClip, robot: Robot, s: FilterSettings) -> MotionClip:
     """Clamp the joints to their limits and take out what is faster than the cut-off."""
     lower, upper = robot.position_lower, robot.position_upper
-    room = np.minimum(s.joint_margin, 0.5 * (upper - lower))
+    room = np.minimum(JOINT_MARGIN, 0.5 * (upper - lower))
     joints = np.clip(clip.joints, lower + room, upper - room)
     columns = np.hstack([clip.base, joints])
     if s.cutoff < 0.45 * clip.rate and len(clip) > 30:
@@ -226,25 +225,23 @@ def _retime(clip: MotionClip, pace: Array, s: FilterSettings) -> tuple[MotionCli
     own = clip.times
     slowed = np.concatenate([[0.0], np.cumsum(0.5 * (pace[1:] + pace[:-1]) / clip.rate)])
     # An eased start takes twice the time for the same way: x of a ramp is t²/(2 ease), so the total grows by ease.
-    total = slowed[-1] + s.ease
+    total = slowed[-1] + EASE
     t = np.arange(round(total * s.rate) + 1) / s.rate
     t *= total / t[-1]
-    way = _eased(t, total, s.ease)
+    way = _eased(t, total)
     inside = np.interp(way, slowed, own)
     rest = round(s.hold * s.rate)
     source = np.clip(np.concatenate([np.zeros(rest), inside, np.full(rest, own[-1])]), 0.0, own[-1])
     return clip.sampled(source, s.rate), source
 
 
-def _eased(t: Array, total: float, ease: float) -> Array:
-    """Return the way at unit speed with smooth starts and ends that take `ease` each; from 0 to total − ease."""
-    if ease <= 0.0:
-        return t
-    rise = np.clip(t / ease, 0.0, 1.0)
-    fall = np.clip((total - t) / ease, 0.0, 1.0)
+def _eased(t: Array, total: float) -> Array:
+    """Return the way at unit speed with smooth starts and ends of `EASE` each; from 0 to total − `EASE`."""
+    rise = np.clip(t / EASE, 0.0, 1.0)
+    fall = np.clip((total - t) / EASE, 0.0, 1.0)
     speed = (3.0 * rise**2 - 2.0 * rise**3) * (3.0 * fall**2 - 2.0 * fall**3)
     way = np.concatenate([[0.0], np.cumsum(0.5 * (speed[1:] + speed[:-1]) * np.diff(t))])
-    return np.asarray(way * ((total - ease) / way[-1]))
+    return np.asarray(way * ((total - EASE) / way[-1]))
 
 
 def _balanced(robot: Robot, clip: MotionClip, s: FilterSettings) -> tuple[BodyMotion, Array, float, float]:
@@ -254,7 +251,7 @@ def _balanced(robot: Robot, clip: MotionClip, s: FilterSettings) -> tuple[BodyMo
     """
     q = clip.configurations(robot)
     motion = BodyMotion.of(robot, q, clip.rate)
-    ground, standing = find_contacts(motion, s.contacts, clip.standing, s.contacts.double_support)
+    ground, standing = find_contacts(motion, clip.standing, DOUBLE_SUPPORT)
     q[:, 2] -= ground
     motion = BodyMotion.of(robot, q, clip.rate)
     soles, body, shortened = footsteps(robot, motion, standing, BLEND)
@@ -263,8 +260,8 @@ def _balanced(robot: Robot, clip: MotionClip, s: FilterSettings) -> tuple[BodyMo
             pin.SE3ToXYZQUAT(move * pin.XYZQUATToSE3(base)) for move, base in zip(body, q[:, :7], strict=True)
         ]
         motion = BodyMotion.of(robot, q, clip.rate)
-    solver = InverseKinematics(robot, s.joint_margin)
-    supports = supports_of(robot, soles, standing, s.sole_share, _least_load(standing, s))
+    solver = InverseKinematics(robot, JOINT_MARGIN)
+    supports = supports_of(robot, soles, standing, SOLE_SHARE, _least_load(standing, s))
     q[:, 3:7] = _straightened(robot, q, clip.rate, s.share)
     # The ZMP is that of the centre of mass as it is asked for: what inverse kinematics makes of it has kinks, of
     # which second differences make metres.

@@ -199,4 +199,4 @@ def check_motion(
         InputError: The robot leaves the ground; the time at which it does is named.
     """
     motion = BodyMotion.of(robot, clip.configurations(robot), clip.rate)
-    return measure(robot, motion, *find_contacts(motion, known=clip.standing), share, friction)
+    return measure(robot, motion, *find_contacts(motion, clip.standing), share, friction)

@@ -91,7 +91,7 @@ class ClipSource(ReferenceSource):
         """
         s = settings or tracking_settings()
         q = clip.configurations(robot)
-        _, standing = find_contacts(BodyMotion.of(robot, q, clip.rate), known=clip.standing)
+        _, standing = find_contacts(BodyMotion.of(robot, q, clip.rate), clip.standing)
         _check_start(robot, q[0])
         self._soles = [robot.placement(sole.frame) for sole in robot.soles[:2]]
         left, right = (place.copy() for place in self._soles)
