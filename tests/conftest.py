@@ -1,9 +1,12 @@
 """For all folders: the profile of the property tests, and files that stay whole when processes share the tests."""
 
+import gc
+
 import pytest
 from properties import load_profile
 
 load_profile()
+gc.disable()  # until all tests are collected: half a million objects that stay
 
 
 @pytest.hookimpl(tryfirst=True)
@@ -11,3 +14,9 @@ def pytest_cmdline_main(config: pytest.Config) -> None:
     """Give each file to one process of `pytest -n`: the walks that its tests share are walked once."""
     if config.getoption("numprocesses", None) and config.getoption("dist") == "no":
         config.option.dist = "loadfile"
+
+
+def pytest_collection_finish() -> None:
+    """Leave what has been collected alone when garbage is looked for."""
+    gc.freeze()
+    gc.enable()

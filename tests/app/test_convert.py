@@ -25,8 +25,11 @@ TIME = 1e-9  # s for each unit of a time stamp
 
 
 @pytest.fixture(scope="module")
-def replay() -> Replay:
-    return Replay(Log.open(recorded_walk()))
+def replay(tmp_path_factory: pytest.TempPathFactory) -> Replay:
+    """The first half of a walk."""
+    half, whole = tmp_path_factory.mktemp("half") / "walk.arrow", recorded_walk().read_bytes()
+    half.write_bytes(whole[: len(whole) // 2])
+    return Replay(Log.open(half))
 
 
 @pytest.fixture(scope="module")

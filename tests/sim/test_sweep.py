@@ -44,10 +44,6 @@ from wbc.sim.walks.spec import WalkSpec
 
 sweep_module = sys.modules[sweep.__module__]  # the package has the function under the same name
 
-sys.path.append(str(Path(__file__).parents[1] / "benchmarks"))
-import steering  # noqa: E402 - it registers its trials and studies
-from steering import DrivingSpec, SpeedLimitSpec  # noqa: E402
-
 SUPPORT = str(Path(__file__).parents[1] / "support")
 
 
@@ -356,74 +352,6 @@ def test_the_search_for_a_push_limit_ends_with_its_last_interval_or_where_the_ph
     outcome = run_trial(WalkPushLimitSpec(walk=walk, highest=0.8, resolution=0.2))
     assert outcome.result is not None and (outcome.status, outcome.result["impulse"]) == (status, impulse)
     assert [one["impulse"] for one in outcome.result["tried"]] == pytest.approx(tried)
-
-
-def test_a_speed_counts_if_the_walk_ends_well_and_the_robot_is_as_fast(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    """A robot that moves at 0.5 m/s at the most, whatever it is told, and falls from 0.7 m/s on."""
-
-    def made_up(spec: WalkSpec, hooks: Any) -> SimpleNamespace:
-        assert spec.plan.drive is not None
-        told = -spec.plan.drive[0][1]
-        place = 0.0
-        for i in range(400):
-            place -= 0.01 * min(told, 0.5)
-            pose = np.array([place, 0.0, 0.8, 0.0, 0.0, 0.0, 1.0])
-            plant = SimpleNamespace(time=0.01 * i, truth=lambda pose=pose: SimpleNamespace(q=pose))
-            hooks[1].tick(SimpleNamespace(plant=plant))
-        return SimpleNamespace(outcome="fell" if told >= 0.7 else "completed", steps_done=3)
-
-    monkeypatch.setattr(steering, "walk", made_up)
-    spec = SpeedLimitSpec(
-        walk=WalkSpec(noise="none"), heading="back", seconds=4.0, highest=0.8, resolution=0.1
-    )
-    assert trial_from_json(json.loads(json.dumps(spec.to_json()))) == spec
-    result = run_trial(spec).result
-    assert result is not None and result["speed"] == 0.5 and result["moved"] == pytest.approx(0.5)
-    assert result["fastest"] == pytest.approx(0.5)  # also of the walk that was told 0.6
-    assert [one["walked"] for one in result["tried"]] == [False, True, False, True]
-    with pytest.raises(InputError, match="resolution must be at most"):
-        SpeedLimitSpec(walk=WalkSpec(), highest=0.1, resolution=0.2)
-
-
-def test_a_driven_robot_that_falls_sets_off_anew_and_its_falls_are_counted() -> None:
-    spec = DrivingSpec(walk=WalkSpec(noise="none", seed=3), minutes=0.06, every=2.0, push=1.5)
-    assert trial_from_json(json.loads(json.dumps(spec.to_json()))) == spec
-    outcome = run_trial(spec)
-    result = outcome.result
-    assert outcome.status == "done" and result is not None
-    assert result["seconds"] == pytest.approx(3.6) and result["falls"] == 1 and len(result["drives"]) == 2
-    fall, rest = result["drives"]
-    assert 2.0 < fall["seconds"] < 3.5 and fall["reason"] and rest["reason"] is None
-    assert fall["pushed"] == pytest.approx(fall["seconds"] - 2.0) and rest["pushed"] is None
-    assert result["falls_per_hour"]["mean"] == pytest.approx(1000.0)
-    assert result["falls_per_hour"]["low"] < 1000.0 < result["falls_per_hour"]["high"]
-    assert result["drift"] == max(fall["drift"], rest["drift"])
-    with pytest.raises(InputError, match="random ones"):
-        DrivingSpec(walk=WalkSpec(pushes=(WalkPush(impulse=0.3, time=1.0),)))
-
-
-def test_a_drive_or_search_whose_physics_diverges_is_no_fall(monkeypatch: pytest.MonkeyPatch) -> None:
-    ended = iter([(3.0, "tilt"), (2.0, "diverged")])
-
-    def drive(*_: Any) -> steering._Drive:
-        seconds, reason = next(ended)
-        nothing = (0.0, 0.0, 0.0)
-        return steering._Drive(seconds, reason, 1, 1.0, 0.0, 0.0, nothing, None)
-
-    monkeypatch.setattr(steering, "_drive", drive)
-    outcome = run_trial(DrivingSpec(walk=WalkSpec(), minutes=1.0))
-    assert (outcome.status, outcome.result) == ("diverged", None) and "after 5.0 s" in str(outcome.error)
-
-    def made_up(spec: WalkSpec, hooks: Any) -> SimpleNamespace:
-        hooks[1].rows.append((0.0, 0.0, 0.0, 0.0))
-        assert spec.plan.drive is not None
-        return SimpleNamespace(outcome="diverged" if spec.plan.drive[0][1] > 0.3 else "fell", steps_done=3)
-
-    monkeypatch.setattr(steering, "walk", made_up)
-    outcome = run_trial(SpeedLimitSpec(walk=WalkSpec(), highest=0.4, resolution=0.2))
-    assert outcome.status == "diverged" and outcome.result is not None and outcome.result["speed"] is None
 
 
 def test_the_interval_of_a_rate_is_that_of_a_poisson_count() -> None:
