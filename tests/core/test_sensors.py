@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from at_rest import at_rest
 
-from wbc.core.estimation.consistency import ConsistencyMonitor, ConsistencySettings
+from wbc.core.estimation.consistency import FROZEN_AFTER, ConsistencyMonitor
 from wbc.core.estimation.plausibility import Plausibility
 from wbc.core.robot import GRAVITY
 from wbc.robots import load
@@ -56,10 +56,9 @@ def test_feet_that_turn_alike_are_doubted_where_the_robot_stands(lifts: bool) ->
 
 
 def test_a_force_that_stays_the_same_is_frozen_and_none_at_all_is_a_foot_in_the_air() -> None:
-    settings = ConsistencySettings()
     names = Plausibility(ROBOT, DT).names
     monitor, rng = ConsistencyMonitor(ROBOT, DT, names), np.random.default_rng(0)
-    for tick in range(settings.frozen_after + 20):
+    for tick in range(FROZEN_AFTER + 20):
         values = rng.normal(size=len(names))
         values[-12:] = 0.0  # in the air but for
         values[-10] = 300.0  # a frozen force on the left sole

@@ -22,12 +22,12 @@ import numpy as np
 import pinocchio as pin
 
 from wbc.core.errors import Array, InputError, MeasurementError
-from wbc.core.estimation.consistency import AccelerometerCheck, ConsistencyMonitor, ConsistencySettings
+from wbc.core.estimation.consistency import WEIGHT_SHARE, AccelerometerCheck, ConsistencyMonitor
 from wbc.core.estimation.delay import SentCommands
 from wbc.core.estimation.observer import Observer
 from wbc.core.estimation.plausibility import Plausibility, PlausibilitySettings
 from wbc.core.estimation.wrenches import WrenchEstimator
-from wbc.core.gate import CommandGate, GateSettings
+from wbc.core.gate import CommandGate
 from wbc.core.qp.controller import Controller
 from wbc.core.qp.solution import Solution
 from wbc.core.qp.solver import Status
@@ -100,13 +100,11 @@ class SafetySettings:
 
     Attributes:
         plausibility: Ranges that measurements must keep.
-        consistency: Bounds beyond which sensors contradict each other.
-        gate: Limits of commands, beside those of the robot.
+        weight_share: Ratio of the weight that the soles must carry, or sensors contradict each other.
     """
 
     plausibility: PlausibilitySettings = field(default_factory=PlausibilitySettings)
-    consistency: ConsistencySettings = field(default_factory=ConsistencySettings)
-    gate: GateSettings = field(default_factory=GateSettings)
+    weight_share: Positive = WEIGHT_SHARE
 
 
 class DriveControl:
@@ -151,9 +149,9 @@ class DriveControl:
         self.policy = policy or FailurePolicy()
         robot, dt, safety = controller.robot, controller.dt, safety or SafetySettings()
         self.plausibility = Plausibility(robot, dt, safety.plausibility)
-        self.monitor = ConsistencyMonitor(robot, dt, self.plausibility.names, safety.consistency)
+        self.monitor = ConsistencyMonitor(robot, dt, self.plausibility.names, safety.weight_share)
         self.accelerometer = AccelerometerCheck(dt)
-        self.gate = CommandGate(robot, dt, safety.gate)
+        self.gate = CommandGate(robot, dt)
         gains = None if robot.servos is None else (robot.servos.kp, robot.servos.kd)
         # Made when a measurement comes without wrenches.
         self.wrenches: WrenchEstimator | None = None

@@ -4,14 +4,11 @@ from __future__ import annotations
 
 import logging
 from dataclasses import replace
-from typing import Annotated
 
 import numpy as np
-from pydantic import Field
 
 from wbc.core.errors import Array
 from wbc.core.robot import Robot
-from wbc.core.settings import settings
 from wbc.core.signals import Command
 from wbc.core.vectors import largest
 
@@ -21,20 +18,11 @@ UNLIMITED = 1e6
 """Torque and speed that stand for "no limit" where a model gives none, Nm and rad/s."""
 
 
+SPEED_MARGIN = 2.0
+"""Multiple of a joint's speed limit by which a position reference may change; a velocity reference is clipped there."""
+
 ROUNDING = 1.0 + 1e-6
 """Share of a limit up to which a command is clipped without being reported: the QP meets its limits to 1e-6."""
-
-
-@settings
-class GateSettings:
-    """Settings of the gate.
-
-    Attributes:
-        speed_margin: A position reference may change by this multiple of the joint's speed limit; a velocity
-            reference is clipped at the same multiple.
-    """
-
-    speed_margin: Annotated[float, Field(ge=1.0)] = 2.0
 
 
 class CommandGate:
@@ -45,13 +33,12 @@ class CommandGate:
         faults: Names of the joints whose command was clipped last, empty if the last command passed as it was.
     """
 
-    def __init__(self, robot: Robot, dt: float, settings: GateSettings | None = None) -> None:
+    def __init__(self, robot: Robot, dt: float) -> None:
         """Take the limits from a robot; dt is the control period, s."""
-        s = settings or GateSettings()
         self._names = robot.joint_names
         self._torque = np.minimum(robot.torque_limit, UNLIMITED)
         self._lower, self._upper = robot.position_lower, robot.position_upper
-        self._speed = np.minimum(s.speed_margin * np.minimum(robot.velocity_limit, UNLIMITED), UNLIMITED)
+        self._speed = np.minimum(SPEED_MARGIN * np.minimum(robot.velocity_limit, UNLIMITED), UNLIMITED)
         self._step = self._speed * dt
         # By how much torque, velocity, change of position and position exceed their limits; the last one twice.
         self._excess = np.zeros((5, robot.na))

@@ -12,7 +12,6 @@ import pinocchio as pin
 from wbc.core.control import SafetySettings
 from wbc.core.drive.torque import TorqueControl
 from wbc.core.errors import Array
-from wbc.core.estimation.consistency import ConsistencySettings
 from wbc.core.robot import GRAVITY, Robot
 from wbc.core.signals import Command, Measurement
 from wbc.machine.loads import SoleLoads
@@ -31,7 +30,7 @@ GAINS = BalanceGains(
 )
 """Stiff trunk and posture: feet with little load cannot move the CoM, and a body that bends for it swings."""
 
-SAFETY = SafetySettings(consistency=ConsistencySettings(weight_share=1e-6))
+SAFETY = SafetySettings(weight_share=1e-6)
 """Nothing is doubted for missing weight: whatever else holds the robot has it."""
 
 

@@ -8,7 +8,6 @@ from __future__ import annotations
 import logging
 import math
 from dataclasses import replace
-from typing import Annotated
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,13 +16,36 @@ from wbc.core.errors import Array, scalar
 from wbc.core.estimation.observer import Observer
 from wbc.core.lag import lag_gain
 from wbc.core.robot import GRAVITY, Robot
-from wbc.core.settings import Count, Positive, settings
 from wbc.core.signals import Measurement
 from wbc.core.vectors import Vector, largest
 
 logger = logging.getLogger(__name__)
 
 _ONE = scalar(1.0)
+
+FROZEN_AFTER = 20
+"""Number of ticks for which a reading must stay the same, bit for bit, to count as frozen; readings that have been
+constant before need four times as long as then."""
+
+TIME_CONSTANT, LASTING = 0.05, 0.08
+"""Low-pass of the compared signals; time that a contradiction must last before it is named, s."""
+
+WEIGHT_SHARE, WEIGHT_EXCESS, GRAVITY_SHARE = 0.6, 2.0, 0.6
+"""The soles must carry at least the first part of the weight and at most the second, and the accelerometer must show at
+least the third part of gravity, upwards as estimated."""
+
+VELOCITY_DIFFERENCE = 1.0
+"""Difference of a joint velocity from the speed of its encoder above which they contradict each other, rad/s."""
+
+FOOT_ROTATION, FOOT_SPIN = 0.5, 0.5
+"""Greatest speed at which both feet on the ground may turn alike, by encoders and gyroscope, once both have stood for
+0.5 s: in a walk both may roll over the edges of stones or boards; and speed about the vertical above which a foot on
+the ground slides, so that speeds are not compared, rad/s."""
+
+SPEED_DIFFERENCE, STANCE_ROTATION = 0.035, 0.05
+"""Greatest difference between the speeds of legs and accelerometer within 0.3 s, m/s, while the foot on the ground
+seems to turn, which it does from the second on, rad/s: a foot that turns, as on stones, moves the accelerometer, too;
+an error of the gyroscope does not."""
 
 DRIFT = 0.3
 """Time over which the speeds of legs and accelerometer are compared, s."""
@@ -105,42 +127,6 @@ class AccelerometerCheck:
         return replace(measurement, specific_force=GRAVITY * rotation[2]) if left_out else measurement
 
 
-@settings
-class ConsistencySettings:
-    """Bounds of the doubts.
-
-    Attributes:
-        frozen_after: Number of ticks for which a reading must stay the same, bit for bit, to count as frozen; readings
-            that have been constant before need four times as long as then.
-        time_constant: Low-pass of the compared signals, s.
-        weight_share: The soles must carry at least this part of the weight.
-        weight_excess: The soles may carry at most this multiple of the weight.
-        gravity_share: The accelerometer must show at least this part of gravity, upwards as estimated.
-        velocity_difference: A joint velocity may differ by this from the speed of its encoder, rad/s.
-        foot_rotation: Greatest speed at which both feet on the ground may turn alike, by encoders and gyroscope, rad/s;
-            once both have stood for 0.5 s: in a walk both may roll over the edges of stones or boards.
-        speed_difference: Greatest difference between the speeds of legs and accelerometer within 0.3 s, m/s, while the
-            foot on the ground seems to turn: a foot that turns, as on stones, moves the accelerometer, too; an error
-            of the gyroscope does not.
-        stance_rotation: Speed by encoders and gyroscope from which the foot on the ground seems to turn, rad/s.
-        foot_spin: Speed about the vertical above which a foot on the ground slides, rad/s; speeds are not compared
-            then.
-        lasting: Time that a contradiction must last before it is named, s; 0.03 s for speeds.
-    """
-
-    frozen_after: Count = 20
-    time_constant: Annotated[Positive, "s"] = 0.05
-    weight_share: Annotated[Positive, ""] = 0.6
-    weight_excess: Annotated[Positive, ""] = 2.0
-    gravity_share: Annotated[Positive, ""] = 0.6
-    velocity_difference: Annotated[Positive, "rad/s"] = 1.0
-    foot_rotation: Annotated[Positive, "rad/s"] = 0.5
-    speed_difference: Annotated[Positive, "m/s"] = 0.035
-    stance_rotation: Annotated[Positive, "rad/s"] = 0.05
-    foot_spin: Annotated[Positive, "rad/s"] = 0.5
-    lasting: Annotated[Positive, "s"] = 0.08
-
-
 class ConsistencyMonitor:
     """Compares sensors with each other, tick by tick.
 
@@ -149,16 +135,19 @@ class ConsistencyMonitor:
     """
 
     def __init__(
-        self, robot: Robot, dt: float, channels: tuple[str, ...], settings: ConsistencySettings | None = None
+        self, robot: Robot, dt: float, channels: tuple[str, ...], weight_share: float = WEIGHT_SHARE
     ) -> None:
-        """Prepare for a robot, a control period, s, and the names of the numbers that `update` gets."""
-        self.settings = s = settings or ConsistencySettings()
+        """Prepare for a robot, a control period, s, and the names of the numbers that `update` gets.
+
+        The soles must carry at least the ratio `weight_share` of the weight.
+        """
+        self._least_share = weight_share
         self._channels, self._dt = channels, dt
         self._weight = robot.mass * GRAVITY
         self._names = [sole.name for sole in robot.soles]
         self._na = robot.na
         self._wrenches = len(channels) - 6 * len(self._names)
-        self._gain = lag_gain(dt, s.time_constant)
+        self._gain = lag_gain(dt, TIME_CONSTANT)
         self._keep, self._offset_gain = 1.0 - lag_gain(dt, DRIFT), lag_gain(dt, OFFSET)
         self._smoothing = lag_gain(dt, SMOOTHING)
         self._gain_scalar = scalar(self._gain)
@@ -198,7 +187,7 @@ class ConsistencyMonitor:
             stance_rotation: Angular velocity of the foot that carries more, in the world, rad/s.
             unexplained: Change of the legs' velocity that the accelerometer does not show, x + iy in the world, m/s.
         """
-        gain, s = self._gain, self.settings
+        gain = self._gain
         doubts = self._compare_velocities(values, measurement.time) + self._frozen(values)
         if measurement.wrench_source == "sensor":
             self._sensed = True
@@ -213,17 +202,17 @@ class ConsistencyMonitor:
         if self._gyroscope_contradicts(stance_rotation, unexplained, measurement.wrench_source != "sensor"):
             doubts.append("gyroscope contradicts accelerometer and legs")
         wrong = (
-            self._gravity > s.gravity_share > self._share,
-            self._share > s.weight_excess * max(self._gravity, 1.0),
-            self._gravity < s.gravity_share,
-            self._rotation > s.foot_rotation,
+            self._gravity > GRAVITY_SHARE > self._share,
+            self._share > WEIGHT_EXCESS * max(self._gravity, 1.0),
+            self._gravity < GRAVITY_SHARE,
+            self._rotation > FOOT_ROTATION,
         )
         if not (doubts or any(wrong) or self.doubts):
             self._since = [0.0, 0.0, 0.0, 0.0]
             return
         for i, is_wrong in enumerate(wrong):
             self._since[i] = self._since[i] + self._dt if is_wrong else 0.0
-            if self._since[i] >= s.lasting:
+            if self._since[i] >= LASTING:
                 doubts.append(self._contradiction(i, loads))
         found = tuple(doubts)
         if found and found != self.doubts:
@@ -243,21 +232,20 @@ class ConsistencyMonitor:
         speed *= self._gain_scalar
         self._difference += speed
         size = np.abs(self._difference, out=speed)
-        if largest(size) <= self.settings.velocity_difference:
+        if largest(size) <= VELOCITY_DIFFERENCE:
             self._contradicts.fill(0.0)
             return []
-        wrong = size > self.settings.velocity_difference
+        wrong = size > VELOCITY_DIFFERENCE
         self._contradicts = np.where(wrong, self._contradicts + self._dt, 0.0)
-        named = (self._contradicts >= self.settings.lasting).nonzero()[0]
+        named = (self._contradicts >= LASTING).nonzero()[0]
         return [f"{self._channels[na + i]} contradicts its encoder" for i in named[:4]]
 
     def _gyroscope_contradicts(self, rotation: Vector, unexplained: complex, blind: bool) -> bool:
         """Compare the speed of the legs, which the gyroscope turns about the foot, with that of the accelerometer."""
-        s = self.settings
-        most, lasting = s.speed_difference, SUSPICION
+        most, lasting = SPEED_DIFFERENCE, SUSPICION
         if blind:
             most, lasting = BLIND * most, BLIND_SUSPICION
-        if self._share < s.weight_share or abs(rotation[2]) > s.foot_spin:
+        if self._share < self._least_share or abs(rotation[2]) > FOOT_SPIN:
             self._unsettled = SETTLING
         if self._unsettled > 0.0:  # the feet hop or slide, as after a push
             self._unsettled -= self._dt
@@ -269,7 +257,7 @@ class ConsistencyMonitor:
             self._suspected += self._dt
             (x, y, z), (u, v, w) = self._turned, rotation
             self._turned = x + self._dt * u, y + self._dt * v, z + self._dt * w
-            turns = math.hypot(*self._turned) > s.stance_rotation * self._suspected
+            turns = math.hypot(*self._turned) > STANCE_ROTATION * self._suspected
             if turns and self._suspected >= lasting:
                 self._gyro_doubted = REMEMBERED
         elif self._suspected:
@@ -287,12 +275,12 @@ class ConsistencyMonitor:
         run = self._run
         run += _ONE
         changed = values != last
-        if largest(run) < self.settings.frozen_after:
+        if largest(run) < FROZEN_AFTER:
             self._end_runs(changed)
             return []
         # A reading of exactly zero force is that of a foot in the air.
         changed[self._wrenches :] |= values[self._wrenches :] == 0.0
-        frozen = ~changed & (run >= np.maximum(self.settings.frozen_after, 4.0 * self._longest))
+        frozen = ~changed & (run >= np.maximum(FROZEN_AFTER, 4.0 * self._longest))
         self._end_runs(changed)
         return [f"{name} frozen" for name in dict.fromkeys(self._channels[i] for i in frozen.nonzero()[0])]
 

@@ -28,27 +28,29 @@ ON_TIME = 0.01
 """Share of a control period by which a measurement may come early or late and still count as one period apart."""
 
 
+TORQUE_STD = 0.5
+"""Standard deviation of a leg joint's torque, Nm: friction, errors of the drive."""
+
+FORCE_STD, MOMENT_STD = 0.03, 3.0
+"""Standard deviation of the force by the momentum of the whole robot, over its weight, for masses that are off; and of
+the moment, Nm."""
+
+WRENCH_STD = 3.0
+"""Expected size of a wrench over the weight (and over the weight times 0.1 m): bounds what a leg near a singularity
+makes of errors."""
+
+
 @settings
 class WrenchSettings:
     """Settings of the estimate of contact wrenches.
 
     Attributes:
         bandwidth: Bandwidth of the momentum observer, rad/s.
-        torque_std: Standard deviation of a leg joint's torque, Nm: friction, errors of the drive.
-        force_std: Standard deviation of the force by the momentum of the whole robot, as a share of its weight: masses
-            that are off.
-        moment_std: Standard deviation of the moment by the momentum of the whole robot, Nm.
-        wrench_std: Expected size of a wrench, as a share of the weight (and of the weight times 0.1 m); bounds what
-            a leg near a singularity makes of errors.
         touch_down: Normal force from which a foot in the air has met the ground, as a share of the weight.
         lift_off: Normal force below which a foot on the ground has left it, as a share of the weight.
     """
 
     bandwidth: Annotated[Positive, "rad/s"] = 80.0
-    torque_std: Annotated[Positive, "Nm"] = 0.5
-    force_std: Share = 0.03
-    moment_std: Annotated[Positive, "Nm"] = 3.0
-    wrench_std: Annotated[Positive, ""] = 3.0
     touch_down: Share = 0.08
     lift_off: Share = 0.04
 
@@ -81,10 +83,10 @@ class WrenchEstimator:
             np.array(robot.joints_between(sole.frame, robot.base_frame)) + BASE_DOF for sole in robot.soles
         ]
         n, nv = len(self._frames), robot.nv
-        std = np.full(nv, s.torque_std)
-        std[:3], std[3:BASE_DOF] = s.force_std * weight, s.moment_std
+        std = np.full(nv, TORQUE_STD)
+        std[:3], std[3:BASE_DOF] = FORCE_STD * weight, MOMENT_STD
         self._scale = 1.0 / std
-        expected = s.wrench_std * weight * np.array([1.0, 1.0, 1.0, 0.1, 0.1, 0.1])
+        expected = WRENCH_STD * weight * np.array([1.0, 1.0, 1.0, 0.1, 0.1, 0.1])
         self._prior = np.diag(np.tile(1.0 / expected**2, n))
         self._jacobians = [np.zeros((6, nv)) for _ in range(n)]
         self._bias, self._momentum = np.zeros(nv), np.zeros(nv)

@@ -12,18 +12,16 @@ from __future__ import annotations
 import enum
 import logging
 import math
-from typing import Annotated
 
 import numpy as np
 import proxsuite
 import qpsolvers
-from pydantic import Field
 
 from wbc.core.errors import Array, InputError, UnknownNameError
 from wbc.core.qp.active_set import ActiveSet
 from wbc.core.qp.other_solvers import DaqpSolver, solve_by_qpsolvers
 from wbc.core.qp.problem import Problem
-from wbc.core.settings import Count, Positive, settings
+from wbc.core.settings import Positive, settings
 from wbc.core.vectors import largest
 
 logger = logging.getLogger(__name__)
@@ -70,6 +68,17 @@ _SOLVED = Status.SOLVED
 """For the tick: a look-up in an enumeration takes ten times as long as one in a module."""
 
 
+ITERATIONS, INNER_ITERATIONS = 15, 30
+"""Outer iterations of ProxQP, and iterations of each inner problem: its only time limit."""
+
+EQUALITY_PENALTY = 1e-7
+"""ProxQP's proximal parameter μ of the equalities. With its default 1e-3 most problems need two outer iterations, with
+1e-7 one: 49 µs against 37 µs for 50 variables, 18 equalities, 96 rows."""
+
+CORRECTIONS = 1
+"""Number of corrections of the active set in a tick before DAQP takes over."""
+
+
 @settings
 class SolverSettings:
     """Settings of the ladder; the defaults are measured on streams of humanoid QPs.
@@ -79,12 +88,6 @@ class SolverSettings:
             qpsolvers finds installed; the rest of the ladder helps where it fails.
         tolerance: Largest primal and dual residual of ProxQP, absolute: m/s², N and Nm. Below 1e-9 it shows outliers.
         residual_tolerance: Largest primal residual accepted of any solver.
-        max_iterations: Outer iterations of ProxQP; with the inner ones, its only time limit.
-        max_inner_iterations: Iterations of each inner problem.
-        equality_penalty: ProxQP's proximal parameter μ of the equalities. With its default 1e-3 most problems need
-            two outer iterations, with 1e-7 one: 49 µs against 37 µs for 50 variables, 18 equalities, 96 rows.
-        active_set_changes: Number of corrections of the active set in a tick before DAQP takes over; 0 leaves every
-            tick to DAQP.
         relaxation: Cost per squared violation of hard tasks and contact motion, when not all of them can be satisfied;
             such a tick is "infeasible" when None. Dynamics and inequalities are always satisfied.
     """
@@ -92,10 +95,6 @@ class SolverSettings:
     solver: str = "auto"
     tolerance: Positive = 1e-6
     residual_tolerance: Positive = 1e-5
-    max_iterations: Count = 15
-    max_inner_iterations: Count = 30
-    equality_penalty: Positive = 1e-7
-    active_set_changes: Annotated[int, Field(ge=0)] = 1
     relaxation: Positive | None = None
 
     def __post_init__(self) -> None:
@@ -139,7 +138,7 @@ class QpSolver:
         """Prepare for a problem, whose arrays are read by every `solve`."""
         self.problem = problem
         self.settings = settings or SolverSettings()
-        self._fast = ActiveSet(problem, self.settings.tolerance, self.settings.active_set_changes)
+        self._fast = ActiveSet(problem, self.settings.tolerance, CORRECTIONS)
         self._persistent: proxsuite.proxqp.dense.QP | None = None
         self._guess = (np.zeros(problem.diagonal.size), np.zeros(problem.n_eq), np.zeros(problem.lower.size))
         self._exact = False  # the last solution is the active set's, and not in the guess yet
@@ -151,9 +150,8 @@ class QpSolver:
         )
         self._daqp = DaqpSolver(problem, min(self.settings.tolerance, 1e-7))
         self._no_guess = np.zeros(problem.lower.size)
-        auto = self.settings.solver == "auto"
-        self._guessed = auto and problem.diagonal.size >= LARGE
-        self._by_active_set = auto and self.settings.active_set_changes > 0
+        self._by_active_set = self.settings.solver == "auto"
+        self._guessed = self._by_active_set and problem.diagonal.size >= LARGE
         self._by_daqp = self.settings.solver == "daqp"
         self._steady = True  # the active set was the same in the last tick as in the one before
 
@@ -312,7 +310,7 @@ class QpSolver:
         of magnitude, is rounded, which hides nearly all of that.
         """
         self.counts[name] += 1
-        if self.settings.active_set_changes and not self._polish():
+        if not self._polish():
             if not self._by_daqp_alone(hessian, gradient):
                 logger.debug("neither the active set nor DAQP confirms ProxQP's answer")
                 self._cut_off()
@@ -384,8 +382,8 @@ class QpSolver:
         options.eps_abs, options.eps_rel = ours.tolerance, 0.0
         # 1e-4, the default, calls feasible problems infeasible.
         options.eps_primal_inf = options.eps_dual_inf = 1e-8
-        options.max_iter, options.max_iter_in = ours.max_iterations, ours.max_inner_iterations
-        options.default_mu_eq = ours.equality_penalty
+        options.max_iter, options.max_iter_in = ITERATIONS, INNER_ITERATIONS
+        options.default_mu_eq = EQUALITY_PENALTY
         options.check_duality_gap = False
         options.compute_timings = False
         options.verbose = False
