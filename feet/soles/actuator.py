@@ -68,12 +68,12 @@ class StiffnessActuator:
             )
 
     @classmethod
-    def instantaneous(cls, low: float = 0.0, high: float = PAPER_STIFFEST) -> StiffnessActuator:
+    def instantaneous(cls, high: float = PAPER_STIFFEST) -> StiffnessActuator:
         """Return an actuator whose actual stiffness is always the commanded one, by default with the paper's range.
 
         Source: range from Table I of the paper, whose simulation changes the stiffness in one step.
         """
-        return cls(math.inf, 0.0, low, high)
+        return cls(math.inf, 0.0, 0.0, high)
 
     @property
     def acts_at_once(self) -> bool:

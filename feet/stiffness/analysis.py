@@ -14,6 +14,9 @@ from wbc.feet.stiffness.features import PAPER_FEATURES, FeatureSet
 from wbc.feet.stiffness.model import ModelSettings
 from wbc.feet.stiffness.validation import Candidate, clipped_cluster, train_and_command
 
+TESTED = 0.25
+"""Ratio of the grounds that a learning curve tests on."""
+
 MOST = 1000
 """Most points and most repetitions of a learning curve."""
 
@@ -37,39 +40,31 @@ def learning_curve(
     table: StiffnessTable,
     candidate: Candidate | ModelSettings | None = None,
     *,
-    by: Sequence[str] = ("ground", "amplitude"),
-    test_share: float = 0.25,
     points: int = 6,
     repetitions: int = 10,
-    seed: int = 0,
 ) -> LearningCurve:
     """Return accuracy and error on test grounds, after training on more and more of the others.
 
     Args:
         table: Profiles with their best stiffness.
         candidate: Model to train; the paper's when None.
-        by: Columns that identify a ground.
-        test_share: Share of the grounds to test on.
         points: Number of points of the curve.
         repetitions: Number of random splits.
-        seed: Seed of the splits.
 
     Raises:
-        InputError: A single class, too few grounds, a number of points or repetitions outside 1 to 1000, or a seed
-            below 0.
+        InputError: A single class, too few grounds, or a number of points or repetitions outside 1 to 1000.
     """
     for name, number in (("points", points), ("repetitions", repetitions)):
         if whole_number(name, number, low=1) > MOST:
             raise InputError(f"{name} of a learning curve must be at most {MOST}, got {number}")
-    whole_number("seed", seed, low=0)
     settings = candidate if isinstance(candidate, ModelSettings) else ModelSettings()
     model = candidate if isinstance(candidate, Candidate) else Candidate.of(settings)
     labels = table.labels(settings.clusters)
     features = FeatureSet(model.features)(table.values)
     target = labels if model.kind == "classification" else table.stiffness
-    groups = table.groups(by)
+    groups = table.groups(("ground", "amplitude"))
     number = int(groups.max()) + 1
-    tested = max(1, round(test_share * number))
+    tested = max(1, round(TESTED * number))
     # The smallest number of grounds that have enough rows for the neighbours, whichever are drawn.
     fewest = int(np.searchsorted(np.cumsum(np.sort(np.bincount(groups))), settings.neighbours)) + 1
     if number - tested <= fewest:
@@ -78,7 +73,7 @@ def learning_curve(
         )
     sizes = np.unique(np.geomspace(fewest, number - tested, points).round().astype(np.intp))
     accuracy, error = np.empty((sizes.size, repetitions)), np.empty((sizes.size, repetitions))
-    rng = np.random.default_rng(seed)
+    rng = np.random.default_rng(0)
     for j in range(repetitions):
         order = rng.permutation(number)
         test = np.isin(groups, order[:tested])

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Literal, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -14,9 +13,6 @@ from scipy.linalg import qr, svd
 from wbc.core.errors import Array, InputError, choose, finite_array, finite_scalar
 from wbc.core.settings import settings
 from wbc.feet.stiffness.roughness import PARAMETERS
-
-Scaling = Literal["standard", "norm", "none"]
-Method = Literal["matrix", "subspace"]
 
 PAPER_FEATURES = ("Sp", "P", "P^2", "Sku^3", "P^3", "Sp^3")
 """Features of the paper, section IV-B."""
@@ -109,13 +105,9 @@ class Selection:
         constant: Features without variance, left out.
         twins: Pairs (left out, kept) of features that are the same up to a factor, such as M = Sq^2.
         singular_values: Singular values of the scaled matrix of the other features, the largest first.
-        bound: Largest condition number that was allowed.
         condition: Condition number of that matrix; infinite where the features depend on each other.
         kept_condition: Condition number of the matrix of the selected features.
         diagonal: |R| of the pivoted QR for the selected features: the independent part of each.
-        rows: Number of profiles.
-        scaling: Scaling of the columns.
-        method: Matrix that was pivoted.
     """
 
     kept: tuple[str, ...]
@@ -123,66 +115,32 @@ class Selection:
     constant: tuple[str, ...]
     twins: tuple[tuple[str, str], ...]
     singular_values: tuple[float, ...]
-    bound: float
     condition: float
     kept_condition: float
     diagonal: tuple[float, ...]
-    rows: int
-    scaling: Scaling
-    method: Method
-
-    def report(self) -> str:
-        """Return the selection as text, several lines."""
-        first = self.singular_values[0]
-        ratios = [f"{first / s:.3g}" if s > 0.0 else "inf" for s in self.singular_values]
-        lines = [
-            f"{self.rows} profiles, {len(self.candidates)} columns, scaling '{self.scaling}', QR of the {self.method}",
-            f"constant columns left out: {', '.join(self.constant) or 'none'}",
-            "the same up to a factor: " + (", ".join(f"{a} ~ {b}" for a, b in self.twins) or "none"),
-            f"condition number of the other {len(self.singular_values)}: {self.condition:.3g}",
-            "greatest over each singular value: " + " ".join(ratios),
-            f"within {self.bound:g}: rank {len(self.kept)}",
-            "kept, with what is new in each: "
-            + ", ".join(f"{n} ({d:.3g})" for n, d in zip(self.kept, self.diagonal, strict=True)),
-            f"condition number of the kept columns: {self.kept_condition:.3g}",
-        ]
-        return "\n".join(lines)
 
 
-def select_features(
-    values: ArrayLike,
-    *,
-    powers: Sequence[int] = (1, 2, 3),
-    scaling: Scaling = "standard",
-    bound: float = 5.0,
-    count: int | None = None,
-    method: Method = "matrix",
-) -> Selection:
+def select_features(values: ArrayLike, *, powers: Sequence[int] = (1, 2, 3), bound: float = 5.0) -> Selection:
     """Select features by rank and pivoted QR, as in the paper's section IV-B.
 
-    The columns are scaled, because a QR with pivoting takes the longest column first and the parameters differ in
-    magnitude. The rank is the number of singular values within `bound` of the largest. QR with column pivoting then
-    orders the columns: next is always the one with the largest part that the columns before it do not explain. The
-    first `rank` columns are selected. Of equally long columns, the one with the largest share in the first singular
-    vector is first, so the selection depends neither on units nor on the order of the profiles. The best stiffness is
-    not used.
+    The columns are scaled to a mean of 0 and a deviation of 1, because a QR with pivoting takes the longest column
+    first and the parameters differ in magnitude. The rank is the number of singular values within `bound` of the
+    largest. QR with column pivoting then orders the columns: next is always the one with the largest part that the
+    columns before it do not explain. The first `rank` columns are selected. Of equally long columns, the one with the
+    largest share in the first singular vector is first, so the selection depends neither on units nor on the order of
+    the profiles. The best stiffness is not used.
 
     Args:
         values: Roughness parameters of the profiles, shape (n, 10).
         powers: Powers of the parameters that are offered.
-        scaling: "standard" (mean 0, deviation 1), "norm" (length 1) or "none".
         bound: Largest condition number. On windows of this library's grounds 5 selects 6 of 30 columns, as many as the
             paper.
-        count: Number of columns to select instead of those within `bound`.
-        method: Pivot the "matrix" itself, or the leading right singular vectors ("subspace").
 
     Raises:
         InputError: Fewer than two profiles, wrong shape, NaN, or no feature that varies.
 
     Source: Golub & Van Loan, Matrix Computations, sections 5.4.2 (column pivoting) and 5.5.7 (subset selection).
     """
-    choose("scaling of the features", scaling, get_args(Scaling))
-    choose("method", method, get_args(Method))
     finite_scalar("condition number", bound, low=1.0)
     given = finite_array("roughness parameters", values)
     if given.ndim != 2 or given.shape[0] < 2:
@@ -196,19 +154,14 @@ def select_features(
         raise InputError(f"nothing changes over the {given.shape[0]} profiles: no feature can be selected")
     constant = tuple(n for n, v in zip(candidates, varies, strict=True) if not v)
     names = [n for n, v in zip(candidates, varies, strict=True) if v]
-    scaled = _scaled(matrix[:, varies], scaling)
-    names, scaled, twins = _without_twins(names, scaled)
+    matrix = matrix[:, varies]
+    names, scaled, twins = _without_twins(names, (matrix - matrix.mean(axis=0)) / matrix.std(axis=0))
     _, sigma, vt = svd(scaled, full_matrices=False)
     sigma = np.where(sigma > sigma[0] * max(scaled.shape) * np.finfo(float).eps, sigma, 0.0)
-    independent = int((sigma > 0.0).sum())
-    rank = int((sigma * bound >= sigma[0]).sum()) if count is None else int(count)
-    if not 1 <= rank <= independent:
-        raise InputError(f"between 1 and {independent} columns are independent, got a count of {rank}")
+    rank = int((sigma * bound >= sigma[0]).sum())
     # Scaled columns are equally long: without this, rounding would choose the first pivot.
     tie_break = 1.0 + 1e-9 * np.abs(vt[0]) / np.abs(vt[0]).max()
-    _, r, order = qr(
-        (scaled if method == "matrix" else vt[:rank]) * tie_break, mode="economic", pivoting=True
-    )
+    _, r, order = qr(scaled * tie_break, mode="economic", pivoting=True)
     kept = order[:rank]
     kept_sigma = svd(scaled[:, kept], compute_uv=False)
     return Selection(
@@ -217,22 +170,10 @@ def select_features(
         constant=constant,
         twins=twins,
         singular_values=tuple(sigma.tolist()),
-        bound=bound,
         condition=float(sigma[0] / sigma[-1]) if sigma[-1] > 0.0 else float("inf"),
         kept_condition=float(kept_sigma[0] / kept_sigma[-1]) if kept_sigma[-1] > 0.0 else float("inf"),
         diagonal=tuple(np.abs(np.diag(r))[:rank].tolist()),
-        rows=int(given.shape[0]),
-        scaling=scaling,
-        method=method,
     )
-
-
-def _scaled(matrix: Array, scaling: Scaling) -> Array:
-    if scaling == "standard":
-        return np.asarray((matrix - matrix.mean(axis=0)) / matrix.std(axis=0))
-    if scaling == "norm":
-        return np.asarray(matrix / np.linalg.norm(matrix, axis=0))
-    return matrix
 
 
 def _without_twins(names: list[str], matrix: Array) -> tuple[list[str], Array, tuple[tuple[str, str], ...]]:

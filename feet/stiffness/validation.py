@@ -137,7 +137,6 @@ def cross_validate(
     *,
     folds: int = 10,
     clusters: Clusters | None = None,
-    seed: int = 0,
 ) -> Validation:
     """Return predictions for every row, each by a model that was trained without the row's fold.
 
@@ -147,7 +146,6 @@ def cross_validate(
         protocol: Way to split the table, one of `PROTOCOLS`.
         folds: Number of folds; the number of groups if that is smaller and the protocol has groups.
         clusters: Ranges of stiffness; those of the settings, or the paper's.
-        seed: Seed of the shuffling.
 
     Raises:
         InputError: A single class, fewer than two folds or groups, or more folds than rows of any class.
@@ -157,7 +155,7 @@ def cross_validate(
     model = candidate if isinstance(candidate, Candidate) else Candidate.of(settings)
     ranges = settings.clusters if clusters is None else clusters
     labels = table.labels(ranges)
-    splitter, groups = fold_splitter(table, labels, protocol, folds, seed)
+    splitter, groups = fold_splitter(table, labels, protocol, folds)
     features = FeatureSet(model.features)(table.values)
     command, fold = np.empty(len(table)), np.empty(len(table), dtype=np.intp)
     with warnings.catch_warnings():
@@ -174,7 +172,7 @@ def cross_validate(
 
 
 def fold_splitter(
-    table: StiffnessTable, labels: NDArray[np.intp], protocol: Protocol, folds: int, seed: int = 0
+    table: StiffnessTable, labels: NDArray[np.intp], protocol: Protocol, folds: int
 ) -> tuple[Any, NDArray[np.intp] | None]:
     """Return scikit-learn's splitter of a protocol, and the groups of the rows if the protocol has groups.
 
@@ -183,7 +181,6 @@ def fold_splitter(
         labels: Cluster of each row, shape (n,).
         protocol: Way to split the table, one of `PROTOCOLS`.
         folds: Number of folds; the number of groups if that is smaller and the protocol has groups.
-        seed: Seed of the shuffling.
 
     Raises:
         InputError: Fewer than two folds or groups, or more folds than rows of any class.
@@ -203,7 +200,7 @@ def fold_splitter(
     if most < folds:
         raise InputError(f"{folds} stratified folds need a class of as many rows, the largest has {most}")
     shuffled = protocol == "shuffled"
-    return StratifiedKFold(folds, shuffle=shuffled, random_state=seed if shuffled else None), None
+    return StratifiedKFold(folds, shuffle=shuffled, random_state=0 if shuffled else None), None
 
 
 def train_and_command(

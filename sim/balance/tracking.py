@@ -18,7 +18,6 @@ from wbc.sim.trial.loop import Trial, TrialHook, TrialTick
 from wbc.sim.trial.result import TrialResult
 from wbc.sim.trial.spec import TrialSpec
 from wbc.walking.falls import FallReason
-from wbc.walking.settings import WalkingControlSettings
 
 LOADED = 0.05
 """Load of a sole that stands, over the weight: with less it may move, and is about to lift."""
@@ -83,15 +82,12 @@ class TrackTrial(Trial):
     walking: MotionControl
 
     @checked
-    def __init__(
-        self, clip: MotionClip, spec: TrackSpec | None = None, track: WalkingControlSettings | None = None
-    ) -> None:
+    def __init__(self, clip: MotionClip, spec: TrackSpec | None = None) -> None:
         """Build robot, plant and controller; the robot stands as the clip begins.
 
         Args:
             clip: Feasible clip (`wbc.motion.make_feasible`).
             spec: The simulation; the defaults when None.
-            track: Settings of the controller; the mode is that of the spec.
 
         Raises:
             UnknownNameError: The clip is of another robot.
@@ -103,7 +99,7 @@ class TrackTrial(Trial):
         plant.reset(plant.on_ground(q))
         observer.reset(q)
         robot.update(q, np.zeros(robot.nv))
-        settings = replace(track or tracking_settings(), mode=spec.chosen)
+        settings = replace(tracking_settings(), mode=spec.chosen)
         control = MotionControl(robot, clip, spec.period, settings, observer=observer)
         limits = control.falls.settings
         super().__init__(plant, control, PelvisLimits(-limits.drop, limits.tilt))
@@ -190,9 +186,7 @@ class _TrackMeter(TrialHook):
 
 
 @checked
-def track_motion(
-    clip: MotionClip, spec: TrackSpec | None = None, track: WalkingControlSettings | None = None
-) -> TrackResult:
+def track_motion(clip: MotionClip, spec: TrackSpec | None = None) -> TrackResult:
     """Track a clip in the simulator; see `TrackTrial`.
 
         result = track_motion(make_feasible(robot, clip).clip, TrackSpec(robot="talos"))
@@ -200,9 +194,8 @@ def track_motion(
     Args:
         clip: Feasible clip.
         spec: The simulation; the defaults when None.
-        track: Settings of the controller.
     """
-    result: TrackResult = TrackTrial(clip, spec, track).run()
+    result: TrackResult = TrackTrial(clip, spec).run()
     return result
 
 

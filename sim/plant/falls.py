@@ -86,11 +86,6 @@ class TrueFallDetector:
             return FallReason.TILT
         return None if q[2] - ground >= self.limits.height else FallReason.HEIGHT
 
-    def fallen(self, q: Array | Sequence[float], ground: float = 0.0) -> bool:
-        """Return True if the robot has fallen.
-
-        Args:
-            q: True configuration, shape (nq,).
-            ground: Height of the ground, m.
-        """
-        return self.reason(q, ground) is not None
+    def fallen(self, q: Array | Sequence[float]) -> bool:
+        """Return True if a robot on the floor has fallen, by its true configuration, shape (nq,)."""
+        return self.reason(q, 0.0) is not None

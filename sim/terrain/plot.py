@@ -50,16 +50,9 @@ def plot_terrain(ground: Terrain, path: str | Path) -> None:
     save_figure(figure, path, dpi=130)
 
 
-def plot_families(path: str | Path, columns: int = 4) -> int:
-    """Draw a thumbnail of every family with its defaults.
-
-    Args:
-        path: Picture file; its ending chooses the format.
-        columns: Thumbnails side by side.
-
-    Returns:
-        Number of thumbnails.
-    """
+def plot_families(path: str | Path) -> int:
+    """Draw a thumbnail of every family with its defaults, whose number is returned; the file's ending is the format."""
+    columns = 4
     grounds = [example_terrain(name) for name in terrain_families()]
     rows = math.ceil(len(grounds) / columns)
     figure = _figure(3.9 * columns, 2.0 * rows)

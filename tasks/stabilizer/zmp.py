@@ -19,16 +19,16 @@ class NoContactForceError(WbcError):
     """A normal force too small to have a centre of pressure."""
 
 
-def cop(wrench: Array, min_force: float = MIN_FORCE) -> Array:
+def cop(wrench: Array) -> Array:
     """Return the centre of pressure of a contact in its sole plane, as a point in the sole frame, shape (2,), m.
 
     The wrench is [force; moment] in the sole frame at the sole centre, shape (6,), N and Nm. Raises
-    `NoContactForceError` when the normal force is below `min_force`, N.
+    `NoContactForceError` when the normal force is below `MIN_FORCE`.
     """
     force = wrench[2]
-    if not force >= min_force:
+    if not force >= MIN_FORCE:
         raise NoContactForceError(
-            f"no centre of pressure: normal force {force:.3g} N is below {min_force:g} N"
+            f"no centre of pressure: normal force {force:.3g} N is below {MIN_FORCE:g} N"
         )
     return np.array([-wrench[4] / force, wrench[3] / force])
 

@@ -99,9 +99,9 @@ def csv_rows(text: str, path: Path, kind: str = "CSV") -> list[list[str]]:
         return [row for row in csv.reader(text.splitlines()) if any(map(str.strip, row))]
 
 
-def read_json(path: Path, kind: str = "JSON", **how: Any) -> Any:
+def read_json(path: Path, **how: Any) -> Any:
     """Return the values in a JSON file, or raise an `InputError`; `how` are options of `json.loads`."""
-    with parsing(path, kind):
+    with parsing(path, "JSON"):
         return json.loads(read_text(path), **how)
 
 

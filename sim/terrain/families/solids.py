@@ -72,7 +72,6 @@ def plate(
     *,
     slope: tuple[float, float] = (0.0, 0.0),
     yaw: float = 0.0,
-    floor: float = 0.0,
     thickness: float | None = None,
 ) -> Box:
     """Make a tile, brick or board by the height of its highest corner.
@@ -84,14 +83,13 @@ def plate(
         top: Height of its highest corner, m.
         slope: Rise of its face along world x and y.
         yaw: Heading of its first axis, rad.
-        floor: Level it must reach down to, m.
-        thickness: Across the face, m; down into the floor when None.
+        thickness: Across the face, m; down into the floor z = 0 when None.
     """
     rotation = tilted_rotation(*slope, yaw)
     up = rotation[2]
     half_x, half_y = size[0] / 2.0, size[1] / 2.0
     to_corner = abs(up[0]) * half_x + abs(up[1]) * half_y
-    half_z = (top - floor + BURIED) / (2.0 * up[2]) if thickness is None else thickness / 2.0
+    half_z = (top + BURIED) / (2.0 * up[2]) if thickness is None else thickness / 2.0
     centre = top - to_corner - up[2] * half_z
     # The face's middle, not the block's, stands at (x, y): a tilted block leans away below it.
     lean = rotation[:2, 2] * half_z

@@ -26,17 +26,18 @@ def rectangle(length: float, width: float) -> Array:
     return corners
 
 
-def outline(corners: Array, line: float = LINE) -> Surface:
-    """Return the border of a rectangle with the given corners, shape (4, 3), m; `line` (m) wide to the inside."""
+def outline(corners: Array) -> Surface:
+    """Return the border of a rectangle with the given corners, shape (4, 3), m; `LINE` wide to the inside."""
     inward = np.zeros_like(corners)
     for neighbour in (np.roll(corners, 1, axis=0), np.roll(corners, -1, axis=0)):
         edge = neighbour - corners
         inward += edge / np.linalg.norm(edge, axis=1, keepdims=True)
-    return two_sided(np.concatenate([corners, corners + line * inward]), _band(4))
+    return two_sided(np.concatenate([corners, corners + LINE * inward]), _band(4))
 
 
-def ring(radius: float, line: float, sides: int = 24) -> Surface:
+def ring(radius: float, line: float) -> Surface:
     """Return a ring around the origin, `line` (m) wide to the inside."""
+    sides = 24
     angle = 2.0 * math.pi * np.arange(sides) / sides
     circle = np.stack([np.cos(angle), np.sin(angle), np.zeros(sides)], axis=1)
     return two_sided(np.concatenate([radius * circle, (radius - line) * circle]), _band(sides))

@@ -204,8 +204,9 @@ def body_path(body: str) -> str:
     return f"{ROOT}/robot/{body.replace('/', '_')}"
 
 
-def _unit_arrow(sides: int = 12) -> Surface:
+def _unit_arrow() -> Surface:
     """Return an arrow of length 1 along z with a head of radius 1."""
+    sides = 12
     angle = 2.0 * np.pi * np.arange(sides) / sides
     rings = [(0.0, 0.0), (0.4, 0.0), (0.4, 0.75), (1.0, 0.75), (0.0, 1.0)]
     vertices = np.concatenate(

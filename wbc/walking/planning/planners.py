@@ -111,18 +111,16 @@ def walk_path(
     moves: Iterable[tuple[float, float, float]],
     *,
     first: str = "left",
-    close: bool = True,
 ) -> FootstepPlan:
-    """Place the feet beside a middle that moves.
+    """Place the feet beside a middle that moves, and close up.
 
     Args:
         start: Feet and gait; its steps are dropped.
         moves: Motion of the middle in each step: forward (m), left (m), turn (rad).
         first: Side that steps first.
-        close: Add a step that brings the other foot beside the last one.
     """
     choose("side", first, SIDES)
-    return _path(start, moves, first, None, close=close)
+    return _path(start, moves, first, None, close=True)
 
 
 def _path(
