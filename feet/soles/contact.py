@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 import math
-from typing import Annotated, Literal, NamedTuple, get_args
+from typing import Annotated, Literal, NamedTuple
 
 import numpy as np
 from pydantic import Field
 
-from wbc.core.errors import Array, InputError, choose, positive
+from wbc.core.errors import Array, InputError
 from wbc.core.settings import NonNegative, Positive, settings
 
-Integrator = Literal["discrete", "implicitfast", "implicit", "Euler"]
-ConstraintRow = Literal["normal", "friction", "equality"]
 Impedance = Annotated[float, Field(ge=0.0001, le=0.9999)]
 
 
@@ -23,23 +21,13 @@ class SolverParameters(NamedTuple):
     solimp: tuple[float, float, float, float, float]
 
 
-class LawGains(NamedTuple):
-    """Coefficients of eq. (1) at one violation.
-
-    `impedance` d has no unit, `damping` b is in 1/s and `stiffness` k in 1/s², so that every term is an
-    acceleration.
-    """
-
-    impedance: float
-    damping: float
-    stiffness: float
-
-
 @settings
 class ConstraintLaw:
-    """Soft constraint a = (1 − d) a₀ − d b v − d k r with d = d(r), eq. (1) of the paper.
+    """Soft constraint a = (1 − d) a₀ − d b v − d k r with d = d(r), b = 2 / (d_max t), k = 1 / (d_max² t² ζ²).
 
-    The paper prints rad/(Nms²) for d; it is a ratio and has no unit.
+    Eq. (1)–(2) of the paper, which prints rad/(Nms²) for d, a ratio that has no unit, and ζ where MuJoCo has ζ²: they
+    agree at ζ = 1, the value used for all its constraints. MuJoCo raises a t that is too short for its step: explicit
+    and implicit velocity integrators to 2 dt, `discrete` in normal rows alone, until d k dt² ≤ 1.
 
     Attributes:
         time_constant: t, s.
@@ -55,40 +43,12 @@ class ConstraintLaw:
     impedance: tuple[Impedance, Impedance] = (0.9, 0.95)
     width: Annotated[Positive, "m"] = 0.001
 
-    def impedance_at(self, violation: float) -> float:
-        """Return d(r): a smooth rise from d_0 to d_max over `width`, power 2 about the middle.
-
-        Args:
-            violation: |r|, m.
-
-        Source: MuJoCo documentation, "Impedance" (midpoint 0.5, power 2).
-        """
-        d_0, d_max = self.impedance
-        x = min(abs(violation) / self.width, 1.0)
-        y = 2.0 * x * x if x <= 0.5 else 1.0 - 2.0 * (1.0 - x) ** 2
-        return d_0 + (d_max - d_0) * y
-
-    def gains(self, violation: float) -> LawGains:
-        """Return d(r), b = 2 / (d_max t) and k = d(r) / (d_max² t² ζ²), eq. (2) of the paper.
-
-        The paper prints ζ where MuJoCo has ζ²; they agree at ζ = 1, the value used for all its constraints.
-
-        Args:
-            violation: |r|, m.
-        """
-        d = self.impedance_at(violation)
-        d_max, t = self.impedance[1], self.time_constant
-        return LawGains(d, 2.0 / (d_max * t), d / (d_max * t * self.damping_ratio) ** 2)
-
 
 LOOP_CLOSURE = ConstraintLaw(0.002, impedance=(0.9, 0.95))
 """Frontal arch to sole: t = 2 ms, d from 0.9 to 0.95 (paper, section II-B)."""
 
-PAPER_SOLE_GROUND = ConstraintLaw(0.0001, impedance=(0.99, 0.99))
-"""Sole to ground as printed: t = 0.1 ms, d = 0.99 against creeping (paper, section II-B)."""
-
 SOLE_GROUND = ConstraintLaw(0.002, impedance=(0.99, 0.99))
-"""Sole to ground as used here: t = 2 ms.
+"""Sole to ground: t = 2 ms; printed are t = 0.1 ms, and d = 0.99 against creeping (paper, section II-B).
 
 With the integrators of 2022 and a step of 1 ms, `refsafe` turns the printed 0.1 ms into 2 ms, so the authors'
 simulation will have used 2 ms. With `discrete` the printed value would act as 1 ms: a standing robot with soft feet
@@ -98,46 +58,8 @@ With 2 ms it chatters in 1 case of 14, and the soles sink by less than 0.05 mm (
 
 
 def solver_parameters(law: ConstraintLaw) -> SolverParameters:
-    """Return a constraint law as MuJoCo's parameters: solref = (t, ζ) and solimp = (d_0, d_max, width, ½, 2).
-
-    MuJoCo does not always use t as it is given: see `effective_time_constant`.
-    """
+    """Return a constraint law as MuJoCo's parameters: solref = (t, ζ) and solimp = (d_0, d_max, width, ½, 2)."""
     return SolverParameters((law.time_constant, law.damping_ratio), (*law.impedance, law.width, 0.5, 2.0))
-
-
-def effective_time_constant(
-    law: ConstraintLaw,
-    timestep: float,
-    *,
-    integrator: Integrator = "discrete",
-    row: ConstraintRow = "normal",
-    violation: float = 0.0,
-) -> float:
-    """Return the time constant that MuJoCo uses for a constraint row with its `refsafe` protection on, s.
-
-    Explicit and implicit velocity integrators cannot follow a constraint faster than two steps, so they raise any
-    smaller t to 2 dt: the paper's 0.1 ms is 2 ms at dt = 1 ms, and the 2 ms loop closure is 4 ms at dt = 2 ms. The
-    `discrete` integrator raises t in normal rows alone, until k dt² ≤ 1 with the k of eq. (2): the paper's 0.1 ms is
-    1.005 ms at dt = 1 ms. Friction and equality rows keep t as it is given.
-
-    Args:
-        law: The constraint.
-        timestep: Physics step dt, s.
-        integrator: MuJoCo's integrator.
-        row: Normal or friction direction of a contact, or an equality.
-        violation: |r|, m.
-
-    Source: measured on mujoco 3.17 through `MjData.efc_KBIP`; MuJoCo documentation, "refsafe".
-    """
-    positive("timestep (s)", timestep)
-    choose("integrator", integrator, get_args(Integrator))
-    choose("constraint row", row, get_args(ConstraintRow))
-    if integrator != "discrete":
-        return max(law.time_constant, 2.0 * timestep)
-    if row == "normal":
-        stable = timestep * math.sqrt(law.impedance_at(violation)) / (law.impedance[1] * law.damping_ratio)
-        return max(law.time_constant, stable)
-    return law.time_constant
 
 
 @settings
@@ -148,7 +70,7 @@ class ContactSpheres:
     wanders by up to 35 mm. A stone narrower than the lateral spacing can pass between two columns.
 
     Attributes:
-        law: Constraint law of the contact; `PAPER_SOLE_GROUND` is the printed one.
+        law: Constraint law of the contact.
         friction: Coulomb coefficient; larger than the 0.7 that the controller assumes, as a margin.
         condim: Dimension of the contact force: 3 (normal, two tangents), 4 (with spin) or 6 (with rolling).
         spin_friction: Coefficient about the normal, m; used with `condim` 4 and 6.

@@ -22,13 +22,7 @@ from wbc.feet.sensing.range_sensor import RangeSampler
 from wbc.feet.soles import catalog
 from wbc.feet.soles.catalog import foot_names
 from wbc.feet.soles.contact import (
-    LOOP_CLOSURE,
-    PAPER_SOLE_GROUND,
-    SOLE_GROUND,
-    ConstraintLaw,
     ContactSpheres,
-    effective_time_constant,
-    solver_parameters,
 )
 from wbc.feet.soles.rigid import RigidFoot
 from wbc.feet.soles.sole import SoleGeometry, bar_inertia
@@ -137,8 +131,6 @@ def test_impossible_designs_are_refused(kind: str, parameters: dict[str, float],
             lambda: SoleGeometry("a", (0.0, 0.0), (0.0, 0.0, 0.0, 1.0), 0.1, 0.1),
             r"translation \(m\) must be 3 values",
         ),  # type: ignore[arg-type]
-        (lambda: effective_time_constant(SOLE_GROUND, 0.0), "timestep"),
-        (lambda: effective_time_constant(SOLE_GROUND, 0.001, integrator="RK4"), "integrator"),  # type: ignore[arg-type]
     ],
 )
 def test_impossible_parts_are_refused(make: object, said: str) -> None:
@@ -236,40 +228,6 @@ def test_contact_rows_cover_the_sole_evenly_and_lie_under_their_phalanx() -> Non
             for i, centre in enumerate(design.layout(design.fit(OWN).sole).centres):
                 under = x[rows * i : rows * (i + 1)]
                 assert np.abs(under - centre).max() <= design.length / phalanges / 2.0 + 1e-12
-
-
-# --- constraint law --------------------------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize(
-    "law", [LOOP_CLOSURE, PAPER_SOLE_GROUND, ConstraintLaw(0.01, 0.5, (0.3, 0.8), 0.002)]
-)
-def test_gains_are_those_of_the_papers_equations(law: ConstraintLaw) -> None:
-    d_max, t, zeta = law.impedance[1], law.time_constant, law.damping_ratio
-    for violation in (0.0, 0.0003, 0.0007, 0.01):
-        d, b, k = law.gains(violation)
-        assert b == pytest.approx(2.0 / (d_max * t))
-        assert k * d_max**2 * t**2 * zeta**2 == pytest.approx(d)
-        assert law.impedance[0] <= d <= d_max
-    assert law.gains(0.0).impedance == law.impedance[0]
-    assert law.gains(law.width).impedance == pytest.approx(d_max)
-    for share in (0.1, 0.25, 0.4):  # the rise is the same turned about its middle, and steepest there
-        low, high = (law.gains(part * law.width).impedance for part in (share, 1.0 - share))
-        assert low + high == pytest.approx(sum(law.impedance))
-        assert low <= law.impedance[0] + share * (d_max - law.impedance[0])
-
-
-def test_a_critically_damped_law_returns_without_overshoot_at_its_time_constant() -> None:
-    # With a0 = 0 and d close to 1, eq. (1) is r'' = -d (b r' + k r): both poles at -1/t when d = d_max = 1.
-    law = ConstraintLaw(0.01, impedance=(0.9999, 0.9999))
-    d, b, k = law.gains(1.0)
-    poles = np.roots([1.0, d * b, d * k])
-    np.testing.assert_allclose(poles, -1.0 / law.time_constant, rtol=0.03)
-
-
-def test_the_papers_numbers_go_to_the_solver_unchanged() -> None:
-    assert solver_parameters(LOOP_CLOSURE) == ((0.002, 1.0), (0.9, 0.95, 0.001, 0.5, 2.0))
-    assert solver_parameters(PAPER_SOLE_GROUND) == ((0.0001, 1.0), (0.99, 0.99, 0.001, 0.5, 2.0))
 
 
 # --- stiffness actuator ----------------------------------------------------------------------------------------------
