@@ -119,6 +119,10 @@ class ReferenceControl:
         # Axis of the torso that is vertical in half-sitting: links have axes of their own, the z axis need not be it.
         self._up = standing.placement(estimate.torso_frame).rotation[2].copy()
 
+    def __repr__(self) -> str:
+        kind, source, progress = type(self).__name__, type(self.source).__name__, self.progress
+        return f"{kind}({self.controller.robot!r}, {source}, {progress.phase.value}, {progress.steps_done} steps)"
+
     def command(self, measurement: Measurement) -> Command:
         """Run one tick.
 
