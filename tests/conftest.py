@@ -17,6 +17,7 @@ def pytest_cmdline_main(config: pytest.Config) -> None:
 
 
 def pytest_collection_finish() -> None:
-    """Leave what has been collected alone when garbage is looked for."""
+    """Leave what has been collected alone when garbage is looked for, and look seldom."""
     gc.freeze()
+    gc.set_threshold(50_000)
     gc.enable()

@@ -30,6 +30,7 @@ from wbc.sim.walks.spec import WalkSpec
 from wbc.sim.walks.trial import WalkTrial
 from wbc.tasks import PositionTask, PostureTask
 from wbc.tasks.balance import balance_controller
+from wbc.walking import Gait
 
 
 @pytest.fixture(scope="module")
@@ -150,7 +151,10 @@ class _SlowHook(TrialHook):
 
 
 def test_a_profile_finds_a_slow_task_and_a_slow_hook_by_name_and_leaves_the_walk_alone() -> None:
-    spec = WalkSpec(plan=WalkPlan(distance=0.1), foot="variable", terrain="stones", amplitude=0.02)
+    quick = Gait(single_support=0.5, initial_double_support=0.5)
+    spec = WalkSpec(
+        plan=WalkPlan(distance=0.05), foot="variable", terrain="stones", amplitude=0.02, gait=quick
+    )
     trial = WalkTrial(spec)
     slow = trial.walking.controller.add(_SlowTask(weight=0.0, name="mine"))
     result, rows = profile_walk(trial, [_SlowHook()])

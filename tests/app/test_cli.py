@@ -185,22 +185,12 @@ def test_robots_in_a_table_and_one_in_full(capfd: Captured) -> None:
         (["stand", "--seconds"], "--seconds"),
         (["stand", "--mode", "velocity"], "torque"),
         (["stand", "--robot", "talso"], "did you mean 'talos'"),
-        (["stand", "--seconds", "nan"], "finite"),
         (["stand", "--control-period", "0.0015"], "whole multiple"),
-        (["stand", "--gains.com-weight", "-1"], "com_weight"),
-        (["stand", "--view", "--port", "99999"], "port"),
         (["stand", "--port", "7000"], "--view"),
         (["view", "run.arrow", "--speed", "2"], "film"),
         (["view", "run.arrow", "-o", "run.html", "--size", "640", "480"], "film"),
         (["view", "run.arrow", "-o", "run.mp4", "--port", "7000"], "served"),
-        (["robots", "talso"], "did you mean 'talos'"),
         (["bench"], "bench"),
-        (["bench", "solver", "--scattered", "2"], "scattered"),
-        (["foot", "press", "--foot", "rigid", "--stiffness", "5"], "no stiffness"),
-        (["foot", "press", "--terrain", "stone"], "did you mean 'stones'"),
-        (["foot", "press", "--plot", "no/such/folder/a.png"], "no folder"),
-        (["terrain", "--seed", "3"], "family"),
-        (["terrain", "stone"], "did you mean 'stones'"),
         (["terrain", "stones", "--param", "density"], "name=value"),
     ],
 )
@@ -322,13 +312,12 @@ def test_a_command_loads_what_it_needs_alone() -> None:
     assert set(names()) == {robot["name"] for robot in json.loads(done.stdout)["robots"]}
 
 
-@pytest.mark.parametrize("word", ["--version", "--help"])
-def test_the_list_of_commands_loads_none_of_them(word: str) -> None:
+def test_the_list_of_commands_loads_none_of_them() -> None:
     program = (
-        "import sys, wbc.app.cli; wbc.app.cli.main([sys.argv[1]]); "
+        "import sys, wbc.app.cli; [wbc.app.cli.main([word]) for word in ('--version', '--help')]; "
         "print(*(m for m in ('pinocchio', 'scipy', 'pydantic', 'mujoco') if m in sys.modules), file=sys.stderr)"
     )
-    done = subprocess.run([sys.executable, "-c", program, word], capture_output=True, text=True, check=True)
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
     assert done.stdout and not done.stderr.strip()
 
 

@@ -28,14 +28,9 @@ import wbc
 from wbc import app
 from wbc.app.cli import BAD_INPUT, main
 from wbc.core.errors import InputError, ModelError, WbcError
-from wbc.core.settings import LARGEST, from_json
-from wbc.feet import foot
-from wbc.sim import PhysicsSettings, WalkSpec, make_terrain, read_journal
+from wbc.sim import make_terrain, read_journal
 from wbc.sim.balance.standing import StandSpec
 from wbc.sim.studies.journal import Entry
-from wbc.sim.terrain.render import GroundContact
-from wbc.tasks import BalanceGains, StabilizerGains
-from wbc.walking import Gait
 
 
 @pytest.fixture(scope="module")
@@ -203,30 +198,6 @@ def test_packed_journals_unpack_to_a_bound(tmp_path: Path) -> None:
         read_journal(path, largest=1_000_000)
 
 
-PLAIN = st.recursive(
-    st.none() | st.booleans() | st.integers() | st.floats() | st.text(max_size=5),
-    lambda inner: st.lists(inner, max_size=3) | st.dictionaries(st.text(max_size=5), inner, max_size=3),
-    max_leaves=6,
-)
-
-
-@examples(40, deadline=5000)
-@given(st.data())
-@pytest.mark.parametrize(
-    "kind", [Gait, StabilizerGains, BalanceGains, PhysicsSettings, GroundContact, WalkSpec]
-)
-def test_settings_of_any_values_are_made_or_refused(kind: type[Any], data: st.DataObject) -> None:
-    names = st.sampled_from(sorted(kind.__dataclass_fields__)) | st.text(max_size=5)
-    values = data.draw(st.dictionaries(names, PLAIN, max_size=3))
-    for make in (lambda: kind(**values), lambda: from_json(kind, values)):
-        try:
-            made = make()
-        except WbcError as error:
-            assert "\n" not in str(error) and len(str(error)) < 1500
-        else:
-            assert isinstance(made, kind)
-
-
 def chain(*joints: str, inertial: str = "") -> str:
     links = "".join(f'<link name="{name}">{inertial}</link>' for name in "abc")
     return f'<robot name="r">{links}{"".join(joints)}</robot>'
@@ -244,9 +215,7 @@ SOLES = {"left_sole": "b", "right_sole": "c"}
 @pytest.mark.parametrize(
     ("urdf", "message"),
     [
-        (None, "URDF must be|source must be"),
         (b"\xff", "URDF must be|source must be"),
-        ("/", "no URDF file"),
         ("a\0b", "source must be"),
         (chain(*LEGS, inertial=f'<inertial><mass value="1e300"/>{INERTIA}</inertial>'), "at most 1e"),
     ],
@@ -260,12 +229,9 @@ def test_a_urdf_that_cannot_be_used_is_refused(urdf: Any, message: str) -> None:
     "make",
     [
         lambda: StandSpec(seconds=1e-3),
-        lambda: StandSpec(timestep=1e-300),
-        lambda: BalanceGains(com_weight=10 * LARGEST),
         lambda: make_terrain("stones", 1e9),
         lambda: make_terrain("stones", length=1e9),
         lambda: make_terrain("stones", rendering="height_field", resolution=1e-300),
-        lambda: foot("soft", phalanges=10**9),
     ],
 )
 def test_sizes_have_limits(make: Any) -> None:

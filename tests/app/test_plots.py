@@ -281,7 +281,6 @@ def test_command_draws_lists_and_refuses(
         (["none.arrow"], "cannot read the log none.arrow"),
         (["{log}", "con/estimated"], "did you mean 'com/estimated'"),
         (["{log}", "balanse"], "ready-made figures: balance"),
-        (["{log}", "none.arrow", "com/estimated"], "cannot read the log none.arrow"),
     ],
 )
 def test_command_names_what_is_wrong(

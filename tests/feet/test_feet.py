@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import copy
 import math
-import subprocess
-import sys
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -39,15 +37,6 @@ def tilted_sole(seed: int) -> SoleGeometry:
 
 
 # --- names and bad input ---------------------------------------------------------------------------------------------
-
-
-def test_feet_import_without_mujoco() -> None:
-    code = (
-        "import sys; sys.modules['mujoco'] = None\n"
-        "from wbc.feet.soles.catalog import foot, foot_names\nfrom wbc.feet.soles.sole import SoleGeometry\n"
-        "[foot(n).fit(SoleGeometry.under_ankle(0.09, 0.16, 0.08)) for n in foot_names()]"
-    )
-    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
 
 
 @pytest.mark.parametrize("name", foot_names())
@@ -117,7 +106,6 @@ def test_impossible_designs_are_refused(kind: str, parameters: dict[str, float],
 @pytest.mark.parametrize(
     ("make", "said"),
     [
-        (lambda: ContactSpheres(condim=2), "condim must be 3 or 4 or 6, got 2"),
         (lambda: ContactSpheres(inset=0.06).column_positions(0.1), "leaves nothing"),
         (lambda: StiffnessActuator(low=10.0, high=10.0), "exceed"),
         (lambda: StiffnessActuator(low=0.0), "low .* must be above 0 for an actuator with a rate limit"),
@@ -127,10 +115,6 @@ def test_impossible_designs_are_refused(kind: str, parameters: dict[str, float],
         (lambda: SoleGeometry("a", (0.0, 0.0, 0.1), (0.0, 0.0, 0.0, 1.0), 0.1, 0.1), "above its sole"),
         (lambda: SoleGeometry("a", (0.0, 0.0, -0.1), (0.0, 0.0, 0.0, 2.0), 0.1, 0.1), "unit quaternion"),
         (lambda: SoleGeometry("a", (0.0, 0.0, -0.1), -np.eye(3), 0.1, 0.1), "right-handed"),  # type: ignore[arg-type]
-        (
-            lambda: SoleGeometry("a", (0.0, 0.0), (0.0, 0.0, 0.0, 1.0), 0.1, 0.1),
-            r"translation \(m\) must be 3 values",
-        ),  # type: ignore[arg-type]
     ],
 )
 def test_impossible_parts_are_refused(make: object, said: str) -> None:

@@ -215,7 +215,6 @@ def test_a_saved_model_is_the_same_model(
         ({"scale": [0.0] * 6}, "scale and reach"),
         ({"rows": [[1.0, 2.0]]}, "rows must have shape"),
         ({"settings": {"neighbours": 10}}, "ModelSettings must be complete, .*, got {'neighbours': 10}"),
-        ({"settings": None}, "ModelSettings must be ModelSettings, got None"),
         ({"recipe": {"step": 0.007}}, "ProfileRecipe must be complete, .*, got {'step': 0.007}"),
         ({"reach": -1.0}, "scale and reach"),
         ({"made": 5}, "made must be an object with the provenance, got 5"),

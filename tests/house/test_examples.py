@@ -17,8 +17,6 @@ from typing import Any
 
 import pytest
 
-import wbc
-
 FOLDER = Path(__file__).parents[2] / "examples"
 STANDING = ("own_robot", "own_source", "push_recovery", "stand", "two_robots", "without_feet")
 WALKING = (
@@ -100,20 +98,14 @@ def test_two_robots_lift_a_board_together(load: Load) -> None:
     assert abs(result["lifted_mm"] - 100.0) < 10.0 and result["tilt_deg"] < 2.0
 
 
-@pytest.mark.parametrize("mode", ["position", "torque"])
-def test_stand_keeps_the_centre_of_mass(load: Load, mode: str) -> None:
-    assert run(load("stand"), "--mode", mode, seconds=1.0)["com_error_mm"] < 0.2
+@pytest.mark.parametrize(("mode", "robot", "bound"), [("position", "hrp4_class", 0.2), ("torque", "g1", 3.0)])
+def test_stand_keeps_the_centre_of_mass(load: Load, mode: str, robot: str, bound: float) -> None:
+    assert run(load("stand"), "--mode", mode, "--robot", robot, seconds=0.5)["com_error_mm"] < bound
 
 
 @pytest.mark.parametrize("mode", ["position", pytest.param("torque", marks=pytest.mark.slow)])
 def test_a_source_of_ones_own_marches(load: Load, mode: str) -> None:
     assert run(load("own_source"), "--mode", mode, seconds=3.5)["lifted_mm"] > 25.0
-
-
-def test_stand_takes_every_robot(load: Load) -> None:
-    for robot in wbc.robots.names():
-        # Talos' centre of mass is 13 mm from the middle of its soles, and ankle torque has a price.
-        assert run(load("stand"), "--robot", robot, seconds=0.5)["com_error_mm"] < 3.0
 
 
 @pytest.mark.parametrize(
@@ -140,17 +132,6 @@ def test_own_robot_stands_though_pushed(load: Load, capsys: pytest.CaptureFixtur
 def test_robots_without_feet_follow_a_circle(load: Load, robot: str) -> None:
     result = load("without_feet").main(["--robot", robot, "--seconds", "1"])
     assert result["solved"] and result["error_mm"] < 10.0
-
-
-@pytest.mark.slow
-def test_an_example_gives_the_same_result_with_a_view(
-    load: Load, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    module = load("push_recovery")
-    monkeypatch.setattr(sys.modules["_common"], "BROWSER_TIME", 0.0)
-    plain = run(module, seconds=0.7)
-    assert run(module, "--view", "--port", "0", seconds=0.7) == plain
-    assert "http://127.0.0.1:" in capsys.readouterr().err
 
 
 # ---- walks ----------------------------------------------------------------------------------------------------------

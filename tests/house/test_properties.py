@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import os
 import re
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
@@ -35,18 +33,6 @@ def test_the_default_profile_draws_the_same_examples_again() -> None:
     first = drawn()
     assert len(set(first)) > 10 and drawn() == first
     assert examples(20).max_examples == 20 and examples(20).derandomize
-
-
-def test_the_long_profile_is_random_and_ten_times_as_long() -> None:
-    program = (
-        "from properties import examples, load_profile; load_profile(); s = examples(20); "
-        "print(s.max_examples, s.derandomize, s.deadline)"
-    )
-    environment = os.environ | {"HYPOTHESIS_PROFILE": "long", "PYTHONPATH": str(TESTS / "support")}
-    said = subprocess.run(
-        [sys.executable, "-c", program], env=environment, capture_output=True, text=True, check=True
-    )
-    assert said.stdout.split() == ["200", "False", "None"]
 
 
 def test_no_test_has_settings_of_hypothesis_beside_the_profile() -> None:

@@ -244,7 +244,7 @@ def test_no_measurement_of_any_phase_gets_an_exception_or_a_wild_command() -> No
             if measurement is None or not where or self.time < 0.2:
                 return measurement
             told[phase] += 1
-            which, tick = divmod(told[phase], 6)  # one tick in six
+            which, tick = divmod(told[phase], 4)  # one tick in four
             if tick or which >= len(faults):
                 return measurement
             name, kind = faults[which]
@@ -253,13 +253,13 @@ def test_no_measurement_of_any_phase_gets_an_exception_or_a_wild_command() -> No
 
     got = take_over(
         *("hybrid", 250.0, 0.5),
-        seconds=1.0,
-        hang=2.0,
+        seconds=0.7,
+        hang=1.5,
         script=lambda m, r, t: where or where.append(r),
         kind=Faulty,
     )
     assert got.stood and got.wild == 0 and got.report.reason == "stopped"
-    assert all(told[phase] > 6 * len(faults) for phase in Phase if phase is not Phase.DAMPED)
+    assert all(told[phase] > 4 * len(faults) for phase in Phase if phase is not Phase.DAMPED)
 
 
 def test_measurements_that_stay_bad_end_in_damping() -> None:

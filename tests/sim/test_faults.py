@@ -14,7 +14,7 @@ import pytest
 from faults import CHANGES, MODES, faults, run
 from hypothesis import given
 from hypothesis import strategies as st
-from properties import examples
+from properties import by_default, examples
 
 from wbc import Measurement, Plant, PositionControl, TorqueControl, balance_controller
 from wbc.core.estimation.plausibility import OPTIONAL, SIGNALS
@@ -25,16 +25,8 @@ from wbc.sim.balance.standing import StandSpec, StandTrial
 from wbc.sim.plant.falls import TrueFallDetector
 from wbc.sim.trial.loop import TrialTick
 
-QUICK = (
-    "joint_position nan",
-    "joint_velocity 1e9",
-    "angular_velocity 1e200",
-    "sole_wrench 1e9",
-    "encoder lost a turn",
-    "gyroscope saturated",
-    "clock +0.2 s",
-)
-"""Faults that the default run tries in position control, two in torque and one in hybrid; the slow one tries all."""
+QUICK = ("encoder lost a turn", "clock +0.2 s", "gyroscope saturated", "sole_wrench 1e9")
+"""Faults that the default run tries in position control, one in torque and hybrid; the slow one tries all."""
 
 QUICK_CHANGES = (("masses +30 %", "position"), ("hard tasks that contradict each other", "torque"))
 """The same of other masses and of what is asked of the robot."""
@@ -54,7 +46,7 @@ def cases(names: Iterable[str], quick: Callable[[str, str], bool]) -> list[Any]:
 
 @pytest.mark.parametrize(
     ("name", "task", "mode"),
-    cases(faults(), lambda name, mode: name in QUICK[: {"position": 7, "torque": 2, "hybrid": 1}[mode]]),
+    cases(faults(), lambda name, mode: name in QUICK[: 4 if mode == "position" else 1]),
 )
 def test_one_faulty_tick_does_no_harm(name: str, task: str, mode: str) -> None:
     report = run(task, mode, name, lasting=False)
@@ -214,7 +206,7 @@ def test_an_encoder_is_predicted_over_a_gap_while_the_joint_moves() -> None:
     assert plausibility.refused == 5 and not plausibility.faults
 
 
-@pytest.mark.parametrize("value", [math.nan, math.inf, 1e5])
+@pytest.mark.parametrize("value", by_default([math.nan, math.inf, 1e5], math.nan))
 def test_impossible_torques_of_drives_are_named_and_the_commanded_ones_count(value: float) -> None:
     """A robot whose feet have no force sensors stands on; it has the torques of its commands."""
     description = load("hrp4_class")
@@ -360,7 +352,7 @@ class Said(TrialHook):
 def test_a_walk_that_a_push_fells_says_so_before_and_one_on_rough_ground_does_not(
     law: Any, mode: Any, direction: float
 ) -> None:
-    plan = WalkPlan(distance=0.5) if law == "lipm" else WalkPlan(velocity=(0.4, 0.0, 0.0), steps=6)
+    plan = WalkPlan(distance=0.3) if law == "lipm" else WalkPlan(velocity=(0.4, 0.0, 0.0), steps=6)
     spec = WalkSpec(law=law, mode=mode, terrain="stones", amplitude=0.015, seed=5, plan=plan)
     healthy, pushed = Said(), Said()
     assert walk(spec, hooks=[healthy]).fall is None and healthy.time == math.inf

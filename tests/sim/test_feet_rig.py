@@ -23,6 +23,7 @@ from wbc.sim.terrain.spec import Terrain, terrain
 
 FLAT = terrain("flat")
 STONES = terrain("stones", amplitude=0.03, seed=1)
+RANDOM = terrain("random", 0.03, 1)
 SOFT_ON_STONES = FootTest(foot("soft", stiffness=5.0), STONES)
 
 
@@ -33,7 +34,7 @@ SOFT_ON_STONES = FootTest(foot("soft", stiffness=5.0), STONES)
 @pytest.mark.parametrize(
     "design", [foot("flat"), foot("rigid"), *(foot("soft", stiffness=k) for k in (0.0, 5.0, 80.0))]
 )
-@pytest.mark.parametrize("ground", [FLAT, STONES, terrain("random", 0.03, 1)])
+@pytest.mark.parametrize("ground", by_default([FLAT, STONES, RANDOM], STONES, RANDOM))
 def test_a_pressed_foot_carries_its_load_and_is_quiet(design: Foot, ground: Terrain, timestep: float) -> None:
     test = FootTest(design, ground, physics=PhysicsSettings(timestep=timestep))
     result = press(test, support=False)
@@ -158,7 +159,7 @@ def test_a_soft_sole_on_flat_ground_is_a_truss_between_heel_hinge_and_loop() -> 
     assert support.forward == pytest.approx(layout.loop_point[0], abs=half)
 
 
-@pytest.mark.parametrize("seed", [5, 6, 7])
+@pytest.mark.parametrize("seed", by_default([5, 6, 7], 5))
 def test_a_support_lies_within_the_sole_also_on_the_flanks_of_stones(seed: int) -> None:
     """Contacts on flanks push sideways and down, and a foot that tips off a stone has no load for a moment."""
     test = FootTest(foot("rigid"), terrain("pyramidal_stones", 0.06, seed, density=12.0), load=390.0)

@@ -16,7 +16,6 @@ from wbc.feet.soles.contact import ContactSpheres
 from wbc.feet.soles.rigid import FlatFoot
 from wbc.robots import RobotDescription, load
 from wbc.sim import Machine, PhysicsSettings, Plant
-from wbc.sim.terrain.families.base import terrain_families
 from wbc.sim.terrain.spec import terrain
 
 ROBOTS = ("hrp4_class", "talos", "g1")
@@ -166,21 +165,6 @@ def test_stands_for_ten_seconds_on_every_foot(name: str, foot: str, timestep: fl
     assert pin.Quaternion(plant.truth().q[3:7]).toRotationMatrix()[2, 2] > 0.999
     assert np.median(np.abs(np.diff(zmp, axis=0))) < 1e-6
     assert np.ptp(zmp, axis=0).max() < (1e-3 if foot == "soft" else 1e-6)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("family", sorted(set(terrain_families()) - {"image"}))
-def test_stands_on_the_flat_start_of_every_terrain(family: str) -> None:
-    """The robot stands before the rough part as it stands on the plane, and the pieces of the ground do no harm."""
-    plant = Plant(load("hrp4_class"), foot=FEW_SPHERES, terrain=terrain(family))
-    for _ in range(100):
-        plant.step(plant.hold())
-    truth = plant.truth()
-    assert plant.diverged is None
-    assert truth.contact_force[:, 2].sum() == pytest.approx(
-        plant.robot.mass * plant.physics.gravity, rel=0.01
-    )
-    assert np.abs(truth.v).max() < 0.05
 
 
 def test_contacts_carry_what_moves_the_centre_of_mass() -> None:

@@ -26,9 +26,7 @@ def test_unknown_names_get_the_nearest_ones() -> None:
     ("arguments", "message"),
     [
         ({"smallest": 0.2}, r"^stones: smallest \(0.2\) must not exceed largest \(0.15\)$"),
-        ({"rendering": "mesh"}, "^no rendering 'mesh'; choices: auto, geoms, height_field$"),
         ({"resolution": 0.005}, "no resolution"),
-        ({"sole_radius": 0.0, "rendering": "height_field"}, r"^sole_radius \(m\)"),
         ({"length": 1000.0, "rendering": "height_field", "resolution": 1e-5}, "nodes"),
     ],
 )

@@ -14,7 +14,6 @@ import pytest
 
 from wbc.core.changes import changed, read_changes
 from wbc.core.errors import InputError, UnknownNameError
-from wbc.core.settings import from_json
 from wbc.core.signals import Measurement
 from wbc.sim.trial.loop import TrialHook, TrialTick
 from wbc.sim.trial.push import WalkPush
@@ -32,7 +31,8 @@ from wbc.walking.planning.reach import Reach
 from wbc.walking.planning.sources import DriveSettings, Standing, VelocitySource
 
 TWO_STEPS = WalkPlan(distance=0.1)
-SPEC = WalkSpec(plan=TWO_STEPS, seed=3)
+QUICK = Gait(single_support=0.65, double_support=0.25, initial_double_support=0.5, final_double_support=0.5)
+SPEC = WalkSpec(plan=TWO_STEPS, seed=3, gait=QUICK)
 
 
 class Notes(TrialHook):
@@ -100,7 +100,7 @@ def test_a_walk_takes_fields_of_spec_and_plan_by_name(monkeypatch: pytest.Monkey
     specs: list[WalkSpec] = []
     with monkeypatch.context() as patch:
         patch.setattr(WalkTrial, "run", lambda trial, hooks: specs.append(trial.spec))
-        walk(WalkSpec(robot="talos"), robot="hrp4_class", distance=0.1, seed=3)
+        walk(WalkSpec(robot="talos", gait=QUICK), robot="hrp4_class", distance=0.1, seed=3)
     assert specs == [SPEC]
     for values, message in (
         ({"distanc": 1.0}, "did you mean 'distance'"),
@@ -122,7 +122,7 @@ def test_walks_the_plan(plain: WalkResult) -> None:
 
 def test_another_seed_is_another_walk(plain: WalkResult) -> None:
     first = _after_ticks(WalkTrial(SPEC), 3)
-    other = _after_ticks(WalkTrial(WalkSpec(plan=TWO_STEPS, seed=3, noise_seed=4)), 3)
+    other = _after_ticks(WalkTrial(replace(SPEC, noise_seed=4)), 3)
     assert not np.array_equal(first, other)
 
 
@@ -323,7 +323,7 @@ def test_a_fall_before_any_good_measurement_is_a_fall(caplog: pytest.LogCaptureF
 
 
 def test_who_is_to_walk_lower_has_not_fallen() -> None:
-    low = WalkSpec(plan=TWO_STEPS, changes={"com_height": 0.6})
+    low = WalkSpec(plan=TWO_STEPS, gait=QUICK, changes={"com_height": 0.6})
     trial = WalkTrial(low)
     result = trial.run()
     assert result.outcome == "completed"
@@ -529,18 +529,14 @@ def test_timings_are_rounded_and_said() -> None:
         ({"terrain": "stone"}, "stones"),
         ({"terrain": "stones", "terrain_params": {"seed": 1}}, "option of its own"),
         ({"noise": "loud"}, "realistic"),
-        ({"mode": "speed"}, "position, torque"),
         ({"control_period": 0.0025}, "nearest is 0.002"),
         ({"gains": "mine"}, "default, frizza, no_bias"),
         ({"changes": {"dcm_q": 1.0}}, "dcm_p"),
-        ({"changes": {"gains.dcm_p": "much"}}, "number"),
         ({"changes": {"margin": 0.01}}, "distribution.margin"),
         ({"changes": {"mode": "torque"}}, "option 'mode'"),
         ({"changes": {"timestep": 0.002}}, "option 'timestep'"),
-        ({"changes": {"feedforward": 1.0}}, "true or false"),
         ({"changes": {"walk": True}}, "no setting 'walk'|settings of its own"),
         ({"changes": {"com_height": 1.5}}, "0.826"),
-        ({"changes": {"walk.adjustment.max_shift": (0.1, 0.1, 0.1)}}, r"max_shift \(m\) must be 2 values"),
         ({"changes": {"walk.preview.target.inward": 0.05}}, "at most 0.072 and 0.03 m"),
         ({"plan": WalkPlan(distance=1e9)}, "at most 10000"),
         ({"plan": WalkPlan(turn=1e9)}, "at most 10000"),
@@ -578,25 +574,10 @@ def test_refuses_bad_specs(values: dict[str, Any], message: str) -> None:
     [
         (lambda: WalkPlan(distance=1.0, turn=1.0), "distance and turn"),
         (lambda: WalkPlan(distance=1.0, steps=3), "steps belong"),
-        (lambda: WalkPlan(velocity=(0.1, 0.0, 0.0), steps=0), "at least 1"),
-        (
-            lambda: from_json(WalkPlan, {"footsteps": [{"side": "left", "x": 0.1}]}),
-            r"footsteps\[0\].y is missing",
-        ),
-        (lambda: from_json(WalkPlan, {"distanc": 1.0}), "distance"),
         (lambda: WalkPush(impulse=0.1), "one of them"),
         (lambda: WalkPush(impulse=0.1, time=1.0, step=2), "one of them"),
-        (lambda: from_json(WalkPush, {"step": 1}), "impulse .* is missing"),
         (lambda: walk(hooks=[3]), r"hooks must be a list, each item TrialHook, got \[3\]"),  # type: ignore[list-item]
-        (
-            lambda: WalkSpec.from_json({"gait": {"step_length": "0.1"}}),
-            r"step_length \(m\) must be a finite number",
-        ),
-        (lambda: WalkSpec.from_json({"pushes": [3]}), r"pushes\[0\] must be WalkPush"),
-        (lambda: WalkSpec.from_json({"foto": "soft"}), "foot"),
         (lambda: WalkSpec.from_json({"kind": "run"}), "walk"),
-        (lambda: WalkSpec.from_json({"gait": {"step": 1.0}}), "step_length"),
-        (lambda: WalkSpec.from_json({"changes": ["dcm_p"]}), "object"),
         (lambda: read_changes(["dcm_p"]), "name=value"),
         (lambda: read_changes(["dcm_p=1", "dcm_p=2"]), "twice"),
     ],

@@ -12,7 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from properties import examples
 
-from wbc.core.errors import InputError, UnknownNameError
+from wbc.core.errors import InputError
 from wbc.core.robot import GRAVITY
 from wbc.tasks.stabilizer.admittance import (
     ComAdmittance,
@@ -602,8 +602,6 @@ def test_presets_and_clamps(caplog: pytest.LogCaptureFixture) -> None:
 @pytest.mark.parametrize(
     ("make", "error", "message"),
     [
-        (lambda: replace(StabilizerGains(), dcm_q=1.0), UnknownNameError, "'dcm_q'; did you mean 'dcm_p'"),
-        (lambda: StabilizerGains(dcm_p=(1.0, 2.0, 3.0)), InputError, r"dcm_p \(1/s\) must be .* or 2 values"),
         (lambda: Stabilizer(0.0, WrenchDistribution(SIZES)), InputError, "mass"),
         (lambda: tick(stabilizer(), com=[np.nan, 0, 1]), InputError, "CoM"),
         (lambda: tick(stabilizer(), wrenches=np.zeros((2, 5))), InputError, "foot wrenches"),

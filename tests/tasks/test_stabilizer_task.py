@@ -38,7 +38,7 @@ def run(plant: wbc.Plant, control: wbc.PositionControl | wbc.TorqueControl, seco
         plant.step(control.command(plant.measure()))
 
 
-@pytest.mark.parametrize("mode", by_default(CONTROLS, "position", "torque"))
+@pytest.mark.parametrize("mode", by_default(CONTROLS, "torque"))
 def test_a_pushed_robot_comes_back_to_its_target(mode: str) -> None:
     """A force of 60 N for 0.1 s, ahead and to the left; the desired wrenches carry the weight."""
     plant, control, task = standing(mode)
