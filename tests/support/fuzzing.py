@@ -75,7 +75,7 @@ STUBS = (
     "wbc.app.commands.balance:push_table",
     "wbc.app.commands.walk:WalkTrial.run",
     "wbc.sim.balance.tracking:TrackTrial.run",
-    "wbc.feet.stiffness.figures:learning_curve",
+    "wbc.app.commands.stiffness:learning_curve",
     "wbc.feet.stiffness.comparison:cross_validate",
     "wbc.machine.conformance:_check_shapes",
     "wbc.machine.run:Runner._make_guard",
