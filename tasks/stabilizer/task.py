@@ -218,7 +218,7 @@ class StabilizerTask(CoMTask):
         target: Pendulum,
         contact: tuple[bool, bool],
         places: Sequence[pin.SE3],
-        push: tuple[float, float] = (0.0, 0.0),
+        beyond: tuple[float, float] = (0.0, 0.0),
     ) -> None:
         """Set the references of this task, of the standing feet and of their wrenches; unchecked.
 
@@ -226,7 +226,7 @@ class StabilizerTask(CoMTask):
             target: Reference of the pendulum.
             contact: True for each foot that is to carry.
             places: Placements of the left and the right sole as planned.
-            push: Acceleration of the CoM on top of the pendulum's, m/s².
+            beyond: Acceleration of the CoM beyond the pendulum's, x and y, m/s².
         """
         output = self.output
         assert output is not None
@@ -249,9 +249,9 @@ class StabilizerTask(CoMTask):
             com[:2] += output.com_offset
             velocity[:2] += output.com_velocity_offset
             acceleration[:2] += output.com_acceleration_offset
-        if push != (0.0, 0.0):
+        if beyond != (0.0, 0.0):
             acceleration = acceleration.copy()
-            acceleration[:2] += push
+            acceleration[:2] += beyond
         self.follow(com, velocity, acceleration)
 
     def _weigh_moments(self, side: int, contact: tuple[bool, bool], output: StabilizerOutput) -> None:

@@ -368,7 +368,7 @@ def test_the_reaction_to_a_swing_stays_bounded_and_obeys_the_pendulum() -> None:
         dcms.append(reaction.dcm[0])
         pushes.append(TRUNK * share * path.at(time)[2] if 0.0 <= time <= duration else 0.0)
         assert moved.dcm[0] == pytest.approx(reaction.dcm[0], abs=1e-12)
-        assert reaction.push[0] == pytest.approx(pushes[-1], abs=1e-9)
+        assert reaction.acceleration[0] == pytest.approx(pushes[-1], abs=1e-9)
         assert moved.com_acceleration[0] == pytest.approx(omega**2 * moved.com[0], abs=1e-12)
     acceleration = np.diff(coms, 2) / dt**2
     error = acceleration - omega**2 * np.array(coms[1:-1]) - np.array(pushes[1:-1])

@@ -65,13 +65,13 @@ class Twist(NamedTuple):
     Attributes:
         angle: rad.
         rate: Its speed, rad/s.
-        push: Its acceleration, rad/s².
+        acceleration: Its acceleration, rad/s².
         by_waist: True if the waist turns the torso against the pelvis; otherwise both turn on the hips.
     """
 
     angle: float
     rate: float
-    push: float
+    acceleration: float
     by_waist: bool
 
 
@@ -104,7 +104,7 @@ class Body(FixedAttributes):
         self._nominal = com_height
         # Height − nominal, roll, pitch, turn, look of a torso that has no task of its own.
         self._goal = np.zeros(5)
-        self._now, self._rate, self._push = np.zeros(5), np.zeros(5), np.zeros(5)
+        self._now, self._rate, self._acceleration = np.zeros(5), np.zeros(5), np.zeros(5)
         self._waist = waist and _vertical(self._robot, _waist_joints(self._robot))
         self._neck = bool(_neck_joints(self._robot))
         self._most = self._most_turn()
@@ -280,7 +280,7 @@ class Body(FixedAttributes):
             self._turn_to(self._point, heading)
         before, displacement = self._rate, self._goal - self._now
         if not (displacement.any() or before.any()):
-            self._push = np.zeros(5)
+            self._acceleration = np.zeros(5)
             self.active = bool(self._now.any()) or self._point is not None
             self._aim(heading)
             return
@@ -290,7 +290,7 @@ class Body(FixedAttributes):
             rate[turns] = approach(
                 displacement[turns], before[turns], TURN_SPEED, TURN_ACCELERATION, self._dt
             )
-        self._push = (rate - before) / self._dt
+        self._acceleration = (rate - before) / self._dt
         self._now = self._now + self._dt * rate
         if np.abs(displacement).max() < 1e-7 and np.abs(rate).max() < 1e-6:
             self._now, self._rate = self._goal.copy(), np.zeros(5)
@@ -323,7 +323,7 @@ class Body(FixedAttributes):
             pendulum: Reference of the walk.
         """
         return pendulum.moved(
-            *(np.array([0.0, 0.0, part[0]]) for part in (self._now, self._rate, self._push))
+            *(np.array([0.0, 0.0, part[0]]) for part in (self._now, self._rate, self._acceleration))
         )
 
     def leaned(self, lean: LeanMotion, heading: float) -> LeanMotion:
@@ -336,13 +336,13 @@ class Body(FixedAttributes):
         ahead = pin.rpy.rpyToMatrix(0.0, 0.0, heading)
         ahead_part = np.array([1.0, 1.0, 0.0])
         set_here = ahead @ pin.exp3(ahead_part * [*self._now[1:3], 0.0]) @ ahead.T
-        rates = [ahead @ np.array([*values[1:3], 0.0]) for values in (self._rate, self._push)]
+        rates = [ahead @ np.array([*values[1:3], 0.0]) for values in (self._rate, self._acceleration)]
         return LeanMotion(lean.rotation @ set_here, lean.velocity + rates[0], lean.acceleration + rates[1])
 
     @property
     def twist(self) -> Twist:
         """Turn of the trunk against the heading now."""
-        return Twist(float(self._now[3]), float(self._rate[3]), float(self._push[3]), self._waist)
+        return Twist(float(self._now[3]), float(self._rate[3]), float(self._acceleration[3]), self._waist)
 
 
 def lowest_com(robot: Robot) -> float:

@@ -27,7 +27,7 @@ from wbc.walking.planning.sources import AT_REST, FootstepSource, Velocity
 if TYPE_CHECKING:
     from wbc.walking.stepping.law import Divergent
 
-NO_PUSH = (0.0, 0.0)
+NO_REACTION = (0.0, 0.0)
 
 
 class Support(NamedTuple):
@@ -79,7 +79,7 @@ class Reference(NamedTuple):
         phase: Phase of the feet.
         step: Index of the step that swings, or that swings next; number of the steps that have ended.
         events: Events of this tick.
-        push: Acceleration of the CoM beyond that of the pendulum, by the reaction to the swing, m/s².
+        reaction: Acceleration of the CoM beyond that of the pendulum, by the reaction to the swing, x and y, m/s².
         landing: Planned landing of the foot in the air; None where none is planned.
         elapsed: Time in this phase, s.
         duration: Planned length of this phase, s.
@@ -94,7 +94,7 @@ class Reference(NamedTuple):
     phase: Phase = Phase.STANDING
     step: int = 0
     events: tuple[Event, ...] = ()
-    push: tuple[float, float] = NO_PUSH
+    reaction: tuple[float, float] = NO_REACTION
     landing: Footstep | None = None
     elapsed: float = 0.0
     duration: float = 0.0

@@ -137,20 +137,20 @@ class WalkTasks:
 
     def follow(self, reference: Reference, lean: LeanMotion = UPRIGHT, twist: Twist | None = None) -> None:
         """Set all targets of a tick, after the stabilizer's; `UPRIGHT` itself is no lean, None no twist."""
-        pendulum, push, body, places = reference.pendulum, reference.push, reference.body, []
+        pendulum, beyond, body, places = reference.pendulum, reference.reaction, reference.body, []
         for motion, stands, swing in zip(reference.feet, reference.contact, self._swings, strict=True):
             places.append(motion.placement)
             if not stands:
                 swing.follow(*motion)
         if body is None:
-            self.com.apply(pendulum, reference.contact, places, push)
+            self.com.apply(pendulum, reference.contact, places, beyond)
             self._turn_trunk(reference.heading, lean, twist)
             return
         if self._torque:  # the feedback's acceleration is about that of the pendulum
             x, y = (body.com_acceleration[:2] - pendulum.com_acceleration[:2]).tolist()
-            push = x, y
+            beyond = x, y
         pendulum = pendulum._replace(com_acceleration=body.com_acceleration)
-        self.com.apply(pendulum, reference.contact, places, push)
+        self.com.apply(pendulum, reference.contact, places, beyond)
         for task, (rotation, velocity, acceleration) in zip(self._trunk, body.trunk, strict=True):
             task.follow(
                 lean.rotation.dot(rotation), velocity + lean.velocity, acceleration + lean.acceleration
@@ -170,7 +170,9 @@ class WalkTasks:
             first = 1 if twist.by_waist else 0
             for task, tilt in list(zip(self._trunk, self._trunk_tilts, strict=True))[first:]:
                 task.follow(
-                    turn.dot(tilt), lean.velocity + twist.rate * up, lean.acceleration + twist.push * up
+                    turn.dot(tilt),
+                    lean.velocity + twist.rate * up,
+                    lean.acceleration + twist.acceleration * up,
                 )
 
 

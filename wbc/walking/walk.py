@@ -296,7 +296,7 @@ class Walk:
             self.phases.phase,
             self.phases.step,
             events,
-            self._reaction.push,
+            self._reaction.acceleration,
         )
 
     def _reacted(self, pendulum: Pendulum) -> Pendulum:

@@ -74,14 +74,14 @@ class SwingReaction:
 
     Attributes:
         dcm: Deviation δ of the DCM, m.
-        push: Acceleration κ ẍ of the centre of mass that needs no force of the ground, m/s².
+        acceleration: Acceleration κ ẍ of the centre of mass that needs no force of the ground, m/s².
     """
 
     def __init__(self, share: float, omega: float, period: float) -> None:
         """Begin without a deviation, with κ of the robot, the natural frequency, 1/s, and the control period, s."""
         self._share, self._omega = share, omega
         self._follow = 1.0 - math.exp(-omega * period)
-        self.dcm = self._com = self.push = (0.0, 0.0)
+        self.dcm = self._com = self.acceleration = (0.0, 0.0)
 
     @property
     def rests(self) -> bool:
@@ -90,13 +90,13 @@ class SwingReaction:
 
     def update(self, travels: Sequence[Travel], weight: float) -> None:
         """Advance by one tick with the displacements of the foot in the air and of the next one, times `weight`."""
-        x = y = push_x = push_y = 0.0
+        x = y = ax = ay = 0.0
         for travel in travels:
-            sway, push = _unit(travel.time, travel.duration, self._omega)
+            sway, acceleration = _unit(travel.time, travel.duration, self._omega)
             x, y = x + sway * travel.x, y + sway * travel.y
-            push_x, push_y = push_x + push * travel.x, push_y + push * travel.y
+            ax, ay = ax + acceleration * travel.x, ay + acceleration * travel.y
         share = weight * TRUNK * self._share
-        self.dcm, self.push = (share * x, share * y), (share * push_x, share * push_y)
+        self.dcm, self.acceleration = (share * x, share * y), (share * ax, share * ay)
         com_x, com_y = self._com
         self._com = (
             com_x + self._follow * (self.dcm[0] - com_x),
@@ -123,16 +123,16 @@ def _unit(time: float, duration: float, omega: float) -> tuple[float, float]:
         return 0.0, 0.0
     if time < 0.0:
         return _unit(0.0, duration, omega)[0] * math.exp(omega * time), 0.0
-    begin, push = _derivatives(time / duration, duration, omega)
+    begin, acceleration = _derivatives(time / duration, duration, omega)
     end, _ = _derivatives(1.0, duration, omega)
-    return (math.exp(omega * (time - duration)) * end - begin) / omega, push
+    return (math.exp(omega * (time - duration)) * end - begin) / omega, acceleration
 
 
 def _derivatives(s: float, duration: float, omega: float) -> tuple[float, float]:
     """Sum of the derivatives of ẍ over rising powers of ω, and ẍ, at a time over the duration."""
     square = duration * duration
-    push = s * (60.0 + s * (120.0 * s - 180.0)) / square
+    acceleration = s * (60.0 + s * (120.0 * s - 180.0)) / square
     jerk = (60.0 + s * (360.0 * s - 360.0)) / (square * duration)
     snap = (720.0 * s - 360.0) / (square * square)
     last = 720.0 / (square * square * duration)
-    return (push + (jerk + (snap + last / omega) / omega) / omega) / omega, push
+    return (acceleration + (jerk + (snap + last / omega) / omega) / omega) / omega, acceleration
