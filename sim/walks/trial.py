@@ -15,13 +15,14 @@ import numpy as np
 from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
 
 from wbc.core.arguments import checked
-from wbc.core.errors import InputError, choose
+from wbc.core.errors import InputError, UnknownNameError, choose
 from wbc.core.estimation.observer import Observer
 from wbc.core.robot import GRAVITY, Robot
 from wbc.feet import RangeSensor
 from wbc.feet.soles.soft import VariableStiffnessFoot
 from wbc.sim.plant.falls import PelvisLimits
 from wbc.sim.plant.plant import Plant
+from wbc.sim.terrain.families.base import terrain_families
 from wbc.sim.trial.loop import Trial, TrialHook
 from wbc.sim.trial.push import PushSchedule
 from wbc.sim.walks.arrival import Arrival, middle
@@ -72,7 +73,12 @@ def walk(
         UnknownNameError: A field that the spec does not have; the nearest names are given.
         InputError: A value that cannot be used.
     """
+    family = terrain_families().get(str(values.get("terrain", "flat" if spec is None else spec.terrain)))
     for name in values:
+        if family is not None and name not in FIELDS and name in {each.name for each in fields(family)}:
+            raise UnknownNameError(
+                f"no field of a walk '{name}'; it is one of the ground: terrain_params={{'{name}': …}}"
+            )
         choose("field of a walk", name, FIELDS)
     plan = {name: values.pop(name) for name in PLAN_FIELDS if name in values}
     if plan:

@@ -576,6 +576,11 @@ def test_refuses_bad_specs(values: dict[str, Any], message: str) -> None:
         (lambda: WalkPlan(distance=1.0, steps=3), "steps belong"),
         (lambda: WalkPush(impulse=0.1), "one of them"),
         (lambda: WalkPush(impulse=0.1, time=1.0, step=2), "one of them"),
+        (
+            lambda: walk(terrain="stones", density=9.0),
+            r"'density'; .* of the ground: terrain_params=\{'density'",
+        ),
+        (lambda: walk(foot="soft", phalanges=8), "'phalanges'; did you mean .*'foot_changes'"),
         (lambda: walk(hooks=[3]), r"hooks must be a list, each item TrialHook, got \[3\]"),  # type: ignore[list-item]
         (lambda: WalkSpec.from_json({"kind": "run"}), "walk"),
         (lambda: read_changes(["dcm_p"]), "name=value"),
