@@ -24,7 +24,7 @@ from wbc.tasks.stabilizer.pendulum import Pendulum
 from wbc.walking.pattern.swing import FootMotion
 from wbc.walking.planning.footsteps import Footstep
 from wbc.walking.planning.phases import Event, Phase
-from wbc.walking.source import NO_REACTION, Reference, Support
+from wbc.walking.source import NO_PUSH, Reference, Support
 from wbc.walking.stepping.law import (
     SIDEWAYS,
     Divergent,
@@ -451,7 +451,7 @@ class SteppingGait:
             phase,
             self.steps_done,
             events,
-            NO_REACTION,
+            NO_PUSH,
             landing,
             self._elapsed,
             duration,
