@@ -37,7 +37,6 @@ def standing(robot: str = "hrp4_class", **settings: Any) -> tuple[WalkingControl
     model = load(robot).robot()
     given = WalkingControlSettings(hands=HandSettings(**settings))
     walking = WalkingControl(model, FootstepPlan.standing(model), 0.005, given)
-    assert walking.hands is not None
     return walking, walking.hands
 
 
@@ -290,6 +289,13 @@ def test_bad_orders_are_refused_before_anything_moves(
     with pytest.raises(error, match=re.escape(message)):
         call(hands)
     assert not hands.active and all(hand.state is HandState.FREE for hand in hands.all.values())
+
+
+def test_a_walk_made_without_hands_that_press_says_how_to_make_them() -> None:
+    model = load("hrp4_class").robot()
+    walking = WalkingControl(model, FootstepPlan.standing(model), 0.005)
+    with pytest.raises(InputError, match=re.escape("WalkingControlSettings(hands=HandSettings())")):
+        walking.hands.press("left_hand", 5.0, DOWN)
 
 
 def test_a_hand_has_a_target_or_something_to_press_on_not_both() -> None:

@@ -76,10 +76,9 @@ class ReferenceControl:
         arms: Hands, which can be given targets at any tick.
         body: Height of the CoM, lean and turn of the trunk, and gaze, which can be set at any tick.
         balance: Stabilizer; None for a robot that balances by its steps, and so are `output`, `stabilizer`, `lean`,
-            `bias`, `hands` and `load`.
+            `bias` and `load`.
         lean: Lean of the trunk; None keeps it upright.
         bias: Estimator of the error of the measured DCM; None takes it as measured.
-        hands: Hands that press on things; None without.
         load: Load in the hands as estimated; None where none is expected.
         falls: Fall detector.
         stiffness: Scheduler that sets the soles while they swing; None leaves them alone.
@@ -104,11 +103,9 @@ class ReferenceControl:
         self.arms, self.body, self.balance = arms, body, balance
         self.lean: Lean | None = None
         self.bias: BiasEstimator | None = None
-        self.hands: Hands | None = None
         self.load: HeldLoad | None = None
         if balance is not None:
-            self.lean, self.bias = balance.lean, balance.bias
-            self.hands, self.load = balance.hands, balance.load
+            self.lean, self.bias, self.load = balance.lean, balance.bias, balance.load
         self.falls, self.stiffness = FallDetector(falls), stiffness
         self.reference: Reference | None = None
         control.reach = FEET_STEP if balance is None else FEET_AS_PLANNED
@@ -122,6 +119,16 @@ class ReferenceControl:
     def __repr__(self) -> str:
         kind, source, progress = type(self).__name__, type(self.source).__name__, self.progress
         return f"{kind}({self.controller.robot!r}, {source}, {progress.phase.value}, {progress.steps_done} steps)"
+
+    @property
+    def hands(self) -> Hands:
+        """Hands that press on things and hold on to them; an `InputError` for a walk that was made without them."""
+        if self.balance is None or self.balance.hands is None:
+            raise InputError(
+                f"{type(self).__name__} has no hands that press or grip: make a WalkingControl with "
+                "WalkingControlSettings(hands=HandSettings()), or give its hands targets by walking.arms"
+            )
+        return self.balance.hands
 
     def command(self, measurement: Measurement) -> Command:
         """Run one tick.
