@@ -13,6 +13,7 @@ from types import ModuleType
 import mujoco
 import numpy as np
 import pytest
+from properties import by_default
 
 from wbc.app import cli
 from wbc.app.bench import walk
@@ -56,7 +57,7 @@ def test_the_task_is_the_one_that_other_libraries_solve(others: ModuleType) -> N
         np.testing.assert_allclose(sway(time), task.sway(time), atol=1e-12)
 
 
-@pytest.mark.parametrize("robot", names())
+@pytest.mark.parametrize("robot", by_default(names(), "talos"))
 def test_ticks_are_solved_and_follow_the_sway(robot: str) -> None:
     # The soles of the comparison are wider than the small robots' own; the ticks stay what they are.
     result = bench_tick(BenchTickOptions(robot=robot, ticks=300, warm_up=1000))

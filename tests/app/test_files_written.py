@@ -66,7 +66,6 @@ WRITERS: dict[str, list[str]] = {
     "study.png": ["study", "table", *STUDY_WORDS],
     "model.json": ["stiffness", "train", "grounds.csv", "-o"],
     "signals.png": ["plot", "log.arrow", "com/estimated", "-o"],
-    "signals.pdf": ["plot", "log.arrow", "com/estimated", "-o"],
     "ground.svg": IMAGE,
     "spec.json": ["study", "run", "--journal", "journal.jsonl", "--key", "KEY", "-o"],
 }

@@ -159,6 +159,7 @@ async def in_process() -> AsyncIterator[tuple[Broadcast, Channel, str]]:
         drawing.close()
 
 
+@pytest.mark.slow
 def test_a_client_that_does_not_read_is_dropped(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(guard, "PING_TIME", 0.1)
 

@@ -185,7 +185,8 @@ def status(url: str, **headers: str) -> int:
         with urllib.request.urlopen(urllib.request.Request(url, headers=headers)) as answer:
             return int(answer.status)
     except urllib.error.HTTPError as error:
-        return error.code
+        with error:  # else the server waits for the end of the page
+            return error.code
 
 
 def test_nobody_opens_the_page_without_the_link_or_from_another_site() -> None:

@@ -8,6 +8,7 @@ from typing import Unpack
 import numpy as np
 import pinocchio as pin
 import pytest
+from properties import by_default
 from scipy.optimize import nnls
 from task_factory import ROBOTS, integrate, left_hand, make_robot, near_half_sitting, standing
 
@@ -24,7 +25,7 @@ from wbc.core.qp.contact import (
 from wbc.core.qp.controller import Controller
 from wbc.tasks import CoMTask, PostureTask, WrenchTask
 
-robots = pytest.mark.parametrize("name", ROBOTS)
+robots = pytest.mark.parametrize("name", by_default(ROBOTS, "hrp4_class"))
 RECTANGLES = [(0.1, 0.05, 0.7), (0.05, 0.1, 0.25), (0.12, 0.065, 1.3)]
 
 

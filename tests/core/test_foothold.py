@@ -10,7 +10,7 @@ import pinocchio as pin
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from properties import examples
+from properties import by_default, examples
 from task_factory import ROBOTS, make_robot, near_half_sitting, random_state
 
 from wbc.core.errors import Array, InputError
@@ -22,7 +22,7 @@ from wbc.core.qp.other_solvers import solve_by_qpsolvers
 from wbc.core.robot import Robot
 from wbc.tasks import CoMTask, PostureTask
 
-robots = pytest.mark.parametrize("name", ROBOTS)
+robots = pytest.mark.parametrize("name", by_default(ROBOTS, "hrp4_class"))
 CENTRE = (0.02, -0.01)
 EPS = 1e-6
 

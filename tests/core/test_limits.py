@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from properties import by_default
 from task_factory import ROBOTS, integrate, make_robot, standing
 
 from wbc.core.errors import Array, InputError, ModelError
@@ -13,7 +14,7 @@ from wbc.core.qp.controller import Controller
 from wbc.core.robot import Robot
 from wbc.tasks import CoMTask, PostureTask
 
-robots = pytest.mark.parametrize("name", ROBOTS)
+robots = pytest.mark.parametrize("name", by_default(ROBOTS, "hrp4_class"))
 PERIODS = (0.001, 0.002, 0.0033, 0.005)
 TOLERANCE = 1e-9
 

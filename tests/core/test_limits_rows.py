@@ -29,7 +29,7 @@ from wbc.core.qp.controller import Controller
 from wbc.core.robot import Robot
 from wbc.tasks import CoMTask, OrientationTask, PositionTask, PostureTask
 
-robots = pytest.mark.parametrize("name", ROBOTS)
+robots = pytest.mark.parametrize("name", by_default(ROBOTS, "hrp4_class"))
 STEP = 1e-6
 
 

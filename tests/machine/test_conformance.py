@@ -97,7 +97,8 @@ GOOD: dict[str, tuple[Callable[[], Any], set[str] | None]] = {
 """Name → loop without a fault, and what is unknown of it, where that is known."""
 
 
-@pytest.mark.parametrize("name", [next(iter(GOOD)), *(pytest.param(n, marks=pytest.mark.slow) for n in list(GOOD)[1:])])  # fmt: skip
+@pytest.mark.slow
+@pytest.mark.parametrize("name", GOOD)
 def test_other_good_loops_pass(name: str) -> None:
     make, unknown = GOOD[name]
     report = conformance(make(), delay=0.01 if "delay" in name else 0.0)

@@ -92,7 +92,10 @@ class Carry(TrialHook):
 
 @pytest.mark.parametrize(
     ("aside", "back", "outcome"),
-    [(0.4, math.inf, "completed"), (0.6, 1.4, "strayed")],
+    [
+        pytest.param(0.4, math.inf, "completed", marks=pytest.mark.slow),
+        (0.6, 1.4, "strayed"),
+    ],
 )
 def test_a_robot_that_does_its_steps_elsewhere_has_strayed(aside: float, back: float, outcome: str) -> None:
     quick = Gait(single_support=0.5, double_support=0.2, initial_double_support=0.5, final_double_support=0.5)

@@ -133,7 +133,10 @@ def test_pushes_any_link_or_frame(plant: Plant) -> None:
     "trial",
     [
         lambda: StandTrial(StandSpec(noise="none")),
-        lambda: TrackTrial(make_motion(load("g1").robot(), "squat"), TrackSpec(robot="g1", noise="none")),
+        pytest.param(
+            lambda: TrackTrial(make_motion(load("g1").robot(), "squat"), TrackSpec(robot="g1", noise="none")),
+            marks=pytest.mark.slow,
+        ),
     ],
 )
 def test_a_simulation_that_diverges_is_no_fall(

@@ -48,7 +48,7 @@ def test_masses_and_clamps_are_those_of_the_description(name: str) -> None:
     assert model.jnt_actfrclimited[joint].all() and model.actuator_forcelimited.all()
 
 
-@pytest.mark.parametrize("name", ROBOTS)
+@pytest.mark.parametrize("name", by_default(ROBOTS, "hrp4_class"))
 @pytest.mark.parametrize("times_limit", [0.5, 10.0])
 def test_torque_control_moves_as_pinocchio_says(name: str, times_limit: float) -> None:
     """Pinocchio's inverse dynamics of the motion give back the torque, cut off at the limit, and no base wrench."""
@@ -69,7 +69,7 @@ def test_torque_control_moves_as_pinocchio_says(name: str, times_limit: float) -
         np.testing.assert_allclose(force[6:], applied, atol=1e-3 * robot.torque_limit.max())
 
 
-@pytest.mark.parametrize("name", ROBOTS)
+@pytest.mark.parametrize("name", by_default(ROBOTS, "hrp4_class"))
 def test_servo_torque_is_its_law_within_the_limit(name: str) -> None:
     plant = Plant(load(name), control_period=0.001, physics=IN_SPACE, foot=FEW_SPHERES)
     robot, description, rng = plant.robot, plant.description, np.random.default_rng(2)
@@ -89,7 +89,7 @@ def test_servo_torque_is_its_law_within_the_limit(name: str) -> None:
     assert 0 < limited < 3 * robot.na
 
 
-@pytest.mark.parametrize("name", ROBOTS)
+@pytest.mark.parametrize("name", by_default(ROBOTS, "hrp4_class"))
 def test_stands_on_its_servos(name: str) -> None:
     """Upright after three seconds, the ground carries the weight, and the centre of pressure is at rest.
 

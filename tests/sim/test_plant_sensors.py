@@ -8,6 +8,7 @@ import mujoco
 import numpy as np
 import pinocchio as pin
 import pytest
+from properties import by_default
 
 from wbc.core.errors import Array
 from wbc.core.signals import Command, Measurement
@@ -38,7 +39,7 @@ def swaying(plant: Plant, tick: int) -> Command:
     return Command(command.joint_torque, position, command.joint_velocity)
 
 
-@pytest.mark.parametrize("name", ROBOTS)
+@pytest.mark.parametrize("name", by_default(ROBOTS, "g1"))
 @pytest.mark.parametrize("gravity", [0.0, 9.80665])
 def test_imu_and_encoders_agree_with_pinocchio(name: str, gravity: float) -> None:
     """In free flight at a random state, with random torques, against frame velocity and acceleration."""
@@ -75,7 +76,7 @@ def test_imu_and_encoders_agree_with_pinocchio(name: str, gravity: float) -> Non
     np.testing.assert_allclose(measured.joint_velocity, v[6:] + plant.timestep * a[6:], atol=1e-4)
 
 
-@pytest.mark.parametrize("name", ROBOTS)
+@pytest.mark.parametrize("name", by_default(ROBOTS, "g1"))
 def test_sole_wrench_is_that_of_the_contacts(name: str) -> None:
     """The force sensor (internal forces of the tree) against the sum over contact points, while swaying."""
     plant = Plant(load(name), foot=FEW_SPHERES, control_period=0.001)

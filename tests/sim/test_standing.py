@@ -58,7 +58,10 @@ def test_every_robot_stands_still_and_one_in_every_mode(robot: str, mode: Mode, 
     "options",
     [
         StandSpec(mode="torque", noise="realistic", seconds=0.5),
-        StandSpec(mode="position", feedback="closed", noise="realistic", seconds=0.5),
+        pytest.param(
+            StandSpec(mode="position", feedback="closed", noise="realistic", seconds=0.5),
+            marks=pytest.mark.slow,
+        ),
     ],
 )
 def test_stands_with_noisy_sensors_and_repeats_itself_bit_for_bit(options: StandSpec) -> None:

@@ -234,7 +234,7 @@ def test_killed_in_the_middle_a_sweep_loses_what_was_in_flight_and_goes_on(tmp_p
     marks, path = tmp_path / "marks", tmp_path / "journal.jsonl"
     count, workers = 8, 1
     code = f"import sys; sys.path.insert(0, {SUPPORT!r}); import sweep_trials; sweep_trials.main()"
-    words = [str(path), str(marks), str(count), "0.3", str(workers)]
+    words = [str(path), str(marks), str(count), "0.15", str(workers)]
     process = subprocess.Popen([sys.executable, "-c", code, *words])
     try:
         give_up = time.monotonic() + 300.0
@@ -253,7 +253,7 @@ def test_killed_in_the_middle_a_sweep_loses_what_was_in_flight_and_goes_on(tmp_p
         ThreadPoolExecutor(2) as pool,
         Journal(path, any_code=True) as journal,
     ):  # whoever edits meanwhile may do so
-        trials = [MadeUpTrial(number, seconds=0.3, marks=str(marks)) for number in range(count)]
+        trials = [MadeUpTrial(number, seconds=0.15, marks=str(marks)) for number in range(count)]
         summary = sweep(trials, journal, executor=pool)
     assert summary.found == len(done) and summary.run == count - len(done)
     again = marks_of(marks)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pinocchio as pin
 import pytest
+from properties import by_default
 from task_factory import (
     MOTION_TASKS,
     ROBOTS,
@@ -35,7 +36,7 @@ from wbc.tasks import (
 )
 
 cases = pytest.mark.parametrize("case", MOTION_TASKS)
-robots = pytest.mark.parametrize("name", ROBOTS)
+robots = pytest.mark.parametrize("name", by_default(ROBOTS, "hrp4_class"))
 
 
 def bound(case: str, robot: Robot, rng: np.random.Generator) -> tuple[MotionTask, Array, Array]:

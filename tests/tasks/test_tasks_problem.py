@@ -31,7 +31,7 @@ from wbc.tasks import (
     WrenchTask,
 )
 
-robots = pytest.mark.parametrize("name", ROBOTS)
+robots = pytest.mark.parametrize("name", by_default(ROBOTS, "hrp4_class"))
 
 
 def everything(name: str) -> Controller:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pinocchio as pin
 import pytest
+from properties import by_default
 from task_factory import ROBOTS, arm, left_hand, make_robot, near_half_sitting, standing
 
 from wbc.core.errors import Array, InputError, UnknownNameError
@@ -13,7 +14,7 @@ from wbc.core.qp.controller import Controller
 from wbc.core.qp.solution import Solution
 from wbc.tasks import CoMTask, JointTorqueTask, PostureTask, WrenchTask
 
-robots = pytest.mark.parametrize("name", ROBOTS)
+robots = pytest.mark.parametrize("name", by_default(ROBOTS, "hrp4_class"))
 
 
 def inverse_dynamics(controller: Controller, solution: Solution) -> Array:

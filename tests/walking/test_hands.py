@@ -96,7 +96,7 @@ def pressing(noise: str | SensorNoise = "none", extra: float = 0.0) -> tuple[Tri
     trial.advance(0.1)
     for side, y in (("left", 0.2), ("right", -0.2)):
         hands.press(f"{side}_hand", 25.0, DOWN, at=(0.24, y, TABLE["height"]), firm=True)
-    trial.advance(3.4)
+    trial.advance(2.8)
     assert [hand.state for hand in hands.all.values()] == 2 * [HandState.HOLD] and hands.there
     return trial, hands
 
@@ -132,7 +132,7 @@ def test_both_hands_press_on_a_table_and_a_loss_is_noticed_within_50_ms() -> Non
         if model.body(model.geom_bodyid[geom]).name.startswith("scene/"):
             model.geom_contype[geom] = model.geom_conaffinity[geom] = 0
     lost: list[int] = []
-    trial.advance(2.0, lambda: lost.append(len(hands.lost)))
+    trial.advance(1.4, lambda: lost.append(len(hands.lost)))
     assert lost[round(0.05 / plant.control_period)] == 2
     assert np.abs(hands.shift).max() < 1e-3, "and the balance is again that of the feet alone"
 
