@@ -120,7 +120,7 @@ class PointMass:
                 pin.rpy.rpyToMatrix(0.0, 0.0, pin.rpy.matrixToRpy(motion.rotation)[2]),
                 np.array([*motion.translation[:2], max(motion.translation[2], 0.0)]),
             )
-            if motion.translation[2] > 0.0:
+            if motion.translation[2] > 1e-4 * self.scale.height:  # on a level ground it ends at 0, but for rounding
                 return
         if reference.elapsed > 0.5 * reference.duration:  # it has landed, and carries a part
             self._load[1 - stance] = 0.25

@@ -11,7 +11,7 @@ from wbc.walking.stepping.swing import MOST_ACCELERATION, SwingReference
 
 DT = 0.002
 SETTINGS = SteppingSettings().in_si(SCALE)
-TIME = SETTINGS.step_time
+TIME, AIM = SETTINGS.step_time, SETTINGS.aim
 
 
 def swing(
@@ -24,7 +24,7 @@ def swing(
         elapsed = tick * DT
         goal = (landing[0] + move * (elapsed > 0.5 * TIME), landing[1])
         reference.travel(elapsed, TIME, goal)
-        reference.rise(elapsed, TIME, ground)
+        reference.rise(elapsed, TIME, ground, AIM)
         z = reference.height
         rows.append(
             [
@@ -69,7 +69,7 @@ def test_the_foot_rises_over_the_higher_ground_and_aims_below_it() -> None:
         height = swing((0.3, 0.1), seconds=TIME - DT, ground=ground)[:, 0, 2]
         assert height.max() == pytest.approx(max(ground, 0.0) + SETTINGS.swing_height, abs=2e-3)
         assert np.argmax(height) * DT == pytest.approx(SETTINGS.apex * TIME, abs=2 * DT)
-        assert height[-1] == pytest.approx(ground - SETTINGS.aim, abs=2e-3)
+        assert height[-1] == pytest.approx(ground - AIM, abs=2e-3)
 
 
 def test_a_late_foot_sinks_on_whatever_the_time_of_the_step_does_then() -> None:
@@ -78,7 +78,7 @@ def test_a_late_foot_sinks_on_whatever_the_time_of_the_step_does_then() -> None:
     for tick in range(1, round(2.0 * TIME / DT) + 1):
         elapsed = tick * DT
         time = TIME if elapsed <= TIME + DT else elapsed + 0.05  # a late step is always about to end
-        reference.rise(elapsed, time, 0.0)
+        reference.rise(elapsed, time, 0.0, AIM)
         heights.append(reference.height)
     late = np.array(heights)[round(TIME / DT) + 2 :]
     assert (np.diff(late[:, 0]) <= 0.0).all()

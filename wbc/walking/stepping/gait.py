@@ -95,6 +95,7 @@ class SteppingGait:
         self._contact: tuple[float, float, float] | None = None  # low-passed centre of pressure, in the world
         self._met: float | None = None  # time since lift-off at which the swing foot met the ground
         self._since_stand = 0  # steps
+        self._uneven = 0.0  # greatest height between the feet in the last steps, m
         self._from: Vector = LEVEL  # CoM at the start of the shift
         s = self.settings
         self._cop_gain, self._time_gain = lag_gain(dt, s.cop_lag), dt / max(s.time_lag, dt)
@@ -273,7 +274,8 @@ class SteppingGait:
         turn = self.steering.heading + steps.turn * left
         self.ground += self._ground_gain * (state.places[stance][2] - self.ground)
         self._swing.travel(self._elapsed, self._time, landing)
-        self._swing.rise(self._elapsed, self._time, self.ground)
+        speed = min(s.landing_speed + s.haste * self._uneven, s.hardest)
+        self._swing.rise(self._elapsed, self._time, self.ground, speed)
 
         events = (*events, *self._touch(state, swing))
         brisk = abs(steps.velocity[0]) > s.brisk
@@ -351,6 +353,7 @@ class SteppingGait:
     def _change_feet(self, state: BodyState, dcm: Divergent, go: bool) -> tuple[Event, ...]:
         """Let the foot that has landed carry; stand if the robot is to stop and can."""
         s, (left, right) = self.settings, state.places
+        self._uneven = max(abs(left[2] - right[2]), self.settings.memory * self._uneven)
         self._stance = 1 - self._stance
         self._contact = None
         self.steps_done += 1

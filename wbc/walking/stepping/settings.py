@@ -122,9 +122,12 @@ class SteppingSettings:
         swing_height: Height of the swing above the higher of foot and ground, h.
         apex: Time over the step time at which the foot is highest.
         lift_speed: Speed with which the foot lifts off, hω.
-        aim: Depth below the expected ground at which the foot aims, h.
-        landing_speed: Speed with which the foot arrives there, hω.
-        search_speed: Speed with which the foot sinks on from the end of the step, hω.
+        touch: Time over the step time at which the foot meets the expected ground.
+        landing_speed: Speed with which it meets level ground, hω.
+        haste: Speed that is added for uneven ground, over the greatest height between the feet in the last steps, ω.
+        hardest: Greatest speed with which it meets the ground, hω.
+        memory: Ratio of the unevenness that is remembered from step to step.
+        search_speed: Speed with which the foot sinks on where it finds no ground, hω.
         search: Greatest depth below the expected ground to which the foot sinks, h.
         settle: Time over the step time from which the foot follows its landing instead of planning a quintic to it.
         follow: Time constant with which the foot then follows its landing, 1/ω.
@@ -185,8 +188,11 @@ class SteppingSettings:
     swing_height: Annotated[Positive, "h"] = 0.183
     apex: Share = 0.42
     lift_speed: Annotated[NonNegative, "hω"] = 0.206
-    aim: Annotated[NonNegative, "h"] = 0.033
+    touch: Share = 0.88
     landing_speed: Annotated[NonNegative, "hω"] = 0.103
+    haste: Annotated[NonNegative, "ω"] = 4.3
+    hardest: Annotated[Positive, "hω"] = 0.25
+    memory: Share = 0.9
     search_speed: Annotated[Positive, "hω"] = 0.165
     search: Annotated[NonNegative, "h"] = 0.20
     settle: Share = 0.92
@@ -266,6 +272,10 @@ class SteppingSettings:
             raise InputError(
                 f"least_force must be below share and most_force, got {self.least_force:g}, {self.share:g} and "
                 f"{self.most_force:g} m g"
+            )
+        if self.apex >= self.touch:
+            raise InputError(
+                f"a foot is at its highest before it meets the ground, apex < touch; got {self.apex:g} and {self.touch:g}"
             )
         least = 2.0 * si["swing_height"] / (scale.height * scale.omega)
         if si["shortest"] < least:

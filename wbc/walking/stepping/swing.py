@@ -16,8 +16,8 @@ class SwingReference:
     """Place, velocity and acceleration of the swing foot over the ground, and its height.
 
     Along the ground: a quintic from the reference as it is to rest at the landing; near the end a critically damped
-    follower. In height: up to the apex, down to below the expected ground, and from the end of the step on down at the
-    search speed, even if the time of the step still changes.
+    follower. In height: up to the apex, down to the expected ground, and from there on down at the search speed, even
+    if the time of the step still changes.
 
     Attributes:
         place: Reference over the ground, m.
@@ -35,8 +35,7 @@ class SwingReference:
         """Begin a swing from a place at rest, m."""
         self.hold(start)
         self._from = start[2]
-        self._lost_at: float | None = None  # time at which the search began, s
-        self._search_from = start[2]
+        self._sinks_since: float | None = None  # time since lift-off, s
         self.height = (start[2], 0.0, 0.0)
 
     def hold(self, place: tuple[float, float, float]) -> None:
@@ -65,24 +64,22 @@ class SwingReference:
         u, v = u + a * dt, v + b * dt
         self.place, self.velocity, self.acceleration = (x + u * dt, y + v * dt), (u, v), (a, b)
 
-    def rise(self, elapsed: float, time: float, ground: float) -> None:
-        """Set the height over the expected height of the ground, m; times since lift-off and of the step are in s."""
+    def rise(self, elapsed: float, time: float, ground: float, speed: float) -> None:
+        """Set the height from that of the expected ground, m, and the speed with which the foot is to meet it, m/s.
+
+        Times since lift-off and of the step are in s.
+        """
         s = self._s
-        high = max(self._from, ground)
-        apex = s.apex * time
-        if self._lost_at is None and elapsed >= time:
-            self._lost_at = elapsed
-            self._search_from = min(self.height[0], high + 0.36 * s.swing_height)
-        if self._lost_at is not None:
-            deepest = ground - s.search
-            z = self._search_from - s.search_speed * (elapsed - self._lost_at)
-            self.height = (z, -s.search_speed, 0.0) if z > deepest else (deepest, 0.0, 0.0)
+        high, apex, touch = max(self._from, ground) + s.swing_height, s.apex * time, s.touch * time
+        if self._sinks_since is None and elapsed >= touch:
+            self._sinks_since = elapsed
+        if self._sinks_since is not None:
+            depth = s.search_speed * (elapsed - self._sinks_since)
+            self.height = (ground - min(depth, s.search), -s.search_speed if depth < s.search else 0.0, 0.0)
         elif elapsed < apex:
-            self.height = _cubic(self._from, s.lift_speed, high + s.swing_height, 0.0, apex, elapsed)
+            self.height = _cubic(self._from, s.lift_speed, high, 0.0, apex, elapsed)
         else:
-            self.height = _cubic(
-                high + s.swing_height, 0.0, ground - s.aim, -s.landing_speed, time - apex, elapsed - apex
-            )
+            self.height = _cubic(high, 0.0, ground, -speed, touch - apex, elapsed - apex)
 
 
 def _cubic(
