@@ -51,6 +51,7 @@ class PointMass:
         speed: Its velocity over the ground, m/s; add to it to push the mass.
         time: Time since the start, s.
         ticks: All ticks until now.
+        ground: Height of the ground under the left and under the right foot, m.
     """
 
     def __init__(
@@ -63,6 +64,7 @@ class PointMass:
         self.speed = np.zeros(2)
         self.time = 0.0
         self.ticks: list[Tick] = []
+        self.ground = [0.0, 0.0]
         self._feet = [
             pin.SE3(np.eye(3), np.array([0.0, side * 0.5 * scale.spacing, 0.0])) for side in (1, -1)
         ]
@@ -118,9 +120,9 @@ class PointMass:
             motion = reference.feet[swing].placement
             self._feet[swing] = pin.SE3(
                 pin.rpy.rpyToMatrix(0.0, 0.0, pin.rpy.matrixToRpy(motion.rotation)[2]),
-                np.array([*motion.translation[:2], max(motion.translation[2], 0.0)]),
+                np.array([*motion.translation[:2], max(motion.translation[2], self.ground[swing])]),
             )
-            if motion.translation[2] > 1e-4 * self.scale.height:  # on a level ground it ends at 0, but for rounding
+            if motion.translation[2] > self.ground[swing]:
                 return
         if reference.elapsed > 0.5 * reference.duration:  # it has landed, and carries a part
             self._load[1 - stance] = 0.25

@@ -28,6 +28,7 @@ from wbc.walking.planning.phases import Event, Phase
 from wbc.walking.source import Reference
 from wbc.walking.stepping.gait import BodyState, SteppingGait
 from wbc.walking.stepping.settings import SteppingSettings
+from wbc.walking.stepping.swing import SwingReference
 
 DT = 0.004
 VELOCITY = (0.25, 0.05, 0.2)
@@ -149,6 +150,32 @@ def test_a_larger_robot_does_the_same_in_larger_steps_and_longer_times(k: float)
             assert b.landing is not None
             expected = (k * a.landing.x, k * a.landing.y)
             assert (b.landing.x, b.landing.y) == pytest.approx(expected, abs=1e-6)
+
+
+def test_the_foot_comes_down_quicker_the_more_uneven_the_last_steps_were(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    body, s, speeds, rise = PointMass(), SteppingSettings().in_si(SCALE), [0.0], SwingReference.rise
+
+    def watched(swing: SwingReference, elapsed: float, time: float, ground: float, speed: float) -> None:
+        speeds.append(speed)
+        rise(swing, elapsed, time, ground, speed)
+
+    monkeypatch.setattr(SwingReference, "rise", watched)
+    body.run(0.7)
+    body.gait.steering.command((0.2, 0.0, 0.0))
+    body.run(3.0)
+    assert speeds[-1] == s.landing_speed
+    body.ground = [0.01, 0.0]
+    body.run(1.5)
+    assert speeds[-1] == pytest.approx(s.landing_speed + s.haste * 0.01, rel=1e-3)
+    body.ground = [0.03, 0.0]
+    body.run(1.5)
+    assert speeds[-1] == s.hardest
+    body.ground, steps = [0.0, 0.0], body.gait.steps_done
+    body.run(3.0)
+    remembered = 0.03 * s.memory ** (body.gait.steps_done - steps - 1)
+    assert speeds[-1] == pytest.approx(s.landing_speed + s.haste * remembered, abs=0.02)
 
 
 def mean_speed(body: PointMass, seconds: float) -> np.ndarray:

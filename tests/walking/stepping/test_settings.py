@@ -86,6 +86,7 @@ def test_feet_with_wide_soles_stand_further_apart() -> None:
             {"swing_height": 0.5, "shortest": 0.9},
             ("a step must last as long as a swing", "swing_height 0.5 h", "shortest 0.9/ω"),
         ),
+        ({"apex": 0.9, "touch": 0.88}, ("at its highest before it meets the ground", "got 0.9 and 0.88")),
         (
             {"widest": 0.3, "width": 0.367},
             ("further apart than the soles are wide", "width 0.220 m", "widest 0.180 m"),

@@ -11,11 +11,16 @@ from wbc.walking.stepping.swing import MOST_ACCELERATION, SwingReference
 
 DT = 0.002
 SETTINGS = SteppingSettings().in_si(SCALE)
-TIME, AIM = SETTINGS.step_time, SETTINGS.aim
+TIME, SPEED = SETTINGS.step_time, SETTINGS.landing_speed
 
 
 def swing(
-    landing: tuple[float, float], *, seconds: float, ground: float = 0.0, move: float = 0.0
+    landing: tuple[float, float],
+    *,
+    seconds: float,
+    ground: float = 0.0,
+    move: float = 0.0,
+    speed: float = SPEED,
 ) -> np.ndarray:
     """Places, velocities and accelerations (x, y, z) at all ticks, shape (ticks, 3, 3); the landing moves half way."""
     reference, rows = SwingReference(SETTINGS, DT), []
@@ -24,7 +29,7 @@ def swing(
         elapsed = tick * DT
         goal = (landing[0] + move * (elapsed > 0.5 * TIME), landing[1])
         reference.travel(elapsed, TIME, goal)
-        reference.rise(elapsed, TIME, ground, AIM)
+        reference.rise(elapsed, TIME, ground, speed)
         z = reference.height
         rows.append(
             [
@@ -64,23 +69,27 @@ def test_towards_a_landing_that_stays_the_foot_moves_with_minimum_jerk() -> None
     np.testing.assert_allclose(motion[planned, 0, :2], way[:, None] * [0.3, -0.1], atol=3e-3)
 
 
-def test_the_foot_rises_over_the_higher_ground_and_aims_below_it() -> None:
+@pytest.mark.parametrize("speed", [SPEED, SETTINGS.hardest])
+def test_the_foot_rises_over_the_higher_ground_and_meets_it_in_time_with_its_speed(speed: float) -> None:
     for ground in (0.0, 0.04, -0.04):
-        height = swing((0.3, 0.1), seconds=TIME - DT, ground=ground)[:, 0, 2]
+        motion = swing((0.3, 0.1), seconds=SETTINGS.touch * TIME - 1e-3, ground=ground, speed=speed)
+        height = motion[:, 0, 2]
         assert height.max() == pytest.approx(max(ground, 0.0) + SETTINGS.swing_height, abs=2e-3)
         assert np.argmax(height) * DT == pytest.approx(SETTINGS.apex * TIME, abs=2 * DT)
-        assert height[-1] == pytest.approx(ground - AIM, abs=2e-3)
+        assert height[-1] == pytest.approx(ground, abs=speed * DT)
+        assert motion[-1, 1, 2] == pytest.approx(-speed, abs=0.06)
 
 
-def test_a_late_foot_sinks_on_whatever_the_time_of_the_step_does_then() -> None:
+def test_a_foot_that_finds_no_ground_sinks_on_whatever_the_time_of_the_step_does_then() -> None:
     reference, heights = SwingReference(SETTINGS, DT), []
     reference.lift((0.0, 0.0, 0.0))
+    touch = SETTINGS.touch * TIME
     for tick in range(1, round(2.0 * TIME / DT) + 1):
         elapsed = tick * DT
-        time = TIME if elapsed <= TIME + DT else elapsed + 0.05  # a late step is always about to end
-        reference.rise(elapsed, time, 0.0, AIM)
+        time = TIME if elapsed <= touch + DT else elapsed + 0.05  # a late step is always about to end
+        reference.rise(elapsed, time, 0.0, SPEED)
         heights.append(reference.height)
-    late = np.array(heights)[round(TIME / DT) + 2 :]
+    late = np.array(heights)[round(touch / DT) + 2 :]
     assert (np.diff(late[:, 0]) <= 0.0).all()
     sinking = late[:, 1] < 0.0
     np.testing.assert_allclose(np.diff(late[sinking, 0]) / DT, -SETTINGS.search_speed, rtol=1e-6)

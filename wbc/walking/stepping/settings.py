@@ -275,7 +275,8 @@ class SteppingSettings:
             )
         if self.apex >= self.touch:
             raise InputError(
-                f"a foot is at its highest before it meets the ground, apex < touch; got {self.apex:g} and {self.touch:g}"
+                "a foot is at its highest before it meets the ground, apex < touch; "
+                f"got {self.apex:g} and {self.touch:g}"
             )
         least = 2.0 * si["swing_height"] / (scale.height * scale.omega)
         if si["shortest"] < least:
