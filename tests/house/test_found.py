@@ -274,6 +274,31 @@ def attribution() -> dict[str, dict[Layout, Result]]:
     return parts
 
 
+TAKEN_OUT = {
+    "feedforward": "torque feed-forward",
+    "lean": "lean",
+    "walk.adjustment": "step adjustment",
+    "walk.phases.lift_off": "a step that waits for load",
+    "gains.cop_admittance": "a CoP admittance five times as quick",
+    "gains.dcm_p": "gains of the DCM",
+    "gains.support_height_leak": "other gains",
+    "distribution.margin": "distribution of forces, ZMP inwards",
+    "bias.drift_std": "a bias that drifts slowly",
+}
+"""A setting of each part that the study 'indispensable' takes out → the part."""
+
+
+@cache
+def indispensable() -> dict[str, dict[Layout, Result]]:
+    """Walks of the study of that name: part that is taken out of the default law → layout."""
+    parts: dict[str, dict[Layout, Result]] = defaultdict(dict)
+    for spec, result in walks("indispensable"):
+        taken = [name for key, name in TAKEN_OUT.items() if key in dict(spec["changes"])]
+        name = "slow landing" if spec["gait"]["apex"] == 0.5 else "nothing"
+        parts[taken[0] if taken else name][spec["terrain"], spec["seed"]] = result
+    return parts
+
+
 def signed(text: str) -> str:
     return text.replace("-", "−").replace("−0.0", "0.0")
 
