@@ -27,7 +27,7 @@ from wbc.walking.planning.sources import AT_REST, FootstepSource, Velocity
 if TYPE_CHECKING:
     from wbc.walking.stepping.law import Divergent
 
-NO_PUSH = (0.0, 0.0)
+NO_REACTION = (0.0, 0.0)
 
 
 class Support(NamedTuple):
@@ -94,7 +94,7 @@ class Reference(NamedTuple):
     phase: Phase = Phase.STANDING
     step: int = 0
     events: tuple[Event, ...] = ()
-    reaction: tuple[float, float] = NO_PUSH
+    reaction: tuple[float, float] = NO_REACTION
     landing: Footstep | None = None
     elapsed: float = 0.0
     duration: float = 0.0

@@ -24,7 +24,7 @@ from wbc.tasks.stabilizer.pendulum import Pendulum
 from wbc.walking.pattern.swing import FootMotion
 from wbc.walking.planning.footsteps import Footstep
 from wbc.walking.planning.phases import Event, Phase
-from wbc.walking.source import NO_PUSH, Reference, Support
+from wbc.walking.source import NO_REACTION, Reference, Support
 from wbc.walking.stepping.law import (
     SIDEWAYS,
     Divergent,
@@ -207,7 +207,7 @@ class SteppingGait:
         if self._mode is _Mode.STANDING:
             # The ZMP beyond the DCM brings it back: p = ξ + k (ξ − middle).
             wanted = [xi + s.stand_gain * (xi - at) for xi, at in zip(dcm[:2], middle[:2], strict=True)]
-            push = [omega * omega * (c - p) for c, p in zip(state.com[:2], wanted, strict=True)]
+            acceleration = [omega * omega * (c - p) for c, p in zip(state.com[:2], wanted, strict=True)]
             phase, duration, heights = Phase.STANDING, 0.0, (height, 0.0)
         else:
             share = min(1.0, self._elapsed / s.shift_time)
@@ -218,10 +218,10 @@ class SteppingGait:
             cos, sin = self._direction
             goal = stance[0] - sin * inside, stance[1] + cos * inside
             stiffness, damping = 2.45 * omega * omega, 3.2 * omega
-            push = []
+            acceleration = []
             for c, v, start, end in zip(state.com[:2], state.velocity[:2], self._from[:2], goal, strict=True):
                 way = end - start
-                push.append(stiffness * (start + way * rise - c) + damping * (way * rise_speed - v))
+                acceleration.append(stiffness * (start + way * rise - c) + damping * (way * rise_speed - v))
             way = height - self._from[2]
             phase, duration = Phase.DOUBLE, s.shift_time + s.rest
             heights = self._from[2] + way * rise, way * rise_speed
@@ -233,7 +233,7 @@ class SteppingGait:
             phase=phase,
             most_force=(s.most_force, s.most_force),
             height=heights,
-            push=(push[0], push[1]),
+            acceleration=(acceleration[0], acceleration[1]),
             duration=duration,
         )
 
@@ -428,7 +428,7 @@ class SteppingGait:
         most_force: tuple[float, float],
         height: tuple[float, float],
         duration: float,
-        push: Point | None = None,
+        acceleration: Point | None = None,
         landing: Footstep | None = None,
     ) -> Reference:
         assert self._contact is not None
@@ -436,7 +436,7 @@ class SteppingGait:
         pendulum = Pendulum(
             np.array((x, y, height[0])),
             np.array((u, v, height[1])),
-            np.array((0.0, 0.0, 0.0) if push is None else (*push, 0.0)),
+            np.array((0.0, 0.0, 0.0) if acceleration is None else (*acceleration, 0.0)),
             np.array(self._contact),
             np.zeros(3),
             dcm.omega,
@@ -454,20 +454,20 @@ class SteppingGait:
             phase,
             self.steps_done,
             events,
-            NO_PUSH,
+            NO_REACTION,
             landing,
             self._elapsed,
             duration,
-            Support(self._stance, swing, most_force, push is not None, dcm),
+            Support(self._stance, swing, most_force, acceleration is not None, dcm),
         )
 
     def _swing_motion(self, yaw: float) -> FootMotion:
         """Return the reference of the swing foot, which stays level."""
         swing = self._swing
         (x, y), (u, v), (a, b) = swing.place, swing.velocity, swing.acceleration
-        z, rise, push = swing.height
+        z, rise, c = swing.height
         velocity, acceleration = np.zeros(6), np.zeros(6)
-        velocity[:3], acceleration[:3] = (u, v, rise), (a, b, push)
+        velocity[:3], acceleration[:3] = (u, v, rise), (a, b, c)
         rotation: Array = pin.rpy.rpyToMatrix(0.0, 0.0, yaw)
         return FootMotion(pin.SE3(rotation, np.array((x, y, z))), velocity, acceleration)
 

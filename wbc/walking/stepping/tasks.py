@@ -197,12 +197,12 @@ class SteppingTasks:
         if twist is None:
             self._pelvis.follow(pin.rpy.rpyToMatrix(0.0, 0.0, reference.heading) @ self._pelvis_tilt)
             return
-        angle, rate, push, _ = twist
+        angle, rate, acceleration, _ = twist
         turn, up = pin.rpy.rpyToMatrix(0.0, 0.0, reference.heading + angle), np.array([0.0, 0.0, 1.0])
         self._pelvis.follow(
             lean.rotation @ turn @ self._pelvis_tilt,
             lean.velocity + rate * up,
-            lean.acceleration + push * up,
+            lean.acceleration + acceleration * up,
         )
 
     def _stand(self, reference: Reference, support: Support) -> None:
