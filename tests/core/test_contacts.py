@@ -388,6 +388,11 @@ def test_options_that_are_assigned_act_in_the_next_tick_as_those_given_at_the_st
             setattr(contact, name, ())
 
 
+def test_shear_weight_and_moments_of_a_usual_size_cost_about_the_same() -> None:
+    usual = np.array([100.0, 100.0, 300.0, 10.0, 10.0, 10.0])  # N, Nm
+    np.testing.assert_allclose(SoleContact("left_foot").wrench_weight * usual**2, 0.1, rtol=0.15)
+
+
 def test_friction_and_margin_that_are_assigned_bound_the_next_wrench() -> None:
     controller = standing("hrp4_class")
     com = controller.add(CoMTask(weight=100.0))

@@ -39,6 +39,18 @@ def test_a_moment_is_possible_as_far_as_the_greatest_force_has_an_arm_on_the_sol
         assert plausibility.refused == refused
 
 
+def test_torques_that_stay_impossible_are_refused_each_time_and_logged_once(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    plausibility = Plausibility(ROBOT, DT)
+    for tick, torque in enumerate((0.0, 1e6, 1e6, 1e6, 0.0, 0.0)):
+        measurement = at_rest(ROBOT, tick * DT, joint_torque=np.full(ROBOT.na, torque))
+        used, _ = plausibility.check(measurement)
+        assert (used.joint_torque is None) == (torque > 0.0)
+    assert plausibility.refused == 3
+    assert caplog.messages == ["measurement at 0.0050 s: joint torques refused"]
+
+
 @pytest.mark.parametrize("lifts", [False, True])
 def test_feet_that_turn_alike_are_doubted_where_the_robot_stands(lifts: bool) -> None:
     """A walk over boards turns about the edges under both soles."""

@@ -58,6 +58,11 @@ class Spec:
 
 
 @settings
+class Named:
+    named: dict[str, Push] | None = None
+
+
+@settings
 class Design(abc.ABC):
     """Settings that others derive from, some with `@dataclass` alone."""
 
@@ -146,6 +151,8 @@ def test_a_wrong_name_is_refused_before_the_value_that_it_leaves_missing() -> No
 def test_messages_name_the_place_of_what_is_nested() -> None:
     with pytest.raises(InputError, match=r"^pushes\[1\].impulse \(Ns/kg\) must be .* at least 0, got -2$"):
         from_json(Spec, {"pushes": [{}, {"impulse": -2}]})
+    with pytest.raises(InputError, match=r"^named.first.impulse \(Ns/kg\) must be .* at least 0, got -2$"):
+        from_json(Named, {"named": {"first": {"impulse": -2}}})
     with pytest.raises(UnknownNameError, match="no setting of push 'impuls'"):
         from_json(Spec, {"push": {"impuls": 1}})
     with pytest.raises(InputError, match="rule of its own"):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import mmap
 import os
 import re
@@ -637,21 +638,27 @@ def test_loads_felt_through_the_joints_begin_anew_after_a_gap() -> None:
         assert np.allclose(found, wanted, atol=1e-9) is (later > PERIOD)
 
 
-def test_the_guard_damps_as_soon_as_the_heart_has_stood_for_its_time(monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize("gone", [False, True])
+def test_the_guard_damps_as_soon_as_the_heart_has_stood_for_its_time(
+    gone: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It goes on for 3 s once the process of the loop is gone, and without end while it is there."""
     now, damped = [100.0], []
 
     class Driver:
         def damp(self) -> None:
             damped.append(now[0])
-            if len(damped) == 3:
+            if now[0] > 110.0:
                 raise InterruptedError
 
     def sleep(seconds: float) -> None:
         now[0] += max(seconds, 1e-4)
 
     monkeypatch.setattr(guard, "time", types.SimpleNamespace(monotonic=lambda: now[0], sleep=sleep))
+    monkeypatch.setattr(guard, "os", types.SimpleNamespace(getppid=lambda: int(gone and bool(damped))))
     memory = mmap.mmap(-1, mmap.PAGESIZE)
     guard.BEAT.pack_into(memory, 0, 99.999, 0.015)
-    with pytest.raises(InterruptedError):
+    with contextlib.nullcontext() if gone else pytest.raises(InterruptedError):
         guard.watch(Driver(), memory)
     assert damped[0] == pytest.approx(100.014, abs=2e-4) and damped[2] < 100.1
+    assert damped[-1] == pytest.approx(103.014 if gone else 110.0, abs=0.01)

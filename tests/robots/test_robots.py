@@ -6,6 +6,7 @@ import copy
 import dataclasses
 import json
 import pickle
+import re
 
 import mujoco
 import numpy as np
@@ -190,6 +191,12 @@ def test_hrp4_class_is_what_it_says() -> None:
     np.testing.assert_allclose(description.ankle("left_foot"), [-0.020, 0.0, 0.093], atol=1e-9)
     assert all((sole.length, sole.width) == (0.160, 0.076) for sole in robot.soles)
     assert "<mesh" not in description.urdf
+
+
+def test_hrp4_class_is_the_robot_of_all_recorded_walks() -> None:
+    """Every number of its document counts, so that none changes unseen."""
+    numbers = np.array(re.findall(r"-?\d+\.?\d*(?:e-?\d+)?", hrp4_class.urdf()), dtype=float)
+    assert float(numbers @ np.cos(np.arange(numbers.size))) == pytest.approx(-4.0715333, abs=1e-6)
 
 
 def test_hrp4_class_inertias_are_those_of_its_shapes() -> None:

@@ -180,6 +180,7 @@ def test_pitching_the_toe_down_moves_the_centre_of_pressure_forward() -> None:
     angle, centre = np.array(result.pitch), np.array(result.centre_of_pressure)
     moment = np.array(result.moment)
     assert not result.diverged and angle.max() > 0.05 and angle.min() < -0.05
+    assert len(angle) == 400, "200 in each of two seconds"
     assert np.nanmedian(centre[angle > 0.02]) == pytest.approx(0.139, abs=0.005)
     assert np.nanmedian(centre[angle < -0.02]) == pytest.approx(-0.139, abs=0.005)
     # A force ahead of the ankle turns the toe up, about -y.

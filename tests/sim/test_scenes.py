@@ -48,6 +48,17 @@ def test_a_wall_stands_on_the_floor_with_its_face_at_its_distance(angle: float) 
     np.testing.assert_allclose([*near, *far[1:]], [0.6, -0.6, 0.0, 0.6, 0.9], atol=1e-9)
 
 
+def test_fingers_reach_around_the_handles_of_a_box() -> None:
+    spec = mujoco.MjSpec()
+    make_scene("box").build(spec)
+    model = spec.compile()
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    box = int(model.body("box").geomadr[0])
+    for handle in (box + 1, box + 2):
+        assert mujoco.mj_geomDistance(model, data, box, handle, 1.0, None) > 0.01
+
+
 def test_a_plant_without_a_scene_has_neither_shapes_nor_wrist_sensors() -> None:
     plant = Plant(load("hrp4_class"))
     assert plant.measure().hand_wrenches is None

@@ -30,7 +30,7 @@ from wbc.tasks.stabilizer.feedback import (
     zmp_of_force,
 )
 from wbc.tasks.stabilizer.filters import Average, HighPass, LeakyIntegral, LowPass
-from wbc.tasks.stabilizer.gains import StabilizerGains
+from wbc.tasks.stabilizer.gains import LIMITS, StabilizerGains
 from wbc.tasks.stabilizer.pendulum import Pendulum, natural_frequency
 from wbc.tasks.stabilizer.stabilizer import Stabilizer
 from wbc.tasks.stabilizer.zmp import cop, zmp
@@ -597,6 +597,9 @@ def test_presets_and_clamps(caplog: pytest.LogCaptureFixture) -> None:
         gains = StabilizerGains(dcm_p=(3.0, 50.0), force_difference=1.0)
     assert gains.dcm_p == (3.0, 20.0) and gains.force_difference == 2e-3
     assert "dcm_p of 50 clamped to 20" in caplog.text and "force_difference of 1 clamped" in caplog.text
+    most = StabilizerGains(**dict.fromkeys(LIMITS, 1e6))
+    limits = [20.0, 100.0, 5.0, 10.0, 10.0, 400.0, 40.0, 0.1, 2e-3, 10.0, 20.0]
+    assert [np.max(getattr(most, name)) for name in LIMITS] == limits
 
 
 @pytest.mark.parametrize(

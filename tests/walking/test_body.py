@@ -63,6 +63,18 @@ def test_height_lean_turn_and_gaze_are_reached_with_bounded_speed(kind: str) -> 
         assert np.hypot(*ahead[1:]) / ahead[0] < 0.08
 
 
+def test_a_torso_without_a_neck_is_pointed_level_towards_what_it_looks_at() -> None:
+    _, walking = standing("g1", "stepping")
+    point = np.array([3.0, 1.5, 1.0])
+    walking.body.look_at(point)
+    for _ in range(3000):
+        walking.body.update(0.2)
+    gaze, com = walking.controller.task("gaze"), walking.controller.robot.com
+    assert isinstance(gaze, GazeTask)
+    way = (point - com)[:2]
+    np.testing.assert_allclose(gaze.target - com, [*(3.0 * way / np.hypot(*way)), 0.0], atol=1e-3)
+
+
 @pytest.mark.slow
 def test_a_walk_goes_on_while_its_body_is_set() -> None:
     plant, walking = standing()

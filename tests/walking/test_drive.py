@@ -155,6 +155,17 @@ def test_it_stands_within_two_steps(when: float, speed: float) -> None:
     assert stage.walk.steps_done > done + 2, "and walks on when told to"
 
 
+@pytest.mark.parametrize(("speed", "steps"), [(0.05, 1), (0.3, 2)])
+def test_only_long_steps_are_followed_by_a_shorter_one_before_the_foot_that_closes_up(
+    speed: float, steps: int
+) -> None:
+    now = standing("hrp4_class", "right")
+    now = now._replace(start=replace(now.start, left=replace(now.start.left, x=now.start.left.x + speed)))
+    reach = Reach.of(ROBOTS["hrp4_class"], float(ROBOTS["hrp4_class"].com[2]))
+    source = VelocitySource(reach, SIZES["hrp4_class"], granted=(speed, 0.0, 0.0))
+    assert len(source.footsteps(now).steps) == steps
+
+
 @pytest.mark.parametrize("left", [0.2, 0.06, 0.04, 0.02])
 def test_a_robot_that_is_told_to_go_on_as_it_closes_up_sets_off_without_a_jump(left: float) -> None:
     """The later the command, the less time is left to take the DCM from where it would have rested."""
