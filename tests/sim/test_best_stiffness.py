@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -144,6 +145,22 @@ def test_the_prior_of_a_ground_is_made_without_it() -> None:
     found = labels(study, entries)
     assert found["ellipsoids, 10 mm"].stiffness == pytest.approx(40.0, rel=0.25)
     assert found["cobble_stones, 10 mm"].stiffness == pytest.approx(4.0, rel=0.25)
+
+
+def test_grounds_of_a_prior_keep_their_offsets_whatever_their_seeds(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The hard one has only soft walks, the easy one only stiff ones: the soft are not worse for that."""
+    monkeypatch.setattr("wbc.sim.studies.best_stiffness.best_stiffness", lambda *walks, prior: prior)
+    size = DatasetSize(seeds=2, amplitudes=1, evaluations=8)
+    study, entries = dataset(size).narrowed(["ellipsoids", "cobble", "floor"]), {}
+    for trial in study.trials():
+        spec = trial.spec.to_json()
+        k, hard = spec["stiffness"], spec["terrain"] == "floor_tiles"
+        if k < 30.0 if hard else k > 3.0:
+            J = -60.0 * float(np.log10(k / 4.0)) ** 2 - 300.0 * hard
+            entry = Entry(spec, "done", {"J": J}, {"wall_s": 1.0}, None, provenance())
+            entries[entry.key] = entry
+    prior: Any = labels(study, entries)["ellipsoids, 10 mm"]
+    assert GRID[np.argmax(prior(np.log10(GRID)))] == pytest.approx(4.0, rel=0.3)
 
 
 def test_labels_need_different_stiffnesses_above_zero() -> None:
