@@ -439,6 +439,38 @@ def test_which_part_of_the_law_closes_the_gap() -> None:
     says(f"it falls sideways {falls / sum(map(steps, added[NONE].values())) * 1e3:.0f} times in 1,000 steps")
 
 
+def test_the_gains_together_close_two_thirds_of_the_gap() -> None:
+    """The study 'gains': those that the default law cannot do without, in the paper's law."""
+    arms: dict[str, dict[Layout, Result]] = defaultdict(dict)
+    names = {0: "paper", 2: "DCM", 4: "DCM and CoP admittance", 7: "all"}
+    for spec, result in walks("gains"):
+        name = "default" if spec["gains"] == "default" else names[len(spec["changes"])]
+        arms[name][spec["terrain"], spec["seed"]] = result
+    layouts = sorted(arms["paper"])
+    assert {len(walks_of) for walks_of in arms.values()} == {len(layouts)} == {40}
+
+    def more(one: str, other: str) -> list[float]:
+        return [steps(arms[one][at]) - steps(arms[other][at]) for at in layouts]
+
+    def text(values: list[float]) -> str:
+        found = mean_interval(values)
+        assert found.low is not None and found.high is not None
+        return signed(f"{found.mean:.1f} [{found.low:.1f}, {found.high:.1f}]")
+
+    says(f"those of the DCM alone lose {text([-gained for gained in more('DCM', 'paper')])} steps")
+    says(f"with the admittance they gain {text(more('DCM and CoP admittance', 'paper'))}")
+    done = {name: sum(map(arrived, walks_of.values())) for name, walks_of in arms.items()}
+    says(
+        f"all of them {text(more('all', 'paper'))}: {done['all']} of 40 walks arrive, {done['paper']} without, "
+        f"{done['default']} by the default law"
+    )
+    says(f"the default law does {text(more('default', 'all'))} steps more")
+    share = np.mean(more("all", "paper")) / np.mean(more("default", "paper"))
+    assert 0.6 < share < 0.7
+    changed = {name: np.array(more(name, "paper")) for name in ("DCM", "DCM and CoP admittance", "all")}
+    assert established(changed, 0.05) == {"DCM", "all"}
+
+
 def test_under_the_stepping_walk_no_soft_sole_is_shown_to_go_further() -> None:
     """The table of the study 'stepping_soles' beside the LIPM walks of the same layouts, and its rule."""
     soles, lipm = stepping_soles(), hypotheses()
