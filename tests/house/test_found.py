@@ -287,13 +287,17 @@ def signed(text: str) -> str:
     return text.replace("-", "−").replace("−0.0", "0.0")
 
 
+def interval(values: list[float], layouts: list[str] | None = None, digits: int = 1) -> str:
+    """Mean with its interval as the page writes it; the unit is a walk when `layouts` is None."""
+    found = mean_interval(values, layouts)
+    assert found.low is not None and found.high is not None
+    return signed(f"{found.mean:.{digits}f} [{found.low:.{digits}f}, {found.high:.{digits}f}]")
+
+
 def gain(arm: str, other: str, part: Callable[[Result], float], digits: int = 1) -> tuple[str, float]:
     """Mean difference of two soles with its interval, families as the unit, and its p-value."""
     values, families = over(arm, other, part)
-    found = mean_interval(values, families)
-    assert found.low is not None and found.high is not None
-    text = f"{found.mean:.{digits}f} [{found.low:.{digits}f}, {found.high:.{digits}f}]"
-    return signed(text), sign_flip_p(values, families)
+    return interval(values, families, digits), sign_flip_p(values, families)
 
 
 def steps(result: Result) -> float:
@@ -409,27 +413,22 @@ def test_which_part_of_the_law_closes_the_gap() -> None:
         cells = [name]
         if name in gains:
             assert len(gains[name]) == 100
-            found = mean_interval(list(gains[name]))
             share = (gains[name][drawn].mean(1) / whole[drawn].mean(1)).tolist()
             low, high = (round(100.0 * float(np.quantile(share, q))) for q in (0.025, 0.975))
             part = f"{100.0 * gains[name].mean() / whole.mean():.0f} [{low}, {high}] %"
             cells += [
                 str(sum(map(arrived, added[name].values()))),
-                f"{found.mean:.1f} [{found.low:.1f}, {found.high:.1f}]",
-                "" if name == WHOLE else part,
+                interval(list(gains[name])),
+                "" if name == WHOLE else signed(part),
             ]
         else:
             cells += ["", "", ""]
         if name in losses:
             assert len(losses[name]) == 50
-            found = mean_interval(list(losses[name]))
-            cells += [
-                str(sum(map(arrived, taken[name].values()))),
-                f"{found.mean:.1f} [{found.low:.1f}, {found.high:.1f}]",
-            ]
+            cells += [str(sum(map(arrived, taken[name].values()))), interval(list(losses[name]))]
         else:
             cells += ["", ""]
-        says(re.sub(r" +", " ", f"| {name} | {signed(' | '.join(cells[1:]))} |"))
+        says(re.sub(r" +", " ", f"| {' | '.join(cells)} |"))
     assert established(gains, 0.003) == {PARTS["gains.cop_admittance"], "lean", WHOLE}
     needed = {PARTS[key] for key in ("gains.dcm_p", "gains.cop_admittance", "gains.support_height_leak")}
     assert established(losses, 0.002) == established(losses, 0.05) == needed
@@ -452,19 +451,14 @@ def test_the_gains_together_close_two_thirds_of_the_gap() -> None:
     def more(one: str, other: str) -> list[float]:
         return [steps(arms[one][at]) - steps(arms[other][at]) for at in layouts]
 
-    def text(values: list[float]) -> str:
-        found = mean_interval(values)
-        assert found.low is not None and found.high is not None
-        return signed(f"{found.mean:.1f} [{found.low:.1f}, {found.high:.1f}]")
-
-    says(f"those of the DCM alone lose {text([-gained for gained in more('DCM', 'paper')])} steps")
-    says(f"with the admittance they gain {text(more('DCM and CoP admittance', 'paper'))}")
+    says(f"those of the DCM alone lose {interval([-gained for gained in more('DCM', 'paper')])} steps")
+    says(f"with the admittance they gain {interval(more('DCM and CoP admittance', 'paper'))}")
     done = {name: sum(map(arrived, walks_of.values())) for name, walks_of in arms.items()}
     says(
-        f"all of them {text(more('all', 'paper'))}: {done['all']} of 40 walks arrive, {done['paper']} without, "
+        f"all of them {interval(more('all', 'paper'))}: {done['all']} of 40 walks arrive, {done['paper']} without, "
         f"{done['default']} by the default law"
     )
-    says(f"the default law does {text(more('default', 'all'))} steps more")
+    says(f"the default law does {interval(more('default', 'all'))} steps more")
     share = np.mean(more("all", "paper")) / np.mean(more("default", "paper"))
     assert 0.6 < share < 0.7
     changed = {name: np.array(more(name, "paper")) for name in ("DCM", "DCM and CoP admittance", "all")}
