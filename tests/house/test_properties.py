@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from properties import examples
+from properties import examples, load_profile
 
 TESTS = Path(__file__).resolve().parents[1]
 
@@ -33,6 +33,15 @@ def test_the_default_profile_draws_the_same_examples_again() -> None:
     first = drawn()
     assert len(set(first)) > 10 and drawn() == first
     assert examples(20).max_examples == 20 and examples(20).derandomize
+
+
+def test_the_long_profile_is_random_and_ten_times_as_long(monkeypatch: pytest.MonkeyPatch) -> None:
+    with monkeypatch.context() as environment:
+        environment.setenv("HYPOTHESIS_PROFILE", "long")
+        load_profile()
+        long = examples(20)
+    load_profile()
+    assert (long.max_examples, long.derandomize, long.deadline) == (200, False, None)
 
 
 def test_no_test_has_settings_of_hypothesis_beside_the_profile() -> None:
