@@ -108,12 +108,15 @@ def test_a_turn_about_a_point_ahead_keeps_its_distance_and_faces_it(angle: float
     start = START.moved(pin.SE3(pin.utils.rotate("z", looks), np.zeros(3)))
     plan = turn_in_place(start, angle, per_step=0.08, ahead=1.0)
     check_plan(plan, ROBOT)
-    before, after = (0.5 * (left.position + right.position) for left, right in (start.final, plan.final))
-    yaws = looks, looks + angle
     for foot in plan.final:
-        assert math.remainder(foot.yaw - yaws[1], math.tau) == pytest.approx(0.0, abs=1e-9)
-    ahead = [np.array([math.cos(yaw), math.sin(yaw), 0.0]) for yaw in yaws]
-    assert after + ahead[1] == pytest.approx(before + ahead[0], abs=0.02)
+        assert math.remainder(foot.yaw - looks - angle, math.tau) == pytest.approx(0.0, abs=1e-9)
+    feet, points = {"left": start.left, "right": start.right}, []
+    for step in (start.left, *plan.steps):  # after every step: hands may hold something there
+        feet[step.side] = step
+        yaw = looks + 0.5 * sum(math.remainder(foot.yaw - looks, math.tau) for foot in feet.values())
+        middle = 0.5 * (feet["left"].position + feet["right"].position)
+        points.append(middle + [math.cos(yaw), math.sin(yaw), 0.0])
+    assert points == pytest.approx(np.tile(points[0], (len(points), 1)), abs=0.02)
 
 
 @pytest.mark.parametrize("together", [True, False])

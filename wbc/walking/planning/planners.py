@@ -88,8 +88,8 @@ def turn_in_place(
         start: Feet and gait; its steps are dropped.
         angle: To the left, rad.
         per_step: Greatest turn from one foot to the other, rad.
-        ahead: Distance of that point before the middle of the feet, m: the robot walks round it and faces it, one foot
-            turns and the other one goes aside.
+        ahead: Distance of that point before the middle of the feet, m: the robot walks round it and faces it, the outer
+            foot opens aside and turns, the other one closes.
 
     Raises:
         InputError: An angle of zero, or one that is not finite.
@@ -98,11 +98,11 @@ def turn_in_place(
         raise InputError("angle (rad) must not be zero")
     pairs = max(1, math.ceil(abs(angle) / per_step - 1e-9))
     _check_count("angle (rad)", angle, 2 * pairs)
-    turn, inner = angle / (2 * pairs), "left" if angle > 0.0 else "right"
-    # Each pair of steps turns by one opening, so that there is nothing left to close, but for the way aside.
-    leaders = (other(inner) if ahead > 0.0 else inner, inner)
-    first, aside = leaders[0], -ahead * turn
-    return _path(start, [(0.0, aside, turn)] * (2 * pairs), first, leaders, close=ahead != 0.0)
+    turn, leader = angle / (2 * pairs), "left" if angle > 0.0 else "right"
+    if ahead > 0.0:  # the foot that goes aside: were the turn a step later, hands would pull at a cart
+        leader = other(leader)
+    # Each pair of steps turns by one opening, so that there is nothing left to close.
+    return _path(start, [(0.0, -ahead * turn, turn)] * (2 * pairs), leader, (leader, leader), close=False)
 
 
 @checked
