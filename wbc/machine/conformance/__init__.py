@@ -3,20 +3,25 @@
     report = wbc.conformance(loop)
     print(report)
 
-The robot stands at half-sitting, or hangs at it; drives follow position references. The motions are the
-same whatever is found, of a few degrees at most; what is measured is compared with the model.
+The robot stands at half-sitting, or hangs at it; drives follow position references. `Session` makes motions of a few
+degrees at most and records them; the groups of `CHECKS` compare what was measured with the model.
 """
 
+# A cause with its condition a line:
+# fmt: off
+
 from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 
 from wbc.core.errors import InputError, check_parts, finite_scalar, shown
-from wbc.core.signals import Measurement
-from wbc.machine.conformance.body import Body
-from wbc.machine.conformance.joints import Joints
-from wbc.machine.conformance.rules import RULES
-from wbc.machine.conformance.session import Check, ConformanceReport, Session
+from wbc.machine.conformance.body import imu, soles, wrenches
+from wbc.machine.conformance.joints import commanded_gains, joints, torques
+from wbc.machine.conformance.session import Row, Rows, Session
 from wbc.machine.loop import Loop
 from wbc.robots import RobotDescription
 
@@ -28,10 +33,64 @@ LONGEST_PERIOD = 0.025
 LONGEST_DELAY = 0.2
 """Longest delay that can be stated, s: the way there and back of 0.1 s each, as a `wbc.sim.Machine` has at most."""
 
-NEED_JOINTS = [
-    name for name in RULES if name not in {"shapes", "hold", "joint order", "IMU frame, hanging", "clock"}
-]
-"""Checks that need joints which follow position references, in their order."""
+
+CHECKS: tuple[tuple[Callable[[Session], Rows], tuple[str, ...]], ...] = (
+    (joints, ("joint sign", "joint unit", "joint velocity", "fresh", "delay", "joint zero")),
+    (torques, ("torque", "gains", "velocity reference", "measured torque")),
+    (imu, ("accelerometer", "gyroscope", "IMU frame")),
+    (wrenches, ("weight", "sides", "wrench frame")),
+    (soles, ("soles",)),
+    (commanded_gains, ("commanded gains",)),  # last: a robot may fall by it
+)
+"""Groups of checks in the order in which one depends on the others, and the names of those that may be unknown."""
+
+State = Literal["ok", "wrong", "unknown"]
+
+
+@dataclass(frozen=True)
+class Check:
+    """Result of one check.
+
+    Attributes:
+        name: What was looked at.
+        state: "ok", "wrong" or "unknown": not to be told because of another fault, or without the sensor.
+        found: Figures.
+        cause: Probable cause of a wrong result, and its symptom in a controller; empty if it is not wrong.
+    """
+
+    name: str
+    state: State
+    found: str
+    cause: str = ""
+
+
+@dataclass(frozen=True)
+class ConformanceReport:
+    """Results of all checks.
+
+    Attributes:
+        checks: In the order in which they were made.
+    """
+
+    checks: tuple[Check, ...]
+
+    @property
+    def ok(self) -> bool:
+        """True if nothing is wrong."""
+        return not self.wrong
+
+    @property
+    def wrong(self) -> tuple[Check, ...]:
+        """The checks that failed."""
+        return tuple(check for check in self.checks if check.state == "wrong")
+
+    def __str__(self) -> str:
+        lines = []
+        for check in self.checks:
+            lines.append(f"{check.state:9}{check.name:20}{check.found}")
+            if check.cause:
+                lines.append(f"{'':29}{check.cause}")
+        return "\n".join(lines)
 
 
 def conformance(loop: Loop, *, delay: float = 0.0) -> ConformanceReport:
@@ -59,46 +118,41 @@ def conformance(loop: Loop, *, delay: float = 0.0) -> ConformanceReport:
     finite_scalar(
         "control period of the loop (s)", loop.control_period, low=0.0, high=LONGEST_PERIOD, open_low=True
     )
-    session = Session(loop)
-    if _check_shapes(session, session.measure()):
-        session.settle()
-        _check_motions(session, Joints(session, delay))
-        _check_clock(session)
-    return ConformanceReport(tuple(session.checks))
+    session, results = Session(loop, delay), list[Check]()
+    for row, causes in _rows(session):
+        name, _, found = row.partition(": ")
+        cause = next((text for text, holds in (causes or {}).items() if holds), "")
+        state: State = "unknown" if causes is None else "wrong" if cause else "ok"
+        session.states[name] = state
+        results.append(Check(name, state, found, cause))
+    return ConformanceReport(tuple(results))
 
 
-def _check_motions(session: Session, joints: Joints) -> None:
-    """Make the checks in the order in which one depends on the others."""
-    if joints.check_references():
-        _check_hold(session)
-        joints.check_following()
-        joints.check_zeros()
-        joints.check_torques()
-        if joints.obey:
-            body = Body(session)
-            body.check_imu()
-            body.check_wrenches()
-            body.check_soles()
-            joints.check_commanded_gains()  # last: a robot may fall by it
-            return
-    made = {check.name for check in session.checks}
-    session.unknown("the joints do not follow", *(name for name in NEED_JOINTS if name not in made))
-
-
-def _check_shapes(session: Session, m: Measurement) -> bool:
-    na, soles, hands = session.robot.na, len(session.robot.soles), len(session.robot.frames)
-    needed: dict[str, tuple[int, ...]] = {
-        "time": (),
-        "joint_position": (na,),
-        "joint_velocity": (na,),
-        "angular_velocity": (3,),
-        "specific_force": (3,),
+def _rows(s: Session) -> Iterator[Row]:
+    """Make all checks, each with what the ones before have found."""
+    yield _shapes(s)
+    if not s.good("shapes"):
+        return
+    s.settle()
+    for group, names in CHECKS:
+        why = (group is not joints and s.lost) or (yield from group(s))
+        yield from ((f"{name}: {why}", None) for name in names if name not in s.states)
+    steps, period = 1e3 * np.concatenate([np.diff(record["time"]) for record in s.records]), 1e3 * s.period
+    mean, worst = float(steps.mean()), float(np.abs(steps - period).max())
+    rate, off = 1e3 / mean if mean else np.inf, not 0.95 < mean / period < 1.05
+    yield f"clock: period {mean:.3f} ms, worst {worst:.3f} ms off", {
+        "the time stamp stands still or runs backwards": steps.min() < 0.0 or mean <= 0.0,
+        "time stamps in milliseconds": abs(mean / period - 1000.0) < 100.0,
+        f"the loop runs at {rate:.0f} Hz and not at the {1e3 / period:.0f} Hz that it states": off,
+        "time stamps jitter: those of the arrival, or samples are lost": worst >= 0.5 * period,
     }
-    optional = {"sole_wrench": (soles, 6), "joint_torque": (na,), "hand_wrenches": (hands, 6)}
-    wrong = []
-    for name, shape in (needed | optional).items():
-        value = getattr(m, name)
-        if value is None and name in optional:
+
+
+def _shapes(s: Session) -> Row:
+    measurement, wrong = s.measure(), []
+    for name, shape in s.shapes.items():
+        value = getattr(measurement, name)
+        if value is None and name in {"sole_wrench", "joint_torque", "hand_wrenches"}:
             continue
         array = np.asarray(value)
         if array.shape != shape:
@@ -107,25 +161,7 @@ def _check_shapes(session: Session, m: Measurement) -> bool:
             wrong.append(f"{name} is not made of floats")
         elif not (np.isfinite(array) | (name == "hand_wrenches" and np.isnan(array))).all():
             wrong.append(f"{name} is not finite")
-    return session.judge("shapes", wrong=wrong, found="; ".join(wrong) or f"{na} joints, {soles} soles")
-
-
-def _check_hold(session: Session) -> None:
-    """Holding half-sitting, a robot at half-sitting does not move."""
-    moved = float(np.abs(np.diff(session.rest.position, axis=0)).max())
-    session.judge("hold", moved=1e3 * moved, rate=float(np.median(np.abs(session.rest.velocity[-10:]))))
-
-
-def _check_clock(session: Session) -> None:
-    steps = np.concatenate([np.diff(record.time) for record in session.records])
-    period, mean = session.period, float(steps.mean())
-    session.judge(
-        "clock",
-        ratio=mean / period,
-        mean=1e3 * mean,
-        least=steps.min(),
-        worst=1e3 * float(np.abs(steps - period).max()),
-        period=1e3 * period,
-        rate=1.0 / mean if mean else np.inf,
-        stated=1.0 / period,
-    )
+    found = "; ".join(wrong) or f"{s.robot.na} joints, {len(s.robot.soles)} soles"
+    return f"shapes: {found}", {
+        "joints, soles or hands that the description has not or the machine has not; first tick fails": wrong,
+    }

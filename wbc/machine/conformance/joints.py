@@ -1,21 +1,18 @@
-"""Measurements of joints: order, signs, units, velocities, freshness, delay, torques and gains."""
+"""Checks of encoders and drives."""
+
+# A cause with its condition a line:
+# fmt: off
 
 from __future__ import annotations
-
-from collections.abc import Callable, Sequence
 
 import numpy as np
 import pinocchio as pin
 
 from wbc.core.errors import Array, InputError
-from wbc.machine.conformance.rules import UNIT
-from wbc.machine.conformance.session import Record, Session
+from wbc.machine.conformance.session import UNIT, Record, Row, Rows, Session, settled
 
-STEP = 0.02
-"""Motion of a joint, rad (or m times this)."""
-
-JOINT_TIME = 0.1
-"""Time of it, s."""
+STEP, TIME = 0.02, 0.1
+"""Motion of a joint, rad (or m times this), and its time, s."""
 
 PULSES = 4
 """Pulses of torque whose beginning is averaged."""
@@ -26,271 +23,241 @@ RISE = 0.0025
 HALF = 0.5
 """Share of the own gains that is commanded."""
 
-SEEN = 1e-3
-"""Change of a position or velocity from which on it counts, rad or rad/s."""
 
-
-class Joints:
-    """Checks of encoders and drives.
-
-    Attributes:
-        obey: True if most joints follow their references.
-    """
-
-    def __init__(self, session: Session, delay: float) -> None:
-        """Move each joint by a step and back.
-
-        Args:
-            session: The run.
-            delay: Delay that the loop is known to have, s.
-        """
-        self._session, self._delay, self.obey = session, delay, True
-        robot, na = session.robot, session.robot.na
-        # Change of each measured position (column) as a share of the step of each joint (row).
-        self._follows = np.zeros((na, na))
-        # Integral of each joint's velocity over its way, NaN without a way; lag behind its reference, s.
-        self._rates, self._delays = np.zeros(na), np.zeros(na)
-        self._stuck, answers = 0.0, 0  # share of samples that repeat the last one; joints that come back
-        before = session.rest.settled("position")
-        middle = 0.5 * (robot.position_lower + robot.position_upper)
-        for i in range(na):
-            step = np.zeros(na)
-            step[i] = STEP if not np.isfinite(middle[i]) or middle[i] >= session.reference[i] else -STEP
-            there, back = session.move(step, JOINT_TIME)
-            way = there.settled("position") - before
-            self._follows[i] = way / step[i]
-            velocity = there.velocity[:, i]
-            integral = 0.5 * float((velocity + np.append(0.0, velocity[:-1])).sum()) * session.period
-            travelled = float(there.position[-1, i] - before[i])
-            self._rates[i] = integral / travelled if abs(travelled) > 1e-4 else np.nan
-            same = (np.diff(there.position[: len(there.position) // 2], axis=0) == 0.0).all(axis=1)
-            self._stuck = max(self._stuck, float(same.mean()))
-            self._delays[i] = self._lag(there, i, step[i])
-            back_way, distance = there.settled("position") - back.settled("position"), float(way @ way)
-            answers += (
-                distance > (0.15 * STEP) ** 2 and 0.5 * distance < float(way @ back_way) < 2.0 * distance
-            )
-            before = back.settled("position")
-        self._answer_references = answers > 0.25 * na
-
-    def check_references(self) -> bool:
-        """Report drives that no position reference moves; return False then."""
-        session, robot = self._session, self._session.robot
-        if self._answer_references:
-            return True
-        chosen = session.free or list(range(robot.na))
-        tau, step = np.zeros(robot.na), np.zeros(robot.na)
-        tau[chosen], step[chosen] = 0.1 * session.push_limit[chosen], STEP
-        if self._sways(lambda sign: session.move(sign * step, JOINT_TIME)[0].position[:, chosen]):
-            return True
-        torques = self._sways(lambda sign: session.hold(0.04, torque=sign * tau).velocity[:, chosen])
-        found = "position references move no joint"
-        session.unknown(found, "hold")
-        session.judge(
-            "joint order",
-            state="torque alone" if torques else "dead",
-            found=found + (", torques do" if torques else ""),
-        )
-        return False
-
-    def _sways(self, push: Callable[[float], Array]) -> bool:
-        """Return True if a signal of most joints follows the sign of a push, wherever a robot that lies drifts.
-
-        Args:
-            push: Makes a push of a sign; returns the signal while it lasts, shape (ticks, joints).
-        """
-        changes = []
-        for sign in (1.0, -1.0, -1.0, 1.0) * (PULSES // 2):
-            self._session.hold(0.1)
-            signal = push(sign)
-            changes.append(sign * (signal[-1] - signal[0]))
-        apart = np.array(changes[::2]) + np.array(changes[1::2])
-        return bool(max(np.mean(apart > SEEN), np.mean(apart < -SEEN)) > 0.65)
-
-    def check_following(self) -> None:
-        """Judge who follows a step of each joint, which way, how far, how fast and how late."""
-        session, rates, na = self._session, self._rates, self._session.robot.na
-        own = self._follows.diagonal()
-        dead = [i for i in range(na) if abs(own[i]) < 0.15]
-        self.obey = len(dead) < na // 2
-        known = self._check_order(dead)
-        turned = [i for i in known if own[i] < 0.0]
-        found = f"reversed: {self._some(turned)}" if turned else "as in the model"
-        session.judge("joint sign", turned=turned, found=found)
-        # A joint of a leg that stands goes as far as the rest of the leg lets it.
-        held = set(range(na)) - set(session.free) if session.standing else set()
-        odd = [i for i in known if abs(own[i]) > 2.5 or (abs(own[i]) < 0.3 and i not in held)]
-        size = float(np.median(np.abs(own[known]))) if known else 0.0
-        session.judge("joint unit", size=size, odd=f"; odd: {self._some(odd)}" if odd else "")
-        if dead or not np.isfinite(rates).any():
-            session.unknown("the joints do not follow", "joint velocity")
-        else:
-            self._check_velocity(known)
-        session.judge("fresh", stuck=100.0 * self._stuck)
-        self._check_delay()
-
-    def _some(self, joints: Sequence[int]) -> str:
-        """Return the names of the first few joints."""
-        return ", ".join(self._session.robot.joint_names[i] for i in joints[:4])
-
-    def _check_order(self, dead: Sequence[int]) -> list[int]:
-        """Report joints that move another one, or none; return the others."""
-        names, size = self._session.robot.joint_names, np.abs(self._follows)
-        na, lead = len(names), size.argmax(axis=1)
-        swapped = [i for i in range(na) if lead[i] != i and size[i, lead[i]] > max(0.3, 2.0 * size[i, i])]
-        if swapped:
-            state, found = "swapped", ", ".join(f"{names[i]} moves {names[lead[i]]}" for i in swapped[:4])
-        elif dead:
-            state, found = "dead", f"{len(dead)} joints do not follow: {self._some(dead)}"
-        else:
-            state, found = "ok", f"{na} joints follow"
-        self._session.judge("joint order", state=state, found=found)
-        return [i for i in range(na) if i not in swapped and i not in dead]
-
-    def _check_velocity(self, known: Sequence[int]) -> None:
-        """Report velocities whose integral is not the way, by their ratio."""
-        rates = self._rates
-        ratio = float(np.median(rates[np.isfinite(rates)]))
+def joints(s: Session) -> Rows:
+    """Move each joint by a step and back: who follows, which way, how far, how fast and how late."""
+    na, names, position = s.robot.na, s.robot.joint_names, settled(s.rest["joint_position"])
+    middle = 0.5 * (s.robot.position_lower + s.robot.position_upper)
+    sizes = np.where(~np.isfinite(middle) | (middle >= s.reference), STEP, -STEP)
+    moves, backs = zip(*(s.move(step, TIME) for step in np.diag(sizes)), strict=True)
+    there, back = (np.array([settled(move["joint_position"]) for move in way]) for way in (moves, backs))
+    before = np.array([position, *back[:-1]])
+    ways = there - before
+    distance, returned = (ways * ways).sum(axis=1), (ways * (there - back)).sum(axis=1)
+    comes_back = (0.5 * distance < returned) & (returned < 2.0 * distance)
+    if np.mean((distance > (0.15 * STEP) ** 2) & comes_back) < 0.25:
+        found, alone = "position references move no joint", _torques_act(s)
+        yield f"hold: {found}", None
+        yield _order(found + (", torques do" if alone else ""), alone=alone)
+        return s.lost
+    moved = 1e3 * float(np.abs(np.diff(s.rest["joint_position"], axis=0)).max())
+    rate = float(np.median(np.abs(s.rest["joint_velocity"][-10:])))
+    jumps = moved >= 20.0 or rate >= 0.15
+    yield f"hold: {moved:.1f} mrad in a period, {rate:.3f} rad/s", {
+        "the robot was not at half-sitting, references reach other joints or have another unit or zero than the "
+        "encoders, or the drives are too soft to stand: it jumps when it is switched on": jumps,
+    }
+    # Change of each measured position (column) as a share of the step of each joint (row).
+    follows = ways / sizes[:, None]
+    own, size = follows.diagonal(), np.abs(follows)
+    lead, dead = size.argmax(axis=1), [i for i in range(na) if size[i, i] < 0.15]
+    swapped = [i for i in range(na) if lead[i] != i and size[i, lead[i]] > max(0.3, 2.0 * size[i, i])]
+    known = [i for i in range(na) if i not in swapped and i not in dead]
+    found = f"{len(dead)} joints do not follow: {s.some(dead)}" if dead else f"{na} joints follow"
+    if swapped:
+        found = ", ".join(f"{names[i]} moves {names[lead[i]]}" for i in swapped[:4])
+    yield _order(found, swapped=swapped, fine=not dead)
+    if len(dead) < na // 2:
+        s.lost = ""
+    turned = [i for i in known if own[i] < 0.0]
+    found = f"reversed: {s.some(turned)}" if turned else "as in the model"
+    yield f"joint sign: {found}", {
+        "axis the other way round than in the model: feedback drives the joint away, at once": turned,
+    }
+    # A joint of a leg that stands goes as far as the rest of the leg lets it.
+    lax = s.free if s.standing else known
+    odd = [i for i in known if size[i, i] > 2.5 or (size[i, i] < 0.3 and i in lax)]
+    share = float(np.median(np.abs(own[known]))) if known else 0.0
+    degrees, found = odd and abs(share / UNIT - 1.0) < 0.15, f"; odd: {s.some(odd)}" if odd else ""
+    yield f"joint unit: {share:.2f} of the step{found}", {
+        "positions in degrees: joints seem to be far away from where they are": degrees,
+        "positions in the motor's side of the gear, or another unit: joints seem to be far away from where "
+        "they are": odd,
+    }
+    # Integral of each joint's velocity over its way, where it has gone one.
+    integral = [
+        move["joint_velocity"][:, i].sum() - 0.5 * move["joint_velocity"][-1, i]
+        for i, move in enumerate(moves)
+    ]
+    travelled = np.array([move["joint_position"][-1, i] - before[i, i] for i, move in enumerate(moves)])
+    rates = s.period * np.array(integral) / np.where(np.abs(travelled) > 1e-4, travelled, np.nan)
+    if dead or np.isnan(rates).all():
+        yield "joint velocity: the joints do not follow", None
+    else:
+        ratio = float(np.nanmedian(rates))
         bad = [i for i in known if np.isfinite(rates[i]) and not 0.6 < rates[i] < 1.4]
-        what = (
-            "reversed sign"
-            if ratio < 0.0
-            else "zero or frozen"
-            if abs(ratio) < 0.05
-            else "degrees per second"
-            if abs(ratio / UNIT - 1.0) < 0.4
-            else "another unit than the positions"
-        )
-        few = f": {self._some(bad)}" if len(bad) < self._session.robot.na // 2 else ""
-        self._session.judge("joint velocity", bad=bad, ratio=ratio, what=what, few=few)
+        what = "degrees per second" if abs(ratio / UNIT - 1.0) < 0.4 else "another unit than the positions"
+        if ratio < 0.05:
+            what = "reversed sign" if ratio < -0.05 else "zero or frozen"
+        few = f": {s.some(bad)}" if len(bad) < na // 2 else ""
+        yield f"joint velocity: ∫q̇ dt is {ratio:.2f} of the way", {
+            f"velocities with {what}{few}: damping is weak, strong or negative, the joints buzz": bad,
+        }
+    moving = (move["joint_position"][: len(move["time"]) // 2] for move in moves)
+    stuck = 100.0 * max((np.diff(rows, axis=0) == 0.0).all(axis=1).mean() for rows in moving)
+    yield f"fresh: {stuck:.0f} % of moving samples repeat the last one", {
+        "sensors are read less often than the control period: velocities jump, damping is late": stuck >= 25.0,
+    }
+    yield _delay(s, sizes, moves)
+    if s.confused:
+        return s.confused
+    off = 1e3 * (position - s.reference)
+    worst = int(np.argmax(np.abs(off)))
+    outside = (position < s.robot.position_lower - 0.05) | (position > s.robot.position_upper + 0.05)
+    wrong = abs(off[worst]) >= 50.0 or outside.any()
+    yield f"joint zero: {names[worst]} {off[worst]:+.0f} mrad from half-sitting", {
+        "zero of an encoder elsewhere than in the model, or a robot that was not at half-sitting: it leans": wrong,
+    }
+    return ""
 
-    def _lag(self, there: Record, joint: int, step: float) -> float:
-        """Return the lag of a joint's motion behind its reference, s; NaN if it does not follow."""
-        moved = there.position[:, joint] - there.position[0, joint]
-        end = moved[-1]
-        if abs(end) < 0.3 * abs(step) or abs(end) > 3.0 * abs(step):
-            return float("nan")
-        # Areas between a curve and its end: their difference is the lag, whatever the shape.
-        session = self._session
-        return float((session.profile(JOINT_TIME) - moved / end).sum()) * session.period
 
-    def _check_delay(self) -> None:
-        """Judge the time after which a torque acts; without one that is seen, the lag behind the references."""
-        period, extra, delays = self._session.period, self._torque_delay(), self._delays
-        if not np.isfinite(delays).any():
-            self._session.unknown("the joints do not follow", "delay")
-            return
-        lag = float(np.nanmedian(delays))
-        time, more, torque = lag, 0.01, ""
-        if extra is not None:
-            time, more, torque = extra, max(1.01 * period, RISE), f", torque acts after {1e3 * extra:.1f} ms"
-        allowed = 1e3 * (self._delay + more)
-        self._session.judge("delay", lag=1e3 * lag, torque=torque, time=1e3 * time, allowed=allowed)
+def _order(found: str, *, alone: bool = False, swapped: object = False, fine: bool = False) -> Row:
+    return f"joint order: {found}", {
+        "joint_position is ignored, as by drives of torque alone, or the servos are far too soft: torque control "
+        "alone works; the others and these checks need kp (q_ref - q) + kd (q̇_ref - q̇) + τ": alone,
+        "joints in another order than `joint_names`: the wrong limb moves, the QP tears the robot apart": swapped,
+        "the command does not reach the drives, these are off or too soft, or the encoder is frozen": not fine,
+    }
 
-    def _torque_delay(self) -> float | None:
-        """Return the time after which a step of torque shows in the velocity, s; None if it does not show."""
-        session, free = self._session, self._session.free
-        if not free:
-            return None
-        tau = np.zeros(session.robot.na)
-        tau[free] = 0.1 * session.push_limit[free]
-        rests, pulses = [], []
-        for _ in range(PULSES):
-            rests.append(session.hold(0.15).velocity[:, free])  # what the last pulse left decays
-            pulses.append(session.hold(0.04, torque=tau).velocity[:, free] - rests[-1][-3:].mean(axis=0))
-        # Without sensor noise it is the decay that a response must exceed.
-        noise = np.maximum(np.mean([rest.std(axis=0) for rest in rests], axis=0), 1e-4)
-        session.hold(0.1)
-        seen = (np.mean(pulses, axis=0) / noise).clip(-20.0, 20.0).mean(axis=1)
-        late = np.flatnonzero(seen > max(4.0 / np.sqrt(PULSES * len(free)), 0.2 * float(seen.max())))
-        return float(late[0]) * session.period if late.size else None
 
-    def check_zeros(self) -> None:
-        """Compare the encoders with half-sitting."""
-        session, robot = self._session, self._session.robot
-        if session.confused:
-            session.unknown(session.confused, "joint zero")
-            return
-        position = session.rest.settled("position")
-        off = position - session.reference
-        worst = int(np.argmax(np.abs(off)))
-        outside = (position < robot.position_lower - 0.05) | (position > robot.position_upper + 0.05)
-        session.judge(
-            "joint zero", joint=robot.joint_names[worst], off=1e3 * off[worst], outside=outside.any()
-        )
+def _torques_act(s: Session) -> bool:
+    """Return True if most velocities follow the sign of a torque, wherever a robot that lies drifts."""
+    chosen, tau, changes = s.free or list(range(s.robot.na)), np.zeros(s.robot.na), []
+    tau[chosen] = 0.1 * s.push_limit[chosen]
+    for sign in (1.0, -1.0, -1.0, 1.0) * (PULSES // 2):
+        s.hold(0.1)
+        velocity = s.hold(0.04, joint_torque=sign * tau)["joint_velocity"][:, chosen]
+        changes.append(sign * (velocity[-1] - velocity[0]))
+    apart = np.add(changes[::2], changes[1::2])
+    return bool(max(np.mean(apart > 1e-3), np.mean(apart < -1e-3)) > 0.65)
 
-    def check_torques(self) -> None:
-        """Feed-forward, velocity reference and gains: kp Δq = τ, and kp Δq = kd q̇_ref, of joints that hang free."""
-        session, free, (kp, kd) = self._session, self._session.free, self._session.gains
-        why = "no joint beside the legs"
-        if free:
-            # Torques and velocity references that move free joints by 20 mrad.
-            tau, rate = np.zeros(len(kp)), np.zeros(len(kp))
-            tau[free] = np.clip(0.02 * kp[free], 0.0, 0.15 * session.push_limit[free])
-            rate[free] = np.clip(0.02 * kp[free] / np.maximum(kd[free], 1e-9), 0.0, 1.0)
-            self._push = tau, rate
-            pushed, dragged = self._own_answer = self._answer()
-            why = session.confused
-        if why:
-            session.unknown(why, "torque", "gains", "velocity reference", "measured torque")
-            return
-        with np.errstate(divide="ignore", invalid="ignore"):
-            share = float(np.nanmedian((pushed * kp / tau)[free]))
-            drag = float(np.nanmedian((dragged * kp / (kd * rate))[free]))
-        if session.judge("torque", share=share):
-            session.judge("gains", share=share, inverse=1.0 / share)
-        else:
-            session.unknown("no torque acts", "gains")
-        session.judge("velocity reference", drag=drag)
-        # At rest, joints that hang free report the weight that they carry.
-        robot, torque = session.robot, session.rest.settled("torque")
-        weight = pin.computeGeneralizedGravity(robot.model, robot.data, np.array(robot.half_sitting))[6:][
-            free
-        ]
-        if not np.isfinite(torque).all():
-            session.unknown("not measured", "measured torque")
-        elif float(np.abs(weight).max()) < 0.3:
-            session.unknown("no joint beside the legs carries weight", "measured torque")
-        else:
-            session.judge("measured torque", slope=float(weight @ torque[free] / (weight @ weight)))
 
-    def _answer(self, gains: tuple[Array, Array] | None = None) -> tuple[Array, Array]:
-        """Return how far the torque and the velocity reference move the joints, each of shape (na,), rad (or m)."""
-        (tau, rate), hold = self._push, self._session.hold
-        start = hold(0.1 if gains is None else 0.2, gains=gains).settled("position")
-        pushed = hold(0.25, torque=tau, gains=gains).settled("position") - start
-        middle = hold(0.2, gains=gains).settled("position")
-        dragged = hold(0.25, velocity=rate, gains=gains).settled("position") - middle
-        hold(0.2)
-        return pushed, dragged
+def _delay(s: Session, sizes: Array, moves: tuple[Record, ...]) -> Row:
+    """Judge the time after which a torque acts; without one that is seen, the lag behind the references."""
+    torque, lags = _torque_delay(s), []
+    for i, move in enumerate(moves):
+        moved = move["joint_position"][:, i] - move["joint_position"][0, i]
+        if 0.3 <= abs(moved[-1] / sizes[i]) <= 3.0:
+            # Areas between a curve and its end: their difference is the lag, whatever the shape.
+            lags.append(1e3 * s.period * (s.profile(TIME)[0] - moved / moved[-1]).sum())
+    if not lags:
+        return "delay: the joints do not follow", None
+    lag, stated = float(np.median(lags)), 1e3 * s.delay
+    if torque is None:
+        soft = f"about {lag:.0f} ms of delay or soft drives: oscillations of 5 to 15 Hz"
+        return f"delay: {lag:.1f} ms behind the references", {soft: lag > stated + 10.0}
+    late = torque > stated + 1e3 * max(1.01 * s.period, RISE)
+    return f"delay: {lag:.1f} ms behind the references, torque acts after {torque:.1f} ms", {
+        f"about {torque:.0f} ms of delay that were not stated: oscillations of 5 to 15 Hz, falls": late,
+    }
 
-    def check_commanded_gains(self) -> None:
-        """Send half the gains: a torque moves a joint twice as far, a velocity reference as far as before.
 
-        Free joints get half of the gains that their servos were found to have, the legs those of the description.
-        """
-        session, free = self._session, self._session.free
-        if not free or session.bad("torque", "gains"):
-            why = "own gains are not as they should" if free else "no joint beside the legs"
-            session.unknown(why, "commanded gains")
-            return
-        (kp, kd), (tau, rate), (pushed, dragged) = np.copy(session.gains), self._push, self._own_answer
-        strong = sorted(free, key=lambda i: float(tau[i]))[len(free) // 2 :]  # friction is least there
+def _torque_delay(s: Session) -> float | None:
+    """Return the time after which a step of torque shows in the velocity, ms; None if it does not show."""
+    if not s.free:
+        return None
+    tau, rests, pulses = np.zeros(s.robot.na), [], []
+    tau[s.free] = 0.1 * s.push_limit[s.free]
+    for _ in range(PULSES):
+        rests.append(s.hold(0.15)["joint_velocity"][:, s.free])  # what the last pulse left decays
+        pulse = s.hold(0.04, joint_torque=tau)["joint_velocity"][:, s.free]
+        pulses.append(pulse - rests[-1][-3:].mean(axis=0))
+    s.hold(0.1)
+    # Without sensor noise it is the decay that a response must exceed.
+    noise = np.maximum(np.mean([rest.std(axis=0) for rest in rests], axis=0), 1e-4)
+    seen = (np.mean(pulses, axis=0) / noise).clip(-20.0, 20.0).mean(axis=1)
+    late = np.flatnonzero(seen > max(4.0 / np.sqrt(PULSES * len(s.free)), 0.2 * float(seen.max())))
+    return 1e3 * float(late[0]) * s.period if late.size else None
 
-        def middle(values: Array, divisors: Array) -> float:
-            return float(np.median(values[strong] / divisors[strong]))
 
-        own_kp, own_kd, judged = middle(tau, pushed * kp), 1.0, ["kp"]
-        if not session.bad("velocity reference"):
-            own_kd, judged = own_kp * middle(dragged * kp, kd * rate), ["kp", "kd"]
-        kp[free] *= HALF * own_kp
-        kd[free] *= HALF * own_kd
-        try:
-            softly_pushed, softly_dragged = self._answer((kp, kd))
-        except (InputError, NotImplementedError) as error:
-            session.unknown(f"the loop takes none: {error}", "commanded gains")
-            return
-        stiffness = middle(pushed, softly_pushed)
-        shares = {"kp": stiffness, "kd": stiffness * middle(softly_dragged, dragged)}
-        bad = " and ".join(name for name in judged if not 0.1 < shares[name] < 0.8)
-        session.judge("commanded gains", bad=bad, **shares)
+def torques(s: Session) -> Rows:
+    """Feed-forward, velocity reference and gains: kp Δq = τ, and kp Δq = kd q̇_ref, of joints that hang free."""
+    free, robot, (kp, kd), (tau, rate) = s.free, s.robot, s.gains, np.zeros((2, s.robot.na))
+    if not free:
+        return "no joint beside the legs"
+    # Torques and velocity references that move free joints by 20 mrad.
+    tau[free] = np.clip(0.02 * kp[free], 0.0, 0.15 * s.push_limit[free])
+    rate[free] = np.clip(0.02 * kp[free] / np.maximum(kd[free], 1e-9), 0.0, 1.0)
+    s.push = tau, rate
+    pushed, dragged = s.answer = _answer(s)
+    if s.confused:
+        return s.confused
+    with np.errstate(divide="ignore", invalid="ignore"):
+        share = float(np.nanmedian((pushed * kp / tau)[free]))
+        drag = float(np.nanmedian((dragged * kp / (kd * rate))[free]))
+    yield f"torque: τ = kp Δq to {share:.2f}", {
+        "feed-forward torque with the reversed sign: it doubles the sag in place of removing it": share < -0.05,
+        "feed-forward torque is ignored: position drives sag, torque control does not exist": not share > 0.05,
+    }
+    if s.good("torque"):
+        other = not 0.5 < share < 2.0
+        yield f"gains: kp is {1.0 / share:.2f} of the description's", {
+            f"the drives have other gains than the description (kp about {1.0 / share:.2g} times as large), or "
+            "torque has another unit": other,
+        }
+    else:
+        yield "gains: no torque acts", None
+    late = not 0.4 < drag < 2.5
+    yield f"velocity reference: kd q̇_ref = kp Δq to {drag:.2f}", {
+        "velocity reference with the reversed sign": drag < -0.1,
+        "velocity references are ignored or damped with another gain: references are followed late": late,
+    }
+    torque = settled(s.rest["joint_torque"])[free]
+    if not np.isfinite(torque).all():
+        return "not measured"
+    # At rest, joints that hang free report the weight that they carry.
+    weight = pin.computeGeneralizedGravity(robot.model, robot.data, np.array(robot.half_sitting))[6:][free]
+    if np.abs(weight).max() < 0.3:
+        return "no joint beside the legs carries weight"
+    slope = float(weight @ torque / (weight @ weight))
+    turned, unit = slope < -0.2, not 0.5 < slope < 1.5
+    yield f"measured torque: {slope:.2f} of the weight that the joints carry", {
+        "measured torque with the reversed sign: it must be the drive's on the joint, not the load's": turned,
+        "measured torque in another unit: motor side of the gear, current, or fraction of the limit": unit,
+    }
+    return ""
+
+
+def _answer(s: Session, **gains: Array) -> tuple[Array, Array]:
+    """Return how far the torque and the velocity reference move the joints, each of shape (na,), rad (or m)."""
+    start = s.hold(0.2 if gains else 0.1, **gains)
+    pushed = s.hold(0.25, joint_torque=s.push[0], **gains)
+    middle = s.hold(0.2, **gains)
+    dragged = s.hold(0.25, joint_velocity=s.push[1], **gains)
+    s.hold(0.2)
+    places = [settled(record["joint_position"]) for record in (start, pushed, middle, dragged)]
+    return places[1] - places[0], places[3] - places[2]
+
+
+def commanded_gains(s: Session) -> Rows:
+    """Send half the gains: a torque moves a joint twice as far, a velocity reference as far as before.
+
+    Free joints get half of the gains that their servos were found to have, the legs those of the description.
+    """
+    free, (kp, kd) = s.free, np.copy(s.gains)
+    if not free or not s.good("torque", "gains"):
+        return "own gains are not as they should" if free else "no joint beside the legs"
+    (tau, rate), (pushed, dragged) = s.push, s.answer
+    strong = sorted(free, key=lambda i: float(tau[i]))[len(free) // 2 :]  # friction is least there
+
+    def middle(values: Array, divisors: Array) -> float:
+        return float(np.median(values[strong] / divisors[strong]))
+
+    own_kp, own_kd, judged = middle(tau, pushed * kp), 1.0, ["kp"]
+    if s.good("velocity reference"):
+        own_kd, judged = own_kp * middle(dragged * kp, kd * rate), ["kp", "kd"]
+    kp[free] *= HALF * own_kp
+    kd[free] *= HALF * own_kd
+    try:
+        softly_pushed, softly_dragged = _answer(s, kp=kp, kd=kd)
+    except (InputError, NotImplementedError) as error:
+        return f"the loop takes none: {error}"
+    stiffness = middle(pushed, softly_pushed)
+    shares = {"kp": stiffness, "kd": stiffness * middle(softly_dragged, dragged)}
+    bad = " and ".join(name for name in judged if not 0.1 < shares[name] < 0.8)
+    found = "kp acts with {kp:.2f}, kd with {kd:.2f} of the machine's own".format_map(shares)
+    yield f"commanded gains: commanded halves: {found}", {
+        f"{bad} of a command: without effect, or in another unit; robots fall in hybrid control, machines are "
+        "switched on and off with full stiffness": bad,
+    }
+    return ""
