@@ -21,8 +21,7 @@ from wbc.app.cli import main
 from wbc.core.errors import InputError, MeasurementError
 from wbc.feet import foot
 from wbc.machine import conformance
-from wbc.machine.conformance import ConformanceReport
-from wbc.machine.conformance import CHECKS
+from wbc.machine.conformance import CHECKS, ConformanceReport
 from wbc.sim import Machine, MujocoLoop, Plant, with_feet
 
 DESCRIPTION = wbc.load_robot("g1")
