@@ -12,11 +12,12 @@ from wbc.core.control import Mode
 from wbc.core.errors import Array
 from wbc.core.robot import GRAVITY
 from wbc.core.settings import NonNegative, settings
-from wbc.motion import MotionClip, MotionControl, first_configuration, tracking_settings
+from wbc.motion import MotionClip, MotionSource, tracking_settings
 from wbc.sim.plant.falls import PelvisLimits
 from wbc.sim.trial.loop import Trial, TrialHook, TrialTick
 from wbc.sim.trial.result import TrialResult
 from wbc.sim.trial.spec import TrialSpec
+from wbc.walking.control import WalkingControl
 from wbc.walking.falls import FallReason
 
 LOADED = 0.05
@@ -77,9 +78,10 @@ class TrackTrial(Trial):
     Attributes:
         spec: The simulation.
         walking: The controller.
+        source: Its references.
     """
 
-    walking: MotionControl
+    walking: WalkingControl
 
     @checked
     def __init__(self, clip: MotionClip, spec: TrackSpec | None = None) -> None:
@@ -95,12 +97,15 @@ class TrackTrial(Trial):
         """
         self.spec = spec = spec or TrackSpec()
         robot, plant, observer = spec.build()
-        q = first_configuration(robot, clip)
+        q = clip.configurations(robot)[0]
+        robot.update(q, np.zeros(robot.nv))
+        q[2] -= min(robot.placement(sole.frame).translation[2] for sole in robot.soles)
         plant.reset(plant.on_ground(q))
         observer.reset(q)
         robot.update(q, np.zeros(robot.nv))
         settings = replace(tracking_settings(), mode=spec.chosen)
-        control = MotionControl(robot, clip, spec.period, settings, observer=observer)
+        self.source = MotionSource(robot, clip, spec.period)
+        control = WalkingControl(robot, self.source, spec.period, settings, observer=observer)
         limits = control.falls.settings
         super().__init__(plant, control, PelvisLimits(-limits.drop, limits.tilt))
         self._errors = _TrackMeter(robot.mass * GRAVITY)
@@ -109,16 +114,16 @@ class TrackTrial(Trial):
     @property
     def given(self) -> int:
         """Number of the frame of the clip that the robot should be at."""
-        return min(self.walking.source.tick + 1, len(self.walking.source.motion) - 1)
+        return min(self.source.tick + 1, len(self.source.motion) - 1)
 
     def true_fall(self) -> FallReason | None:
         """Return why the robot is not where the clip has it; None if it is."""
-        q = self.walking.source.configurations[self.given]
+        q = self.source.configurations[self.given]
         return self._falls.reason(self.plant.truth().q, q[2], _vertical(q[3:7]))
 
     def simulate(self) -> None:
         """See `Trial`."""
-        self.advance((len(self.walking.source.motion) - 1) * self.spec.period + self.spec.after)
+        self.advance((len(self.source.motion) - 1) * self.spec.period + self.spec.after)
 
     def result(self) -> TrackResult:
         """Return how well the clip was tracked."""
@@ -127,13 +132,13 @@ class TrackTrial(Trial):
         each = np.sqrt((joints**2).mean(axis=0))
         worst = int(each.argmax())
         return TrackResult(
-            motion=control.source.clip.name,
+            motion=self.source.clip.name,
             robot=spec.robot,
             seed=spec.seed,
             mode=control.settings.mode,
             completed=not self.fallen and control.finished,
             seconds=self.plant.time,
-            clip_seconds=control.source.clip.duration,
+            clip_seconds=self.source.clip.duration,
             fall=None if self.fall is None else self.fall.value,
             joint_rms_deg=float(np.sqrt((joints**2).mean())),
             worst_joint=self.plant.robot.joint_names[worst],
@@ -141,7 +146,7 @@ class TrackTrial(Trial):
             largest_deg=float(abs(joints).max()),
             com_rms_mm=1e3 * float(np.sqrt((np.array(errors.com) ** 2).sum(axis=1).mean())),
             foot_slide_mm=1e3 * errors.slide,
-            landings=control.source.landings,
+            landings=self.source.landings,
             failures=control.control.failures,
             tick_us=self.tick_us(),
         )
@@ -170,7 +175,7 @@ class _TrackMeter(TrialHook):
 
     def after(self, trial: TrackTrial) -> None:
         """See `TrialHook`."""
-        plant, source, i = trial.plant, trial.walking.source, trial.given
+        plant, source, i = trial.plant, trial.source, trial.given
         truth = plant.truth()
         felt = truth.sole_wrench if self._felt is None else self._felt
         self.joints.append(truth.q[7:] - source.configurations[i, 7:])

@@ -17,6 +17,16 @@ def test_hull_is_that_of_another_library() -> None:
         start = int(np.argmin(np.linalg.norm(theirs - ours[0], axis=1)))
         np.testing.assert_allclose(ours, np.roll(theirs, -start, axis=0), atol=1e-12)
     assert len(convex_hull([[0, 0], [1, 0], [0.5, 0.0], [1, 1], [0, 1]])) == 4
+    rounded = [
+        [1e-17, 0.5],
+        [2e-17, 0],
+        [2e-17, 1],
+        [1, 0],
+        [1, 1],
+    ]  # an edge that is vertical but for rounding
+    np.testing.assert_allclose(
+        sorted(convex_hull(rounded).round(9).tolist()), [[0, 0], [0, 1], [1, 0], [1, 1]]
+    )
 
 
 def test_hull_and_area() -> None:

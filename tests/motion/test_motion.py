@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -16,21 +15,13 @@ from wbc.app.cli import main
 from wbc.core.errors import InputError, UnknownNameError
 from wbc.core.qp.contact import mean_distance
 from wbc.core.robot import GRAVITY, Robot
-from wbc.motion import (
-    FilterSettings,
-    MotionClip,
-    check_motion,
-    make_feasible,
-    make_motion,
-    read_motion,
-    write_motion,
-)
+from wbc.motion import MotionClip, check_motion, make_feasible, make_motion, read_motion, write_motion
 from wbc.motion.contacts import find_contacts, runs
 from wbc.motion.feasible import centre_of_mass_shift
 from wbc.motion.footsteps import footsteps
 from wbc.motion.generator import MOTIONS
-from wbc.motion.kinematics import BodyMotion, load_shares, second_difference, sole_corners
-from wbc.motion.measures import ZMP_SLACK, Support
+from wbc.motion.kinematics import BodyMotion, corners_of, second_difference
+from wbc.motion.measures import ZMP_SLACK, nearest_inside
 from wbc.walking.planning.reach import Reach
 
 
@@ -64,56 +55,60 @@ def test_a_clip_is_read_back_as_it_was_written(arms: MotionClip, tmp_path: Path,
     np.testing.assert_allclose(again.base, arms.base, atol=1e-8)
 
 
-def as_unitree(clip: MotionClip, path: Path) -> None:
-    np.savetxt(path, np.hstack([clip.base, clip.joints]), delimiter=",", fmt="%.12g")
+def qpos(clip: MotionClip) -> np.ndarray:
+    return np.hstack([clip.base[:, :3], clip.base[:, [6, 3, 4, 5]], clip.joints])
 
 
-def as_beyondmimic(clip: MotionClip, path: Path) -> None:
-    wxyz = clip.base[:, [6, 3, 4, 5]]
-    np.savez(
-        path,
-        fps=[clip.rate],
-        joint_pos=clip.joints,
-        body_pos_w=clip.base[:, None, :3],
-        body_quat_w=wxyz[:, None],
-    )
+FORMATS = {
+    "unitree.csv": (lambda clip: np.hstack([clip.base, clip.joints]), ("rate", "joints")),
+    "beyondmimic.npz": (
+        lambda clip: {
+            "fps": [clip.rate],
+            "joint_pos": clip.joints,
+            "body_pos_w": clip.base[:, None, :3],
+            "body_quat_w": clip.base[:, None, [6, 3, 4, 5]],
+        },
+        ("joints",),
+    ),
+    "mujoco.npz": (
+        lambda clip: {
+            "fps": [clip.rate],
+            "joint_pos": qpos(clip),
+            "joint_names": np.array(clip.joint_names),
+        },
+        (),
+    ),
+    "gmr.npz": (
+        lambda clip: {
+            "fps": clip.rate,
+            "root_pos": clip.base[:, :3],
+            "root_rot": clip.base[:, 3:],
+            "dof_pos": clip.joints,
+        },
+        ("joints",),
+    ),
+}
 
 
-def as_mujoco(clip: MotionClip, path: Path) -> None:
-    qpos = np.hstack([clip.base[:, :3], clip.base[:, [6, 3, 4, 5]], clip.joints])
-    np.savez(path, fps=[clip.rate], joint_pos=qpos, joint_names=np.array(clip.joint_names))
-
-
-def as_gmr(clip: MotionClip, path: Path) -> None:
-    np.savez(path, fps=clip.rate, root_pos=clip.base[:, :3], root_rot=clip.base[:, 3:], dof_pos=clip.joints)
-
-
-@pytest.mark.parametrize(
-    ("write", "ending", "given"),
-    [
-        (as_unitree, ".csv", ("rate", "joints")),
-        (as_beyondmimic, ".npz", ("joints",)),
-        (as_mujoco, ".npz", ()),
-        (as_gmr, ".npz", ("joints",)),
-    ],
-)
-def test_formats_of_the_field_become_the_same_clip(
-    arms: MotionClip,
-    tmp_path: Path,
-    write: Callable[[MotionClip, Path], None],
-    ending: str,
-    given: tuple[str, ...],
-) -> None:
-    """A rate or joint names that a file does not hold have to be given, and are never guessed."""
-    path = tmp_path / f"clip{ending}"
-    write(arms, path)
+@pytest.mark.parametrize("name", FORMATS)
+def test_formats_of_the_field_become_the_same_clip(arms: MotionClip, tmp_path: Path, name: str) -> None:
+    """A rate or joint names that a file does not hold have to be given, are never guessed, and contradict no file."""
+    content, given = FORMATS[name][0](arms), FORMATS[name][1]
+    if isinstance(content, dict):
+        np.savez(tmp_path / name, **content)
+    else:
+        np.savetxt(tmp_path / name, content, delimiter=",", fmt="%.12g")
     options = {"rate": arms.rate, "joints": arms.joint_names}
-    again = read_motion(path, **{name: options[name] for name in given})  # type: ignore[arg-type]
+    again = read_motion(tmp_path / name, **{key: options[key] for key in given})  # type: ignore[arg-type]
+    assert again.rate == arms.rate and again.joint_names == arms.joint_names
     np.testing.assert_allclose(again.base, arms.base, atol=1e-9)
     np.testing.assert_allclose(again.joints, arms.joints, atol=1e-9)
-    for name in given:
-        with pytest.raises(InputError, match="does not say its rate|does not name"):
-            read_motion(path, **{other: options[other] for other in given if other != name})  # type: ignore[arg-type]
+    for key in given:
+        with pytest.raises(InputError, match="does not say its (rate|joint names)"):
+            read_motion(tmp_path / name, **{other: options[other] for other in given if other != key})  # type: ignore[arg-type]
+    if "rate" not in given:
+        with pytest.raises(InputError, match="the file says another rate.*: 100.0, not 50"):
+            read_motion(tmp_path / name, rate=50.0, joints=arms.joint_names)
 
 
 BEYONDMIMIC = {
@@ -132,12 +127,11 @@ GMR = {"fps": 30, "root_pos": np.zeros((5, 3)), "root_rot": np.ones((5, 4)), "do
             BEYONDMIMIC | {"joint_pos": np.zeros(5)},
             r"joints of a motion must have shape \(5, 2\), got \(5,\)",
         ),
-        (BEYONDMIMIC | {"body_pos_w": np.zeros((5, 3))}, r"shapes \(T, 3\) and \(T, 4\), got \(5,\) and"),
         (
             BEYONDMIMIC | {"body_names": np.array(["world"])},
             "clip.npz is not a motion: index 1 is out of bounds",
         ),
-        (GMR | {"root_rot": np.ones((6, 4))}, r"shapes \(T, 3\) and \(T, 4\), got \(5, 3\) and \(6, 4\)"),
+        (GMR | {"root_rot": np.ones((6, 4))}, "clip.npz is not a motion: all the input array dimensions"),
         (GMR | {"fps": "fast"}, "clip.npz is not a motion: could not convert string to float: 'fast'"),
         (GMR | {"fps": 0.0}, r"clip.npz: rate of a motion \(Hz\) must lie in"),
         ({name: GMR[name] for name in ("fps", "dof_pos")}, "clip.npz has no 'root_pos'"),
@@ -210,7 +204,7 @@ def test_bad_clips_are_refused_with_value_and_rule(g1: Robot, arms: MotionClip, 
             clip(**changes)
     numbers = clip(standing=np.tile([1, 0], (len(arms), 1))).standing  # as a file may have them
     assert numbers is not None and numbers.dtype == bool
-    with pytest.raises(UnknownNameError, match="no joint of 'talos'"):
+    with pytest.raises(UnknownNameError, match="no joint 'left_hip_pitch_joint'"):
         arms.configurations(load_robot("talos").robot())
     with pytest.raises(InputError, match=r"at most 10000 s at 100 Hz, got 19999 s"):
         make_feasible(g1, MotionClip.of(g1, np.tile(g1.half_sitting, (20_000, 1)), 1.0))
@@ -240,14 +234,15 @@ def test_the_zmp_is_the_point_without_horizontal_moment(g1: Robot) -> None:
     world = data.oMi[1].act(pin.Force(wrench[:3], wrench[3:]))
     place = np.array([-world.angular[1], world.angular[0]]) / world.linear[2]
     np.testing.assert_allclose(motion.zmp()[frame], place, atol=1e-4)
+    raised = BodyMotion.of(g1, q + 0.4 * np.eye(g1.nq)[2], rate)
+    np.testing.assert_allclose(raised.zmp(0.4), motion.zmp(), atol=1e-9)
 
 
-def test_support_projects_onto_the_nearest_point() -> None:
-    square = Support(np.array([(0.1, 0.1), (0.9, 0.1), (0.9, 0.9), (0.1, 0.9)]))
-    for point, nearest in (((2.0, 0.5), (0.9, 0.5)), ((2.0, 2.0), (0.9, 0.9)), ((0.5, 0.6), (0.5, 0.6))):
-        np.testing.assert_allclose(square.project(np.array(point)), nearest, atol=1e-6)
-    assert square.outside(np.array([1.4, 0.5])) == pytest.approx(0.5)
-    assert square.outside(np.array([0.5, 0.5])) == pytest.approx(-0.4)
+def test_the_nearest_point_of_a_support() -> None:
+    square = np.array([(0.1, 0.1), (0.9, 0.1), (0.9, 0.9), (0.1, 0.9)])
+    points = np.array([(2.0, 0.5), (2.0, 2.0), (0.5, 0.6), (0.4, -1.0)])
+    nearest = nearest_inside([square] * 4, points)
+    np.testing.assert_allclose(nearest, [(0.9, 0.5), (0.9, 0.9), (0.5, 0.6), (0.4, 0.1)], atol=1e-12)
 
 
 def test_the_shift_of_the_centre_of_mass_shifts_the_zmp_by_what_was_asked_for() -> None:
@@ -269,11 +264,11 @@ def test_the_friction_that_soles_need_is_that_of_the_forces_and_of_the_yaw_momen
     turning = replace(still, momentum=np.outer(t, (0.0, 0.0, 3.0)))  # 3 Nm
     for standing, lever in (
         (left, distance),
-        (both, np.hypot(0.5 * np.linalg.norm(np.diff(still.sole_positions[0], axis=0)), distance)),
+        (both, np.hypot(0.5 * np.linalg.norm(np.diff(still.centres[0], axis=0)), distance)),
     ):
         needed = turning.friction(g1, standing)[middle]
         np.testing.assert_allclose(needed, 3.0 / (weight * lever), rtol=0.02)
-    above = still.com + (still.sole_positions[0, 0] - still.com[0]) * (1.0, 1.0, 0.0)
+    above = still.com + (still.centres[0, 0] - still.com[0]) * (1.0, 1.0, 0.0)
     pushed = replace(still, com=above + np.outer(0.5 * 0.2 * t**2, (1.0, 0.0, 0.0)))  # 0.2 m/s²
     np.testing.assert_allclose(pushed.friction(g1, left)[middle], 0.2 / GRAVITY, rtol=0.02)
 
@@ -299,19 +294,12 @@ def test_contacts_are_found_and_flight_is_refused_with_its_time(g1: Robot) -> No
 
 def test_a_contact_of_two_frames_at_two_heights_is_found_in_a_clip_of_few_frames(g1: Robot) -> None:
     """A foot that is down in one frame and rolls over its toe in the next: the median is in neither."""
-    motion = BodyMotion.of(g1, np.tile(g1.half_sitting, (12, 1)), 10.0)
-    corners, places = motion.corners.copy(), motion.sole_positions.copy()
-    for part in (corners[:, 0], places[:, 0]):
-        part[..., 2] += 0.2
-        part[5, ..., 2] -= 0.2
-    corners[6, 0, :, 2], places[6, 0, 2] = (0.02, 0.02, 0.042, 0.042), 0.031
-    slow = replace(motion, corners=corners, sole_positions=places)
-    speeds = np.zeros((12, 2))
-    speeds[:, 0] = 1.0
-    speeds[5:7, 0] = 0.1, 0.3
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(BodyMotion, "sole_speed", lambda self: speeds)
-        _, standing = find_contacts(slow)
+    motion = BodyMotion.of(g1, np.tile(g1.half_sitting, (12, 1)), 1.0)
+    corners = motion.corners.copy()
+    corners[:, 0, :, 2] += 0.2
+    corners[5, 0, :, 2] = 0.0
+    corners[6, 0, :, 2] = 0.02, 0.02, 0.042, 0.042
+    _, standing = find_contacts(replace(motion, corners=corners))
     assert standing[:, 0].tolist() == [frame in (5, 6) for frame in range(12)] and standing[:, 1].all()
 
 
@@ -320,48 +308,43 @@ def test_steps_out_of_reach_are_shortened_and_the_body_comes_along(
 ) -> None:
     """A step of 0.6 m becomes one that the walk's planner allows; steps within reach stay."""
     motion, standing = stepping
-    same, body, shortened = footsteps(g1, motion, standing, 0.1)
-    assert body is None and shortened == 0.0
+    same, body, shortened = footsteps(g1, motion, standing)
+    assert shortened == 0.0 and all(move.isApprox(pin.SE3.Identity(), 1e-12) for move in body)
     first = runs(standing[:, 1])[1][0]  # where the right foot lands first
-    far = motion.sole_positions.copy()
-    far[first:, 1, 0] += 0.6
-    moved, body, shortened = footsteps(g1, replace(motion, sole_positions=far), standing, 0.1)
+    away = pin.SE3(np.eye(3), np.array([0.6, 0.0, 0.0]))
+    far = [(left, away * right if i >= first else right) for i, (left, right) in enumerate(motion.soles)]
+    moved, body, shortened = footsteps(g1, replace(motion, soles=far), standing)
     step = moved[first][0].actInv(moved[first][1])
     longest = Reach.of(g1, float(np.median(motion.com[standing.sum(axis=1) == 1, 2]))).max_length
     assert step.translation[0] == pytest.approx(longest, abs=1e-3)
     assert shortened == pytest.approx(
         0.6 + same[first][0].actInv(same[first][1]).translation[0] - longest, abs=2e-3
     )
-    assert body is not None
     np.testing.assert_allclose(body[0].homogeneous, np.eye(4), atol=1e-12)
     assert body[-1].translation[0] < -0.2
-    for side, sole in enumerate(sole_corners(g1)):
-        heights = [(sole @ pair[side].rotation[2]).min() + pair[side].translation[2] for pair in moved]
-        assert min(heights) > -1e-9
+    assert corners_of(g1, moved)[..., 2].min() > -1e-9
 
 
 @pytest.mark.slow
 def test_arms_that_ask_for_more_yaw_moment_than_the_soles_hold_are_slowed_down(g1: Robot) -> None:
     clip = make_motion(g1, "dance", 6)
-    loose = make_feasible(g1, clip, FilterSettings(friction=9.0))
-    kept = make_feasible(g1, clip)
+    loose, kept = make_feasible(g1, clip, friction=9.0), make_feasible(g1, clip)
     assert loose.after.friction > 0.8 and loose.stretched < 1.2
-    assert kept.after.feasible and kept.after.friction < 1.05 * FilterSettings().friction
+    assert kept.after.feasible and kept.after.friction < 1.05 * 0.5
     assert kept.stretched > 1.2 * loose.stretched
 
 
 @pytest.mark.slow
 def test_both_soles_stay_loaded_where_no_step_is_near(g1: Robot) -> None:
     """The ZMP keeps to the middle 60 % of each sole, moved inward by the least load."""
-    clip, shares = make_motion(g1, "dance", 4), []
-    for least in (0.0, 0.15):
-        result = make_feasible(g1, clip, FilterSettings(least_load=least, friction=9.0))
-        motion = BodyMotion.of(g1, result.clip.configurations(g1), result.clip.rate)
-        load = load_shares(motion.sole_positions[..., :2], motion.zmp(), result.clip.standing)
-        shares.append(float(np.percentile(load.min(axis=1), 2.0)))
-    spacing = float(np.linalg.norm(np.diff(motion.sole_positions[0], axis=0)))
+    clip = make_feasible(g1, make_motion(g1, "dance", 4), friction=9.0).clip
+    motion = BodyMotion.of(g1, clip.configurations(g1), clip.rate)
+    left, right = motion.centres[0, :, :2]
+    load = (motion.zmp() - right) @ (left - right) / ((left - right) @ (left - right))
+    spacing = float(np.linalg.norm(left - right))
     edge = 0.15 - 0.6 * 0.5 * g1.soles[0].width / spacing
-    assert shares[0] < 0.03 and shares[1] > edge - ZMP_SLACK / spacing
+    least = np.percentile(np.minimum(load, 1.0 - load), 2.0)
+    assert edge - ZMP_SLACK / spacing < least < edge + 0.05, "it goes to the edge and not beyond"
 
 
 @pytest.mark.parametrize(
@@ -387,7 +370,7 @@ def test_motions_become_feasible(g1: Robot, name: str) -> None:
 def test_a_feasible_motion_hardly_changes(g1: Robot) -> None:
     first = make_feasible(g1, make_motion(g1, "squat", 2))
     again = make_feasible(g1, first.clip)
-    assert again.com_shift < 1e-3 and max(again.largest.values()) < np.radians(0.5)
+    assert again.com_shift < 1e-3 and max(again.changes.values()) < np.radians(0.5)
     one = BodyMotion.of(
         g1,
         first.clip.sampled(again.source_times.clip(0, first.clip.duration), 100.0).configurations(g1),
@@ -408,7 +391,7 @@ def test_feet_leave_and_reach_their_places_from_above(
 ) -> None:
     """A foot that drags or glides along the ground lands early, and beside its place."""
     motion, standing = stepping
-    (steps, *_), corners = footsteps(g1, motion, standing, 0.1), sole_corners(g1)[1]
+    steps, *_ = footsteps(g1, motion, standing)
     _, lift_off = runs(standing[:, 1])[0]
     landing, _ = runs(standing[:, 1])[1]
     path = [pair[1] for pair in steps[lift_off - 1 : landing + 1]]
@@ -418,8 +401,8 @@ def test_feet_leave_and_reach_their_places_from_above(
     ]:  # 0.03 s after lift-off, and before landing
         np.testing.assert_allclose(sole.translation[:2], place.translation[:2], atol=1e-9)
         assert 1e-3 < sole.translation[2] < 0.02
-    lowest = [float((corners @ sole.rotation[2]).min()) + sole.translation[2] for sole in path]
-    assert min(lowest) > -1e-9 and min(lowest[6:-6]) > 0.01 - 1e-9
+    lowest = corners_of(g1, steps[lift_off - 1 : landing + 1])[:, 1, :, 2].min(axis=1)
+    assert lowest.min() > -1e-9 and lowest[6:-6].min() > 0.01 - 1e-9
 
 
 def test_limits_are_kept_that_a_clip_exceeds(g1: Robot, arms: MotionClip) -> None:
@@ -429,8 +412,8 @@ def test_limits_are_kept_that_a_clip_exceeds(g1: Robot, arms: MotionClip) -> Non
     wild = replace(arms, joints=joints)
     assert check_motion(g1, wild).joint_excess.keys() == {"left_elbow_joint"}
     result = make_feasible(g1, wild)
-    assert not result.after.joint_excess and result.largest["left_elbow_joint"] > 0.5
-    assert max(result.largest, key=lambda joint: result.largest[joint]) == "left_elbow_joint"
+    assert not result.after.joint_excess and result.changes["left_elbow_joint"] > 0.5
+    assert max(result.changes, key=lambda joint: result.changes[joint]) == "left_elbow_joint"
 
 
 def test_arms_that_are_too_heavy_are_drawn_in_and_nothing_is_slowed_down_for_them() -> None:
@@ -443,20 +426,21 @@ def test_arms_that_are_too_heavy_are_drawn_in_and_nothing_is_slowed_down_for_the
     result = make_feasible(talos, clip)
     assert max(check_motion(talos, clip).joint_torque.values()) > 1.1
     assert result.after.feasible and result.stretched < 1.5
-    assert result.largest["arm_left_2_joint"] > 0.3
-    assert not any(name.startswith("arm_right") for name in result.largest)
+    assert result.changes["arm_left_2_joint"] > 0.3
+    assert not any(name.startswith("arm_right") for name in result.changes)
     middle = result.clip.configurations(talos)[len(result.clip) // 2]
     torque = pin.computeGeneralizedGravity(talos.model, talos.model.createData(), middle)[6:]
     share = abs(torque / talos.torque_limit)[talos.joints_between("arm_left_7_link", talos.torso_frame)].max()
     assert share == pytest.approx(0.8, rel=0.02)
 
 
-@pytest.mark.slow
-def test_a_motion_that_is_too_fast_takes_longer(g1: Robot, arms: MotionClip) -> None:
-    fast = replace(arms, rate=40.0 * arms.rate)
-    assert check_motion(g1, fast).joint_speed
-    result = make_feasible(g1, fast, FilterSettings(cutoff=50.0))
-    assert not result.after.joint_speed and result.stretched > 1.2
+def test_a_motion_that_is_too_fast_takes_longer() -> None:
+    hrp4 = load_robot("hrp4_class").robot()
+    dance = make_motion(hrp4, "dance")
+    short = dance.sampled(dance.times[:200], 100.0)
+    assert check_motion(hrp4, short).joint_speed
+    result = make_feasible(hrp4, short)
+    assert not result.after.joint_speed and result.after.feasible and result.stretched > 1.5
 
 
 def test_commands_make_check_and_filter_a_clip(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -472,13 +456,3 @@ def test_commands_make_check_and_filter_a_clip(tmp_path: Path, capsys: pytest.Ca
     assert main(["motion", "filter", clip, "-o", clip]) == 2
     assert main(["motion", "make", "moonwalk", "-o", clip]) == 2
     assert "no motion 'moonwalk'" in capsys.readouterr().err
-
-
-def test_the_zmp_is_on_the_ground_wherever_that_is(g1: Robot) -> None:
-    t = np.arange(200)[:, None] / 100.0
-    q = np.tile(g1.half_sitting, (200, 1))
-    q[:, :1] += 0.03 * np.sin(5.0 * t)
-    raised = q + 0.4 * np.eye(g1.nq)[2]
-    np.testing.assert_allclose(
-        BodyMotion.of(g1, raised, 100.0).zmp(0.4), BodyMotion.of(g1, q, 100.0).zmp(), atol=1e-9
-    )

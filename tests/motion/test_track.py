@@ -18,17 +18,17 @@ from wbc.core.errors import InputError, UnknownNameError
 from wbc.core.robot import GRAVITY, Robot
 from wbc.motion import (
     MotionClip,
-    MotionControl,
+    MotionSource,
     check_motion,
-    first_configuration,
     make_feasible,
     make_motion,
+    tracking_settings,
     write_motion,
 )
 from wbc.motion.inverse_kinematics import InverseKinematics
-from wbc.motion.reference import clip_references, placed, splines
+from wbc.motion.source import clip_references, placed, splines
 from wbc.sim import Machine, TrackSpec, track_motion
-from wbc.walking import FootstepPlan, Reference
+from wbc.walking import FootstepPlan, Reference, WalkingControl
 
 DT = 0.005
 SIDES = ("left", "right")
@@ -81,7 +81,7 @@ def test_the_pendulum_has_the_zmp_of_the_whole_body(references: tuple[Reference,
 
 
 def test_a_clip_is_put_where_the_robot_stands(g1: Robot, steps: MotionClip) -> None:
-    q = first_configuration(g1, steps)
+    q = steps.configurations(g1)[0]
     data = g1.model.createData()
     pin.framesForwardKinematics(g1.model, data, q)
     move = pin.SE3(pin.utils.rotate("z", 1.0), np.array([3.0, -2.0, 0.1]))
@@ -100,23 +100,23 @@ def test_bad_clips_are_refused_before_anything_moves(g1: Robot, steps: MotionCli
     bent[7 + g1.joint_names.index("left_elbow_joint")] += 0.5
     g1.update(bent, np.zeros(g1.nv))
     with pytest.raises(InputError, match="must stand as the clip begins.*'left_elbow_joint'"):
-        MotionControl(g1, steps, DT)
-    g1.update(first_configuration(g1, steps), np.zeros(g1.nv))
+        MotionSource(g1, steps, DT)
+    g1.update(steps.configurations(g1)[0], np.zeros(g1.nv))
     jump = steps.base.copy()
     jump[300:360, 2] += 0.2
     with pytest.raises(InputError, match=r"no sole stands from (2\.9|3\.0)"):
-        MotionControl(g1, replace(steps, base=jump, standing=None), DT)
-    with pytest.raises(UnknownNameError, match="no joint of 'talos'"):
+        MotionSource(g1, replace(steps, base=jump, standing=None), DT)
+    with pytest.raises(UnknownNameError, match="no joint 'left_hip_pitch_joint'"):
         track_motion(steps, TrackSpec(robot="talos"))
-    MotionControl(g1, steps, DT)
+    MotionSource(g1, steps, DT)
 
 
 def test_a_robot_that_tracks_a_clip_says_that_it_cannot_be_steered(g1: Robot) -> None:
     """Commands that nothing carries out are refused, and a page offers none."""
     clip = MotionClip.of(g1, np.tile(g1.half_sitting, (20, 1)), 100.0)
     robot = load_robot("g1").robot()
-    robot.update(first_configuration(robot, clip), np.zeros(robot.nv))
-    control = MotionControl(robot, clip, DT)
+    robot.update(clip.configurations(robot)[0], np.zeros(robot.nv))
+    control = WalkingControl(robot, MotionSource(robot, clip, DT), DT, tracking_settings())
     for order in (
         lambda: setattr(control, "velocity", (0.1, 0.0, 0.0)),
         lambda: control.go_to(1.0, 0.0, 0.0),
@@ -136,7 +136,7 @@ def test_the_command_refuses_what_cannot_be_tracked(
     np.savetxt(tmp_path / "bare.csv", np.hstack([steps.base, steps.joints]), delimiter=",")
     joints = [word for name in steps.joint_names for word in ("--joint", name)]
     for words, message in (
-        (["clip.npz", "--robot", "talos"], "no joint of 'talos'"),
+        (["clip.npz", "--robot", "talos"], "no joint 'left_hip_pitch_joint'"),
         (["clip.npz", "--noise", "loud"], "noise"),
         (["bare.csv", *joints], "does not say its rate"),
     ):
@@ -170,9 +170,9 @@ def bow(robot: Robot, angle: float) -> MotionClip:
     left, right = (data.oMf[robot.frame_id(sole.frame)].copy() for sole in robot.soles[:2])
     q[3:7] = pin.Quaternion(pin.utils.rotate("y", angle) @ pin.Quaternion(q[3:7]).matrix()).coeffs()
     lower = com[None] - [0.0, 0.0, 0.03]
-    bent = InverseKinematics(robot, 0.05).solve(
-        q[None], [(left, right)], np.ones((1, 2)), lower, iterations=100
-    )
+    solver, bent = InverseKinematics(robot, 0.05), q[None]
+    for _ in range(8):
+        bent = solver.solve(q[None], [(left, right)], np.ones((1, 2)), lower, bent)
     return MotionClip.of(robot, np.repeat(bent, 101, axis=0), 100.0, "bow")
 
 

@@ -21,18 +21,28 @@ def convex_hull(points: ArrayLike, tolerance: float = 1e-12) -> Array:
     if array.ndim != 2 or array.shape[1] != 2:
         raise InputError(f"points must have shape (n, 2), got {array.shape}")
     ordered = sorted({(float(x), float(y)) for x, y in array})
-    chains: list[list[tuple[float, float]]] = []
+    corners: list[tuple[float, float]] = []
     for side in (ordered, ordered[::-1]):
         chain: list[tuple[float, float]] = []
-        for x, y in side:
-            while len(chain) > 1:
-                (ax, ay), (bx, by) = chain[-2:]
-                if (bx - ax) * (y - ay) - (by - ay) * (x - ax) > tolerance:
-                    break
+        for point in side:
+            while len(chain) > 1 and _twice_area(chain[-2], chain[-1], point) <= 0.0:
                 chain.pop()
-            chain.append((x, y))
-        chains.append(chain[:-1])
-    return np.array(chains[0] + chains[1]).reshape(-1, 2)
+            chain.append(point)
+        corners += chain[:-1]
+    # Flat corners go in a second pass: in the first one, an edge that is vertical but for rounding would lose its ends.
+    i = 0
+    while i < len(corners) > 2:
+        if _twice_area(corners[i - 1], corners[i], corners[(i + 1) % len(corners)]) > tolerance:
+            i += 1
+        else:
+            del corners[i]
+            i = max(i - 1, 0)
+    return np.array(corners).reshape(-1, 2)
+
+
+def _twice_area(a: tuple[float, float], b: tuple[float, float], c: tuple[float, float]) -> float:
+    """Return twice the area of a triangle, m², positive if its corners go counter-clockwise."""
+    return (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
 
 
 def hull_and_area(points: Array) -> tuple[Array, float]:

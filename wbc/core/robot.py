@@ -390,6 +390,11 @@ class Robot:
         limb = joints_to(self.model, self.frame_id(frame), self.frame_id(trunk))
         return [self.model.joints[j].idx_v - BASE_DOF for j in limb]
 
+    @property
+    def leg_joints(self) -> list[int]:
+        """Joints between the soles and the base, as indices in arrays of shape (na,)."""
+        return [j for sole in self.soles for j in self.joints_between(sole.frame, self.base_frame)]
+
     @checked
     def configuration(self, joints: Mapping[str, float] | None = None) -> Array:
         """Return half-sitting with some joints changed and the lower sole, if there is one, on the ground z = 0.

@@ -1,11 +1,11 @@
 """Motions: clips of joint positions read from the field's formats, measured, made feasible for a robot, and tracked."""
 
 from wbc.motion.clip import MotionClip
-from wbc.motion.feasible import FilterSettings, make_feasible
+from wbc.motion.feasible import make_feasible
 from wbc.motion.files import read_motion, write_motion
 from wbc.motion.generator import make_motion
 from wbc.motion.measures import check_motion
-from wbc.motion.track import MotionControl, first_configuration, tracking_settings
+from wbc.motion.source import MotionSource, tracking_settings
 
 __all__ = [
     # Clips and their files
@@ -15,11 +15,9 @@ __all__ = [
     # Made by rule
     "make_motion",
     # Measured, and made feasible
-    "FilterSettings",
     "check_motion",
     "make_feasible",
     # Tracked
-    "MotionControl",
-    "first_configuration",
+    "MotionSource",
     "tracking_settings",
 ]

@@ -8,11 +8,12 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from scipy.interpolate import CubicHermiteSpline
 from scipy.spatial.transform import Rotation, Slerp
 
 from wbc.core.arguments import checked
 from wbc.core.conventions import rotation_of
-from wbc.core.errors import Array, InputError, finite_array, finite_scalar, unknown_name
+from wbc.core.errors import Array, InputError, finite_array, finite_scalar, shown
 from wbc.core.robot import Robot
 
 UPRIGHT = 0.5
@@ -26,6 +27,8 @@ LONGEST = 1_000_000
 
 SLOWEST, FASTEST = 1.0, 10_000.0
 """Least and greatest rate of a clip, Hz."""
+
+BASE_COLUMNS = ("x", "y", "z", "qx", "qy", "qz", "qw")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -49,7 +52,6 @@ class MotionClip:
     name: str = "motion"
     standing: Array | None = None
 
-    @checked
     def __post_init__(self) -> None:
         """Check shapes, numbers, quaternions and the first frame.
 
@@ -68,7 +70,7 @@ class MotionClip:
         if not 2 <= count <= LONGEST:
             raise InputError(f"a motion must have 2 to {LONGEST} frames, got {count}")
         joints = _table("joints", self.joints, count, names, self.rate)
-        base = _table("base", self.base, count, ("x", "y", "z", "qx", "qy", "qz", "qw"), self.rate)
+        base = _table("base", self.base, count, BASE_COLUMNS, self.rate)
         standing = self.standing
         if standing is not None:
             standing = _table("standing", standing, count, ("left", "right"), self.rate)
@@ -119,12 +121,9 @@ class MotionClip:
         Raises:
             UnknownNameError: The clip has a joint that the robot does not have: it is of another robot.
         """
-        for name in self.joint_names:
-            if name not in robot.joint_names:
-                unknown_name(f"joint of '{robot.name}'", name, robot.joint_names)
         q = np.tile(robot.half_sitting, (len(self), 1))
         q[:, :7] = self.base
-        q[:, [7 + robot.joint_names.index(name) for name in self.joint_names]] = self.joints
+        q[:, [7 + robot.joint_index(name) for name in self.joint_names]] = self.joints
         return q
 
     @classmethod
@@ -154,38 +153,23 @@ class MotionClip:
             InputError: Times outside the clip, or that run backwards.
         """
         times = finite_array("times in the motion (s)", times)
-        slack = 1e-6 / self.rate
-        if times.ndim != 1 or times.size < 2 or (np.diff(times) < 0.0).any():
+        if (
+            times.ndim != 1
+            or times.size < 2
+            or (np.diff(times) < 0.0).any()
+            or not -1e-6 <= times[0] <= times[-1] <= self.duration + 1e-6
+        ):
             raise InputError(
-                f"times in the motion must be two at least and must not decrease, got shape {times.shape}"
+                f"times in the motion (s) must be two at least, increase, and lie in 0 to {self.duration:g}, got "
+                f"{shown(times)}"
             )
-        if times[0] < -slack or times[-1] > self.duration + slack:
-            raise InputError(
-                f"times in the motion must lie in 0 to {self.duration:g} s, got {times[0]:g} to {times[-1]:g} s"
-            )
-        times = np.clip(times, 0.0, self.duration)
-        own = self.times
-        base = np.empty((len(times), 7))
+        times, own = np.clip(times, 0.0, self.duration), self.times
         columns = np.hstack([self.base[:, :3], self.joints])
-        index = np.minimum((times * self.rate).astype(int), len(self) - 2)
-        share = (times - own[index])[:, None] * self.rate
-        values = _catmull_rom(columns, index, share)
-        base[:, :3] = values[:, :3]
-        base[:, 3:] = _unit(Slerp(own, Rotation.from_quat(self.base[:, 3:]))(times).as_quat())
-        nearest = np.minimum(np.round(times * self.rate).astype(int), len(self) - 1)
-        standing = None if self.standing is None else self.standing[nearest]
-        return MotionClip(self.joint_names, rate, base, values[:, 3:], self.name, standing)
-
-
-def _catmull_rom(values: Array, index: Array, share: Array) -> Array:
-    """Interpolate between frames with continuous velocity, which central differences give."""
-    slope = np.gradient(values, axis=0)
-    start, end = values[index], values[index + 1]
-    d0, d1 = slope[index], slope[index + 1]
-    s2, s3 = share**2, share**3
-    return np.asarray(
-        (2 * s3 - 3 * s2 + 1) * start + (s3 - 2 * s2 + share) * d0 + (3 * s2 - 2 * s3) * end + (s3 - s2) * d1
-    )
+        columns = CubicHermiteSpline(own, columns, np.gradient(columns, 1.0 / self.rate, axis=0))(times)
+        turns = Slerp(own, Rotation.from_quat(self.base[:, 3:]))(times).as_quat()
+        standing = None if self.standing is None else self.standing[np.round(times * self.rate).astype(int)]
+        base = np.hstack([columns[:, :3], turns])
+        return MotionClip(self.joint_names, rate, base, columns[:, 3:], self.name, standing)
 
 
 def _table(what: str, values: Any, count: int, columns: Sequence[str], rate: float) -> Array:

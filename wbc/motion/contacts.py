@@ -37,8 +37,7 @@ def find_contacts(
         double_support: Least time on both feet when one takes over, s.
 
     Raises:
-        InputError: The robot leaves the ground for longer than `FLIGHT`; the time at which it does is
-            named.
+        InputError: The robot leaves the ground for longer than `FLIGHT`; the time at which it does is named.
     """
     ground, standing = _contacts(motion, known)
     for first, last in runs(~standing.any(axis=1)):
@@ -62,39 +61,34 @@ def find_contacts(
 
 def _contacts(motion: BodyMotion, known: Array | None) -> tuple[float, Array]:
     """Return the height of the ground, m, and where each sole stands, shape (T, 2)."""
-    lowest, highest, speed = (
-        motion.corners[..., 2].min(axis=2),
-        motion.corners[..., 2].max(axis=2),
-        motion.sole_speed(),
-    )
+    heights, rate = motion.corners[..., 2], motion.rate
+    lowest, highest = heights.min(axis=2), heights.max(axis=2)
     if known is not None and known.any():
         return float(np.percentile(lowest[known], 5.0)), known.copy()
+    speed = np.linalg.norm(np.gradient(motion.corners, 1.0 / rate, axis=0), axis=-1).max(axis=-1)
     slow = speed < SPEED
     level = lowest[slow] if slow.any() else lowest.ravel()
     # Soles may rest at several heights, such as a raised foot that is held still: the ground is the lowest of them.
-    floor = np.percentile(level, 5.0)
-    near = level[level < floor + HEIGHT]
-    ground = float(np.percentile(near, 5.0)) if near.size else float(floor)
+    near = level[level < np.percentile(level, 5.0) + HEIGHT]
+    ground = float(np.percentile(near, 5.0))
+    begin = (highest - ground < HEIGHT) & slow
+    end = (lowest - ground > RELEASE_HEIGHT) | (speed > RELEASE_SPEED)
     standing = np.zeros(lowest.shape, dtype=bool)
-    for side in (0, 1):
-        begin = (highest[:, side] - ground < HEIGHT) & slow[:, side]
-        end = (lowest[:, side] - ground > RELEASE_HEIGHT) | (speed[:, side] > RELEASE_SPEED)
-        now = bool(begin[: max(1, int(0.1 * motion.rate))].any())
-        for i in range(len(standing)):
-            now = (now or bool(begin[i])) and not bool(end[i])
-            standing[i, side] = now
-        column = standing[:, side]
+    for side, column in enumerate(standing.T):
+        now = bool(begin[: max(1, int(0.1 * rate)), side].any())
+        for i in range(len(column)):
+            column[i] = now = (now or bool(begin[i, side])) and not bool(end[i, side])
         for first, last in runs(~column):
-            if first > 0 and last < len(column) and last - first < GAP * motion.rate:
+            if first > 0 and last < len(column) and last - first < GAP * rate:
                 column[first:last] = True
         for first, last in runs(column):
-            heights = motion.sole_positions[first:last, side, 2]
-            off = abs(heights - np.median(heights))
+            height = heights[first:last, side].mean(axis=1)
+            off = abs(height - np.median(height))
             settled = np.flatnonzero((off < SETTLE) | (off == off.min()))  # one at least
             column[first:last] = False
             column[first + settled[0] : first + settled[-1] + 1] = True
         for first, last in runs(column):
-            if last - first < SHORTEST * motion.rate:
+            if last - first < SHORTEST * rate:
                 column[first:last] = False
     return ground, standing
 

@@ -19,7 +19,6 @@ from typing import Annotated
 
 import numpy as np
 import pinocchio as pin
-from pydantic import Field
 from scipy.linalg import solve_banded
 from scipy.ndimage import gaussian_filter1d, maximum_filter1d
 from scipy.spatial.transform import Rotation
@@ -27,60 +26,39 @@ from scipy.spatial.transform import Rotation
 from wbc.core.arguments import checked
 from wbc.core.errors import Array, InputError
 from wbc.core.robot import BASE_DOF, GRAVITY, Robot
-from wbc.core.settings import NonNegative, Positive, Share, settings
+from wbc.core.settings import Positive, Share
 from wbc.motion.clip import LONGEST, MotionClip
 from wbc.motion.contacts import find_contacts
-from wbc.motion.footsteps import footsteps
+from wbc.motion.footsteps import BLEND, footsteps
 from wbc.motion.inverse_kinematics import InverseKinematics
-from wbc.motion.kinematics import BodyMotion
-from wbc.motion.measures import MotionMeasures, by_joint, measure, supports_of
+from wbc.motion.kinematics import BodyMotion, corners_of
+from wbc.motion.measures import MotionMeasures, by_joint, check_motion, measure, nearest_inside, supports_of
 
-DRAWING = 10
-"""Most passes that draw in an arm until its joints can hold it."""
+RATE, CUTOFF = 100.0, 6.0
+"""Frames per second of the result, Hz; low pass of all joints and of the base, zero phase, Hz."""
 
-HELD = 0.01
-"""Excess of these torques that is left."""
+JOINT_MARGIN = 0.05
+"""Distance to the joint limits, rad."""
 
-STRAIGHTENING = 5
-"""Most passes that turn the trunk up until the waist can hold it."""
+DRAWING, STRAIGHTENING, HELD = 10, 5, 0.01
+"""Most passes that draw in an arm, and that turn the trunk up, until the joints can hold them; excess of the torques of
+arms that is left."""
 
-BLEND, SHIFT, SMOOTHING = 0.1, 0.6, 0.03
-"""Times, s: in which a foot leaves and reaches its frozen place, from a step in which the load may leave a sole that
-stands, and the standard deviation of the last smoothing of all joints."""
+HOLD, EASE = 0.5, 0.4
+"""Time at rest at both ends, and time in which the motion starts from rest and comes to rest, s."""
 
-JOINT_MARGIN, SOLE_SHARE = 0.05, 0.6
-"""Distance to the joint limits, rad; ratio of length and width of each sole, about its centre, on which the ZMP stays:
-the rest is for feedback."""
+DOUBLE_SUPPORT = 0.15
+"""Least time on both feet when one takes over, s: the foot that leaves stays longer."""
 
-EASE, DOUBLE_SUPPORT = 0.4, 0.15
-"""Time in which the motion starts from rest and comes to rest; least time on both feet when one takes over, s: the foot
-that leaves stays longer."""
+SOLE_SHARE, LEAST_LOAD, SHIFT = 0.6, 0.15, 0.6
+"""Ratio of length and width of each sole, about its centre, on which the ZMP stays: the rest is for feedback. Least
+share of the load of each of two soles, for a ZMP between their centres, and the time to a step, s, in which it goes."""
+
+SMOOTHING = 0.03
+"""Standard deviation of the last smoothing of all joints, s."""
 
 PASSES, STRETCHES, STRETCH = 8, 3, 1.2
 """Passes of inverse kinematics and ZMP; passes, and factor, of time that is stretched around infeasible frames."""
-
-
-@settings
-class FilterSettings:
-    """Settings of the filter.
-
-    Attributes:
-        rate: Frames per second of the result, Hz.
-        cutoff: Low pass of all joints and of the base, zero phase, Hz.
-        share: Greatest share of the limits of joint speeds, and of the torques of joints outside the legs.
-        hold: Time at rest at both ends, s.
-        least_load: Least share of the load of each sole, for a ZMP between their centres, where both stand and none is
-            about to leave.
-        friction: Greatest coefficient of friction that forces and yaw moments of the soles may need; the rest is
-            for feedback.
-    """
-
-    rate: Annotated[Positive, "Hz"] = 100.0
-    cutoff: Annotated[Positive, "Hz"] = 6.0
-    share: Annotated[Share, Positive] = 0.8
-    hold: Annotated[NonNegative, "s"] = 0.5
-    least_load: Annotated[Share, Field(lt=0.5)] = 0.15
-    friction: Positive = 0.5
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -88,12 +66,11 @@ class FeasibleMotion:
     """Result of the filter.
 
     Attributes:
-        clip: The clip for tracking: all joints of the robot, its ground at z = 0, at rest at both ends.
+        clip: The clip for tracking: all joints of the robot at 100 Hz, its ground at z = 0, at rest at both ends.
         source_times: Time in the given clip of each frame, shape (T,), s.
         before: Measures of the given clip at the rate of the result.
         after: Measures of the result.
-        changes: Joint → root mean square of the change, rad, for joints that changed; compared at the same frames.
-        largest: Joint → largest change, rad.
+        changes: Joint → greatest change, rad, for joints that changed; compared at the same frames.
         com_shift: Largest horizontal shift of the centre of mass for the sake of the ZMP, m.
         shortened: Greatest distance by which a step was brought within reach, m.
         stretched: Duration of the result without its rests over that of the given clip.
@@ -104,20 +81,23 @@ class FeasibleMotion:
     before: MotionMeasures
     after: MotionMeasures
     changes: dict[str, float]
-    largest: dict[str, float]
     com_shift: float
     shortened: float
     stretched: float
 
 
 @checked
-def make_feasible(robot: Robot, clip: MotionClip, settings: FilterSettings | None = None) -> FeasibleMotion:
+def make_feasible(
+    robot: Robot, clip: MotionClip, *, share: Annotated[Share, Positive] = 0.8, friction: Positive = 0.5
+) -> FeasibleMotion:
     """Make a clip feasible; one that is feasible already changes hardly at all.
 
     Args:
         robot: The robot; its state is not changed.
         clip: Clip of its joints; joints that the clip lacks stay half-sitting.
-        settings: Settings; the defaults when None.
+        share: Greatest share of the limits of joint speeds, and of the torques of joints outside the legs.
+        friction: Greatest coefficient of friction that forces and yaw moments of the soles may need; what the ground
+            has beyond is for feedback.
 
     Returns:
         The feasible motion; `after` measures it, whether or not it is feasible everywhere.
@@ -126,70 +106,53 @@ def make_feasible(robot: Robot, clip: MotionClip, settings: FilterSettings | Non
         UnknownNameError: The clip is of another robot.
         InputError: The robot leaves the ground; the time at which it does is named. A clip that is too long.
     """
-    s = settings or FilterSettings()
-    if clip.duration * s.rate > LONGEST:
+    if clip.duration * RATE > LONGEST:
         raise InputError(
-            f"a motion must last at most {LONGEST / s.rate:g} s at {s.rate:g} Hz, got {clip.duration:g} s"
+            f"a motion must last at most {LONGEST / RATE:g} s at {RATE:g} Hz, got {clip.duration:g} s"
         )
-    raw = clip.configurations(robot)
-    full = MotionClip.of(robot, raw, clip.rate, clip.name, clip.standing)
-    times = np.linspace(0.0, clip.duration, max(2, round(clip.duration * s.rate) + 1))
-    resampled = full.sampled(times, s.rate)
-    motion = BodyMotion.of(robot, resampled.configurations(robot), s.rate)
-    contacts = find_contacts(motion, resampled.standing)
-    before = measure(robot, motion, *contacts, s.share, s.friction)
-
-    smooth = _drawn_in(robot, _smooth(resampled, robot, s), s.share)
-    speed = abs(np.gradient(smooth.joints, 1.0 / s.rate, axis=0))
-    ratio = (speed / (s.share * robot.velocity_limit)).max(axis=1)
-    pace = np.maximum(1.0, _envelope(np.maximum(ratio, 1.0), 0.3, 0.05, s.rate))
+    full = MotionClip.of(robot, clip.configurations(robot), clip.rate, clip.name, clip.standing)
+    times = np.linspace(0.0, clip.duration, max(2, round(clip.duration * RATE) + 1))
+    resampled = full.sampled(times, RATE)
+    before = check_motion(robot, resampled, share=share, friction=friction)
+    smooth = _drawn_in(robot, _smooth(robot, resampled), share)
+    speed = abs(np.gradient(smooth.joints, 1.0 / RATE, axis=0))
+    pace = _envelope((speed / (share * robot.velocity_limit)).max(axis=1), 1.0, 0.3, 0.05)
     for attempt in range(STRETCHES + 1):
-        eased, source = _retime(smooth, pace, s)
-        motion, standing, com_shift, shortened = _balanced(robot, eased, s)
-        after = measure(robot, motion, 0.0, standing, s.share, s.friction)
+        eased, source = _retimed(smooth, pace)
+        motion, standing, com_shift, shortened = _balanced(robot, eased, share)
+        after = measure(robot, motion, 0.0, standing, share, friction)
         slow = after.infeasible_frames
         if attempt == STRETCHES or not slow.any():
             break
-        bad = np.zeros(len(pace))
-        frames = np.clip(np.round(source[slow] * s.rate).astype(int), 0, len(bad) - 1)
-        bad[frames] = 1.0
-        pace = pace * np.where(maximum_filter1d(bad, max(1, round(s.rate))) > 0.0, STRETCH, 1.0)
+        bad = np.zeros(len(pace), dtype=bool)
+        bad[np.round(source[slow] * RATE).astype(int)] = True
+        pace = pace * np.where(maximum_filter1d(bad, round(RATE)), STRETCH, 1.0)
     # The resampled clip lasts a whole number of frames, the given one a little more or less.
-    source = np.minimum(source * (clip.duration / resampled.times[-1]), clip.duration)
-    changed = motion.q[:, 7:] - full.sampled(source, s.rate).joints
+    source = np.minimum(source * (clip.duration / resampled.duration), clip.duration)
+    changed = abs(motion.q[:, 7:] - full.sampled(source, RATE).joints)
     return FeasibleMotion(
-        MotionClip.of(robot, motion.q, s.rate, clip.name, standing),
+        MotionClip.of(robot, motion.q, RATE, clip.name, standing),
         source,
         before,
         after,
-        by_joint(robot, np.sqrt((changed**2).mean(axis=0))),
-        by_joint(robot, abs(changed).max(axis=0)),
+        by_joint(robot, changed.max(axis=0)),
         com_shift,
         shortened,
-        (len(motion.q) / s.rate - 2.0 * s.hold) / clip.duration,
+        (len(motion.q) / RATE - 2.0 * HOLD) / clip.duration,
     )
 
 
-def _smooth(clip: MotionClip, robot: Robot, s: FilterSettings) -> MotionClip:
+def _smooth(robot: Robot, clip: MotionClip) -> MotionClip:
     """Clamp the joints to their limits and take out what is faster than the cut-off."""
+    from scipy.signal import butter, sosfiltfilt  # noqa: PLC0415 - slow to import
+
     lower, upper = robot.position_lower, robot.position_upper
     room = np.minimum(JOINT_MARGIN, 0.5 * (upper - lower))
-    joints = np.clip(clip.joints, lower + room, upper - room)
-    columns = np.hstack([clip.base, joints])
-    if s.cutoff < 0.45 * clip.rate and len(clip) > 30:
-        from scipy.signal import butter, sosfiltfilt  # noqa: PLC0415 - slow to import
-
-        sections = butter(2, s.cutoff, fs=clip.rate, output="sos")
-        columns = sosfiltfilt(sections, columns, axis=0, padlen=min(len(clip) - 1, round(clip.rate)))
+    columns = np.hstack([clip.base, np.clip(clip.joints, lower + room, upper - room)])
+    sections = butter(2, CUTOFF, fs=RATE, output="sos")
+    columns = sosfiltfilt(sections, columns, axis=0, padlen=min(len(clip) - 1, round(RATE)))
     columns[:, 3:7] /= np.linalg.norm(columns[:, 3:7], axis=1, keepdims=True)
-    return MotionClip(
-        clip.joint_names,
-        clip.rate,
-        columns[:, :7],
-        np.clip(columns[:, 7:], lower, upper),
-        clip.name,
-        clip.standing,
-    )
+    return replace(clip, base=columns[:, :7], joints=np.clip(columns[:, 7:], lower, upper))
 
 
 def _drawn_in(robot: Robot, clip: MotionClip, share: float) -> MotionClip:
@@ -206,100 +169,95 @@ def _drawn_in(robot: Robot, clip: MotionClip, share: float) -> MotionClip:
         if not heavy:
             break
         for arm in heavy:
-            part = 1.0 / _envelope(np.maximum(excess[:, arm].max(axis=1), 1.0), 0.3, 0.1, clip.rate)[:, None]
+            part = 1.0 / _envelope(excess[:, arm].max(axis=1), 1.0, 0.3, 0.1)[:, None]
             columns = [7 + joint for joint in arm]
             q[:, columns] = rest[arm] + part * (q[:, columns] - rest[arm])
-        clip = MotionClip.of(robot, q, clip.rate, clip.name, clip.standing)
-    return clip
+    return replace(clip, joints=q[:, 7:])
 
 
-def _envelope(values: Array, window: float, smoothing: float, rate: float) -> Array:
+def _envelope(values: Array, least: float, window: float, smoothing: float) -> Array:
     """Return a smooth bound of values in time: the greatest within a window, s, then smoothed, s; shape (T,)."""
-    widest = maximum_filter1d(values, max(1, round(window * rate)))
-    return np.asarray(gaussian_filter1d(widest, smoothing * rate, mode="nearest"))
+    widest = maximum_filter1d(np.maximum(values, least), round(window * RATE))
+    return np.asarray(gaussian_filter1d(widest, smoothing * RATE, mode="nearest"))
 
 
-def _retime(clip: MotionClip, pace: Array, s: FilterSettings) -> tuple[MotionClip, Array]:
-    """Slow down where the pace asks for it, ease in and out of rest, and rest at both ends."""
-    pace = gaussian_filter1d(pace, 0.1 * clip.rate, mode="nearest")
-    own = clip.times
-    slowed = np.concatenate([[0.0], np.cumsum(0.5 * (pace[1:] + pace[:-1]) / clip.rate)])
+def _retimed(clip: MotionClip, pace: Array) -> tuple[MotionClip, Array]:
+    """Slow down where the pace asks for it, ease in and out of rest, and rest at both ends.
+
+    Return the clip, and the time in the given one of each of its frames, shape (T,), s.
+    """
+    slowed = _integral(gaussian_filter1d(pace, 0.1 * RATE, mode="nearest")) / RATE
     # An eased start takes twice the time for the same way: x of a ramp is t²/(2 ease), so the total grows by ease.
-    total = slowed[-1] + EASE
-    t = np.arange(round(total * s.rate) + 1) / s.rate
-    t *= total / t[-1]
-    way = _eased(t, total)
-    inside = np.interp(way, slowed, own)
-    rest = round(s.hold * s.rate)
-    source = np.clip(np.concatenate([np.zeros(rest), inside, np.full(rest, own[-1])]), 0.0, own[-1])
-    return clip.sampled(source, s.rate), source
+    t = np.linspace(0.0, slowed[-1] + EASE, round((slowed[-1] + EASE) * RATE) + 1)
+    rise, fall = np.clip(t / EASE, 0.0, 1.0), np.clip((t[-1] - t) / EASE, 0.0, 1.0)
+    way = _integral((3.0 * rise**2 - 2.0 * rise**3) * (3.0 * fall**2 - 2.0 * fall**3))
+    inside = np.interp(way * (slowed[-1] / way[-1]), slowed, clip.times)
+    source = np.pad(inside, round(HOLD * RATE), mode="edge")
+    return clip.sampled(source, RATE), source
 
 
-def _eased(t: Array, total: float) -> Array:
-    """Return the way at unit speed with smooth starts and ends of `EASE` each; from 0 to total − `EASE`."""
-    rise = np.clip(t / EASE, 0.0, 1.0)
-    fall = np.clip((total - t) / EASE, 0.0, 1.0)
-    speed = (3.0 * rise**2 - 2.0 * rise**3) * (3.0 * fall**2 - 2.0 * fall**3)
-    way = np.concatenate([[0.0], np.cumsum(0.5 * (speed[1:] + speed[:-1]) * np.diff(t))])
-    return np.asarray(way * ((total - EASE) / way[-1]))
+def _integral(values: Array) -> Array:
+    """Return the integral from the first frame on by the trapezoidal rule, in frames, shape (T,)."""
+    return np.asarray(np.cumsum(values) - 0.5 * (values + values[0]))
 
 
-def _balanced(robot: Robot, clip: MotionClip, s: FilterSettings) -> tuple[BodyMotion, Array, float, float]:
+def _balanced(robot: Robot, clip: MotionClip, share: float) -> tuple[BodyMotion, Array, float, float]:
     """Freeze the feet, and move the centre of mass until the ZMP is inside the support.
 
     Return the motion, where soles stand, and by how much the centre of mass was shifted and a step shortened, m.
     """
     q = clip.configurations(robot)
-    motion = BodyMotion.of(robot, q, clip.rate)
-    ground, standing = find_contacts(motion, clip.standing, DOUBLE_SUPPORT)
+    ground, standing = find_contacts(BodyMotion.of(robot, q, RATE), clip.standing, DOUBLE_SUPPORT)
     q[:, 2] -= ground
-    motion = BodyMotion.of(robot, q, clip.rate)
-    soles, body, shortened = footsteps(robot, motion, standing, BLEND)
-    if body is not None:
-        q[:, :7] = [
-            pin.SE3ToXYZQUAT(move * pin.XYZQUATToSE3(base)) for move, base in zip(body, q[:, :7], strict=True)
-        ]
-        motion = BodyMotion.of(robot, q, clip.rate)
-    solver = InverseKinematics(robot, JOINT_MARGIN)
-    supports = supports_of(robot, soles, standing, SOLE_SHARE, _least_load(standing, s))
-    q[:, 3:7] = _straightened(robot, q, clip.rate, s.share)
+    soles, moves, shortened = footsteps(robot, BodyMotion.of(robot, q, RATE), standing)
+    q[:, :7] = [
+        pin.SE3ToXYZQUAT(move * pin.XYZQUATToSE3(base)) for move, base in zip(moves, q[:, :7], strict=True)
+    ]
     # The ZMP is that of the centre of mass as it is asked for: what inverse kinematics makes of it has kinks, of
     # which second differences make metres.
-    given = motion.com.copy()
-    given[:, 2] = BodyMotion.of(robot, q, clip.rate).com[:, 2]
-    stands = gaussian_filter1d(standing.astype(float), 0.25 * BLEND * clip.rate, axis=0, mode="nearest")
-    com = gaussian_filter1d(given, 0.02 * clip.rate, axis=0, mode="nearest")
-    result = q
+    given = BodyMotion.of(robot, q, RATE).com
+    q[:, 3:7] = _straightened(robot, q, share)
+    given[:, 2] = BodyMotion.of(robot, q, RATE).com[:, 2]
+    supports = _supports(robot, soles, standing)
+    stands = gaussian_filter1d(standing.astype(float), 0.25 * BLEND * RATE, axis=0, mode="nearest")
+    com = gaussian_filter1d(given, 0.02 * RATE, axis=0, mode="nearest")
+    solver, result = InverseKinematics(robot, JOINT_MARGIN), q
     for _ in range(PASSES):
         result = solver.solve(q, soles, stands, com, result)
-        motion = BodyMotion.of(robot, result, clip.rate)
-        momentum = gaussian_filter1d(motion.momentum, 0.02 * clip.rate, axis=0)
+        motion = BodyMotion.of(robot, result, RATE)
+        momentum = gaussian_filter1d(motion.momentum, 0.02 * RATE, axis=0)
         zmp = replace(motion, com=com, momentum=momentum).zmp()
-        needed = (
-            np.array([support.project(point) for support, point in zip(supports, zmp, strict=True)]) - zmp
-        )
+        needed = nearest_inside(supports, zmp) - zmp
         low = np.maximum(com[:, 2] - motion.com[:, 2], 0.0)  # legs that are too short for the height
         if abs(needed).max() < 1e-4 and low.max() < 1e-3:
             break
-        com[:, :2] += centre_of_mass_shift(needed, float(np.median(com[:, 2])), clip.rate)
-        com[:, 2] -= 2.0 * _envelope(np.where(low > 5e-4, low, 0.0), 0.6, 0.15, clip.rate)
+        com[:, :2] += centre_of_mass_shift(needed, float(np.median(com[:, 2])), RATE)
+        com[:, 2] -= 2.0 * _envelope(np.where(low > 5e-4, low, 0.0), 0.0, 0.6, 0.15)
     result = solver.solve(q, soles, stands, com, result)
     # Where a joint meets its limit there is a kink: a hundredth of a second of smoothing takes metres off the ZMP.
-    result = gaussian_filter1d(result, SMOOTHING * clip.rate, axis=0, mode="nearest")
+    result = gaussian_filter1d(result, SMOOTHING * RATE, axis=0, mode="nearest")
     result[:, 3:7] /= np.linalg.norm(result[:, 3:7], axis=1, keepdims=True)
-    motion = BodyMotion.of(robot, result, clip.rate)
     shift = float(np.linalg.norm((com - given)[:, :2], axis=1).max())
-    return motion, standing, shift, shortened
+    return BodyMotion.of(robot, result, RATE), standing, shift, shortened
 
 
-def _least_load(standing: Array, s: FilterSettings) -> Array:
-    """Return the least share of the load of each of two soles that stand; zero next to a step, shape (T,)."""
-    alone = standing.sum(axis=1) < 2
-    near = maximum_filter1d(alone.astype(float), max(1, round(SHIFT * s.rate)))
-    return np.asarray(s.least_load * gaussian_filter1d(1.0 - near, SHIFT / 6.0 * s.rate, mode="nearest"))
+def _supports(robot: Robot, soles: list[tuple[pin.SE3, pin.SE3]], standing: Array) -> list[Array]:
+    """Return the areas on which the ZMP is to stay, each of shape (n, 2), m.
+
+    Where both soles stand and no step is near, their areas are moved towards each other, so that neither loses its
+    load.
+    """
+    corners = corners_of(robot, soles, SOLE_SHARE)
+    near = maximum_filter1d((~standing.all(axis=1)).astype(float), round(SHIFT * RATE))
+    load = (
+        LEAST_LOAD * gaussian_filter1d(1.0 - near, SHIFT / 6.0 * RATE, mode="nearest") * standing.all(axis=1)
+    )
+    inward = load[:, None, None] * np.diff(corners.mean(axis=2), axis=1)
+    corners += np.stack([inward, -inward], axis=1)
+    return supports_of(corners, standing)
 
 
-def _straightened(robot: Robot, q: Array, rate: float, share: float) -> Array:
+def _straightened(robot: Robot, q: Array, share: float) -> Array:
     """Return orientations of the base, shape (T, 4), that bend the trunk no further than the waist can hold it.
 
     Torques of the joints above the legs are those of gravity on a trunk that is bent: turning all of it up by a share
@@ -309,10 +267,10 @@ def _straightened(robot: Robot, q: Array, rate: float, share: float) -> Array:
     pin.framesForwardKinematics(robot.model, data, robot.half_sitting)
     up = data.oMf[torso].rotation[2].copy()  # axis of the torso that is vertical at half-sitting
     for _ in range(STRAIGHTENING):
-        excess = BodyMotion.of(robot, q, rate).torque_share(robot).max(axis=1) / share
+        excess = BodyMotion.of(robot, q, RATE).torque_share(robot).max(axis=1) / share
         if (excess <= 1.0).all():
             break
-        turns = 1.0 / _envelope(np.maximum(excess, 1.0), 0.3, 0.1, rate) - 1.0
+        turns = 1.0 / _envelope(excess, 1.0, 0.3, 0.1) - 1.0
         for i in np.flatnonzero(turns < -1e-3):
             pin.framesForwardKinematics(robot.model, data, q[i])
             x, y, z = data.oMf[torso].rotation @ up
@@ -320,7 +278,7 @@ def _straightened(robot: Robot, q: Array, rate: float, share: float) -> Array:
             if sine > 1e-3:
                 back = turns[i] * np.arctan2(sine, z) / sine * np.array([-y, x, 0.0])
                 q[i, 3:7] = (Rotation.from_rotvec(back) * Rotation.from_quat(q[i, 3:7])).as_quat()
-    return MotionClip.of(robot, q, rate).base[:, 3:]
+    return MotionClip.of(robot, q, RATE).base[:, 3:]
 
 
 def centre_of_mass_shift(zmp_shift: Array, height: float, rate: float) -> Array:
@@ -329,9 +287,7 @@ def centre_of_mass_shift(zmp_shift: Array, height: float, rate: float) -> Array:
     Shifts have shape (T, 2), m; h is the height over the ground, m, `rate` that of the frames, Hz.
     """
     k = height / GRAVITY * rate**2
-    count = len(zmp_shift)
-    bands = np.empty((3, count))
-    bands[0], bands[2] = -k, -k
+    bands = np.full((3, len(zmp_shift)), -k)
     bands[1] = 1.0 + 2.0 * k
     bands[1, 0] = bands[1, -1] = 1.0 + k
     return np.asarray(solve_banded((1, 1), bands, zmp_shift))

@@ -17,7 +17,7 @@ import csv
 import zipfile
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Annotated, Any, NamedTuple
+from typing import Annotated, Any
 
 import numpy as np
 
@@ -25,9 +25,7 @@ from wbc.core.arguments import checked
 from wbc.core.errors import Array, InputError
 from wbc.core.files import decoding, parsing, read_text, replacing
 from wbc.core.settings import Positive
-from wbc.motion.clip import MotionClip
-
-BASE_COLUMNS = ("x", "y", "z", "qx", "qy", "qz", "qw")
+from wbc.motion.clip import BASE_COLUMNS, MotionClip
 
 LARGEST = 500_000_000
 """Largest file that is read, bytes; one of arrays unpacks to four times as many at most."""
@@ -53,11 +51,10 @@ def write_motion(clip: MotionClip, path: str | Path) -> None:
                 columns["standing"] = clip.standing
             np.savez_compressed(new, joint_names=np.array(clip.joint_names), **columns)
             return
+        table = np.column_stack([clip.times, clip.base, clip.joints])
         with new.open("w", newline="", encoding="utf-8") as text:
-            writer = csv.writer(text, lineterminator="\n")
-            writer.writerow(["time", *BASE_COLUMNS, *clip.joint_names])
-            table = np.column_stack([clip.times, clip.base, clip.joints])
-            writer.writerows([f"{value:.9g}" for value in row] for row in table)
+            csv.writer(text, lineterminator="\n").writerow(["time", *BASE_COLUMNS, *clip.joint_names])
+            np.savetxt(text, table, fmt="%.9g", delimiter=",")
 
 
 @checked
@@ -79,9 +76,16 @@ def read_motion(
     with parsing(path, "motion"):
         data = _arrays(path) if path.suffix == ".npz" else _columns(path)
         try:
-            own = _content(data)
-            names, rate = _names(own, joints), _rate(own, rate)
-            return MotionClip(names, rate, own.base, own.joints, path.stem, own.standing)
+            base, positions = _placed(data)
+            fps, names = data.get("rate", data.get("fps")), data.get("joint_names")
+            return MotionClip(
+                _agreed("joint names (joints)", None if names is None else _texts(names), joints),
+                _agreed("rate (rate, Hz)", None if fps is None else float(np.asarray(fps).item()), rate),
+                base,
+                positions,
+                path.stem,
+                data.get("standing"),
+            )
         except KeyError as missing:
             raise InputError(f"{path} has no {missing}") from missing
         except InputError as error:
@@ -105,7 +109,7 @@ def _arrays(path: Path) -> dict[str, Any]:
         if unpacked > 4 * LARGEST:
             raise InputError(f"a motion must unpack to at most {4 * LARGEST} bytes, got {unpacked} in {path}")
         with np.load(place, allow_pickle=False) as file:
-            return {name: file[name] for name in file.files}
+            return dict(file)
 
 
 def _columns(path: Path) -> dict[str, Any]:
@@ -136,64 +140,35 @@ def _columns(path: Path) -> dict[str, Any]:
     return data | {"joint_names": np.array([header[i] for i in rest])}
 
 
-class _Content(NamedTuple):
-    """Contents of a file: base, joints, and rate, joint names and contacts as far as it has them."""
-
-    base: Array
-    joints: Array
-    rate: Any
-    names: Any
-    standing: Any = None
-
-
-def _content(data: Mapping[str, Any]) -> _Content:
-    """Return the content of arrays, or of columns, by their names."""
-    rate, names = data.get("rate", data.get("fps")), data.get("joint_names")
+def _placed(data: Mapping[str, Any]) -> tuple[Array, Array]:
+    """Return base and joints of arrays, or of columns, by their names."""
     if "base" in data:
-        return _Content(data["base"], data["joints"], rate, names, data.get("standing"))
+        return data["base"], data["joints"]
     if "dof_pos" in data:
-        return _Content(_base(data["root_pos"], data["root_rot"]), data["dof_pos"], rate, names)
+        return np.hstack([data["root_pos"], data["root_rot"]]), data["dof_pos"]
     if "joint_pos" not in data:
         known = "; the arrays of a motion are named base, joint_pos or dof_pos"
         raise InputError(f"of no known format: it has {', '.join(sorted(data)[:6]) or 'nothing'}{known}")
     joints = data["joint_pos"]
-    if names is not None and joints.shape[1] == np.size(names) + 7:  # positions of MuJoCo, base first
-        return _Content(_base(joints[:, :3], joints[:, [4, 5, 6, 3]]), joints[:, 7:], rate, names)
-    bodies = [str(body) for body in np.ravel(data.get("body_names", ()))]
-    root = 1 if bodies[:1] == ["world"] else 0
+    if (
+        "joint_names" in data and joints.shape[1] == data["joint_names"].size + 7
+    ):  # positions of MuJoCo, base first
+        return joints[:, [0, 1, 2, 4, 5, 6, 3]], joints[:, 7:]
+    root = 1 if _texts(data.get("body_names", ()))[:1] == ("world",) else 0
     position, quaternion = data["body_pos_w"][:, root], data["body_quat_w"][:, root]
-    return _Content(_base(position, quaternion[:, [1, 2, 3, 0]]), joints, rate, names)
+    return np.hstack([position, quaternion[:, [1, 2, 3, 0]]]), joints
 
 
-def _base(position: Array, quaternion: Array) -> Array:
-    """Return the columns of the base from its positions and quaternions (x, y, z, w)."""
-    if position.shape != (len(position), 3) or quaternion.shape != (len(position), 4):
-        raise InputError(
-            f"positions and quaternions of the base must have shapes (T, 3) and (T, 4), got {position.shape} and "
-            f"{quaternion.shape}"
-        )
-    return np.hstack([position, quaternion])
+def _texts(names: Any) -> tuple[str, ...]:
+    return tuple(str(name) for name in np.ravel(names))
 
 
-def _rate(own: _Content, given: float | None) -> float:
-    if own.rate is None:
-        if given is None:
-            raise InputError("the file does not say its rate: give it (rate, Hz)")
-        return given
-    rate = float(np.asarray(own.rate).item())
-    if given is not None and abs(rate - given) > 1e-3 * rate:
-        raise InputError(f"rate must be that of the file, {rate:g} Hz, got {given:g} Hz")
-    return rate
-
-
-def _names(own: _Content, given: Sequence[str] | None) -> tuple[str, ...]:
-    if own.names is None:
-        if given is None:
-            raise InputError(
-                f"the file does not name its {own.joints.shape[-1]} joints: give their order (joints)"
-            )
-        return tuple(given)
-    names = tuple(str(name) for name in np.ravel(own.names))
-    if given is not None and names != tuple(given):
-        raise InputError("joints must be those of the file, which names its own")
-    return names
+def _agreed(what: str, own: Any, given: Any) -> Any:
+    """Return what a file says, or else the caller; they must not contradict each other."""
+    if own is None and given is None:
+        raise InputError(f"the file does not say its {what}: give them")
+    if own is None or given is None:
+        return given if own is None else own
+    if not (np.allclose(own, given, rtol=1e-3) if isinstance(own, float) else own == tuple(given)):
+        raise InputError(f"the file says another {what}: {own}, not {given}")
+    return own

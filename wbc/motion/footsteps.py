@@ -10,15 +10,16 @@ import pinocchio as pin
 from wbc.core.errors import Array
 from wbc.core.robot import Robot
 from wbc.motion.contacts import runs
-from wbc.motion.kinematics import BodyMotion, sole_corners
+from wbc.motion.kinematics import BodyMotion, Soles, corners_of
 from wbc.walking.planning.footsteps import heading
 from wbc.walking.planning.reach import STANDING, Reach, leg_geometry
 
 CLEARANCE = 0.01
 """Least height of a foot's lowest corner in the air, m."""
 
-SETTLE = 0.06
-"""Time in which a foot rises to the clearance, and comes down from it, above its place, s."""
+SETTLE, BLEND = 0.06, 0.1
+"""Time in which a foot rises to the clearance above its place, and comes down from it, and time in which it goes over
+from there to its path, s."""
 
 
 @dataclass(slots=True, eq=False)
@@ -30,30 +31,13 @@ class _Stance:
     given: pin.SE3
     place: pin.SE3
 
-    @classmethod
-    def of(cls, motion: BodyMotion, side: int, first: int, last: int) -> _Stance:
-        """Return a contact of a sole at its median place, flat on the ground."""
-        x, y, _ = np.median(motion.sole_positions[first:last, side], axis=0)
-        yaw = np.median(
-            np.unwrap([heading(rotation) for rotation in motion.sole_rotations[first:last, side]])
-        )
-        place = pin.SE3(pin.utils.rotate("z", float(yaw)), np.array([x, y, 0.0]))
-        return cls(first, last, place, place)
-
-    @property
-    def moved(self) -> bool:
-        """True if the given place is not within reach."""
-        return self.place is not self.given
-
     @property
     def move(self) -> pin.SE3:
         """Motion over the ground from the given place."""
         return self.place * self.given.inverse()
 
 
-def footsteps(
-    robot: Robot, motion: BodyMotion, standing: Array, blend: float
-) -> tuple[list[tuple[pin.SE3, pin.SE3]], list[pin.SE3] | None, float]:
+def footsteps(robot: Robot, motion: BodyMotion, standing: Array) -> tuple[list[Soles], list[pin.SE3], float]:
     """Return the footsteps of a clip on a ground at z = 0.
 
     A step that is longer, wider or turned further than the walk's planner allows at the height of the clip is brought
@@ -63,22 +47,26 @@ def footsteps(
         robot: The robot.
         motion: The motion.
         standing: True where a sole stands, shape (T, 2).
-        blend: Time in which a foot leaves and reaches its place, s.
 
     Returns:
         Left and right sole in each frame; the motion over the ground in each frame that takes the given body to where
-        the soles are, None where all steps are within reach; and the greatest distance by which a step was moved, m.
+        the soles are; and the greatest distance by which a step was moved, m.
     """
-    stances = [[_Stance.of(motion, side, *frames) for frames in runs(standing[:, side])] for side in (0, 1)]
+    stances = [[_stance(motion, side, *frames) for frames in runs(standing[:, side])] for side in (0, 1)]
     shortened = _bring_within_reach(stances, _reach(robot, motion, standing))
-    paths, moves = zip(
-        *(_path(motion, side, stances[side], sole_corners(robot)[side], blend) for side in (0, 1)),
-        strict=True,
-    )
-    body = None
-    if any(stance.moved for side in stances for stance in side):
-        body = [pin.SE3.Interpolate(left, right, 0.5) for left, right in zip(*moves, strict=True)]
+    offsets = corners_of(robot, [(pin.SE3.Identity(), pin.SE3.Identity())])[0]
+    paths, moves = zip(*(_path(motion, side, stances[side], offsets[side]) for side in (0, 1)), strict=True)
+    body = [pin.SE3.Interpolate(left, right, 0.5) for left, right in zip(*moves, strict=True)]
     return list(zip(*paths, strict=True)), body, shortened
+
+
+def _stance(motion: BodyMotion, side: int, first: int, last: int) -> _Stance:
+    """Return a contact of a sole at its median place, flat on the ground."""
+    soles = [pair[side] for pair in motion.soles[first:last]]
+    x, y, _ = np.median([sole.translation for sole in soles], axis=0)
+    yaw = np.median(np.unwrap([heading(sole.rotation) for sole in soles]))
+    place = pin.SE3(pin.utils.rotate("z", float(yaw)), np.array([x, y, 0.0]))
+    return _Stance(first, last, place, place)
 
 
 def _reach(robot: Robot, motion: BodyMotion, standing: Array) -> Reach:
@@ -96,42 +84,37 @@ def _reach(robot: Robot, motion: BodyMotion, standing: Array) -> Reach:
 
 def _bring_within_reach(stances: list[list[_Stance]], reach: Reach) -> float:
     """Move the places of contacts, in their order, and return the greatest distance between old and new steps, m."""
-    order = sorted(
-        ((stance, side) for side in (0, 1) for stance in stances[side]), key=lambda pair: pair[0].first
-    )
+    order = [(stance, side) for side in (0, 1) for stance in stances[side]]
     last: list[_Stance | None] = [None, None]
     most = 0.0
-    for stance, side in order:
-        other = last[1 - side]
-        if other is not None:
-            step = other.given.actInv(stance.given)
-            outward = 1.0 if side == 0 else -1.0
-            x = float(np.clip(step.translation[0], -reach.max_length, reach.max_length))
-            y = outward * float(np.clip(outward * step.translation[1], reach.min_spacing, reach.max_spacing))
-            turn = outward * heading(step.rotation)
-            turn = outward * float(np.clip(turn, -0.5 * reach.max_yaw, reach.max_yaw))
-            allowed = pin.SE3(pin.utils.rotate("z", turn), np.array([x, y, step.translation[2]]))
-            if other.moved or not allowed.isApprox(step, 1e-9):
-                most = max(most, float(np.linalg.norm(allowed.translation - step.translation)))
-                stance.place = other.place * allowed
+    for stance, side in sorted(order, key=lambda pair: pair[0].first):
+        other, outward = last[1 - side], 1.0 if side == 0 else -1.0
         last[side] = stance
+        if other is None:
+            continue
+        step = other.given.actInv(stance.given)
+        x, y, z = step.translation
+        turn = outward * np.clip(outward * heading(step.rotation), -0.5 * reach.max_yaw, reach.max_yaw)
+        x = np.clip(x, -reach.max_length, reach.max_length)
+        y = outward * np.clip(outward * y, reach.min_spacing, reach.max_spacing)
+        allowed = pin.SE3(pin.utils.rotate("z", float(turn)), np.array([x, y, z]))
+        if other.place is not other.given or not allowed.isApprox(step, 1e-9):
+            most = max(most, float(np.linalg.norm(allowed.translation - step.translation)))
+            stance.place = other.place * allowed
     return most
 
 
 def _path(
-    motion: BodyMotion, side: int, stances: list[_Stance], corners: Array, blend: float
+    motion: BodyMotion, side: int, stances: list[_Stance], corners: Array
 ) -> tuple[list[pin.SE3], list[pin.SE3]]:
     """Return placements of a sole, and the motions over the ground that they contain.
 
     In the air the given path is moved to fit both ends. The foot leaves and reaches its place from above, flat, and
     clears the ground in between with all corners: recorded feet are rolled over toes and heels, and shuffle.
     """
-    count, ramp, settle = (
-        len(motion.q),
-        max(1, round(blend * motion.rate)),
-        max(1, round(SETTLE * motion.rate)),
-    )
-    given = motion.soles(side)
+    count = len(motion.q)
+    ramp, settle = (max(1, round(time * motion.rate)) for time in (BLEND, SETTLE))
+    given = [pair[side] for pair in motion.soles]
     path, moves = list(given), [pin.SE3.Identity()] * count
     for stance in stances:
         path[stance.first : stance.last] = [stance.place] * (stance.last - stance.first)

@@ -9,6 +9,7 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 import pinocchio as pin
+from scipy.ndimage import convolve1d
 
 from wbc.core.arguments import checked
 from wbc.core.errors import Array
@@ -16,7 +17,8 @@ from wbc.core.registry import Registry
 from wbc.core.robot import Robot
 from wbc.core.settings import Seed
 from wbc.motion.clip import MotionClip
-from wbc.motion.inverse_kinematics import InverseKinematics, Soles
+from wbc.motion.inverse_kinematics import InverseKinematics
+from wbc.motion.kinematics import BodyMotion, Soles
 from wbc.tasks.trajectories import minimum_jerk
 
 RATE = 100.0
@@ -47,27 +49,16 @@ def make_motion(robot: Robot, name: str, seed: Seed = 0) -> MotionClip:
     return MotionClip.of(robot, make(robot, np.random.default_rng(seed)), RATE, f"{name} {seed}")
 
 
-def _arms(robot: Robot, rng: np.random.Generator) -> Array:
-    """Both arms for six seconds, each joint on a sine of its own."""
-    q, _ = _rest(robot, 6.0)
-    _sway(robot, q, _arm_joints(robot), (0.25, 0.5), (0.35, 0.65), rng)
-    return q
+def _swayed(*parts: tuple[Callable[[Robot], list[int]], Drawn, Drawn]) -> Generator:
+    """Return a motion of six seconds in which each joint of some parts sways: parts, amplitude, rad, frequency, Hz."""
 
+    def make(robot: Robot, rng: np.random.Generator) -> Array:
+        q, _ = _rest(robot, 6.0)
+        for joints, amplitude, frequency in parts:
+            _sway(robot, q, joints(robot), amplitude, frequency, rng)
+        return q
 
-def _dance(robot: Robot, rng: np.random.Generator) -> Array:
-    """Arms of 0.8 rad at 1.5 Hz."""
-    q, _ = _rest(robot, 6.0)
-    _sway(robot, q, _arm_joints(robot), 0.8, 1.5, rng)
-    return q
-
-
-def _waist(robot: Robot, rng: np.random.Generator) -> Array:
-    """Every joint of the waist, and the arms a little."""
-    q, _ = _rest(robot, 6.0)
-    waist = robot.joints_between(robot.torso_frame, robot.base_frame)
-    _sway(robot, q, waist, (0.15, 0.35), (0.25, 0.5), rng)
-    _sway(robot, q, _arm_joints(robot), 0.2, (0.3, 0.6), rng)
-    return q
+    return make
 
 
 def _squat(robot: Robot, rng: np.random.Generator) -> Array:
@@ -124,13 +115,9 @@ def _steps(robot: Robot, rng: np.random.Generator) -> Array:
         places[side, 0] = target
     knots.append(float(t[-1]) - 0.3)
     supports.append(places.mean(axis=0)[:2])
-    width = round(0.3 * RATE)
-    kernel = np.hanning(2 * width + 1)
-    kernel /= kernel.sum()
-    offset = q[0, :2] - middle
-    for axis in (0, 1):
-        over = np.pad(np.interp(t, knots, np.array(supports)[:, axis]), width, mode="edge")
-        q[:, axis] = np.convolve(over, kernel, mode="valid") + offset[axis]
+    kernel = np.hanning(2 * round(0.3 * RATE) + 1)
+    over = np.column_stack([np.interp(t, knots, place) for place in np.array(supports).T])
+    q[:, :2] += convolve1d(over, kernel / kernel.sum(), axis=0, mode="nearest") - middle
     q[:, 2] -= 0.01
     soles = [(pin.SE3(start[0].rotation, left), pin.SE3(start[1].rotation, right)) for left, right in path]
     _sway(robot, q, _arm_joints(robot, 1), 0.15, 1.0 / (2.0 * (single + double)), rng)
@@ -147,6 +134,10 @@ def _arm_joints(robot: Robot, count: int = 4) -> list[int]:
     """Return the first joints of both arms: four are shoulder and elbow."""
     hands = [robot.frames[hand] for hand in ("left_hand", "right_hand") if hand in robot.frames]
     return [joint for hand in hands for joint in robot.joints_between(hand, robot.torso_frame)[:count]]
+
+
+def _waist_joints(robot: Robot) -> list[int]:
+    return robot.joints_between(robot.torso_frame, robot.base_frame)
 
 
 def _sway(
@@ -176,23 +167,26 @@ def _bump(t: Array, rise: float, high: float, fall: float, low: float) -> Array:
     return minimum_jerk(np.clip(up, 0.0, 1.0))[0] * minimum_jerk(np.clip(down, 0.0, 1.0))[0]
 
 
-def _soles(robot: Robot) -> tuple[pin.SE3, pin.SE3]:
+def _soles(robot: Robot) -> Soles:
     """Return the soles of half-sitting."""
-    data = robot.model.createData()
-    pin.framesForwardKinematics(robot.model, data, robot.half_sitting)
-    left, right = (data.oMf[robot.frame_id(sole.frame)].copy() for sole in robot.soles[:2])
-    return left, right
+    return BodyMotion.of(robot, np.tile(robot.half_sitting, (2, 1)), RATE).soles[0]
 
 
-def _solve(robot: Robot, q: Array, soles: Soles, standing: Array) -> Array:
+def _solve(robot: Robot, q: Array, soles: Sequence[Soles], standing: Array) -> Array:
     """Return configurations with the soles where they should be and the base near where it is."""
-    data = robot.model.createData()
-    com = np.array([pin.centerOfMass(robot.model, data, each).copy() for each in q])
+    com = BodyMotion.of(robot, q, RATE).com
     return InverseKinematics(robot, LIMIT_MARGIN).solve(q, soles, standing, com)
 
 
 MOTIONS: Registry[Generator] = Registry(
     "motion",
-    {"arms": _arms, "dance": _dance, "waist": _waist, "squat": _squat, "one_leg": _one_leg, "steps": _steps},
+    {
+        "arms": _swayed((_arm_joints, (0.25, 0.5), (0.35, 0.65))),
+        "dance": _swayed((_arm_joints, 0.8, 1.5)),
+        "waist": _swayed((_waist_joints, (0.15, 0.35), (0.25, 0.5)), (_arm_joints, 0.2, (0.3, 0.6))),
+        "squat": _squat,
+        "one_leg": _one_leg,
+        "steps": _steps,
+    },
 )
 """Name → motion of a robot, drawn at random: configurations, shape (T, nq)."""

@@ -9,25 +9,22 @@ import pinocchio as pin
 
 from wbc.core.errors import Array
 from wbc.core.robot import BASE_DOF, Robot
-from wbc.motion.kinematics import leg_joints
+from wbc.motion.kinematics import Soles
 
 STANCE, SWING, COM, ORIENTATION, JOINTS, LEGS = 1e4, 1e2, 1e3, 1.0, 0.5, 1e-3
 """Weights per squared error: pose of a sole that stands, and of one in the air (m², rad²), centre of mass (m²),
 rotation of base and torso, joints outside the legs, and joints of the legs (rad²), on which the feet decide."""
 
-SMALL = 1e-6
-"""Step with which a frame is solved, rad and m."""
-
-Soles = Sequence[tuple[pin.SE3, pin.SE3]]
-"""Placements of left and right sole in each frame."""
+ITERATIONS, SMALL = 12, 1e-6
+"""Most steps of a frame, which ends with one that is smaller, rad and m."""
 
 
 class InverseKinematics:
     """Least squares over all joints and the base, inside the joint limits, frame by frame.
 
-    Attributes:
-        lower: Least joint positions, shape (na,), rad.
-        upper: Greatest joint positions, shape (na,), rad.
+    Joints at a limit that the gradient pushes beyond it stay there while the others are solved for.
+
+    Source: D. P. Bertsekas, SIAM J. Control 20(2), 1982 (projected Newton steps).
     """
 
     def __init__(self, robot: Robot, margin: float) -> None:
@@ -36,20 +33,13 @@ class InverseKinematics:
         self._soles = [robot.frame_id(sole.frame) for sole in robot.soles[:2]]
         self._trunk = list(dict.fromkeys(robot.frame_id(f) for f in (robot.base_frame, robot.torso_frame)))
         room = np.minimum(margin, 0.5 * (robot.position_upper - robot.position_lower))
-        self.lower, self.upper = robot.position_lower + room, robot.position_upper - room
-        legs = leg_joints(robot)
+        self._lower, self._upper = robot.position_lower + room, robot.position_upper - room
         self._posture = np.full(robot.nv, JOINTS)
         self._posture[:BASE_DOF] = 1e-6
-        self._posture[BASE_DOF:][legs] = LEGS
+        self._posture[BASE_DOF:][robot.leg_joints] = LEGS
 
     def solve(
-        self,
-        q: Array,
-        soles: Soles,
-        standing: Array,
-        com: Array,
-        start: Array | None = None,
-        iterations: int = 12,
+        self, q: Array, soles: Sequence[Soles], standing: Array, com: Array, start: Array | None = None
     ) -> Array:
         """Return configurations, shape (T, nq).
 
@@ -59,39 +49,27 @@ class InverseKinematics:
             standing: 1 where a sole stands, 0 in the air, shape (T, 2); in between the weights change geometrically.
             com: Places of the centre of mass, shape (T, 3), m.
             start: Configurations to begin with, shape (T, nq); those to stay near when None.
-            iterations: Most Gauss–Newton steps of a frame, which ends with one below `SMALL`.
         """
-        starts = q if start is None else start
-        frames = zip(q, starts, soles, standing, com, strict=True)
-        return np.array([self._frame(*frame, iterations) for frame in frames])
+        frames = zip(q, q if start is None else start, soles, standing, com, strict=True)
+        return np.array([self._frame(*frame) for frame in frames])
 
-    def _frame(
-        self,
-        reference: Array,
-        start: Array,
-        soles: tuple[pin.SE3, pin.SE3],
-        standing: Array,
-        com: Array,
-        iterations: int,
-    ) -> Array:
-        model, data = self._model, self._data
-        q = start.copy()
-        np.clip(q[7:], self.lower, self.upper, out=q[7:])
+    def _frame(self, reference: Array, start: Array, soles: Soles, standing: Array, com: Array) -> Array:
+        model, data, q = self._model, self._data, start.copy()
+        np.clip(q[7:], self._lower, self._upper, out=q[7:])
         pin.framesForwardKinematics(model, data, reference)
         trunk = [data.oMf[frame].rotation.copy() for frame in self._trunk]
-        for _ in range(iterations):
+        sole_weights = np.sqrt(SWING * (STANCE / SWING) ** standing)
+        for _ in range(ITERATIONS):
             pin.computeJointJacobians(model, data, q)
             pin.updateFramePlacements(model, data)
             rows: list[Array] = []
             errors: list[Array] = []
-            for side, frame in enumerate(self._soles):
-                weight = np.sqrt(SWING * (STANCE / SWING) ** standing[side])
-                errors.append(weight * pin.log6(data.oMf[frame].actInv(soles[side])).vector)
+            for frame, sole, weight in zip(self._soles, soles, sole_weights, strict=True):
+                errors.append(weight * pin.log6(data.oMf[frame].actInv(sole)).vector)
                 rows.append(weight * pin.getFrameJacobian(model, data, frame, pin.LOCAL))
             for frame, rotation in zip(self._trunk, trunk, strict=True):
-                weight = np.sqrt(ORIENTATION)
-                errors.append(weight * pin.log3(data.oMf[frame].rotation.T @ rotation))
-                rows.append(weight * pin.getFrameJacobian(model, data, frame, pin.LOCAL)[3:])
+                errors.append(np.sqrt(ORIENTATION) * pin.log3(data.oMf[frame].rotation.T @ rotation))
+                rows.append(np.sqrt(ORIENTATION) * pin.getFrameJacobian(model, data, frame, pin.LOCAL)[3:])
             rows.append(np.sqrt(COM) * pin.jacobianCenterOfMass(model, data, q))
             errors.append(np.sqrt(COM) * (com - data.com[0]))
             jacobian, error = np.vstack(rows), np.concatenate(errors)
@@ -101,29 +79,13 @@ class InverseKinematics:
             # Damped by the error that is left: far from a solution steps stay small (T. Sugihara, T-RO 27(5), 2011).
             hessian[np.diag_indices(model.nv)] += self._posture + float(error @ error)
             gradient = jacobian.T @ error + self._posture * near
-            step = self._bounded_step(hessian, gradient, q[7:])
+            joints, push = q[7:], gradient[BASE_DOF:]
+            held = ((joints >= self._upper) & (push > 0.0)) | ((joints <= self._lower) & (push < 0.0))
+            free = np.concatenate([range(BASE_DOF), BASE_DOF + np.flatnonzero(~held)])
+            step = np.zeros(model.nv)
+            step[free] = np.linalg.solve(hessian[np.ix_(free, free)], gradient[free])
             q = pin.integrate(model, q, step)
-            np.clip(q[7:], self.lower, self.upper, out=q[7:])
+            np.clip(q[7:], self._lower, self._upper, out=q[7:])
             if abs(step).max() < SMALL:
                 break
         return q
-
-    def _bounded_step(self, hessian: Array, gradient: Array, joints: Array) -> Array:
-        """Solve for a step; joints that it would take over a limit stop there and the others are solved for again."""
-        step = np.linalg.solve(hessian, gradient)
-        fixed = np.empty(0, dtype=int)
-        for _ in range(3):
-            count, reached = len(fixed), joints + step[BASE_DOF:]
-            for bound, beyond in (
-                (self.upper, reached > self.upper + 1e-9),
-                (self.lower, reached < self.lower - 1e-9),
-            ):
-                new = np.setdiff1d(BASE_DOF + np.flatnonzero(beyond), fixed)
-                step[new] = (bound - joints)[new - BASE_DOF]
-                fixed = np.append(fixed, new)
-            if len(fixed) == count:
-                break
-            free = np.setdiff1d(np.arange(len(step)), fixed)
-            rest = gradient[free] - hessian[np.ix_(free, fixed)] @ step[fixed]
-            step[free] = np.linalg.solve(hessian[np.ix_(free, free)], rest)
-        return np.asarray(step)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,12 +13,19 @@ from wbc.core.errors import Array
 from wbc.core.qp.contact import mean_distance
 from wbc.core.robot import BASE_DOF, GRAVITY, Robot
 
-TORQUE_SMOOTHING = 0.02
-"""Standard deviation with which accelerations are smoothed for torques, s: differences of recordings are noisy."""
+SMOOTHING = 0.02
+"""Standard deviation with which accelerations are smoothed for torques and friction, s: differences of recordings are
+noisy."""
 
+LEAST_LIFT = 0.2
+"""Least vertical acceleration over free fall that a ZMP is computed with, as a ratio of gravity: in free fall it is
+infinitely far away."""
 
 SLIP_PASSES = 8
 """Passes of least squares for the friction that two soles need."""
+
+Soles = tuple[pin.SE3, pin.SE3]
+"""Placements of left and right sole."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -28,8 +36,7 @@ class BodyMotion:
         rate: Frames per second, Hz.
         q: Configurations, shape (T, nq).
         v: Velocities, shape (T, nv); central differences.
-        sole_positions: Centres of left and right sole, shape (T, 2, 3), m.
-        sole_rotations: Rotations of both sole frames, shape (T, 2, 3, 3).
+        soles: Placements of both soles, T pairs.
         corners: Corners of both soles, shape (T, 2, 4, 3), m.
         com: Centre of mass, shape (T, 3), m.
         momentum: Angular momentum about the centre of mass, shape (T, 3), kg m²/s.
@@ -39,8 +46,7 @@ class BodyMotion:
     rate: float
     q: Array
     v: Array
-    sole_positions: Array
-    sole_rotations: Array
+    soles: Sequence[Soles]
     corners: Array
     com: Array
     momentum: Array
@@ -50,38 +56,34 @@ class BodyMotion:
     def of(cls, robot: Robot, q: Array, rate: float) -> BodyMotion:
         """Compute all quantities of configurations, shape (T, nq), at a rate, Hz; the robot's state is not changed."""
         model, data = robot.model, robot.model.createData()
-        v = velocities(model, q, rate)
-        soles = [robot.frame_id(sole.frame) for sole in robot.soles[:2]]
-        offsets = sole_corners(robot)
-        count = len(q)
-        positions, rotations = np.empty((count, 2, 3)), np.empty((count, 2, 3, 3))
-        corners, com, momentum = np.empty((count, 2, 4, 3)), np.empty((count, 3)), np.empty((count, 3))
-        for i in range(count):
+        steps = np.array([pin.difference(model, q[i], q[i + 1]) for i in range(len(q) - 1)]) * rate
+        v = np.vstack([steps[:1], 0.5 * (steps[:-1] + steps[1:]), steps[-1:]])
+        frames = [robot.frame_id(sole.frame) for sole in robot.soles[:2]]
+        soles: list[Soles] = []
+        com, momentum = np.empty((len(q), 3)), np.empty((len(q), 3))
+        for i in range(len(q)):
             momentum[i] = pin.computeCentroidalMomentum(model, data, q[i], v[i]).angular
             com[i] = data.com[0]
-            for side, frame in enumerate(soles):
-                placement = pin.updateFramePlacement(model, data, frame)
-                positions[i, side], rotations[i, side] = placement.translation, placement.rotation
-                corners[i, side] = offsets[side] @ placement.rotation.T + placement.translation
-        return cls(rate, q, v, positions, rotations, corners, com, momentum, robot.mass)
+            left, right = (pin.updateFramePlacement(model, data, frame).copy() for frame in frames)
+            soles.append((left, right))
+        return cls(rate, q, v, soles, corners_of(robot, soles), com, momentum, robot.mass)
 
-    def soles(self, side: int) -> list[pin.SE3]:
-        """Return the sole frame of a side, 0 left and 1 right, in each frame."""
-        pairs = zip(self.sole_rotations[:, side], self.sole_positions[:, side], strict=True)
-        return [pin.SE3(rotation, position) for rotation, position in pairs]
+    @property
+    def centres(self) -> Array:
+        """Centres of both soles, shape (T, 2, 3), m."""
+        return np.asarray(self.corners.mean(axis=2))
+
+    def acceleration(self) -> Array:
+        """Return the acceleration of the centre of mass, shape (T, 3), m/s², at rest before and after the motion."""
+        return second_difference(self.com, self.rate)
+
+    def turning(self) -> Array:
+        """Return the rate of the angular momentum over the mass, shape (T, 3), m²/s²."""
+        return np.gradient(self.momentum, 1.0 / self.rate, axis=0) / self.mass
 
     def zmp(self, ground: float = 0.0) -> Array:
-        """Return the point on the ground, at a height, m, about which gravity and inertia have no horizontal moment.
-
-        ZMP in the world, shape (T, 2), m. Where the centre of mass falls freely it is far away.
-        """
-        acceleration = second_difference(self.com, self.rate)
-        moment = np.gradient(self.momentum, 1.0 / self.rate, axis=0) / self.mass
-        lift = np.maximum(acceleration[:, 2] + GRAVITY, 0.05 * GRAVITY)
-        height = self.com[:, 2] - ground
-        x = self.com[:, 0] - (height * acceleration[:, 0] + moment[:, 1]) / lift
-        y = self.com[:, 1] - (height * acceleration[:, 1] - moment[:, 0]) / lift
-        return np.column_stack([x, y])
+        """Return the ZMP on the ground, at a height, m; shape (T, 2), m (`zmp_of`)."""
+        return zmp_of(self.com, self.acceleration(), self.turning(), ground)
 
     def friction(self, robot: Robot, standing: Array, ground: float = 0.0) -> Array:
         """Return the least coefficient of friction with which the soles that stand do not slip, shape (T,).
@@ -90,18 +92,20 @@ class BodyMotion:
         with d the mean distance of its points from its centre (`mean_distance`). The ZMP on a `ground` at that height,
         m, says how two soles share the load. By duality μ is the greatest ratio of the power of the needed wrench to Σ
         N √(|v|² + (dω)²) over all motions of the ground under both soles; the motion is found by repeated least
-        squares.
+        squares. Forces and loads are per mass.
 
         Source: R. D. Howe, M. R. Cutkosky, IJRR 15(6), 1996 (ellipsoid).
         """
-        smoothing = TORQUE_SMOOTHING * self.rate
-        acceleration = gaussian_filter1d(second_difference(self.com, self.rate), smoothing, axis=0)
-        force = self.mass * acceleration[:, :2]
-        turning = gaussian_filter1d(np.gradient(self.momentum[:, 2], 1.0 / self.rate), smoothing)
-        zmp = gaussian_filter1d(self.zmp(ground), smoothing, axis=0)
-        weight = self.mass * np.maximum(acceleration[:, 2] + GRAVITY, 0.05 * GRAVITY)
-        loads = weight[:, None] * load_shares(self.sole_positions[..., :2], zmp, standing)
-        arms = self.sole_positions[..., :2] - self.com[:, None, :2]
+        acceleration, turning, zmp = (
+            gaussian_filter1d(values, SMOOTHING * self.rate, axis=0)
+            for values in (self.acceleration(), self.turning()[:, 2], self.zmp(ground))
+        )
+        force, soles = acceleration[:, :2], self.centres[..., :2]
+        between = soles[:, 0] - soles[:, 1]
+        left = ((zmp - soles[:, 1]) * between).sum(axis=1) / np.maximum((between**2).sum(axis=1), 1e-9)
+        left = np.where(standing.all(axis=1), np.clip(left, 0.0, 1.0), standing[:, 0])
+        loads = least_lift(acceleration) * np.column_stack([left, 1.0 - left])
+        arms = soles - self.com[:, None, :2]
         distance = np.array([mean_distance(0.5 * s.length, 0.5 * s.width) for s in robot.soles[:2]])
         stiffness = loads.copy()
         for _ in range(SLIP_PASSES):
@@ -122,53 +126,50 @@ class BodyMotion:
 
         Inverse dynamics of the joints above the legs do not depend on the forces at the feet; those of the legs do.
         """
-        acceleration = gaussian_filter1d(
-            np.gradient(self.v, 1.0 / self.rate, axis=0), TORQUE_SMOOTHING * self.rate, axis=0
-        )
-        data = robot.model.createData()
-        torques = np.array(
-            [
-                pin.rnea(robot.model, data, q, v, a)[BASE_DOF:]
-                for q, v, a in zip(self.q, self.v, acceleration, strict=True)
-            ]
-        )
-        torques[:, leg_joints(robot)] = 0.0
+        acceleration = np.gradient(self.v, 1.0 / self.rate, axis=0)
+        acceleration = gaussian_filter1d(acceleration, SMOOTHING * self.rate, axis=0)
+        rows, data = zip(self.q, self.v, acceleration, strict=True), robot.model.createData()
+        torques = np.array([pin.rnea(robot.model, data, *row)[BASE_DOF:] for row in rows])
+        torques[:, robot.leg_joints] = 0.0
         return np.asarray(abs(torques) / robot.torque_limit)
 
-    def sole_speed(self) -> Array:
-        """Return the speed of the fastest corner of each sole, shape (T, 2), m/s."""
-        motion = np.gradient(self.corners, 1.0 / self.rate, axis=0)
-        return np.asarray(np.linalg.norm(motion, axis=-1).max(axis=-1))
 
+def corners_of(robot: Robot, soles: Sequence[Soles], share: float = 1.0) -> Array:
+    """Return the corners of left and right sole, T pairs of placements, shape (T, 2, 4, 3), m.
 
-def leg_joints(robot: Robot) -> list[int]:
-    """Return the joints of both legs as indices of shape (na,)."""
-    return [j for sole in robot.soles[:2] for j in robot.joints_between(sole.frame, robot.base_frame)]
-
-
-def sole_corners(robot: Robot) -> list[Array]:
-    """Return the corners of left and right sole in their own frames, each of shape (4, 3), m."""
-    return [
-        np.array([(0.5 * x * s.length, 0.5 * y * s.width, 0.0) for x in (1, -1) for y in (1, -1)])
+    Of length and width of each sole a `share` about its centre counts.
+    """
+    offsets = [
+        0.5 * share * np.array([(x * s.length, y * s.width, 0.0) for x in (1, -1) for y in (1, -1)])
         for s in robot.soles[:2]
     ]
+    return np.array(
+        [
+            [o @ sole.rotation.T + sole.translation for o, sole in zip(offsets, pair, strict=True)]
+            for pair in soles
+        ]
+    )
 
 
-def load_shares(soles: Array, zmp: Array, standing: Array) -> Array:
-    """Return the share of the load that each standing sole bears, by the place of the ZMP between them, shape (T, 2).
+def zmp_of(com: Array, acceleration: Array, turning: Array, ground: float) -> Array:
+    """Return the point on the ground about which gravity and inertia have no horizontal moment, shape (T, 2), m.
 
-    Centres of left and right sole have shape (T, 2, 2), the ZMP (T, 2), m.
+        z = c − (h c̈ + L̇ × e_z / m) / (c̈_z + g)
+
+    Args:
+        com: Centre of mass c, shape (T, 3), m.
+        acceleration: Its acceleration c̈, shape (T, 3), m/s².
+        turning: Rate of the angular momentum over the mass, L̇ / m, shape (T, 3), m²/s².
+        ground: Height of the ground, m.
     """
-    between = soles[:, 0] - soles[:, 1]
-    left = ((zmp - soles[:, 1]) * between).sum(axis=1) / np.maximum((between**2).sum(axis=1), 1e-9)
-    left = np.where(standing.all(axis=1), np.clip(left, 0.0, 1.0), standing[:, 0])
-    return np.column_stack([left, 1.0 - left])
+    moment = np.column_stack([turning[:, 1], -turning[:, 0]])
+    height = com[:, 2:] - ground
+    return com[:, :2] - (height * acceleration[:, :2] + moment) / least_lift(acceleration)
 
 
-def velocities(model: pin.Model, q: Array, rate: float) -> Array:
-    """Return velocities by central differences (one-sided at both ends), shape (T, nv)."""
-    steps = np.array([pin.difference(model, q[i], q[i + 1]) for i in range(len(q) - 1)]) * rate
-    return np.vstack([steps[:1], 0.5 * (steps[:-1] + steps[1:]), steps[-1:]])
+def least_lift(acceleration: Array) -> Array:
+    """Return the vertical force per mass on the ground, shape (T, 1), m/s², at least `LEAST_LIFT` of gravity."""
+    return np.maximum(acceleration[:, 2:] + GRAVITY, LEAST_LIFT * GRAVITY)
 
 
 def second_difference(values: Array, rate: float) -> Array:

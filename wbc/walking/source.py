@@ -2,8 +2,8 @@
 
     reference = source.update(state)
 
-A source knows neither the QP nor the drives. `wbc.walking.lipm`, `wbc.walking.stepping.walk` and `wbc.motion.track` are
-sources beside each other; `Stand` is the smallest one.
+A source knows neither the QP nor the drives. `wbc.walking.lipm`, `wbc.walking.stepping.walk` and `wbc.motion.source`
+are sources beside each other; `Stand` is the smallest one.
 """
 
 from __future__ import annotations

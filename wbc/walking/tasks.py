@@ -43,6 +43,7 @@ class TaskGains(BodyGains):
         wrench_weight: Desired foot wrenches in torque control, cost per N² and (Nm)².
         moment_by_load: Weigh the moments of the desired wrenches of two feet by the inverse square of each foot's load
             over the sum: at equal weights the CoP of the foot with less load is at the edge, and it turns.
+        leg_weight: Joints of the legs, cost per (rad/s²)²; that of all joints when None.
         even_soles: Bound yaw moments of soles in torque control as under even pressure, not at their corners alone.
     """
 
@@ -53,6 +54,7 @@ class TaskGains(BodyGains):
     contact_return: Annotated[Positive, "1/s²"] = 100.0
     wrench_weight: Positive = 1e-3
     moment_by_load: bool = False
+    leg_weight: Positive | None = None
     even_soles: bool = False
 
 
@@ -121,6 +123,10 @@ class WalkTasks:
             for sole in robot.soles
         ]
         self._trunk, self.posture = gains.add_trunk_and_posture(controller, "pelvis")
+        if gains.leg_weight is not None:
+            weight = np.full(robot.na, gains.posture_weight)
+            weight[robot.leg_joints] = gains.leg_weight
+            self.posture.weight = weight
         forward = _yaw_rotation(-heading(robot.placement(robot.base_frame).rotation))
         self._trunk_tilts = [forward @ task.target for task in self._trunk]
         self._trunk_target: tuple[float | None, LeanMotion] = (None, UPRIGHT)  # heading and lean

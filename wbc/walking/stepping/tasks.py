@@ -169,7 +169,7 @@ class SteppingTasks:
         robot, omega = controller.robot, self._scale.omega
         stiffness = np.full(robot.na, gains.posture_stiffness * omega**2)
         damping = np.full(robot.na, gains.posture_damping * omega)
-        legs = [j for sole in robot.soles for j in robot.joints_between(sole.frame, robot.base_frame)]
+        legs = robot.leg_joints
         stiffness[legs], damping[legs] = 0.0, gains.leg_damping * omega
         share = gains.leg_weight / gains.posture_weight
         return PostureTask(

@@ -1,0 +1,298 @@
+"""Tracking of a clip: a source of references for the controller of a walk.
+
+    clip  →  pendulum, feet, contacts  →  stabilizer  →  tasks  →  command
+          →  joints and trunk, with velocities and accelerations  ↗
+
+All references are computed before the first tick. Joints and the base's position follow cubic splines through the
+frames, its orientation a spline of rotations; the rest is kinematics and the rate of the centroidal momentum, without
+further differences. The pendulum has the ZMP of all bodies (`zmp_of`), and accelerates as that asks,
+
+    c̈* = (c̈_z + g) (c − z) / h,
+
+so that fast arms are no disturbance: the wrench that the stabilizer wants is the one that the motion makes.
+
+Feet that stand are contacts and yield to the measured wrenches as in a walk; a foot in the air follows the clip from
+where it was lifted, and stands where it has landed. Early ground ends a swing.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pinocchio as pin
+from scipy.interpolate import CubicSpline
+from scipy.ndimage import gaussian_filter1d
+from scipy.spatial.transform import Rotation, RotationSpline
+
+from wbc.core.arguments import checked
+from wbc.core.control import State
+from wbc.core.errors import Array, InputError, as_period
+from wbc.core.robot import GRAVITY, Robot
+from wbc.motion.clip import MotionClip
+from wbc.motion.contacts import find_contacts
+from wbc.motion.kinematics import BodyMotion, least_lift, zmp_of
+from wbc.tasks.stabilizer.distribution import DistributionSettings
+from wbc.tasks.stabilizer.pendulum import Pendulum
+from wbc.walking.pattern.swing import FootMotion
+from wbc.walking.planning.footsteps import heading, mean_heading
+from wbc.walking.planning.phases import Event, Phase
+from wbc.walking.planning.reach import bent_height
+from wbc.walking.planning.sources import DriveSettings
+from wbc.walking.settings import WalkingControlSettings
+from wbc.walking.source import Reference, ReferenceSource, WholeBody
+from wbc.walking.tasks import TaskGains
+
+START = 0.1
+"""Greatest distance of a joint from the first frame of a clip at which tracking may begin, rad."""
+
+FADE = 0.2
+"""Time in which a foot that is lifted goes over to the path of the clip, s."""
+
+TOUCH_DOWN, EARLY = 0.08, 0.1
+"""Load, as a share of the weight, at which a foot has met the ground before its time, and from how long before, s."""
+
+ZMP_SMOOTHING = 0.02
+"""Standard deviation with which the reference of the ZMP is smoothed, s: splines have kinks in their accelerations."""
+
+
+def tracking_settings() -> WalkingControlSettings:
+    """Return the settings of a walk's controller that tracks a clip.
+
+    Feet cost by their load and soles press evenly; joints are held, but those of the legs hardly: soles, centre of mass
+    and pelvis decide on them.
+    """
+    return WalkingControlSettings(
+        distribution=DistributionSettings(torque_by_load=True),
+        tasks=TaskGains(
+            moment_by_load=True,
+            even_soles=True,
+            posture_weight=1.0,
+            leg_weight=0.01,
+            posture_stiffness=100.0,
+        ),
+    )
+
+
+class MotionSource(ReferenceSource):
+    """References of a clip, then a stand in its last frame. It cannot be steered: that is an `InputError`.
+
+        clip = make_feasible(robot, given).clip
+        robot.update(clip.configurations(robot)[0], np.zeros(robot.nv))
+        source = MotionSource(robot, clip, plant.control_period)
+        control = WalkingControl(robot, source, plant.control_period, tracking_settings())
+
+    Attributes:
+        clip: The clip, where the robot is.
+        configurations: Configurations of the clip at the ticks, shape (T, nq).
+        motion: References of the ticks, as the clip has them.
+        tick: Index of the present tick in `motion`.
+        landings: Number of landings so far.
+        com_height: Height of the CoM over the soles at the start, m.
+    """
+
+    unsteered = (
+        "a robot that tracks a clip cannot be steered, nor stopped before: it stands when the clip is over"
+    )
+
+    @checked
+    def __init__(self, robot: Robot, clip: MotionClip, dt: float) -> None:
+        """Put the clip where the robot stands; the motion begins with the first tick.
+
+        Args:
+            robot: The robot, in the first frame of the clip, anywhere on level ground.
+            clip: Clip of its joints.
+            dt: Control period, s.
+
+        Raises:
+            UnknownNameError: The clip is of another robot.
+            InputError: The robot leaves the ground in the clip; the time at which it does is named. A robot that does
+                not stand as the clip begins.
+        """
+        self._dt = dt = as_period(dt)
+        q = clip.configurations(robot)
+        _, standing = find_contacts(BodyMotion.of(robot, q, clip.rate), clip.standing)
+        _check_start(robot, q[0])
+        self._soles = [robot.placement(sole.frame) for sole in robot.soles[:2]]
+        left, right = (place.copy() for place in self._soles)
+        ground = 0.5 * float(left.translation[2] + right.translation[2])
+        self.com_height = min(float(robot.com[2]) - ground, bent_height(robot, DriveSettings().stretch))
+        self.clip = placed(robot, clip, q[0], (left, right))
+        self.configurations, self.motion = clip_references(robot, self.clip, standing, ground, dt)
+        self.tick = 0
+        self.landings = 0
+        self._places: list[pin.SE3] = [left, right]  # of feet that stand
+        # Tick of lift-off, and offset from the clip there.
+        self._swings: list[tuple[int, Array] | None] = [None, None]
+        self._early = [False, False]  # feet that stand before their time
+        self._load, self._ahead = TOUCH_DOWN * robot.mass * GRAVITY, round(EARLY / dt)
+
+    @property
+    def finished(self) -> bool:
+        """True when the clip is over and the robot stands in its last frame."""
+        return self.tick >= len(self.motion) - 1
+
+    def update(self, state: State) -> Reference:
+        """Return the references of this tick, and land or lift the feet."""
+        self.tick = i = min(round(state.time / self._dt), len(self.motion) - 1)
+        loads = state.load.tolist()
+        events = tuple(event for side in (0, 1) for event in self._switch(side, i, loads[side]))
+        contact = (self._swings[0] is None, self._swings[1] is None)
+        phase = Phase.STANDING if self.finished else (Phase.DOUBLE if all(contact) else Phase.SINGLE)
+        feet = (self._foot(0, i), self._foot(1, i))
+        return self.motion[i]._replace(
+            feet=feet, contact=contact, phase=phase, step=self.landings, events=events
+        )
+
+    def _switch(self, side: int, i: int, load: float) -> tuple[Event, ...]:
+        """Lift or land a foot when the clip says so, or when it meets the ground a little before."""
+        planned = self.motion[i].contact[side]
+        if self._swings[side] is None:
+            if planned or self._early[side]:
+                self._early[side] = self._early[side] and not planned
+                return ()
+            place, given = self._soles[side], self.motion[i].feet[side].placement
+            turn = np.asarray(pin.log3(place.rotation @ given.rotation.T))
+            self._swings[side] = i, np.concatenate([place.translation - given.translation, turn])
+            return (Event.LIFT_OFF,)
+        soon = self.motion[min(i + self._ahead, len(self.motion) - 1)].contact[side]
+        if not (planned or (soon and load > self._load)):
+            return ()
+        self._swings[side], self._early[side] = None, not planned
+        self._places[side] = pin.SE3(self._soles[side])
+        self.landings += 1
+        return (Event.TOUCH_DOWN if planned else Event.EARLY_TOUCH_DOWN,)
+
+    def _foot(self, side: int, i: int) -> FootMotion:
+        """Motion of a sole: at rest where it stands; in the air that of the clip, from where it was lifted."""
+        swing, given = self._swings[side], self.motion[i].feet[side]
+        if swing is None:
+            return FootMotion.at_rest(self._places[side])
+        begin, offset = swing
+        x = (i - begin) * self._dt / FADE
+        if x >= 1.0:
+            return given
+        share, rate = 1.0 - x * x * (3.0 - 2.0 * x), -6.0 * x * (1.0 - x) / FADE
+        placement, turn = given.placement, pin.exp3(share * offset[3:])
+        placement = pin.SE3(turn @ placement.rotation, placement.translation + share * offset[:3])
+        return FootMotion(placement, given.velocity + rate * offset, given.acceleration)
+
+
+def clip_references(
+    robot: Robot, clip: MotionClip, standing: Array, ground: float, dt: float
+) -> tuple[Array, tuple[Reference, ...]]:
+    """Return configurations, shape (T, nq), and references of the ticks of a clip.
+
+    Args:
+        robot: The robot; its state is not changed.
+        clip: The clip.
+        standing: True where the left and the right sole stand in each frame, shape (frames, 2).
+        ground: Height of the ground, m.
+        dt: Control period, s.
+    """
+    q, v, a = splines(robot, clip, dt)
+    count = len(q)
+    nearest = np.minimum(np.round(np.arange(count) * dt * clip.rate).astype(int), len(clip) - 1)
+    model, data = robot.model, robot.model.createData()
+    soles = [robot.frame_id(sole.frame) for sole in robot.soles[:2]]
+    parts = [robot.frame_id(part) for part in dict.fromkeys((robot.base_frame, robot.torso_frame))]
+    com, com_velocity, com_acceleration, turning = (np.empty((count, 3)) for _ in range(4))
+    moving: list[tuple[list[FootMotion], list[FootMotion]]] = []
+
+    def motion(frame: int) -> FootMotion:
+        velocity = pin.getFrameVelocity(model, data, frame, pin.LOCAL_WORLD_ALIGNED)
+        acceleration = pin.getFrameClassicalAcceleration(model, data, frame, pin.LOCAL_WORLD_ALIGNED)
+        return FootMotion(data.oMf[frame].copy(), velocity.vector.copy(), acceleration.vector.copy())
+
+    for i in range(count):
+        turning[i] = pin.computeCentroidalMomentumTimeVariation(model, data, q[i], v[i], a[i]).angular
+        pin.centerOfMass(model, data, q[i], v[i], a[i])
+        com[i], com_velocity[i], com_acceleration[i] = data.com[0], data.vcom[0], data.acom[0]
+        pin.updateFramePlacements(model, data)
+        moving.append(([motion(sole) for sole in soles], [motion(part) for part in parts]))
+    pendulums = _pendulums(com, com_velocity, com_acceleration, turning / robot.mass, ground, dt)
+    return q, tuple(
+        Reference(
+            pendulums[i],
+            (left, right),
+            tuple(standing[nearest[i]].tolist()),
+            _facing(left.placement, right.placement),
+            body=WholeBody(
+                com_acceleration[i],
+                [(m.placement.rotation, m.velocity[3:], m.acceleration[3:]) for m in trunk],
+                q[i, 7:],
+                v[i, 6:],
+                a[i, 6:],
+            ),
+        )
+        for i, ((left, right), trunk) in enumerate(moving)
+    )
+
+
+def splines(robot: Robot, clip: MotionClip, dt: float) -> tuple[Array, Array, Array]:
+    """Return configurations, velocities and accelerations of a clip at the ticks of a period, s."""
+    frames = clip.configurations(robot)
+    count = math.ceil(clip.duration / dt - 1e-9) + 1
+    t = np.minimum(np.arange(count) * dt, clip.duration)
+    columns = CubicSpline(clip.times, np.delete(frames, range(3, 7), axis=1), bc_type="clamped")
+    turn = RotationSpline(clip.times, Rotation.from_quat(frames[:, 3:7]))
+    rotation = turn(t)
+    body = rotation.inv()
+    rates, rate_changes = turn(t, 1), turn(t, 2)
+    place, speed, change = columns(t), columns(t, 1), columns(t, 2)
+    q = np.hstack([place[:, :3], rotation.as_quat(), place[:, 3:]])
+    # The base's velocity is along its own axes; its spatial acceleration lacks the turn of the velocity.
+    linear = body.apply(speed[:, :3])
+    v = np.hstack([linear, rates, speed[:, 3:]])
+    a = np.hstack([body.apply(change[:, :3]) - np.cross(rates, linear), rate_changes, change[:, 3:]])
+    a[0], a[-1], v[0], v[-1] = 0.0, 0.0, 0.0, 0.0  # a clip begins and ends at rest
+    return q, v, a
+
+
+def _pendulums(
+    com: Array, velocity: Array, acceleration: Array, turning: Array, ground: float, dt: float
+) -> list[Pendulum]:
+    """Return the pendulum whose ZMP is that of the motion of all bodies."""
+    zmp = zmp_of(com, acceleration, turning, ground)
+    zmp = gaussian_filter1d(zmp, ZMP_SMOOTHING / dt, axis=0, mode="nearest")
+    height = com[:, 2:] - ground
+    asked = acceleration.copy()
+    asked[:, :2] = least_lift(acceleration) * (com[:, :2] - zmp) / height
+    points = np.insert(zmp, 2, ground, axis=1)
+    rates = np.insert(np.gradient(zmp, dt, axis=0), 2, 0.0, axis=1)
+    omega = np.sqrt(GRAVITY / height[:, 0]).tolist()
+    return [Pendulum(*row) for row in zip(com, velocity, asked, points, rates, omega, strict=True)]
+
+
+def placed(robot: Robot, clip: MotionClip, q: Array, soles: tuple[pin.SE3, pin.SE3]) -> MotionClip:
+    """Return a clip moved over the ground and turned about the vertical so that its feet begin where soles are.
+
+    `q` is the first configuration of the clip, shape (nq,).
+    """
+    data = robot.model.createData()
+    pin.framesForwardKinematics(robot.model, data, q)
+    own = [data.oMf[robot.frame_id(sole.frame)] for sole in robot.soles[:2]]
+    rotation = pin.utils.rotate("z", _facing(*soles) - _facing(*own))
+    here = 0.5 * (soles[0].translation + soles[1].translation)
+    there = 0.5 * (own[0].translation + own[1].translation)
+    base = clip.base.copy()
+    base[:, :3] = (base[:, :3] - there) @ rotation.T + here
+    base[:, 3:] = (Rotation.from_matrix(rotation) * Rotation.from_quat(base[:, 3:])).as_quat()
+    return replace(clip, base=base)
+
+
+def _facing(left: pin.SE3, right: pin.SE3) -> float:
+    """Return the heading of a robot by its soles, rad."""
+    return mean_heading(heading(left.rotation), heading(right.rotation))
+
+
+def _check_start(robot: Robot, q: Array) -> None:
+    """Refuse a robot that does not stand as a clip begins."""
+    off = abs(robot.q[7:] - q[7:])
+    worst = int(off.argmax())
+    if not off[worst] <= START:
+        raise InputError(
+            f"the robot must stand as the clip begins, every joint within {START:g} rad; joint "
+            f"'{robot.joint_names[worst]}' is at {robot.q[7 + worst]:.3f} rad, in the clip at {q[7 + worst]:.3f} rad"
+        )
