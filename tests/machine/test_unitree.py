@@ -39,7 +39,7 @@ def test_checksums_are_those_of_the_sdk() -> None:
     message = np.zeros((), LOW_CMD)
     assert int(sealed(message)["crc"]) == 0xFE172F9F
     message["mode_machine"] = 5
-    motors = message["motor"]
+    motors = message["motor_cmd"]
     motors["mode"][:29], motors["kp"][:29], motors["kd"][:29] = 1, 40.0, 1.0
     motors["q"][:29] = 0.1 * np.arange(29)
     assert int(sealed(message)["crc"]) == 0x2D82BC79 and intact(message)
@@ -59,16 +59,16 @@ class Topics:
         return self.states.pop(0) if self.states else None
 
     def write(self, record: np.ndarray) -> None:
-        self.sent.append(record["motor"][:29].copy())
+        self.sent.append(record["motor_cmd"][:29].copy())
 
 
 def state(seal: bool = True, **motors: object) -> np.ndarray:
     """Return a state of a machine whose motors are on; some fields of its motors are others."""
     record = np.zeros((), LOW_STATE)
     record["tick"], record["mode_machine"] = 5, 5
-    record["motor"]["mode"] = 1
+    record["motor_state"]["mode"] = 1
     for name, value in motors.items():
-        record["motor"][name][3] = value
+        record["motor_state"][name][3] = value
     return sealed(record) if seal else record
 
 
@@ -150,8 +150,9 @@ def test_structs_and_cdr_hold_the_same(layout: np.dtype) -> None:
     again = from_cdr(data, layout)
     for name in ("mode_machine", "reserve", "crc"):
         np.testing.assert_array_equal(again[name], record[name])
-    for name in set(layout["motor"].base.names or ()) - {"pad"}:
-        assert again["motor"][name].tobytes() == record["motor"][name].tobytes(), name
+    motor = "motor_cmd" if layout is LOW_CMD else "motor_state"
+    for name in set(layout[motor].base.names or ()) - {"pad"}:
+        assert again[motor][name].tobytes() == record[motor][name].tobytes(), name
     assert from_cdr(data[:-9], layout) is None
 
 
@@ -162,7 +163,7 @@ def test_packed_messages_are_those_that_cyclonedds_would_pack() -> None:
     kind = messages()[COMMAND_TOPIC]
     record = np.zeros((), LOW_CMD)
     record["mode_machine"], record["crc"] = 5, 77
-    record["motor"]["q"], record["motor"]["mode"] = np.arange(35), np.arange(35)
+    record["motor_cmd"]["q"], record["motor_cmd"]["mode"] = np.arange(35), np.arange(35)
     read = kind.__idl__.deserialize(to_cdr(record))
     assert read.mode_machine == 5 and read.crc == 77
     assert [motor.q for motor in read.motor_cmd] == list(range(35))
@@ -179,9 +180,9 @@ def test_joints_are_found_by_name() -> None:
 
 @dds
 def test_requests_of_the_motion_switcher_are_laid_out_as_its_idl_says() -> None:
-    from wbc.machine.unitree.dds import request_message  # noqa: PLC0415 - needs the extra
+    from wbc.machine.unitree.dds import REQUEST_TOPIC, message  # noqa: PLC0415 - needs the extra
 
-    packed = request_message(5, 1002, '{"name": "ai"}').serialize()
+    packed = message(REQUEST_TOPIC, ((5, 1002), (0,), (0, False)), '{"name": "ai"}', []).serialize()
     identity_lease_policy = struct.pack("<qqqi?3x", 5, 1002, 0, 0, False)
     text = b'{"name": "ai"}\0'
     assert packed[:4] == b"\x00\x01\x00\x00"
@@ -225,7 +226,7 @@ def test_the_motion_switcher_releases_the_motors_and_gives_them_back() -> None:
         assert switcher.release() == "ai" and switcher.mode() == ""
         until(lambda: len(commands) > 0)
         switcher.select("ai")
-        assert switcher.mode() == robot.switch.mode == "ai"
+        assert switcher.mode() == robot.mode == "ai"
         with pytest.raises(DdsError, match="refused request 1004: code 1"):
             switcher._call(1004, {})
         with pytest.raises(InputError, match="must not be empty"):

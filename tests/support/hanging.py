@@ -14,9 +14,8 @@ import numpy as np
 
 import wbc
 from wbc import Command, Measurement
-from wbc.core.errors import Array
 from wbc.machine.clock import Clock
-from wbc.machine.unitree.wire import G1_GAINS
+from wbc.machine.unitree.wire import machine_gains
 from wbc.sim import Machine, MujocoLoop, Plant
 
 STIFFNESS, DAMPING = 200.0, 100.0
@@ -72,14 +71,7 @@ class HangingMachine:
         """
         self.description = wbc.load_robot("g1")
         robot = self.description.robot()
-        gains = [
-            next((g for part, g in G1_GAINS.items() if part in name), (40.0, 1.0))
-            for name in robot.joint_names
-        ]
-        self.gains: tuple[Array, Array] = (
-            np.array([kp for kp, _ in gains]),
-            np.array([kd for _, kd in gains]),
-        )
+        self.gains = machine_gains(robot.joint_names)
         self.clock, self.length, self.speed = SimulatedTime(), 0.0, 0.0
         model, ankles = Plant(self.description, timestep=STEP).model, 50.0 if heavier else 35.0
         self._limit = np.array(robot.torque_limit)

@@ -13,10 +13,13 @@ from typing import Any
 import numpy as np
 
 from wbc.core.errors import WbcError
-from wbc.machine.unitree.wire import from_cdr, to_cdr
+from wbc.machine.unitree.wire import LOW_CMD, LOW_STATE, from_cdr, to_cdr
 
 COMMAND_TOPIC, STATE_TOPIC = "rt/lowcmd", "rt/lowstate"
 REQUEST_TOPIC, RESPONSE_TOPIC = "rt/api/motion_switcher/request", "rt/api/motion_switcher/response"
+
+PARTS = {"motor_cmd": "MotorCmd_", "motor_state": "MotorState_", "imu_state": "IMUState_"}
+"""Names of the structures in a message of unitree_hg."""
 
 CONFIG = (
     '<CycloneDDS><Domain Id="any"><General><Interfaces><NetworkInterface name="{}"/></Interfaces></General>'
@@ -28,13 +31,26 @@ class DdsError(WbcError):
     """DDS that cannot be used here, or a service that does not answer."""
 
 
-def _struct(module: str, name: str, fields: dict[str, Any]) -> Any:
+def _struct(name: str, fields: dict[str, Any], module: str = "unitree_api") -> Any:
     from cyclonedds.idl import annotations, make_idl_struct  # noqa: PLC0415 - an extra
 
     made = make_idl_struct(name, f"{module}.msg.dds_.{name}", fields)
     annotations.final(made)
     annotations.autoid("sequential")(made)
     return made
+
+
+def _of_layout(name: str, layout: np.dtype[Any]) -> Any:
+    """Return the message of unitree_hg with the fields of a C struct, but for its padding."""
+    from cyclonedds.idl import types  # noqa: PLC0415 - an extra
+
+    fields = {}
+    for field in layout.names or ():
+        base, shape = layout[field].base, layout[field].shape
+        made = _of_layout(PARTS[field], base) if base.names else getattr(types, base.name)
+        fields[field] = types.array[made, shape[0]] if shape else made
+    fields.pop("pad", None)
+    return _struct(name, fields, "unitree_hg")
 
 
 def _packed(made: Any) -> Any:
@@ -65,67 +81,30 @@ def messages() -> dict[str, Any]:
         raise DdsError(
             "Unitree's topics need cyclonedds: pip install -e '.[unitree]' in the clone"
         ) from error
-    u1, u4, f4, i2, i4, i8 = (
-        getattr(types, kind) for kind in ("uint8", "uint32", "float32", "int16", "int32", "int64")
-    )
-    hg, api = functools.partial(_struct, "unitree_hg"), functools.partial(_struct, "unitree_api")
-    floats = dict.fromkeys(("q", "dq", "tau", "kp", "kd"), f4)
-    motor_cmd = hg("MotorCmd_", {"mode": u1, **floats, "reserve": u4})
-    motor_state = hg(
-        "MotorState_",
-        {"mode": u1, **dict.fromkeys(("q", "dq", "ddq", "tau_est"), f4), "temperature": types.array[i2, 2]}
-        | {"vol": f4, "sensor": types.array[u4, 2], "motorstate": u4, "reserve": types.array[u4, 4]},
-    )
-    imu = hg(
-        "IMUState_",
-        {
-            "quaternion": types.array[f4, 4],
-            "gyroscope": types.array[f4, 3],
-            "accelerometer": types.array[f4, 3],
-        }
-        | {"rpy": types.array[f4, 3], "temperature": i2},
-    )
-    command = hg(
-        "LowCmd_",
-        {"mode_pr": u1, "mode_machine": u1, "motor_cmd": types.array[motor_cmd, 35]}
-        | {"reserve": types.array[u4, 4], "crc": u4},
-    )
-    state = hg(
-        "LowState_",
-        {"version": types.array[u4, 2], "mode_pr": u1, "mode_machine": u1, "tick": u4, "imu_state": imu}
-        | {"motor_state": types.array[motor_state, 35], "wireless_remote": types.array[u1, 40]}
-        | {"reserve": types.array[u4, 4], "crc": u4},
-    )
-    identity = api("RequestIdentity_", {"id": i8, "api_id": i8})
-    lease = api("RequestLease_", {"id": i8})
-    policy = api("RequestPolicy_", {"priority": i4, "noreply": bool})
-    header = api("RequestHeader_", {"identity": identity, "lease": lease, "policy": policy})
-    status = api("ResponseStatus_", {"code": i4})
-    answer = api("ResponseHeader_", {"identity": identity, "status": status})
-    binary = {"binary": types.sequence[u1]}
+    identity = _struct("RequestIdentity_", {"id": types.int64, "api_id": types.int64})
+    lease = _struct("RequestLease_", {"id": types.int64})
+    policy = _struct("RequestPolicy_", {"priority": types.int32, "noreply": bool})
+    header = _struct("RequestHeader_", {"identity": identity, "lease": lease, "policy": policy})
+    status = _struct("ResponseStatus_", {"code": types.int32})
+    answer = _struct("ResponseHeader_", {"identity": identity, "status": status})
+    binary = types.sequence[types.uint8]
     return {
-        COMMAND_TOPIC: _packed(command),
-        STATE_TOPIC: _packed(state),
-        REQUEST_TOPIC: api("Request_", {"header": header, "parameter": str} | binary),
-        RESPONSE_TOPIC: api("Response_", {"header": answer, "data": str} | binary),
+        COMMAND_TOPIC: _packed(_of_layout("LowCmd_", LOW_CMD)),
+        STATE_TOPIC: _packed(_of_layout("LowState_", LOW_STATE)),
+        REQUEST_TOPIC: _struct("Request_", {"header": header, "parameter": str, "binary": binary}),
+        RESPONSE_TOPIC: _struct("Response_", {"header": answer, "data": str, "binary": binary}),
     }
 
 
-def request_message(number: int, request: int, parameter: str) -> Any:
-    """Return a request to the motion switcher, with a number of its own and its parameters as JSON."""
-    kind = messages()[REQUEST_TOPIC]
-    header = kind.__annotations__["header"]
-    parts = header.__annotations__
-    identity = parts["identity"](id=number, api_id=request)
-    policy = parts["policy"](priority=0, noreply=False)
-    return kind(header(identity, parts["lease"](id=0), policy), parameter, [])
+def message(topic: str, *values: Any) -> Any:
+    """Return a message of a topic; a structure in it is a tuple of its values, in the order of its fields."""
 
+    def filled(kind: Any, values: tuple[Any, ...]) -> Any:
+        kinds = kind.__annotations__.values()
+        parts = zip(kinds, values, strict=True)
+        return kind(*(filled(part, value) if isinstance(value, tuple) else value for part, value in parts))
 
-def response_message(identity: Any, code: int, data: str) -> Any:
-    """Return the answer to a request of some identity; a code other than 0 refuses it."""
-    kind = messages()[RESPONSE_TOPIC]
-    header = kind.__annotations__["header"]
-    return kind(header(identity, header.__annotations__["status"](code=code)), data, [])
+    return filled(messages()[topic], values)
 
 
 class Topics:
@@ -138,23 +117,13 @@ class Topics:
         not installed, or cannot use it.
         """
         kinds = messages()
-        from cyclonedds.core import (  # noqa: PLC0415
-            DDSException,
-            InstanceState,
-            ReadCondition,
-            SampleState,
-            ViewState,
-            WaitSet,
-        )
+        from cyclonedds import core, pub, sub, topic  # noqa: PLC0415
         from cyclonedds.domain import Domain, DomainParticipant  # noqa: PLC0415
-        from cyclonedds.pub import DataWriter  # noqa: PLC0415
-        from cyclonedds.sub import DataReader  # noqa: PLC0415
-        from cyclonedds.topic import Topic  # noqa: PLC0415
 
         try:
             self._domain = Domain(domain, CONFIG.format(interface))
-        except DDSException as error:
-            if error.code != DDSException.DDS_RETCODE_PRECONDITION_NOT_MET:
+        except core.DDSException as error:
+            if error.code != core.DDSException.DDS_RETCODE_PRECONDITION_NOT_MET:
                 # A participant without the domain would speak on another interface, to whatever robot is there.
                 raise DdsError(
                     f"DDS cannot use the network interface '{interface}' ({error}); the standard error may say why"
@@ -162,11 +131,11 @@ class Topics:
             self._domain = None  # it has been configured in this process before
         participant = DomainParticipant(domain)
         self._type = kinds[writes]
-        self._reader = DataReader(participant, Topic(participant, reads, kinds[reads]))
-        self._writer = DataWriter(participant, Topic(participant, writes, self._type))
-        mask = SampleState.NotRead | ViewState.Any | InstanceState.Alive
-        self._waiting = WaitSet(participant)
-        self._waiting.attach(ReadCondition(self._reader, mask))
+        self._reader = sub.DataReader(participant, topic.Topic(participant, reads, kinds[reads]))
+        self._writer = pub.DataWriter(participant, topic.Topic(participant, writes, self._type))
+        mask = core.SampleState.NotRead | core.ViewState.Any | core.InstanceState.Alive
+        self._waiting = core.WaitSet(participant)
+        self._waiting.attach(core.ReadCondition(self._reader, mask))
         self._participant = participant
 
     def read(self, layout: np.dtype[Any], timeout: float) -> Any:

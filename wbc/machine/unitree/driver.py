@@ -17,7 +17,7 @@ from wbc.core.gate import CommandGate
 from wbc.core.settings import Positive
 from wbc.core.signals import Command, Measurement
 from wbc.machine.unitree.dds import COMMAND_TOPIC, STATE_TOPIC, Topics
-from wbc.machine.unitree.wire import ENABLED, G1_GAINS, LOW_CMD, LOW_STATE, intact, motor_index, sealed
+from wbc.machine.unitree.wire import ENABLED, LOW_CMD, LOW_STATE, intact, machine_gains, motor_index, sealed
 from wbc.robots import RobotDescription
 
 logger = logging.getLogger(__name__)
@@ -76,7 +76,7 @@ class UnitreeDriver:
         self._names = tuple(description.joint_names)
         self._index = motor_index(self._names)
         self._hot = temperature
-        self.gains = _machine_gains(description)
+        self.gains = machine_gains(self._names)
         self._gate: CommandGate | None = None
         self._topics: Topics | None = None
         self._machine: int | None = None
@@ -106,7 +106,7 @@ class UnitreeDriver:
             if self._is_signed(state):
                 break
             self.refused += 1
-        motors, imu = state["motor"][self._index], state["imu"]
+        motors, imu = state["motor_state"][self._index], state["imu_state"]
         self._look(state, motors)
         self._position, self._velocity = motors["q"].astype(float), motors["dq"].astype(float)
         stamp = float(state["tick"]) * 1e-3 if state["tick"] else time.monotonic()
@@ -203,16 +203,8 @@ class UnitreeDriver:
             return
         message = np.zeros((), LOW_CMD)
         message["mode_machine"] = self._machine
-        motors = message["motor"]
+        motors = message["motor_cmd"]
         motors["mode"][self._index] = ENABLED
         for name, value in zip(("q", "dq", "tau", "kp", "kd"), values, strict=True):
             motors[name][self._index] = value
         self._open().write(sealed(message))
-
-
-def _machine_gains(description: RobotDescription) -> tuple[Array, Array]:
-    pairs = []
-    for name in description.joint_names:
-        pairs.append(next((gains for part, gains in G1_GAINS.items() if part in name), (40.0, 1.0)))
-    kp, kd = np.array(pairs).T
-    return kp, kd

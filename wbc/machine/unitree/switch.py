@@ -15,23 +15,13 @@ import time
 from wbc.core.arguments import checked
 from wbc.core.errors import InputError
 from wbc.core.settings import Positive
-from wbc.machine.unitree.dds import (
-    REQUEST_TOPIC,
-    RESPONSE_TOPIC,
-    DdsError,
-    Topics,
-    request_message,
-    response_message,
-)
+from wbc.machine.unitree.dds import REQUEST_TOPIC, RESPONSE_TOPIC, DdsError, Topics, message
 
 CHECK, SELECT, RELEASE = 1001, 1002, 1003
 """Numbers of the requests: who has the motors, give them to a controller, take them from it."""
 
 AGAIN = 0.2
 """Time after which a request is sent again, s."""
-
-UNKNOWN = 1
-"""Code with which `SwitchService` refuses; a machine has others, all but 0 are refusals."""
 
 
 class MotionSwitcher:
@@ -102,10 +92,10 @@ class MotionSwitcher:
     def _call(self, request: int, parameter: dict[str, str]) -> str:
         """Return the data of an answer."""
         topics, number = self._topics, next(self._numbers)
-        message = request_message(number, request, json.dumps(parameter))
+        asked = message(REQUEST_TOPIC, ((number, request), (0,), (0, False)), json.dumps(parameter), [])
         end = time.monotonic() + self._timeout
         while (now := time.monotonic()) < end:
-            topics.send(message)
+            topics.send(asked)
             again = min(now + AGAIN, end)
             while (left := again - time.monotonic()) > 0.0:
                 for answer in topics.take(left):
@@ -118,33 +108,3 @@ class MotionSwitcher:
                         )
                     return str(answer.data)
         raise DdsError(f"no answer from a motion switcher within {self._timeout:g} s: interface and domain?")
-
-
-class SwitchService:
-    """The robot's end, for simulations.
-
-    Attributes:
-        mode: Name of the built-in controller that has the motors; empty when none has.
-    """
-
-    def __init__(self, interface: str, domain: int, mode: str = "") -> None:
-        """Join the topics; `mode` names the controller that has the motors. Raises `DdsError` without cyclonedds."""
-        self._topics = Topics(domain, interface, REQUEST_TOPIC, RESPONSE_TOPIC)
-        self.mode = mode
-
-    def answer(self) -> None:
-        """Answer the requests that have come."""
-        for message in self._topics.take(0.0):
-            if (header := getattr(message, "header", None)) is None:
-                continue
-            code, data = 0, ""
-            request = header.identity.api_id
-            if request == CHECK:
-                data = json.dumps({"form": "0", "name": self.mode})
-            elif request == RELEASE:
-                self.mode = ""
-            elif request == SELECT:
-                self.mode = str(json.loads(message.parameter)["name"])
-            else:
-                code = UNKNOWN
-            self._topics.send(response_message(header.identity, code, data))

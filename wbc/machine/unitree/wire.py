@@ -37,40 +37,30 @@ MOTORS = 35
 ENABLED = 1
 """Mode of a motor that obeys."""
 
-_COMMAND = np.dtype(
+_MOTOR_CMD = np.dtype(
     [("mode", "u1"), ("pad", "u1", 3)]
     + [(name, "<f4") for name in ("q", "dq", "tau", "kp", "kd")]
     + [("reserve", "<u4")]
 )
 LOW_CMD = np.dtype(
-    [("mode_pr", "u1"), ("mode_machine", "u1"), ("pad", "u1", 2), ("motor", _COMMAND, MOTORS)]
+    [("mode_pr", "u1"), ("mode_machine", "u1"), ("pad", "u1", 2), ("motor_cmd", _MOTOR_CMD, MOTORS)]
     + [("reserve", "<u4", 4), ("crc", "<u4")]
 )
-"""C struct of LowCmd_, 1004 bytes."""
+"""C struct of LowCmd_, 1004 bytes; its fields have the names and the order of the IDL, beside padding."""
 
-_IMU = np.dtype(
+_IMU_STATE = np.dtype(
     [("quaternion", "<f4", 4), ("gyroscope", "<f4", 3), ("accelerometer", "<f4", 3), ("rpy", "<f4", 3)]
     + [("temperature", "<i2"), ("pad", "u1", 2)]
 )
-_STATE = np.dtype(
+_MOTOR_STATE = np.dtype(
     [("mode", "u1"), ("pad", "u1", 3), ("q", "<f4"), ("dq", "<f4"), ("ddq", "<f4"), ("tau_est", "<f4")]
-    + [
-        ("temperature", "<i2", 2),
-        ("vol", "<f4"),
-        ("sensor", "<u4", 2),
-        ("motorstate", "<u4"),
-        ("reserve", "<u4", 4),
-    ]
+    + [("temperature", "<i2", 2), ("vol", "<f4"), ("sensor", "<u4", 2), ("motorstate", "<u4")]
+    + [("reserve", "<u4", 4)]
 )
 LOW_STATE = np.dtype(
     [("version", "<u4", 2), ("mode_pr", "u1"), ("mode_machine", "u1"), ("pad", "u1", 2), ("tick", "<u4")]
-    + [
-        ("imu", _IMU),
-        ("motor", _STATE, MOTORS),
-        ("wireless", "u1", 40),
-        ("reserve", "<u4", 4),
-        ("crc", "<u4"),
-    ]
+    + [("imu_state", _IMU_STATE), ("motor_state", _MOTOR_STATE, MOTORS), ("wireless_remote", "u1", 40)]
+    + [("reserve", "<u4", 4), ("crc", "<u4")]
 )
 """C struct of LowState_, 2092 bytes."""
 
@@ -128,3 +118,10 @@ def motor_index(joint_names: Sequence[str]) -> Array:
     if missing:
         raise InputError(f"joints without a motor in Unitree's order: {', '.join(missing[:4])}")
     return np.array([G1_MOTORS.index(name) for name in joint_names])
+
+
+def machine_gains(joint_names: Sequence[str]) -> tuple[Array, Array]:
+    """Return the gains of the SDK's example, kp (Nm/rad) and kd (Nms/rad), each of shape (na,)."""
+    pairs = [next((g for part, g in G1_GAINS.items() if part in name), (40.0, 1.0)) for name in joint_names]
+    kp, kd = np.array(pairs).T
+    return kp, kd
