@@ -24,7 +24,8 @@ class RosDriver:
     """Driver of `wbc.run`; its node is made at the first call, as the guard of the run is another process."""
 
     def __init__(self, robot):
-        self.joints, self.gains, self.last = robot.robot().joint_names, np.array([robot.kp, robot.kd]), {}
+        self.description, self.joints, self.last = robot, robot.robot().joint_names, {}
+        self.gains = np.array([robot.kp, robot.kd])
 
     @cached_property
     def out(self):  # noqa: D102

@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import mmap
 import os
+import pickle
 import re
 import signal
 import subprocess
@@ -503,10 +504,12 @@ def processes() -> Iterator[list[Process]]:
 @pytest.mark.parametrize(
     ("wrong", "message"),
     [
-        ({"driver": None}, "a driver must have read, write and damp; 'read' is missing"),
+        ({"driver": None}, "a driver must have description, read, write and damp; 'description' is missing"),
         ({"control": None}, "a controller must have command; 'command' is missing"),
-        ({"description": Path("/")}, "description must be RobotDescription"),
-        ({"description": np.array(["a"])}, "description must be RobotDescription"),
+        (
+            {"driver": pickle.loads(pickle.dumps(UdpDriver(DESCRIPTION)))},
+            "must be a RobotDescription, got None",
+        ),
         ({"settings": 1}, "settings must be RunSettings"),
         ({"guard": "no"}, "guard must be"),
         ({"until": np.nan}, "time of the end"),

@@ -474,6 +474,9 @@ def valid(target: Any, name: str, package: str) -> Any:
 class SilentDriver:
     """A machine that says nothing."""
 
+    def __init__(self) -> None:
+        self.description = _description()
+
     def read(self, timeout: float) -> None:
         """Return no measurement."""
 
@@ -511,7 +514,6 @@ def own_values(function: str) -> dict[str, Any]:
         "run": lambda: {
             "driver": SilentDriver(),
             "control": wbc.TorqueControl(wbc.balance_controller(_description().robot(), 0.002)),
-            "description": _description(),
         },
         "StiffnessDecision": lambda: {"stiffness": 5.0},
         "stiffness_policy": lambda: {"name": "fixed"},

@@ -15,7 +15,6 @@ import struct
 import subprocess
 import sys
 import tempfile
-import threading
 import time
 from pathlib import Path
 from typing import Any
@@ -24,7 +23,7 @@ from wbc.machine.clock import ask_priority, keep_timers_sharp
 from wbc.machine.loop import Driver, MachineError
 
 BEAT = struct.Struct("<dd")
-"""Time of the last beat, and its longest age (s); an age of 0 means that the loop is not to be watched now."""
+"""Time of the last beat, and its longest age (s): 0 while the loop is not to be watched, below 0 once it has ended."""
 
 WATCHING = b"watching\n"
 """Line with which the process says that it has the driver and watches."""
@@ -89,11 +88,6 @@ class Guard:
                 "a module that the program imports, and let damp() work in another process; guard=False runs without"
             )
 
-    @property
-    def pid(self) -> int:
-        """Identifier of the process."""
-        return self._process.pid
-
     def beat(self) -> None:
         """Say that the loop lives."""
         BEAT.pack_into(self._memory, 0, time.monotonic(), self._age)
@@ -104,17 +98,13 @@ class Guard:
 
     def close(self) -> None:
         """End the process."""
-        self.rest()
-        assert self._process.stdin is not None
-        with contextlib.suppress(BrokenPipeError):
-            self._process.stdin.close()
+        BEAT.pack_into(self._memory, 0, time.monotonic(), -1.0)
         try:
             self._process.wait(2.0)
         except subprocess.TimeoutExpired:
             self._process.kill()
-            self._process.wait()
-        if self._process.stdout is not None:
-            self._process.stdout.close()
+        with contextlib.suppress(BrokenPipeError), self._process:  # closes its pipes and waits
+            pass
         self._memory.close()
         os.close(self._fd)
 
@@ -126,6 +116,8 @@ def watch(driver: Any, memory: mmap.mmap) -> None:
     while True:
         now = time.monotonic()
         beat, age = BEAT.unpack_from(memory, 0)
+        if age < 0.0:
+            return
         dead = age > 0.0 and now - beat >= age
         if not dead:
             damped_since = None
@@ -150,21 +142,4 @@ def main() -> None:
     keep_timers_sharp()
     driver.damp()  # opens the wire; the loop has sent no command yet
     os.write(sys.stdout.fileno(), WATCHING)
-    _end_with_stdin()
     watch(driver, memory)
-
-
-def _end_with_stdin() -> None:
-    """End this process when the loop closes its end of the pipe after a rest."""
-
-    def wait() -> None:
-        sys.stdin.buffer.read()
-        memory = mmap.mmap(int(sys.argv[1]), mmap.PAGESIZE)
-        if BEAT.unpack_from(memory, 0)[1] == 0.0:
-            os._exit(0)
-
-    threading.Thread(target=wait, daemon=True).start()
-
-
-if __name__ == "__main__":
-    main()

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Annotated, Protocol
 
 from wbc.core.arguments import checked
-from wbc.core.errors import WbcError, as_period, check_parts
+from wbc.core.errors import InputError, WbcError, as_period, check_parts, shown
 from wbc.core.settings import Positive
 from wbc.core.signals import Command, Measurement
 from wbc.robots import RobotDescription
@@ -36,9 +36,14 @@ class Loop(Protocol):
 class Driver(Protocol):
     """Wire to a machine that runs by itself, simulated in another process or real.
 
-    A driver opens its wire at the first call, so that it can be made here and used in another process. It may have an
-    attribute `fault`: a reason for which the joints must be damped, empty while there is none.
+    A driver opens its wire at the first call, so that it can be made here and used in another process. It may have
+    `fault`, a reason for which the joints must be damped, empty while there is none, and `gains`, kp and kd of the
+    machine where they are not the description's, each of shape (na,).
     """
+
+    @property
+    def description(self) -> RobotDescription:
+        """The robot as data."""
 
     def read(self, timeout: float) -> Measurement | None:
         """Return the newest measurement that has not been returned before; None if there is none in time.
@@ -54,6 +59,15 @@ class Driver(Protocol):
         """Send what lets the joints sink slowly: no stiffness, no torque, damping alone."""
 
 
+def check_driver(driver: Driver) -> None:
+    """Raise an `InputError` for something that is no driver of a described robot."""
+    check_parts("a driver", driver, "description", "read", "write", "damp")
+    if not isinstance(driver.description, RobotDescription):
+        raise InputError(
+            f"description of a driver must be a RobotDescription, got {shown(driver.description)}"
+        )
+
+
 class DriverLoop:
     """A driver as a loop: a step sends a command and waits for the measurement after it.
 
@@ -66,7 +80,6 @@ class DriverLoop:
     def __init__(
         self,
         driver: Driver,
-        description: RobotDescription,
         control_period: float,
         *,
         timeout: Annotated[Positive, "s"] = 1.0,
@@ -75,15 +88,14 @@ class DriverLoop:
 
         Args:
             driver: Wire to the machine.
-            description: The robot.
             control_period: Period of the machine's measurements, s.
             timeout: Longest time without a measurement, s.
 
         Raises:
             InputError: An object that is no driver, or a time that is not above zero.
         """
-        check_parts("a driver", driver, "read", "write", "damp")
-        self.description = description
+        check_driver(driver)
+        self.description = driver.description
         self.control_period = as_period(control_period)
         self._driver, self._timeout = driver, timeout
         self._newest: Measurement | None = None

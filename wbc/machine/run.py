@@ -30,11 +30,10 @@ from wbc.machine.clock import Clock, Quiet, quiet
 from wbc.machine.guard import Guard
 from wbc.machine.inlet import Inlet
 from wbc.machine.loads import SoleLoads
-from wbc.machine.loop import Driver, MachineError
+from wbc.machine.loop import Driver, MachineError, check_driver
 from wbc.machine.report import Phase, RunReport
 from wbc.machine.stand import Stand, standing, warm_up
 from wbc.machine.start import SafeStart
-from wbc.robots import RobotDescription
 
 logger = logging.getLogger(__name__)
 
@@ -104,27 +103,12 @@ class Runner:
         control: Control,
         rate: float = 500.0,
         *,
-        description: RobotDescription | None = None,
         settings: RunSettings | None = None,
         guard: bool = True,
         clock: Clock | None = None,
     ) -> None:
-        """Store what runs; nothing is sent.
-
-        Args:
-            driver: Wire to the machine.
-            control: The controller; its control period is 1 / rate.
-            rate: Ticks a second, 1/s.
-            description: The robot; the driver's when None.
-            settings: Times and limits.
-            guard: Watch the loop from a process of its own, which damps when the loop dies.
-            clock: Clock, for tests.
-
-        Raises:
-            InputError: A rate that is not the controller's, a timeout within a control period, a driver that does not
-                know its robot, or an object that is no driver or no controller.
-        """
-        check_parts("a driver", driver, "read", "write", "damp")
+        """Store what runs; nothing is sent. Arguments and errors are those of `run`, `clock` is one for tests."""
+        check_driver(driver)
         check_parts("a controller", control, "command")
         self.period = 1.0 / positive("rate (1/s)", rate)
         controller: Any = getattr(control, "controller", None)
@@ -132,11 +116,7 @@ class Runner:
             raise InputError(
                 f"rate must be that of the controller, {1.0 / controller.dt:g} Hz, got {rate:g} Hz"
             )
-        found = description if description is not None else getattr(driver, "description", None)
-        if found is None:
-            raise InputError("a driver without a description of its robot needs one: run(…, description=…)")
-        self.description: RobotDescription = found
-        self.driver, self.control = driver, control
+        self.driver, self.control, self.description = driver, control, driver.description
         self.settings = s = settings or RunSettings()
         shortest = min(s.robot_timeout, s.control_timeout)
         if self.period >= shortest:
@@ -145,7 +125,7 @@ class Runner:
                 f"and {s.control_timeout:g} s at a rate of {rate:g} Hz, {self.period:g} s a period"
             )
         self.phase = Phase.START
-        self._robot = found.robot()
+        self._robot = self.description.robot()
         self._weight = self._robot.mass * GRAVITY
         self._inlet = Inlet(self._robot, self.period)
         self._may_run = True
@@ -156,8 +136,7 @@ class Runner:
         self._stop, self._emergency = threading.Event(), threading.Event()
         self._reason = ""
         self._phases: list[tuple[Phase, float]] = []
-        self._late, self._busy = np.zeros(KEPT), np.zeros(KEPT)
-        self._late[:] = self._busy[:] = 0.0  # touched, so that no page fault waits in the loop
+        self._late, self._busy = np.full((2, KEPT), 0.0)  # touched, so that no page fault waits in the loop
         self.ticks = self._missed = self._skipped = 0
         self._age = 0.0
 
@@ -514,7 +493,6 @@ def run(
     rate: float = 500.0,
     *,
     until: float | Callable[[], bool] | None = None,
-    description: RobotDescription | None = None,
     settings: RunSettings | None = None,
     guard: bool = True,
 ) -> RunReport:
@@ -525,19 +503,19 @@ def run(
     in damping. Ctrl-C stops, twice at once.
 
     Args:
-        driver: Wire to the machine: an object with `read`, `write` and `damp` (`wbc.machine.Driver`).
+        driver: Wire to the machine: an object with `description`, `read`, `write` and `damp` (`wbc.machine.Driver`).
         control: The controller, made with a control period of 1 / rate and a robot at half-sitting.
         rate: Ticks a second, 1/s.
         until: Time (s) or a function that returns True at the end; None runs until a signal.
-        description: The robot; the driver's when None.
         settings: Times and limits.
-        guard: Watch this process from another one.
+        guard: Watch this process from another one, which damps when this one dies.
 
     Returns:
         Reason of the end, phases, missed deadlines and the times of all ticks.
 
     Raises:
-        InputError: A rate that is not the controller's, or an argument that is not what it should be.
+        InputError: A rate that is not the controller's, a timeout within a control period, an object that is no driver
+            or no controller.
         MachineError: No measurement comes, or one of another robot; the guard cannot use the driver.
     """
-    return Runner(driver, control, rate, description=description, settings=settings, guard=guard).run(until)
+    return Runner(driver, control, rate, settings=settings, guard=guard).run(until)
