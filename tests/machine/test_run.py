@@ -209,17 +209,6 @@ def test_a_program_runs_on_a_machine() -> None:
     assert control.observer.robot.com[2] == pytest.approx(height - 0.03, abs=0.005)
 
 
-def test_a_controller_that_has_stopped_ends_in_damping() -> None:
-    machine = SimulatedMachine(SimulatedTime())
-    runner = make(machine, load=0.0)
-    drives = types.SimpleNamespace(stopped=True, reason="too many failures")
-    command = Command(np.zeros(NA))
-    runner.control = types.SimpleNamespace(command=lambda measurement: command, control=drives)  # type: ignore[assignment]
-    report = runner.run(5.0)
-    assert report.reason == "the controller has stopped: too many failures"
-    assert report.phases[-1][0] is Phase.DAMPED and machine.damped >= 50
-
-
 @pytest.mark.parametrize("torques", by_default([True, False], False))
 def test_a_robot_without_force_sensors_feels_that_it_stands(torques: bool) -> None:
     """On its feet the controller takes over, with measured torques or those commanded."""
@@ -229,83 +218,67 @@ def test_a_robot_without_force_sensors_feels_that_it_stands(torques: bool) -> No
     assert machine.loop.measure().sole_wrench is None
 
 
-def test_a_silent_robot_is_damped_within_20_ms() -> None:
+Later = Callable[[], None] | None
+
+
+def control(
+    answer: Callable[[Measurement], Any], **parts: Any
+) -> Callable[[SimulatedMachine, Runner], Later]:
+    """Return what gives a runner a control with an answer."""
+
+    def put(machine: SimulatedMachine, runner: Runner) -> Later:
+        runner.control = types.SimpleNamespace(command=answer, **parts)  # type: ignore[assignment]
+        return None
+
+    return put
+
+
+ZERO, STOPPED = np.zeros(NA), types.SimpleNamespace(stopped=True, reason="too many failures")
+ENDS: dict[str, tuple[Callable[[SimulatedMachine, Runner], Later], str]] = {
+    "silence": (
+        lambda m, _: lambda: setattr(m, "silent_after", m.clock.time - 100.0),
+        "no measurement for 1[5-9] ms",
+    ),
+    "fault": (lambda m, _: lambda: setattr(m, "fault", "motor off"), "fault of the machine: motor off$"),
+    "emergency stop": (lambda _, r: r.emergency_stop, "emergency stop$"),
+    "exception": (control(lambda _: 1 / 0), "ZeroDivisionError of the controller: "),
+    "stopped": (
+        control(lambda _: Command(ZERO), control=STOPPED),
+        "the controller has stopped: too many failures",
+    ),
+    "NaN": (
+        control(lambda _: Command(ZERO * np.nan)),
+        f"InputError of the controller: .*torque of joint '{DESCRIPTION.joint_names[0]}' is not finite",
+    ),
+    "infinite gain": (
+        control(lambda _: Command(ZERO, kp=np.full(NA, np.inf), kd=ZERO)),
+        "InputError of the controller: .*kp of joint '.*' is not finite",
+    ),
+    "shape": (
+        control(lambda _: Command(np.zeros(3))),
+        rf"InputError of the controller: .*must be numbers of shape \({NA},\), got array",
+    ),
+}
+"""Name → what fails, at once or in tick 20, and the reason of the end."""
+
+
+@pytest.mark.parametrize("end", ENDS)
+def test_whatever_fails_ends_in_damping(end: str) -> None:
     machine = SimulatedMachine(SimulatedTime())
-    machine.silent_after = 1.0
-    report = make(machine).run(5.0)
-    phase, when = report.phases[-1]
-    assert phase is Phase.DAMPED and "no measurement for" in report.reason
-    assert 1.0 < when < 1.02 + PERIOD
+    runner = make(machine, load=0.0)
+    later, sent = ENDS[end][0](machine, runner), commands_by_phase(machine, runner)
 
+    def until() -> bool:
+        if later is not None and runner.ticks == 20:
+            later()
+        return machine.clock.time > 105.0
 
-def test_a_controller_that_fails_ends_in_damping() -> None:
-    machine = SimulatedMachine(SimulatedTime())
-    runner = make(machine)
-
-    class Failing:
-        def command(self, measurement: Measurement) -> Command:
-            raise ZeroDivisionError("by nothing")
-
-    runner.control = Failing()
-    report = runner.run(5.0)
-    assert report.phases[-1][0] is Phase.DAMPED and "ZeroDivisionError of the controller" in report.reason
-
-
-@pytest.mark.parametrize(
-    ("command", "reason"),
-    [
-        (Command(np.full(NA, np.nan)), f"joint_torque of joint '{DESCRIPTION.joint_names[0]}' is not finite"),
-        pytest.param(
-            Command(np.zeros(NA), kp=np.full(NA, np.inf), kd=np.zeros(NA)),
-            "kp of joint '.*' is not finite",
-            marks=pytest.mark.slow,
-        ),
-        (Command(np.zeros(3)), rf"joint_torque of a command must be numbers of shape \({NA},\), got array"),
-    ],
-)
-def test_a_command_that_no_machine_must_get_ends_in_damping(command: Command, reason: str) -> None:
-    machine = SimulatedMachine(SimulatedTime())
-    runner = make(machine)
-    runner.control = types.SimpleNamespace(command=lambda measurement: command)  # type: ignore[assignment]
-    sent: list[Command] = []
-    machine.write = lambda c: (sent.append(c), SimulatedMachine.write(machine, c))[1]  # type: ignore[method-assign, func-returns-value]
-    report = runner.run(5.0)
-    assert report.phases[-1][0] is Phase.DAMPED and re.match(
-        f"InputError of the controller: .*{reason}", report.reason
-    )
-    assert machine.damped > 0 and all(np.isfinite(c.joint_torque).all() for c in sent)
-
-
-def test_an_emergency_stop_damps_at_once() -> None:
-    machine = SimulatedMachine(SimulatedTime())
-    runner = make(machine)
-    ticks = 0
-
-    def stop() -> bool:
-        nonlocal ticks
-        ticks += 1
-        if ticks == 50:
-            runner.emergency_stop()
-        return False
-
-    report = runner.run(stop)
-    assert report.reason == "emergency stop" and report.ticks == 50 and machine.commands == 50
+    report = runner.run(until)
+    assert report.phases[-1][0] is Phase.DAMPED and re.match(ENDS[end][1], report.reason), report.reason
+    assert machine.damped >= 50 and (later is None or machine.commands <= 21 + 4)
+    assert all(np.isfinite(c.joint_torque).all() for commands in sent.values() for c in commands)
     with pytest.raises(InputError, match="a Runner runs once"):
         runner.run(1.0)
-
-
-def test_a_fault_that_the_driver_names_ends_in_damping() -> None:
-    machine = SimulatedMachine(SimulatedTime())
-    runner = make(machine)
-
-    def breaks() -> bool:
-        if runner.ticks == 20:
-            machine.fault = "motor off: left_knee_joint"  # type: ignore[attr-defined]
-        return False
-
-    report = runner.run(breaks)
-    assert report.reason == "fault of the machine: motor off: left_knee_joint"
-    assert machine.damped > 0 and machine.commands == 21
 
 
 @pytest.mark.slow
@@ -328,36 +301,19 @@ def test_a_tick_that_takes_too_long_is_counted_and_not_caught_up_with() -> None:
     assert "deadlines missed: 1" in str(report)
 
 
-def test_what_cannot_run_is_refused() -> None:
-    machine = SimulatedMachine(SimulatedTime())
-    control = wbc.TorqueControl(wbc.balance_controller(DESCRIPTION.robot(), PERIOD))
-    with pytest.raises(InputError, match="rate must be that of the controller, 250 Hz, got 500 Hz"):
-        run_machine(machine, control, 500)
-    machine.silent_after = -1.0
-    with pytest.raises(MachineError, match="no measurement from the machine within 0.5 s"):
-        make(machine, first=0.5).run(1.0)
-    machine = SimulatedMachine(SimulatedTime())
-    machine.description = wbc.load_robot("hrp4_class")
-    with pytest.raises(MachineError, match=r"has 29 joints, 'hrp4_class' has 34"):
-        make(machine).run(1.0)
-    machine = SimulatedMachine(SimulatedTime())
-    dead = replace(machine.loop.measure(), joint_position=np.full(NA, np.nan))
-    machine.read = lambda timeout: dead  # type: ignore[method-assign]
-    with pytest.raises(MachineError, match="no measurement that can be used within 5 s: encoder of "):
-        make(machine).run(1.0)
-
-
-def test_timeouts_within_a_control_period_are_refused() -> None:
-    control = types.SimpleNamespace(command=lambda _: None)
-    with pytest.raises(
-        InputError, match="longer than the control period, got 0.015 s and 0.015 s at a rate of 50 Hz"
+def test_a_machine_that_sends_nothing_of_this_robot_is_not_started() -> None:
+    silent, other, dead = (SimulatedMachine(SimulatedTime()) for _ in range(3))
+    silent.silent_after = -1.0
+    other.description = wbc.load_robot("hrp4_class")
+    bad = replace(dead.loop.measure(), joint_position=np.full(NA, np.nan))
+    dead.read = lambda timeout: bad  # type: ignore[method-assign]
+    for machine, words in (
+        (silent, "no measurement from the machine within 0.5 s"),
+        (other, r"has 29 joints, 'hrp4_class' has 34"),
+        (dead, "no measurement that can be used within 0.5 s: encoder of "),
     ):
-        Runner(UdpDriver(DESCRIPTION), control, 50.0)
-    with pytest.raises(InputError, match="control_timeout must be longer"):
-        Runner(UdpDriver(DESCRIPTION), control, 50.0, settings=RunSettings(robot_timeout=0.5))
-    Runner(
-        UdpDriver(DESCRIPTION), control, 50.0, settings=RunSettings(robot_timeout=0.1, control_timeout=0.1)
-    )
+        with pytest.raises(MachineError, match=words):
+            make(machine, first=0.5).run(1.0)
 
 
 class Silent:
@@ -510,6 +466,12 @@ def processes() -> Iterator[list[Process]]:
             {"driver": pickle.loads(pickle.dumps(UdpDriver(DESCRIPTION)))},
             "must be a RobotDescription, got None",
         ),
+        (
+            {"control": types.SimpleNamespace(command=None, controller=types.SimpleNamespace(dt=0.004))},
+            "250 Hz, got 500",
+        ),
+        ({"rate": 50.0}, "longer than the control period, got 0.015 s and 0.015 s at a rate of 50 Hz"),
+        ({"rate": 50.0, "settings": RunSettings(robot_timeout=0.5)}, "control_timeout must be longer"),
         ({"settings": 1}, "settings must be RunSettings"),
         ({"guard": "no"}, "guard must be"),
         ({"until": np.nan}, "time of the end"),

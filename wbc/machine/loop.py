@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Protocol
+from typing import Protocol
 
 from wbc.core.arguments import checked
 from wbc.core.errors import InputError, WbcError, as_period, check_parts, shown
-from wbc.core.settings import Positive
 from wbc.core.signals import Command, Measurement
 from wbc.robots import RobotDescription
+
+LONGEST_WAIT = 1.0
+"""Longest time without a measurement in a loop, s."""
 
 
 class MachineError(WbcError):
@@ -77,19 +79,12 @@ class DriverLoop:
     """
 
     @checked
-    def __init__(
-        self,
-        driver: Driver,
-        control_period: float,
-        *,
-        timeout: Annotated[Positive, "s"] = 1.0,
-    ) -> None:
+    def __init__(self, driver: Driver, control_period: float) -> None:
         """Store the driver.
 
         Args:
             driver: Wire to the machine.
             control_period: Period of the machine's measurements, s.
-            timeout: Longest time without a measurement, s.
 
         Raises:
             InputError: An object that is no driver, or a time that is not above zero.
@@ -97,7 +92,7 @@ class DriverLoop:
         check_driver(driver)
         self.description = driver.description
         self.control_period = as_period(control_period)
-        self._driver, self._timeout = driver, timeout
+        self._driver = driver
         self._newest: Measurement | None = None
 
     def measure(self) -> Measurement:
@@ -107,9 +102,9 @@ class DriverLoop:
             TimeoutError: The machine sends nothing.
         """
         if self._newest is None:
-            self._newest = self._driver.read(self._timeout)
+            self._newest = self._driver.read(LONGEST_WAIT)
         if self._newest is None:
-            raise TimeoutError(f"no measurement within {self._timeout:g} s")
+            raise TimeoutError(f"no measurement within {LONGEST_WAIT:g} s")
         return self._newest
 
     def step(self, command: Command) -> None:

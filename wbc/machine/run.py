@@ -49,8 +49,15 @@ TOUCHED, CARRIED, LIFTED = 0.05, 0.3, 0.2
 CAUGHT = 0.2
 """Time in which the balance takes over from the servos, s."""
 
+REFUSAL = 0.1
+"""Time for which measurements may be refused before the joints are damped, s."""
+
 DAMP_TICKS = 50
 """Damping commands that are sent at the end."""
+
+
+class _Over(Exception):
+    """End of a run, for a reason."""
 
 
 class Control(Protocol):
@@ -72,7 +79,6 @@ class RunSettings:
         load: Share of the described weight on the soles from which the controller takes over; 0 does not wait. The
             real weight may be a tenth less.
         blend: Time in which the controller takes over, s.
-        refusal: Time for which measurements may be refused before the joints are damped, s.
         robot_timeout: Age of the last measurement from which the joints are damped and the run ends, s.
         control_timeout: Time without a tick after which the guard damps, s.
         stop: Time in which stiffness and torques fall at a stop, s.
@@ -85,7 +91,6 @@ class RunSettings:
     touch: Share = 0.15
     load: Share = 0.85
     blend: Annotated[Positive, "s"] = 0.5
-    refusal: Annotated[NonNegative, "s"] = 0.1
     robot_timeout: Annotated[Positive, "s"] = 0.015
     control_timeout: Annotated[Positive, "s"] = 0.015
     stop: Annotated[NonNegative, "s"] = 2.0
@@ -230,11 +235,9 @@ class Runner:
             if self._inlet.good is not None:
                 return self._inlet.good
             if self._clock.now() >= end:
-                if self._inlet.refused:
-                    raise MachineError(
-                        f"no measurement that can be used within {wait:g} s: {self._inlet.refused}"
-                    )
-                raise MachineError(f"no measurement from the machine within {wait:g} s")
+                why = self._inlet.refused
+                kind = "that can be used" if why else "from the machine"
+                raise MachineError(f"no measurement {kind} within {wait:g} s{': ' if why else ''}{why}")
             if got is not None:  # one that cannot be used
                 self._clock.sleep_until(self._clock.now() + self.period)
 
@@ -267,10 +270,6 @@ class Runner:
             self._started = now
         logger.info("%.3f s: %s", now - self._begin, phase.value)
 
-    def _end(self, reason: str) -> bool:
-        self._reason = reason
-        return False
-
     def _loop(self, until: float | Callable[[], bool] | None) -> None:
         clock, driver, period = self._clock, self.driver, self.period
         now = self._begin = self._seen = clock.now()
@@ -292,7 +291,10 @@ class Runner:
             if newest is not None:
                 self._age = max(self._age, now - self._seen)
                 self._seen = now
-            if not self._tick(now, fresh=newest is not None and self._inlet.take(newest, now)):
+            try:
+                self._tick(now, fresh=newest is not None and self._inlet.take(newest, now))
+            except _Over as end:
+                self._reason = str(end)
                 driver.damp()
                 self._enter(Phase.DAMPED, clock.now())
                 return
@@ -309,63 +311,58 @@ class Runner:
                 self._skipped += lost
                 deadline += lost * period
 
-    def _tick(self, now: float, *, fresh: bool) -> bool:
-        """Send the command of this tick; False if the run is over, with its reason."""
+    def _tick(self, now: float, *, fresh: bool) -> None:
+        """Send the command of this tick; `_Over` if the run is."""
         settings, inlet = self.settings, self._inlet
         if self._emergency.is_set():
-            return self._end("emergency stop")
+            raise _Over("emergency stop")
         if fault := getattr(self.driver, "fault", ""):
-            return self._end(f"fault of the machine: {fault}")
+            raise _Over(f"fault of the machine: {fault}")
         if now - self._seen >= settings.robot_timeout:
-            return self._end(f"no measurement for {1e3 * (now - self._seen):.0f} ms")
-        if now - inlet.since >= settings.refusal and not self._checks_itself:
-            return self._end(f"measurements refused for {1e3 * (now - inlet.since):.0f} ms: {inlet.refused}")
+            raise _Over(f"no measurement for {1e3 * (now - self._seen):.0f} ms")
+        if now - inlet.since >= REFUSAL and not self._checks_itself:
+            raise _Over(f"measurements refused for {1e3 * (now - inlet.since):.0f} ms: {inlet.refused}")
         measurement = inlet.good
         assert measurement is not None
         if self._stop.is_set() and self.phase is not Phase.STOP:
             self._enter(Phase.STOP, now)
             self._held = np.array(measurement.joint_position)
-            self._reason = "stopped"
         if self.phase is Phase.STOP:
             left = 1.0 - (now - self._since) / settings.stop if settings.stop > 0.0 else 0.0
             if left <= 0.0:
-                return False
-            zero = np.zeros_like(self._held)
-            kp, kd = left * self._gains[0], self._gains[1]
-            return self._send(Command(left * self._start.carry(measurement), self._held, zero, kp=kp, kd=kd))
+                raise _Over("stopped")
+            kp, kd, zero = left * self._gains[0], self._gains[1], np.zeros_like(self._held)
+            self._send(Command(left * self._start.carry(measurement), self._held, zero, kp=kp, kd=kd))
+            return
         if (not fresh or (inlet.refused and not self._checks_itself)) and self._last is not None:
             self.driver.write(self._last)
-            return True
-        command = self._command(measurement, now)
-        if command is None or not self._send(command):
-            return False
+            return
+        self._send(self._command(measurement, now))
         if self._until is not None and (
             now - self._begin >= self._until if isinstance(self._until, float) else self._until()
         ):
             self.stop()
-        return True
 
     @property
     def _checks_itself(self) -> bool:
         """True while a control runs that has a policy of its own for measurements that cannot be used."""
         return self.phase is Phase.RUN and isinstance(self._inner, DriveControl)
 
-    def _send(self, command: Command) -> bool:
-        """Send a command of whatever phase; False, with a reason, if no machine must get it."""
+    def _send(self, command: Command) -> None:
+        """Send a command of whatever phase, unless no machine must get it."""
         good = self._inlet.good
         assert good is not None
         try:
             self._last = command = self._gate.admit(command, (good.joint_position, good.joint_velocity))
         except InputError as error:
             of = "the controller" if self.phase is Phase.RUN else f"phase '{self.phase.value}'"
-            return self._end(f"InputError of {of}: {error}")
+            raise _Over(f"InputError of {of}: {error}") from error
         self.driver.write(command)
         if self.phase is not Phase.RUN:
             self._loads.sent(command)
-        return True
 
-    def _command(self, measurement: Measurement, now: float) -> Command | None:
-        """Return the command of this tick, and go on to the next phase; None if the controller has failed."""
+    def _command(self, measurement: Measurement, now: float) -> Command:
+        """Return the command of this tick, and go on to the next phase."""
         if self.phase in (Phase.START, Phase.HANG):
             return self._hang(measurement, now)
         if self.phase is Phase.STAND:
@@ -389,7 +386,7 @@ class Runner:
             self._before = command
         return command
 
-    def _balance(self, measurement: Measurement, now: float) -> Command | None:
+    def _balance(self, measurement: Measurement, now: float) -> Command:
         """Balance what the feet carry until they carry the robot, or nothing."""
         settings, stand = self.settings, self._stand
         if stand is None:
@@ -397,8 +394,7 @@ class Runner:
         else:
             command = mixed(self._before, stand.command(measurement), (now - self._since) / CAUGHT)
             if stand.control.stopped:
-                self._end(f"the robot cannot be balanced: {stand.control.reason}")
-                return None
+                raise _Over(f"the robot cannot be balanced: {stand.control.reason}")
         share = self._loads.share
         if share < settings.touch / 3.0 and settings.load > 0.0:
             if self._lasts(True, LIFTED, now):
@@ -409,7 +405,7 @@ class Runner:
             self._enter(Phase.RUN, now)
         return command
 
-    def _run(self, measurement: Measurement, now: float) -> Command | None:
+    def _run(self, measurement: Measurement, now: float) -> Command:
         """Run the controller; its commands come by and by."""
         given = self._inlet.raw if self._checks_itself else measurement
         try:
@@ -417,11 +413,9 @@ class Runner:
             command.check(self.description.joint_names)
         except Exception as error:  # whatever a controller does, the machine is damped
             logger.exception("the controller failed")
-            self._end(f"{type(error).__name__} of the controller: {error}")
-            return None
+            raise _Over(f"{type(error).__name__} of the controller: {error}") from error
         if getattr(self._inner, "stopped", False):
-            self._end(f"the controller has stopped: {getattr(self._inner, 'reason', '')}")
-            return None
+            raise _Over(f"the controller has stopped: {getattr(self._inner, 'reason', '')}")
         part = (now - self._since) / self.settings.blend
         if part < 1.0:
             if self._stand is not None:

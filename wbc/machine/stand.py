@@ -49,33 +49,23 @@ class Stand:
     ) -> None:
         """Make the balance controller, and run it on a robot at rest, so that no later tick loads code.
 
-        Args:
-            description: The robot.
-            period: Control period, s.
-            loads: Loads of the soles.
-            damping: kd of the motors, shape (na,), Nms/rad.
+        `period` is that of the control, s; `damping` is kd of the motors, shape (na,), Nms/rad.
         """
         robot = description.robot()
         self._loads, self._damping, self._zero = loads, damping, np.zeros(robot.na)
         self.control = TorqueControl(balance_controller(robot, period, GAINS), safety=SAFETY)
-        names = [
-            name for name in ("base", "torso") if robot.torso_frame != robot.base_frame or name == "base"
-        ]
         task: Callable[[str], Any] = self.control.controller.task
         self._com = task("com")
         self._com_goal = np.array(self._com.target)
-        self._upright = [task(name) for name in names]
+        torso = ["torso"] if robot.torso_frame != robot.base_frame else []
+        self._upright = [task(name) for name in ("base", *torso)]
         self._turns: list[tuple[Array, Array]] = []
         self._ends = [np.array(task.target) for task in self._upright]
         self._elapsed = 0.0
         warm_up(self.control, robot, period, forces=True)
 
     def begin(self, measurement: Measurement) -> None:
-        """Start from a posture, its soles where those of the robot at half-sitting are.
-
-        Args:
-            measurement: Measurement of this tick, which the loads have seen.
-        """
+        """Start from a measurement that the loads have seen, its soles where those of half-sitting are."""
         robot = self.control.controller.robot
         self.control.reset(standing(robot, self._loads.posture(measurement)))
         self._elapsed = 0.0
@@ -85,11 +75,7 @@ class Stand:
         ]
 
     def command(self, measurement: Measurement) -> Command:
-        """Return the command of a tick.
-
-        Args:
-            measurement: Measurement of this tick.
-        """
+        """Return the command of a tick."""
         wrench = np.array(self._loads.wrenches(measurement, self.control.observer.measured_state))
         state = self.control.estimate(replace(measurement, sole_wrench=wrench))
         self._aim(state.robot)

@@ -174,19 +174,15 @@ def _checked_secret(host: str, secret: str | None, unsigned: bool) -> str | None
         raise InputError(f"secret must have {SHORTEST} characters at least, got {len(secret)}")
     if secret is not None and unsigned:
         raise InputError("packets are signed with a secret or unsigned: give one of both")
-    if secret is None and not unsigned and not _is_here(host):
+    here = host == "localhost"
+    with contextlib.suppress(ValueError):  # a name
+        here = ipaddress.ip_address(host).is_loopback
+    if secret is None and not unsigned and not here:
         raise InputError(
             f"packets to and from other computers are signed: {host} needs secret='…', the same at both ends, "
             f"{SHORTEST} characters at least; unsigned=True does without"
         )
     return secret
-
-
-def _is_here(host: str) -> bool:
-    try:
-        return ipaddress.ip_address(host).is_loopback
-    except ValueError:  # a name
-        return host == "localhost"
 
 
 class UdpDriver:

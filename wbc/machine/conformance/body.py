@@ -145,15 +145,10 @@ def soles(s: Session) -> Rows:
 
 
 def _base_motion(s: Session, com: Array, turn: Array) -> tuple[Array, Array]:
-    """Return the joint motion that shifts the centre of mass and turns the base, the soles in their places.
+    """Return a change of the joints, shape (na,), the soles in their places, and the configuration there, shape (nq,).
 
-    Args:
-        s: The run.
-        com: Shift of the centre of mass, forward and to the left, shape (2,), m.
-        turn: Rotation of the base about x, y and z of the world, shape (3,), rad.
-
-    Returns:
-        Change of the joint positions, shape (na,), and the configuration there, shape (nq,).
+    It shifts the centre of mass by `com`, forward and to the left, shape (2,), m, and turns the base by `turn`, about
+    x, y and z of the world, shape (3,), rad.
     """
     robot, model, data, q0 = s.robot, s.robot.model, s.robot.data, np.array(s.robot.half_sitting)
     s.soles()

@@ -14,14 +14,8 @@ from wbc.machine.conformance.session import UNIT, Record, Row, Rows, Session, se
 STEP, TIME = 0.02, 0.1
 """Motion of a joint, rad (or m times this), and its time, s."""
 
-PULSES = 4
-"""Pulses of torque whose beginning is averaged."""
-
-RISE = 0.0025
-"""Time in which a torque shows in the velocity without any delay, s."""
-
-HALF = 0.5
-"""Share of the own gains that is commanded."""
+PULSES, RISE = 4, 0.0025
+"""Pulses of torque whose beginning is averaged; time in which a torque shows in the velocity without any delay, s."""
 
 
 def joints(s: Session) -> Rows:
@@ -122,11 +116,10 @@ def _order(found: str, *, alone: bool = False, swapped: object = False, fine: bo
 
 def _torques_act(s: Session) -> bool:
     """Return True if most velocities follow the sign of a torque, wherever a robot that lies drifts."""
-    chosen, tau, changes = s.free or list(range(s.robot.na)), np.zeros(s.robot.na), []
-    tau[chosen] = 0.1 * s.push_limit[chosen]
+    chosen, changes = np.flatnonzero(s.jolt), []
     for sign in (1.0, -1.0, -1.0, 1.0) * (PULSES // 2):
         s.hold(0.1)
-        velocity = s.hold(0.04, joint_torque=sign * tau)["joint_velocity"][:, chosen]
+        velocity = s.hold(0.04, joint_torque=sign * s.jolt)["joint_velocity"][:, chosen]
         changes.append(sign * (velocity[-1] - velocity[0]))
     apart = np.add(changes[::2], changes[1::2])
     return bool(max(np.mean(apart > 1e-3), np.mean(apart < -1e-3)) > 0.65)
@@ -134,7 +127,7 @@ def _torques_act(s: Session) -> bool:
 
 def _delay(s: Session, sizes: Array, moves: tuple[Record, ...]) -> Row:
     """Judge the time after which a torque acts; without one that is seen, the lag behind the references."""
-    torque, lags = _torque_delay(s), []
+    torque, lags = _torque_delay(s) if s.free else None, []
     for i, move in enumerate(moves):
         moved = move["joint_position"][:, i] - move["joint_position"][0, i]
         if 0.3 <= abs(moved[-1] / sizes[i]) <= 3.0:
@@ -154,13 +147,10 @@ def _delay(s: Session, sizes: Array, moves: tuple[Record, ...]) -> Row:
 
 def _torque_delay(s: Session) -> float | None:
     """Return the time after which a step of torque shows in the velocity, ms; None if it does not show."""
-    if not s.free:
-        return None
-    tau, rests, pulses = np.zeros(s.robot.na), [], []
-    tau[s.free] = 0.1 * s.push_limit[s.free]
+    rests, pulses = [], []
     for _ in range(PULSES):
         rests.append(s.hold(0.15)["joint_velocity"][:, s.free])  # what the last pulse left decays
-        pulse = s.hold(0.04, joint_torque=tau)["joint_velocity"][:, s.free]
+        pulse = s.hold(0.04, joint_torque=s.jolt)["joint_velocity"][:, s.free]
         pulses.append(pulse - rests[-1][-3:].mean(axis=0))
     s.hold(0.1)
     # Without sensor noise it is the decay that a response must exceed.
@@ -176,7 +166,7 @@ def torques(s: Session) -> Rows:
     if not free:
         return "no joint beside the legs"
     # Torques and velocity references that move free joints by 20 mrad.
-    tau[free] = np.clip(0.02 * kp[free], 0.0, 0.15 * s.push_limit[free])
+    tau[free] = np.clip(0.02 * kp[free], 0.0, 1.5 * s.jolt[free])
     rate[free] = np.clip(0.02 * kp[free] / np.maximum(kd[free], 1e-9), 0.0, 1.0)
     s.push = tau, rate
     pushed, dragged = s.answer = _answer(s)
@@ -246,8 +236,8 @@ def commanded_gains(s: Session) -> Rows:
     own_kp, own_kd, judged = middle(tau, pushed * kp), 1.0, ["kp"]
     if s.good("velocity reference"):
         own_kd, judged = own_kp * middle(dragged * kp, kd * rate), ["kp", "kd"]
-    kp[free] *= HALF * own_kp
-    kd[free] *= HALF * own_kd
+    kp[free] *= 0.5 * own_kp
+    kd[free] *= 0.5 * own_kd
     try:
         softly_pushed, softly_dragged = _answer(s, kp=kp, kd=kd)
     except (InputError, NotImplementedError) as error:

@@ -41,8 +41,8 @@ class Session:
         delay: Delay that the loop is known to have, s.
         robot: The robot at half-sitting; reference: its joints there, shape (na,).
         weight: Its weight, N; gains: kp and kd of the description, each of shape (na,).
-        push_limit: Torque limits, of which shares are commanded, shape (na,).
         free: Joints beside the legs: what acts on them moves them.
+        jolt: A tenth of the torque limits of these joints, of all joints where there are none, shape (na,), Nm.
         shapes: Shape of each signal of a measurement.
         states: State of each check so far.
         records: All motions so far; rest: the first, half-sitting held.
@@ -61,9 +61,11 @@ class Session:
         self.reference, self._zero = np.array(robot.half_sitting[7:]), np.zeros(robot.na)
         self.weight = robot.mass * GRAVITY
         self.gains = np.array(about.kp), np.array(about.kd)
-        self.push_limit = np.minimum(robot.torque_limit, 1e3)
         legs = {name for leg in about.legs for name in leg}
         self.free = [i for i, name in enumerate(robot.joint_names) if name not in legs]
+        self.jolt = 0.1 * np.minimum(robot.torque_limit, 1e3)
+        if self.free:
+            self.jolt[[name in legs for name in robot.joint_names]] = 0.0
         joints = dict.fromkeys(("joint_position", "joint_velocity", "joint_torque"), (robot.na,))
         imu = dict.fromkeys(("angular_velocity", "specific_force"), (3,))
         wrenches = {"sole_wrench": (len(robot.soles), 6), "hand_wrenches": (len(robot.frames), 6)}

@@ -14,7 +14,6 @@ import numpy as np
 from wbc.core.arguments import checked
 from wbc.core.errors import Array, InputError
 from wbc.core.gate import CommandGate
-from wbc.core.settings import Positive
 from wbc.core.signals import Command, Measurement
 from wbc.machine.unitree.dds import COMMAND_TOPIC, STATE_TOPIC, Topics
 from wbc.machine.unitree.wire import ENABLED, LOW_CMD, LOW_STATE, intact, machine_gains, motor_index, sealed
@@ -30,6 +29,9 @@ SIMULATORS = 1
 
 LOOPBACK = ("lo", "lo0", "127.0.0.1")
 """Network interfaces of this computer alone."""
+
+HOT = 90.0
+"""Temperature from which a motor is named, °C; the library's choice, not Unitree's."""
 
 SWITCHED_ON = 0.5
 """Time after the first command from which a motor that is off is a fault, s."""
@@ -59,7 +61,6 @@ class UnitreeDriver:
         interface: str = "lo",
         *,
         domain: int = 1,
-        temperature: Positive = 90.0,
     ) -> None:
         """Store the settings; DDS begins at the first call.
 
@@ -67,7 +68,6 @@ class UnitreeDriver:
             description: A G1: its joints have the names of `G1_MOTORS`.
             interface: Network interface of the robot.
             domain: DDS domain: 0 on the machine, 1 in simulators.
-            temperature: Temperature from which a motor is named, °C; the library's choice, not Unitree's.
 
         Raises:
             InputError: Joints that the machine has not.
@@ -75,7 +75,6 @@ class UnitreeDriver:
         self.description, self._interface, self._domain = description, interface, domain
         self._names = tuple(description.joint_names)
         self._index = motor_index(self._names)
-        self._hot = temperature
         self.gains = machine_gains(self._names)
         self._gate: CommandGate | None = None
         self._topics: Topics | None = None
@@ -152,10 +151,9 @@ class UnitreeDriver:
             wrong = motors["motorstate"] != 0
             codes = ", ".join(f"{code:#x}" for code in motors["motorstate"][wrong])
             found.append(f"motor error {codes}: {self._named(wrong)}")
-        if motors["temperature"].max() > self._hot:
-            found.append(
-                f"motor above {self._hot:g} °C: {self._named(motors['temperature'].max(1) > self._hot)}"
-            )
+        hot = motors["temperature"].max(1) > HOT
+        if hot.any():
+            found.append(f"motor above {HOT:g} °C: {self._named(hot)}")
         self.fault, self.warnings = fault, tuple(found)
         for text in (fault, *found):
             if text:
