@@ -156,7 +156,7 @@ HEADER, ROW = "time,x,y,z,qx,qy,qz,qw,a\n", "0,0,0,1,0,0,0,1,0\n"
     [
         ("", "has no frames"),
         (HEADER + 2 * ROW, "times must increase evenly"),
-        (HEADER.replace("qx", "q1") + 2 * ROW, "the header must have a column 'qx'"),
+        (HEADER.replace("qx", "q1") + 2 * ROW, "has no column 'qx'"),
         (HEADER + ROW + ROW.replace("1", "one"), "could not convert string 'one' to float64"),
         (ROW + "0,0,0\n", "the number of columns changed from 9 to 3"),
         ("1" * 200_000, "field larger than field limit"),
@@ -309,7 +309,7 @@ def test_steps_out_of_reach_are_shortened_and_the_body_comes_along(
     """A step of 0.6 m becomes one that the walk's planner allows; steps within reach stay."""
     motion, standing = stepping
     same, body, shortened = footsteps(g1, motion, standing)
-    assert shortened == 0.0 and all(move.isApprox(pin.SE3.Identity(), 1e-12) for move in body)
+    assert shortened == 0.0 and np.allclose([move.homogeneous for move in body], np.eye(4), atol=1e-12)
     first = runs(standing[:, 1])[1][0]  # where the right foot lands first
     away = pin.SE3(np.eye(3), np.array([0.6, 0.0, 0.0]))
     far = [(left, away * right if i >= first else right) for i, (left, right) in enumerate(motion.soles)]
@@ -370,7 +370,7 @@ def test_motions_become_feasible(g1: Robot, name: str) -> None:
 def test_a_feasible_motion_hardly_changes(g1: Robot) -> None:
     first = make_feasible(g1, make_motion(g1, "squat", 2))
     again = make_feasible(g1, first.clip)
-    assert again.com_shift < 1e-3 and max(again.changes.values()) < np.radians(0.5)
+    assert max(again.changes.values()) < np.radians(0.5)
     one = BodyMotion.of(
         g1,
         first.clip.sampled(again.source_times.clip(0, first.clip.duration), 100.0).configurations(g1),

@@ -130,15 +130,7 @@ class MotionClip:
     def of(
         cls, robot: Robot, q: Array, rate: float, name: str = "motion", standing: Array | None = None
     ) -> MotionClip:
-        """Return the clip of all joints of a robot.
-
-        Args:
-            robot: The robot.
-            q: Configurations, shape (T, nq).
-            rate: Frames per second, Hz.
-            name: Name of the clip.
-            standing: True where the left and the right sole stand, shape (T, 2); None if that is not known.
-        """
+        """Return the clip of all joints of a robot from configurations, shape (T, nq); the rest as above."""
         return cls(robot.joint_names, rate, q[:, :7], q[:, 7:], name, standing)
 
     @checked

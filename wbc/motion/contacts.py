@@ -29,15 +29,9 @@ def find_contacts(
     """Return the height of a flat ground, m, and where soles stand on it, shape (T, 2): one at least in every frame.
 
     The ground is where soles at rest are: the 5th percentile of their lowest corners. The lowest point of the whole
-    clip is no measure: one dip would make the rest float.
-
-    Args:
-        motion: The motion.
-        known: True where a sole stands, shape (T, 2), of which the ground alone is to be found.
-        double_support: Least time on both feet when one takes over, s.
-
-    Raises:
-        InputError: The robot leaves the ground for longer than `FLIGHT`; the time at which it does is named.
+    clip is no measure: one dip would make the rest float. Where it is `known` what stands, shape (T, 2), the ground
+    alone is found. When one foot takes over, both stand for a least time, s. An `InputError` names the time at which
+    the robot leaves the ground for longer than `FLIGHT`.
     """
     ground, standing = _contacts(motion, known)
     for first, last in runs(~standing.any(axis=1)):

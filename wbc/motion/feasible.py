@@ -71,7 +71,6 @@ class FeasibleMotion:
         before: Measures of the given clip at the rate of the result.
         after: Measures of the result.
         changes: Joint → greatest change, rad, for joints that changed; compared at the same frames.
-        com_shift: Largest horizontal shift of the centre of mass for the sake of the ZMP, m.
         shortened: Greatest distance by which a step was brought within reach, m.
         stretched: Duration of the result without its rests over that of the given clip.
     """
@@ -81,7 +80,6 @@ class FeasibleMotion:
     before: MotionMeasures
     after: MotionMeasures
     changes: dict[str, float]
-    com_shift: float
     shortened: float
     stretched: float
 
@@ -119,7 +117,7 @@ def make_feasible(
     pace = _envelope((speed / (share * robot.velocity_limit)).max(axis=1), 1.0, 0.3, 0.05)
     for attempt in range(STRETCHES + 1):
         eased, source = _retimed(smooth, pace)
-        motion, standing, com_shift, shortened = _balanced(robot, eased, share)
+        motion, standing, shortened = _balanced(robot, eased, share)
         after = measure(robot, motion, 0.0, standing, share, friction)
         slow = after.infeasible_frames
         if attempt == STRETCHES or not slow.any():
@@ -136,7 +134,6 @@ def make_feasible(
         before,
         after,
         by_joint(robot, changed.max(axis=0)),
-        com_shift,
         shortened,
         (len(motion.q) / RATE - 2.0 * HOLD) / clip.duration,
     )
@@ -201,10 +198,10 @@ def _integral(values: Array) -> Array:
     return np.asarray(np.cumsum(values) - 0.5 * (values + values[0]))
 
 
-def _balanced(robot: Robot, clip: MotionClip, share: float) -> tuple[BodyMotion, Array, float, float]:
+def _balanced(robot: Robot, clip: MotionClip, share: float) -> tuple[BodyMotion, Array, float]:
     """Freeze the feet, and move the centre of mass until the ZMP is inside the support.
 
-    Return the motion, where soles stand, and by how much the centre of mass was shifted and a step shortened, m.
+    Return the motion, where soles stand, and by how much a step was shortened, m.
     """
     q = clip.configurations(robot)
     ground, standing = find_contacts(BodyMotion.of(robot, q, RATE), clip.standing, DOUBLE_SUPPORT)
@@ -215,12 +212,12 @@ def _balanced(robot: Robot, clip: MotionClip, share: float) -> tuple[BodyMotion,
     ]
     # The ZMP is that of the centre of mass as it is asked for: what inverse kinematics makes of it has kinks, of
     # which second differences make metres.
-    given = BodyMotion.of(robot, q, RATE).com
+    com = BodyMotion.of(robot, q, RATE).com
     q[:, 3:7] = _straightened(robot, q, share)
-    given[:, 2] = BodyMotion.of(robot, q, RATE).com[:, 2]
+    com[:, 2] = BodyMotion.of(robot, q, RATE).com[:, 2]
+    com = gaussian_filter1d(com, 0.02 * RATE, axis=0, mode="nearest")
     supports = _supports(robot, soles, standing)
     stands = gaussian_filter1d(standing.astype(float), 0.25 * BLEND * RATE, axis=0, mode="nearest")
-    com = gaussian_filter1d(given, 0.02 * RATE, axis=0, mode="nearest")
     solver, result = InverseKinematics(robot, JOINT_MARGIN), q
     for _ in range(PASSES):
         result = solver.solve(q, soles, stands, com, result)
@@ -237,8 +234,7 @@ def _balanced(robot: Robot, clip: MotionClip, share: float) -> tuple[BodyMotion,
     # Where a joint meets its limit there is a kink: a hundredth of a second of smoothing takes metres off the ZMP.
     result = gaussian_filter1d(result, SMOOTHING * RATE, axis=0, mode="nearest")
     result[:, 3:7] /= np.linalg.norm(result[:, 3:7], axis=1, keepdims=True)
-    shift = float(np.linalg.norm((com - given)[:, :2], axis=1).max())
-    return BodyMotion.of(robot, result, RATE), standing, shift, shortened
+    return BodyMotion.of(robot, result, RATE), standing, shortened
 
 
 def _supports(robot: Robot, soles: list[tuple[pin.SE3, pin.SE3]], standing: Array) -> list[Array]:

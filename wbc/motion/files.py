@@ -116,17 +116,14 @@ def _columns(path: Path) -> dict[str, Any]:
     """Return the columns of a .csv under the names of `write_motion`; one without a header names no joints."""
     lines = [line for line in read_text(path, "motion").splitlines() if line.strip()]
     header = [cell.strip() for cell in next(csv.reader(lines[:1]), [])]
-    try:
-        header = [] if [float(cell) for cell in header] else header
-    except ValueError:
-        del lines[0]
-    if not lines:
+    named = any(column in header for column in BASE_COLUMNS)
+    if len(lines) <= named:
         raise InputError(f"{path} has no frames")
-    values = np.loadtxt(lines, delimiter=",", comments=None, quotechar='"', ndmin=2)
-    if not header:
+    values = np.loadtxt(lines[named:], delimiter=",", comments=None, quotechar='"', ndmin=2)
+    if not named:
         return {"base": values[:, :7], "joints": values[:, 7:]}
-    if missing := [column for column in BASE_COLUMNS if column not in header]:
-        raise InputError(f"{path}: the header must have a column '{missing[0]}', got {', '.join(header[:8])}")
+    if missing := set(BASE_COLUMNS) - set(header):
+        raise InputError(f"{path} has no column '{min(missing)}'")
     rest = [i for i, column in enumerate(header) if column not in (*BASE_COLUMNS, "time")]
     data = {"base": values[:, [header.index(c) for c in BASE_COLUMNS]], "joints": values[:, rest]}
     if "time" in header and len(values) > 1:

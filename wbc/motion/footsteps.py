@@ -24,38 +24,31 @@ from there to its path, s."""
 
 @dataclass(slots=True, eq=False)
 class _Stance:
-    """One contact: first frame, the one after the last, the given place, and the place that is within reach."""
+    """One contact: first frame, the one after the last, the given place, and how it is moved to be within reach."""
 
     first: int
     last: int
     given: pin.SE3
-    place: pin.SE3
+    move: pin.SE3
 
     @property
-    def move(self) -> pin.SE3:
-        """Motion over the ground from the given place."""
-        return self.place * self.given.inverse()
+    def place(self) -> pin.SE3:
+        """Place that is within reach."""
+        return self.move * self.given
 
 
 def footsteps(robot: Robot, motion: BodyMotion, standing: Array) -> tuple[list[Soles], list[pin.SE3], float]:
-    """Return the footsteps of a clip on a ground at z = 0.
+    """Return the footsteps of a clip on a ground at z = 0; `standing` (T, 2) is true where a sole stands.
 
     A step that is longer, wider or turned further than the walk's planner allows at the height of the clip is brought
-    within its reach; those after it keep their places relative to the other foot.
-
-    Args:
-        robot: The robot.
-        motion: The motion.
-        standing: True where a sole stands, shape (T, 2).
-
-    Returns:
-        Left and right sole in each frame; the motion over the ground in each frame that takes the given body to where
-        the soles are; and the greatest distance by which a step was moved, m.
+    within its reach; those after it keep their places relative to the other foot. Given are left and right sole in each
+    frame, the motion over the ground that takes the given body to where the soles are, and the greatest distance by
+    which a step was moved, m.
     """
     stances = [[_stance(motion, side, *frames) for frames in runs(standing[:, side])] for side in (0, 1)]
     shortened = _bring_within_reach(stances, _reach(robot, motion, standing))
-    offsets = corners_of(robot, [(pin.SE3.Identity(), pin.SE3.Identity())])[0]
-    paths, moves = zip(*(_path(motion, side, stances[side], offsets[side]) for side in (0, 1)), strict=True)
+    corners = corners_of(robot, [(pin.SE3.Identity(), pin.SE3.Identity())])[0]
+    paths, moves = zip(*(_path(motion, side, stances[side], corners[side]) for side in (0, 1)), strict=True)
     body = [pin.SE3.Interpolate(left, right, 0.5) for left, right in zip(*moves, strict=True)]
     return list(zip(*paths, strict=True)), body, shortened
 
@@ -66,7 +59,7 @@ def _stance(motion: BodyMotion, side: int, first: int, last: int) -> _Stance:
     x, y, _ = np.median([sole.translation for sole in soles], axis=0)
     yaw = np.median(np.unwrap([heading(sole.rotation) for sole in soles]))
     place = pin.SE3(pin.utils.rotate("z", float(yaw)), np.array([x, y, 0.0]))
-    return _Stance(first, last, place, place)
+    return _Stance(first, last, place, pin.SE3.Identity())
 
 
 def _reach(robot: Robot, motion: BodyMotion, standing: Array) -> Reach:
@@ -83,7 +76,7 @@ def _reach(robot: Robot, motion: BodyMotion, standing: Array) -> Reach:
 
 
 def _bring_within_reach(stances: list[list[_Stance]], reach: Reach) -> float:
-    """Move the places of contacts, in their order, and return the greatest distance between old and new steps, m."""
+    """Move contacts, in their order, and return the greatest distance between old and new steps, m."""
     order = [(stance, side) for side in (0, 1) for stance in stances[side]]
     last: list[_Stance | None] = [None, None]
     most = 0.0
@@ -98,9 +91,8 @@ def _bring_within_reach(stances: list[list[_Stance]], reach: Reach) -> float:
         x = np.clip(x, -reach.max_length, reach.max_length)
         y = outward * np.clip(outward * y, reach.min_spacing, reach.max_spacing)
         allowed = pin.SE3(pin.utils.rotate("z", float(turn)), np.array([x, y, z]))
-        if other.place is not other.given or not allowed.isApprox(step, 1e-9):
-            most = max(most, float(np.linalg.norm(allowed.translation - step.translation)))
-            stance.place = other.place * allowed
+        stance.move = other.place * allowed * stance.given.inverse()
+        most = max(most, float(np.linalg.norm(allowed.translation - step.translation)))
     return most
 
 
@@ -112,41 +104,36 @@ def _path(
     In the air the given path is moved to fit both ends. The foot leaves and reaches its place from above, flat, and
     clears the ground in between with all corners: recorded feet are rolled over toes and heels, and shuffle.
     """
-    count = len(motion.q)
+    count, given = len(motion.q), [pair[side] for pair in motion.soles]
     ramp, settle = (max(1, round(time * motion.rate)) for time in (BLEND, SETTLE))
-    given = [pair[side] for pair in motion.soles]
     path, moves = list(given), [pin.SE3.Identity()] * count
     for stance in stances:
         path[stance.first : stance.last] = [stance.place] * (stance.last - stance.first)
         moves[stance.first : stance.last] = [stance.move] * (stance.last - stance.first)
     for before, after in zip([None, *stances], [*stances, None], strict=True):
-        first = 0 if before is None else before.last
-        last = count if after is None else after.first
-        leave = None if before is None else before.place * given[min(first, count - 1)].inverse()
-        reach = None if after is None else after.place * given[last].inverse()
-        for i in range(first, last):
-            share = _smoothstep((i - first + 1) / (last - first + 1))
-            moved = _between(leave, reach, share) * given[i]
-            moves[i] = _between(before and before.move, after and after.move, share)
-            height, clearance = float(moved.translation[2]), CLEARANCE
-            for end, distance in ((before, i - first + 1), (after, last - i)):
-                if end is not None and distance < settle + ramp:
-                    level = _smoothstep(max(0, distance - settle) / ramp)
-                    moved = pin.SE3.Interpolate(end.place, moved, level)
-                    height *= _smoothstep(min(1.0, distance / ramp))
-                    clearance = min(clearance, CLEARANCE * _smoothstep(min(1.0, distance / settle)))
-            lowest = height + float((corners @ moved.rotation[2]).min())
-            moved.translation[2] = height + max(0.0, clearance - lowest)
-            path[i] = moved
+        ends = [] if before is None else [(before, before.last - 1)]
+        ends += [] if after is None else [(after, after.first)]
+        fits = [(stance.place * given[frame].inverse(), stance.move) for stance, frame in ends]
+        first, last = -1 if before is None else before.last - 1, count if after is None else after.first
+        for i in range(first + 1, last):
+            foot, share = given[i], _smoothstep((i - first) / (last - first))
+            if fits:
+                fit, moves[i] = (
+                    pin.SE3.Interpolate(*both, share) for both in zip(fits[0], fits[-1], strict=True)
+                )
+                foot = fit * foot
+            height, clearance = float(foot.translation[2]), CLEARANCE
+            for stance, frame in ends:
+                distance = abs(i - frame)
+                foot = pin.SE3.Interpolate(stance.place, foot, _smoothstep((distance - settle) / ramp))
+                height *= _smoothstep(distance / ramp)
+                clearance = min(clearance, CLEARANCE * _smoothstep(distance / settle))
+            lowest = height + float((corners @ foot.rotation[2]).min())
+            foot.translation[2] = height + max(0.0, clearance - lowest)
+            path[i] = foot
     return path, moves
 
 
-def _between(one: pin.SE3 | None, other: pin.SE3 | None, share: float) -> pin.SE3:
-    if one is None or other is None:
-        found = one if other is None else other
-        return pin.SE3.Identity() if found is None else found
-    return pin.SE3.Interpolate(one, other, share)
-
-
 def _smoothstep(x: float) -> float:
+    x = min(max(x, 0.0), 1.0)
     return 3.0 * x**2 - 2.0 * x**3

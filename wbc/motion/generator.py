@@ -18,7 +18,7 @@ from wbc.core.robot import Robot
 from wbc.core.settings import Seed
 from wbc.motion.clip import MotionClip
 from wbc.motion.inverse_kinematics import InverseKinematics
-from wbc.motion.kinematics import BodyMotion, Soles
+from wbc.motion.kinematics import BodyMotion
 from wbc.tasks.trajectories import minimum_jerk
 
 RATE = 100.0
@@ -67,28 +67,20 @@ def _squat(robot: Robot, rng: np.random.Generator) -> Array:
     depth = rng.uniform(0.08, 0.16) * float(robot.com[2])
     q[:, 2] -= depth * 0.5 * (1.0 - np.cos(2.0 * np.pi * t / 3.0))
     _sway(robot, q, _arm_joints(robot, 1), 0.3, 1.0 / 3.0, rng)
-    return _solve(robot, q, [_soles(robot)] * len(q), np.ones((len(q), 2)))
+    return _solve(robot, q, _soles_at_rest(q, robot))
 
 
 def _one_leg(robot: Robot, rng: np.random.Generator) -> Array:
     """A shift over one foot, the other one lifted and held for two seconds, and back; the arms move meanwhile."""
     q, t = _rest(robot, 9.0)
-    side = int(rng.integers(2))
-    start = _soles(robot)
-    left, right = (sole.translation for sole in start)
-    q[:, :2] += _bump(t, 0.0, 2.0, 7.0, 9.0)[:, None] * (start[side].translation - 0.5 * (left + right))[:2]
-    lift = rng.uniform(0.06, 0.1) * _bump(t, 2.5, 3.5, 5.5, 6.5)
-    forward = rng.uniform(-0.06, 0.1) * _bump(t, 2.5, 3.5, 5.5, 6.5)
-    lifted, stands = start[1 - side], start[side]
-    raised = [
-        pin.SE3(lifted.rotation, lifted.translation + [ahead, 0.0, up])
-        for up, ahead in zip(lift, forward, strict=True)
-    ]
-    soles = [(stands, sole) if side == 0 else (sole, stands) for sole in raised]
+    path = _soles_at_rest(q, robot)
+    stance = int(rng.integers(2))
+    q[:, :2] += _bump(t, 0.0, 2.0, 7.0, 9.0)[:, None] * (path[0, stance] - path[0].mean(axis=0))[:2]
+    lift = _bump(t, 2.5, 3.5, 5.5, 6.5)
+    path[:, 1 - stance, 2] += rng.uniform(0.06, 0.1) * lift
+    path[:, 1 - stance, 0] += rng.uniform(-0.06, 0.1) * lift
     _sway(robot, q, _arm_joints(robot), 0.25, (0.2, 0.4), rng)
-    standing = np.ones((len(q), 2))
-    standing[:, 1 - side] = lift <= 0.0
-    return _solve(robot, q, soles, standing)
+    return _solve(robot, q, path)
 
 
 def _steps(robot: Robot, rng: np.random.Generator) -> Array:
@@ -96,32 +88,28 @@ def _steps(robot: Robot, rng: np.random.Generator) -> Array:
     single, double, lead = 0.8, 0.6, 1.0
     length = rng.uniform(0.03, 0.08)
     q, t = _rest(robot, 2.0 * lead + 4.0 * (single + double))
-    start = _soles(robot)
-    places = np.array([sole.translation for sole in start])
-    path, standing = np.repeat(places[None], len(t), axis=0), np.ones((len(t), 2))
+    path = _soles_at_rest(q, robot)
+    places = path[0].copy()
     middle = places.mean(axis=0)[:2]
     knots, supports = [0.0], [middle]
     for step in range(4):
         side = step % 2
         begin = lead + step * (single + double) + double
-        target = places[side, 0] + (length if step in (0, 3) else 2.0 * length)
+        way = length if step in (0, 3) else 2.0 * length
         s = np.clip((t - begin) / single, 0.0, 1.0)
-        ahead = places[side, 0] + (target - places[side, 0]) * minimum_jerk(s)[0]
-        path[:, side, 0] = np.where(t < begin, path[:, side, 0], ahead)
+        path[:, side, 0] += way * minimum_jerk(s)[0]
         path[:, side, 2] += 0.05 * np.sin(np.pi * s) ** 2
-        standing[(s > 0.0) & (s < 1.0), side] = 0.0
+        places[side, 0] += way
         knots += [begin, begin + single]
         supports += [places[1 - side, :2].copy()] * 2
-        places[side, 0] = target
     knots.append(float(t[-1]) - 0.3)
     supports.append(places.mean(axis=0)[:2])
     kernel = np.hanning(2 * round(0.3 * RATE) + 1)
     over = np.column_stack([np.interp(t, knots, place) for place in np.array(supports).T])
     q[:, :2] += convolve1d(over, kernel / kernel.sum(), axis=0, mode="nearest") - middle
     q[:, 2] -= 0.01
-    soles = [(pin.SE3(start[0].rotation, left), pin.SE3(start[1].rotation, right)) for left, right in path]
     _sway(robot, q, _arm_joints(robot, 1), 0.15, 1.0 / (2.0 * (single + double)), rng)
-    return _solve(robot, q, soles, standing)
+    return _solve(robot, q, path)
 
 
 def _rest(robot: Robot, duration: float) -> tuple[Array, Array]:
@@ -167,14 +155,19 @@ def _bump(t: Array, rise: float, high: float, fall: float, low: float) -> Array:
     return minimum_jerk(np.clip(up, 0.0, 1.0))[0] * minimum_jerk(np.clip(down, 0.0, 1.0))[0]
 
 
-def _soles(robot: Robot) -> Soles:
-    """Return the soles of half-sitting."""
-    return BodyMotion.of(robot, np.tile(robot.half_sitting, (2, 1)), RATE).soles[0]
+def _soles_at_rest(q: Array, robot: Robot) -> Array:
+    """Return the places of both soles in half-sitting, in every frame, shape (T, 2, 3), m."""
+    return np.repeat(BodyMotion.of(robot, q[:2], RATE).centres[:1], len(q), axis=0)
 
 
-def _solve(robot: Robot, q: Array, soles: Sequence[Soles], standing: Array) -> Array:
-    """Return configurations with the soles where they should be and the base near where it is."""
-    com = BodyMotion.of(robot, q, RATE).com
+def _solve(robot: Robot, q: Array, path: Array) -> Array:
+    """Return configurations with the soles, turned as in half-sitting, on a path and the base near where it is."""
+    rest = BodyMotion.of(robot, np.tile(robot.half_sitting, (2, 1)), RATE)
+    soles = [
+        (pin.SE3(rest.soles[0][0].rotation, left), pin.SE3(rest.soles[0][1].rotation, right))
+        for left, right in path
+    ]
+    com, standing = BodyMotion.of(robot, q, RATE).com, (path[..., 2] <= path[0, :, 2]).astype(float)
     return InverseKinematics(robot, LIMIT_MARGIN).solve(q, soles, standing, com)
 
 

@@ -41,14 +41,10 @@ class InverseKinematics:
     def solve(
         self, q: Array, soles: Sequence[Soles], standing: Array, com: Array, start: Array | None = None
     ) -> Array:
-        """Return configurations, shape (T, nq).
+        """Return configurations near given ones, with placements of both soles and of the centre of mass (T, 3), m.
 
-        Args:
-            q: Configurations to stay near, shape (T, nq).
-            soles: Placements of left and right sole, T pairs.
-            standing: 1 where a sole stands, 0 in the air, shape (T, 2); in between the weights change geometrically.
-            com: Places of the centre of mass, shape (T, 3), m.
-            start: Configurations to begin with, shape (T, nq); those to stay near when None.
+        `standing` (T, 2) is 1 where a sole stands and 0 in the air; in between the weights change geometrically. The
+        search begins at `start`, or at the given configurations; these and the result have shape (T, nq).
         """
         frames = zip(q, q if start is None else start, soles, standing, com, strict=True)
         return np.array([self._frame(*frame) for frame in frames])

@@ -156,11 +156,8 @@ def zmp_of(com: Array, acceleration: Array, turning: Array, ground: float) -> Ar
 
         z = c − (h c̈ + L̇ × e_z / m) / (c̈_z + g)
 
-    Args:
-        com: Centre of mass c, shape (T, 3), m.
-        acceleration: Its acceleration c̈, shape (T, 3), m/s².
-        turning: Rate of the angular momentum over the mass, L̇ / m, shape (T, 3), m²/s².
-        ground: Height of the ground, m.
+    with the centre of mass c and its acceleration, m and m/s², the rate of the angular momentum over the mass, L̇ / m,
+    m²/s², all of shape (T, 3), and h the height over the ground, which is at a height, m.
     """
     moment = np.column_stack([turning[:, 1], -turning[:, 0]])
     height = com[:, 2:] - ground

@@ -47,11 +47,9 @@ from wbc.walking.tasks import TaskGains
 START = 0.1
 """Greatest distance of a joint from the first frame of a clip at which tracking may begin, rad."""
 
-FADE = 0.2
-"""Time in which a foot that is lifted goes over to the path of the clip, s."""
-
-TOUCH_DOWN, EARLY = 0.08, 0.1
-"""Load, as a share of the weight, at which a foot has met the ground before its time, and from how long before, s."""
+FADE, TOUCH_DOWN, EARLY = 0.2, 0.08, 0.1
+"""Time in which a foot that is lifted goes over to the path of the clip, s; load, as a share of the weight, at which a
+foot has met the ground before its time, and from how long before, s."""
 
 ZMP_SMOOTHING = 0.02
 """Standard deviation with which the reference of the ZMP is smoothed, s: splines have kinks in their accelerations."""
@@ -182,14 +180,10 @@ class MotionSource(ReferenceSource):
 def clip_references(
     robot: Robot, clip: MotionClip, standing: Array, ground: float, dt: float
 ) -> tuple[Array, tuple[Reference, ...]]:
-    """Return configurations, shape (T, nq), and references of the ticks of a clip.
+    """Return configurations, shape (T, nq), and references of the ticks of a clip, of a period, s.
 
-    Args:
-        robot: The robot; its state is not changed.
-        clip: The clip.
-        standing: True where the left and the right sole stand in each frame, shape (frames, 2).
-        ground: Height of the ground, m.
-        dt: Control period, s.
+    `standing` is true where the left and the right sole stand in each frame, shape (frames, 2); `ground` is the height
+    of the ground, m.
     """
     q, v, a = splines(robot, clip, dt)
     count = len(q)

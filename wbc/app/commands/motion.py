@@ -32,14 +32,12 @@ class MotionOptions(TrackSpec):
     Attributes:
         rate: Frames per second, Hz, of a file that does not say it.
         joint: Joint of the next column, of a file that does not name them; once for each.
-        as_is: Track the clip as it is; one that is not feasible is made so first when this is not set.
         out: Clip that make and filter write, .npz or .csv.
         plot: Picture that filter writes of what it has changed.
     """
 
     rate: Annotated[Positive, "Hz"] | None = None
     joint: tuple[str, ...] = ()
-    as_is: bool = False
     out: Annotated[Path | None, Parameter(alias="-o")] = None
     plot: Path | None = None
 
@@ -75,9 +73,9 @@ def motion(
     changes what must change for them, and reports it. Track lets the robot follow it while it balances, on both feet,
     on one, and where it steps.
     """
-    for name, whose in (("out", ("make", "filter")), ("plot", ("filter",)), ("as_is", ("track",))):
+    for name, whose in (("out", ("make", "filter")), ("plot", ("filter",))):
         if do not in whose and getattr(options, name):
-            raise InputError(f"--{name.replace('_', '-')} is no option of 'motion {do}'")
+            raise InputError(f"--{name} is no option of 'motion {do}'")
     if do == "make":
         target = options.target()
         made = make_motion(robots.load(options.robot).robot(), clip, options.seed)
@@ -124,7 +122,6 @@ def _filter(file: Path, options: MotionOptions, output: Output) -> Report:
         "before": result.before.to_json(),
         "after": result.after.to_json(),
         "changed_most_deg": {name: float(np.degrees(value)) for name, value in result.changes.items()},
-        "com_shift_mm": 1e3 * result.com_shift,
         "steps_shortened_mm": 1e3 * result.shortened,
         "stretched": result.stretched,
     }
@@ -135,7 +132,7 @@ def _track(file: Path, options: MotionOptions, live: LiveView, output: Output) -
     robot, given = options.read(file)
     clip, lines = given, []
     data: dict[str, Any] = {"motion": given.name}
-    if not options.as_is and not (given.standing is not None and check_motion(robot, given).feasible):
+    if not (given.standing is not None and check_motion(robot, given).feasible):
         feasible = make_feasible(robot, given)
         clip, lines = feasible.clip, _changes(given, feasible)
         data |= {"feasible": feasible.after.feasible, "stretched": feasible.stretched}
@@ -185,8 +182,8 @@ def _changes(given: MotionClip, result: FeasibleMotion) -> list[str]:
     most = sorted(result.changes, key=lambda name: -result.changes[name])[:6]
     changed = ", ".join(f"{name} {np.degrees(result.changes[name]):.1f}" for name in most)
     return [
-        f"{given.name}: {verdict}; {result.stretched:.2f} x its time, centre of mass shifted by up to "
-        f"{1e3 * result.com_shift:.0f} mm, steps shortened by up to {1e3 * result.shortened:.0f} mm",
+        f"{given.name}: {verdict}; {result.stretched:.2f} x its time, steps shortened by up to "
+        f"{1e3 * result.shortened:.0f} mm",
         f"  {'':<34}{'before':>10}{'after':>10}",
         *_table(result.before, result.after),
         f"  changed most, degrees: {changed}",
