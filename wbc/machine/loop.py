@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Protocol
 
+import numpy as np
+
 from wbc.core.arguments import checked
-from wbc.core.errors import InputError, WbcError, as_period, check_parts, shown
+from wbc.core.errors import Array, InputError, WbcError, as_period, check_parts, shown
 from wbc.core.signals import Command, Measurement
 from wbc.robots import RobotDescription
 
@@ -68,6 +71,13 @@ def check_driver(driver: Driver) -> None:
         raise InputError(
             f"description of a driver must be a RobotDescription, got {shown(driver.description)}"
         )
+
+
+def with_gains(command: Command, gains: tuple[Array, Array]) -> Command:
+    """Return a command with the gains that act where it brings none: the machine's, zero without a position."""
+    kp, kd = gains if command.joint_position is not None else np.zeros((2, len(command.joint_torque)))
+    kp, kd = kp if command.kp is None else command.kp, kd if command.kd is None else command.kd
+    return replace(command, kp=kp, kd=kd)
 
 
 class DriverLoop:

@@ -11,7 +11,6 @@ import logging
 import signal
 import threading
 from collections.abc import Callable
-from dataclasses import replace
 from typing import Annotated, Any, Protocol
 
 import numpy as np
@@ -30,7 +29,7 @@ from wbc.machine.clock import Clock, Quiet, quiet
 from wbc.machine.guard import Guard
 from wbc.machine.inlet import Inlet
 from wbc.machine.loads import SoleLoads
-from wbc.machine.loop import Driver, MachineError, check_driver
+from wbc.machine.loop import Driver, MachineError, check_driver, with_gains
 from wbc.machine.report import Phase, RunReport
 from wbc.machine.stand import Stand, standing, warm_up
 from wbc.machine.start import SafeStart
@@ -423,7 +422,7 @@ class Runner:
             else:
                 before = self._start.command(measurement, now - self._started)
             self._loads.sent(command)
-            return mixed(before, self._with_gains(command), part)
+            return mixed(before, with_gains(command, self._gains), part)
         seen = getattr(self._inner, "measurement", None)
         if self.settings.load > 0.0 and isinstance(seen, Measurement) and seen.sole_wrench is not None:
             carried = float(seen.sole_wrench[:, 2].sum()) / self._weight
@@ -439,14 +438,6 @@ class Runner:
         if not self._may_run:
             logger.warning("a %s cannot be reset: the robot is balanced on", type(self.control).__name__)
         self._enter(Phase.HANG, now)
-
-    def _with_gains(self, command: Command) -> Command:
-        """Return a command with the gains that act."""
-        zero = np.zeros(self._robot.na)
-        kp, kd = (zero, zero) if command.joint_position is None else self._gains
-        return replace(
-            command, kp=kp if command.kp is None else command.kp, kd=kd if command.kd is None else command.kd
-        )
 
     def _lasts(self, holds: bool, time: float, now: float) -> bool:
         """Return True once something has held for a time."""

@@ -39,7 +39,6 @@ import socket
 import struct
 import time
 from collections.abc import Iterator
-from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -47,7 +46,7 @@ import numpy as np
 from wbc.core.arguments import checked
 from wbc.core.errors import Array, InputError
 from wbc.core.signals import Command, Measurement
-from wbc.machine.loop import MachineError
+from wbc.machine.loop import MachineError, with_gains
 from wbc.robots import RobotDescription
 
 logger = logging.getLogger(__name__)
@@ -220,7 +219,6 @@ class UdpDriver:
         self.description, self.address = description, (host, port)
         joints = len(description.joint_names)
         self._end = End(joints, _checked_secret(host, secret, unsigned))
-        self._zero = np.zeros(joints)
         self._gains = np.array(description.kp), np.array(description.kd)
         self._socket: socket.socket | None = None
         self._robot = 0
@@ -250,12 +248,7 @@ class UdpDriver:
         The robot obeys commands that come after a measurement or a hello of its own has been read.
         """
         if (command.kp is None) is not (command.kd is None):
-            kp, kd = self._gains if command.joint_position is not None else (self._zero, self._zero)
-            command = replace(
-                command,
-                kp=kp if command.kp is None else command.kp,
-                kd=kd if command.kd is None else command.kd,
-            )
+            command = with_gains(command, self._gains)
         self._send(COMMAND, self._robot, command)
 
     def damp(self) -> None:

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import logging
 import time
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -15,6 +16,7 @@ from wbc.core.arguments import checked
 from wbc.core.errors import Array, InputError
 from wbc.core.gate import CommandGate
 from wbc.core.signals import Command, Measurement
+from wbc.machine.loop import with_gains
 from wbc.machine.unitree.dds import COMMAND_TOPIC, STATE_TOPIC, Topics
 from wbc.machine.unitree.wire import ENABLED, LOW_CMD, LOW_STATE, intact, machine_gains, motor_index, sealed
 from wbc.robots import RobotDescription
@@ -170,14 +172,10 @@ class UnitreeDriver:
 
     def write(self, command: Command) -> None:
         """See `Driver`; without references the motors get the torque alone."""
-        kp, kd = self.gains if command.joint_position is not None else (self._zero, self._zero)
-        whole = Command(
-            command.joint_torque,
-            self._position if command.joint_position is None else command.joint_position,
-            self._zero if command.joint_velocity is None else command.joint_velocity,
-            kp=kp if command.kp is None else command.kp,
-            kd=kd if command.kd is None else command.kd,
-        )
+        whole = with_gains(command, self.gains)
+        q, v = command.joint_position, command.joint_velocity
+        q, v = self._position if q is None else q, self._zero if v is None else v
+        whole = replace(whole, joint_position=q, joint_velocity=v)
         if self._gate is None:
             self._gate = CommandGate(self.description.robot(), 0.002)
         try:
