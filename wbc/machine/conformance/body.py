@@ -63,7 +63,8 @@ def imu(s: Session) -> Rows:
         return "gyroscope or accelerometer has another unit"
     # seen ≈ R turns for each of three turns: R is what lies between the gyroscope and the IMU frame.
     between = seen.T @ np.linalg.pinv(turns.T) / max(size, 1e-9)
-    angle = np.degrees(np.arccos(np.clip(0.5 * (np.trace(between) - 1.0), -1.0, 1.0)))
+    u, _, vt = np.linalg.svd(between)
+    angle = np.degrees(np.linalg.norm(pin.log3(u @ np.diag([1.0, 1.0, np.linalg.det(u @ vt)]) @ vt)))
     agree, tilt = np.trace(between) / 3.0, (tilts * felt)[:2].sum() / (tilts * tilts)[:2].sum()
     level, turned = along > 0.97 and 0.5 < tilt < 1.6, agree <= 0.85  # level: gravity is where it should be
     yield f"IMU frame: turns agree to {agree:.2f}, tilts to {tilt:.2f}", {
