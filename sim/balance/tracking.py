@@ -9,6 +9,7 @@ import numpy as np
 
 from wbc.core.arguments import checked
 from wbc.core.control import Mode
+from wbc.core.conventions import rotation_of
 from wbc.core.errors import Array
 from wbc.core.robot import GRAVITY
 from wbc.core.settings import NonNegative, settings
@@ -119,7 +120,7 @@ class TrackTrial(Trial):
     def true_fall(self) -> FallReason | None:
         """Return why the robot is not where the clip has it; None if it is."""
         q = self.source.configurations[self.given]
-        return self._falls.reason(self.plant.truth().q, q[2], _vertical(q[3:7]))
+        return self._falls.reason(self.plant.truth().q, q[2], rotation_of(q[3:7])[2])
 
     def simulate(self) -> None:
         """See `Trial`."""
@@ -202,9 +203,3 @@ def track_motion(clip: MotionClip, spec: TrackSpec | None = None) -> TrackResult
     """
     result: TrackResult = TrackTrial(clip, spec).run()
     return result
-
-
-def _vertical(quaternion: Array) -> tuple[float, float, float]:
-    """Return the vertical axis of the world in a body's frame, from the body's orientation (x, y, z, w)."""
-    x, y, z, w = quaternion.tolist()
-    return 2.0 * (x * z - w * y), 2.0 * (y * z + w * x), 1.0 - 2.0 * (x * x + y * y)

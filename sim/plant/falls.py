@@ -69,7 +69,7 @@ class TrueFallDetector:
         self,
         q: Array | Sequence[float],
         ground: float = 0.0,
-        up: tuple[float, float, float] | None = None,
+        up: Array | Sequence[float] | None = None,
     ) -> FallReason | None:
         """Return why a robot has fallen, None if it has not; a configuration with NaN counts as tilted.
 

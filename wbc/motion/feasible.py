@@ -30,7 +30,7 @@ from wbc.core.settings import Positive, Share
 from wbc.motion.clip import LONGEST, MotionClip
 from wbc.motion.contacts import find_contacts
 from wbc.motion.footsteps import BLEND, footsteps
-from wbc.motion.inverse_kinematics import InverseKinematics
+from wbc.motion.inverse_kinematics import inverse_kinematics
 from wbc.motion.kinematics import BodyMotion, corners_of
 from wbc.motion.measures import MotionMeasures, by_joint, check_motion, measure, nearest_inside, supports_of
 
@@ -218,9 +218,9 @@ def _balanced(robot: Robot, clip: MotionClip, share: float) -> tuple[BodyMotion,
     com = gaussian_filter1d(com, 0.02 * RATE, axis=0, mode="nearest")
     supports = _supports(robot, soles, standing)
     stands = gaussian_filter1d(standing.astype(float), 0.25 * BLEND * RATE, axis=0, mode="nearest")
-    solver, result = InverseKinematics(robot, JOINT_MARGIN), q
+    result = q
     for _ in range(PASSES):
-        result = solver.solve(q, soles, stands, com, result)
+        result = inverse_kinematics(robot, JOINT_MARGIN, q, soles, stands, com, result)
         motion = BodyMotion.of(robot, result, RATE)
         momentum = gaussian_filter1d(motion.momentum, 0.02 * RATE, axis=0)
         zmp = replace(motion, com=com, momentum=momentum).zmp()
@@ -230,7 +230,7 @@ def _balanced(robot: Robot, clip: MotionClip, share: float) -> tuple[BodyMotion,
             break
         com[:, :2] += centre_of_mass_shift(needed, float(np.median(com[:, 2])), RATE)
         com[:, 2] -= 2.0 * _envelope(np.where(low > 5e-4, low, 0.0), 0.0, 0.6, 0.15)
-    result = solver.solve(q, soles, stands, com, result)
+    result = inverse_kinematics(robot, JOINT_MARGIN, q, soles, stands, com, result)
     # Where a joint meets its limit there is a kink: a hundredth of a second of smoothing takes metres off the ZMP.
     result = gaussian_filter1d(result, SMOOTHING * RATE, axis=0, mode="nearest")
     result[:, 3:7] /= np.linalg.norm(result[:, 3:7], axis=1, keepdims=True)

@@ -17,7 +17,7 @@ from wbc.core.registry import Registry
 from wbc.core.robot import Robot
 from wbc.core.settings import Seed
 from wbc.motion.clip import MotionClip
-from wbc.motion.inverse_kinematics import InverseKinematics
+from wbc.motion.inverse_kinematics import inverse_kinematics
 from wbc.motion.kinematics import BodyMotion
 from wbc.tasks.trajectories import minimum_jerk
 
@@ -168,7 +168,7 @@ def _solve(robot: Robot, q: Array, path: Array) -> Array:
         for left, right in path
     ]
     com, standing = BodyMotion.of(robot, q, RATE).com, (path[..., 2] <= path[0, :, 2]).astype(float)
-    return InverseKinematics(robot, LIMIT_MARGIN).solve(q, soles, standing, com)
+    return inverse_kinematics(robot, LIMIT_MARGIN, q, soles, standing, com)
 
 
 MOTIONS: Registry[Generator] = Registry(

@@ -39,8 +39,7 @@ class BodyMotion:
         soles: Placements of both soles, T pairs.
         corners: Corners of both soles, shape (T, 2, 4, 3), m.
         com: Centre of mass, shape (T, 3), m.
-        momentum: Angular momentum about the centre of mass, shape (T, 3), kg m²/s.
-        mass: Mass of the robot, kg.
+        momentum: Angular momentum about the centre of mass over the mass, shape (T, 3), m²/s.
     """
 
     rate: float
@@ -50,7 +49,6 @@ class BodyMotion:
     corners: Array
     com: Array
     momentum: Array
-    mass: float
 
     @classmethod
     def of(cls, robot: Robot, q: Array, rate: float) -> BodyMotion:
@@ -62,11 +60,11 @@ class BodyMotion:
         soles: list[Soles] = []
         com, momentum = np.empty((len(q), 3)), np.empty((len(q), 3))
         for i in range(len(q)):
-            momentum[i] = pin.computeCentroidalMomentum(model, data, q[i], v[i]).angular
+            momentum[i] = pin.computeCentroidalMomentum(model, data, q[i], v[i]).angular / robot.mass
             com[i] = data.com[0]
             left, right = (pin.updateFramePlacement(model, data, frame).copy() for frame in frames)
             soles.append((left, right))
-        return cls(rate, q, v, soles, corners_of(robot, soles), com, momentum, robot.mass)
+        return cls(rate, q, v, soles, corners_of(robot, soles), com, momentum)
 
     @property
     def centres(self) -> Array:
@@ -79,7 +77,7 @@ class BodyMotion:
 
     def turning(self) -> Array:
         """Return the rate of the angular momentum over the mass, shape (T, 3), m²/s²."""
-        return np.gradient(self.momentum, 1.0 / self.rate, axis=0) / self.mass
+        return np.gradient(self.momentum, 1.0 / self.rate, axis=0)
 
     def zmp(self, ground: float = 0.0) -> Array:
         """Return the ZMP on the ground, at a height, m; shape (T, 2), m (`zmp_of`)."""
