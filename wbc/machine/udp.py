@@ -33,18 +33,19 @@ import contextlib
 import hmac
 import ipaddress
 import logging
+import math
 import secrets
 import select
 import socket
 import struct
 import time
 from collections.abc import Iterator
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from wbc.core.arguments import checked
-from wbc.core.errors import Array, InputError
+from wbc.core.errors import InputError
 from wbc.core.signals import Command, Measurement
 from wbc.machine.loop import MachineError, with_gains
 from wbc.robots import RobotDescription
@@ -71,6 +72,17 @@ MOST = 1000
 
 ANSWERS = 16
 """Hellos that one call answers."""
+
+
+ARRAYS = {
+    MEASUREMENT: {"joint_position": 0, "joint_velocity": 0, "joint_torque": 1}
+    | {"angular_velocity": 0, "specific_force": 0, "sole_wrench": 2},
+    COMMAND: {"joint_torque": 0, "joint_position": 1, "joint_velocity": 1, "kp": 2, "kd": 2},
+}
+"""Arrays of a kind in their order, with the flag of those that may be missing."""
+
+SHAPES = {"angular_velocity": (3,), "specific_force": (3,), "sole_wrench": (2, 6)}
+"""Shapes of arrays; the others have a number for each joint."""
 
 
 class Header(NamedTuple):
@@ -105,29 +117,16 @@ class End:
         """Return a packet to the other end; kp and kd of a command go together, one alone does not go."""
         # The clock is the same in all processes of this computer: the guard's packets come after the loop's.
         self._number = max(self._number + 1, time.monotonic_ns())
-        parts: list[Array] = []
-        flags, stamp = 0, 0.0
-        if isinstance(content, Measurement):
-            m, stamp = content, content.time
-            parts = [m.joint_position, m.joint_velocity, m.angular_velocity, m.specific_force]
-            if m.joint_torque is not None:
-                flags |= 1
-                parts.insert(2, m.joint_torque)
-            if m.sole_wrench is not None:
-                flags |= 2
-                parts.append(m.sole_wrench.ravel())
-        elif content is not None:
-            parts = [content.joint_torque]
-            if content.joint_position is not None:
-                flags |= 1
-                rate = np.zeros(self._joints) if content.joint_velocity is None else content.joint_velocity
-                parts += [content.joint_position, rate]
-            if content.kp is not None and content.kd is not None:
-                flags |= 2
-                parts += [content.kp, content.kd]
+        arrays = ARRAYS.get(kind, {})
+        values = {name: getattr(content, name) for name in arrays}
+        if kind == COMMAND and values["joint_velocity"] is None:
+            values["joint_velocity"] = np.zeros(self._joints)
+        flags = sum(set(arrays.values()) - {arrays[name] for name, value in values.items() if value is None})
+        stamp = content.time if isinstance(content, Measurement) else 0.0
+        sent = [values[name].ravel() for name, flag in arrays.items() if not flag or flag & flags]
         data = HEADER.pack(MAGIC, kind, flags, self._joints, self.key, to, self._number, stamp)
-        if parts:
-            data += np.concatenate(parts).astype("<f8").tobytes()
+        if sent:
+            data += np.concatenate(sent).astype("<f8").tobytes()
         return data + self._sign(data)
 
     def _sign(self, data: bytes) -> bytes:
@@ -148,23 +147,18 @@ class End:
 
     def content(self, head: Header, data: bytes) -> Measurement | Command | None:
         """Return what a measurement or a command carries; None if its length is wrong."""
-        joints, first, second = self._joints, bool(head.flags & 1), bool(head.flags & 2)
-        counts = [joints, joints, *[joints] * first, 3, 3, *[12] * second]
-        if head.kind == COMMAND:
-            counts = [joints, *[joints] * (2 * first + 2 * second)]
+        arrays = (name for name, flag in ARRAYS[head.kind].items() if not flag or flag & head.flags)
+        shapes = {name: SHAPES.get(name, (self._joints,)) for name in arrays}
+        counts = [math.prod(shape) for shape in shapes.values()]
         end = len(data) - (SIGNATURE if self._secret else 0)
         if end != HEADER.size + 8 * sum(counts):
             return None
         values = np.frombuffer(data[HEADER.size : end], "<f8").astype(np.float64)
-        parts = np.split(values, np.cumsum(counts)[:-1])
+        parts = zip(shapes.items(), np.split(values, np.cumsum(counts)[:-1]), strict=True)
+        content: dict[str, Any] = {name: part.reshape(shape) for (name, shape), part in parts}
         if head.kind == COMMAND:
-            q, v = parts[1:3] if first else (None, None)
-            kp, kd = parts[-2:] if second else (None, None)
-            return Command(parts[0], q, v, kp=kp, kd=kd)
-        torque = parts.pop(2) if first else None
-        q, v, gyroscope, accelerometer = parts[:4]
-        wrench = parts[4].reshape(2, 6) if second else None
-        return Measurement(head.time, q, v, gyroscope, accelerometer, wrench, joint_torque=torque)
+            return Command(**content)
+        return Measurement(**({"time": head.time, "sole_wrench": None} | content))
 
 
 def _checked_secret(host: str, secret: str | None, unsigned: bool) -> str | None:
