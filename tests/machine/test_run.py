@@ -8,8 +8,6 @@ import mmap
 import os
 import pickle
 import re
-import signal
-import subprocess
 import sys
 import tempfile
 import threading
@@ -26,6 +24,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 from hanging import SimulatedTime
+from machine_process import Process
 from properties import by_default
 
 import wbc
@@ -45,7 +44,6 @@ from wbc.tasks.behaviours import Program, Scope, State, after
 DESCRIPTION = wbc.load_robot("g1")
 PERIOD = 0.004
 NA = len(DESCRIPTION.joint_names)
-PROGRAM = Path(__file__).resolve().parents[1] / "support" / "machine_process.py"
 
 
 @cache
@@ -70,7 +68,6 @@ class SimulatedMachine:
             self.loop.reset(q)
         self.clock, self.commands, self.damped = clock, 0, 0
         self.silent_after = float("inf")
-        self.first: Command | None = None
         self._told = -1.0
 
     def read(self, timeout: float) -> Measurement | None:
@@ -83,7 +80,6 @@ class SimulatedMachine:
 
     def write(self, command: Command) -> None:
         self.commands += 1
-        self.first = self.first or command
         self.loop.step(command)
 
     def damp(self) -> None:
@@ -113,7 +109,7 @@ def bent() -> np.ndarray:
 def test_a_robot_goes_from_any_posture_to_the_stand_and_sinks_at_the_end() -> None:
     machine = SimulatedMachine(SimulatedTime(), bent())
     runner = make(machine)
-    speeds, heights = [], []
+    sent, speeds, heights = commands_by_phase(machine, runner), [], []
 
     def watch() -> bool:
         speeds.append(np.abs(machine.loop.measure().joint_velocity).max())
@@ -123,9 +119,9 @@ def test_a_robot_goes_from_any_posture_to_the_stand_and_sinks_at_the_end() -> No
     report = runner.run(watch)
     assert [phase.name for phase, _ in report.phases] == ["START", "STAND", "RUN", "STOP", "DAMPED"]
     assert report.reason == "stopped" and report.missed == 0 and report.ticks == machine.commands
-    assert machine.first is not None and machine.first.kp is not None
-    assert machine.first.kp.max() < 0.05 * DESCRIPTION.kp.max()  # faded in
-    assert np.abs(machine.first.joint_torque).max() < 1.0
+    first = sent[Phase.START][0]
+    assert first.kp is not None and first.kp.max() < 0.05 * DESCRIPTION.kp.max()  # faded in
+    assert np.abs(first.joint_torque).max() < 1.0
     assert max(speeds) < 3.0
     com = DESCRIPTION.robot().com
     assert heights[-1] == pytest.approx(com[2], abs=5e-3)  # stands
@@ -366,50 +362,10 @@ def in_time(attempt: Callable[[float], float]) -> None:
     assert min(times) < (PROMISED if promised() else float("inf")), times
 
 
-class Process:
-    """A program of `machine_process`, and the lines that it prints."""
-
-    def __init__(self, *arguments: str) -> None:
-        self.popen = subprocess.Popen(
-            [sys.executable, str(PROGRAM), *arguments],
-            stdout=subprocess.PIPE,
-            text=True,
-            env=os.environ.copy(),
-        )
-
-    def line(self, *words: str) -> list[str]:
-        """Wait for a line that begins with one of some words."""
-        assert self.popen.stdout is not None
-        for line in self.popen.stdout:
-            if line.split()[0] in words:
-                return line.split(maxsplit=2)
-        raise AssertionError(f"no line {words}")
-
-    def kill(self) -> float:
-        """Kill it; return the time just before, s."""
-        own = ask_priority(
-            60
-        )  # the programs have priorities, too: this one must not wait between clock and signal
-        now = time.monotonic()
-        self.popen.send_signal(signal.SIGKILL)
-        if own:
-            os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
-        return now
-
-    def close(self) -> None:
-        if self.popen.poll() is None:
-            self.popen.kill()
-        self.popen.wait()
-        assert self.popen.stdout is not None
-        self.popen.stdout.close()
-
-
 @pytest.fixture
-def processes() -> Iterator[list[Process]]:
-    made: list[Process] = []
-    yield made
-    for process in made:
-        process.close()
+def processes() -> Iterator[contextlib.ExitStack]:
+    with contextlib.ExitStack() as stack:
+        yield stack
 
 
 @pytest.mark.parametrize(
@@ -463,33 +419,32 @@ def test_a_simulated_robot_without_a_loop_or_a_wire_is_refused(wrong: dict[str, 
         RobotServer(**(good | wrong))
 
 
-def drive(processes: list[Process], watchdog: float, timeout: float) -> tuple[Process, Process]:
+def drive(processes: contextlib.ExitStack, watchdog: float, timeout: float) -> tuple[Process, Process]:
     """Return a robot and a controller that drives it, in processes of their own."""
-    while True:
-        processes.append(robot := Process("robot", str(watchdog)))
-        processes.append(control := Process("control", robot.line("port")[1], str(timeout)))
+    for _ in range(2 * ATTEMPTS):
+        robot = processes.enter_context(Process("robot", str(watchdog)))
+        control = processes.enter_context(Process("control", robot.line("port")[1], str(timeout)))
         if control.line("runs", "ended")[0] == "runs":
             return robot, control
-        control.close()  # its deadlines were missed before it ran
-        robot.close()
-        assert len(processes) < 4 * ATTEMPTS
+        processes.close()  # deadlines were missed before it ran
+    raise AssertionError("no control that runs")
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("killed", ["controller", "guarded controller", "robot"])
-def test_a_process_that_is_killed_leaves_a_damped_robot(processes: list[Process], killed: str) -> None:
+def test_a_process_that_is_killed_leaves_a_damped_robot(processes: contextlib.ExitStack, killed: str) -> None:
     """By the robot's own watchdog; without one by the guard that outlives the controller; by the controller."""
 
     def attempt(timeout: float) -> float:
         robot, control = drive(processes, 100.0 if "guarded" in killed else timeout, timeout)
         time.sleep(0.5)
         if killed == "robot":
-            robot.kill()
+            robot.kill_now()
             return 1e-3 * float(control.line("ended")[2].split("no measurement for ")[1].split()[0])
-        begin = control.kill()
+        begin = control.kill_now()
         while (damped := float(robot.line("damped")[1])) < begin:
             pass
-        robot.close()
+        processes.close()
         return damped - begin
 
     in_time(attempt)

@@ -5,17 +5,15 @@ from __future__ import annotations
 import os
 import pickle
 import socket
-import subprocess
-import sys
 import time
 import types
 from collections.abc import Callable, Iterator
 from dataclasses import fields, replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from machine_process import Process
 
 import wbc
 from wbc import Command, Measurement
@@ -28,7 +26,6 @@ DESCRIPTION = wbc.load_robot("g1")
 NA = len(DESCRIPTION.joint_names)
 ZERO = Command(np.zeros(NA))
 SECRET = "as long as sixteen characters"
-PROGRAM = Path(__file__).resolve().parents[1] / "support" / "machine_process.py"
 
 
 def random_measurement(rng: np.random.Generator, **parts: Any) -> Measurement:
@@ -332,24 +329,18 @@ def test_the_owner_is_obeyed_in_a_flood(kind: str) -> None:
         driver.read(0.0)
         driver.write(hold)
         server.step()
-    flood = subprocess.Popen(
-        [sys.executable, str(PROGRAM), "flood", str(robot.port), kind], stdout=subprocess.PIPE, text=True
-    )
-    assert flood.stdout is not None
-    flood.stdout.readline()
-    obeyed.clear()
-    before, begin = robot.refused, time.monotonic()
 
     def tick() -> bool:
         driver.read(0.0)
         driver.write(hold)
         return len(obeyed) >= 1500
 
-    server.run(tick)
-    taken = time.monotonic() - begin
-    flood.kill()
-    flood.wait()
-    flood.stdout.close()
+    with Process("flood", str(robot.port), kind) as flood:
+        flood.line("flooding")
+        obeyed.clear()
+        before, begin = robot.refused, time.monotonic()
+        server.run(tick)
+        taken = time.monotonic() - begin
     rate = (robot.refused - before) / taken
     load = os.getloadavg()[0]
     print(f"obeyed in {sum(obeyed)} of {len(obeyed)} ticks, {rate:.0f} packets/s refused, load {load:.1f}")

@@ -4,19 +4,16 @@ from __future__ import annotations
 
 import importlib.util
 import itertools
-import os
 import pickle
 import struct
-import subprocess
-import sys
 import threading
 import time
 from collections.abc import Callable
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from machine_process import Process
 
 import wbc
 from wbc import Command, Measurement
@@ -27,7 +24,6 @@ from wbc.machine.unitree import DdsError
 from wbc.machine.unitree.wire import G1_MOTORS, LOW_CMD, LOW_STATE, checksum, from_cdr, intact, sealed, to_cdr
 
 DESCRIPTION = wbc.load_robot("g1")
-PROGRAM = Path(__file__).resolve().parents[1] / "support" / "machine_process.py"
 dds = pytest.mark.skipif(
     importlib.util.find_spec("cyclonedds") is None,
     reason="cyclonedds is not installed: it comes with the extra 'unitree'",
@@ -249,12 +245,8 @@ def test_an_interface_that_there_is_not_is_refused() -> None:
 @pytest.mark.slow
 def test_a_g1_in_another_process_is_driven_over_loopback() -> None:
     """It ramps to the stand, feels its weight through its joints, balances in torque control and is damped."""
-    robot = subprocess.Popen(
-        [sys.executable, str(PROGRAM), "unitree"], stdout=subprocess.PIPE, text=True, env=os.environ.copy()
-    )
-    assert robot.stdout is not None
-    try:
-        robot.stdout.readline()
+    with Process("unitree") as robot:
+        robot.line("ready")
         driver = UnitreeDriver(DESCRIPTION, domain=7)
         end = time.monotonic() + 20.0
         while (first := driver.read(0.5)) is None and time.monotonic() < end:
@@ -276,7 +268,3 @@ def test_a_g1_in_another_process_is_driven_over_loopback() -> None:
         assert report.reason == "stopped", str(report)
         assert Phase.RUN in [phase for phase, _ in report.phases]
         driver.write(Command(np.zeros(29)))
-    finally:
-        robot.kill()
-        robot.wait()
-        robot.stdout.close()

@@ -6,7 +6,10 @@ python tests/support/machine_process.py flood PORT hello|command|noise
 
 from __future__ import annotations
 
+import os
+import signal
 import socket
+import subprocess
 import sys
 import time
 
@@ -23,6 +26,34 @@ ROBOT = "g1"
 PERIOD = 0.004
 PRIORITY = 50
 """Under SCHED_FIFO, where this is allowed: other programs of the machine are then no part of what is measured."""
+
+
+class Process(subprocess.Popen[str]):
+    """One of these programs, and the lines that it prints; killed at the end of a `with`."""
+
+    def __init__(self, *arguments: str) -> None:
+        super().__init__([sys.executable, __file__, *arguments], stdout=subprocess.PIPE, text=True)
+
+    def line(self, *words: str) -> list[str]:
+        """Wait for a line that begins with one of some words."""
+        assert self.stdout is not None
+        for line in self.stdout:
+            if line.split()[0] in words:
+                return line.split(maxsplit=2)
+        raise AssertionError(f"no line {words}")
+
+    def kill_now(self) -> float:
+        """Kill it; return the time just before, s."""
+        own = ask_priority(60)  # as the programs: this one must not wait between clock and signal
+        now = time.monotonic()
+        self.send_signal(signal.SIGKILL)
+        if own:
+            os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
+        return now
+
+    def __exit__(self, *error: object) -> None:
+        self.kill()
+        super().__exit__(None, None, None)
 
 
 def robot(watchdog: float) -> None:

@@ -42,7 +42,7 @@ def imu(s: Session) -> Rows:
         yield f"gyroscope: {FALLEN}", None
         turned = {"turned IMU": along <= 0.95}
         yield f"IMU frame: {along:.3f} along the vertical", turned if s.good("accelerometer") else None
-        return ""
+        return
     # Turns as made and as the gyroscope saw them, and changes of the specific force likewise; one a row.
     turns, seen, tilts, felt = np.zeros((4, 3, 3))
     for axis in range(3):
@@ -75,7 +75,6 @@ def imu(s: Session) -> Rows:
         "world's)": level and turned,
         f"the IMU is turned by {angle:.0f}° against the description: tilt grows in the wrong plane": turned,
     }
-    return ""
 
 
 def wrenches(s: Session) -> Rows:
@@ -126,7 +125,6 @@ def wrenches(s: Session) -> Rows:
         "moments are about another point than the sole centre (the sensor's or the ankle's), or in another frame "
         "or unit: the robot leans, the feet tilt": not (0.25 < forward < 2.5 and near),
     }
-    return ""
 
 
 def soles(s: Session) -> Rows:
@@ -141,7 +139,6 @@ def soles(s: Session) -> Rows:
     yield f"soles: {height:+.1f} mm apart in height, {tilt:.1f}° of tilt", {
         "zeros of leg encoders, or legs of another length than in the description: one foot is light": apart,
     }
-    return ""
 
 
 def _base_motion(s: Session, com: Array, turn: Array) -> tuple[Array, Array]:

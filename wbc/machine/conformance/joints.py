@@ -102,7 +102,6 @@ def joints(s: Session) -> Rows:
     yield f"joint zero: {names[worst]} {off[worst]:+.0f} mrad from half-sitting", {
         "zero of an encoder elsewhere than in the model, or a robot that was not at half-sitting: it leans": wrong,
     }
-    return ""
 
 
 def _order(found: str, *, alone: bool = False, swapped: object = False, fine: bool = False) -> Row:
@@ -205,7 +204,6 @@ def torques(s: Session) -> Rows:
         "measured torque with the reversed sign: it must be the drive's on the joint, not the load's": turned,
         "measured torque in another unit: motor side of the gear, current, or fraction of the limit": unit,
     }
-    return ""
 
 
 def _answer(s: Session, **gains: Array) -> tuple[Array, Array]:
@@ -250,4 +248,3 @@ def commanded_gains(s: Session) -> Rows:
         f"{bad} of a command: without effect, or in another unit; robots fall in hybrid control, machines are "
         "switched on and off with full stiffness": bad,
     }
-    return ""

@@ -21,8 +21,8 @@ UNIT = 57.2958
 Row = tuple[str, Mapping[str, object] | None]
 """A check: "name: figures", and its causes with whether each holds; None where nothing is known."""
 
-Rows = Generator[Row, None, str]
-"""Checks of a group; it returns why those of its names that it has not made cannot be made."""
+Rows = Generator[Row, None, Any]
+"""Checks of a group; it returns why those of its names that it has not made cannot be made, if there are any."""
 
 Record = dict[str, Array]
 """Signals of one motion by their name in a `Measurement`, one row a control period, NaN where nothing is measured."""
@@ -39,12 +39,10 @@ class Session:
 
     Attributes:
         delay: Delay that the loop is known to have, s.
-        robot: The robot at half-sitting; reference: its joints there, shape (na,).
-        weight: Its weight, N; gains: kp and kd of the description, each of shape (na,).
+        robot: The robot; reference: its joints at half-sitting, shape (na,); gains: kp and kd of its description.
         free: Joints beside the legs: what acts on them moves them.
         jolt: A tenth of the torque limits of these joints, of all joints where there are none, shape (na,), Nm.
-        shapes: Shape of each signal of a measurement.
-        states: State of each check so far.
+        shapes: Shape of each signal of a measurement; states: state of each check so far.
         records: All motions so far; rest: the first, half-sitting held.
         lost: Reason why no check can be made of a robot whose joints do not follow; empty once most of them do.
         standing: True if the robot stands, by its force sensors or else by the torques of its joints.
