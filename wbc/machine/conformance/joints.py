@@ -14,8 +14,11 @@ from wbc.machine.conformance.session import UNIT, Record, Row, Rows, Session, se
 STEP, TIME = 0.02, 0.1
 """Motion of a joint, rad (or m times this), and its time, s."""
 
-PULSES, RISE = 4, 0.0025
-"""Pulses of torque whose beginning is averaged; time in which a torque shows in the velocity without any delay, s."""
+PULSES = (1.0, -1.0, -1.0, 1.0)
+"""Signs of pulses of torque whose answers are averaged: a robot that lies drifts."""
+
+RISE = 0.0025
+"""Time in which a torque shows in the velocity without any delay, s."""
 
 
 def joints(s: Session) -> Rows:
@@ -30,7 +33,8 @@ def joints(s: Session) -> Rows:
     distance, returned = (ways * ways).sum(axis=1), (ways * (there - back)).sum(axis=1)
     comes_back = (0.5 * distance < returned) & (returned < 2.0 * distance)
     if np.mean((distance > (0.15 * STEP) ** 2) & comes_back) < 0.25:
-        found, alone = "position references move no joint", _torques_act(s)
+        found, answer = "position references move no joint", np.subtract(*_pulses(s)[0][[-1, 0]])
+        alone = bool(max(np.mean(answer > 1e-3), np.mean(answer < -1e-3)) > 0.65)
         yield f"hold: {found}", None
         yield _order(found + (", torques do" if alone else ""), alone=alone)
         return s.lost
@@ -113,20 +117,14 @@ def _order(found: str, *, alone: bool = False, swapped: object = False, fine: bo
     }
 
 
-def _torques_act(s: Session) -> bool:
-    """Return True if most velocities follow the sign of a torque, wherever a robot that lies drifts."""
-    chosen, changes = np.flatnonzero(s.jolt), []
-    for sign in (1.0, -1.0, -1.0, 1.0) * (PULSES // 2):
-        s.hold(0.1)
-        velocity = s.hold(0.04, joint_torque=sign * s.jolt)["joint_velocity"][:, chosen]
-        changes.append(sign * (velocity[-1] - velocity[0]))
-    apart = np.add(changes[::2], changes[1::2])
-    return bool(max(np.mean(apart > 1e-3), np.mean(apart < -1e-3)) > 0.65)
-
-
 def _delay(s: Session, sizes: Array, moves: tuple[Record, ...]) -> Row:
     """Judge the time after which a torque acts; without one that is seen, the lag behind the references."""
-    torque, lags = _torque_delay(s) if s.free else None, []
+    torque, lags = None, []
+    if s.free:
+        answer, noise = _pulses(s)
+        seen = (answer / noise).clip(-20.0, 20.0).mean(axis=1)
+        acts = seen > max(4.0 / np.sqrt(len(PULSES) * len(s.free)), 0.2 * float(seen.max()))
+        torque = 1e3 * s.period * int(acts.argmax()) if acts.any() else None
     for i, move in enumerate(moves):
         moved = move["joint_position"][:, i] - move["joint_position"][0, i]
         if 0.3 <= abs(moved[-1] / sizes[i]) <= 3.0:
@@ -144,19 +142,16 @@ def _delay(s: Session, sizes: Array, moves: tuple[Record, ...]) -> Row:
     }
 
 
-def _torque_delay(s: Session) -> float | None:
-    """Return the time after which a step of torque shows in the velocity, ms; None if it does not show."""
-    rests, pulses = [], []
-    for _ in range(PULSES):
-        rests.append(s.hold(0.15)["joint_velocity"][:, s.free])  # what the last pulse left decays
-        pulse = s.hold(0.04, joint_torque=s.jolt)["joint_velocity"][:, s.free]
-        pulses.append(pulse - rests[-1][-3:].mean(axis=0))
+def _pulses(s: Session) -> tuple[Array, Array]:
+    """Return the mean answer of velocities to pulses of torque, one row a tick, and the noise of each."""
+    moved, rests, answers = s.jolt != 0.0, [], []
+    for sign in PULSES:
+        rests.append(s.hold(0.15)["joint_velocity"][:, moved])  # what the last pulse left decays
+        pulse = s.hold(0.04, joint_torque=sign * s.jolt)["joint_velocity"][:, moved]
+        answers.append(sign * (pulse - rests[-1][-3:].mean(axis=0)))
     s.hold(0.1)
-    # Without sensor noise it is the decay that a response must exceed.
-    noise = np.maximum(np.mean([rest.std(axis=0) for rest in rests], axis=0), 1e-4)
-    seen = (np.mean(pulses, axis=0) / noise).clip(-20.0, 20.0).mean(axis=1)
-    late = np.flatnonzero(seen > max(4.0 / np.sqrt(PULSES * len(s.free)), 0.2 * float(seen.max())))
-    return 1e3 * float(late[0]) * s.period if late.size else None
+    # Without sensor noise it is the decay that an answer must exceed.
+    return np.mean(answers, axis=0), np.maximum(np.mean([rest.std(axis=0) for rest in rests], axis=0), 1e-4)
 
 
 def torques(s: Session) -> Rows:
