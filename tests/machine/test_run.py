@@ -198,6 +198,15 @@ def test_a_robot_without_force_sensors_feels_that_it_stands(torques: bool) -> No
     assert machine.loop.measure().sole_wrench is None
 
 
+def test_a_control_in_position_mode_stands_on_the_servos_until_it_takes_over() -> None:
+    machine = SimulatedMachine(SimulatedTime(), bent())
+    runner = make(machine, wbc.PositionControl(wbc.balance_controller(DESCRIPTION.robot(), PERIOD)))
+    sent = commands_by_phase(machine, runner)
+    phases = [phase.name for phase, _ in runner.run(2.0).phases]
+    assert phases == ["START", "HANG", "STAND", "RUN", "STOP", "DAMPED"]
+    assert all((command.kp == DESCRIPTION.kp).all() for command in sent[Phase.STAND])
+
+
 ZERO, STOPPED = np.zeros(NA), types.SimpleNamespace(stopped=True, reason="too many failures")
 ENDS: dict[str, tuple[dict[str, Any], Callable[[SimulatedMachine, Runner], None] | None, str]] = {
     "silence": ({}, lambda m, _: setattr(m, "silent_after", m.clock.time - 100.0), "no measurement for 1[5-9] ms"),
