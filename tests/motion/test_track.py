@@ -5,6 +5,8 @@ from __future__ import annotations
 import json
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pinocchio as pin
@@ -12,7 +14,6 @@ import pytest
 
 from wbc import load_robot
 from wbc.app.cli import main
-from wbc.core.control import Mode
 from wbc.core.conventions import rotation_of
 from wbc.core.errors import InputError, UnknownNameError
 from wbc.core.robot import GRAVITY, Robot
@@ -28,7 +29,8 @@ from wbc.motion import (
 from wbc.motion.inverse_kinematics import inverse_kinematics
 from wbc.motion.source import clip_references, placed, splines
 from wbc.sim import Machine, TrackSpec, track_motion
-from wbc.walking import FootstepPlan, Reference, WalkingControl
+from wbc.walking import Reference, WalkingControl
+from wbc.walking.planning.phases import Event
 
 DT = 0.005
 SIDES = ("left", "right")
@@ -46,7 +48,6 @@ def steps(g1: Robot) -> MotionClip:
 
 @pytest.fixture(scope="module")
 def references(g1: Robot, steps: MotionClip) -> tuple[Reference, ...]:
-    assert steps.standing is not None
     return clip_references(g1, steps, steps.standing, 0.0, DT)[1]
 
 
@@ -110,21 +111,46 @@ def test_bad_clips_are_refused_before_anything_moves(g1: Robot, steps: MotionCli
     MotionSource(g1, steps, DT)
 
 
-def test_a_robot_that_tracks_a_clip_says_that_it_cannot_be_steered(g1: Robot) -> None:
+def test_a_robot_that_tracks_a_clip_says_that_it_cannot_be_steered(g1: Robot, steps: MotionClip) -> None:
     """Commands that nothing carries out are refused, and a page offers none."""
-    clip = MotionClip.of(g1, np.tile(g1.half_sitting, (20, 1)), 100.0)
-    robot = load_robot("g1").robot()
-    robot.update(clip.configurations(robot)[0], np.zeros(robot.nv))
-    control = WalkingControl(robot, MotionSource(robot, clip, DT), DT, tracking_settings())
-    for order in (
-        lambda: setattr(control, "velocity", (0.1, 0.0, 0.0)),
-        lambda: control.go_to(1.0, 0.0, 0.0),
-        lambda: control.follow(FootstepPlan.standing(robot)),
-        control.stop,
-    ):
+    g1.update(steps.configurations(g1)[0], np.zeros(g1.nv))
+    control = WalkingControl(g1, MotionSource(g1, steps, DT), DT, tracking_settings())
+    for order in (control.stop, lambda: control.go_to(1.0, 0.0, 0.0)):
         with pytest.raises(InputError, match="tracks a clip cannot be steered.*stands when the clip is over"):
             order()
     assert control.velocity is None and not control.steered
+
+
+def test_a_foot_goes_over_to_the_clip_from_where_it_was_lifted_and_may_land_early(steps: MotionClip) -> None:
+    robot = load_robot("g1").robot()
+    q = steps.configurations(robot)[0]
+    robot.update(q, np.zeros(robot.nv))
+    source = MotionSource(robot, steps, DT)
+    swings = ~np.array([reference.contact for reference in source.motion])
+    lift = int(swings.any(axis=1).argmax())
+    side = int(swings[lift].argmax())
+    landing = lift + int((~swings[lift:, side]).argmax())
+    beside = pin.XYZQUATToSE3(q[:7]) * pin.SE3(pin.utils.rotate("z", 0.02), np.array([0.0, 0.005, 0.0]))
+    robot.update(np.concatenate([pin.SE3ToXYZQUAT(beside), q[7:]]), np.zeros(robot.nv))
+    stood = pin.SE3(robot.placement(robot.soles[side].frame))
+
+    def update(tick: int, load: float) -> Reference:
+        return source.update(SimpleNamespace(time=tick * DT, load=np.full(2, load)))  # type: ignore[arg-type]
+
+    heavy = robot.mass * GRAVITY
+    path = [update(tick, heavy if tick == lift + 50 else 0.0) for tick in range(lift, lift + 60)]
+    assert not any(reference.contact[side] for reference in path), "a load amid a swing is no landing"
+    feet = [reference.feet[side] for reference in path]
+    assert feet[0].placement.isApprox(stood, 1e-9)
+    assert feet[-1].placement.isApprox(source.motion[lift + 59].feet[side].placement, 1e-12)
+    moved = np.gradient([foot.placement.translation for foot in feet], DT, axis=0)
+    np.testing.assert_allclose(moved[2:-2], [foot.velocity[:3] for foot in feet[2:-2]], atol=0.01)
+    turned = pin.log3(feet[20].placement.rotation @ source.motion[lift + 20].feet[side].placement.rotation.T)
+    assert 0.008 < turned[2] < 0.012, "half way between both"
+    assert not update(landing - 10, 0.0).contact[side]
+    early = update(landing - 9, heavy)
+    assert early.contact[side] and early.events == (Event.EARLY_TOUCH_DOWN,) and source.landings == 1
+    assert update(landing, 0.0).contact[side] and source.landings == 1
 
 
 def test_arms_are_tracked_while_the_robot_stands(g1: Robot) -> None:
@@ -134,14 +160,6 @@ def test_arms_are_tracked_while_the_robot_stands(g1: Robot) -> None:
     result = track_motion(short, TrackSpec(after=0.0))
     assert result.fall is None and result.failures == 0
     assert result.joint_rms_deg < 1.0 and result.com_rms_mm < 5.0 and result.foot_slide_mm < 1.0
-
-
-@pytest.mark.slow
-def test_a_robot_without_force_sensors_tracks_a_clip(g1: Robot) -> None:
-    clip = make_feasible(g1, make_motion(g1, "dance", 1)).clip
-    short = clip.sampled(clip.times[:50], clip.rate)
-    result = track_motion(short, TrackSpec(after=0.0, machine=Machine(force_sensors=False)))
-    assert result.fall is None and result.failures == 0 and result.foot_slide_mm < 1.0
 
 
 def bow(robot: Robot, angle: float) -> MotionClip:
@@ -221,9 +239,9 @@ def test_a_dance_that_is_too_fast_for_the_joints_has_no_failed_tick() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("mode", ["position", "torque"])
-def test_feet_stand_still_while_arms_dance(g1: Robot, mode: Mode) -> None:
+@pytest.mark.parametrize("options", [{}, {"mode": "torque"}, {"machine": Machine(force_sensors=False)}])
+def test_feet_stand_still_while_arms_dance(g1: Robot, options: dict[str, Any]) -> None:
     """Seed 6 asks for the greatest yaw moment of twelve."""
     clip = make_feasible(g1, make_motion(g1, "dance", 6)).clip
-    result = track_motion(clip, TrackSpec(mode=mode))
+    result = track_motion(clip, TrackSpec(**options))
     assert result.completed and result.failures == 0 and result.foot_slide_mm < 3.0, result

@@ -216,7 +216,7 @@ def _balanced(robot: Robot, clip: MotionClip, share: float) -> tuple[BodyMotion,
     q[:, 3:7] = _straightened(robot, q, share)
     com[:, 2] = BodyMotion.of(robot, q, RATE).com[:, 2]
     com = gaussian_filter1d(com, 0.02 * RATE, axis=0, mode="nearest")
-    supports = _supports(robot, soles, standing)
+    supports = supports_on(robot, soles, standing)
     stands = gaussian_filter1d(standing.astype(float), 0.25 * BLEND * RATE, axis=0, mode="nearest")
     result = q
     for _ in range(PASSES):
@@ -237,7 +237,7 @@ def _balanced(robot: Robot, clip: MotionClip, share: float) -> tuple[BodyMotion,
     return BodyMotion.of(robot, result, RATE), standing, shortened
 
 
-def _supports(robot: Robot, soles: list[tuple[pin.SE3, pin.SE3]], standing: Array) -> list[Array]:
+def supports_on(robot: Robot, soles: list[tuple[pin.SE3, pin.SE3]], standing: Array) -> list[Array]:
     """Return the areas on which the ZMP is to stay, each of shape (n, 2), m.
 
     Where both soles stand and no step is near, their areas are moved towards each other, so that neither loses its
