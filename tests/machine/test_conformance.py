@@ -80,7 +80,9 @@ def healthy() -> tuple[list[Measurement], ConformanceReport]:
 def test_a_good_loop_passes_all_checks() -> None:
     _, report = healthy()
     assert {check.state for check in report.checks} == {"ok"} and report.ok, str(report)
-    assert len(report.checks) == sum(len(names) for _, names in CHECKS) + 4
+    assert len(report.checks) == sum(len(names) for _, names in CHECKS) + 4  # shapes, hold, order, clock
+    delay = next(check.found for check in report.checks if check.name == "delay")
+    assert 2.0 < float(delay.split()[0]) < 6.0, delay  # ms behind the references
 
 
 HRP4 = wbc.load_robot("hrp4_class")
