@@ -83,10 +83,10 @@ class PointMass:
         gait, dt, weight = self.gait, self.dt, self.scale.weight
         self.time += dt
         frames = (pin.SE3(self._feet[0]), pin.SE3(self._feet[1]))
-        # Where a foot carries: at its foothold in steps, at its centre in a stand.
-        stepping = bool(self.ticks) and self.ticks[-1].reference.phase.name != "STANDING"
-        ahead = gait.settings.foothold if stepping else 0.0
-        wrenches = [[0.0, 0.0, load * weight, 0.0, -ahead * load * weight, 0.0] for load in self._load]
+        wrenches = []
+        for side, load in enumerate(self._load):
+            x, y = self.pressure(side)
+            wrenches.append([0.0, 0.0, load * weight, y * load * weight, -x * load * weight, 0.0])
         state = BodyState(
             self.com.tolist(),
             (float(self.speed[0]), float(self.speed[1]), 0.0),
@@ -98,6 +98,11 @@ class PointMass:
         reference = gait.update(state, frames)
         self._move(reference)
         return Tick(self.time, state, frames, reference)
+
+    def pressure(self, _side: int) -> tuple[float, float]:
+        """Return where a sole carries, m: at its foothold in steps, at its centre in a stand."""
+        stepping = bool(self.ticks) and self.ticks[-1].reference.phase.name != "STANDING"
+        return (self.gait.settings.foothold if stepping else 0.0), 0.0
 
     def _move(self, reference: Reference) -> None:
         dt, omega = self.dt, self.scale.omega

@@ -53,12 +53,12 @@ def walk(
     """
     landings = []
     foot, side = np.zeros(2), 1.0  # stance foot, side of the foot in the air
-    orbit = Orbit.of(velocity, side, WIDTH, TIME, OMEGA)
+    orbit = Orbit.of(velocity, side, WIDTH, TIME, TIME, OMEGA)
     dcm = np.array([orbit.ahead, side * orbit.outwards / GROWTH]) + error
     com = dcm - np.array([0.01, 0.002])  # with the velocity that makes up the rest of the DCM
     speed = (dcm - com) * OMEGA
     for _ in range(steps):
-        orbit = Orbit.of(velocity, side, WIDTH, TIME, OMEGA)
+        orbit = Orbit.of(velocity, side, WIDTH, TIME, TIME, OMEGA)
         ahead, aside = dcm - foot
         time = remaining_time(ahead, side * aside, orbit, OMEGA, 0.005, stretch) if timed else TIME
         place = foothold(
@@ -83,7 +83,7 @@ def test_an_error_of_the_dcm_is_gone_after_one_step_of_the_nominal_time(
     velocity: tuple[float, float], ahead: float, aside: float
 ) -> None:
     for landing in walk(3, velocity, (ahead, aside), timed=False):
-        orbit = Orbit.of(velocity, landing.side, WIDTH, TIME, OMEGA)
+        orbit = Orbit.of(velocity, landing.side, WIDTH, TIME, TIME, OMEGA)
         assert offset(landing) == pytest.approx((orbit.ahead, orbit.inwards), abs=1e-12)
 
 
@@ -123,7 +123,7 @@ def test_steps_reach_the_mean_velocity_that_is_asked_for(velocity: tuple[float, 
 def test_a_velocity_to_the_side_that_feet_cannot_give_crosses_no_feet() -> None:
     for side in (1.0, -1.0):
         for speed in (-5.0, 5.0):
-            orbit = Orbit.of((0.0, speed), side, WIDTH, TIME, OMEGA)
+            orbit = Orbit.of((0.0, speed), side, WIDTH, TIME, TIME, OMEGA)
             assert orbit.inwards > 0.0 and orbit.outwards > 0.0
             assert 0.0 < orbit.outwards + orbit.inwards < 2.0 * WIDTH
 
@@ -134,7 +134,7 @@ def test_the_landing_stays_where_it_is_while_nothing_disturbs_the_pendulum(
     ahead: float, aside: float, elapsed: float
 ) -> None:
     """Place and time are decided at every tick, from the DCM then."""
-    orbit = Orbit.of((0.3, 0.0), 1.0, WIDTH, TIME, OMEGA)
+    orbit = Orbit.of((0.3, 0.0), 1.0, WIDTH, TIME, TIME, OMEGA)
     dcm = np.array([ahead, aside])
     first = remaining_time(*dcm, orbit, OMEGA, 0.005, 0.05)
     elapsed = min(elapsed, first)
@@ -161,7 +161,7 @@ def test_no_step_is_longer_than_its_orbit_and_a_stretch_and_the_next_one_starts_
     stretched = math.log(max(growth, 1.0)) / OMEGA
     assert landings[0].time == pytest.approx(min(free.time, stretched), abs=1e-9)
     for landing in landings:
-        orbit = Orbit.of(velocity, landing.side, WIDTH, TIME, OMEGA)
+        orbit = Orbit.of(velocity, landing.side, WIDTH, TIME, TIME, OMEGA)
         assert offset(landing) == pytest.approx((orbit.ahead, orbit.inwards), abs=1e-9)
     assert [landing.time for landing in landings[1:]] == pytest.approx([TIME] * 3, abs=1e-9)
 
@@ -178,7 +178,7 @@ def test_steps_ahead_and_back_take_the_same_time(
 
 
 def test_a_dcm_over_the_stance_foot_waits_and_one_beyond_it_lands_at_once() -> None:
-    orbit, over, stretch = Orbit.of((0.2, 0.0), 1.0, WIDTH, TIME, OMEGA), 0.005, 0.05
+    orbit, over, stretch = Orbit.of((0.2, 0.0), 1.0, WIDTH, TIME, TIME, OMEGA), 0.005, 0.05
     for aside in (0.0, -0.0049, NEAR):
         assert remaining_time(orbit.ahead, aside, orbit, OMEGA, over, stretch) > TIME
         assert remaining_time(0.0, aside, orbit, OMEGA, over, stretch) > 3.0 * TIME

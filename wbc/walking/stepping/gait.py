@@ -40,6 +40,9 @@ from wbc.walking.stepping.swing import SwingReference
 
 LEVEL: Vector = (0.0, 0.0, 0.0)
 
+PACE_GAIN = 0.2
+"""Weight of the last step in the mean time of steps."""
+
 
 class BodyState(NamedTuple):
     """State of the robot, as far as the gait reads it, in plain numbers.
@@ -94,7 +97,9 @@ class SteppingGait:
         self._time = self.settings.step_time  # of the step
         self._contact: tuple[float, float, float] | None = None  # low-passed centre of pressure, in the world
         self._met: float | None = None  # time since lift-off at which the swing foot met the ground
+        self._carrying: Point = (0.0, 0.0)  # low-passed centre of pressure of the swing foot in contact, m
         self._since_stand = 0  # steps
+        self._pace = self.settings.step_time  # mean time of the last steps, s
         self._uneven = 0.0  # greatest height between the feet in the last steps, m
         self._from: Vector = LEVEL  # CoM at the start of the shift
         s = self.settings
@@ -191,7 +196,7 @@ class SteppingGait:
     def _begin(self, state: BodyState) -> tuple[Event, ...]:
         """Begin to step from a stand."""
         self.ground = state.places[self._stance][2]
-        self._since_stand = 0
+        self._since_stand, self._pace = 0, self.settings.step_time
         self.steering.rest(self._middle(state))
         self._lift(state)
         return (Event.LIFT_OFF,)
@@ -256,7 +261,7 @@ class SteppingGait:
         # The feet of a robot that walks sideways come apart and together: so far apart that they do not touch.
         width = max(s.width, s.gap + abs(steps.velocity[1]) * s.step_time / SIDEWAYS)
         step_time = self.steering.step_time
-        orbit = Orbit.of(steps.velocity, side, width, step_time, dcm.omega)
+        orbit = Orbit.of(steps.velocity, side, width, step_time, self._pace, dcm.omega)
         ahead, aside = self._along(dcm.x - contact[0], dcm.y - contact[1])
         offset = side * aside
 
@@ -278,8 +283,8 @@ class SteppingGait:
         self._swing.rise(self._elapsed, self._time, self.ground, speed)
 
         events = (*events, *self._touch(state, swing))
-        brisk = abs(steps.velocity[0]) > s.brisk
-        if self._met is not None and self._takes_over(state, dcm, orbit, offset, side, brisk):
+        self._carry(state, swing)
+        if self._met is not None and self._takes_over(dcm, orbit, offset, side):
             events = (*events, *self._change_feet(state, dcm, steps.go))
             if self._mode is _Mode.STANDING:
                 return self._on_both_feet(state, self._pendulum(state), frames, events)
@@ -332,21 +337,23 @@ class SteppingGait:
             self._swing.hold(_tuple(state.places[swing]))
         return ()
 
-    def _takes_over(
-        self, state: BodyState, dcm: Divergent, orbit: Orbit, offset: float, side: float, brisk: bool
-    ) -> bool:
+    def _carry(self, state: BodyState, swing: int) -> None:
+        """Low-pass the place where the foot in contact carries, from its foothold on: it first meets with an edge."""
+        if self._met is None:
+            self._carrying = self._foothold(state, swing)[:2]
+            return
+        now, gain, (x, y) = self._centre_of_pressure(state, swing), self._cop_gain, self._carrying
+        self._carrying = x + gain * (now[0] - x), y + gain * (now[1] - y)
+
+    def _takes_over(self, dcm: Divergent, orbit: Orbit, offset: float, side: float) -> bool:
         """Return True if the foot in contact is to carry: the DCM is near enough, or it cannot wait."""
-        # A foot with little load has its centre of pressure anywhere, at its inner edge too. A step that ends early
-        # for it costs a brisk walk a quarter of its speed.
-        s, at = self.settings, self._foothold if brisk else self._centre_of_pressure
-        x, y, _ = at(state, 1 - self._stance)
-        stretch = 0.5 * s.stretch if brisk else s.stretch
+        s, (x, y) = self.settings, self._carrying
         ahead, aside = self._along(dcm.x - x, dcm.y - y)
         inwards = -side * aside
         return (
             inwards <= s.patience * orbit.inwards
             or self._elapsed > s.longest
-            or (abs(ahead) > abs(orbit.ahead) + stretch and inwards < s.stretch_side)
+            or (abs(ahead) > abs(orbit.ahead) + 0.5 * s.stretch and inwards < s.stretch_side)
             or offset < -s.over  # over the outer edge: close up at once
         )
 
@@ -354,6 +361,7 @@ class SteppingGait:
         """Let the foot that has landed carry; stand if the robot is to stop and can."""
         s, (left, right) = self.settings, state.places
         self._uneven = max(abs(left[2] - right[2]), self.settings.memory * self._uneven)
+        self._pace += PACE_GAIN * (min(self._elapsed, s.longest) - self._pace)
         self._stance = 1 - self._stance
         self._contact = None
         self.steps_done += 1

@@ -90,18 +90,20 @@ class Orbit(NamedTuple):
     forward: float
 
     @staticmethod
-    def of(velocity: Point, side: float, width: float, time: float, omega: float) -> Orbit:
+    def of(velocity: Point, side: float, width: float, time: float, pace: float, omega: float) -> Orbit:
         """Return the orbit of a velocity, forward and left, m/s.
 
         The side is 1 if the left foot swings, −1 if the right one does; w is the distance between the feet, m, T the
-        step time, s. Walking sideways shifts the offsets by at most `SIDEWAYS` w/(1 + E).
+        step time, s, for the orbit ahead the time that steps take, the pace, s. Walking sideways shifts the offsets by
+        at most `SIDEWAYS` w/(1 + E).
         """
         growth = math.exp(omega * time)
         still = width / (1.0 + growth)
         drift = time / (growth - 1.0)
         shift = min(max(side * velocity[1] * drift, -SIDEWAYS * still), SIDEWAYS * still)
-        ahead = velocity[0] * drift
-        return Orbit(ahead, still - shift, growth * (still + shift), growth * ahead)
+        paced = math.exp(omega * pace)
+        ahead = velocity[0] * pace / (paced - 1.0)
+        return Orbit(ahead, still - shift, growth * (still + shift), paced * ahead)
 
 
 def remaining_time(

@@ -97,7 +97,7 @@ class SteppingSettings:
         widest: Greatest distance between the feet, h.
         reach: Greatest length of a step, forward or back, h.
         acceleration: Greatest change of the walking velocity, g.
-        brisk: Velocity from which a step takes longer and a foot takes over where it will carry, hω.
+        brisk: Velocity from which a step takes longer, hω.
         stride: Longest step that a velocity may ask for: legs that swing further lack torque, leg lengths.
         fastest: Greatest velocity forward, hω; less where the stride ends before.
         fastest_back: Greatest velocity back, hω.
@@ -136,8 +136,8 @@ class SteppingSettings:
         lost: Force below which it has lost it again, mg.
         held: Force on the other foot above which a lost contact is no flight, mg.
         lost_time: Time after a contact in which it is not lost, 1/ω.
-        patience: Lateral offset of the DCM, over that at the end of a step, at which a foot in contact takes over.
-        stretch: Offset of the DCM over that of the orbit, ahead or behind, that ends a step, or a wait, at once, h.
+        patience: Lateral offset of the DCM, over that of the orbit, at which a foot in contact takes over.
+        stretch: Offset of the DCM over that of the orbit, ahead or behind, that ends a step at once, half a wait, h.
         stretch_side: Greatest lateral offset with which it ends a wait, h.
         share: Greatest force of a foot that is in contact and waits, mg.
         unload: Time over which the foot that has stood is unloaded, 1/ω.
@@ -164,7 +164,7 @@ class SteppingSettings:
     reach: Annotated[Positive, "h"] = 0.667
     acceleration: Annotated[Positive, "g"] = 0.03
     brisk: Annotated[Positive, "hω"] = 0.23
-    stride: Annotated[Positive, "leg"] = 0.52
+    stride: Annotated[Positive, "leg"] = 0.56
     fastest: Annotated[Positive, "hω"] = 0.2
     fastest_back: Annotated[Positive, "hω"] = 0.12
     fastest_aside: Annotated[Positive, "hω"] = 0.08
@@ -202,7 +202,7 @@ class SteppingSettings:
     lost: Annotated[NonNegative, "mg"] = 0.015
     held: Annotated[NonNegative, "mg"] = 0.18
     lost_time: Annotated[NonNegative, "1/ω"] = 0.12
-    patience: Annotated[Positive, ""] = 1.15
+    patience: Annotated[Positive, ""] = 1.5
     stretch: Annotated[Positive, "h"] = 0.09
     stretch_side: Annotated[Positive, "h"] = 0.233
     share: Annotated[Positive, "mg"] = 0.3
