@@ -23,14 +23,14 @@ from array import array
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
 
 from wbc.core.arguments import checked
 from wbc.core.errors import InputError, MeasurementError, WbcError
-from wbc.core.signals import Command, Measurement
+from wbc.core.signals import Command, Control, Measurement
 from wbc.sim.plant.falls import PelvisLimits, TrueFallDetector
 from wbc.sim.plant.plant import Plant
 from wbc.sim.plant.robot import DivergedError
@@ -43,13 +43,6 @@ Look = Callable[[], None]
 
 class StageError(WbcError):
     """A stage of a trial has not come to its end: the robot has fallen, or the time of the stage is over."""
-
-
-class CommandSource(Protocol):
-    """A controller: a measurement in, a command out."""
-
-    def command(self, measurement: Measurement, /) -> Command:
-        """Return the command of this tick."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -113,7 +106,7 @@ class Trial:
     def __init__(
         self,
         plant: Plant,
-        walking: CommandSource,
+        walking: Control,
         limits: PelvisLimits | None = None,
         scenario: Sequence[TrialHook] = (),
     ) -> None:

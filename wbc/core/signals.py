@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import Literal
+from typing import Literal, Protocol
 
 import numpy as np
 
@@ -161,3 +161,10 @@ class Command:
             if name in ("kp", "kd") and (array < 0.0).any():
                 joint = joint_names[int(np.argmax(array < 0.0))]
                 raise InputError(f"command: {name} of joint '{joint}' must be finite and not negative")
+
+
+class Control(Protocol):
+    """Controller that answers a measurement with a command, such as `wbc.TorqueControl` or a `wbc.WalkingControl`."""
+
+    def command(self, measurement: Measurement, /) -> Command:
+        """Run one tick."""

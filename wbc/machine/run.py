@@ -11,7 +11,7 @@ import logging
 import signal
 import threading
 from collections.abc import Callable
-from typing import Annotated, Any, Protocol
+from typing import Annotated, Any
 
 import numpy as np
 from pydantic import Field
@@ -24,7 +24,7 @@ from wbc.core.errors import InputError, check_parts, non_negative, positive
 from wbc.core.gate import CommandGate
 from wbc.core.robot import GRAVITY
 from wbc.core.settings import NonNegative, Positive, Share, settings
-from wbc.core.signals import Command, Measurement
+from wbc.core.signals import Command, Control, Measurement
 from wbc.machine.clock import Clock, Quiet, quiet
 from wbc.machine.guard import Guard
 from wbc.machine.inlet import Inlet
@@ -57,13 +57,6 @@ DAMP_TICKS = 50
 
 class _Over(Exception):
     """End of a run, for a reason."""
-
-
-class Control(Protocol):
-    """Controller that answers a measurement with a command, such as `wbc.TorqueControl` or a `wbc.WalkingControl`."""
-
-    def command(self, measurement: Measurement) -> Command:
-        """Run one tick."""
 
 
 @settings(kw_only=True)
