@@ -53,8 +53,9 @@ def write_motion(clip: MotionClip, path: str | Path) -> None:
             return
         table = np.column_stack([clip.times, clip.base, clip.joints])
         with new.open("w", newline="", encoding="utf-8") as text:
-            csv.writer(text, lineterminator="\n").writerow(["time", *BASE_COLUMNS, *clip.joint_names])
-            np.savetxt(text, table, fmt="%.9g", delimiter=",")
+            rows = csv.writer(text, lineterminator="\n")
+            rows.writerow(["time", *BASE_COLUMNS, *clip.joint_names])
+            rows.writerows([f"{value:.9g}" for value in row] for row in table.tolist())
 
 
 @checked
