@@ -97,7 +97,7 @@ class SteppingGait:
         self._time = self.settings.step_time  # of the step
         self._contact: tuple[float, float, float] | None = None  # low-passed centre of pressure, in the world
         self._met: float | None = None  # time since lift-off at which the swing foot met the ground
-        self._carrying: Point = (0.0, 0.0)  # low-passed centre of pressure of the swing foot in contact, m
+        self._carrying = (0.0, 0.0, 0.0)  # low-passed centre of pressure of the swing foot in contact, m
         self._since_stand = 0  # steps
         self._pace = self.settings.step_time  # mean time of the last steps, s
         self._uneven = 0.0  # greatest height between the feet in the last steps, m
@@ -136,11 +136,7 @@ class SteppingGait:
     def _pendulum(self, state: BodyState) -> Divergent:
         """Low-pass the contact point and return the DCM about it."""
         now = self._contact_point(state)
-        if self._contact is None:
-            self._contact = now
-        else:
-            gain, (x, y, z) = self._cop_gain, self._contact
-            self._contact = (x + gain * (now[0] - x), y + gain * (now[1] - y), z + gain * (now[2] - z))
+        self._contact = now if self._contact is None else _towards(self._contact, now, self._cop_gain)
         if self._mode is not _Mode.STEPPING:  # on two feet the CoM's own velocity: ξ = c + ċ/ω
             height = max(state.com[2] - self._contact[2], 0.5 * self.scale.height)
             omega = math.sqrt(GRAVITY / height)
@@ -340,14 +336,13 @@ class SteppingGait:
     def _carry(self, state: BodyState, swing: int) -> None:
         """Low-pass the place where the foot in contact carries, from its foothold on: it first meets with an edge."""
         if self._met is None:
-            self._carrying = self._foothold(state, swing)[:2]
-            return
-        now, gain, (x, y) = self._centre_of_pressure(state, swing), self._cop_gain, self._carrying
-        self._carrying = x + gain * (now[0] - x), y + gain * (now[1] - y)
+            self._carrying = self._foothold(state, swing)
+        else:
+            self._carrying = _towards(self._carrying, self._centre_of_pressure(state, swing), self._cop_gain)
 
     def _takes_over(self, dcm: Divergent, orbit: Orbit, offset: float, side: float) -> bool:
         """Return True if the foot in contact is to carry: the DCM is near enough, or it cannot wait."""
-        s, (x, y) = self.settings, self._carrying
+        s, (x, y, _) = self.settings, self._carrying
         ahead, aside = self._along(dcm.x - x, dcm.y - y)
         inwards = -side * aside
         return (
@@ -484,6 +479,14 @@ def _on_sole(state: BodyState, side: int, x: float, y: float) -> tuple[float, fl
     """Return a point of a sole in the world, m."""
     (px, py, pz), ((a, b, _), (c, d, _), (e, f, _)) = state.places[side], state.turns[side]
     return px + a * x + b * y, py + c * x + d * y, pz + e * x + f * y
+
+
+def _towards(
+    place: tuple[float, float, float], goal: tuple[float, float, float], gain: float
+) -> tuple[float, float, float]:
+    """Return a place moved towards another one by a ratio of the distance: a tick of a low-pass."""
+    (x, y, z), (u, v, w) = place, goal
+    return x + gain * (u - x), y + gain * (v - y), z + gain * (w - z)
 
 
 def _tuple(vector: Vector) -> tuple[float, float, float]:
