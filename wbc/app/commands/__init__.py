@@ -10,7 +10,7 @@ import re
 from pathlib import Path
 
 GROUPS = {
-    "log": "Hand logs on to other viewers.",
+    "log": "Hand logs on to Rerun.",
     "study": "Run many walks, continue where they stopped, and compare them.",
     "bench": "Measure the library itself.",
 }

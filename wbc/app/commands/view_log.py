@@ -1,4 +1,4 @@
-"""`wbc view` and `wbc log`: replay of a recorded run, and conversion for other viewers."""
+"""`wbc view` and `wbc log`: replay of a recorded run, and conversion for Rerun."""
 
 from __future__ import annotations
 
@@ -118,13 +118,13 @@ class ConvertOptions:
 @reports
 def convert(
     log: Annotated[Path, Parameter(help="Log to convert, as --record has written it.")],
-    out: Annotated[Path, Parameter(help="File to write: .mcap for Foxglove, .rrd for Rerun.")],
+    out: Annotated[Path, Parameter(help="File to write, .rrd.")],
     /,
     *,
     options: Flat[ConvertOptions] = ConvertOptions(),
     output: OutputOptions = Output(),
 ) -> Report:
-    """Write a log, its signals and its scene, for another viewer: MCAP for Foxglove, RRD for Rerun."""
+    """Write a log, its signals and its scene, for Rerun, an open viewer of robots' data."""
     from wbc.app.replay.convert import check_conversion, convert_log  # noqa: PLC0415 - slow
 
     check_conversion(out, [log])
