@@ -86,8 +86,9 @@ def test_a_clip_is_put_where_the_robot_stands(g1: Robot, steps: MotionClip) -> N
     q, data = away.configurations(g1)[0], g1.model.createData()
     pin.framesForwardKinematics(g1.model, data, q)
     move = pin.SE3(pin.utils.rotate("z", 1.0), np.array([3.0, -2.0, 0.1]))
-    left, right = (move * data.oMf[g1.frame_id(sole.frame)] for sole in g1.soles[:2])
-    moved = placed(g1, away, q, (left, right)).configurations(g1)
+    own = tuple(data.oMf[g1.frame_id(sole.frame)].copy() for sole in g1.soles[:2])
+    left, right = (move * sole for sole in own)
+    moved = placed(away, own, (left, right)).configurations(g1)
     pin.framesForwardKinematics(g1.model, data, moved[0])
     for sole, place in zip(g1.soles, (left, right), strict=False):
         np.testing.assert_allclose(

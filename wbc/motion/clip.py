@@ -25,9 +25,6 @@ MOST = 4.0 * math.pi
 LONGEST = 1_000_000
 """Most frames of a clip."""
 
-SLOWEST, FASTEST = 1.0, 10_000.0
-"""Least and greatest rate of a clip, Hz."""
-
 BASE_COLUMNS = ("x", "y", "z", "qx", "qy", "qz", "qw")
 
 
@@ -60,7 +57,7 @@ class MotionClip:
                 is none, joints in degrees, a first frame in which the robot is not upright, a joint named twice.
         """
         names = tuple(self.joint_names)
-        finite_scalar("rate of a motion (Hz)", self.rate, low=SLOWEST, high=FASTEST)
+        finite_scalar("rate of a motion (Hz)", self.rate, low=1.0, high=10_000.0)
         twice = sorted({name for name in names if names.count(name) > 1})
         if twice:
             raise InputError(

@@ -7,6 +7,8 @@ from typing import Any
 import numpy as np
 
 from wbc.core.errors import Array, InputError
+from wbc.core.robot import Robot
+from wbc.motion.clip import MotionClip
 from wbc.motion.kinematics import BodyMotion
 
 HEIGHT, SPEED = 0.03, 0.2
@@ -21,6 +23,14 @@ SETTLE = 0.015
 
 SHORTEST, GAP, FLIGHT = 0.1, 0.06, 0.08
 """Shorter contacts are dropped, shorter gaps between contacts are filled; longest time without any contact, s."""
+
+
+def on_ground(robot: Robot, clip: MotionClip, double_support: float = 0.0) -> tuple[BodyMotion, Array]:
+    """Return the motion of a clip over a ground at z = 0, and where soles stand, shape (T, 2) (`find_contacts`)."""
+    q = clip.configurations(robot)
+    ground, standing = find_contacts(BodyMotion.of(robot, q, clip.rate), clip.standing, double_support)
+    q[:, 2] -= ground
+    return BodyMotion.of(robot, q, clip.rate), standing
 
 
 def find_contacts(

@@ -28,7 +28,7 @@ from wbc.core.errors import Array, InputError
 from wbc.core.robot import BASE_DOF, GRAVITY, Robot
 from wbc.core.settings import Positive, Share
 from wbc.motion.clip import LONGEST, MotionClip
-from wbc.motion.contacts import find_contacts
+from wbc.motion.contacts import on_ground
 from wbc.motion.footsteps import BLEND, footsteps
 from wbc.motion.inverse_kinematics import inverse_kinematics
 from wbc.motion.kinematics import BodyMotion, corners_of
@@ -118,7 +118,7 @@ def make_feasible(
     for attempt in range(STRETCHES + 1):
         eased, source = _retimed(smooth, pace)
         motion, standing, shortened = _balanced(robot, eased, share)
-        after = measure(robot, motion, 0.0, standing, share, friction)
+        after = measure(robot, motion, standing, share, friction)
         slow = after.infeasible_frames
         if attempt == STRETCHES or not slow.any():
             break
@@ -203,10 +203,9 @@ def _balanced(robot: Robot, clip: MotionClip, share: float) -> tuple[BodyMotion,
 
     Return the motion, where soles stand, and by how much a step was shortened, m.
     """
-    q = clip.configurations(robot)
-    ground, standing = find_contacts(BodyMotion.of(robot, q, RATE), clip.standing, DOUBLE_SUPPORT)
-    q[:, 2] -= ground
-    soles, moves, shortened = footsteps(robot, BodyMotion.of(robot, q, RATE), standing)
+    given, standing = on_ground(robot, clip, DOUBLE_SUPPORT)
+    soles, moves, shortened = footsteps(robot, given, standing)
+    q = given.q
     q[:, :7] = [
         pin.SE3ToXYZQUAT(move * pin.XYZQUATToSE3(base)) for move, base in zip(moves, q[:, :7], strict=True)
     ]

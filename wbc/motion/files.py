@@ -1,14 +1,7 @@
-"""Files of motions: what the field writes, all to `MotionClip`; no pickle is ever opened.
+"""Files of motions: what the field writes, all to `MotionClip`; docs/motion.md lists the formats.
 
-| file | what it holds |
-|---|---|
-| .npz of `write_motion` | joint_names, rate, base (x, y, z, qx, qy, qz, qw), joints, optional standing |
-| .csv with a header | optional time; x, y, z, qx, qy, qz, qw; joints by name |
-| .csv without one, of Unitree | x, y, z, qx, qy, qz, qw; joints in an order that the caller names |
-| .npz of BeyondMimic | fps, joint_pos (T, n), or (T, 7 + n) with joint_names, body_pos_w, body_quat_w (w, x, y, z) |
-| .npz of GMR | fps, root_pos, root_rot (x, y, z, w), dof_pos |
-
-Rates and joint orders that a file does not hold are arguments: neither is guessed from a shape.
+No pickle is ever opened. Rates and joint orders that a file does not hold are arguments: neither is guessed from a
+shape.
 """
 
 from __future__ import annotations
@@ -62,7 +55,9 @@ def write_motion(clip: MotionClip, path: str | Path) -> None:
 def read_motion(
     path: str | Path, *, rate: Annotated[Positive, "Hz"] | None = None, joints: Sequence[str] | None = None
 ) -> MotionClip:
-    """Read a clip from a file of any format above, known by its ending, its header and the names of its arrays.
+    """Read a clip from a file, whose format is known by its ending, its header and the names of its arrays.
+
+    Formats are .npz and .csv of `write_motion`, .csv of Unitree without a header, and .npz of BeyondMimic and GMR.
 
     Args:
         path: The file.
@@ -95,11 +90,12 @@ def read_motion(
 
 def _known(path: Path) -> Path:
     """Return the path of a file whose ending is that of a motion."""
-    if path.suffix in (".npz", ".csv"):
-        return path
-    pickle = "; convert it outside: a pickle runs any code that it holds"
-    more = pickle if path.suffix in (".pkl", ".pickle") else ""
-    raise InputError(f"the name of a motion must end in .npz or .csv, got '{path}'{more}")
+    if path.suffix not in (".npz", ".csv"):
+        raise InputError(
+            f"the name of a motion must end in .npz or .csv, got '{path}'; convert others outside: a pickle runs any "
+            "code that it holds"
+        )
+    return path
 
 
 def _arrays(path: Path) -> dict[str, Any]:

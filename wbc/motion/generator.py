@@ -29,8 +29,8 @@ LIMIT_MARGIN = 0.06
 
 Generator = Callable[[Robot, np.random.Generator], Array]
 
-Drawn = float | tuple[float, float]
-"""A number, or the range that it is drawn from."""
+Range = tuple[float, float]
+"""Range from which a number is drawn."""
 
 
 @checked
@@ -49,11 +49,11 @@ def make_motion(robot: Robot, name: str, seed: Seed = 0) -> MotionClip:
     return MotionClip.of(robot, make(robot, np.random.default_rng(seed)), RATE, f"{name} {seed}")
 
 
-def _swayed(*parts: tuple[Callable[[Robot], list[int]], Drawn, Drawn]) -> Generator:
+def _swayed(*parts: tuple[Callable[[Robot], list[int]], float | Range, float | Range]) -> Generator:
     """Return a motion of six seconds in which each joint of some parts sways: parts, amplitude, rad, frequency, Hz."""
 
     def make(robot: Robot, rng: np.random.Generator) -> Array:
-        q, _ = _rest(robot, 6.0)
+        q, *_ = _rest(robot, 6.0)
         for joints, amplitude, frequency in parts:
             _sway(robot, q, joints(robot), amplitude, frequency, rng)
         return q
@@ -63,17 +63,16 @@ def _swayed(*parts: tuple[Callable[[Robot], list[int]], Drawn, Drawn]) -> Genera
 
 def _squat(robot: Robot, rng: np.random.Generator) -> Array:
     """Two squats of random depth, with the arms held forward."""
-    q, t = _rest(robot, 6.0)
+    q, t, path = _rest(robot, 6.0)
     depth = rng.uniform(0.08, 0.16) * float(robot.com[2])
     q[:, 2] -= depth * 0.5 * (1.0 - np.cos(2.0 * np.pi * t / 3.0))
     _sway(robot, q, _arm_joints(robot, 1), 0.3, 1.0 / 3.0, rng)
-    return _solve(robot, q, _soles_at_rest(q, robot))
+    return _solve(robot, q, path)
 
 
 def _one_leg(robot: Robot, rng: np.random.Generator) -> Array:
     """A shift over one foot, the other one lifted and held for two seconds, and back; the arms move meanwhile."""
-    q, t = _rest(robot, 9.0)
-    path = _soles_at_rest(q, robot)
+    q, t, path = _rest(robot, 9.0)
     stance = int(rng.integers(2))
     q[:, :2] += _bump(t, 0.0, 2.0, 7.0, 9.0)[:, None] * (path[0, stance] - path[0].mean(axis=0))[:2]
     lift = _bump(t, 2.5, 3.5, 5.5, 6.5)
@@ -87,8 +86,7 @@ def _steps(robot: Robot, rng: np.random.Generator) -> Array:
     """Four steps forward of random length, feet together at the end."""
     single, double, lead = 0.8, 0.6, 1.0
     length = rng.uniform(0.03, 0.08)
-    q, t = _rest(robot, 2.0 * lead + 4.0 * (single + double))
-    path = _soles_at_rest(q, robot)
+    q, t, path = _rest(robot, 2.0 * lead + 4.0 * (single + double))
     places = path[0].copy()
     middle = places.mean(axis=0)[:2]
     knots, supports = [0.0], [middle]
@@ -112,10 +110,11 @@ def _steps(robot: Robot, rng: np.random.Generator) -> Array:
     return _solve(robot, q, path)
 
 
-def _rest(robot: Robot, duration: float) -> tuple[Array, Array]:
-    """Return half-sitting in every frame, and the times."""
+def _rest(robot: Robot, duration: float) -> tuple[Array, Array, Array]:
+    """Return half-sitting in every frame, the times, s, and the places of both soles, shape (T, 2, 3), m."""
     t = np.arange(round(duration * RATE) + 1) / RATE
-    return np.tile(robot.half_sitting, (len(t), 1)), t
+    q = np.tile(robot.half_sitting, (len(t), 1))
+    return q, t, np.repeat(BodyMotion.of(robot, q[:2], RATE).centres[:1], len(t), axis=0)
 
 
 def _arm_joints(robot: Robot, count: int = 4) -> list[int]:
@@ -132,8 +131,8 @@ def _sway(
     robot: Robot,
     q: Array,
     joints: Sequence[int],
-    amplitude: Drawn,
-    frequency: Drawn,
+    amplitude: float | Range,
+    frequency: float | Range,
     rng: np.random.Generator,
 ) -> None:
     """Add a sine to each of some joints, within its limits, from rest and back to it; rad and Hz."""
@@ -155,18 +154,10 @@ def _bump(t: Array, rise: float, high: float, fall: float, low: float) -> Array:
     return minimum_jerk(np.clip(up, 0.0, 1.0))[0] * minimum_jerk(np.clip(down, 0.0, 1.0))[0]
 
 
-def _soles_at_rest(q: Array, robot: Robot) -> Array:
-    """Return the places of both soles in half-sitting, in every frame, shape (T, 2, 3), m."""
-    return np.repeat(BodyMotion.of(robot, q[:2], RATE).centres[:1], len(q), axis=0)
-
-
 def _solve(robot: Robot, q: Array, path: Array) -> Array:
     """Return configurations with the soles, turned as in half-sitting, on a path and the base near where it is."""
-    rest = BodyMotion.of(robot, np.tile(robot.half_sitting, (2, 1)), RATE)
-    soles = [
-        (pin.SE3(rest.soles[0][0].rotation, left), pin.SE3(rest.soles[0][1].rotation, right))
-        for left, right in path
-    ]
+    turns = [sole.rotation for sole in BodyMotion.of(robot, _rest(robot, 1.0 / RATE)[0], RATE).soles[0]]
+    soles = [(pin.SE3(turns[0], left), pin.SE3(turns[1], right)) for left, right in path]
     com, standing = BodyMotion.of(robot, q, RATE).com, (path[..., 2] <= path[0, :, 2]).astype(float)
     return inverse_kinematics(robot, LIMIT_MARGIN, q, soles, standing, com)
 

@@ -73,30 +73,31 @@ class BodyMotion:
 
     def acceleration(self) -> Array:
         """Return the acceleration of the centre of mass, shape (T, 3), m/s², at rest before and after the motion."""
-        return second_difference(self.com, self.rate)
+        padded = np.pad(self.com, ((1, 1), (0, 0)), mode="edge")
+        return np.asarray((padded[2:] - 2.0 * padded[1:-1] + padded[:-2]) * self.rate**2)
 
     def turning(self) -> Array:
         """Return the rate of the angular momentum over the mass, shape (T, 3), m²/s²."""
         return np.gradient(self.momentum, 1.0 / self.rate, axis=0)
 
-    def zmp(self, ground: float = 0.0) -> Array:
-        """Return the ZMP on the ground, at a height, m; shape (T, 2), m (`zmp_of`)."""
-        return zmp_of(self.com, self.acceleration(), self.turning(), ground)
+    def zmp(self) -> Array:
+        """Return the ZMP on a ground at z = 0, shape (T, 2), m (`zmp_of`)."""
+        return zmp_of(self.com, self.acceleration(), self.turning())
 
-    def friction(self, robot: Robot, standing: Array, ground: float = 0.0) -> Array:
+    def friction(self, robot: Robot, standing: Array) -> Array:
         """Return the least coefficient of friction with which the soles that stand do not slip, shape (T,).
 
         A sole of load N transmits every horizontal force f and yaw moment τ in the ellipsoid |f|² + (τ/d)² ≤ (μN)²,
-        with d the mean distance of its points from its centre (`mean_distance`). The ZMP on a `ground` at that height,
-        m, says how two soles share the load. By duality μ is the greatest ratio of the power of the needed wrench to Σ
-        N √(|v|² + (dω)²) over all motions of the ground under both soles; the motion is found by repeated least
-        squares. Forces and loads are per mass.
+        with d the mean distance of its points from its centre (`mean_distance`). The ZMP says how two soles share the
+        load. By duality μ is the greatest ratio of the power of the needed wrench to Σ N √(|v|² + (dω)²) over all
+        motions of the ground under both soles; the motion is found by repeated least squares. Forces and loads are per
+        mass.
 
         Source: R. D. Howe, M. R. Cutkosky, IJRR 15(6), 1996 (ellipsoid).
         """
         acceleration, turning, zmp = (
             gaussian_filter1d(values, SMOOTHING * self.rate, axis=0)
-            for values in (self.acceleration(), self.turning()[:, 2], self.zmp(ground))
+            for values in (self.acceleration(), self.turning()[:, 2], self.zmp())
         )
         force, soles = acceleration[:, :2], self.centres[..., :2]
         between = soles[:, 0] - soles[:, 1]
@@ -149,7 +150,7 @@ def corners_of(robot: Robot, soles: Sequence[Soles], share: float = 1.0) -> Arra
     )
 
 
-def zmp_of(com: Array, acceleration: Array, turning: Array, ground: float) -> Array:
+def zmp_of(com: Array, acceleration: Array, turning: Array, ground: float = 0.0) -> Array:
     """Return the point on the ground about which gravity and inertia have no horizontal moment, shape (T, 2), m.
 
         z = c − (h c̈ + L̇ × e_z / m) / (c̈_z + g)
@@ -165,9 +166,3 @@ def zmp_of(com: Array, acceleration: Array, turning: Array, ground: float) -> Ar
 def least_lift(acceleration: Array) -> Array:
     """Return the vertical force per mass on the ground, shape (T, 1), m/s², at least `LEAST_LIFT` of gravity."""
     return np.maximum(acceleration[:, 2:] + GRAVITY, LEAST_LIFT * GRAVITY)
-
-
-def second_difference(values: Array, rate: float) -> Array:
-    """Return second differences with a motion at rest before the first and after the last frame, shape of `values`."""
-    padded = np.concatenate([values[:1], values, values[-1:]])
-    return np.asarray((padded[2:] - 2.0 * padded[1:-1] + padded[:-2]) * rate**2)

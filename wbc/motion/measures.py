@@ -14,7 +14,7 @@ from wbc.core.hull import convex_hull
 from wbc.core.robot import BASE_DOF, Robot
 from wbc.core.settings import Positive, Share
 from wbc.motion.clip import MotionClip
-from wbc.motion.contacts import find_contacts
+from wbc.motion.contacts import on_ground
 from wbc.motion.kinematics import BodyMotion
 
 SHARE_SLACK, ZMP_SLACK = 1.05, 0.005
@@ -83,10 +83,8 @@ class MotionMeasures:
         return not (self.joint_excess or self.infeasible_frames.any())
 
 
-def measure(
-    robot: Robot, motion: BodyMotion, ground: float, stands: Array, share: float, friction: float
-) -> MotionMeasures:
-    """Measure a motion on a ground at a height, m, of which one sole stands at least in each frame, shape (T, 2).
+def measure(robot: Robot, motion: BodyMotion, stands: Array, share: float, friction: float) -> MotionMeasures:
+    """Measure a motion on a ground at z = 0, of which one sole stands at least in each frame, shape (T, 2).
 
     Allowed are a share of the limits of joint speeds and torques, and a coefficient of friction.
     """
@@ -94,9 +92,9 @@ def measure(
     excess = np.maximum(joints - robot.position_upper, robot.position_lower - joints).max(axis=0)
     speed, torque = abs(motion.v[:, BASE_DOF:]) / robot.velocity_limit, motion.torque_share(robot)
     allowed = SHARE_SLACK * share
-    zmp = motion.zmp(ground)
+    zmp = motion.zmp()
     outside = np.linalg.norm(nearest_inside(supports_of(motion.corners, stands), zmp) - zmp, axis=1)
-    needed = motion.friction(robot, stands, ground)
+    needed = motion.friction(robot, stands)
     both = np.logical_and(stands[1:], stands[:-1])
     path = np.linalg.norm(np.diff(motion.centres[..., :2], axis=0), axis=-1)
     return MotionMeasures(
@@ -104,7 +102,7 @@ def measure(
         joint_speed=by_joint(robot, speed.max(axis=0), allowed),
         joint_torque=by_joint(robot, torque.max(axis=0), allowed),
         foot_slide=1e3 * float(path[both].sum()) / max(float(both.sum()) / motion.rate, 1e-9),
-        penetration=1e3 * max(0.0, ground - float(motion.corners[..., 2].min())),
+        penetration=1e3 * max(0.0, -float(motion.corners[..., 2].min())),
         zmp_worst=1e3 * float(outside.max()),
         friction=float(needed.max()),
         single_support=float((stands.sum(axis=1) == 1).mean()),
@@ -139,5 +137,4 @@ def check_motion(
         UnknownNameError: The clip is of another robot.
         InputError: The robot leaves the ground; the time at which it does is named.
     """
-    motion = BodyMotion.of(robot, clip.configurations(robot), clip.rate)
-    return measure(robot, motion, *find_contacts(motion, clip.standing), share, friction)
+    return measure(robot, *on_ground(robot, clip), share, friction)

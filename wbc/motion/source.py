@@ -32,7 +32,7 @@ from wbc.core.errors import Array, InputError, as_period
 from wbc.core.robot import GRAVITY, Robot
 from wbc.motion.clip import MotionClip
 from wbc.motion.contacts import find_contacts
-from wbc.motion.kinematics import BodyMotion, least_lift, zmp_of
+from wbc.motion.kinematics import BodyMotion, Soles, least_lift, zmp_of
 from wbc.tasks.stabilizer.distribution import DistributionSettings
 from wbc.tasks.stabilizer.pendulum import Pendulum
 from wbc.walking.pattern.swing import FootMotion
@@ -110,13 +110,21 @@ class MotionSource(ReferenceSource):
         """
         self._dt = dt = as_period(dt)
         q = clip.configurations(robot)
-        _, standing = find_contacts(BodyMotion.of(robot, q, clip.rate), clip.standing)
-        _check_start(robot, q[0])
+        motion = BodyMotion.of(robot, q, clip.rate)
+        _, standing = find_contacts(motion, clip.standing)
+        off = abs(robot.q[7:] - q[0, 7:])
+        worst = int(off.argmax())
+        if not off[worst] <= START:
+            raise InputError(
+                f"the robot must stand as the clip begins, every joint within {START:g} rad; joint "
+                f"'{robot.joint_names[worst]}' is at {robot.q[7 + worst]:.3f} rad, in the clip at "
+                f"{q[0, 7 + worst]:.3f} rad"
+            )
         self._soles = [robot.placement(sole.frame) for sole in robot.soles[:2]]
         left, right = (place.copy() for place in self._soles)
         ground = 0.5 * float(left.translation[2] + right.translation[2])
         self.com_height = min(float(robot.com[2]) - ground, bent_height(robot, DriveSettings().stretch))
-        self.clip = placed(robot, clip, q[0], (left, right))
+        self.clip = placed(clip, motion.soles[0], (left, right))
         self.configurations, self.motion = clip_references(robot, self.clip, standing, ground, dt)
         self.tick = 0
         self.landings = 0
@@ -191,36 +199,45 @@ def clip_references(
     model, data = robot.model, robot.model.createData()
     soles = [robot.frame_id(sole.frame) for sole in robot.soles[:2]]
     parts = [robot.frame_id(part) for part in dict.fromkeys((robot.base_frame, robot.torso_frame))]
-    com, com_velocity, com_acceleration, turning = (np.empty((count, 3)) for _ in range(4))
+    com, velocity, acceleration, turning = (np.empty((count, 3)) for _ in range(4))
     moving: list[tuple[list[FootMotion], list[FootMotion]]] = []
 
     def motion(frame: int) -> FootMotion:
-        velocity = pin.getFrameVelocity(model, data, frame, pin.LOCAL_WORLD_ALIGNED)
-        acceleration = pin.getFrameClassicalAcceleration(model, data, frame, pin.LOCAL_WORLD_ALIGNED)
-        return FootMotion(data.oMf[frame].copy(), velocity.vector.copy(), acceleration.vector.copy())
+        speed = pin.getFrameVelocity(model, data, frame, pin.LOCAL_WORLD_ALIGNED)
+        change = pin.getFrameClassicalAcceleration(model, data, frame, pin.LOCAL_WORLD_ALIGNED)
+        return FootMotion(data.oMf[frame].copy(), speed.vector.copy(), change.vector.copy())
 
     for i in range(count):
         turning[i] = pin.computeCentroidalMomentumTimeVariation(model, data, q[i], v[i], a[i]).angular
         pin.centerOfMass(model, data, q[i], v[i], a[i])
-        com[i], com_velocity[i], com_acceleration[i] = data.com[0], data.vcom[0], data.acom[0]
+        com[i], velocity[i], acceleration[i] = data.com[0], data.vcom[0], data.acom[0]
         pin.updateFramePlacements(model, data)
         moving.append(([motion(sole) for sole in soles], [motion(part) for part in parts]))
-    pendulums = _pendulums(com, com_velocity, com_acceleration, turning / robot.mass, ground, dt)
+    # The pendulum whose ZMP is that of the motion of all bodies.
+    zmp = zmp_of(com, acceleration, turning / robot.mass, ground)
+    zmp = gaussian_filter1d(zmp, ZMP_SMOOTHING / dt, axis=0, mode="nearest")
+    height = com[:, 2:] - ground
+    asked = acceleration.copy()
+    asked[:, :2] = least_lift(acceleration) * (com[:, :2] - zmp) / height
+    points = np.insert(zmp, 2, ground, axis=1)
+    rates = np.insert(np.gradient(zmp, dt, axis=0), 2, 0.0, axis=1)
+    omega = np.sqrt(GRAVITY / height[:, 0]).tolist()
+    pendulums = zip(com, velocity, asked, points, rates, omega, strict=True)
     return q, tuple(
         Reference(
-            pendulums[i],
+            Pendulum(*pendulum),
             (left, right),
             tuple(standing[nearest[i]].tolist()),
             _facing(left.placement, right.placement),
             body=WholeBody(
-                com_acceleration[i],
+                acceleration[i],
                 [(m.placement.rotation, m.velocity[3:], m.acceleration[3:]) for m in trunk],
                 q[i, 7:],
                 v[i, 6:],
                 a[i, 6:],
             ),
         )
-        for i, ((left, right), trunk) in enumerate(moving)
+        for i, (pendulum, ((left, right), trunk)) in enumerate(zip(pendulums, moving, strict=True))
     )
 
 
@@ -244,29 +261,8 @@ def splines(robot: Robot, clip: MotionClip, dt: float) -> tuple[Array, Array, Ar
     return q, v, a
 
 
-def _pendulums(
-    com: Array, velocity: Array, acceleration: Array, turning: Array, ground: float, dt: float
-) -> list[Pendulum]:
-    """Return the pendulum whose ZMP is that of the motion of all bodies."""
-    zmp = zmp_of(com, acceleration, turning, ground)
-    zmp = gaussian_filter1d(zmp, ZMP_SMOOTHING / dt, axis=0, mode="nearest")
-    height = com[:, 2:] - ground
-    asked = acceleration.copy()
-    asked[:, :2] = least_lift(acceleration) * (com[:, :2] - zmp) / height
-    points = np.insert(zmp, 2, ground, axis=1)
-    rates = np.insert(np.gradient(zmp, dt, axis=0), 2, 0.0, axis=1)
-    omega = np.sqrt(GRAVITY / height[:, 0]).tolist()
-    return [Pendulum(*row) for row in zip(com, velocity, asked, points, rates, omega, strict=True)]
-
-
-def placed(robot: Robot, clip: MotionClip, q: Array, soles: tuple[pin.SE3, pin.SE3]) -> MotionClip:
-    """Return a clip moved over the ground and turned about the vertical so that its feet begin where soles are.
-
-    `q` is the first configuration of the clip, shape (nq,).
-    """
-    data = robot.model.createData()
-    pin.framesForwardKinematics(robot.model, data, q)
-    own = [data.oMf[robot.frame_id(sole.frame)] for sole in robot.soles[:2]]
+def placed(clip: MotionClip, own: Soles, soles: Soles) -> MotionClip:
+    """Return a clip moved and turned about the vertical: its soles, first at `own` places, begin at others."""
     rotation = pin.utils.rotate("z", _facing(*soles) - _facing(*own))
     here = 0.5 * (soles[0].translation + soles[1].translation)
     there = 0.5 * (own[0].translation + own[1].translation)
@@ -279,14 +275,3 @@ def placed(robot: Robot, clip: MotionClip, q: Array, soles: tuple[pin.SE3, pin.S
 def _facing(left: pin.SE3, right: pin.SE3) -> float:
     """Return the heading of a robot by its soles, rad."""
     return mean_heading(heading(left.rotation), heading(right.rotation))
-
-
-def _check_start(robot: Robot, q: Array) -> None:
-    """Refuse a robot that does not stand as a clip begins."""
-    off = abs(robot.q[7:] - q[7:])
-    worst = int(off.argmax())
-    if not off[worst] <= START:
-        raise InputError(
-            f"the robot must stand as the clip begins, every joint within {START:g} rad; joint "
-            f"'{robot.joint_names[worst]}' is at {robot.q[7 + worst]:.3f} rad, in the clip at {q[7 + worst]:.3f} rad"
-        )
