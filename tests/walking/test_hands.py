@@ -12,6 +12,7 @@ import pinocchio as pin
 import pytest
 
 from wbc.core.errors import InputError, UnknownNameError
+from wbc.core.limits.rows import TorqueLimits
 from wbc.core.robot import GRAVITY
 from wbc.robots import load
 from wbc.sim import Plant, SensorNoise, SignalNoise, Trial, make_scene
@@ -137,6 +138,27 @@ def test_both_hands_press_on_a_table_and_a_loss_is_noticed_within_50_ms() -> Non
     assert np.abs(hands.shift).max() < 1e-3, "and the balance is again that of the feet alone"
 
 
+def test_the_qp_gives_a_hand_no_more_force_than_its_arm_has_torque_for() -> None:
+    """The asked force within the friction cone; what is left where a shoulder gets weaker, and the balance knows it."""
+    trial, hands = pressing()
+    controller, hand = trial.walking.controller, hands.all["left_hand"]
+    given = controller.solution.wrenches["left_hand press"]
+    assert given == pytest.approx([0.0, 0.0, 25.0], abs=0.1) and not hand.bounded
+    (limits,) = (each for each in controller.limits if isinstance(each, TorqueLimits))
+    # The joint that gives most of the force, at rest, can give half of it from now on.
+    full, joint = hand.arm.strength(hand.direction, 1.0)
+    index = controller.robot.joint_names.index(joint)
+    limits.limit[index] = (
+        abs(float(controller.solution.torques[index])) - 0.5 * 25.0 * limits.limit[index] / full
+    )
+    bounded: list[bool] = []
+    trial.advance(1.5, lambda: bounded.append(hand.bounded))
+    assert abs(trial.walking.controller.solution.torques[index]) <= limits.limit[index] + 1e-6
+    assert all(bounded[40:]) and 5.0 < hand.target < 20.0
+    assert hand.pressed == pytest.approx(hand.target, abs=2.0) and hand.state is HandState.HOLD
+    assert trial.plant.truth().other_force[2] == pytest.approx(25.0 + hand.target, abs=3.0)
+
+
 @pytest.mark.slow
 def test_a_heavier_robot_shifts_its_com_less_for_the_same_force() -> None:
     """A fifth of the weight on the trunk, known to the models."""
@@ -180,7 +202,7 @@ def test_any_offset_of_a_wrist_is_tared_on_the_way_to_a_surface(offset: float) -
     hand.press(np.array(AHEAD), 20.0, place.translation + 0.3 * np.array(AHEAD))
     for tick in range(20):
         reading = np.array([0.0, 0.0, offset + (50.0 if tick == 10 else 0.0), 0.0, 0.0, 0.0])
-        hand.update(reading - hand.tare, place.rotation, 100.0, middle, 0.005)
+        hand.update(reading - hand.tare, place.rotation, None, middle, 0.005)
     assert hand.state is HandState.REACH
     np.testing.assert_allclose(hand.tare, [0.0, 0.0, offset, 0.0, 0.0, 0.0], atol=1e-9)
 
@@ -356,13 +378,14 @@ def test_the_bound_goes_with_the_heading_of_the_robot(yaw: float) -> None:
 
 
 def held_hand(force: float, **settings: Any) -> tuple[Hands, Hand, Callable[[float], None]]:
-    """Return hands of which the left one holds with a force, and a tick of it on an arm that has a force."""
+    """Return hands of which the left one holds with a force, and a tick of it with what the QP gives at most."""
     hands = standing(**settings)[1]
     hand, middle = hands.all["left_hand"], MovingFrame([np.zeros(3)] * 2, 0.0)
 
     def tick(most: float) -> None:
         felt = max(hand.target, 2.0 * hands.settings.touch)
-        hand.update(np.array([-felt, 0.0, 0.0, 0.0, 0.0, 0.0]), np.eye(3), most, middle, 0.005)
+        chosen = np.minimum((0.0, 0.0, most), hand._force.target)
+        hand.update(np.array([-felt, 0.0, 0.0, 0.0, 0.0, 0.0]), np.eye(3), chosen, middle, 0.005)
 
     hands.press("left_hand", force, AHEAD, firm=True)
     while hand.state is not HandState.HOLD or hand.target < force:

@@ -128,12 +128,9 @@ class Balance:
             self._switch_contacts(reference.contact)
         outside = None
         if hands is not None:
-            controller = self._control.controller
-            controller.outside = None
             outside = hands.update(measurement, reference, dt)
             if outside is not None:
                 reference = reference._replace(pendulum=hands.shifted(reference.pendulum))
-                controller.outside = hands.forces()
         self.output = output = self._tasks.com.update(
             reference.pendulum,
             measurement.wrenches,

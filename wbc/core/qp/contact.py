@@ -597,19 +597,28 @@ class PointContact(Contact):
             UnknownNameError: An unknown option.
             InputError: A value out of range.
         """
-        axis = finite_array(f"normal of contact '{frame}'", normal, (3,))
-        length = float(np.linalg.norm(axis))
-        if length < 1e-9:
-            raise InputError(f"normal of contact '{frame}' must not be zero")
-        world_to_contact = pin.Quaternion.FromTwoVectors(axis / length, np.array([0.0, 0.0, 1.0])).matrix()
-        self._world_to_contact = np.ascontiguousarray(world_to_contact)
         self._friction = friction
         super().__init__(frame, frame, friction_pyramid(friction), **options)
+        self.normal = normal
+
+    @property
+    def normal(self) -> Array:
+        """Direction from the surface to the robot, in the world, shape (3,); assigned ones are normalised."""
+        return np.array(self._world_to_contact[2])
+
+    @normal.setter
+    def normal(self, value: ArrayLike) -> None:
+        axis = finite_array(f"normal of contact '{self.name}'", value, (3,))
+        length = float(np.linalg.norm(axis))
+        if length < 1e-9:
+            raise InputError(f"normal of contact '{self.name}' must not be zero")
+        turn = pin.Quaternion.FromTwoVectors(axis / length, np.array([0.0, 0.0, 1.0])).matrix()
+        self._world_to_contact = np.ascontiguousarray(turn)
 
     @property
     def rotation(self) -> Array:
         """Rotation from the contact frame, in which forces and velocities are given, to the world, shape (3, 3)."""
-        return self._world_to_contact.T.copy()
+        return np.array(self._world_to_contact.T)
 
     def _make_cone(self) -> None:
         self.cone[:] = friction_pyramid(self._friction)

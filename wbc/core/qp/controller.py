@@ -37,8 +37,8 @@ class Controller:
     Attributes:
         robot: The robot whose state the controller reads; update it before `solve`, or call `update`.
         model_time: Wall time of the last model update, s; reported in the timings of the next solution.
-        outside: Generalised forces of the surroundings beside the contacts, shape (nv,), Nm and N: what a hand presses
-            on. They enter the dynamics of every tick; None for none.
+        outside: Generalised forces of the surroundings beside the contacts, shape (nv,), Nm and N: of what holds a
+            robot that does not stand yet. They enter the dynamics of every tick; None for none.
     """
 
     @checked

@@ -4,12 +4,15 @@
              ↓                  ↓
            grip → free         lost                  `grip`, arrived; no force any more
 
-A hand that grips keeps its pose relative to the walking robot; the force on it is measured, and the hand yields where
-it exceeds its limit.
+A hand that holds is a point contact of the QP, and one that grips a fixed one: the QP chooses its force, within the
+friction cone and the torque limits of the arm, near the one that is asked for. That is the planned force of a hand that
+presses, and the low-passed measured wrench of one that grips: with the whole of it as feed-forward the servos would
+cancel each change of it, and the hand would not yield.
 
-A hand that presses yields at a speed proportional to its force error, so that the force follows its target while robot
-and surface move. The admittance is 1 / (4 T K), with the stiffness K of the arm's servos at the hand, along the force,
-and the delay T of sensor and servo.
+A hand that grips keeps its pose relative to the walking robot, and yields where the force on it exceeds its limit. A
+hand that presses yields at a speed proportional to its force error, so that the force follows the one that the QP chose
+while robot and surface move. The admittance is 1 / (4 T K), with the stiffness K of the arm's servos at the hand, along
+the force, and the delay T of sensor and servo.
 """
 
 from __future__ import annotations
@@ -23,9 +26,11 @@ import numpy as np
 import pinocchio as pin
 
 from wbc.core.errors import Array
-from wbc.core.robot import Robot
+from wbc.core.qp.contact import ContactOptions, FixedContact, PointContact
+from wbc.core.qp.controller import Controller
 from wbc.core.settings import NonNegative, Positive, Share, settings
 from wbc.tasks.force.admittance import AdmittanceTask
+from wbc.tasks.force.wrench import WrenchTask
 from wbc.tasks.motion.direction import least_turn
 from wbc.walking.hands.arm import HandArm
 from wbc.walking.hands.motion import MovingFrame, Ramp, quintic_part
@@ -43,6 +48,17 @@ WEIGHT, TURN_WEIGHT, HOLD_WEIGHT = 50.0, 5.0, 0.3
 LOSS, LOSS_TIME, LOSS_RAMP, SILENCE = 0.3, 0.02, 0.15, 0.05
 """Ratio of measured to planned force below which, and time after which, a contact is lost; time over which a lost force
 is faded out of the balance; time without a reading after which a pressing hand has lost its contact, s."""
+
+STIFFNESS = 100.0
+"""Stiffness of position and orientation of a hand, 1/s²."""
+
+SMOOTHING = 0.04
+"""Time constant of the low-pass on the force error to which a hand yields, s: with half of it the acceleration that is
+fed forward, times the mass of the hand, answers a force by more than that force, and a hand on a table chatters."""
+
+WRENCH_WEIGHT, BOUNDED = 1.0, 1.0
+"""Cost of a force other than the asked one, per N² and (Nm)², beside 10⁻³ per (Nm)² of a sole; lack of force from
+which on an arm counts as too weak, N."""
 
 NO_MOMENT = np.zeros(3)
 
@@ -96,7 +112,9 @@ class Hand:
     Attributes:
         name: Role of the hand.
         index: Its place in `Measurement.hand_wrenches`.
-        task: The hand's task; without weight while the hand is free.
+        task: The hand's motion; without weight while the hand is free.
+        contact: What it presses on; active while it holds.
+        grasp: What it grips; active while it does.
         arm: Its arm.
         state: State.
         direction: Direction in which the hand presses, in the world, shape (3,).
@@ -107,15 +125,40 @@ class Hand:
             its last approach; zero before the first.
         extra: Force for the balance on top of the one that is asked for, N.
         excess: Part of the force on it to which it yields while it grips, in the world, shape (3,), N.
-        bounded: True while the arm has less force than is asked for.
+        bounded: True while the QP gives less force than is asked for: the arm has no more torque.
     """
 
-    def __init__(
-        self, robot: Robot, name: str, index: int, task: AdmittanceTask, settings: HandSettings
-    ) -> None:
-        """Begin free, with the task of the hand on the robot that it moves."""
-        self.name, self.index, self.task, self._settings = name, index, task, settings
-        self._robot, self.arm = robot, HandArm(robot, task.frame)
+    def __init__(self, controller: Controller, name: str, index: int, settings: HandSettings) -> None:
+        """Add task and contacts of the hand to a controller, and begin free."""
+        self.name, self.index, self._settings = name, index, settings
+        self._robot = robot = controller.robot
+        frame = robot.frames[name]
+        self.task = controller.add(
+            AdmittanceTask(
+                frame,
+                name=f"{name} force",
+                admittance=(0.0, 0.0),
+                weight=0.0,
+                stiffness=STIFFNESS,
+                velocity_bound=(2.0 * settings.approach, 0.1),
+                time_constant=SMOOTHING,
+            )
+        )
+        self.arm = HandArm(robot, frame)
+        self.task.admittance = ((self.arm.compliance() or settings.compliance) / (4.0 * settings.lag), 0.0)
+        options: ContactOptions = {  # the motion is the task's
+            "active": False,
+            "ramp": 0.0,
+            "stiffness": 0.0,
+            "motion_weight": 0.0,
+            "wrench_weight": 1e-8,
+        }
+        self.contact, self.grasp = PointContact(frame, **options), FixedContact(frame, **options)
+        self.contact.name, self.grasp.name = f"{name} press", f"{name} grip"
+        controller.add(self.contact)
+        controller.add(self.grasp)
+        self._force = controller.add(WrenchTask(self.contact, weight=WRENCH_WEIGHT))
+        self._wrench = controller.add(WrenchTask(self.grasp, weight=WRENCH_WEIGHT))
         self._axis = self.arm.axis()
         self.direction = np.zeros(3)
         self.reading, self.tare = np.zeros(6), np.zeros(6)
@@ -128,7 +171,9 @@ class Hand:
         """Begin without a force, at the start of a way."""
         self.state, self.force = state, Ramp()
         self.pressed = self.extra = 0.0
-        self.excess, self.bounded, self._most = np.zeros(3), False, math.inf  # force that the arm has, N
+        self.excess, self.bounded = np.zeros(3), False
+        self._most = math.inf  # force that the arm has, N
+        self.contact.active = self.grasp.active = False
         self._path, self._travelled, self._elapsed = np.zeros(3), 0.0, 0.0
         # Time since the last reading, and for which a touch, or a lack of force, has lasted, s.
         self._silent = self._felt = self._short = 0.0
@@ -136,7 +181,7 @@ class Hand:
 
     @property
     def planned(self) -> float:
-        """Planned force, N: the force asked for, limited to what the arm can give."""
+        """Planned force, N: the force asked for, limited to what the QP gives."""
         return min(self.force.value, self._most)
 
     @property
@@ -171,6 +216,7 @@ class Hand:
         """
         if self.state is HandState.HOLD:
             self.direction = direction
+            self.contact.normal = -direction
             self.force.to(force, self._settings.ramp)
             return
         self._enter(HandState.APPROACH)
@@ -224,13 +270,16 @@ class Hand:
         if self.state in (HandState.REACH, HandState.APPROACH, HandState.HOLD):
             self._lose()
 
-    def update(self, wrench: Array, rotation: Array, most: float, middle: MovingFrame, dt: float) -> None:
+    def update(
+        self, wrench: Array, rotation: Array, chosen: Array | None, middle: MovingFrame, dt: float
+    ) -> None:
         """Advance by one tick.
 
         Args:
             wrench: Measured wrench on the hand, less its tare, [force; moment] in its frame, shape (6,), N and Nm.
             rotation: Measured orientation of the hand, shape (3, 3).
-            most: Greatest force that the arm has now, N.
+            chosen: Force that the QP chose in the last tick, in the frame of the contact, shape (3,), N; None for the
+                one that it was asked for.
             middle: Frame that goes with the robot.
             dt: Control period, s.
         """
@@ -245,6 +294,7 @@ class Hand:
                     self.tare += dt / (self._elapsed + dt) * wrench
                 if self._reach(dt):
                     self.state = HandState.GRIP if self._grips else HandState.APPROACH
+                    self.grasp.active = self._grips
                     self._held = middle.placement.actInv(self._start)
             else:
                 self._approach(dt)
@@ -255,8 +305,11 @@ class Hand:
             return
         if self.state is HandState.HOLD:
             before = self.force.value
+            asked = float(self._force.target[2])
+            given = self._force.target if chosen is None else chosen
+            self.bounded = float(given[2]) < asked - BOUNDED
+            self._most = float(given[2]) if self.bounded else math.inf
             self.force.advance(dt)
-            self.bounded, self._most = self.force.value > most, most
             if self.force.goal == 0.0:  # the force for the balance fades with it
                 self.extra *= self.force.value / max(before, 1e-9)
             self._watch(dt)
@@ -264,13 +317,19 @@ class Hand:
                 self._free()
                 return
             self.extra = min(
-                max(self.extra, min(0.0, self._settings.touch - self.planned)), most - self.planned
+                max(self.extra, min(0.0, self._settings.touch - self.planned)), self._most - self.planned
             )
-            task.target_wrench = np.concatenate((rotation.T @ (-self.target * self.direction), NO_MOMENT))
+            self._force.follow(np.array((0.0, 0.0, self.force.value + self.extra)))
+            task.target_wrench = np.concatenate((rotation.T @ self.contact.rotation @ given, NO_MOMENT))
             task.measured_wrench = np.concatenate((wrench[:3], NO_MOMENT))
             return
         self.force.advance(dt)
         task.measured_wrench = task.target_wrench
+
+    def bear(self, wrench: Array) -> None:
+        """Ask the QP for a wrench on a hand that grips, [force; moment] in world axes, shape (6,), N and Nm."""
+        turn = self._robot.placement(self.task.frame).rotation
+        self._wrench.follow(np.concatenate((wrench[:3] @ turn, wrench[3:] @ turn)))
 
     def _reach(self, dt: float) -> bool:
         """Move to the point of departure of the approach and point the hand along it; True once it is there.
@@ -315,10 +374,12 @@ class Hand:
         self._felt = self._felt + dt if self.pressed > settings.touch else 0.0
         if self._felt >= 2.0 * dt - 1e-9:
             self.state, self._short = HandState.HOLD, 0.0
+            self.contact.normal, self.contact.active = -self.direction, True
             task.weight = (*[WEIGHT] * 3, *[HOLD_WEIGHT] * 3)
             task.feedforward_velocity = np.zeros(6)
             goal = self.force.goal
             self.force = Ramp(min(settings.touch, goal))
+            self._force.follow(np.array((0.0, 0.0, self.force.value)))
             self.force.to(goal, settings.ramp)
             return
         behind = task.target.translation - self._robot.placement(task.frame).translation
@@ -345,7 +406,7 @@ class Hand:
     def _lose(self) -> None:
         if self.state is not HandState.HOLD:  # stop where it is
             self.task.target = pin.SE3(self._robot.placement(self.task.frame))
-        self.state = HandState.LOST
+        self.state, self.contact.active = HandState.LOST, False
         self._fade(LOSS_RAMP)
         self.extra = 0.0
         self.task.target_wrench = np.zeros(6)

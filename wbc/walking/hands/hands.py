@@ -29,7 +29,6 @@ from wbc.core.estimation.turn import GyroTurn
 from wbc.core.qp.controller import Controller
 from wbc.core.robot import GRAVITY, Robot
 from wbc.core.signals import Measurement
-from wbc.tasks.force.admittance import AdmittanceTask
 from wbc.tasks.stabilizer.pendulum import Pendulum
 from wbc.tasks.stabilizer.zmp import zmp_offset
 from wbc.walking.hands.hand import Hand, HandSettings, HandState
@@ -38,9 +37,6 @@ from wbc.walking.hands.reaching import Arms
 from wbc.walking.planning.footsteps import heading
 from wbc.walking.planning.phases import Phase
 from wbc.walking.source import Reference
-
-STIFFNESS = 100.0
-"""Stiffness of position and orientation of a hand, 1/s²."""
 
 SHIFT_TIME = 0.15
 """Time constant with which the CoM follows the planned forces, s, twice: its acceleration is bounded."""
@@ -66,11 +62,6 @@ FILTER_TIME = 0.05
 """Time constant of the low-pass on the measured force that the feet do not have to give, s: mc_rtc's."""
 
 
-SMOOTHING = 0.04
-"""Time constant of the low-pass on the force error to which a hand yields, s: with half of it the acceleration that is
-fed forward, times the mass of the hand, answers a force by more than that force, and a hand on a table chatters."""
-
-
 class Hands:
     """Hands of one robot.
 
@@ -93,7 +84,7 @@ class Hands:
         height: float,
         arms: Arms,
     ) -> None:
-        """Add a task for each hand, without weight.
+        """Add a task and contacts for each hand, which do nothing yet.
 
         Args:
             controller: Controller of the robot.
@@ -113,20 +104,10 @@ class Hands:
             )
         self.settings = settings
         self._edges, self._height = edges, height
-        hands = {}
-        for index, (role, frame) in enumerate(self._robot.frames.items()):
-            task = AdmittanceTask(
-                frame,
-                name=f"{role} force",
-                admittance=(0.0, 0.0),
-                weight=0.0,
-                stiffness=STIFFNESS,
-                velocity_bound=(2.0 * settings.approach, 0.1),
-                time_constant=SMOOTHING,
-            )
-            hands[role] = hand = Hand(self._robot, role, index, controller.add(task), settings)
-            compliance = hand.arm.compliance() or settings.compliance
-            task.admittance = (compliance / (4.0 * settings.lag), 0.0)
+        self._controller = controller
+        hands = {
+            role: Hand(controller, role, index, settings) for index, role in enumerate(self._robot.frames)
+        }
         self.all: Mapping[str, Hand] = MappingProxyType(hands)
         arms.occupied.update(hands)
         self.outside = np.zeros(6)  # measured, filtered, at the world origin
@@ -376,16 +357,17 @@ class Hands:
         readings = measurement.hand_wrenches
         quick, slow = -math.expm1(-dt / FILTER_TIME), -math.expm1(-dt / SLOW_TIME)
         felt, pulled, planned = np.zeros(6), np.zeros(6), np.zeros(6)
+        solution = self._controller.solution
         for name, hand in self.all.items():
             if not hand.active:
                 continue
             place = self._place(name)
             hand.sense(None if readings is None else readings[hand.index], dt)
             wrench = hand.reading - hand.tare
-            most = math.inf
-            if hand.state is HandState.HOLD:
-                most, _ = hand.arm.strength(hand.direction, self.settings.share)
-            hand.update(wrench, place.rotation, most, self._middle, dt)
+            chosen = None
+            if solution is not None and hand.contact.active:
+                chosen = solution.variables[solution.layout.contacts[hand.contact.name]]
+            hand.update(wrench, place.rotation, chosen, self._middle, dt)
             if hand.state in (HandState.HOLD, HandState.LOST):
                 felt += place.act(pin.Force(wrench)).vector
                 push = -hand.planned * hand.direction
@@ -396,6 +378,7 @@ class Hands:
                 axes = np.concatenate((place.rotation @ wrench[:3], place.rotation @ wrench[3:]))
                 self._felt[hand.index] += quick * (axes - self._felt[hand.index])
                 self._borne[hand.index] += slow * (axes - self._borne[hand.index])
+                hand.bear(self._borne[hand.index])
             else:
                 self._felt[hand.index] = self._borne[hand.index] = 0.0
         self._yield(rests)
@@ -478,23 +461,3 @@ class Hands:
         wanted = self.settings.help * levers.T @ np.linalg.solve(square, self._missing)
         for hand, force in zip(pressing, wanted.tolist(), strict=True):
             hand.extra += dt / HELP_TIME * (force - HELP_LEAK * hand.extra)
-
-    def forces(self) -> Array:
-        """Return the generalised forces of the hands in the dynamics of the controller's robot, shape (nv,).
-
-        They are the planned forces of hands that press, and the low-passed measured ones of hands that grip: with the
-        whole measured force as feed-forward the servos would cancel each change of it, and the hand would not yield.
-        """
-        robot = self._robot
-        total = np.zeros(robot.nv)
-        for hand in self.all.values():
-            if hand.state is HandState.HOLD:
-                wrench = np.concatenate((-hand.target * hand.direction, np.zeros(3)))
-            elif hand.state is HandState.GRIP:
-                wrench = self._borne[hand.index]
-            else:
-                continue
-            total += wrench @ pin.getFrameJacobian(
-                robot.model, robot.data, hand.arm.frame, pin.LOCAL_WORLD_ALIGNED
-            )
-        return total
