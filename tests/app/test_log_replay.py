@@ -25,7 +25,7 @@ from PIL import Image
 from recorded import make_walk, recorded_scans, recorded_stand, recorded_walk, run
 
 import wbc
-from wbc.app.address import PortError
+from wbc.app.address import Address, PortError
 from wbc.app.cli import main
 from wbc.app.log.reader import Log
 from wbc.app.log.recorder import Recorder
@@ -33,11 +33,11 @@ from wbc.app.log.stances import Drift
 from wbc.app.replay.film import RenderError, _drawing_context, check_film, find_ffmpeg, render_video
 from wbc.app.replay.mujoco_scene import MujocoScene
 from wbc.app.replay.page import replay_page
-from wbc.app.replay.page_server import PageServer
 from wbc.app.replay.replay import Replay
 from wbc.app.scene.colours import stiffness_colour
 from wbc.app.scene.shapes import Surface
 from wbc.app.scene.sources import PlantSource
+from wbc.app.view.guard import PageServer
 from wbc.core.errors import InputError
 from wbc.core.files import FileError
 
@@ -370,9 +370,9 @@ def test_command_writes_a_page_and_a_film(
 def test_command_names_what_is_wrong(
     words: list[str], expected: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    taken = PageServer(port=0)
+    taken = PageServer("replay", Address(port=0))
     try:
-        port = taken.url.rpartition(":")[2].strip("/")
+        port = str(taken.served.port)
         filled = [w.replace("{log}", str(recorded_walk())).replace("{port}", port) for w in words]
         assert main(["view", *filled]) == 2
     finally:
@@ -387,29 +387,29 @@ def test_scripts_of_a_served_page_carry_its_nonce(replay: Replay) -> None:
 
 
 def test_page_is_served_to_this_machine_alone(page: str, capsys: pytest.CaptureFixture[str]) -> None:
-    server = PageServer(port=0)
-    assert server.url.startswith("http://127.0.0.1:")
+    server = PageServer("replay", Address(port=0))
+    url, port = server.served.url, server.served.port
+    assert url.startswith("http://127.0.0.1:")
     with pytest.raises(PortError, match="choose another port"):
-        PageServer(port=int(server.url.rpartition(":")[2].strip("/")))
-    thread = threading.Thread(target=server.serve, args=(page, 1.5))
+        PageServer("replay", Address(port=port))
+    thread = threading.Thread(target=server.serve_page, args=(page, "abc", 1.5))
     thread.start()
     try:
         for _ in range(50):
             try:
-                with urllib.request.urlopen(server.url, timeout=2.0) as answer:
+                with urllib.request.urlopen(url, timeout=2.0) as answer:
                     got = answer.read().decode()
                 break
             except OSError:
                 time.sleep(0.05)
         assert got == page
-        port = server.url.rpartition(":")[2].strip("/")
         evil = {"Host": f"evil.example:{port}", "Origin": f"http://evil.example:{port}"}
-        assert get(server.url, **evil).status == 403
-        rules = get(server.url).headers["Content-Security-Policy"]
-        assert f"script-src 'nonce-{server.nonce}';" in rules and "frame-ancestors 'none'" in rules
+        assert get(url, **evil).status == 403
+        rules = get(url).headers["Content-Security-Policy"]
+        assert "script-src 'nonce-abc';" in rules and "frame-ancestors 'none'" in rules
     finally:
         thread.join()
-    assert server.url in capsys.readouterr().err
+    assert url in capsys.readouterr().err
 
 
 @pytest.mark.slow

@@ -6,11 +6,7 @@ import asyncio
 import base64
 import json
 import math
-import os
 import re
-import signal
-import subprocess
-import sys
 import time
 import urllib.request
 from collections.abc import Iterator
@@ -21,7 +17,6 @@ import pinocchio as pin
 import pytest
 import umsgpack
 from pages import page_url
-from processes import alive
 from tornado.websocket import websocket_connect
 
 import wbc
@@ -37,7 +32,6 @@ from wbc.app.scene.shapes import (
     VisualEllipsoid,
 )
 from wbc.app.scene.sources import PlantSource, RobotSource
-from wbc.app.view.channel import Channel
 from wbc.app.view.meshcat_view import MeshcatView
 from wbc.core.errors import InputError
 from wbc.core.robot import GRAVITY
@@ -285,14 +279,7 @@ def test_colours_are_those_of_the_urdf() -> None:
 # ---- the page -------------------------------------------------------------------------------------------------------
 
 
-def test_the_page_holds_robot_ground_forces_and_labels(
-    plant: wbc.Plant, view: MeshcatView, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    for name in ("no_proxy", "NO_PROXY"):
-        monkeypatch.delenv(name, raising=False)
-    monkeypatch.setenv(
-        "http_proxy", "http://127.0.0.1:9"
-    )  # pages of this machine are not asked for elsewhere
+def test_the_page_holds_robot_ground_forces_and_labels(plant: wbc.Plant, view: MeshcatView) -> None:
     view.update()
     html = view.html()
     assert "hrp4_class" in html and "contact force" in html and f"{plant.time:.2f} s" in html
@@ -356,9 +343,7 @@ def test_a_browser_gets_the_scene_and_then_what_moves(plant: wbc.Plant, view: Me
 # ---- it changes nothing ---------------------------------------------------------------------------------------------
 
 
-def test_a_run_is_the_same_with_and_without_a_view_even_one_that_dies(
-    caplog: pytest.LogCaptureFixture,
-) -> None:
+def test_a_run_is_the_same_with_and_without_a_view_even_one_that_is_busy() -> None:
     # The torques are recorded first: what is compared is the plant, not one run of a solver with another.
     control = wbc.TorqueControl(balance_controller(wbc.load_robot("hrp4_class").robot(), 0.002))
     plant, commands = new_plant(), []
@@ -371,16 +356,10 @@ def test_a_run_is_the_same_with_and_without_a_view_even_one_that_dies(
     with MeshcatView(plant, port=0, rate=1e6) as view:
         states = fall_over(plant, commands[:120], view)
         assert view.frames > len(states)
-        assert not caplog.records
-        os.kill(view.pid, signal.SIGSTOP)  # it takes nothing any more
+        view._server.soon(time.sleep, 0.3)
         states += fall_over(plant, commands[120:], view)
-        os.kill(view.pid, signal.SIGKILL)
-        while not caplog.records:
-            view.update()
-        view.update()
     assert np.array_equal(states, alone)
     assert np.abs(alone[-1] - alone[0]).max() > 0.1  # something did happen
-    assert [record.message.split(" (")[0] for record in caplog.records] == ["the live view has ended"]
     view.close()  # a second time does no harm
     with pytest.raises(ViewError, match="has ended"):
         view.html()
@@ -408,41 +387,6 @@ def test_pictures_are_taken_at_the_rate(view: MeshcatView, monkeypatch: pytest.M
         view.update()
     assert view.frames - before == 1000 // 33
     view._next = 0.0  # for the tests that follow, which have the real clock
-
-
-@pytest.mark.slow
-def test_the_drawing_process_ends_with_the_program() -> None:
-    program = (
-        "import os, wbc; from wbc.app import MeshcatView\n"
-        "view = MeshcatView(wbc.load_robot('hrp4_class'), port=0)\n"
-        "print(view.pid, flush=True); os.kill(os.getpid(), 9)"
-    )
-    ended = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=False)
-    pid = int(ended.stdout)
-    end = time.monotonic() + 20.0
-    while alive(pid) and time.monotonic() < end:
-        time.sleep(0.02)
-    assert not alive(pid)
-
-
-def test_of_many_messages_the_newest_counts_and_nobody_waits() -> None:
-    run, drawing = Channel.pair()
-    assert drawing.read() is None and run.idle
-    for number in range(1, 10_001):  # more than any socket holds
-        run.write(b"%d" % number * 1000)
-    assert not run.idle
-    assert drawing.read() == b"1" * 1000 and drawing.read() is None
-    drawing.write(b"said")
-    assert run.read() == b"said" and run.read() is None
-    assert drawing.read() == b"10000" * 1000
-    assert run.read() is None and run.idle
-    run.write(b"last words")
-    run.close()
-    assert drawing.read() == b"last words"
-    drawing.write(b"to nobody")
-    with pytest.raises(EOFError):
-        drawing.read()
-    drawing.close()
 
 
 # ---- bad input ------------------------------------------------------------------------------------------------------

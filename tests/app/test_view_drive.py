@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import asyncio
 import json
-import os
-import signal
 import time
 from pathlib import Path
+from threading import Timer
 from typing import Any
 
 import pytest
@@ -125,8 +124,7 @@ def test_arrow_keys_and_a_gamepad_in_a_browser_drive_the_robot(tmp_path: Path) -
     assert {entry["what"] for entry in view.interventions} == {"drive"}
 
 
-@pytest.mark.parametrize("ends", ["page", pytest.param("process", marks=pytest.mark.slow)])
-def test_a_driven_robot_stands_when_nobody_is_left_who_may_stop_it(ends: str) -> None:
+def test_a_driven_robot_stands_when_nobody_is_left_who_may_stop_it() -> None:
     plant, walking = stage()
 
     async def drive(view: MeshcatView) -> None:
@@ -145,12 +143,9 @@ def test_a_driven_robot_stands_when_nobody_is_left_who_may_stop_it(ends: str) ->
         order = {"do": "drive", "forward": 0.2, "left": 0.0, "turn": 0.0}
         await driver.write_message(json.dumps({"order": order}))
         await until(0.2)
-        if ends == "page":
-            driver.close()
-        else:
-            os.kill(view.pid, signal.SIGKILL)
+        driver.close()
         await until(0.0)
-        assert view.pages == (1 if ends == "page" else 0)
+        assert view.pages == 1
         for page in (driver, watcher):
             page.close()
             while await page.read_message() is not None:
@@ -162,20 +157,18 @@ def test_a_driven_robot_stands_when_nobody_is_left_who_may_stop_it(ends: str) ->
         view.update()
 
 
-def test_a_slow_run_waits_and_sees_its_input() -> None:
-    pace, looks = Pace(0.01), []
+def test_a_slow_run_waits_until_it_is_told_to_hurry() -> None:
+    pace = Pace(0.01)
     begin = time.perf_counter()
     for tick in range(3):
-        pace.wait(0.002 * tick, lambda: looks.append(1))
-    assert 0.35 < time.perf_counter() - begin < 1.5 and len(looks) >= 2
+        pace.wait(0.002 * tick)
+    assert 0.35 < time.perf_counter() - begin < 1.5
     begin = time.perf_counter()
     pace.wait(100.0)  # a jump
     assert time.perf_counter() - begin < 0.1
 
-    def hurry() -> None:
-        pace.speed = None
-
     pace.speed = 1e-3
     pace.wait(0.0)
-    pace.wait(0.005, hurry)  # 5 s
+    Timer(0.1, setattr, (pace, "speed", None)).start()
+    pace.wait(0.005)  # 5 s
     assert time.perf_counter() - begin < 1.0

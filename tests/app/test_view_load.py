@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
-import pickle
+import os
 import re
 import socket
 import struct
+import threading
 import time
-from collections.abc import AsyncIterator, Iterator
-from contextlib import asynccontextmanager
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from urllib.parse import urlsplit
 
@@ -20,15 +21,13 @@ from pages import PAUSE, close_code, facts, page_url
 from tornado.websocket import websocket_connect
 
 import wbc
-from wbc.app.address import Address, PortError, listen
-from wbc.app.replay.page_server import PageServer
+from wbc.app.address import Address, PortError
+from wbc.app.scene.layer import Annotations
 from wbc.app.scene.sources import RobotSource
 from wbc.app.view import guard, server
-from wbc.app.view.channel import Channel
 from wbc.app.view.meshcat_view import MeshcatView
-from wbc.app.view.process import MAX_ANNOTATIONS, ServerSetup
+from wbc.app.view.pace import Pace
 from wbc.app.view.server import Broadcast, page_routes
-from wbc.app.view.user_input import MAX_MESSAGE
 
 
 def has_ipv6() -> bool:
@@ -56,7 +55,7 @@ def test_ipv6_addresses_open(view: MeshcatView) -> None:
     assert "hrp4_class" in view.html()
     port = urlsplit(view.url).port
     with pytest.raises(PortError, match=rf"\[::1\]:{port}.*another port"):
-        PageServer("::1", port)
+        guard.PageServer("replay", Address("::1", port))
 
 
 # ---- who does not read ----------------------------------------------------------------------------------------------
@@ -94,7 +93,7 @@ def masked(text: str) -> bytes:
     return struct.pack(">BBQ", 0x81, 0xFF, len(text)) + bytes(4) + text.encode()
 
 
-@pytest.mark.parametrize("size", [MAX_MESSAGE + 1, 1 << 22])
+@pytest.mark.parametrize("size", [guard.MAX_MESSAGE + 1, 1 << 22])
 def test_long_messages_end_the_connection(view: MeshcatView, size: int) -> None:
     url = page_url(view, "stream")
     with socket.create_connection((urlsplit(url).hostname, urlsplit(url).port), 20.0) as client:
@@ -116,7 +115,7 @@ def test_clients_that_never_read_do_not_make_the_server_grow(plant: wbc.Plant, v
             view.update()
             for client in clients:
                 client.sendall(masked('{"speed": null}'))
-            view._process.flush(20.0)
+            view._server.ask(lambda: None)
 
     clients: list[socket.socket] = []
     url = page_url(view, "stream")
@@ -126,9 +125,9 @@ def test_clients_that_never_read_do_not_make_the_server_grow(plant: wbc.Plant, v
         while view.pages < len(clients):
             time.sleep(0.01)
         run(50)
-        first = memory(view.pid)
+        first = memory(os.getpid())
         run(250)
-        assert memory(view.pid) - first < 3.0
+        assert memory(os.getpid()) - first < 3.0
     finally:
         plant.data.xpos[:] = before
         for client in clients:
@@ -137,87 +136,92 @@ def test_clients_that_never_read_do_not_make_the_server_grow(plant: wbc.Plant, v
         time.sleep(0.01)
 
 
-@asynccontextmanager
-async def in_process() -> AsyncIterator[tuple[Broadcast, Channel, str]]:
-    """A server in this process, whose frames are received by hand, and the run's end of its channel."""
+@contextmanager
+def serving() -> Iterator[tuple[Broadcast, guard.PageServer, str]]:
+    """A server without a run, and the address of its messages."""
     scene = RobotSource(wbc.load_robot("hrp4_class"), None).scene
-    run, drawing = Channel.pair()
-    setup = ServerSetup(scene, Address(port=0), None, {}, "token")
-    listening, served = listen(setup.address)
-    broadcast = Broadcast(setup, drawing)
-    serving = guard.guarded_server(served, page_routes(broadcast))
-    serving.add_socket(listening)
+    broadcast = Broadcast(scene, Pace(None), lambda order: None, {}, "token")
+    server = guard.PageServer("view", Address(port=0))
+    server.start(page_routes(broadcast), last=broadcast.end)
     try:
-        yield broadcast, run, served.url.replace("http", "ws") + "stream?token=token"
+        yield broadcast, server, server.served.url.replace("http", "ws") + "stream?token=token"
     finally:
-        serving.stop()
-        await serving.close_all_connections()
-        async with asyncio.timeout(20.0):
-            while broadcast.pages:
-                await asyncio.sleep(0.01)
-        run.close()
-        drawing.close()
+        server.close()
+    assert broadcast.pages == 0
 
 
 @pytest.mark.slow
 def test_a_client_that_does_not_read_is_dropped(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(guard, "PING_TIME", 0.1)
 
-    async def drop() -> None:
-        async with in_process() as (broadcast, _, url):
-            read: list[str | bytes | None] = []
-            reader = await websocket_connect(url, on_message_callback=read.append)
-            silent = deaf(url, upgrade(url))
-            while broadcast.pages < 2:
+    async def drop(broadcast: Broadcast, url: str) -> None:
+        read: list[str | bytes | None] = []
+        reader = await websocket_connect(url, on_message_callback=read.append)
+        silent = deaf(url, upgrade(url))
+        while broadcast.pages < 2:
+            await asyncio.sleep(0.01)
+        async with asyncio.timeout(20.0):
+            while broadcast.pages > 1:
+                await asyncio.sleep(0.05)
+        silent.close()
+        await reader.write_message(PAUSE)  # the other one is still there
+        async with asyncio.timeout(20.0):
+            while '"paused": true' not in str(read[-1]):
                 await asyncio.sleep(0.01)
-            async with asyncio.timeout(20.0):
-                while broadcast.pages > 1:
-                    await asyncio.sleep(0.05)
-            silent.close()
-            await reader.write_message(PAUSE)  # the other one is still there
-            async with asyncio.timeout(20.0):
-                while '"paused": true' not in str(read[-1]):
-                    await asyncio.sleep(0.01)
-            reader.close()
+        reader.close()
 
-    asyncio.run(drop())
+    with serving() as (broadcast, _, url):
+        asyncio.run(drop(broadcast, url))
 
 
 def test_a_slow_page_skips_frames() -> None:
-    async def slow() -> None:
-        async with in_process() as (broadcast, run, url):
-            page = await websocket_connect(url)
-            await facts(page, lambda said: "time" in said)
-            note = b'{"text": "' + b"x" * (MAX_ANNOTATIONS - 100) + b'"}'
-            matrices = np.zeros((len(RobotSource(wbc.load_robot("hrp4_class"), None).scene.moving), 16))
-            for frame in range(1, 1001):  # 30 MB
-                run.write(pickle.dumps((float(frame), matrices + frame, note)))
-                broadcast.receive()
-                while run.read() is not None:  # its answers, and how many pages there are
-                    pass
-            times = [0.0]
-            while times[-1] < 1000.0:
-                times.append((await facts(page, lambda said: "time" in said))["time"])
-            assert len(times) < 10
-            page.close()
-            await close_code(page)
+    async def slow(broadcast: Broadcast, server: guard.PageServer, url: str) -> None:
+        page = await websocket_connect(url)
+        await facts(page, lambda said: "time" in said)
+        count = len(broadcast.scene.moving)
+        for frame in range(1, 1001):  # 30 MB
+            broadcast.put(float(frame), np.full((count, 4, 4), frame), Annotations(["x" * 30_000]))
+            server.ask(broadcast.take_frame)
+        times = [0.0]
+        while times[-1] < 1000.0:
+            times.append((await facts(page, lambda said: "time" in said))["time"])
+        assert len(times) < 500  # sockets hold some
+        page.close()
+        await close_code(page)
 
-    asyncio.run(slow())
+    with serving() as (broadcast, server, url):
+        asyncio.run(slow(broadcast, server, url))
 
 
 def test_there_are_only_so_many_pages(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(server, "MAX_PAGES", 3)
 
-    async def crowd() -> None:
-        async with in_process() as (broadcast, _, url):
-            pages = [await websocket_connect(url) for _ in range(3)]
-            assert broadcast.pages == 3
-            assert await close_code(await websocket_connect(url)) == 1013
-            for page in pages:
-                page.close()
-                await close_code(page)
+    async def crowd(broadcast: Broadcast, url: str) -> None:
+        pages = [await websocket_connect(url) for _ in range(3)]
+        async with asyncio.timeout(20.0):
+            while broadcast.pages < 3:
+                await asyncio.sleep(0.01)
+        assert await close_code(await websocket_connect(url)) == 1013
+        for page in pages:
+            page.close()
+            await close_code(page)
 
-    asyncio.run(crowd())
+    with serving() as (broadcast, _, url):
+        asyncio.run(crowd(broadcast, url))
+
+
+def test_the_last_frame_arrives_before_the_end() -> None:
+    async def last(broadcast: Broadcast, server: guard.PageServer, url: str) -> None:
+        page = await websocket_connect(url)
+        await facts(page, lambda said: "time" in said)
+        broadcast.put(7.0, np.zeros((len(broadcast.scene.moving), 4, 4)), Annotations())
+        ending = asyncio.get_running_loop().run_in_executor(None, server.close)
+        assert (await facts(page, lambda said: "time" in said))["time"] == 7.0
+        await close_code(page)
+        await ending
+
+    with serving() as (broadcast, server, url):
+        asyncio.run(last(broadcast, server, url))
 
 
 @pytest.mark.slow
@@ -231,23 +235,17 @@ def test_an_answer_that_is_not_taken_is_given_up(monkeypatch: pytest.MonkeyPatch
             await self.answer(bytes(1 << 24))
             done.set()
 
-    async def ask() -> int:
-        listening, served = listen(Address(port=0))
-        server = guard.guarded_server(served, [(r"/", Large)])
-        server.add_socket(listening)
-        place = urlsplit(served.url)
-        client = deaf(served.url, f"GET / HTTP/1.1\r\nHost: {place.netloc}\r\n\r\n".encode())
-        await asyncio.wait_for(done.wait(), 20.0)
-        server.stop()
-        client.settimeout(20.0)
-        taken = 0
-        try:
-            while data := client.recv(1 << 20):
-                taken += len(data)
-        except ConnectionResetError:
-            pass
-        client.close()
-        return taken
-
-    done = asyncio.Event()
-    assert asyncio.run(ask()) < 1 << 24
+    done = threading.Event()
+    server = guard.PageServer("view", Address(port=0))
+    server.start([(r"/", Large)])
+    place = urlsplit(server.served.url)
+    client = deaf(server.served.url, f"GET / HTTP/1.1\r\nHost: {place.netloc}\r\n\r\n".encode())
+    assert done.wait(20.0)
+    server.close()
+    client.settimeout(20.0)
+    taken = 0
+    with contextlib.suppress(ConnectionResetError):
+        while data := client.recv(1 << 20):
+            taken += len(data)
+    client.close()
+    assert taken < 1 << 24

@@ -33,9 +33,10 @@ from wbc.app.scene.marks import LIFT
 from wbc.app.scene.shapes import HIDDEN, ROOT
 from wbc.app.scene.sources import PlantSource
 from wbc.app.view.controls import LiveControls, interventions_of
+from wbc.app.view.guard import MAX_MESSAGE
 from wbc.app.view.meshcat_view import MeshcatView
-from wbc.app.view.process import MAX_ANNOTATIONS
-from wbc.app.view.user_input import MAX_MESSAGE, UserInput, unpack
+from wbc.app.view.pace import Pace
+from wbc.app.view.server import Broadcast
 from wbc.app.view.walk_hook import WatchWalk
 from wbc.core.errors import InputError
 from wbc.core.robot import GRAVITY
@@ -271,16 +272,13 @@ def test_rays_end_on_the_ground_and_scans_lie_on_it() -> None:
     assert f"{ROOT}/range/scan_{1 - i}" not in note.shapes  # the foot that stands scans nothing
 
 
-def test_annotations_say_everything_and_fit() -> None:
+def test_annotations_say_everything() -> None:
     stage = Stage(foot="variable", plan=WalkPlan(distance=3.0))
     note = stage.picture().annotations
     rng = np.random.default_rng(0)
     note.shapes = {path: -100.0 * rng.random(shape.shape) for path, shape in note.shapes.items()}
-    note.text += ["x" * 500]
     note.target = (1.0, 2.0, 3.0)
-    packed = note.pack()
-    assert len(packed) < MAX_ANNOTATIONS
-    said = json.loads(packed)
+    said = json.loads(json.dumps(note.plain()))
     assert said["text"].startswith("step 1 of 22") and said["target"] == [1.0, 2.0, 3.0]
     for path, shape in note.shapes.items():
         assert np.reshape(said["shapes"][path], (-1, 3)) == pytest.approx(shape, abs=1e-4)
@@ -403,18 +401,16 @@ NONSENSE: tuple[str | bytes, ...] = (
 """Messages that are dropped."""
 
 
-def test_pages_ask_for_pause_speed_and_changes() -> None:
-    wanted = UserInput(1.0)
+def test_pages_ask_for_pause_speed_and_changes(stage: Stage) -> None:
+    pace, orders = Pace(1.0), list[dict[str, Any]]()
+    broadcast = Broadcast(stage.source.scene, pace, orders.append, {}, "token")
     for nonsense in NONSENSE:
-        wanted.take(nonsense)
-    assert (wanted.paused, wanted.speed, wanted.requests) == (False, 1.0, [])
-    wanted.take('{"paused": true, "speed": 0.5}')
-    for i in range(30):
-        wanted.take(json.dumps({"order": {"do": "push", "number": i}}))
-    wanted.take('{"speed": null}')
-    said = unpack(wanted.pack())
-    assert said is not None and said.paused is True and said.speed is None
-    assert [number for number, _ in said.orders] == list(range(15, 31))
+        broadcast.take_input(nonsense)
+    assert (pace.paused, pace.speed, orders) == (False, 1.0, [])
+    broadcast.take_input('{"paused": true, "speed": 0.5}')
+    assert pace.paused and pace.speed == 0.5
+    broadcast.take_input('{"speed": null, "order": {"do": "push", "number": 3}}')
+    assert pace.paused and pace.speed is None and orders == [{"do": "push", "number": 3}]
 
 
 def test_a_page_pauses_and_pushes(stage: Stage, view: MeshcatView) -> None:

@@ -11,7 +11,7 @@ from typing import Annotated
 from cyclopts import Parameter
 from rich.progress import Progress
 
-from wbc.app.address import Host, Port
+from wbc.app.address import Address, Host, Port
 from wbc.app.files import FILMS, check_target
 from wbc.app.log.reader import Log
 from wbc.app.output import Flat, Output, OutputOptions, Report, progress_console, reports
@@ -65,16 +65,16 @@ def view(
     """Replay a log in the browser with a time slider, or write it as a page or a film."""
     from wbc.app.replay.film import check_film, render_video  # noqa: PLC0415 - slow
     from wbc.app.replay.page import replay_page  # noqa: PLC0415 - slow
-    from wbc.app.replay.page_server import PageServer  # noqa: PLC0415
     from wbc.app.replay.replay import Replay  # noqa: PLC0415 - slow
+    from wbc.app.view.guard import PageServer, new_nonce  # noqa: PLC0415
 
     opened = Log.open(log)
     if opened.broken:
         print(f"{log} ends early ({opened.broken}); {len(opened)} ticks are shown", file=sys.stderr)
-    out, server = options.out, None
+    out, server, nonce = options.out, None, ""
     film = out is not None and out.suffix.lower() in FILMS
     if out is None:
-        server = PageServer(options.host, options.port)
+        server, nonce = PageServer("replay", Address(options.host, options.port)), new_nonce()
     elif film:
         check_film(out, [log])
     else:
@@ -87,10 +87,9 @@ def view(
             )
         else:
             pictures = len(replay.ticks(options.rate))
-            nonce = "" if server is None else server.nonce
             page = replay_page(replay, rate=options.rate, progress=progress, nonce=nonce)
     if server is not None:
-        server.serve(page)
+        server.serve_page(page, nonce)
     elif out is not None and not film:
         write_text(out, page)
     facts = {
@@ -98,7 +97,7 @@ def view(
         "seconds": float(opened.time[-1]),
         "pictures": pictures,
         "file": None if out is None else str(out),
-        "url": None if server is None else server.url,
+        "url": None if server is None else server.served.url,
         "broken": opened.broken,
     }
     return output.report(facts, f"{out}: {pictures} pictures" if out is not None else "replay ended")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -28,13 +27,13 @@ class Annotations:
     colours: dict[str, Colour] = field(default_factory=dict)
     shapes: dict[str, Array] = field(default_factory=dict)
 
-    def pack(self) -> bytes:
-        """Return the annotations as JSON; positions to 0.1 mm, vertices in one list of numbers."""
+    def plain(self) -> dict[str, Any]:
+        """Return the annotations as plain values; positions to 0.1 mm, vertices in one list of numbers."""
         data: dict[str, Any] = {"text": "\n".join(self.text), "colours": self.colours}
         if self.target is not None:
             data["target"] = [round(value, 4) for value in self.target]
         data["shapes"] = {path: np.round(shape, 4).ravel().tolist() for path, shape in self.shapes.items()}
-        return json.dumps(data, separators=(",", ":")).encode()
+        return data
 
 
 class Layer:

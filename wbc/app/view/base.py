@@ -11,7 +11,7 @@ import math
 import sys
 import time as clock
 from abc import ABC, abstractmethod
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
@@ -56,6 +56,7 @@ class View(ABC):
         scene: The scene.
         controls: Controls of the page, with the changes so far.
         walking: Controller of a walk; None for any other.
+        frames: Number of pictures so far.
     """
 
     def __init__(
@@ -111,8 +112,7 @@ class View(ABC):
         )
         given = (self._plant, self.walking, controller) if controls else (None, None, None)
         self.controls = LiveControls(*given, repeat=repeat)
-        self._next, self._framed = -math.inf, notebook
-        self._paused = False
+        self._next, self._framed, self.frames = -math.inf, notebook, 0
         self._simulated = 0.0  # time of the run, s
         self._measurement: Measurement | None = None
 
@@ -139,7 +139,7 @@ class View(ABC):
     @property
     @abstractmethod
     def pages(self) -> int:
-        """Number of open browser pages; 0 when nothing is served any more."""
+        """Number of open browser pages; 0 after `close`."""
 
     @property
     def drivers(self) -> int:
@@ -151,18 +151,9 @@ class View(ABC):
     def closed(self) -> bool:
         """True after `close`."""
 
-    @property
-    def running(self) -> bool:
-        """True as long as the page is served."""
-        return not self.closed
-
     @abstractmethod
     def _send(self, time: float, matrices: Array, annotations: Annotations) -> None:
         """Show a picture."""
-
-    @abstractmethod
-    def _read_input(self) -> None:
-        """Take over pause, speed and orders from the pages."""
 
     @abstractmethod
     def _end(self) -> None:
@@ -217,14 +208,12 @@ class View(ABC):
         self._measurement = measurement
         now = time if self._plant is None else self._plant.time
         self._simulated = 0.0 if now is None else now
-        self._read_input()
         self.controls.update(self._simulated)
         if self.controls.interventions and not self.drivers:
             self.controls.halt()  # nobody is left who may
-        if self._paused:
-            self._draw(self._snapshot(state, sole_wrench, time))
-            self._wait_for_end_of_pause()
-        self._pace.wait(time if self._plant is None else self._plant.time, self._read_input)
+        if self._pace.paused:
+            self._wait_for_end_of_pause(lambda: self._draw(self._snapshot(state, sole_wrench, time)))
+        self._pace.wait(now)
         if (present := clock.perf_counter()) >= self._next:
             self._next = present + self._period
             self._draw(self._snapshot(state, sole_wrench, time))
@@ -238,6 +227,7 @@ class View(ABC):
         return self._source.snapshot(state, sole_wrench, 0.0 if time is None else time)
 
     def _draw(self, snapshot: Snapshot) -> None:
+        self.frames += 1
         matrices = np.tile(HIDDEN, (len(self.scene.moving), 1, 1))
         robot = self.scene.frame(snapshot)
         place = len(robot)
@@ -254,12 +244,15 @@ class View(ABC):
             annotations.text.append(self.controls.message)
         self._send(snapshot.time, matrices, annotations)
 
-    def _wait_for_end_of_pause(self) -> None:
-        while self._paused and self.pages > 0 and self.running:
+    def _wait_for_end_of_pause(self, draw: Callable[[], None]) -> None:
+        draw()
+        while self._pace.paused and self.pages > 0:
             clock.sleep(PAUSE_TICK)
-            self._read_input()
+            before = self.controls.message
             self.controls.carry_out(self._simulated)
-        self._paused = False
+            if self.controls.message != before:
+                draw()
+        self._pace.paused = False
         self._pace.restart()
 
     def wait_for_page(self, seconds: float) -> bool:
@@ -267,7 +260,7 @@ class View(ABC):
         end = clock.perf_counter() + finite_scalar("time to wait for a page (s)", seconds, low=0.0)
         if seconds > 0.0:
             print(f"open it now: the run begins with it, or in {seconds:.0f} s", file=sys.stderr, flush=True)
-        while self.pages == 0 and self.running and clock.perf_counter() < end:
+        while self.pages == 0 and not self.closed and clock.perf_counter() < end:
             clock.sleep(0.02)
         return self.pages > 0
 
@@ -275,7 +268,7 @@ class View(ABC):
         """Show the last state of a plant and end the view; the page keeps its picture."""
         if self.closed:
             return
-        if self._plant is not None and self.running:
+        if self._plant is not None:
             self._draw(self._snapshot(None, None, None))
         self._end()
 

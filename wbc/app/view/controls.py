@@ -69,6 +69,9 @@ IMPULSE, MAX_IMPULSE = 0.1, 2.0
 MAX_SPEED = 10.0
 """Largest speed that a page may ask for, m/s and rad/s; the robot grants what it can."""
 
+MAX_ORDERS = 16
+"""Largest number of orders that wait for a tick; older ones are dropped."""
+
 PUSH_DURATION = 0.1
 """Duration of a push, s; as in `wbc push`."""
 
@@ -115,7 +118,7 @@ class LiveControls:
         self.controller = walking.controller if controller is None and walking is not None else controller
         self.interventions: list[dict[str, Any]] = []
         self.message = ""
-        self._orders: deque[dict[str, Any]] = deque()  # of pages, until the next tick
+        self._orders: deque[dict[str, Any]] = deque(maxlen=MAX_ORDERS)  # of pages, until the next tick
         self._repeat = deque(sorted(repeat, key=lambda entry: float(entry["time"])))
         self._own: dict[str, Callable[[Any], object]] = {}
         self._pull: tuple[str, list[float]] | None = None

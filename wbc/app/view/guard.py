@@ -1,4 +1,4 @@
-"""Guard of served pages: which requests are answered, what an answer may do in a browser, and its limits.
+"""Server of pages, and its guard: which requests are answered, what an answer may do in a browser, and its limits.
 
 A page is asked for by the address that it is served at, never by the name of another site (DNS rebinding) and never by
 another site's page. No page frames it, unless it was asked to let those of this machine do so (notebooks), and its own
@@ -8,15 +8,23 @@ scripts run, no others.
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import secrets
-from typing import Any
+import sys
+import threading
+from collections.abc import Callable
+from typing import Any, TypeVar
 
 import tornado.httpserver
 import tornado.web
 from tornado.http1connection import HTTP1Connection
 
-from wbc.app.address import ServedAddress
-from wbc.app.view.user_input import MAX_MESSAGE
+from wbc.app.address import Address, PortError, ServedAddress, listen
+
+T = TypeVar("T")
+
+MAX_MESSAGE = 1 << 12
+"""Largest message of a page, bytes."""
 
 SEND_TIME = 60.0
 """Longest time for an answer to be taken, s; a client that is slower is dropped."""
@@ -112,22 +120,101 @@ class _NotFound(GuardedHandler):
         raise tornado.web.HTTPError(404)
 
 
-def guarded_server(
-    served: ServedAddress, routes: list[Any], *, framed: bool = False
-) -> tornado.httpserver.HTTPServer:
-    """Return a server of pages, by rules of tornado whose handlers derive from `GuardedHandler`.
+class FixedPage(GuardedHandler):
+    """A page that stays as it is."""
 
-    With `framed` pages of this machine may show these in a frame.
+    def initialize(self, page: bytes, nonce: str) -> None:
+        """Take the page that the application gives."""
+        self._page, self._nonce = page, nonce
+
+    async def get(self) -> None:
+        """Answer a request."""
+        await self.answer(self._page, self._nonce)
+
+
+class PageServer:
+    """Server of pages at an address, in a thread of its own, which ends with the program.
+
+    Attributes:
+        served: The address.
     """
-    application = tornado.web.Application(
-        routes,
-        served=served,
-        framed=framed,
-        default_handler_class=_NotFound,
-        websocket_max_message_size=MAX_MESSAGE,
-        websocket_ping_interval=PING_TIME,
-        websocket_ping_timeout=PING_TIME,
-    )
-    return tornado.httpserver.HTTPServer(
-        application, max_body_size=MAX_MESSAGE, idle_connection_timeout=IDLE_TIME
-    )
+
+    def __init__(self, what: str, address: Address) -> None:
+        """Take the port; `what` is served there, for messages.
+
+        Raises:
+            PortError: The port is in use.
+        """
+        try:
+            self._socket, self.served = listen(address)
+        except OSError as error:
+            raise PortError.at(what, address, error.strerror or str(error)) from error
+        self._thread: threading.Thread | None = None
+        self._loop: asyncio.AbstractEventLoop
+
+    def start(
+        self, routes: list[Any], *, framed: bool = False, last: Callable[[], Any] | None = None
+    ) -> None:
+        """Serve, by rules of tornado whose handlers derive from `GuardedHandler`.
+
+        With `framed` pages of this machine may show these in a frame; `last` is awaited at the end.
+        """
+        started = threading.Event()
+        serving = self._serve(routes, framed, last, started)
+        self._thread = threading.Thread(target=asyncio.run, args=(serving,), name="wbc-page", daemon=True)
+        self._thread.start()
+        started.wait()
+
+    async def _serve(
+        self, routes: list[Any], framed: bool, last: Callable[[], Any] | None, started: threading.Event
+    ) -> None:
+        self._loop, self._ended = asyncio.get_running_loop(), asyncio.Event()
+        application = tornado.web.Application(
+            routes,
+            served=self.served,
+            framed=framed,
+            default_handler_class=_NotFound,
+            websocket_max_message_size=MAX_MESSAGE,
+            websocket_ping_interval=PING_TIME,
+            websocket_ping_timeout=PING_TIME,
+        )
+        server = tornado.httpserver.HTTPServer(
+            application, max_body_size=MAX_MESSAGE, idle_connection_timeout=IDLE_TIME
+        )
+        server.add_socket(self._socket)
+        started.set()
+        await self._ended.wait()
+        server.stop()
+        if last is not None:
+            await last()
+        await server.close_all_connections()
+
+    def soon(self, function: Callable[..., object], *given: Any) -> None:
+        """Call a function in the thread of the server; return at once."""
+        with contextlib.suppress(RuntimeError):  # the server has been closed
+            self._loop.call_soon_threadsafe(function, *given)
+
+    def ask(self, function: Callable[[], T]) -> T:
+        """Return what a function returns in the thread of the server, after all that was to be called there before."""
+
+        async def call() -> T:
+            return function()
+
+        return asyncio.run_coroutine_threadsafe(call(), self._loop).result()
+
+    def serve_page(self, page: str, nonce: str, seconds: float | None = None) -> None:
+        """Serve one page, HTML whose scripts carry the nonce, until Ctrl-C, or for some seconds."""
+        self.start([(r"/", FixedPage, {"page": page.encode(), "nonce": nonce})])
+        print(f"replay: {self.served.url} (end with Ctrl-C)", file=sys.stderr, flush=True)
+        with contextlib.suppress(KeyboardInterrupt):
+            threading.Event().wait(seconds)
+        self.close()
+
+    def close(self) -> None:
+        """End, and release the port."""
+        if self._thread is None:
+            self._socket.close()
+        elif self._thread.is_alive():
+            self.soon(self._ended.set)
+            if self._thread is not threading.current_thread():
+                self._thread.join()

@@ -1,18 +1,19 @@
-"""Live view by MeshCat, which comes with every installation: drawing happens in a process of its own.
+"""Live view by MeshCat, which comes with every installation.
 
-`update` hands a snapshot over, so that a run waits for nothing but its own pace.
+`update` hands a snapshot over to the thread that serves the page, so that a run waits for nothing but its own pace.
 """
 
 from __future__ import annotations
 
 import secrets
+import weakref
 from typing import TYPE_CHECKING
 
-from wbc.app.address import Address
+from wbc.app.address import Address, ViewError
 from wbc.app.scene.layer import Annotations
 from wbc.app.view.base import View
-from wbc.app.view.process import DrawingProcess, ServerSetup
-from wbc.app.view.user_input import RunInput
+from wbc.app.view.guard import PageServer
+from wbc.app.view.server import Broadcast, page_routes
 from wbc.core.errors import Array
 from wbc.robots import RobotDescription
 from wbc.sim.plant.plant import Plant
@@ -70,8 +71,7 @@ class MeshcatView(View):
 
         Raises:
             InputError: A value out of range, no host, a terrain given with a plant, or a walk without one.
-            PortError: The port is in use; nothing is left running.
-            ViewError: The process does not start; nothing is left running.
+            PortError: The port is in use.
         """
         address = Address(host, port)
         super().__init__(
@@ -85,65 +85,41 @@ class MeshcatView(View):
             notebook=notebook,
         )
         token = secrets.token_urlsafe(TOKEN_BYTES)
-        self._process = DrawingProcess(
-            ServerSetup(self.scene, address, speed, self.controls.available(), token, notebook)
+        self._broadcast = Broadcast(
+            self.scene, self._pace, self.controls.order, self.controls.available(), token
         )
-        self._input: RunInput | None = None  # the last one that was carried out
-        self._request_number = 0
+        self._server = PageServer("live view", address)
+        self._server.start(page_routes(self._broadcast), framed=notebook, last=self._broadcast.end)
+        self._finalizer = weakref.finalize(self, self._server.close)
+        self._url = f"{self._server.served.url}?token={token}"
         self._begin()
 
     @property
     def url(self) -> str:
         """Link to the page, with the token that its controls need; without the token, a page only shows the run."""
-        return self._process.url
-
-    @property
-    def pid(self) -> int:
-        """Identifier of the drawing process."""
-        return self._process.pid
+        return self._url
 
     @property
     def pages(self) -> int:
-        """Number of open browser pages; 0 when the drawing process has ended."""
-        said = self._process.input
-        return said.pages if said is not None and self._process.running else 0
+        """Number of open browser pages."""
+        return 0 if self.closed else self._broadcast.pages
 
     @property
     def drivers(self) -> int:
         """Number of open pages that may change the run."""
-        said = self._process.input
-        return said.drivers if said is not None and self._process.running else 0
+        return 0 if self.closed else self._broadcast.drivers
 
     @property
     def closed(self) -> bool:
         """True after `close`."""
-        return self._process.closed
-
-    @property
-    def running(self) -> bool:
-        """True as long as the page is served."""
-        return self._process.running
-
-    @property
-    def frames(self) -> int:
-        """Number of pictures so far."""
-        return self._process.frames
+        return not self._finalizer.alive
 
     def _send(self, time: float, matrices: Array, annotations: Annotations) -> None:
-        self._process.draw(time, matrices, annotations)
+        self._broadcast.put(time, matrices, annotations)
+        self._server.soon(self._broadcast.take_frame)
 
-    def _read_input(self) -> None:
-        data = self._process.input
-        if data is None or data is self._input:
-            return
-        self._input = data
-        self._paused = data.paused
-        if data.speed != self._pace.speed:
-            self._pace.speed = data.speed
-        for number, request in data.orders:
-            if number > self._request_number:
-                self._request_number = number
-                self.controls.order(request)
+    def _end(self) -> None:
+        self._finalizer()
 
     def html(self) -> str:
         """Return the present picture as a self-contained page that opens without network.
@@ -151,7 +127,6 @@ class MeshcatView(View):
         Raises:
             ViewError: The view has ended.
         """
-        return self._process.html()
-
-    def _end(self) -> None:
-        self._process.close()
+        if self.closed:
+            raise ViewError("the live view has ended")
+        return self._server.ask(self._broadcast.static)

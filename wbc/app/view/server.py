@@ -1,9 +1,8 @@
-"""Server of the live view: sends the page and the frames of a run to browsers, and user input back.
+"""Pages of the live view: the scene and the frames of a run for browsers, and the input of those who watch it.
 
-Run as `python -m wbc.app.view.server FD` by `wbc.app.view.process`, with the file descriptor of the channel: a pickled
-`ServerSetup` comes first, JSON with the address (or an error) is the answer, then frames come and user input goes; the
-end of the channel ends the process. Who may ask for a page, see `wbc.app.view.guard`; who may change the run: pages
-opened by the link with the token.
+All of it happens in the thread of a `PageServer`. Who may ask for a page, see `wbc.app.view.guard`; who may change the
+run: pages opened by the link with the token. Messages come from a network: what is not exactly as declared here is
+dropped.
 """
 
 from __future__ import annotations
@@ -12,23 +11,21 @@ import asyncio
 import contextlib
 import dataclasses
 import json
-import logging
-import pickle
 import secrets
-import signal
-import sys
-from typing import Any
+import time as clock
+from collections.abc import Callable
+from typing import Annotated, Any
 
 import numpy as np
 import tornado.websocket
+from pydantic import BaseModel, Field, ValidationError
 
-from wbc.app.address import listen
+from wbc.app.scene.layer import Annotations
+from wbc.app.scene.scene import Scene
 from wbc.app.scene.shapes import HIDDEN, Surface
-from wbc.app.view.channel import Channel
-from wbc.app.view.guard import GuardedHandler, guarded_server, new_nonce
+from wbc.app.view.guard import MAX_MESSAGE, GuardedHandler, new_nonce
+from wbc.app.view.pace import Pace
 from wbc.app.view.page import SCRIPT, Page
-from wbc.app.view.process import START_TIME, ServerSetup
-from wbc.app.view.user_input import UserInput
 from wbc.app.view.viewer_commands import (
     empty_scene,
     object_commands,
@@ -37,29 +34,70 @@ from wbc.app.view.viewer_commands import (
     transform_tail,
 )
 from wbc.core.errors import Array
+from wbc.core.settings import CONFIG
 
 MAX_PAGES = 32
 """Largest number of open pages."""
 
-HALT = '{"order": {"do": "drive", "forward": 0.0, "left": 0.0, "turn": 0.0}}'
-"""Message of a page that lets the robot stand."""
+LAST_FRAME_TIME = 0.5
+"""Longest time that pages are given for the last frame, s."""
 
 POLICY_VIOLATION, TRY_LATER = 1008, 1013
 """Codes of closed connections (RFC 6455, and IANA's WebSocket Close Code registry)."""
 
 
-class Broadcast:
-    """The scene as commands for all open pages."""
+Text = Annotated[str, Field(max_length=100)]
 
-    def __init__(self, setup: ServerSetup, channel: Channel) -> None:
-        """Pack the fixed part of the scene."""
-        scene = setup.scene
-        self.page = Page(scene.title, scene.legend, scene.com_height)
-        self._channel = channel
-        self._input = UserInput(setup.speed)
-        self._controls = {name: setup.controls[name] for name in ("stop", "drive") if name in setup.controls}
-        self._token = setup.token
+Order = Annotated[dict[Text, Text | float], Field(max_length=8)]
+"""Order to change a run: {"do": name, …}; `wbc.app.view.controls` checks the rest."""
+
+STAND: dict[str, Any] = {"do": "drive", "forward": 0.0, "left": 0.0, "turn": 0.0}
+
+
+class PageMessage(BaseModel):
+    """Message of a page; what it leaves out stays as it is."""
+
+    model_config = CONFIG
+
+    paused: bool = False
+    speed: Annotated[float, Field(ge=1e-3, le=1e3)] | None = None
+    order: Order | None = None
+
+
+class Broadcast:
+    """The scene as commands for all open pages, and their input.
+
+    Attributes:
+        scene: The scene.
+        page: The page.
+        time: Simulated time of the present picture, s.
+        pages: Number of open pages.
+        drivers: Number of those that may change the run.
+    """
+
+    def __init__(
+        self,
+        scene: Scene,
+        pace: Pace,
+        order: Callable[[dict[str, Any]], None],
+        offered: dict[str, Any],
+        token: str,
+    ) -> None:
+        """Pack the fixed part of the scene.
+
+        Args:
+            scene: The scene.
+            pace: Pace of the run, which pages set.
+            order: Called with each order of a page.
+            offered: Controls of the run, see `LiveControls.available`.
+            token: Secret that a page shows to be allowed to change the run, or to pause it.
+        """
+        self.scene, self.page = scene, Page(scene.title, scene.legend, scene.com_height)
+        self.pages = self.drivers = 0
+        self._pace, self._order, self._token = pace, order, token
+        self._controls = {name: offered[name] for name in ("stop", "drive") if name in offered}
         self._driver: PageConnection | None = None  # the page that has given the last velocity
+        self._waiting: tuple[float, Array, Annotations] | None = None
         fixed = [thing for thing in scene.objects if not thing.deformable]
         self._objects = [command for thing in fixed for command in object_commands(thing)]
         self._deformable = [thing for thing in scene.objects if thing.deformable]
@@ -69,15 +107,10 @@ class Broadcast:
         self._annotations: dict[str, Any] = {}
         self._connections: set[PageConnection] = set()
 
-    @property
-    def text(self) -> str:
-        """Text of the present picture."""
-        return str(self._annotations.get("text", ""))
-
-    @property
-    def pages(self) -> int:
-        """Number of open pages."""
-        return len(self._connections)
+    def static(self, nonce: str = "") -> str:
+        """Return the present picture as a self-contained page; the nonce is that of its scripts, if it is served."""
+        text = str(self._annotations.get("text", ""))
+        return self.page.static(self.commands(), self.time, text, nonce)
 
     def commands(self) -> list[bytes]:
         """Return the commands for a new page; transforms come before the objects, so that none appears elsewhere."""
@@ -115,41 +148,72 @@ class Broadcast:
         if len(self._connections) >= MAX_PAGES:
             return False
         self._connections.add(connection)
-        self._tell()
+        self._count()
         return True
 
     def remove(self, connection: PageConnection) -> None:
         """Remove a page: a robot that it drove stands, and a pause ends with the last one that could end it."""
         self._connections.discard(connection)
+        self._count()
         if connection is self._driver:
-            self.take_input(HALT, connection)
-        if not any(other.may_change for other in self._connections):
-            self.take_input('{"paused": false}')
+            self._driver = None
+            self._order(STAND)
+        if not self.drivers:
+            self._pace.paused = False
         self._tell()
+
+    def _count(self) -> None:
+        self.pages = len(self._connections)
+        self.drivers = sum(connection.may_change for connection in self._connections)
 
     def _tell(self) -> None:
-        """Tell the run what the pages want, and how many there are."""
-        drivers = sum(other.may_change for other in self._connections)
-        self._channel.write(self._input.pack(self.pages, drivers))
-
-    def receive(self) -> None:
-        """Take a frame of the run, if there is one, and tell the pages; `EOFError` if the run has ended."""
-        frame = self._channel.read()
-        if frame is not None:
-            self.time, self._matrices, annotations = pickle.loads(frame)
-            self._annotations = json.loads(annotations)
-            for connection in self._connections:
-                connection.news.set()
-
-    def take_input(self, message: str | bytes, page: PageConnection | None = None) -> None:
-        """Pass on a page's message, and tell all pages about pause, speed, and which of them drives."""
-        order = self._input.take(message)
-        if order is not None and order.get("do") == "drive":
-            moves = any(order.get(name) for name in ("forward", "left", "turn"))
-            self._driver = page if moves else None
-        self._tell()
+        """Tell the pages that there is something new."""
         for connection in self._connections:
             connection.news.set()
+
+    def put(self, time: float, matrices: Array, annotations: Annotations) -> None:
+        """Put a frame of the run in place of one that has not been taken; may be called from any thread."""
+        self._waiting = time, matrices, annotations
+
+    def take_frame(self) -> None:
+        """Take the frame that waits, if there is one, and tell the pages."""
+        waiting, self._waiting = self._waiting, None
+        if waiting is not None:
+            self.time, matrices, annotations = waiting
+            self._matrices = matrices.transpose(0, 2, 1).reshape(-1, 16)  # as the viewer takes them
+            self._annotations = annotations.plain()
+            self._tell()
+
+    def take_input(self, message: str | bytes, page: PageConnection | None = None) -> None:
+        """Carry out a page's message, and tell all pages about pause, speed, and which of them drives."""
+        if len(message) > MAX_MESSAGE:
+            return
+        try:
+            said = PageMessage.model_validate_json(message)
+        except ValidationError:
+            return
+        if "paused" in said.model_fields_set:
+            self._pace.paused = said.paused
+        if "speed" in said.model_fields_set and said.speed != self._pace.speed:
+            self._pace.speed = said.speed
+        if said.order is not None:
+            self._order(dict(said.order))
+            if said.order.get("do") == "drive":
+                moves = any(said.order.get(name) for name in ("forward", "left", "turn"))
+                self._driver = page if moves else None
+        self._tell()
+
+    async def end(self) -> None:
+        """Close all connections, after they have taken the last frame or a time."""
+        self.take_frame()
+        end = clock.perf_counter() + LAST_FRAME_TIME
+        while clock.perf_counter() < end and any(
+            each.behind or each.news.is_set() for each in self._connections
+        ):
+            await asyncio.sleep(0.01)
+        for connection in list(self._connections):
+            connection.end()
+        await asyncio.sleep(0)
 
     def may_change(self, token: str) -> bool:
         """Return true for the token of the link that the run has printed."""
@@ -167,7 +231,7 @@ class Broadcast:
     def _facts(self, page: PageConnection) -> str:
         facts = {key: value for key, value in self._annotations.items() if key != "colours"}
         other = self._driver is not None and self._driver is not page
-        state = {"paused": self._input.paused, "speed": self._input.speed, "other_drives": other}
+        state = {"paused": self._pace.paused, "speed": self._pace.speed, "other_drives": other}
         return json.dumps({"time": self.time, **facts, **state})
 
 
@@ -180,6 +244,7 @@ class PageConnection(GuardedHandler, tornado.websocket.WebSocketHandler):
     Attributes:
         may_change: The page has shown the token: its messages are obeyed.
         news: Set when there is something newer than the page shows.
+        behind: A frame is being sent.
         shown: Matrices of the frame that the page shows, or is being sent.
         colours: Colours of that frame.
     """
@@ -190,7 +255,7 @@ class PageConnection(GuardedHandler, tornado.websocket.WebSocketHandler):
     def initialize(self, broadcast: Broadcast) -> None:
         """Take the broadcast that the application gives."""
         self._broadcast = broadcast
-        self.may_change = False
+        self.may_change, self.behind = False, True
         self.news = asyncio.Event()
         self._sender: asyncio.Task[None] | None = None
 
@@ -207,7 +272,9 @@ class PageConnection(GuardedHandler, tornado.websocket.WebSocketHandler):
             while True:
                 for message in messages:
                     await self.write_message(message, binary=isinstance(message, bytes))
+                self.behind = False
                 await self.news.wait()
+                self.behind = True
                 self.news.clear()
                 messages = self._broadcast.news(self)
 
@@ -217,6 +284,12 @@ class PageConnection(GuardedHandler, tornado.websocket.WebSocketHandler):
             self._broadcast.take_input(message, self)
         else:
             self.close(POLICY_VIOLATION, "changes need the link that the run printed")
+
+    def end(self) -> None:
+        """Close the connection, whether the page answers or not."""
+        self.close()
+        if self.ws_connection is not None and self.ws_connection.stream is not None:
+            self.ws_connection.stream.close()
 
     def on_close(self) -> None:
         """Remove the page."""
@@ -239,8 +312,7 @@ class PageHandler(GuardedHandler):
             self.set_header("Content-Type", "text/javascript; charset=utf-8")
             await self.answer(SCRIPT.read_bytes())
         elif self._kind == "static":
-            commands = self._broadcast.commands()
-            await self.answer(page.static(commands, self._broadcast.time, self._broadcast.text, nonce), nonce)
+            await self.answer(self._broadcast.static(nonce), nonce)
         else:
             await self.answer(page.live(nonce), nonce)
 
@@ -251,43 +323,3 @@ def page_routes(broadcast: Broadcast) -> list[Any]:
     for pattern, kind in ((r"/", "live"), (r"/scene\.html", "static"), (r"/main\.min\.js", "script")):
         routes.append((pattern, PageHandler, {"broadcast": broadcast, "kind": kind}))
     return routes
-
-
-async def serve(setup: ServerSetup, channel: Channel) -> None:
-    """Serve until the run ends.
-
-    Raises:
-        OSError: The port is in use.
-    """
-    listening, served = listen(setup.address)
-    broadcast = Broadcast(setup, channel)
-    guarded_server(served, page_routes(broadcast), framed=setup.framed).add_socket(listening)
-    channel.write(json.dumps(dataclasses.asdict(served)).encode())
-    ended = asyncio.Event()
-
-    def receive() -> None:
-        try:
-            broadcast.receive()
-        except EOFError:
-            asyncio.get_running_loop().remove_reader(channel)
-            ended.set()
-
-    asyncio.get_running_loop().add_reader(channel, receive)
-    await ended.wait()
-
-
-def main() -> None:
-    """Run the process."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the run, whose end ends this process
-    logging.getLogger("tornado.access").setLevel(logging.ERROR)
-    channel = Channel(int(sys.argv[1]))
-    setup = channel.read(START_TIME)
-    assert setup is not None
-    try:
-        asyncio.run(serve(pickle.loads(setup), channel))
-    except OSError as error:
-        channel.write(json.dumps({"error": error.strerror or str(error)}).encode())
-
-
-if __name__ == "__main__":
-    main()

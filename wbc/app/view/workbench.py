@@ -116,7 +116,7 @@ class Workbench(View):
         stick = None if limits is None else Stick(limits, self._steer)
         server, self._url = start_server(address, self.scene.title, notebook, stick)
         self._server: Any = server
-        self._closed, self.frames = False, 0
+        self._closed = False
         self._live: list[Callable[[float], None]] = []  # called with each picture
         self._texts: list[tuple[Any, Callable[[], str]]] = []
         self._spoken = self._plotted = -math.inf
@@ -238,15 +238,11 @@ class Workbench(View):
         """True after `close`."""
         return self._closed
 
-    def _read_input(self) -> None:
-        """Do nothing: pages have set pause and speed, and queued their orders."""
-
     def _end(self) -> None:
         self._closed = True
         stop_server(self._server)
 
     def _send(self, time: float, matrices: Array, annotations: Annotations) -> None:
-        self.frames += 1
         self._drawn.draw(matrices, annotations)
         self._said = (f"**{time:.2f} s**", *annotations.text)
         now = clock.perf_counter()
@@ -286,7 +282,7 @@ class Workbench(View):
         chosen = gui.add_dropdown("speed", tuple(SPEEDS), initial_value=speed)
         follow = gui.add_checkbox("camera follows", True)
 
-        when(pause.on_update, lambda _: setattr(self, "_paused", pause.value))
+        when(pause.on_update, lambda _: setattr(self._pace, "paused", pause.value))
         when(chosen.on_update, lambda _: setattr(self._pace, "speed", SPEEDS[chosen.value]))
         when(follow.on_update, lambda _: setattr(self._drawn, "follows", follow.value))
         clear = gui.add_checkbox("see through the robot", False)
