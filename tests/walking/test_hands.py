@@ -21,6 +21,7 @@ from wbc.tasks.stabilizer.zmp import zmp_offset
 from wbc.walking import (
     FootstepPlan,
     HandSettings,
+    SteppingControl,
     WalkingControl,
     WalkingControlSettings,
     walk_distance,
@@ -167,21 +168,16 @@ def test_a_heavier_robot_shifts_its_com_less_for_the_same_force() -> None:
     assert abs(expected[0]) > 0.02 and hands.shift == pytest.approx(expected, abs=2e-3)
 
 
-def test_hands_that_do_nothing_change_nothing() -> None:
-    """Every command is that of a walk without hands, up to the rounding of a larger QP."""
-    ways = []
-    for hands in (None, HandSettings()):
-        plant = Plant(load("hrp4_class"))
-        robot = load("hrp4_class").robot()
-        plan = walk_distance(FootstepPlan.standing(robot), 0.2)
-        walking = WalkingControl(robot, plan, plant.control_period, WalkingControlSettings(hands=hands))
-        commands = []
-        for _ in range(200):  # into the first swing
-            command = walking.command(plant.measure())
-            plant.step(command)
-            commands.append(command.joint_position)
-        ways.append(np.array(commands))
-    assert ways[1] == pytest.approx(ways[0], abs=1e-6)
+def test_hands_without_orders_have_nothing_in_the_qp() -> None:
+    """A hand has its contact and tasks from its first order on, and keeps them."""
+    walking, hands = standing()
+    controller, before = walking.controller, len(walking.controller.tasks)
+    assert [contact.name for contact in controller.contacts] == ["left_foot", "right_foot"]
+    hands.press("left_hand", 5.0, DOWN)
+    hands.release("left_hand")
+    hands.press("left_hand", 5.0, DOWN)
+    assert [contact.name for contact in controller.contacts[2:]] == ["left_hand press"]
+    assert len(controller.tasks) == before + 2
 
 
 @pytest.mark.parametrize("turned", [0.0, 1e-9, 0.3, 2.0, np.pi - 1e-9, np.pi])
@@ -313,10 +309,9 @@ def test_bad_orders_are_refused_before_anything_moves(
     assert not hands.active and all(hand.state is HandState.FREE for hand in hands.all.values())
 
 
-def test_a_walk_made_without_hands_that_press_says_how_to_make_them() -> None:
-    model = load("hrp4_class").robot()
-    walking = WalkingControl(model, FootstepPlan.standing(model), 0.005)
-    with pytest.raises(InputError, match=re.escape("WalkingControlSettings(hands=HandSettings())")):
+def test_a_robot_that_balances_by_its_steps_says_which_control_counts_forces_on_hands() -> None:
+    walking = SteppingControl(load("g1").robot(), 0.005)
+    with pytest.raises(InputError, match=re.escape("whose forces a WalkingControl counts")):
         walking.hands.press("left_hand", 5.0, DOWN)
 
 

@@ -40,7 +40,7 @@ class Balance:
         stabilizer: Feedback and admittances.
         lean: Lean of the trunk; None keeps it upright.
         bias: Estimator of the error of the measured DCM; None takes it as measured.
-        hands: Hands that press on things; None without.
+        hands: Hands that press on things; None of a robot without hands.
         load: Load in the hands as estimated; None where none is expected.
         output: Output of the stabilizer in the last tick; None before the first one.
         leaning: Motion of the trunk's lean in that tick.
@@ -63,9 +63,6 @@ class Balance:
             arms: Its arms.
             settings: Settings.
             height: Height of the CoM over the soles while walking, m.
-
-        Raises:
-            InputError: Hands that the robot does not have.
         """
         s, robot = settings, control.controller.robot
         self._control, self._tasks, self._robot = control, tasks, robot
@@ -79,7 +76,7 @@ class Balance:
         self.bias = None if s.bias is None else BiasEstimator(s.bias)
         self.hands: Hands | None = None
         estimate = control.observer.robot
-        if s.hands is not None:  # a loss is survived within a sole: while the robot walks it has no more
+        if robot.frames:  # a loss is survived within a sole: while the robot walks it has no more
             edges = 0.5 * left.length, 0.5 * left.width
             self.hands = Hands(control.controller, estimate, s.hands, edges, height, arms)
         self.load: HeldLoad | None = None

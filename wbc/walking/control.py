@@ -122,12 +122,17 @@ class ReferenceControl:
 
     @property
     def hands(self) -> Hands:
-        """Hands that press on things and hold on to them; an `InputError` for a walk that was made without them."""
-        if self.balance is None or self.balance.hands is None:
+        """Hands that press on things and hold on to them.
+
+        An `InputError` for a robot without hands, and for one that balances by its steps, which do not count forces.
+        """
+        if self.balance is None:
             raise InputError(
-                f"{type(self).__name__} has no hands that press or grip: make a WalkingControl with "
-                "WalkingControlSettings(hands=HandSettings()), or give its hands targets by walking.arms"
+                f"{type(self).__name__} has no hands that press or grip, whose forces a WalkingControl counts; give "
+                "its hands targets by walking.arms"
             )
+        if self.balance.hands is None:
+            raise InputError(f"'{self.controller.robot.name}' has no hands in its description")
         return self.balance.hands
 
     def command(self, measurement: Measurement) -> Command:

@@ -41,7 +41,7 @@ class WalkingControlSettings:
         arms: Hands with targets, and arms that swing.
         bias: Estimator of a constant error of the measured CoM and DCM, which is then subtracted: sensors and models
             are off by millimetres. None takes both as measured.
-        hands: Hands that press on things; None for hands that are only carried along.
+        hands: Hands that press on things and grip them.
         load: Estimate of a load of unknown mass in the hands, which the models then carry; None for empty hands.
         safety: Ranges of measurements and commands.
         solver: Solver of the QP. On steep ground a leg may be too short for where its foot should be: hard tasks and
@@ -59,7 +59,7 @@ class WalkingControlSettings:
     lean: LeanSettings | None = field(default_factory=LeanSettings)
     bias: BiasSettings | None = field(default_factory=lambda: BiasSettings(drift_std=0.002))
     drive: DriveSettings = field(default_factory=DriveSettings)
-    hands: HandSettings | None = None
+    hands: HandSettings = field(default_factory=HandSettings)
     load: LoadSettings | None = None
     arms: ArmSettings = field(default_factory=ArmSettings)
     safety: SafetySettings = field(default_factory=SafetySettings)

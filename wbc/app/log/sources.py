@@ -20,7 +20,7 @@ from wbc.app.log.signals import Read, Signals, Tick, of, once
 from wbc.core.conventions import configuration_from_mujoco, velocity_from_mujoco
 from wbc.core.drive.position import PositionControl
 from wbc.core.errors import Array
-from wbc.core.qp.solution import Solution
+from wbc.core.qp.solution import Layout, Solution
 from wbc.core.robot import SIDES, Robot
 from wbc.sim.plant.plant import Plant
 from wbc.tasks.behaviours import Program
@@ -274,45 +274,55 @@ def _add_command(signals: Signals, tick: Tick) -> None:
 
 
 def _add_solver(signals: Signals, tick: Tick) -> None:
-    """Describe status, residuals, active limits and timings of the QP; NaN after other tasks than the first tick's."""
-    one, layout = signals.one, None if tick.solution is None else tick.solution.layout
-    solved = of(lambda t: t.solution)
-    of_layout = of(lambda t: t.solution if t.solution is not None and t.solution.layout is layout else None)
+    """Describe status, residuals, active limits and timings of the QP, with the tasks and contacts of the first tick.
 
+    One that is taken out later has NaN from then on.
+    """
+    one = signals.one
+    solved = of(lambda t: t.solution)
     one("solver/status", "1", "status of the QP", solved(lambda s: s.status.value), "text")
     one("solver/iterations", "1", "outer iterations", solved(lambda s: s.iterations), "whole")
     failures: Read = lambda t: 0 if t.drives is None else t.drives.failures  # noqa: E731
     one("solver/failures", "1", "failed ticks so far", failures, "whole")
     parts, about = ("model", "assembly", "solve", "decode"), "wall time of a part of the controller's tick"
     signals.group("tick", parts, "s", about, solved(lambda s: s.timings))
-    if tick.solution is None or layout is None:
+    if tick.solution is None:
         return
+    layout = tick.solution.layout
     feet = dict(zip((s.name for s in tick.robot.soles), foot_names(tick.robot), strict=True))
     for name, variables in layout.contacts.items():
         size = variables.stop - variables.start
         where = f"foot/{feet[name]}" if name in feet else f"contact/{name}"
-        wrench = of_layout(lambda s, at=variables: s.variables[at])  # type: ignore[misc]
-        about = "solution of the QP, sole frame"
+        about = "solution of the QP, frame of the contact"
+        wrench = solved(lambda s, name=name: _part(s.variables, s.layout.contacts.get(name)))  # type: ignore[misc]
         signals.group(f"{where}/wrench_solved", WRENCH[:size], WRENCH_UNITS[:size], about, wrench)
-    sums = np.zeros((len(layout.tasks), tick.solution.residual_rows.size))
-    for of_task, rows in zip(sums, layout.tasks.values(), strict=True):
-        of_task[rows] = 1.0
-    signals.each(
-        [f"solver/residual/{name}" for name in layout.tasks],
-        [layout.units[name] for name in layout.tasks],
-        "norm of achieved minus desired acceleration, torque or wrench",
-        of_layout(lambda s: np.sqrt(sums @ np.square(s.residual_rows))),
-    )
-    texts: dict[bytes, str | None] = {}
+    for name in layout.tasks:
+        about = "norm of achieved minus desired acceleration, torque or wrench"
+        norm = solved(lambda s, name=name: _norm(_part(s.residual_rows, s.layout.tasks.get(name))))  # type: ignore[misc]
+        one(f"solver/residual/{name}", layout.units[name], about, norm)
+    named: list[Layout] = [layout]
+    texts: dict[bytes, str | None] = {}  # of that layout, by pattern
 
     def active_limits(solution: Solution) -> str | None:
+        if solution.layout is not named[0]:
+            named[0] = solution.layout
+            texts.clear()
         size = np.abs(solution.multipliers)
         pattern = (size > 1e-6 * max(1.0, float(size.max(initial=0.0)))).tobytes()  # as in `active_limits`
         if pattern not in texts:
             texts[pattern] = "; ".join(solution.active_limits) or None
         return texts[pattern]
 
-    one("solver/active_limits", "1", "active limits, separated by ';'", of_layout(active_limits), "text")
+    one("solver/active_limits", "1", "active limits, separated by ';'", solved(active_limits), "text")
+
+
+def _part(values: Array, place: slice | None) -> Array | None:
+    """Return a part of the values of a solution; None where it has none."""
+    return None if place is None else values[place]
+
+
+def _norm(values: Array | None) -> float:
+    return math.nan if values is None else math.sqrt(values.dot(values))
 
 
 def _add_plant(signals: Signals, tick: Tick) -> None:

@@ -27,7 +27,7 @@ import pinocchio as pin
 
 from wbc.core.errors import Array
 from wbc.core.qp.contact import ContactOptions, FixedContact, PointContact
-from wbc.core.qp.controller import Controller
+from wbc.core.qp.controller import Controller, Item
 from wbc.core.settings import NonNegative, Positive, Share, settings
 from wbc.tasks.force.admittance import AdmittanceTask
 from wbc.tasks.force.wrench import WrenchTask
@@ -129,23 +129,21 @@ class Hand:
     """
 
     def __init__(self, controller: Controller, name: str, index: int, settings: HandSettings) -> None:
-        """Add task and contacts of the hand to a controller, and begin free."""
+        """Begin free: the controller gets task and contacts of the hand with its first order."""
         self.name, self.index, self._settings = name, index, settings
-        self._robot = robot = controller.robot
-        frame = robot.frames[name]
-        self.task = controller.add(
-            AdmittanceTask(
-                frame,
-                name=f"{name} force",
-                admittance=(0.0, 0.0),
-                weight=0.0,
-                stiffness=STIFFNESS,
-                velocity_bound=(2.0 * settings.approach, 0.1),
-                time_constant=SMOOTHING,
-            )
+        self._controller, self._robot = controller, controller.robot
+        frame = self._robot.frames[name]
+        self.arm = HandArm(self._robot, frame)
+        compliance = self.arm.compliance() or settings.compliance
+        self.task = AdmittanceTask(
+            frame,
+            name=f"{name} force",
+            admittance=(compliance / (4.0 * settings.lag), 0.0),
+            weight=0.0,
+            stiffness=STIFFNESS,
+            velocity_bound=(2.0 * settings.approach, 0.1),
+            time_constant=SMOOTHING,
         )
-        self.arm = HandArm(robot, frame)
-        self.task.admittance = ((self.arm.compliance() or settings.compliance) / (4.0 * settings.lag), 0.0)
         options: ContactOptions = {  # the motion is the task's
             "active": False,
             "ramp": 0.0,
@@ -155,11 +153,9 @@ class Hand:
         }
         self.contact, self.grasp = PointContact(frame, **options), FixedContact(frame, **options)
         self.contact.name, self.grasp.name = f"{name} press", f"{name} grip"
-        controller.add(self.contact)
-        controller.add(self.grasp)
-        self._force = controller.add(WrenchTask(self.contact, weight=WRENCH_WEIGHT))
-        self._wrench = controller.add(WrenchTask(self.grasp, weight=WRENCH_WEIGHT))
-        self._axis = self.arm.axis()
+        self._force = WrenchTask(self.contact, weight=WRENCH_WEIGHT)
+        self._wrench = WrenchTask(self.grasp, weight=WRENCH_WEIGHT)
+        self._axis, self._frame = self.arm.axis(), frame
         self.direction = np.zeros(3)
         self.reading, self.tare = np.zeros(6), np.zeros(6)
         self._start = self._held = pin.SE3.Identity()  # of a way; in the frame that goes with the robot
@@ -204,7 +200,7 @@ class Hand:
         """Where its frame goes, or is once it is there, in the world, shape (3,), m."""
         if self.state is HandState.REACH:
             return np.asarray(self._start.translation + self._path)
-        return np.asarray(self._robot.placement(self.task.frame).translation)
+        return np.asarray(self._robot.placement(self._frame).translation)
 
     def press(self, direction: Array, force: float, at: Array | None = None) -> None:
         """Approach a surface and press on it, or press on it with another force.
@@ -219,9 +215,21 @@ class Hand:
             self.contact.normal = -direction
             self.force.to(force, self._settings.ramp)
             return
+        self._add(self.task, self.contact, self._force)
+        self._approach_from_here(direction, force, at)
+
+    def _add(self, *items: Item) -> None:
+        """Add to the controller what it does not have yet of a hand."""
+        present = (*self._controller.tasks, *self._controller.contacts)
+        for item in items:
+            if not any(item is other for other in present):
+                self._controller.add(item)
+
+    def _approach_from_here(self, direction: Array, force: float, at: Array | None) -> None:
+        """Begin a way to a surface, or to a handle."""
         self._enter(HandState.APPROACH)
         self.direction, self._grips = direction, False
-        self._start = self.task.target = pin.SE3(self._robot.placement(self.task.frame))
+        self._start = self.task.target = pin.SE3(self._robot.placement(self._frame))
         self.task.weight = (*[WEIGHT] * 3, *[TURN_WEIGHT] * 3)
         self.force.goal = force
         self._rotation = np.array(self._start.rotation)
@@ -239,7 +247,8 @@ class Hand:
             limit: Force above which the hand yields, N.
             at: The handle, in the world, shape (3,), m.
         """
-        self.press(direction, limit, at + CLEARANCE * direction - GAP * direction)
+        self._add(self.task, self.grasp, self._wrench)
+        self._approach_from_here(direction, limit, at + CLEARANCE * direction - GAP * direction)
         self._grips = True
 
     def release(self) -> None:
@@ -328,7 +337,7 @@ class Hand:
 
     def bear(self, wrench: Array) -> None:
         """Ask the QP for a wrench on a hand that grips, [force; moment] in world axes, shape (6,), N and Nm."""
-        turn = self._robot.placement(self.task.frame).rotation
+        turn = self._robot.placement(self._frame).rotation
         self._wrench.follow(np.concatenate((wrench[:3] @ turn, wrench[3:] @ turn)))
 
     def _reach(self, dt: float) -> bool:

@@ -84,7 +84,7 @@ class Hands:
         height: float,
         arms: Arms,
     ) -> None:
-        """Add a task and contacts for each hand, which do nothing yet.
+        """Leave the hands free: nothing of them is in the QP before an order.
 
         Args:
             controller: Controller of the robot.
@@ -93,15 +93,8 @@ class Hands:
             edges: Distances from the middle of a sole to its toes and to its side, m.
             height: Height of the CoM over the support, m.
             arms: Targets of the same hands; a hand has either a target or something to press on.
-
-        Raises:
-            InputError: A robot without hands.
         """
         self._robot, self._estimate, self._arms = controller.robot, estimate, arms
-        if not self._robot.frames:
-            raise InputError(
-                f"hands need a robot with hands; the description of '{self._robot.name}' has none"
-            )
         self.settings = settings
         self._edges, self._height = edges, height
         self._controller = controller
@@ -366,7 +359,8 @@ class Hands:
             wrench = hand.reading - hand.tare
             chosen = None
             if solution is not None and hand.contact.active:
-                chosen = solution.variables[solution.layout.contacts[hand.contact.name]]
+                at = solution.layout.contacts.get(hand.contact.name)
+                chosen = None if at is None else solution.variables[at]
             hand.update(wrench, place.rotation, chosen, self._middle, dt)
             if hand.state in (HandState.HOLD, HandState.LOST):
                 felt += place.act(pin.Force(wrench)).vector
