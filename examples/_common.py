@@ -36,8 +36,7 @@ class Options(argparse.Namespace):
         if not self.view:
             yield NoView()
             return
-        shown: dict[str, Any] = {"walking": walking, "program": program}
-        with MeshcatView(plant, **shown, host=self.host, port=self.port, speed=1.0) as view:
+        with MeshcatView(plant, walking, program=program, host=self.host, port=self.port, speed=1.0) as view:
             view.wait_for_page(BROWSER_TIME)
             yield view
 

@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 import asyncio
-import base64
 import json
 import math
-import re
 import time
 import urllib.request
 from collections.abc import Iterator
@@ -16,7 +14,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 import umsgpack
-from pages import page_url
+from pages import page_url, taken
 from tornado.websocket import websocket_connect
 
 import wbc
@@ -42,13 +40,6 @@ from wbc.tasks.balance import balance_controller
 
 ROBOTS = ("hrp4_class", "talos", "g1")
 Commands = list[dict[str, Any]]
-
-
-def commands(html: str) -> Commands:
-    """Commands of the viewer inside a page that holds everything in itself."""
-    found = re.search(r"for \(const text of (\[.*?\])\)", html)
-    assert found
-    return [umsgpack.unpackb(base64.b64decode(text)) for text in json.loads(found.group(1))]
 
 
 def matrices(of: Commands) -> dict[str, np.ndarray]:
@@ -281,10 +272,9 @@ def test_colours_are_those_of_the_urdf() -> None:
 
 def test_the_page_holds_robot_ground_forces_and_labels(plant: wbc.Plant, view: MeshcatView) -> None:
     view.update()
-    html = view.html()
-    assert "hrp4_class" in html and "contact force" in html and f"{plant.time:.2f} s" in html
-    assert not re.search(r"<(script|link|img)[^>]+(src|href)=(?!\"data:)", html)  # it opens without network
-    drawn = commands(html)
+    taken(view._server)
+    html, drawn = view._broadcast.page.live(""), list(map(umsgpack.unpackb, view._broadcast.commands()))
+    assert "hrp4_class" in html and "contact force" in html
     objects = [command["path"] for command in drawn if command["type"] == "set_object"]
     for part in (
         "robot/head/",
@@ -361,8 +351,8 @@ def test_a_run_is_the_same_with_and_without_a_view_even_one_that_is_busy() -> No
     assert np.array_equal(states, alone)
     assert np.abs(alone[-1] - alone[0]).max() > 0.1  # something did happen
     view.close()  # a second time does no harm
-    with pytest.raises(ViewError, match="has ended"):
-        view.html()
+    with pytest.raises(ViewError, match="has been closed"):
+        view.update()
 
 
 def test_the_state_of_a_program_stands_in_the_pictures(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -83,7 +83,7 @@ def test_velocities_in_a_file_that_are_refused(
 @needs_chromium
 def test_arrow_keys_and_a_gamepad_in_a_browser_drive_the_robot(tmp_path: Path) -> None:
     plant, walking = stage()
-    with MeshcatView(plant, walking=walking, port=0) as view:
+    with MeshcatView(plant, walking, port=0) as view:
 
         def run(until: Any, ticks: int = 3000) -> None:
             for _ in range(ticks):
@@ -151,7 +151,7 @@ def test_a_driven_robot_stands_when_nobody_is_left_who_may_stop_it() -> None:
             while await page.read_message() is not None:
                 pass
 
-    with MeshcatView(plant, walking=walking, port=0, rate=1e6) as view:
+    with MeshcatView(plant, walking, port=0, rate=1e6) as view:
         asyncio.run(drive(view))
     with pytest.raises(ViewError, match="has been closed"):
         view.update()

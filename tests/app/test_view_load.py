@@ -10,6 +10,7 @@ import socket
 import struct
 import threading
 import time
+import urllib.request
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -17,7 +18,7 @@ from urllib.parse import urlsplit
 
 import numpy as np
 import pytest
-from pages import PAUSE, close_code, facts, page_url
+from pages import PAUSE, close_code, facts, page_url, taken
 from tornado.websocket import websocket_connect
 
 import wbc
@@ -52,7 +53,8 @@ def view(plant: wbc.Plant) -> Iterator[MeshcatView]:
 @pytest.mark.skipif(not has_ipv6(), reason="no IPv6 on this machine")
 def test_ipv6_addresses_open(view: MeshcatView) -> None:
     assert re.match(r"http://\[::1\]:\d+/\?token=", view.url)
-    assert "hrp4_class" in view.html()
+    with urllib.request.urlopen(view.url) as page:
+        assert b"hrp4_class" in page.read()
     port = urlsplit(view.url).port
     with pytest.raises(PortError, match=rf"\[::1\]:{port}.*another port"):
         guard.PageServer("replay", Address("::1", port))
@@ -115,7 +117,7 @@ def test_clients_that_never_read_do_not_make_the_server_grow(plant: wbc.Plant, v
             view.update()
             for client in clients:
                 client.sendall(masked('{"speed": null}'))
-            view._server.ask(lambda: None)
+            taken(view._server)
 
     clients: list[socket.socket] = []
     url = page_url(view, "stream")
@@ -181,7 +183,8 @@ def test_a_slow_page_skips_frames() -> None:
         count = len(broadcast.scene.moving)
         for frame in range(1, 1001):  # 30 MB
             broadcast.put(float(frame), np.full((count, 4, 4), frame), Annotations(["x" * 30_000]))
-            server.ask(broadcast.take_frame)
+            server.soon(broadcast.take_frame)
+            taken(server)
         times = [0.0]
         while times[-1] < 1000.0:
             times.append((await facts(page, lambda said: "time" in said))["time"])

@@ -47,7 +47,7 @@ def view(plant: wbc.Plant) -> Iterator[MeshcatView]:
 # ---- who is answered ------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("path", ["/", "/scene.html", "/main.min.js", "/stream", "/nothing"])
+@pytest.mark.parametrize("path", ["/", "/main.min.js", "/stream", "/nothing"])
 def test_requests_for_another_site_are_refused(view: MeshcatView, path: str) -> None:
     port = urlsplit(view.url).port
     for host in (
@@ -132,8 +132,6 @@ def test_addresses_answer_to_their_names_and_no_others() -> None:
         assert [host for host in admitted if not served.admits(host)] == []
         assert [host for host in refused if served.admits(host)] == []
     assert ServedAddress("0", "0.0.0.0", 7000).everywhere  # what is meant counts, not how it is written
-    assert ServedAddress("::", "::", 7000).local_url == "http://[::1]:7000/"
-    assert ServedAddress("0.0.0.0", "0.0.0.0", 7000).local_url == "http://127.0.0.1:7000/"
 
 
 @pytest.mark.parametrize("host", ["", " ", "a b", "127.0.0.1\0", "a" * 64, "a..b", "\ud800", "x\n"])
@@ -172,8 +170,7 @@ def test_an_unknown_host_is_asked_for_once(monkeypatch: pytest.MonkeyPatch) -> N
 def test_the_token_is_in_the_link_alone(view: MeshcatView) -> None:
     token = urlsplit(view.url).query.removeprefix("token=")
     assert len(base64.urlsafe_b64decode(token + "==")) >= 16
-    for path in ("/", "/scene.html"):  # pages are for everybody
-        assert token.encode() not in get(view.url, path).body
+    assert token.encode() not in get(view.url).body  # the page is for everybody
 
 
 @pytest.mark.parametrize("query", ["", "?token=", "?token=wrong", "?token=%E2%82%AC", "{right}x", "?other=1"])
@@ -280,11 +277,10 @@ def policy(answer: Answer) -> dict[str, list[str]]:
     return {name: values for name, *values in (rule.split() for rule in text.split(";"))}
 
 
-@pytest.mark.parametrize("path", ["/", "/scene.html"])
-def test_a_page_runs_its_own_scripts_and_no_others(view: MeshcatView, path: str) -> None:
+def test_a_page_runs_its_own_scripts_and_no_others(view: MeshcatView) -> None:
     nonces = set()
     for _ in range(2):
-        answer = get(view.url, path)
+        answer = get(view.url)
         rules, page = policy(answer), answer.body.decode()
         assert rules["frame-ancestors"] == rules["default-src"] == rules["base-uri"] == ["'none'"]
         (script,) = rules["script-src"]

@@ -12,6 +12,7 @@ from urllib.parse import urljoin, urlsplit
 
 from tornado.websocket import WebSocketClientConnection
 
+from wbc.app.view.guard import PageServer
 from wbc.app.view.meshcat_view import MeshcatView
 
 PAUSE = '{"paused": true}'
@@ -28,6 +29,11 @@ def page_url(view: MeshcatView, name: str, *, token: bool = True) -> str:
     """
     address = urljoin(view.url, name) + (f"?{urlsplit(view.url).query}" if token else "")
     return address.replace("http", "ws", 1) if name == "stream" else address
+
+
+def taken(server: PageServer) -> None:
+    """Wait until a server has done what it was to do so far."""
+    asyncio.run_coroutine_threadsafe(asyncio.sleep(0), server._loop).result(20.0)
 
 
 @dataclass

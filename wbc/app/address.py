@@ -89,15 +89,7 @@ class ServedAddress:
     @property
     def url(self) -> str:
         """URL for other machines, if the page is served to them, or for this one."""
-        return self._url(os.uname().nodename if self.everywhere else self.host)
-
-    @property
-    def local_url(self) -> str:
-        """URL for this machine."""
-        here = "::1" if ":" in self.bound else "127.0.0.1"
-        return self._url(here if self.everywhere else self.host)
-
-    def _url(self, host: str) -> str:
+        host = os.uname().nodename if self.everywhere else self.host
         return f"http://{_bracketed(host)}:{self.port}/"
 
     def admits(self, host: str) -> bool:

@@ -4,14 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 
 from matplotlib.figure import Figure
 
 from wbc.app.log.reader import Log
 from wbc.app.plot.balance import draw_balance, draw_plan
-from wbc.app.plot.loads import draw_feet, draw_torque
+from wbc.app.plot.signals import draw_signals
 from wbc.app.plot.stiffness import draw_stiffness
-from wbc.app.plot.timing import draw_timing
+from wbc.app.plot.torque import draw_torque
 from wbc.core.arguments import checked
 from wbc.core.errors import InputError, choose
 from wbc.core.robot import SIDES
@@ -47,12 +48,18 @@ FIGURES = {
         draw_plan,
     ),
     "feet": LogFigure(
-        "forces and ankle moments of the feet, measured and desired",
+        "normal forces and ankle moments of the feet, measured and desired",
         ("foot/left/wrench_measured", "foot/right/wrench_measured"),
-        draw_feet,
+        partial(draw_signals, words=("foot/*/wrench_*/fz", "foot/*/wrench_*/m[xy]")),
     ),
     "torque": LogFigure("joint torques over their limits", ("truth/joint/torque_ratio",), draw_torque),
-    "timing": LogFigure("time that the controller's ticks took", ("tick",), draw_timing),
+    "timing": LogFigure(
+        "time that the controller's ticks took, by its parts",
+        ("tick/solve",),
+        partial(
+            draw_signals, words=tuple(f"tick/{part}" for part in ("model", "assembly", "solve", "decode"))
+        ),
+    ),
     "stiffness": LogFigure(
         "stiffness of the soles, commanded and actual, and the ground scanned in each step",
         ("foot/left/stiffness", "foot/right/stiffness"),

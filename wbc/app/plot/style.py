@@ -95,13 +95,3 @@ def mark_states(axes: Axes, log: Log, *, names: bool) -> None:
         if names and name:
             middle = 0.5 * (log.time[start] + log.time[end])
             axes.text(middle, 0.98, name, transform=across, rotation=90, ha="center", va="top", fontsize=7)
-
-
-def limit_to(axes: Axes, *values: Array, margin: float = 0.08) -> None:
-    """Let the vertical axis span these values."""
-    joined = np.concatenate([np.ravel(v) for v in values])
-    joined = joined[np.isfinite(joined)]
-    if joined.size:
-        low, high = float(joined.min()), float(joined.max())
-        room = margin * max(high - low, 1e-9)
-        axes.set_ylim(low - room, high + room)

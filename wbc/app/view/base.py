@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 
-from wbc.app.address import ViewError
+from wbc.app.address import Address, ViewError
 from wbc.app.scene.layer import Annotations, Layer
 from wbc.app.scene.layers import RangeLayer, make_layers
 from wbc.app.scene.scene import Scene, Snapshot
@@ -59,27 +59,54 @@ class View(ABC):
         frames: Number of pictures so far.
     """
 
+    RATE: float
+    """Largest rate of pictures unless told otherwise, 1/s."""
+
     def __init__(
         self,
         source: Plant | MujocoLoop | RobotDescription,
-        control: Any,
+        control: Any = None,
         *,
         program: Program | None = None,
-        terrain: Terrain | None,
-        rate: float,
-        speed: float | None,
-        controls: bool,
-        notebook: bool,
+        terrain: Terrain | None = None,
+        host: str = "127.0.0.1",
+        port: int | None = None,
+        rate: float | None = None,
+        speed: float | None = None,
+        controls: bool = True,
+        notebook: bool = False,
         repeat: Iterable[dict[str, Any]] = (),
     ) -> None:
-        """Make the scene; the arguments are those of `MeshcatView` and `Workbench`.
+        """Start serving the page; its address goes to the standard error.
+
+        Args:
+            source: A plant; another loop, of which the robot is shown; or the description of a robot whose states are
+                given to `update`.
+            control: A walk, whose footsteps and references are shown, only with a plant; a control of drives or a
+                `Controller`, whose tasks a workbench shows; that of the program, or none, when None.
+            program: Program whose state is shown.
+            terrain: The ground under a described robot; flat when None. A plant has its own.
+            host: Address to listen at. The default is reached from this machine alone; on a remote one use it with
+                `ssh -L` from the same port, or "0.0.0.0" to let everybody in the network watch. The controls need the
+                link that is printed.
+            port: Port to listen at; the first free one from 7000 on when None, any free one when 0.
+            rate: Largest rate of pictures, 1/s; `RATE` when None.
+            speed: Hold the run back to this multiple of real time, 1 for real time; None never waits. The page can
+                change it.
+            controls: Let the page change the run; pause and speed are always available.
+            notebook: Let pages of this machine, such as a notebook, show the page in a frame.
+            repeat: Interventions of a former run, carried out again at their times, see `interventions_of`.
 
         Raises:
-            InputError: A value out of range, a terrain given with a plant, or a walk without one.
+            InputError: A value out of range, no host, something else than a control, a terrain given with a plant, or a
+                walk without one.
+            PortError: The port is in use.
+            ViewError: A workbench without viser, or with one that cannot be guarded.
         """
+        address = Address(host, port)
         self._program = program
         control = program.control if control is None and program is not None else control
-        self._period = 1.0 / positive("rate of the view (1/s)", rate)
+        self._period = 1.0 / positive("rate of the view (1/s)", self.RATE if rate is None else rate)
         self._pace = Pace(None if speed is None else positive("speed of the view", speed))
         self._source: PlantSource | RobotSource
         self._plant: Plant | None = None
@@ -115,13 +142,7 @@ class View(ABC):
         self._next, self._framed, self.frames = -math.inf, notebook, 0
         self._simulated = 0.0  # time of the run, s
         self._measurement: Measurement | None = None
-
-    def _repr_html_(self) -> str:
-        hint = f"live view: {self.url}\nIn a frame of this notebook it is shown with notebook=True."
-        return html_frame(self.url) if self._framed else html_text(hint)
-
-    def _begin(self) -> None:
-        """Say where the page is, and draw the first picture if the state is known."""
+        self._open(address)
         print(f"live view: {self.url}", file=sys.stderr, flush=True)
         if self._plant is not None:
             self._draw(self._snapshot(None, None, None))
@@ -129,7 +150,15 @@ class View(ABC):
             truth = self._loop.truth()
             self._draw(self._snapshot(truth.q, truth.sole_wrench, truth.time))
 
+    def _repr_html_(self) -> str:
+        hint = f"live view: {self.url}\nIn a frame of this notebook it is shown with notebook=True."
+        return html_frame(self.url) if self._framed else html_text(hint)
+
     # ---- what a kind of page does -----------------------------------------------------------------------------------
+
+    @abstractmethod
+    def _open(self, address: Address) -> None:
+        """Serve the page."""
 
     @property
     @abstractmethod

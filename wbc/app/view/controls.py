@@ -189,9 +189,6 @@ class LiveControls:
         self._add_own(thing, take, call)
         return setting
 
-    def plot(self, name: str, function: Callable[[], Any], unit: str = "") -> None:
-        """Do nothing: a repetition shows nothing; see `Workbench.plot`."""
-
     def _add_own(self, name: str, take: Callable[[Any], object], call: object) -> None:
         """Add a control of the program: an order with its name, which is free, is taken by a function."""
         if name in self._own:
@@ -214,13 +211,8 @@ class LiveControls:
         """Queue an order until the next tick; may be called from any thread."""
         self._orders.append(request)
 
-    def update(self, time: float | None = None, **_: Any) -> None:
-        """Run one tick: carry out what is due, and pull where somebody holds a link.
-
-        Args:
-            time: Simulated time, s; that of the plant when None.
-            **_: What a view takes beside it, so that a repetition can stand in for a view.
-        """
+    def update(self, time: float | None = None) -> None:
+        """Run one tick at a time (s), that of the plant when None: do what is due, pull where a link is held."""
         self.carry_out(self._now if time is None else time)
         if self._pull is not None and self._plant is not None:
             self._plant.push(self._pull[0], self._pull[1], self._plant.control_period)

@@ -13,15 +13,13 @@ import secrets
 import sys
 import threading
 from collections.abc import Callable
-from typing import Any, TypeVar
+from typing import Any
 
 import tornado.httpserver
 import tornado.web
 from tornado.http1connection import HTTP1Connection
 
 from wbc.app.address import Address, PortError, ServedAddress, listen
-
-T = TypeVar("T")
 
 MAX_MESSAGE = 1 << 12
 """Largest message of a page, bytes."""
@@ -193,14 +191,6 @@ class PageServer:
         """Call a function in the thread of the server; return at once."""
         with contextlib.suppress(RuntimeError):  # the server has been closed
             self._loop.call_soon_threadsafe(function, *given)
-
-    def ask(self, function: Callable[[], T]) -> T:
-        """Return what a function returns in the thread of the server, after all that was to be called there before."""
-
-        async def call() -> T:
-            return function()
-
-        return asyncio.run_coroutine_threadsafe(call(), self._loop).result()
 
     def serve_page(self, page: str, nonce: str, seconds: float | None = None) -> None:
         """Serve one page, HTML whose scripts carry the nonce, until Ctrl-C, or for some seconds."""

@@ -107,11 +107,6 @@ class Broadcast:
         self._annotations: dict[str, Any] = {}
         self._connections: set[PageConnection] = set()
 
-    def static(self, nonce: str = "") -> str:
-        """Return the present picture as a self-contained page; the nonce is that of its scripts, if it is served."""
-        text = str(self._annotations.get("text", ""))
-        return self.page.static(self.commands(), self.time, text, nonce)
-
     def commands(self) -> list[bytes]:
         """Return the commands for a new page; transforms come before the objects, so that none appears elsewhere."""
         moves = self._moves(self._matrices, range(len(self._heads)))
@@ -299,27 +294,31 @@ class PageConnection(GuardedHandler, tornado.websocket.WebSocketHandler):
 
 
 class PageHandler(GuardedHandler):
-    """Live page, self-contained page and script."""
+    """The page."""
 
-    def initialize(self, broadcast: Broadcast, kind: str) -> None:
-        """Take the broadcast that the application gives."""
-        self._broadcast, self._kind = broadcast, kind
+    def initialize(self, page: Page) -> None:
+        """Take the page that the application gives."""
+        self._page = page
 
     async def get(self) -> None:
         """Answer a request."""
-        page, nonce = self._broadcast.page, new_nonce()
-        if self._kind == "script":
-            self.set_header("Content-Type", "text/javascript; charset=utf-8")
-            await self.answer(SCRIPT.read_bytes())
-        elif self._kind == "static":
-            await self.answer(self._broadcast.static(nonce), nonce)
-        else:
-            await self.answer(page.live(nonce), nonce)
+        nonce = new_nonce()
+        await self.answer(self._page.live(nonce), nonce)
+
+
+class ScriptHandler(GuardedHandler):
+    """The viewer."""
+
+    async def get(self) -> None:
+        """Answer a request."""
+        self.set_header("Content-Type", "text/javascript; charset=utf-8")
+        await self.answer(SCRIPT.read_bytes())
 
 
 def page_routes(broadcast: Broadcast) -> list[Any]:
     """Return the rules of the server."""
-    routes: list[Any] = [(r"/stream", PageConnection, {"broadcast": broadcast})]
-    for pattern, kind in ((r"/", "live"), (r"/scene\.html", "static"), (r"/main\.min\.js", "script")):
-        routes.append((pattern, PageHandler, {"broadcast": broadcast, "kind": kind}))
-    return routes
+    return [
+        (r"/stream", PageConnection, {"broadcast": broadcast}),
+        (r"/", PageHandler, {"page": broadcast.page}),
+        (r"/main\.min\.js", ScriptHandler),
+    ]

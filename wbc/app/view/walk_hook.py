@@ -14,15 +14,6 @@ if TYPE_CHECKING:
     from wbc.sim.trial.loop import Trial, TrialTick
 
 
-def open_view(source: Any, control: Any, workbench: bool, **options: Any) -> View:
-    """Return a live view of what drives a robot, or a workbench (`ViewError` without viser); see `MeshcatView`."""
-    if workbench:
-        from wbc.app.view.workbench import Workbench  # noqa: PLC0415 - needs an extra
-
-        return Workbench(source, control, **options)
-    return MeshcatView(source, walking=control if hasattr(control, "progress") else None, **options)
-
-
 class WatchWalk(TrialHook):
     """Live view of a trial. The result is that of the same trial without it, unless the page's controls changed it.
 
@@ -58,9 +49,7 @@ class WatchWalk(TrialHook):
         """
         self._wait = wait
         self._workbench = workbench
-        self._options: dict[str, Any] = dict(host=host, port=port, speed=speed, controls=controls)
-        if rate is not None:
-            self._options["rate"] = rate
+        self._options: dict[str, Any] = dict(host=host, port=port, rate=rate, speed=speed, controls=controls)
         self.view: View | None = None
 
     @property
@@ -74,8 +63,12 @@ class WatchWalk(TrialHook):
 
     def open(self, trial: Trial) -> None:
         """Serve the page; `start` does so, too, but a caller may want to know earlier that the port is free."""
-        control = trial.walking if self._workbench else trial.walker
-        self.view = open_view(trial.plant, control, self._workbench, **self._options)
+        if self._workbench:
+            from wbc.app.view.workbench import Workbench  # noqa: PLC0415 - needs an extra
+
+            self.view = Workbench(trial.plant, trial.walking, **self._options)
+        else:
+            self.view = MeshcatView(trial.plant, trial.walker, **self._options)
 
     def start(self, trial: Trial) -> None:
         """See `TrialHook`."""

@@ -28,14 +28,11 @@ from wbc.core.qp.contact import Contact
 from wbc.core.qp.solution import Solution
 from wbc.core.qp.task import Task
 from wbc.core.robot import GRAVITY
-from wbc.robots import RobotDescription
-from wbc.sim.plant.plant import Plant
-from wbc.sim.terrain.spec import Terrain
 from wbc.tasks.behaviours import Program, StateMachine
 from wbc.tasks.stabilizer.gains import StabilizerGains
 
 if TYPE_CHECKING:
-    from wbc.sim import MujocoLoop
+    pass
 
 SPEEDS = {"0.1": 0.1, "0.25": 0.25, "0.5": 0.5, "1": 1.0, "2": 2.0, "4": 4.0, "as fast as it goes": None}
 """Choices of the run's speed, multiples of real time."""
@@ -74,47 +71,12 @@ class Workbench(View):
     Orders are carried out at ticks and kept in `interventions`; `repeat` carries them out again.
     """
 
-    def __init__(
-        self,
-        source: Plant | MujocoLoop | RobotDescription,
-        control: Any = None,
-        *,
-        program: Program | None = None,
-        terrain: Terrain | None = None,
-        host: str = "127.0.0.1",
-        port: int | None = None,
-        rate: float = 20.0,
-        speed: float | None = None,
-        controls: bool = True,
-        notebook: bool = False,
-        repeat: Iterable[dict[str, Any]] = (),
-    ) -> None:
-        """Start serving the page; its address goes to the standard error. Nobody sees it without this link.
+    RATE = 20.0
 
-        `control` is a walk, a control of drives or a `Controller`, whose tasks are shown, None for that of the program
-        or none; `repeat` are interventions of a former run, see `wbc.app.view.interventions_of`, which are carried out
-        again. The other arguments are those of `MeshcatView`.
-
-        Raises:
-            InputError: A value out of range, or something else than a control.
-            PortError: The port is in use.
-            ViewError: viser cannot be guarded.
-        """
-        address = Address(host, port)
-        super().__init__(
-            source,
-            control,
-            program=program,
-            terrain=terrain,
-            rate=rate,
-            speed=speed,
-            controls=controls,
-            notebook=notebook,
-            repeat=repeat,
-        )
+    def _open(self, address: Address) -> None:
         limits = self.controls.available().get("drive")
         stick = None if limits is None else Stick(limits, self._steer)
-        server, self._url = start_server(address, self.scene.title, notebook, stick)
+        server, self._url = start_server(address, self.scene.title, self._framed, stick)
         self._server: Any = server
         self._closed = False
         self._live: list[Callable[[float], None]] = []  # called with each picture
@@ -126,8 +88,7 @@ class Workbench(View):
         self._velocity: dict[str, Any] = {}  # sliders of a robot that is driven
         with server.atomic():
             self._drawn = WorkbenchScene(server, self.scene, self._pull)
-            self._fill(program)
-        self._begin()
+            self._fill(self._program)
 
     # ---- a program's own controls -----------------------------------------------------------------------------------
 

@@ -1,4 +1,4 @@
-"""Figures of the forces on the feet and the torques of the joints."""
+"""Figure of the torques of the joints."""
 
 from __future__ import annotations
 
@@ -10,77 +10,10 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from wbc.app.log.reader import Log
-from wbc.app.plot.style import (
-    BLACK,
-    COLOURS,
-    ORANGE,
-    SIDE_COLOURS,
-    SUPPORT,
-    grid,
-    labels,
-    legend,
-    limit_to,
-    mark_states,
-    new_figure,
-)
-from wbc.core.robot import GRAVITY, SIDES
+from wbc.app.plot.style import COLOURS, ORANGE, SUPPORT, grid, labels, legend, new_figure
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-
-FEET_ROWS = (
-    ("normal force (N)", "fz"),
-    ("shear force (N)", None),
-    ("roll moment (Nm)", "mx"),
-    ("pitch moment (Nm)", "my"),
-)
-"""Rows of the figure, each with its part of the wrench; None is the norm of the horizontal force."""
-
-
-def draw_feet(logs: Sequence[Log]) -> Figure:
-    """Draw the wrenches of the feet, measured (solid) and desired (dashed), one column for each log."""
-    figure = new_figure(max(11.0, 7.0 * len(logs)), 9.5)
-    rows = grid(figure, len(FEET_ROWS), len(logs), sharex=True, sharey="row")
-    for column, (log, name) in enumerate(zip(logs, labels(logs), strict=True)):
-        axes = [row[column] for row in rows]
-        for ax, (label, part) in zip(axes, FEET_ROWS, strict=True):
-            _one_part(ax, log, part)
-            mark_states(ax, log, names=ax is axes[0])
-            if column == 0:
-                ax.set_ylabel(label)
-        weight = float(log.header["robot"]["mass_kg"]) * GRAVITY
-        axes[0].axhline(weight, color=BLACK, linewidth=0.8, linestyle=":", label="weight")
-        legend(axes[0], columns=5)
-        axes[0].set_title(name, loc="left", fontsize=10)
-        axes[-1].set_xlabel("time (s)")
-    return figure
-
-
-def _one_part(ax: Axes, log: Log, part: str | None) -> None:
-    shown = []
-    for side in SIDES:
-        for which, style, opacity in (("measured", "-", 0.5), ("desired", "--", 1.0)):
-            group = f"foot/{side}/wrench_{which}"
-            if f"{group}/fz" not in log:
-                continue
-            values = (
-                np.hypot(log[f"{group}/fx"], log[f"{group}/fy"]) if part is None else log[f"{group}/{part}"]
-            )
-            ax.plot(
-                log.time,
-                values,
-                style,
-                color=SIDE_COLOURS[side],
-                alpha=opacity,
-                linewidth=0.9,
-                label=f"{side} {which}",
-            )
-            shown.append(values)
-    # Impacts are ten times as high as the rest and may leave the axes.
-    joined = np.concatenate(shown)
-    joined = joined[np.isfinite(joined)]
-    if joined.size:
-        limit_to(ax, np.percentile(joined, [0.1, 99.9]), margin=0.1)
 
 
 def draw_torque(logs: Sequence[Log]) -> Figure:
