@@ -7,21 +7,17 @@ The robot stands at half-sitting, or hangs at it; drives follow position referen
 degrees at most and records them; the groups of `CHECKS` compare what was measured with the model.
 """
 
-# A cause with its condition a line:
-# fmt: off
-
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
 
 from wbc.core.errors import InputError, check_parts, finite_scalar, shown
-from wbc.machine.conformance.body import imu, soles, wrenches
-from wbc.machine.conformance.joints import commanded_gains, joints, torques
-from wbc.machine.conformance.session import Row, Rows, Session
+from wbc.machine.conformance.body import IMU, SOLES, WRENCHES, imu, soles, wrenches
+from wbc.machine.conformance.joints import GAINS, JOINTS, TORQUES, commanded_gains, joints, torques
+from wbc.machine.conformance.session import Causes, Check, Session
 from wbc.machine.loop import Loop
 from wbc.robots import RobotDescription
 
@@ -33,35 +29,20 @@ LONGEST_PERIOD = 0.025
 LONGEST_DELAY = 0.2
 """Longest delay that can be stated, s: the way there and back of 0.1 s each, as a `wbc.sim.Machine` has at most."""
 
+SHAPES: Causes = {
+    "shapes": (
+        "joints, soles or hands that the description has not or the machine has not; first tick fails",
+    )
+}
 
-CHECKS: tuple[tuple[Callable[[Session], Rows], tuple[str, ...]], ...] = (
-    (joints, ("joint sign", "joint unit", "joint velocity", "fresh", "delay", "joint zero")),
-    (torques, ("torque", "gains", "velocity reference", "measured torque")),
-    (imu, ("accelerometer", "gyroscope", "IMU frame")),
-    (wrenches, ("weight", "sides", "wrench frame")),
-    (soles, ("soles",)),
-    (commanded_gains, ("commanded gains",)),  # last: a robot may fall by it
-)
-"""Groups of checks in the order in which one depends on the others, and the names of those that may be unknown."""
-
-State = Literal["ok", "wrong", "unknown"]
-
-
-@dataclass(frozen=True)
-class Check:
-    """Result of one check.
-
-    Attributes:
-        name: What was looked at.
-        state: "ok", "wrong" or "unknown": not to be told because of another fault, or without the sensor.
-        found: Figures.
-        cause: Probable cause of a wrong result, and its symptom in a controller; empty if it is not wrong.
-    """
-
-    name: str
-    state: State
-    found: str
-    cause: str = ""
+CLOCK: Causes = {
+    "clock": (
+        "the time stamp stands still or runs backwards",
+        "time stamps in milliseconds",
+        "the loop does not run at the rate that it states",
+        "time stamps jitter: those of the arrival, or samples are lost",
+    )
+}
 
 
 @dataclass(frozen=True)
@@ -118,37 +99,17 @@ def conformance(loop: Loop, *, delay: float = 0.0) -> ConformanceReport:
     finite_scalar(
         "control period of the loop (s)", loop.control_period, low=0.0, high=LONGEST_PERIOD, open_low=True
     )
-    session, results = Session(loop, delay), list[Check]()
-    for row, causes in _rows(session):
-        name, _, found = row.partition(": ")
-        cause = next((text for text, holds in (causes or {}).items() if holds), "")
-        state: State = "unknown" if causes is None else "wrong" if cause else "ok"
-        session.states[name] = state
-        results.append(Check(name, state, found, cause))
-    return ConformanceReport(tuple(results))
+    session = Session(loop, delay)
+    for group, causes in CHECKS:
+        session.causes = causes
+        why = session.lost if session.lost and group is not _clock else group(session)
+        for name in causes:
+            if name not in session.checks:
+                session.unknown(name, why)
+    return ConformanceReport(tuple(session.checks.values()))
 
 
-def _rows(s: Session) -> Iterator[Row]:
-    """Make all checks, each with what the ones before have found."""
-    yield _shapes(s)
-    if not s.good("shapes"):
-        return
-    s.settle()
-    for group, names in CHECKS:
-        why = (group is not joints and s.lost) or (yield from group(s))
-        yield from ((f"{name}: {why}", None) for name in names if name not in s.states)
-    steps, period = 1e3 * np.concatenate([np.diff(record["time"]) for record in s.records]), 1e3 * s.period
-    mean, worst = float(steps.mean()), float(np.abs(steps - period).max())
-    rate, off = 1e3 / mean if mean else np.inf, not 0.95 < mean / period < 1.05
-    yield f"clock: period {mean:.3f} ms, worst {worst:.3f} ms off", {
-        "the time stamp stands still or runs backwards": steps.min() < 0.0 or mean <= 0.0,
-        "time stamps in milliseconds": abs(mean / period - 1000.0) < 100.0,
-        f"the loop runs at {rate:.0f} Hz and not at the {1e3 / period:.0f} Hz that it states": off,
-        "time stamps jitter: those of the arrival, or samples are lost": worst >= 0.5 * period,
-    }
-
-
-def _shapes(s: Session) -> Row:
+def _shapes(s: Session) -> str:
     measurement, wrong = s.measure(), []
     for name, shape in s.shapes.items():
         value = getattr(measurement, name)
@@ -161,7 +122,37 @@ def _shapes(s: Session) -> Row:
             wrong.append(f"{name} is not made of floats")
         elif not (np.isfinite(array) | (name == "hand_wrenches" and np.isnan(array))).all():
             wrong.append(f"{name} is not finite")
-    found = "; ".join(wrong) or f"{s.robot.na} joints, {len(s.robot.soles)} soles"
-    return f"shapes: {found}", {
-        "joints, soles or hands that the description has not or the machine has not; first tick fails": wrong,
-    }
+    s.check("shapes", "; ".join(wrong) or f"{s.robot.na} joints, {len(s.robot.soles)} soles", wrong)
+    s.lost = "shapes are wrong" if wrong else ""
+    return ""
+
+
+def _clock(s: Session) -> str:
+    if not s.records:
+        return s.lost
+    steps, period = 1e3 * np.concatenate([np.diff(record["time"]) for record in s.records]), 1e3 * s.period
+    mean, worst = float(steps.mean()), float(np.abs(steps - period).max())
+    rate = 1e3 / mean if mean else np.inf
+    s.check(
+        "clock",
+        f"{rate:.0f} Hz of {1e3 / period:.0f} Hz stated, period {mean:.3f} ms, worst {worst:.3f} ms off",
+        steps.min() < 0.0 or mean <= 0.0,
+        abs(mean / period - 1000.0) < 100.0,
+        not 0.95 < mean / period < 1.05,
+        worst >= 0.5 * period,
+    )
+    return ""
+
+
+CHECKS: tuple[tuple[Callable[[Session], str], Causes], ...] = (
+    (_shapes, SHAPES),
+    (joints, JOINTS),
+    (torques, TORQUES),
+    (imu, IMU),
+    (wrenches, WRENCHES),
+    (soles, SOLES),
+    (commanded_gains, GAINS),  # late: a robot may fall by it
+    (_clock, CLOCK),
+)
+"""Groups of checks in the order in which one depends on the others, with their causes; a group returns why those of its
+checks that it has not made cannot be made."""

@@ -1,15 +1,12 @@
 """Checks of encoders and drives."""
 
-# A cause with its condition a line:
-# fmt: off
-
 from __future__ import annotations
 
 import numpy as np
 import pinocchio as pin
 
 from wbc.core.errors import Array, InputError
-from wbc.machine.conformance.session import UNIT, Record, Row, Rows, Session, settled
+from wbc.machine.conformance.session import UNIT, Causes, Record, Session, settled
 
 STEP, TIME = 0.02, 0.1
 """Motion of a joint, rad (or m times this), and its time, s."""
@@ -21,8 +18,60 @@ RISE = 0.0025
 """Time in which a torque shows in the velocity without any delay, s."""
 
 
-def joints(s: Session) -> Rows:
+JOINTS: Causes = {
+    "joint order": (
+        "joint_position is ignored, as by drives of torque alone, or the servos are far too soft: torque control "
+        "alone works; the others and these checks need kp (q_ref - q) + kd (q̇_ref - q̇) + τ",
+        "joints in another order than `joint_names`: the wrong limb moves, the QP tears the robot apart",
+        "the command does not reach the drives, these are off or too soft, or the encoder is frozen",
+    ),
+    "joint motion": (
+        "axis the other way round than in the model: feedback drives the joint away, at once",
+        "positions in degrees: joints seem to be far away from where they are",
+        "positions in the motor's side of the gear, or another unit: joints seem to be far away from where they are",
+    ),
+    "joint velocity": (
+        "velocities with reversed sign: damping is negative, the joints buzz",
+        "velocities are zero or frozen: there is no damping, the joints buzz",
+        "velocities in degrees per second: damping is too strong, the joints buzz",
+        "velocities in another unit than the positions: damping is weak or strong, the joints buzz",
+    ),
+    "fresh": ("sensors are read less often than the control period: velocities jump, damping is late",),
+    "delay": ("a delay that was not stated, or soft drives: oscillations of 5 to 15 Hz, falls",),
+    "joint zero": (
+        "the robot was not at half-sitting, references reach other joints or have another unit or zero than the "
+        "encoders, or the drives are too soft to stand: it jumps when it is switched on",
+        "zero of an encoder elsewhere than in the model, or a robot that was not at half-sitting: it leans",
+    ),
+}
+
+TORQUES: Causes = {
+    "torque": (
+        "feed-forward torque with the reversed sign: it doubles the sag in place of removing it",
+        "feed-forward torque is ignored: position drives sag, torque control does not exist",
+        "the drives have other gains than the description, or torque has another unit",
+    ),
+    "velocity reference": (
+        "velocity reference with the reversed sign",
+        "velocity references are ignored or damped with another gain: references are followed late",
+    ),
+    "measured torque": (
+        "measured torque with the reversed sign: it must be the drive's on the joint, not the load's",
+        "measured torque in another unit: motor side of the gear, current, or fraction of the limit",
+    ),
+}
+
+GAINS: Causes = {
+    "commanded gains": (
+        "gains of a command without effect, or in another unit; robots fall in hybrid control, machines are switched "
+        "on and off with full stiffness",
+    )
+}
+
+
+def joints(s: Session) -> str:
     """Move each joint by a step and back: who follows, which way, how far, how fast and how late."""
+    s.settle()
     na, names, position = s.robot.na, s.robot.joint_names, settled(s.rest["joint_position"])
     middle = 0.5 * (s.robot.position_lower + s.robot.position_upper)
     sizes = np.where(~np.isfinite(middle) | (middle >= s.reference), STEP, -STEP)
@@ -35,16 +84,9 @@ def joints(s: Session) -> Rows:
     if np.mean((distance > (0.15 * STEP) ** 2) & comes_back) < 0.25:
         found, answer = "position references move no joint", np.subtract(*_pulses(s)[0][[-1, 0]])
         alone = bool(max(np.mean(answer > 1e-3), np.mean(answer < -1e-3)) > 0.65)
-        yield f"hold: {found}", None
-        yield _order(found + (", torques do" if alone else ""), alone=alone)
+        s.check("joint order", found + (", torques do" if alone else ""), alone, False, True)
+        s.lost = "the joints do not follow"
         return s.lost
-    moved = 1e3 * float(np.abs(np.diff(s.rest["joint_position"], axis=0)).max())
-    rate = float(np.median(np.abs(s.rest["joint_velocity"][-10:])))
-    jumps = moved >= 20.0 or rate >= 0.15
-    yield f"hold: {moved:.1f} mrad in a period, {rate:.3f} rad/s", {
-        "the robot was not at half-sitting, references reach other joints or have another unit or zero than the "
-        "encoders, or the drives are too soft to stand: it jumps when it is switched on": jumps,
-    }
     # Change of each measured position (column) as a share of the step of each joint (row).
     follows = ways / sizes[:, None]
     own, size = follows.diagonal(), np.abs(follows)
@@ -54,24 +96,16 @@ def joints(s: Session) -> Rows:
     found = f"{len(dead)} joints do not follow: {s.some(dead)}" if dead else f"{na} joints follow"
     if swapped:
         found = ", ".join(f"{names[i]} moves {names[lead[i]]}" for i in swapped[:4])
-    yield _order(found, swapped=swapped, fine=not dead)
-    if len(dead) < na // 2:
-        s.lost = ""
+    s.check("joint order", found, False, swapped, dead)
+    if len(dead) >= na // 2:
+        s.lost = "the joints do not follow"
     turned = [i for i in known if own[i] < 0.0]
-    found = f"reversed: {s.some(turned)}" if turned else "as in the model"
-    yield f"joint sign: {found}", {
-        "axis the other way round than in the model: feedback drives the joint away, at once": turned,
-    }
     # A joint of a leg that stands goes as far as the rest of the leg lets it.
     lax = s.free if s.standing else known
     odd = [i for i in known if size[i, i] > 2.5 or (size[i, i] < 0.3 and i in lax)]
     share = float(np.median(np.abs(own[known]))) if known else 0.0
-    degrees, found = odd and abs(share / UNIT - 1.0) < 0.15, f"; odd: {s.some(odd)}" if odd else ""
-    yield f"joint unit: {share:.2f} of the step{found}", {
-        "positions in degrees: joints seem to be far away from where they are": degrees,
-        "positions in the motor's side of the gear, or another unit: joints seem to be far away from where "
-        "they are": odd,
-    }
+    found = f"{share:.2f} of the step" + (f"; odd: {s.some(turned or odd)}" if turned or odd else "")
+    s.check("joint motion", found, turned, odd and abs(share / UNIT - 1.0) < 0.15, odd)
     # Integral of each joint's velocity over its way, where it has gone one.
     integral = [
         move["joint_velocity"][:, i].sum() - 0.5 * move["joint_velocity"][-1, i]
@@ -80,46 +114,41 @@ def joints(s: Session) -> Rows:
     travelled = np.array([move["joint_position"][-1, i] - before[i, i] for i, move in enumerate(moves)])
     rates = s.period * np.array(integral) / np.where(np.abs(travelled) > 1e-4, travelled, np.nan)
     if dead or np.isnan(rates).all():
-        yield "joint velocity: the joints do not follow", None
+        s.unknown("joint velocity", "the joints do not follow")
     else:
         ratio = float(np.nanmedian(rates))
         bad = [i for i in known if np.isfinite(rates[i]) and not 0.6 < rates[i] < 1.4]
-        what = "degrees per second" if abs(ratio / UNIT - 1.0) < 0.4 else "another unit than the positions"
-        if ratio < 0.05:
-            what = "reversed sign" if ratio < -0.05 else "zero or frozen"
-        few = f": {s.some(bad)}" if len(bad) < na // 2 else ""
-        yield f"joint velocity: ∫q̇ dt is {ratio:.2f} of the way", {
-            f"velocities with {what}{few}: damping is weak, strong or negative, the joints buzz": bad,
-        }
+        s.check(
+            "joint velocity",
+            f"∫q̇ dt is {ratio:.2f} of the way" + (f"; odd: {s.some(bad)}" if bad else ""),
+            bad and ratio < -0.05,
+            bad and ratio < 0.05,
+            bad and abs(ratio / UNIT - 1.0) < 0.4,
+            bad,
+        )
     moving = (move["joint_position"][: len(move["time"]) // 2] for move in moves)
     stuck = 100.0 * max((np.diff(rows, axis=0) == 0.0).all(axis=1).mean() for rows in moving)
-    yield f"fresh: {stuck:.0f} % of moving samples repeat the last one", {
-        "sensors are read less often than the control period: velocities jump, damping is late": stuck >= 25.0,
-    }
-    yield _delay(s, sizes, moves)
+    s.check("fresh", f"{stuck:.0f} % of moving samples repeat the last one", stuck >= 25.0)
+    _delay(s, sizes, moves)
     if s.confused:
         return s.confused
     off = 1e3 * (position - s.reference)
     worst = int(np.argmax(np.abs(off)))
     outside = (position < s.robot.position_lower - 0.05) | (position > s.robot.position_upper + 0.05)
-    wrong = abs(off[worst]) >= 50.0 or outside.any()
-    yield f"joint zero: {names[worst]} {off[worst]:+.0f} mrad from half-sitting", {
-        "zero of an encoder elsewhere than in the model, or a robot that was not at half-sitting: it leans": wrong,
-    }
+    moved = 1e3 * float(np.abs(np.diff(s.rest["joint_position"], axis=0)).max())
+    rate = float(np.median(np.abs(s.rest["joint_velocity"][-10:])))
+    s.check(
+        "joint zero",
+        f"{names[worst]} {off[worst]:+.0f} mrad from half-sitting, {rate:.3f} rad/s at rest",
+        moved >= 20.0 or rate >= 0.15,
+        abs(off[worst]) >= 50.0 or outside.any(),
+    )
+    return ""
 
 
-def _order(found: str, *, alone: bool = False, swapped: object = False, fine: bool = False) -> Row:
-    return f"joint order: {found}", {
-        "joint_position is ignored, as by drives of torque alone, or the servos are far too soft: torque control "
-        "alone works; the others and these checks need kp (q_ref - q) + kd (q̇_ref - q̇) + τ": alone,
-        "joints in another order than `joint_names`: the wrong limb moves, the QP tears the robot apart": swapped,
-        "the command does not reach the drives, these are off or too soft, or the encoder is frozen": not fine,
-    }
-
-
-def _delay(s: Session, sizes: Array, moves: tuple[Record, ...]) -> Row:
+def _delay(s: Session, sizes: Array, moves: tuple[Record, ...]) -> None:
     """Judge the time after which a torque acts; without one that is seen, the lag behind the references."""
-    torque, lags = None, []
+    torque, lags, stated = None, [], 1e3 * s.delay
     if s.free:
         answer, noise = _pulses(s)
         seen = (answer / noise).clip(-20.0, 20.0).mean(axis=1)
@@ -131,15 +160,13 @@ def _delay(s: Session, sizes: Array, moves: tuple[Record, ...]) -> Row:
             # Areas between a curve and its end: their difference is the lag, whatever the shape.
             lags.append(1e3 * s.period * (s.profile(TIME)[0] - moved / moved[-1]).sum())
     if not lags:
-        return "delay: the joints do not follow", None
-    lag, stated = float(np.median(lags)), 1e3 * s.delay
+        return s.unknown("delay", "the joints do not follow")
+    lag = float(np.median(lags))
+    found = f"{lag:.1f} ms behind the references"
     if torque is None:
-        soft = f"about {lag:.0f} ms of delay or soft drives: oscillations of 5 to 15 Hz"
-        return f"delay: {lag:.1f} ms behind the references", {soft: lag > stated + 10.0}
+        return s.check("delay", found, lag > stated + 10.0)
     late = torque > stated + 1e3 * max(1.01 * s.period, RISE)
-    return f"delay: {lag:.1f} ms behind the references, torque acts after {torque:.1f} ms", {
-        f"about {torque:.0f} ms of delay that were not stated: oscillations of 5 to 15 Hz, falls": late,
-    }
+    return s.check("delay", f"{found}, torque acts after {torque:.0f} ms", late)
 
 
 def _pulses(s: Session) -> tuple[Array, Array]:
@@ -154,7 +181,7 @@ def _pulses(s: Session) -> tuple[Array, Array]:
     return np.mean(answers, axis=0), np.maximum(np.mean([rest.std(axis=0) for rest in rests], axis=0), 1e-4)
 
 
-def torques(s: Session) -> Rows:
+def torques(s: Session) -> str:
     """Feed-forward, velocity reference and gains: kp Δq = τ, and kp Δq = kd q̇_ref, of joints that hang free."""
     free, robot, (kp, kd), (tau, rate) = s.free, s.robot, s.gains, np.zeros((2, s.robot.na))
     if not free:
@@ -169,23 +196,9 @@ def torques(s: Session) -> Rows:
     with np.errstate(divide="ignore", invalid="ignore"):
         share = float(np.nanmedian((pushed * kp / tau)[free]))
         drag = float(np.nanmedian((dragged * kp / (kd * rate))[free]))
-    yield f"torque: τ = kp Δq to {share:.2f}", {
-        "feed-forward torque with the reversed sign: it doubles the sag in place of removing it": share < -0.05,
-        "feed-forward torque is ignored: position drives sag, torque control does not exist": not share > 0.05,
-    }
-    if s.good("torque"):
-        other = not 0.5 < share < 2.0
-        yield f"gains: kp is {1.0 / share:.2f} of the description's", {
-            f"the drives have other gains than the description (kp about {1.0 / share:.2g} times as large), or "
-            "torque has another unit": other,
-        }
-    else:
-        yield "gains: no torque acts", None
-    late = not 0.4 < drag < 2.5
-    yield f"velocity reference: kd q̇_ref = kp Δq to {drag:.2f}", {
-        "velocity reference with the reversed sign": drag < -0.1,
-        "velocity references are ignored or damped with another gain: references are followed late": late,
-    }
+    found = f"τ = kp Δq to {share:.2f}"
+    s.check("torque", found, share < -0.05, not share > 0.05, not 0.5 < share < 2.0)
+    s.check("velocity reference", f"kd q̇_ref = kp Δq to {drag:.2f}", drag < -0.1, not 0.4 < drag < 2.5)
     torque = settled(s.rest["joint_torque"])[free]
     if not np.isfinite(torque).all():
         return "not measured"
@@ -194,11 +207,9 @@ def torques(s: Session) -> Rows:
     if np.abs(weight).max() < 0.3:
         return "no joint beside the legs carries weight"
     slope = float(weight @ torque / (weight @ weight))
-    turned, unit = slope < -0.2, not 0.5 < slope < 1.5
-    yield f"measured torque: {slope:.2f} of the weight that the joints carry", {
-        "measured torque with the reversed sign: it must be the drive's on the joint, not the load's": turned,
-        "measured torque in another unit: motor side of the gear, current, or fraction of the limit": unit,
-    }
+    found = f"{slope:.2f} of the weight that the joints carry"
+    s.check("measured torque", found, slope < -0.2, not 0.5 < slope < 1.5)
+    return ""
 
 
 def _answer(s: Session, **gains: Array) -> tuple[Array, Array]:
@@ -212,13 +223,13 @@ def _answer(s: Session, **gains: Array) -> tuple[Array, Array]:
     return places[1] - places[0], places[3] - places[2]
 
 
-def commanded_gains(s: Session) -> Rows:
+def commanded_gains(s: Session) -> str:
     """Send half the gains: a torque moves a joint twice as far, a velocity reference as far as before.
 
     Free joints get half of the gains that their servos were found to have, the legs those of the description.
     """
     free, (kp, kd) = s.free, np.copy(s.gains)
-    if not free or not s.good("torque", "gains"):
+    if not free or not s.good("torque"):
         return "own gains are not as they should" if free else "no joint beside the legs"
     (tau, rate), (pushed, dragged) = s.push, s.answer
     strong = sorted(free, key=lambda i: float(tau[i]))[len(free) // 2 :]  # friction is least there
@@ -238,8 +249,8 @@ def commanded_gains(s: Session) -> Rows:
     stiffness = middle(pushed, softly_pushed)
     shares = {"kp": stiffness, "kd": stiffness * middle(softly_dragged, dragged)}
     bad = " and ".join(name for name in judged if not 0.1 < shares[name] < 0.8)
-    found = "kp acts with {kp:.2f}, kd with {kd:.2f} of the machine's own".format_map(shares)
-    yield f"commanded gains: commanded halves: {found}", {
-        f"{bad} of a command: without effect, or in another unit; robots fall in hybrid control, machines are "
-        "switched on and off with full stiffness": bad,
-    }
+    found = "commanded halves: kp acts with {kp:.2f}, kd with {kd:.2f} of the machine's own".format_map(
+        shares
+    )
+    s.check("commanded gains", found + (f"; wrong: {bad}" if bad else ""), bad)
+    return ""

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Generator, Mapping, Sequence
-from typing import Any
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Literal
 
 import numpy as np
 import pinocchio as pin
@@ -18,11 +19,9 @@ from wbc.tasks.trajectories import minimum_jerk
 UNIT = 57.2958
 """Degrees in a radian."""
 
-Row = tuple[str, Mapping[str, object] | None]
-"""A check: "name: figures", and its causes with whether each holds; None where nothing is known."""
-
-Rows = Generator[Row, None, Any]
-"""Checks of a group; it returns why those of its names that it has not made cannot be made, if there are any."""
+Causes = Mapping[str, tuple[str, ...]]
+"""Checks of a group → probable causes of a wrong result, each with its symptom in a controller; the first that holds
+is told."""
 
 Record = dict[str, Array]
 """Signals of one motion by their name in a `Measurement`, one row a control period, NaN where nothing is measured."""
@@ -34,6 +33,23 @@ def settled(rows: Array) -> Array:
     return mean
 
 
+@dataclass(frozen=True)
+class Check:
+    """Result of one check.
+
+    Attributes:
+        name: What was looked at.
+        state: "ok", "wrong" or "unknown": not to be told because of another fault, or without the sensor.
+        found: Figures.
+        cause: Probable cause of a wrong result, and its symptom in a controller; empty if it is not wrong.
+    """
+
+    name: str
+    state: Literal["ok", "wrong", "unknown"]
+    found: str
+    cause: str = ""
+
+
 class Session:
     """One run of the checks.
 
@@ -42,9 +58,10 @@ class Session:
         robot: The robot; reference: its joints at half-sitting, shape (na,); gains: kp and kd of its description.
         free: Joints beside the legs: what acts on them moves them.
         jolt: A tenth of the torque limits of these joints, of all joints where there are none, shape (na,), Nm.
-        shapes: Shape of each signal of a measurement; states: state of each check so far.
+        shapes: Shape of each signal of a measurement.
+        checks: Results so far by the names of the checks; causes: those of the present group of checks.
         records: All motions so far; rest: the first, half-sitting held.
-        lost: Reason why no check can be made of a robot whose joints do not follow; empty once most of them do.
+        lost: Reason why no further check can be made; empty while they can.
         standing: True if the robot stands, by its force sensors or else by the torques of its joints.
         push: Torques and velocity references that move free joints a little; answer: how far they moved them.
     """
@@ -68,18 +85,28 @@ class Session:
         imu = dict.fromkeys(("angular_velocity", "specific_force"), (3,))
         wrenches = {"sole_wrench": (len(robot.soles), 6), "hand_wrenches": (len(robot.frames), 6)}
         self.shapes: dict[str, tuple[int, ...]] = {"time": (), **joints, **imu, **wrenches}
-        self.states: dict[str, str] = {}
+        self.checks: dict[str, Check] = {}
+        self.causes: Causes = {}
         self.records: list[Record] = []
-        self.lost = "the joints do not follow"
+        self.lost = ""
+
+    def check(self, name: str, found: str, *wrong: object) -> None:
+        """Add a check, which is wrong for the first of its causes whose condition, one each, holds."""
+        cause = next((text for text, holds in zip(self.causes[name], wrong, strict=True) if holds), "")
+        self.checks[name] = Check(name, "wrong" if cause else "ok", found, cause)
+
+    def unknown(self, name: str, why: str) -> None:
+        """Add a check that cannot be made."""
+        self.checks[name] = Check(name, "unknown", why)
 
     def good(self, *names: str) -> bool:
         """Return False if one of these checks has failed or could not be made."""
-        return all(self.states.get(name, "ok") == "ok" for name in names)
+        return all(self.checks[name].state == "ok" for name in names if name in self.checks)
 
     @property
     def confused(self) -> str:
         """Reason why checks that need the joints as they are cannot be made; empty if they can."""
-        good = self.good("joint order", "joint sign", "joint unit")
+        good = self.good("joint order", "joint motion")
         return "" if good else "joints are not measured as they should"
 
     def some(self, joints: Sequence[int]) -> str:
