@@ -12,7 +12,7 @@ from typing import Any
 from _common import parse, report, upright
 
 import wbc
-from wbc.tasks import Program, State, StateMachine, after, reached
+from wbc.tasks import Behaviour, Program, StateMachine, after, reached
 from wbc.walking import FootstepPlan, WalkingControl, WalkingControlSettings
 
 
@@ -28,19 +28,21 @@ def main(arguments: Sequence[str] | None = None) -> dict[str, Any]:
     place = robot.placement(hand.frame).translation + [0.12, 0.0, 0.15]
     carried = robot.placement(robot.base_frame).actInv(place)  # the same place in the pelvis
     states = [
-        State("stand", done=after(1.0)),
-        State("reach", lambda now: hand.reach(place, speed=0.2), done=reached(hand), timeout=8.0),
-        State("look", lambda now: body.look_at([3.0, 1.0, 1.0]), done=lambda now: body.looking, timeout=3.0),
-        State("squat", lambda now: setattr(body, "com_height", high - 0.08), done=reached(body)),
-        State("rise", lambda now: setattr(body, "com_height", high), done=reached(body)),
-        State("let go", lambda now: hand.release(), done=after(1.0)),
-        State(
+        Behaviour("stand", done=after(1.0)),
+        Behaviour("reach", lambda now: hand.reach(place, speed=0.2), done=reached(hand), timeout=8.0),
+        Behaviour(
+            "look", lambda now: body.look_at([3.0, 1.0, 1.0]), done=lambda now: body.looking, timeout=3.0
+        ),
+        Behaviour("squat", lambda now: setattr(body, "com_height", high - 0.08), done=reached(body)),
+        Behaviour("rise", lambda now: setattr(body, "com_height", high), done=reached(body)),
+        Behaviour("let go", lambda now: hand.release(), done=after(1.0)),
+        Behaviour(
             "walk", lambda now: walking.go_to(options.distance, 0.0, 0.0), done=lambda now: walking.finished
         ),
         StateMachine(
             "wave", [wave(hand, carried, side, i) for i, side in enumerate((0.06, -0.06, 0.06, -0.06))]
         ),
-        State("rest", lambda now: (hand.release(), body.look_at(None)), done=after(2.0)),
+        Behaviour("rest", lambda now: (hand.release(), body.look_at(None)), done=after(2.0)),
     ]
     program = Program(StateMachine("program", states, {"look": {"timeout": "squat"}}), walking)
     lowest, before = high, float(plant.truth().com[0])
@@ -58,9 +60,9 @@ def main(arguments: Sequence[str] | None = None) -> dict[str, Any]:
     return report(outcome=outcome, upright=upright(plant), squat_mm=1e3 * (high - lowest), forward_m=forward)
 
 
-def wave(hand: Any, place: Any, side: float, index: int) -> State:
+def wave(hand: Any, place: Any, side: float, index: int) -> Behaviour:
     """Return one swing of a hand in front of the pelvis."""
-    return State(
+    return Behaviour(
         f"swing {index}",
         lambda now: hand.reach(place + [0.0, side, 0.05], "pelvis", speed=0.4),
         done=reached(hand),

@@ -7,8 +7,8 @@ A new motion task is a file in `motion/`, a new force task a file in `force/`, e
 from wbc.core.qp.task import MotionTask, SelectionTask, VariableTask
 from wbc.tasks.balance import BalanceGains, balance_controller
 from wbc.tasks.behaviours import (
+    Behaviour,
     Program,
-    State,
     StateMachine,
     after,
     all_of,
@@ -75,7 +75,7 @@ __all__ = [
     # Targets that move
     "Trajectory",
     # Behaviours: states, one after another
-    "State",
+    "Behaviour",
     "StateMachine",
     "Program",
     "read_state_machine",

@@ -1,7 +1,7 @@
 """Behaviours: what a robot does one thing after another, as states with conditions and transitions by outcome.
 
-    reach = State("reach", lambda now: hand.move_to(point, speed=0.3), done=reached(hand), timeout=5.0)
-    squat = State("squat", lambda now: com.move_to(low, duration=2.0), done=reached(com))
+    reach = Behaviour("reach", lambda now: hand.move_to(point, speed=0.3), done=reached(hand), timeout=5.0)
+    squat = Behaviour("squat", lambda now: com.move_to(low, duration=2.0), done=reached(com))
     program = Program(StateMachine("demo", [reach, squat], {"reach": {"timeout": "squat"}}), control)
     program.run(plant)                       # or program.command(measurement), or wbc.run(driver, program)
 
@@ -147,8 +147,8 @@ def all_of(*conditions: Condition) -> Condition:
     return lambda now: all(condition(now) for condition in conditions)
 
 
-class State:
-    """One thing that a robot does.
+class Behaviour:
+    """One thing that a robot does: a state of a `StateMachine`.
 
     Give functions, or override `start`, `tick` and `end` in a class of your own.
 
@@ -225,7 +225,7 @@ class State:
         return frozenset(self.outcomes) | ({"timeout"} if self.timeout is not None else set())
 
 
-class StateMachine(State):
+class StateMachine(Behaviour):
     """States, and what follows each of them for each outcome.
 
     "done" leads to the next state of the list, or ends the machine after the last; any other outcome without a
@@ -240,7 +240,7 @@ class StateMachine(State):
     def __init__(
         self,
         name: str,
-        states: Sequence[State],
+        states: Sequence[Behaviour],
         transitions: Mapping[str, Mapping[str, str]] | None = None,
         *,
         timeout: float | None = None,

@@ -32,7 +32,16 @@ from wbc.core.errors import (
 )
 from wbc.core.files import read_toml
 from wbc.core.settings import Positive, from_json, settings
-from wbc.tasks.behaviours import State, StateMachine, after, all_of, any_of, error_below, reached, speed_below
+from wbc.tasks.behaviours import (
+    Behaviour,
+    StateMachine,
+    after,
+    all_of,
+    any_of,
+    error_below,
+    reached,
+    speed_below,
+)
 
 
 @settings(kw_only=True)
@@ -111,7 +120,7 @@ def _machine(table: Mapping[str, Any], control: Any, path: str) -> StateMachine:
     path, tables = f"{path}{table.get('name')}/", table.get("state")
     if not isinstance(tables, list) or not all(isinstance(each, dict) for each in tables):
         raise InputError(f"'{path}' needs [[state]] tables, got {shown(tables)}")
-    states: list[State] = []
+    states: list[Behaviour] = []
     for each in tables:
         where = f"state '{path}{each.get('name')}'"
         if "state" in each:
@@ -130,7 +139,7 @@ def _machine(table: Mapping[str, Any], control: Any, path: str) -> StateMachine:
     )
 
 
-def _state(given: StateTable, control: Any) -> State:
+def _state(given: StateTable, control: Any) -> Behaviour:
     """Return a state, its names looked up."""
     controller = getattr(control, "controller", control)
     if (given.hand or given.release or given.body or given.go_to) and not hasattr(control, "arms"):
@@ -174,7 +183,9 @@ def _state(given: StateTable, control: Any) -> State:
             'it moves nothing to wait for: give done = { after = 2.0 }, a timeout, or done = "never"'
         )
     condition = None if done in (None, "never") else _condition(done, controller, moved)
-    return State(given.name, lambda now: [start() for start in starts], done=condition, timeout=given.timeout)
+    return Behaviour(
+        given.name, lambda now: [start() for start in starts], done=condition, timeout=given.timeout
+    )
 
 
 def _condition(given: Any, controller: Any, moved: list[Any]) -> Any:

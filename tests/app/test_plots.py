@@ -34,7 +34,7 @@ from wbc.app.plot.output import save
 from wbc.app.plot.signals import draw_signals, select
 from wbc.app.replay.caption import caption
 from wbc.core.errors import InputError, UnknownNameError
-from wbc.tasks import Program, State, StateMachine, after
+from wbc.tasks import Behaviour, Program, StateMachine, after
 from wbc.tasks.balance import balance_controller
 from wbc.walking.planning.footsteps import Footstep
 
@@ -169,7 +169,7 @@ def test_balance_of_standing_is_that_of_its_feet(log: Log, standing: Log) -> Non
 def test_states_of_a_program_are_drawn_as_bands(tmp_path: Path) -> None:
     plant = wbc.Plant(wbc.load_robot("hrp4_class"))
     control = wbc.PositionControl(balance_controller(plant.description.robot(), plant.control_period))
-    states = [State("wait", done=after(0.03)), State("look", done=after(0.03))]
+    states = [Behaviour("wait", done=after(0.03)), Behaviour("look", done=after(0.03))]
     program = Program(StateMachine("demo", states), control)
     with Recorder(tmp_path / "demo.arrow") as record:
         program.run(plant, record=record)

@@ -35,7 +35,7 @@ from wbc.core.errors import InputError
 from wbc.core.robot import GRAVITY
 from wbc.core.signals import Command
 from wbc.sim.terrain.spec import terrain
-from wbc.tasks import Program, State, StateMachine, after
+from wbc.tasks import Behaviour, Program, StateMachine, after
 from wbc.tasks.balance import balance_controller
 
 ROBOTS = ("hrp4_class", "talos", "g1")
@@ -358,7 +358,7 @@ def test_a_run_is_the_same_with_and_without_a_view_even_one_that_is_busy() -> No
 def test_the_state_of_a_program_stands_in_the_pictures(monkeypatch: pytest.MonkeyPatch) -> None:
     plant, said = wbc.Plant(wbc.load_robot("hrp4_class")), list[str]()
     control = wbc.PositionControl(balance_controller(plant.description.robot(), plant.control_period))
-    states = [State("wait", done=after(0.02)), State("look", done=after(0.02))]
+    states = [Behaviour("wait", done=after(0.02)), Behaviour("look", done=after(0.02))]
     program = Program(StateMachine("demo", states), control)
     with MeshcatView(plant, program=program, port=0, rate=1e6) as view:
         monkeypatch.setattr(view, "_send", lambda time, matrices, note: said.append(note.text[0]))

@@ -39,7 +39,7 @@ from wbc.machine.report import Phase
 from wbc.machine.start import SafeStart
 from wbc.sim import Machine, MujocoLoop, Plant, RobotServer
 from wbc.tasks import behaviours
-from wbc.tasks.behaviours import Program, Scope, State, after
+from wbc.tasks.behaviours import Behaviour, Program, Scope, after
 
 DESCRIPTION = wbc.load_robot("g1")
 PERIOD = 0.004
@@ -183,7 +183,7 @@ def test_a_program_runs_on_a_machine() -> None:
         assert isinstance(com, wbc.CoMTask)
         com.move_to(com.target - [0.0, 0.0, 0.03], duration=0.5)
 
-    program = Program(behaviours.StateMachine("demo", [State("down", down, done=after(0.8))]), control)
+    program = Program(behaviours.StateMachine("demo", [Behaviour("down", down, done=after(0.8))]), control)
     report = make(machine, program).run(until=lambda: program.ended)
     assert report.reason == "stopped" and program.outcome == "done"
     assert control.observer.robot.com[2] == pytest.approx(height - 0.03, abs=0.005)

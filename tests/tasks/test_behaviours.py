@@ -18,11 +18,11 @@ from wbc.core.limits.rows import TorqueLimits
 from wbc.core.qp.controller import Controller
 from wbc.robots import load
 from wbc.tasks import (
+    Behaviour,
     CoMTask,
     PoseTask,
     PositionTask,
     Program,
-    State,
     StateMachine,
     after,
     all_of,
@@ -54,14 +54,14 @@ def run(program: Program, seconds: float = 10.0) -> str | None:
     return program.outcome
 
 
-def steps(*names: str, **options: Any) -> list[State]:
-    return [State(name, done=after(0.02), **options) for name in names]
+def steps(*names: str, **options: Any) -> list[Behaviour]:
+    return [Behaviour(name, done=after(0.02), **options) for name in names]
 
 
 def test_states_follow_each_other_and_say_so(caplog: pytest.LogCaptureFixture) -> None:
     seen: list[str] = []
     states = [
-        State(
+        Behaviour(
             name,
             lambda now: seen.append(f"start {now.path}"),
             tick=lambda now: seen.append("tick"),
@@ -89,7 +89,7 @@ def test_what_a_state_adds_lives_as_long_as_the_state() -> None:
     controller = standing("hrp4_class", dt=DT)
     place = controller.robot.placement(left_hand(controller.robot)).translation + [0.05, 0.0, 0.1]
 
-    class Reach(State):
+    class Reach(Behaviour):
         def start(self, now: Scope) -> None:
             self.task = now.add(PositionTask(left_hand(now.controller.robot), name="hand", weight=100.0))
             now.add(TorqueLimits())
@@ -97,7 +97,7 @@ def test_what_a_state_adds_lives_as_long_as_the_state() -> None:
             self.outcomes["done"] = all_of(reached(self.task), speed_below(self.task, 0.01))
 
     reach = Reach("reach", timeout=3.0)
-    program = Program(StateMachine("demo", [reach, State("rest", timeout=0.05)]), controller)
+    program = Program(StateMachine("demo", [reach, Behaviour("rest", timeout=0.05)]), controller)
     step(program)
     assert program.path == "demo/reach" and [t.name for t in controller.tasks] == ["posture", "hand"]
     assert len(controller.limits) == 1
@@ -120,7 +120,7 @@ def test_conditions_join() -> None:
         "either": any_of(low, after(5.0)),
         "neither": any_of(after(0.2)),
     }.items():
-        program = Program(StateMachine("m", [State(name, done=condition)]), controller)
+        program = Program(StateMachine("m", [Behaviour(name, done=condition)]), controller)
         run(program)
         times[name] = program.time
     assert times["move"] == pytest.approx(0.505, abs=3 * DT)  # not before the target has arrived
@@ -131,14 +131,14 @@ def test_outcomes_lead_where_the_transitions_say() -> None:
     controller = standing("hrp4_class", dt=DT)
     tries: list[float] = []
     states = [
-        State(
+        Behaviour(
             "try",
             lambda now: tries.append(now.time),
             outcomes={"enough": lambda now: len(tries) == 3},
             timeout=0.1,
         ),
-        State("give up", done=after(0.01)),
-        State("cheer", done=after(0.01)),
+        Behaviour("give up", done=after(0.01)),
+        Behaviour("cheer", done=after(0.01)),
     ]
     transitions = {
         "try": {"timeout": "try", "enough": "cheer"},
@@ -159,7 +159,9 @@ def test_outcomes_lead_where_the_transitions_say() -> None:
 
 
 def test_machines_nest_and_their_outcome_leads_on() -> None:
-    inner = StateMachine("inner", [*steps("a"), State("b", timeout=0.02)], {"b": {"timeout": "end: late"}})
+    inner = StateMachine(
+        "inner", [*steps("a"), Behaviour("b", timeout=0.02)], {"b": {"timeout": "end: late"}}
+    )
     outer = StateMachine("outer", [inner, *steps("c")], {"inner": {"late": "c"}})
     assert inner.possible == {"late"} and outer.possible == {"done"}
     program = Program(outer, standing("hrp4_class", dt=DT))
@@ -173,7 +175,7 @@ def test_machines_nest_and_their_outcome_leads_on() -> None:
 
 def test_a_machine_has_a_timeout_that_ends_what_is_in_it() -> None:
     controller = standing("hrp4_class", dt=DT)
-    stay = State("stay", lambda now: now.add(CoMTask(name="centre")))
+    stay = Behaviour("stay", lambda now: now.add(CoMTask(name="centre")))
     program = Program(StateMachine("m", [StateMachine("inner", [stay], timeout=0.1)]), controller)
     step(program)
     assert len(controller.tasks) == 2
@@ -184,8 +186,8 @@ def test_a_machine_has_a_timeout_that_ends_what_is_in_it() -> None:
 def test_falls_and_ticks_without_a_solution_are_outcomes() -> None:
     controller = standing("hrp4_class", dt=DT)
     down: list[bool] = []
-    lie = State("lie", done=after(0.05))
-    machine = StateMachine("m", [State("stand"), lie], {"stand": {"fall": "lie"}})
+    lie = Behaviour("lie", done=after(0.05))
+    machine = StateMachine("m", [Behaviour("stand"), lie], {"stand": {"fall": "lie"}})
     program = Program(machine, controller, fallen=lambda: bool(down))
     for _ in range(10):
         step(program)
@@ -199,7 +201,7 @@ def test_falls_and_ticks_without_a_solution_are_outcomes() -> None:
     program = Program(
         StateMachine(
             "m",
-            [State("stand", timeout=0.02), State("torn", contradict, timeout=1.0)],
+            [Behaviour("stand", timeout=0.02), Behaviour("torn", contradict, timeout=1.0)],
             {"stand": {"timeout": "torn"}},
         ),
         controller,
@@ -215,7 +217,7 @@ def test_an_exception_names_the_state_or_is_an_outcome() -> None:
     def bad(now: Scope) -> None:
         raise ValueError("no such thing")
 
-    broken = State("broken", bad, done=after(1.0))
+    broken = Behaviour("broken", bad, done=after(1.0))
     program = Program(StateMachine("m", [StateMachine("inner", [broken])]), controller)
     with pytest.raises(BehaviourError, match=r"state 'm/inner/broken': ValueError: no such thing"):
         step(program)
@@ -239,9 +241,9 @@ def test_an_exception_names_the_state_or_is_an_outcome() -> None:
             lambda: StateMachine("m", steps("a", "b"), {"a": {"done": "end"}}),
             "no transition .* leads to state 'b'",
         ),
-        (lambda: State("a/b"), "without '/'"),
-        (lambda: State("end"), "does not begin with 'end'"),
-        (lambda: State("a", timeout=0.0), "timeout of state 'a'"),
+        (lambda: Behaviour("a/b"), "without '/'"),
+        (lambda: Behaviour("end"), "does not begin with 'end'"),
+        (lambda: Behaviour("a", timeout=0.0), "timeout of state 'a'"),
         (lambda: reached(3.0), "needs something with 'reached'"),
         (reached, "at least one"),
         (lambda: any_of(1.0), "functions of a scope"),  # type: ignore[arg-type]
