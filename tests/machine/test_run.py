@@ -141,6 +141,23 @@ def commands_by_phase(machine: SimulatedMachine, runner: Runner) -> dict[Phase, 
     return sent
 
 
+def test_no_measurement_is_refused_for_the_time_that_passed_while_the_run_was_prepared(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    machine = SimulatedMachine(SimulatedTime())
+    runner = make(machine)
+    prepare, refused = runner._make_parts, []
+
+    def slowly(first: Measurement) -> None:
+        prepare(first)
+        for _ in range(100):
+            machine.loop.step(machine.loop.hold())
+
+    monkeypatch.setattr(runner, "_make_parts", slowly)
+    report = runner.run(lambda: bool(refused.append(runner._inlet.refused)) or len(refused) > 20)
+    assert report.reason == "stopped" and not any(refused)
+
+
 def test_a_stop_holds_the_joints_where_they_are_while_stiffness_and_torques_fall() -> None:
     machine = SimulatedMachine(SimulatedTime(), bent())
     runner = make(machine)

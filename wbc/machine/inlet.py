@@ -44,6 +44,10 @@ class Inlet:
         self.raw: Any = None
         self.good: Measurement | None = None
 
+    def forget(self) -> None:
+        """Take the next measurement as the first one, whatever time has passed."""
+        self._plausible.reset()
+
     def take(self, measurement: Any, now: float) -> bool:
         """Take a measurement that arrived at `now`, s; True if it is a new one."""
         last, self._last = self._last, measurement

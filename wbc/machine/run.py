@@ -166,6 +166,7 @@ class Runner:
             self._guard = self._make_guard()
             self._make_parts(self._first())
             with quiet(self.settings.priority) as got:
+                self._inlet.forget()  # the parts took their time
                 self._loop(until)
         finally:
             try:
