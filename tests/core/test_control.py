@@ -13,7 +13,6 @@ from task_factory import standing
 from wbc.core.control import FailurePolicy
 from wbc.core.drive.position import PositionControl
 from wbc.core.drive.torque import TorqueControl
-from wbc.core.errors import InputError
 from wbc.core.qp.controller import Controller
 from wbc.core.qp.solver import Status
 from wbc.core.robot import Robot
@@ -112,12 +111,6 @@ def test_measurements_of_another_period_than_the_controllers_are_named(period: f
     assert (expected in control.status()) == (period != DT)
     control.reset(controller.robot.half_sitting)
     assert control.plausibility.pace == ""
-
-
-@pytest.mark.parametrize("wrong", ["yes", None, 1])
-def test_a_feedforward_that_is_no_truth_value_is_refused(wrong: object) -> None:
-    with pytest.raises(InputError, match="feedforward must be true or false"):
-        PositionControl(standing("hrp4_class", DT), feedforward=wrong)  # type: ignore[arg-type]
 
 
 def test_targets_that_follow_from_the_state_are_set_between_the_halves_of_a_tick() -> None:

@@ -6,12 +6,6 @@ import mujoco
 import numpy as np
 import pinocchio as pin
 import pytest
-from mujoco_dynamics import (
-    acceleration_from_mujoco,
-    acceleration_to_mujoco,
-    force_from_mujoco,
-    mass_matrix_from_mujoco,
-)
 
 from wbc.core import conventions
 
@@ -23,11 +17,11 @@ BODY = """
 """
 
 
-def random_state(rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def random_state(rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
     q = rng.normal(size=7 + JOINTS)
     quaternion = rng.normal(size=4)
     q[3:7] = quaternion / np.linalg.norm(quaternion)
-    return q, rng.normal(size=6 + JOINTS), rng.normal(size=6 + JOINTS)
+    return q, rng.normal(size=6 + JOINTS)
 
 
 def shuffled(rng: np.random.Generator) -> np.ndarray:
@@ -39,16 +33,14 @@ def shuffled(rng: np.random.Generator) -> np.ndarray:
 def test_there_and_back_is_the_identity(with_map: bool) -> None:
     rng = np.random.default_rng(1)
     for _ in range(50):
-        q, v, a = random_state(rng)
+        q, v = random_state(rng)
         dof = shuffled(rng) if with_map else None
         qpos_index = None if dof is None else dof + 1
         size = 6 + (2 * JOINTS if with_map else JOINTS)
         qpos = conventions.configuration_to_mujoco(q, qpos_index, np.zeros(size + 1))
         qvel = conventions.velocity_to_mujoco(q, v, dof, np.zeros(size))
-        qacc = acceleration_to_mujoco(q, v, a, dof, np.zeros(size))
         np.testing.assert_array_equal(conventions.configuration_from_mujoco(qpos, qpos_index), q)
         np.testing.assert_allclose(conventions.velocity_from_mujoco(q, qvel, dof), v, atol=1e-14)
-        np.testing.assert_allclose(acceleration_from_mujoco(q, v, qacc, dof), a, atol=1e-13)
 
 
 def test_the_rotation_is_pinocchios() -> None:
@@ -77,36 +69,9 @@ def test_both_libraries_integrate_to_the_same_pose() -> None:
         assert np.abs(reached - q).max() > 1e-7
 
 
-def test_accelerations_are_the_derivatives_of_velocities() -> None:
-    rng = np.random.default_rng(4)
-    free = pin.Model()
-    free.addJoint(0, pin.JointModelFreeFlyer(), pin.SE3.Identity(), "root")
-    dt = 1e-6
-    for _ in range(20):
-        q, v, a = random_state(rng)[0][:7], rng.normal(size=6), rng.normal(size=6)
-        before = conventions.velocity_to_mujoco(pin.integrate(free, q, -dt * v), v - dt * a)
-        after = conventions.velocity_to_mujoco(pin.integrate(free, q, dt * v), v + dt * a)
-        expected = (after - before) / (2 * dt)
-        np.testing.assert_allclose(acceleration_to_mujoco(q, v, a), expected, atol=1e-8)
-
-
-def test_power_and_energy_do_not_depend_on_the_convention() -> None:
-    """v'τ and v'Mv are the same numbers in both."""
-    rng = np.random.default_rng(5)
-    for _ in range(20):
-        q, v, force = random_state(rng)
-        root = rng.normal(size=(v.size, v.size))
-        mass = root @ root.T
-        qvel = conventions.velocity_to_mujoco(q, v)
-        assert qvel @ force == pytest.approx(v @ force_from_mujoco(q, force))
-        ours = mass_matrix_from_mujoco(q, mass)
-        assert qvel @ mass @ qvel == pytest.approx(v @ ours @ v)
-        np.testing.assert_allclose(ours, ours.T, atol=1e-12)
-
-
 def test_writing_in_place_keeps_what_is_not_ours() -> None:
     rng = np.random.default_rng(6)
-    q, v, _ = random_state(rng)
+    q, v = random_state(rng)
     dof = np.array([6, 8, 9, 11])
     qpos, qvel = np.full(15, 7.0), np.full(14, 7.0)
     assert conventions.configuration_to_mujoco(q, dof + 1, qpos) is qpos

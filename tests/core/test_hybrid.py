@@ -195,11 +195,6 @@ def test_the_plants_drives_apply_the_gains_of_the_command() -> None:
     assert np.abs(simulated.joint_torque).max() > 1.0 and np.abs(stiff).max() > 1.0
 
 
-def test_references_that_run_away_from_the_estimate_are_refused() -> None:
-    with pytest.raises(InputError, match=r"reference_time \(s\)"):
-        bare(G1.robot(), -0.02)
-
-
 @pytest.mark.parametrize(
     ("change", "message"),
     [

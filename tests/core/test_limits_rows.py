@@ -240,14 +240,11 @@ def test_what_cannot_be_kept_apart_is_refused(tmp_path: Path) -> None:
         lambda: SelfCollisionLimit([("a", "a")]),
         lambda: SelfCollisionLimit([("a", "b"), ("b", "a")]),
         lambda: SelfCollisionLimit([("a", "b")], shapes={"a": "ball"}),
-        lambda: SelfCollisionLimit([("a", "b")], margin=-0.1),
         lambda: SelfCollisionLimit([("a", "b")], margin=0.2, influence=0.1),
         lambda: SelfCollisionLimit([("a", "b")], time_constant=0.0),
         lambda: SelfCollisionLimit([("left_hand", "chest")], urdf=tmp_path / "no.urdf").bind(robot),
         lambda: SelfCollisionLimit([("left_hand", "chest")], urdf="<robot").bind(robot),
         lambda: SelfCollisionLimit([("left_hand", "chest")], urdf=description("g1").urdf).bind(robot),
-        lambda: CollisionSphere(0.0),
-        lambda: CollisionSphere(0.1, (0.0, float("nan"), 0.0)),
         lambda: CollisionCapsule(0.1, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)),
     ):
         with pytest.raises(InputError):
@@ -440,9 +437,7 @@ def test_polygons_that_cannot_hold_a_com_are_refused() -> None:
         angles = np.linspace(0, 2 * np.pi, 6)[:-1]
         CoMPolygonLimit(np.column_stack([np.cos(angles), np.sin(angles)]), max_edges=4)
     for make in (
-        lambda: CoMPolygonLimit(margin=-1.0),
         lambda: CoMPolygonLimit(time_constant=0.0),
-        lambda: CoMPolygonLimit(recovery=-1.0),
         lambda: CoMPolygonLimit(max_edges=2),
     ):
         with pytest.raises(InputError):

@@ -203,13 +203,6 @@ def test_a_wrong_initial_tilt_and_a_gyro_bias_fade() -> None:
     assert np.linalg.norm(estimate.v[:3] - vs[-1, :3]) < 2e-3
 
 
-def test_noise_moves_the_estimate_by_little() -> None:
-    sensors, qs, vs = sway()
-    result = errors(Observer(biped()), noisy(sensors, seed=3), qs, vs)
-    rms = np.sqrt((result[200:] ** 2).mean(axis=0))
-    assert (rms < [1e-3, 1e-3, 4e-3, 4e-3]).all()  # joint speeds alone make it 8 mm/s
-
-
 def test_the_accelerometer_quiets_the_velocity() -> None:
     sensors, qs, vs = sway()
     noise = noisy(sensors, seed=5)
@@ -235,23 +228,6 @@ def test_moving_the_world_moves_the_estimate_along() -> None:
     observer.reset(start)
     there = errors(observer, noisy(far_sensors, 7), far_qs, far_vs)
     np.testing.assert_allclose(here, there, atol=1e-6)
-
-
-def test_the_control_period_does_not_matter() -> None:
-    ends = []
-    for dt in (0.005, 0.0025):
-        sensors, qs, vs = sway(dt=dt, seconds=3.0)
-        observer = Observer(biped())
-        q = np.array(qs[0])
-        q[3:7] = pin.Quaternion(pin.rpy.rpyToMatrix(0.02, 0.02, 0.02)).coeffs()
-        observer.reset(q)
-        for sensor in sensors:
-            if sensor.time <= 2.9 + 1e-9:
-                estimate = observer.update(sensor)
-        ends.append((np.array(estimate.q[:7]), np.array(estimate.v[:6]), observer.inertial.gyro_bias))
-    np.testing.assert_allclose(ends[0][0], ends[1][0], atol=2e-4)
-    np.testing.assert_allclose(ends[0][1], ends[1][1], atol=2e-3)
-    np.testing.assert_allclose(ends[0][2], ends[1][2], atol=2e-5)
 
 
 @cache
@@ -481,7 +457,5 @@ def test_bad_measurements_are_refused_and_change_nothing() -> None:
     with pytest.raises(MeasurementError, match="older"):
         observer.update(replace(sensors[1], time=-1.0))
     np.testing.assert_array_equal(observer.robot.q, before)
-    with pytest.raises(InputError, match="tilt_time_constant"):
-        ObserverSettings(inertial=replace(ObserverSettings().inertial, tilt_time_constant=-1.0))
     with pytest.raises(InputError, match="configuration"):
         observer.reset(np.zeros(3))

@@ -8,7 +8,6 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from wbc.core.estimation.observer import Observer, ObserverSettings
 from wbc.core.estimation.outside import OutsideSettings, OutsideWrench, moment_about
 from wbc.core.robot import GRAVITY, Robot
 from wbc.robots import load
@@ -77,19 +76,6 @@ def test_a_moving_robot_with_empty_hands_feels_nothing_and_a_known_force_exactly
     assert observer.wrench == pytest.approx(known, abs=0.1)
 
 
-def test_two_hands_that_squeeze_do_nothing_to_the_sum() -> None:
-    """Equal, opposite forces on one line: the feet feel nothing of them, so the estimate is zero."""
-    robot = DESCRIPTION.robot()
-    left, right = (robot.placement(frame).translation for frame in robot.frames.values())
-    line = 40.0 * (right - left) / np.linalg.norm(right - left)
-    total = sum(np.concatenate([f, np.cross(p - robot.com, f)]) for p, f in ((left, line), (right, -line)))
-    assert np.abs(total).max() < 1e-9
-    observer = OutsideWrench(robot, NO_TARE)
-    for tick in range(50):
-        observer.update(at_rest(robot), DT if tick else 0.0)
-    assert np.abs(observer.wrench).max() < 1e-9
-
-
 def test_the_tare_takes_off_what_empty_hands_show_and_turns_with_the_robot() -> None:
     robot = DESCRIPTION.robot()
     observer = OutsideWrench(robot, OutsideSettings(settling=0.2, tare=0.5, bandwidth=150.0))
@@ -140,12 +126,6 @@ def test_the_estimate_waits_while_a_foot_meets_the_ground() -> None:
     for _ in range(200):
         observer.update(at_rest(robot), DT)
     assert np.abs(observer.wrench).max() < 1e-6
-
-
-def test_an_observer_without_the_setting_has_no_outside_wrench() -> None:
-    robot = DESCRIPTION.robot()
-    assert Observer(robot).outside is None
-    assert Observer(robot, ObserverSettings(outside=OutsideSettings())).outside is not None
 
 
 def test_masses_that_a_moving_model_gets_are_no_force() -> None:

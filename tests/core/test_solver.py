@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import sys
 from collections import Counter
-from time import thread_time
 from typing import Any
 
 import numpy as np
@@ -103,18 +101,13 @@ def test_what_has_no_solution_is_told_by_every_solver() -> None:
         assert status is Status.INFEASIBLE
 
 
-def badly_scaled_ticks(
-    seeds: range, ticks: int
-) -> tuple[Counter[Status], list[float], list[float], list[float]]:
-    """Solve ticks with friction down to 1e-6 and weights over twelve decades.
-
-    Returns:
-        Count of each status, violations of what was called infeasible by a linear program, processor time of infeasible
-        ticks and of the others, ms.
-    """
+@pytest.mark.parametrize(
+    ("seeds", "ticks"), [(range(3), 60), pytest.param(range(100, 124), 150, marks=pytest.mark.slow)]
+)
+def test_badly_scaled_ticks_are_solved_and_infeasible_ones_have_no_solution(seeds: range, ticks: int) -> None:
+    """With friction down to 1e-6 and weights over twelve decades; the violations are those of a linear program."""
     counts: Counter[Status] = Counter()
     violations: list[float] = []
-    times: tuple[list[float], list[float]] = [], []
     for seed in seeds:
         rng = np.random.default_rng(seed)
         robot = load(("hrp4_class", "g1", "talos")[seed % 3])
@@ -129,20 +122,10 @@ def badly_scaled_ticks(
             if rng.random() < 0.3:
                 for task, weight in zip(controller.tasks, weights, strict=True):
                     task.weight = weight * 10.0 ** rng.uniform(-6.0, 6.0)
-            start = thread_time()
             status = problems.step().status
-            times[status is not Status.INFEASIBLE].append(1e3 * (thread_time() - start))
             counts[status] += 1
             if status is Status.INFEASIBLE:
                 violations.append(least_violation(controller.problem))
-    return counts, violations, *times
-
-
-@pytest.mark.parametrize(
-    ("seeds", "ticks"), [(range(3), 60), pytest.param(range(100, 124), 150, marks=pytest.mark.slow)]
-)
-def test_badly_scaled_ticks_are_solved_and_infeasible_ones_have_no_solution(seeds: range, ticks: int) -> None:
-    counts, violations, *_ = badly_scaled_ticks(seeds, ticks)
     assert set(counts) <= {Status.SOLVED, Status.FALLBACK, Status.BADLY_SCALED, Status.INFEASIBLE}
     assert counts[Status.SOLVED] > 100 and counts[Status.BADLY_SCALED] > 5 and len(violations) > 5
     assert min(violations) > 1e-6
@@ -194,15 +177,3 @@ def test_an_inexact_factorisation_is_refined_to_the_same_solution(monkeypatch: p
         assert solver.solve()
         monkeypatch.setattr(active_set, "dposv", rough)
     np.testing.assert_allclose(refined.x, exact.x, atol=1e-6)
-
-
-if __name__ == "__main__":  # python tests/core/test_solver.py FIRST_SEED STREAMS
-    first, streams = (int(word) for word in sys.argv[1:3])
-    found, lp, infeasible, others = badly_scaled_ticks(range(first, first + streams), 150)
-    print(", ".join(f"{status.value} {count}" for status, count in found.items()))
-    print(f"called infeasible, but feasible by a linear program: {sum(v < 1e-6 for v in lp)} of {len(lp)}")
-    for name, row in (("infeasible", infeasible), ("other", others)):
-        slow = sum(time > 2.0 for time in row)
-        print(
-            f"{name} ticks: median {np.median(row):.2f} ms, most {max(row):.2f} ms, above 2 ms {slow} of {len(row)}"
-        )

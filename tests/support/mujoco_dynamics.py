@@ -1,4 +1,4 @@
-"""Accelerations, forces and mass matrices between our states and MuJoCo's, to compare the dynamics of both."""
+"""Mass matrix, bias forces and placements of our models beside MuJoCo's."""
 
 from __future__ import annotations
 
@@ -13,81 +13,15 @@ from wbc.core.robot import GRAVITY
 from wbc.robots import RobotDescription
 
 
-def acceleration_to_mujoco(
-    q: Array, v: Array, a: Array, joint_dof: Index | None = None, out: Array | None = None
-) -> Array:
-    """Translate an acceleration: the derivative of the world velocity gains the term R (ω × v).
-
-    Args:
-        q: Configuration, shape (nq,).
-        v: Velocity, shape (nv,).
-        a: Acceleration v̇, shape (nv,).
-        joint_dof: Place in `qacc` of each actuated joint, shape (na,).
-        out: MuJoCo's `qacc` to write into (other entries are kept).
-
-    Returns:
-        `out`, or a new array of shape (nv,).
-    """
-    qacc = velocity_to_mujoco(q, a, joint_dof, out)
-    qacc[0:3] += rotation_of(q[3:7]) @ np.cross(v[3:6], v[0:3])
-    return qacc
+def drift_of(q: Array, v: Array, joint_dof: Index, out: Array) -> Array:
+    """Return MuJoCo's accelerations of a motion without one of ours: of the base, R (ω × v)."""
+    velocity_to_mujoco(q, np.zeros(v.size), joint_dof, out)
+    out[0:3] += rotation_of(q[3:7]) @ np.cross(v[3:6], v[0:3])
+    return out
 
 
-def acceleration_from_mujoco(
-    q: Array, v: Array, qacc: Array, joint_dof: Index | None = None, out: Array | None = None
-) -> Array:
-    """Translate MuJoCo's `qacc`; the inverse of `acceleration_to_mujoco`.
-
-    Args:
-        q: Configuration, shape (nq,).
-        v: Velocity (ours, not `qvel`), shape (nv,).
-        qacc: MuJoCo's accelerations.
-        joint_dof: Place in `qacc` of each actuated joint, shape (na,).
-        out: Acceleration to write into.
-
-    Returns:
-        Acceleration v̇, shape (nv,).
-    """
-    a = velocity_from_mujoco(q, qacc, joint_dof, out)
-    a[0:3] -= np.cross(v[3:6], v[0:3])
-    return a
-
-
-def force_from_mujoco(
-    q: Array, qfrc: Array, joint_dof: Index | None = None, out: Array | None = None
-) -> Array:
-    """Translate generalised forces, τ = Tᵀ τ_mujoco.
-
-    T is orthogonal in the base block and the identity elsewhere, so that forces translate as velocities do.
-
-    Args:
-        q: Configuration, shape (nq,).
-        qfrc: MuJoCo's generalised forces.
-        joint_dof: Place in `qfrc` of each actuated joint, shape (na,).
-        out: Forces to write into.
-
-    Returns:
-        Generalised forces, shape (nv,), base wrench in the base frame.
-    """
-    return velocity_from_mujoco(q, qfrc, joint_dof, out)
-
-
-def mass_matrix_from_mujoco(q: Array, mass_matrix: Array, joint_dof: Index | None = None) -> Array:
-    """Translate a joint-space inertia, M = Tᵀ M_mujoco T.
-
-    Args:
-        q: Configuration, shape (nq,).
-        mass_matrix: MuJoCo's full mass matrix (`mj_fullM`).
-        joint_dof: Place in `qvel` of each actuated joint, shape (na,).
-
-    Returns:
-        Mass matrix, shape (nv, nv).
-    """
-    if joint_dof is None:
-        matrix = np.array(mass_matrix)
-    else:
-        places = np.concatenate([np.arange(6), joint_dof])
-        matrix = mass_matrix[np.ix_(places, places)]
+def mass_matrix_from_mujoco(q: Array, matrix: Array) -> Array:
+    """Translate a joint-space inertia, joints in our order: M = Tᵀ M_mujoco T."""
     rotation = rotation_of(q[3:7])
     matrix[:3] = rotation.T @ matrix[:3]
     matrix[:, :3] = matrix[:, :3] @ rotation
@@ -118,7 +52,7 @@ def assert_same_dynamics(description: RobotDescription, theirs: mujoco.MjModel, 
         v = rng.normal(size=ours.nv)
         qpos = conventions.configuration_to_mujoco(q, qpos_index, np.zeros(theirs.nq))
         qvel = conventions.velocity_to_mujoco(q, v, dof, np.zeros(theirs.nv))
-        drift = acceleration_to_mujoco(q, v, np.zeros(ours.nv), dof, np.zeros(theirs.nv))
+        drift = drift_of(q, v, dof, np.zeros(theirs.nv))
         if base:  # another free body comes first
             qpos[7:14], qpos[:7] = qpos[:7].copy(), theirs.qpos0[:7]
             for vector in (qvel, drift):
@@ -130,7 +64,7 @@ def assert_same_dynamics(description: RobotDescription, theirs: mujoco.MjModel, 
         mujoco.mj_fullM(theirs, state, full)
         places = [*range(base, base + 6), *dof]
         matrix = mass_matrix_from_mujoco(q, full[np.ix_(places, places)])
-        bias = force_from_mujoco(q, (state.qfrc_bias + product)[places])
+        bias = velocity_from_mujoco(q, (state.qfrc_bias + product)[places])  # forces turn as velocities do
         np.testing.assert_allclose(matrix, pin.crba(ours, data, q), atol=1e-6)
         np.testing.assert_allclose(bias, pin.nonLinearEffects(ours, data, q, v), atol=1e-6)
         pin.framesForwardKinematics(ours, data, q)

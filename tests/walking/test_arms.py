@@ -153,8 +153,6 @@ def test_bad_targets_are_refused_with_the_choices() -> None:
         arms["left_hand"].reach([np.nan, 0.0, 0.0])
     with pytest.raises(InputError, match="must not be 'world'"):
         arms.place("world", pin.SE3.Identity())
-    with pytest.raises(InputError, match="speed"):
-        ArmSettings(speed=0.0)
 
 
 def test_arms_swing_with_the_opposite_foot() -> None:

@@ -75,18 +75,6 @@ def test_a_torso_without_a_neck_is_pointed_level_towards_what_it_looks_at() -> N
     np.testing.assert_allclose(gaze.target - com, [*(3.0 * way / np.hypot(*way)), 0.0], atol=1e-3)
 
 
-@pytest.mark.slow
-def test_a_walk_goes_on_while_its_body_is_set() -> None:
-    plant, walking = standing()
-    walking.body.look_at([4.0, -1.0, 0.5])
-    walking.velocity = (0.2, 0.0, 0.0)
-    while plant.time < 3.2:
-        if plant.time > 1.5:
-            walking.body.com_height, walking.body.turn = 0.75, 0.2
-        plant.step(walking.command(plant.measure()))
-    assert upright(plant) and walking.fallen is None and walking.steps_done >= 2
-
-
 def walk_and_stop(plant: Plant, walking: WalkingControl) -> None:
     """Walk in a curve for six seconds and stop, without a fall."""
     walking.velocity = (0.2, 0.0, 0.1)

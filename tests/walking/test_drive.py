@@ -6,7 +6,6 @@ import math
 from dataclasses import replace
 
 import numpy as np
-import pinocchio as pin
 import pytest
 from pendulum import BY_TIME
 
@@ -199,19 +198,6 @@ def test_a_quick_walk_whose_source_is_exchanged_closes_up_quickly() -> None:
     assert stage.walk.phases.plan.gait.single_support == quick.single_support
     stage.run(4.0)
     assert stage.walk.finished and stage.source.velocity_source().pace == 0.0
-
-
-def test_velocity_and_turn_are_those_commanded() -> None:
-    stage = Stage()
-    stage.steer((0.1, 0.05, 0.1))
-    stage.run(12.0)
-    place, yaw = stage.middle
-    steps = stage.walk.steps_done
-    stage.run(11.0)
-    (far, further), cycle = stage.middle, 1.1
-    time = (stage.walk.steps_done - steps) * cycle
-    assert math.hypot(*(far - place)) == pytest.approx(math.hypot(0.1, 0.05) * time, rel=0.1)
-    assert math.remainder(further - yaw, 2 * math.pi) == pytest.approx(0.1 * time, rel=0.15)
 
 
 @pytest.mark.parametrize(
@@ -516,46 +502,6 @@ def test_commands_do_not_jump_between_standing_and_walking(mode: str) -> None:
         plant.step(command)
     assert len(jumps) == 2 and max(jumps) < 0.01, jumps
     assert walking.fallen is None and walking.walk.phases.phase is Phase.STANDING and walking.steps_done >= 2
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("mode", ["position", "torque"])
-def test_tasks_of_ones_own_stay_from_a_stand_over_a_walk_to_a_stand(mode: str) -> None:
-    """An arm's posture, a gaze and a place for a hand beside the chest, while the robot stands, walks and stands."""
-    description = load("talos")
-    dt = 0.005 if mode == "position" else 0.002
-    plant = wbc.Plant(description, noise="realistic", seed=3, control_period=dt)
-    robot = description.robot()
-    walking = WalkingControl(
-        robot,
-        FootstepPlan.standing(robot),
-        dt,
-        wbc.walking.WalkingControlSettings(mode=mode),  # type: ignore[arg-type]
-    )
-    raised = {"arm_right_2_joint": -0.6, "arm_right_4_joint": -1.2}
-    look = wbc.tasks.PostureTask({"head_2_joint": 0.9}, joints=("head_2_joint",), name="gaze", weight=10.0)
-    hand = wbc.tasks.RelativeFrameTask(
-        robot.frames["left_hand"], robot.torso_frame, axes=("x", "y", "z"), weight=300.0, stiffness=60.0
-    )
-    add = walking.controller.add
-    add(wbc.tasks.PostureTask(raised, joints=tuple(raised), name="right arm", weight=10.0))
-    add(look)
-    add(hand)
-    hand.target = hand.target * pin.SE3(np.eye(3), np.array([0.05, 0.0, 0.05]))
-    index = {name: 7 + robot.joint_index(name) for name in (*raised, "head_2_joint")}
-    wanted = {**raised, "head_2_joint": 0.9}
-    worst, moved = 0.0, 0
-    while plant.time < 9.0:
-        walking.velocity = (0.15, 0.0, 0.1) if 2.0 <= plant.time < 6.0 else None
-        plant.step(walking.command(plant.measure()))
-        if plant.time > 2.0:
-            estimate = walking.control.observer.robot
-            joints = max(abs(estimate.q[index[name]] - value) for name, value in wanted.items())
-            chest, tip = (estimate.placement(f) for f in (robot.torso_frame, robot.frames["left_hand"]))
-            away = float(np.linalg.norm(chest.actInv(tip).translation - hand.target.translation))
-            worst, moved = max(worst, joints, away), walking.steps_done
-    assert walking.fallen is None and walking.finished and moved >= 4
-    assert worst < 0.03, worst
 
 
 def test_a_standing_robot_is_not_done_once_it_has_somewhere_to_go() -> None:

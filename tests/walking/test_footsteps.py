@@ -155,12 +155,6 @@ def test_a_ground_that_is_known_lifts_the_steps() -> None:
         assert step.z == pytest.approx(0.1 * step.x + 0.2 * step.y)
 
 
-def test_standing_takes_the_feet_of_the_robot() -> None:
-    plan = FootstepPlan.standing(ROBOT)
-    np.testing.assert_allclose(plan.left.y - plan.right.y, 0.175, atol=1e-6)
-    assert len(plan) == 0 and plan.final == (plan.left, plan.right)
-
-
 def test_a_footstep_can_be_read_off_a_robot_that_has_fallen() -> None:
     world = pin.SE3(pin.rpy.rpyToMatrix(-1.4, 0.9, 2.0), np.array([1.0, 2.0, 0.1]))
     step = Footstep.of("left", world)
@@ -214,7 +208,6 @@ def test_a_plan_that_leaves_the_ground_is_refused() -> None:
     [
         (lambda: Footstep("middle", 0.0, 0.0), "no side 'middle'"),
         (lambda: Footstep("left", math.nan, 0.0), "finite"),
-        (lambda: Gait(apex=0.8), "apex must be .* at least 0.3 and of at most 0.7, got 0.8"),
         (lambda: Gait(takeoff_time=0.3, landing_time=0.3), "half of the single support"),
         (lambda: walk_distance(START, 0.0), "zero"),
         (lambda: walk_velocity(START, (0.1, 0.0), 3), "velocity must be"),

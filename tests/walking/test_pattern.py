@@ -93,14 +93,6 @@ def test_the_schedule_covers_the_plan() -> None:
     assert schedule(START)[0].feet == (START.left, START.right)
 
 
-@given(st.floats(0.0, 12.0))
-def test_remaining_leaves_the_rest(elapsed: float) -> None:
-    total = sum(s.duration for s in WALK)
-    rest = remaining(WALK, elapsed)
-    assert sum(s.duration for s in rest) == pytest.approx(max(0.0, total - elapsed), abs=1e-6)
-    assert rest[0].total == WALK[len(WALK) - len(rest)].total
-
-
 def test_support_areas_are_convex_hulls_with_a_margin() -> None:
     rng = np.random.default_rng(1)
     for _ in range(30):

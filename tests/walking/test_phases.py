@@ -223,8 +223,6 @@ def test_bad_use_is_refused() -> None:
         WalkPhases(walk_distance(START, 1.0), WEIGHT).land(START.left)
     with pytest.raises(InputError, match="weight"):
         WalkPhases(START, 0.0)
-    with pytest.raises(InputError, match="touch_down"):
-        PhaseSettings(touch_down=2.0)
     with pytest.raises(InputError, match="control period"):
         w.update([100.0, 100.0], 0.0)
 
@@ -271,5 +269,3 @@ def test_a_dcm_must_stay_away_and_programs_fail_in_a_row() -> None:
     for solved in (False, False, True, False, False, False, False):
         assert look(detector, solved=solved) is None
     assert look(detector, solved=False) is FallReason.SOLVER
-    with pytest.raises(InputError, match="tilt"):
-        FallSettings(tilt=0.0)
