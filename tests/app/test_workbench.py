@@ -235,34 +235,9 @@ def test_nobody_opens_the_page_without_the_link_or_from_another_site() -> None:
         assert f'<iframe src="{framed.url}"' in framed._repr_html_()
 
 
-def test_a_stick_drives_from_the_page_and_moves_the_sliders() -> None:
-    robot = wbc.load_robot("hrp4_class")
-    plant, model = wbc.Plant(robot), robot.robot()
-    walking = WalkingControl(model, FootstepPlan.standing(model), 0.005)
-    with Workbench(plant, walking, port=0) as view:
-        place, _, token = view.url.partition("?")
-        with urllib.request.urlopen(view.url) as answer:
-            page = answer.read().decode()
-        assert page.count("getGamepads") >= 2 and page.endswith("</body>\n</html>\n")
-        wish = '{"forward": 0.2, "left": 0.0, "turn": -0.1}'
-        assert status(f"{place}drive?{token}", Wish=wish) == 204
-        assert status(f"{place}drive", Wish=wish) == 403
-        for bad in ("", "3", "[", '"fast"'):
-            assert status(f"{place}drive?{token}", Wish=bad) == 400
-        view.controls.carry_out(0.0)
-        assert walking.velocity == (0.2, 0.0, -0.1)
-        assert [slider.value for slider in view._velocity.values()] == [0.2, 0.0, -0.1]
-        assert status(f"{place}drive?{token}", Wish='{"forward": 1e3}') == 204
-        view.controls.carry_out(0.0)
-        assert view.controls.message.startswith("refused: forward of a velocity")
-    plant, control = stand()
-    with Workbench(plant, control, port=0) as view:
-        assert status(view.url.replace("?", "drive?"), Wish="{}") == 404
-
-
 @pytest.mark.slow
 @needs_chromium
-def test_stick_gamepad_and_keys_drive_in_a_browser(tmp_path: Path) -> None:
+def test_keys_drive_in_a_browser(tmp_path: Path) -> None:
     robot = wbc.load_robot("hrp4_class")
     plant, model = wbc.Plant(robot), robot.robot()
     walking = WalkingControl(model, FootstepPlan.standing(model), 0.005)
@@ -278,21 +253,7 @@ def test_stick_gamepad_and_keys_drive_in_a_browser(tmp_path: Path) -> None:
     with Workbench(plant, walking, port=0) as view, Browser(tmp_path / "profile") as browser:
         browser.open(view.url)
         assert view.wait_for_page(60.0)
-        browser.wait('document.body.innerText.includes("a gamepad, or keys")')
-        for axes, velocity in (
-            ("0, -1, 0", (0.4, 0.0, 0.0)),
-            ("-1, 0, 0", (0.0, 0.2, 0.0)),
-            ("", (0.0, 0.0, 0.0)),
-        ):
-            browser.evaluate(f"navigator.getGamepads = () => [null, {{connected: true, axes: [{axes}]}}]")
-            until(velocity)
-        place = 'document.getElementById("stick").getBoundingClientRect()'
-        x, y = (browser.evaluate(f"{place}.{part}") for part in ("left + 29", "top + 2"))
-        at = {"x": x, "y": y, "button": "left", "clickCount": 1}
-        browser.call("Input.dispatchMouseEvent", type="mousePressed", buttons=1, **at)
-        until((0.37, 0.0, 0.0))
-        browser.call("Input.dispatchMouseEvent", type="mouseReleased", buttons=0, **at)
-        until((0.0, 0.0, 0.0))
+        browser.wait('document.body.innerText.includes("keys i, k")')
         key = {"key": "i", "code": "KeyI", "windowsVirtualKeyCode": 73, "text": "i"}
         browser.call("Input.dispatchKeyEvent", type="keyDown", **key)
         until((0.1, 0.0, 0.0))

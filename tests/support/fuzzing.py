@@ -82,7 +82,6 @@ STUBS = (
     "wbc.sim.studies.sweep:_run_locally",
     "wbc.app.commands.bench:bench_tick",
     "wbc.app.commands.bench:bench_solver",
-    "wbc.app.commands.bench:bench_walk",
     "wbc.app.commands.study.run:sweep",
     "wbc.app.commands.terrain:plot_families",
     "wbc.app.live:LiveView.watch",

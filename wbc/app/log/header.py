@@ -19,16 +19,13 @@ import datetime
 import json
 import platform
 from importlib import metadata
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from wbc._version import __version__
 from wbc.app.log.plain import to_plain
+from wbc.app.log.signals import Tick
 from wbc.core.errors import InputError
-from wbc.core.robot import Robot
-
-if TYPE_CHECKING:
-    from wbc.robots import RobotDescription
-    from wbc.sim import Plant
+from wbc.sim import Plant
 
 FORMAT = 1
 """Format of the logs that this version writes; a new number when older readers would misread them."""
@@ -39,26 +36,16 @@ KEY = b"wbc"
 _DISTRIBUTIONS = ("numpy", "scipy", "pin", "proxsuite", "daqp", "mujoco", "pyarrow")
 
 
-def make_header(
-    robot: Robot,
-    period: float | None,
-    plant: Plant | None,
-    description: RobotDescription | None,
-    spec: Any = None,
-    title: str = "",
-    seed: int | None = None,
-) -> dict[str, Any]:
-    """Return the header of a run.
+def make_header(tick: Tick, spec: Any = None, title: str = "", seed: int | None = None) -> dict[str, Any]:
+    """Return the header of a run, from its first tick.
 
     Args:
-        robot: The robot.
-        period: Control period, s; None if unknown.
-        plant: The plant, if there is one.
-        description: The robot of another loop, if it is known.
+        tick: The tick.
         spec: Specification of the run: a dataclass, or plain values.
         title: Title of the log; the robot's name when empty.
         seed: Seed of the run; the plant's when None.
     """
+    robot, plant = tick.robot, tick.plant if isinstance(tick.plant, Plant) else None
     if seed is None and plant is not None:
         seed = plant.seed
     return {
@@ -68,7 +55,7 @@ def make_header(
         "created": datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds"),
         "title": title or robot.name,
         "seed": seed,
-        "control_period": period,
+        "control_period": None if tick.controller is None else tick.controller.dt,
         "robot": {
             "name": robot.name,
             "mass_kg": robot.mass,
@@ -77,7 +64,7 @@ def make_header(
         },
         "spec": spec.to_json() if hasattr(spec, "to_json") else to_plain(spec),
         "plant": None if plant is None else _plant_parts(plant),
-        "description": to_plain(description),
+        "description": to_plain(tick.description if plant is None else None),
     }
 
 

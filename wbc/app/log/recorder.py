@@ -214,11 +214,7 @@ class Recorder(TrialHook):
         signals = tick_signals(tick)
         for signal, function, axes in self._added.values():
             _add_own(signals, signal, function, axes, function(tick))
-        period = None if tick.controller is None else tick.controller.dt
-        plant = tick.plant if isinstance(tick.plant, Plant) else None
-        description = None if plant is not None else tick.description
-        header = make_header(tick.robot, period, plant, description, self._spec, self._title, self._seed)
-        self._writer.begin(signals, header)
+        self._writer.begin(signals, make_header(tick, self._spec, self._title, self._seed))
         return signals
 
     @property

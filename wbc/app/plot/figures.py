@@ -50,7 +50,7 @@ FIGURES = {
     "feet": LogFigure(
         "normal forces and ankle moments of the feet, measured and desired",
         ("foot/left/wrench_measured", "foot/right/wrench_measured"),
-        partial(draw_signals, words=("foot/*/wrench_*/fz", "foot/*/wrench_*/m[xy]")),
+        partial(draw_signals, words=("foot/*/wrench_[md]e*/fz", "foot/*/wrench_[md]e*/m[xy]")),
     ),
     "torque": LogFigure("joint torques over their limits", ("truth/joint/torque_ratio",), draw_torque),
     "timing": LogFigure(

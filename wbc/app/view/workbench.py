@@ -22,7 +22,7 @@ from wbc.app.scene.layer import Annotations
 from wbc.app.view.base import View
 from wbc.app.view.controls import DIRECTIONS, Setting
 from wbc.app.view.workbench_scene import WorkbenchScene
-from wbc.app.view.workbench_server import Stick, start_server, stop_server
+from wbc.app.view.workbench_server import start_server, stop_server
 from wbc.core.errors import Array, InputError
 from wbc.core.qp.contact import Contact
 from wbc.core.qp.solution import Solution
@@ -74,9 +74,7 @@ class Workbench(View):
     RATE = 20.0
 
     def _open(self, address: Address) -> None:
-        limits = self.controls.available().get("drive")
-        stick = None if limits is None else Stick(limits, self._steer)
-        server, self._url = start_server(address, self.scene.title, self._framed, stick)
+        server, self._url = start_server(address, self.scene.title, self._framed)
         self._server: Any = server
         self._closed = False
         self._live: list[Callable[[float], None]] = []  # called with each picture
@@ -85,7 +83,6 @@ class Workbench(View):
         self._said: tuple[str, ...] = ()
         self._rooms: dict[type, Any] = {}  # folders of all tasks and of all contacts
         self._made: list[tuple[Any, Any, list[Any]]] = []  # task or contact, its folder, what it shows live
-        self._velocity: dict[str, Any] = {}  # sliders of a robot that is driven
         with server.atomic():
             self._drawn = WorkbenchScene(server, self.scene, self._pull)
             self._fill(self._program)
@@ -219,14 +216,6 @@ class Workbench(View):
                 if place.content != new:
                     place.content = new
 
-    def _steer(self, wish: dict[str, Any]) -> None:
-        """Take a command of the stick, and show it in the sliders."""
-        self.controls.order(wish)
-        for name, slider in self._velocity.items():
-            value = wish.get(name)
-            if isinstance(value, (int, float)):
-                slider.value = min(max(float(value), slider.min), slider.max)
-
     def _pull(self, body: str, way: Array) -> None:
         if self._plant is not None:
             force = DRAG_FORCE * self._plant.robot.mass * GRAVITY * way
@@ -338,12 +327,8 @@ class Workbench(View):
                 gui.add_slider(f"{name} ({unit})", a, b, 0.01, 0.0)
                 for name, unit, a, b in zip(parts, ("m/s", "m/s", "rad/s"), low, high, strict=True)
             ]
-            gui.add_markdown(
-                "the stick, a gamepad, or keys i, k: faster, slower; j, l: turn; u, o: to the side; space: stand"
-            )
+            gui.add_markdown("keys i, k: faster, slower; j, l: turn; u, o: to the side; space: stand")
             stand = gui.add_button("stand", hint="the robot can be driven on")
-
-        self._velocity = dict(zip(parts, sliders, strict=True))
 
         def drive(_: Any = None) -> None:
             self.controls.order({"do": "drive", **{n: s.value for n, s in zip(parts, sliders, strict=True)}})

@@ -11,15 +11,13 @@ from __future__ import annotations
 import contextlib
 import http
 import io
-import json
 import secrets
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 from urllib.parse import parse_qs, quote, urlsplit
 
 from wbc.app.address import Address, PortError, ServedAddress, ViewError, listen
 from wbc.app.view.guard import FRAMES, HEADERS, LOCAL_FRAMES, admitted
-from wbc.app.view.page import DRIVE
 
 if TYPE_CHECKING:
     import viser
@@ -32,29 +30,6 @@ PAGE_POLICY = (
 )
 """Content security policy: viser's page unpacks its scripts itself; it reaches no other server."""
 
-STICK = """<script>
-let told = Promise.resolve();  // one after the other
-const order = (wish) => {
-    told = told.then(() => fetch("/drive" + location.search, {headers: {Wish: JSON.stringify(wish)}})).catch(() => {});
-    return true;
-};
-DRIVE
-drive(LIMITS, make("div", document.body, {style: "position: fixed; left: 16px; bottom: 16px; z-index: 10"}));
-</script></body>"""
-"""End of the page of a robot that is driven: stick and gamepad, which viser does not have."""
-
-
-class Stick(NamedTuple):
-    """Stick on the page.
-
-    Attributes:
-        limits: Greatest velocities: forward, back, left (m/s) and turn (rad/s).
-        take: Called with each command, an order to drive.
-    """
-
-    limits: dict[str, float]
-    take: Callable[[Any], None]
-
 
 class Guard:
     """Guard of requests to viser.
@@ -64,9 +39,9 @@ class Guard:
         asked: True once viser has asked the guard to stand before its requests.
     """
 
-    def __init__(self, served: ServedAddress, framed: bool, stick: Stick | None) -> None:
+    def __init__(self, served: ServedAddress, framed: bool) -> None:
         """Make a token for the address; with `framed` pages of this machine may show the page in a frame."""
-        self._served, self._framed, self._stick = served, framed, stick
+        self._served, self._framed = served, framed
         self.token = secrets.token_urlsafe(16)
         self.asked = False
 
@@ -79,10 +54,9 @@ class Guard:
         def guarded(connection: Any, request: Request) -> Any:
             host, query = request.headers.get("Host", ""), parse_qs(urlsplit(request.path).query)
             known = secrets.compare_digest("".join(query.get("token", [])).encode(), self.token.encode())
-            connects, path = "Upgrade" in request.headers, urlsplit(request.path).path
-            page, drives = path == "/", path == "/drive" and self._stick is not None
+            connects, page = "Upgrade" in request.headers, urlsplit(request.path).path == "/"
             if not admitted(self._served, host, request.headers.get("Origin")) or (
-                (connects or page or drives) and not known
+                (connects or page) and not known
             ):
                 hint = "403 Refused: open the page by the link that the program printed\n"
                 return self._with_headers(Response(403, "Refused", Headers(), hint.encode()), host)
@@ -90,30 +64,10 @@ class Guard:
                 place = quote(f"ws://{host}/?token={self.token}", safe="")
                 goal = Headers(Location=f"/?token={self.token}&websocket={place}")
                 return self._with_headers(Response(http.HTTPStatus.FOUND, "Found", goal), host)
-            if drives and not connects:
-                return self._with_headers(self._drive(request.headers.get("Wish", "")), host)
-            if page and self._stick is not None:
-                request.headers.pop("Accept-Encoding", None)
             answered = answer(connection, request)
-            if page and answered is not None and self._stick is not None:
-                limits, script = json.dumps(self._stick.limits), DRIVE.read_text("utf-8")
-                end = STICK.replace("DRIVE", script).replace("LIMITS", limits).encode()
-                answered.body = end.join(answered.body.rsplit(b"</body>", 1))
-                del answered.headers["Content-Length"]
             return answered if answered is None else self._with_headers(answered, host)
 
         return guarded
-
-    def _drive(self, wish: str) -> Response:
-        """Take an order of the stick; answer 400 to anything else."""
-        from websockets import Headers, Response  # noqa: PLC0415 - an extra
-
-        assert self._stick is not None
-        try:
-            self._stick.take({**json.loads(wish), "do": "drive"})
-        except (TypeError, ValueError, RecursionError):
-            return Response(400, "Bad Request", Headers(), b"400 a wish is a JSON object\n")
-        return Response(204, "No Content", Headers())
 
     def _with_headers(self, response: Response, host: str) -> Response:
         policy = PAGE_POLICY.format(host=host) + (LOCAL_FRAMES if self._framed else FRAMES)
@@ -124,10 +78,8 @@ class Guard:
         return response
 
 
-def start_server(
-    address: Address, title: str, framed: bool, stick: Stick | None = None
-) -> tuple[viser.ViserServer, str]:
-    """Start a server with a title, and return it with the link to its page, which has a stick where one is given.
+def start_server(address: Address, title: str, framed: bool) -> tuple[viser.ViserServer, str]:
+    """Start a server with a title, and return it with the link to its page.
 
     With `framed` pages of this machine may show the page in a frame. Raises `PortError` when the port is in use,
     `ViewError` for no viser, or one that cannot be guarded; nothing is left running.
@@ -145,7 +97,7 @@ def start_server(
         listening, served = listen(address)
     except OSError as error:
         raise PortError.at("workbench", address, error.strerror or str(error)) from error
-    guard, serve = Guard(served, framed, stick), websockets.asyncio.server.serve
+    guard, serve = Guard(served, framed), websockets.asyncio.server.serve
 
     def guarded_serve(handler: Any, _host: Any = None, _port: Any = None, /, **options: Any) -> Any:
         options["process_request"] = guard.around(options["process_request"])
