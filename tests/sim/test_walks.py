@@ -561,7 +561,7 @@ def test_timings_are_rounded_and_said() -> None:
             "no body 'torzo'; did you mean 'torso'",
         ),
         ({"changes": {"distribution.margin": 0.06}}, "leaves nothing"),
-        ({"changes": "dcm_p"}, "changes: must be an object"),
+        ({"changes": "dcm_p"}, "changes must be an object"),
     ],
 )
 def test_refuses_bad_specs(values: dict[str, Any], message: str) -> None:

@@ -93,14 +93,20 @@ def checked_on_failure(function: Callable[P, T]) -> Callable[P, T]:
 
 
 def check_fields(value: Any) -> None:
-    """Check the fields of a dataclass that is not made with `@settings`, for its `__post_init__`.
+    """Check the fields of a dataclass that is not made with `@settings`, for its `__post_init__`; lists become tuples.
+
+    Of one that derives from settings those fields are checked which it inherits, by the rules that they have there.
 
     Raises:
         InputError: A field that does not agree with its annotation.
     """
-    kind: Any = type(value)
+    kinds = type(value).__mro__
+    kind = next((each for each in kinds if "__pydantic_validator__" in vars(each)), kinds[0])
     for name, (rule, hint) in _rules_of(kind).items():
-        _check_one(name, getattr(value, name), rule, hint)
+        given = getattr(value, name)
+        checked = _check_one(name, given, rule, hint)
+        if isinstance(given, list):
+            object.__setattr__(value, name, checked)
 
 
 def _check(
@@ -120,22 +126,20 @@ def _check(
             _check_one(name, value, *rules[name])
 
 
-def _check_one(name: str, value: Any, rule: TypeAdapter[Any], hint: Any) -> None:
+def _check_one(name: str, value: Any, rule: TypeAdapter[Any], hint: Any) -> Any:
+    unit = unit_of(hint)
+    what = f"{name} ({unit})" if unit else name
     try:
         given = rule.validate_python(plain_value(value))
     except (ValidationError, RecursionError, OverflowError):
         choices = choices_of(hint)
         if choices and isinstance(value, str):
             unknown_name(name.replace("_", " "), value, choices)
-        raise InputError(f"{_named(name, hint)} must be {rule_of(hint)}, got {shown(value)}") from None
+        raise InputError(f"{what} must be {rule_of(hint)}, got {shown(value)}") from None
     reason = unusable(given)
     if reason:
-        raise InputError(f"{_named(name, hint)} must be {rule_of(hint)}{reason}, got {shown(value)}")
-
-
-def _named(name: str, hint: Any) -> str:
-    unit = unit_of(hint)
-    return f"{name} ({unit})" if unit else name
+        raise InputError(f"{what} must be {reason}, got {shown(value)}")
+    return given
 
 
 @functools.cache

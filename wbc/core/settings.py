@@ -24,7 +24,7 @@ from typing import Annotated, Any, Literal, NoReturn, TypeVar, dataclass_transfo
 
 import numpy as np
 from numpy.typing import ArrayLike
-from pydantic import AfterValidator, ConfigDict, Field, TypeAdapter, ValidationError
+from pydantic import AfterValidator, ConfigDict, Field, TypeAdapter, ValidationError, field_validator
 from pydantic.dataclasses import dataclass as pydantic_dataclass
 from pydantic.fields import FieldInfo
 
@@ -97,15 +97,7 @@ def settings(kind: type[T] | None = None, /, *, kw_only: bool = False) -> Any:
     """
     if kind is None:
         return functools.partial(settings, kw_only=kw_only)
-    own = vars(kind).get("__post_init__")
-
-    def post_init(self: Any) -> None:
-        _check_usable(self)
-        if own is not None:
-            own(self)
-
-    if own is not None or not hasattr(kind, "__post_init__"):
-        setattr(kind, "__post_init__", post_init)  # noqa: B010 - unknown to type checkers
+    setattr(kind, "_usable", field_validator("*")(staticmethod(_usable)))  # noqa: B010 - unknown to type checkers
     made: Any = pydantic_dataclass(kind, frozen=True, kw_only=kw_only, config=CONFIG)
     checked = made.__init__
 
@@ -122,34 +114,29 @@ def settings(kind: type[T] | None = None, /, *, kw_only: bool = False) -> Any:
     return typing.cast(type[T], made)
 
 
-def _check_usable(value: Any) -> None:
-    """Refuse settings with numbers or texts that `unusable` names."""
-    kind: Any = type(value)
-    for name in _field_names(kind):
-        given = getattr(value, name)
-        reason = unusable(given)
-        if reason:
-            path, hint, unit = _locate(kind, (name,))
-            what = f"{path} ({unit})" if unit else path
-            raise InputError(f"{what} must be {rule_of(hint)}{reason}, got {shown(given)}")
+def _usable(value: Any) -> Any:
+    reason = unusable(value)
+    if reason:
+        raise ValueError(f"must be {reason}, got {shown(value)}")
+    return value
 
 
 def unusable(value: Any) -> str:
-    """Return what an argument lacks that is of the right kind, in words; empty for one that can be used."""
+    """Return what an argument of the right kind that cannot be used must be; empty for one that can be used."""
     if type(value) in (tuple, list):
         return next(filter(None, map(unusable, value)), "")
     if isinstance(value, float):
-        return f" within ±{LARGEST:g}" if LARGEST < abs(value) < math.inf else ""
+        return f"a number within ±{LARGEST:g}" if LARGEST < abs(value) < math.inf else ""
     if isinstance(value, int):
-        return f" within ±{WIDEST}" if abs(value) > WIDEST else ""
+        return f"an integer within ±{WIDEST}" if abs(value) > WIDEST else ""
     if isinstance(value, Path):
         usable_path(value)
     if not isinstance(value, str):
         return ""
     try:
-        return " without NUL" if b"\0" in value.encode() else ""
+        return "text without NUL" if b"\0" in value.encode() else ""
     except UnicodeEncodeError:  # half of a surrogate pair
-        return " of whole characters"
+        return "text of whole characters"
 
 
 def usable_path(path: Path) -> Path:
@@ -169,38 +156,6 @@ def plain_value(value: Any, depth: int = 0) -> Any:
             raise InputError(f"values may be nested {DEEPEST} deep, got {shown(value)}")
         return tuple(plain_value(item, depth + 1) for item in value)
     return value.item() if isinstance(value, np.generic) else value
-
-
-def check_inherited(value: Any) -> None:
-    """Check the fields that a class made with `@dataclass` alone inherits from settings.
-
-    For the `__post_init__` of settings that users derive from: `@settings` checks before it gets there, `@dataclass`
-    does not check at all.
-
-    Args:
-        value: Value that is being made; its fields get their checked values.
-
-    Raises:
-        InputError: As the settings themselves raise it.
-    """
-    maker = next(kind for kind in type(value).__mro__ if "__init__" in vars(kind))
-    if "__pydantic_validator__" in vars(maker):
-        return
-    base = next(kind for kind in maker.__mro__ if "__pydantic_validator__" in vars(kind))
-    values = {field.name: getattr(value, field.name) for field in dataclasses.fields(base)}
-    for name, checked in vars(_fields_alone(base)(**values)).items():
-        object.__setattr__(value, name, checked)
-
-
-@functools.cache
-def _fields_alone(kind: Any) -> Any:
-    """Settings with the fields of a class and nothing else of it."""
-    hints = _hints(kind)
-    return settings(
-        dataclasses.make_dataclass(
-            kind.__name__, [(f.name, hints[f.name]) for f in dataclasses.fields(kind)], frozen=True
-        )
-    )
 
 
 _PLAIN = frozenset((str, float, int, bool, type(None)))
@@ -281,7 +236,7 @@ def _refuse(kind: Any, error: ValidationError) -> NoReturn:
     if first["type"] == "missing" and not short:
         raise InputError(f"{what} is missing: {rule_of(hint)}") from None
     if cause is not None:
-        raise InputError(f"{what}: {cause}") from None
+        raise InputError(f"{what} {cause}") from None
     choices = choices_of(hint)
     if choices and isinstance(value, str):
         unknown_name(what, value, choices)
