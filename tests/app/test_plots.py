@@ -21,13 +21,10 @@ from wbc.app.log.stances import (
     SIDES,
     Drift,
     corners,
-    estimated_dcm,
-    measured_zmp,
     sole_sizes,
     stances,
     support_box,
     yaw_of,
-    zmp_of_feet,
 )
 from wbc.app.plot.figures import FIGURES, draw, missing
 from wbc.app.plot.output import save
@@ -153,12 +150,9 @@ def test_support_region_is_that_of_the_feet_on_the_ground(log: Log) -> None:
     assert len(feet) == 2 + sum("touch-down" in text for _, text in log.events)
 
 
-def test_balance_of_standing_is_that_of_its_feet(log: Log, standing: Log) -> None:
-    off = np.linalg.norm(zmp_of_feet(log)[:, :2] - log["zmp/measured"][:, :2], axis=1)
-    first = log.events[1][0]  # end of the first double support
-    assert off[log.time < first].max() < 1e-3 < first  # from what the stabilizer had, which a walk logs
+def test_balance_of_standing_is_that_of_its_feet(standing: Log) -> None:
     low, high = support_box(standing)
-    zmp, dcm = measured_zmp(standing)[:, :2], estimated_dcm(standing)
+    zmp, dcm = standing["zmp/measured"][:, :2], standing["dcm/estimated"]
     for point in (zmp, dcm, standing["com/estimated"][:, :2]):
         assert (point > low).all() and (point < high).all()
     np.testing.assert_allclose(zmp.mean(axis=0), standing["truth/com"][:, :2].mean(axis=0), atol=5e-3)

@@ -7,6 +7,7 @@ where there is none. Signals that share an intermediate result read it through `
 
 from __future__ import annotations
 
+import contextlib
 import json
 import math
 from collections.abc import Callable, Sequence
@@ -25,7 +26,8 @@ from wbc.core.robot import SIDES, Robot
 from wbc.sim.plant.plant import Plant
 from wbc.tasks.behaviours import Program
 from wbc.tasks.stabilizer.admittance import FootCorrection
-from wbc.tasks.stabilizer.pendulum import dcm
+from wbc.tasks.stabilizer.pendulum import dcm, natural_frequency
+from wbc.tasks.stabilizer.zmp import NoContactForceError, level_zmp, net_wrench
 from wbc.walking.control import ReferenceControl
 
 if TYPE_CHECKING:
@@ -194,6 +196,25 @@ def _add_estimate(signals: Signals, tick: Tick) -> None:
         _add_motion(signals, f"foot/{foot}/estimated", "sole", "world", pose, None)
     if isinstance(tick.drives, PositionControl):
         base(lambda t: t.drives, "base/commanded")
+    if tick.walking is None and robot.soles:  # a walk has its own
+        balance = of(once(_balance))
+        group("zmp/measured", XYZ, "m", "of the measured foot wrenches, world", balance(lambda b: b[0]))
+        group("dcm/estimated", XY, "m", "over the lower sole, world", balance(lambda b: b[1]))
+
+
+def _balance(tick: Tick) -> tuple[Array, Array] | None:
+    """Return ZMP of the measured wrenches, NaN without a force, and DCM of the CoM, both over the lower sole."""
+    robot = tick.estimate
+    if robot is None:
+        return None
+    soles = [robot.placement(sole.frame) for sole in robot.soles]
+    low = min((sole.translation for sole in soles), key=lambda place: float(place[2]))
+    point, wrenches = np.full(3, math.nan), tick.measurement.sole_wrench
+    if wrenches is not None:
+        with contextlib.suppress(NoContactForceError):
+            point = level_zmp(net_wrench(wrenches, soles), low)
+    height = max(float(robot.com[2] - low[2]), 1e-3)  # of a robot that lies
+    return point, dcm(robot.com[:2], robot.com_velocity[:2], natural_frequency(height))
 
 
 def _add_outside(signals: Signals, tick: Tick) -> None:

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from wbc.app.log.reader import Log
 from wbc.core.errors import Array
@@ -62,45 +61,6 @@ def support_box(log: Log) -> tuple[Array, Array]:
     none = ~np.isfinite(low[:, 0])
     low[none] = high[none] = np.nan
     return low, high
-
-
-def measured_zmp(log: Log) -> Array:
-    """Return the ZMP of the measured foot wrenches as a walk has logged it, else by `zmp_of_feet`."""
-    return log["zmp/measured"] if "zmp/measured/x" in log else zmp_of_feet(log)
-
-
-def zmp_of_feet(log: Log) -> Array:
-    """Return the ZMP of the measured foot wrenches at the estimated placements of the feet.
-
-    Returns:
-        In the plane of the lower foot, shape (ticks, 3), m, world; NaN without a force.
-    """
-    force, moment = np.zeros((2, len(log), 3))
-    level = np.full(len(log), np.inf)
-    for side in SIDES:
-        place, turn = (log[f"foot/{side}/estimated/{what}"] for what in ("position", "orientation"))
-        wrench, rotation = log[f"foot/{side}/wrench_measured"].copy(), Rotation.from_quat(turn)
-        on_foot = rotation.apply(wrench[:, :3])
-        force += on_foot
-        moment += np.cross(place, on_foot) + rotation.apply(wrench[:, 3:])
-        level = np.minimum(level, place[:, 2])
-    up = np.where(force[:, 2] > 1.0, force[:, 2], np.nan)
-    x, y = (level * force[:, 0] - moment[:, 1]) / up, (level * force[:, 1] + moment[:, 0]) / up
-    return np.stack([x, y, level], axis=1)
-
-
-def estimated_dcm(log: Log) -> Array:
-    """Return the DCM of the estimated CoM, as logged by a walk, else with its height above the lower foot.
-
-    Returns:
-        Shape (ticks, 2), m, world.
-    """
-    if "dcm/estimated/x" in log:
-        return log["dcm/estimated"]
-    com, velocity = log["com/estimated"], log["com/estimated_velocity"]
-    level = np.minimum(*(log[f"foot/{side}/estimated/position/z"] for side in SIDES))
-    capture: Array = com[:, :2] + velocity[:, :2] * np.sqrt((com[:, 2] - level) / GRAVITY)[:, None]
-    return capture
 
 
 class Drift:

@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Polygon
 
 from wbc.app.log.reader import Log
-from wbc.app.log.stances import Drift, estimated_dcm, measured_zmp, stances, support_box
+from wbc.app.log.stances import Drift, stances, support_box
 from wbc.app.plot.style import (
     BLACK,
     BLUE,
@@ -48,14 +48,12 @@ def draw_balance(logs: Sequence[Log]) -> Figure:
 
 
 def _one_balance(axes: list[Axes], log: Log, name: str) -> None:
-    time, derived = log.time, {"zmp/measured": measured_zmp(log), "dcm/estimated": estimated_dcm(log)}
-    low, high = support_box(log)
+    time, (low, high) = log.time, support_box(log)
     for i, (ax, axis) in enumerate(zip(axes, "xy", strict=False)):
         band(ax, time, low[:, i], high[:, i], "support")
         for label, group, colour, style, width in LINES:
-            if group in derived or f"{group}/x" in log:
-                values = derived[group] if group in derived else log[group]
-                ax.plot(time, values[:, i], style, color=colour, linewidth=width, label=label)
+            if f"{group}/x" in log:
+                ax.plot(time, log[group][:, i], style, color=colour, linewidth=width, label=label)
         ax.set_ylabel(f"{axis} (m)")
         room = 0.15 * float(np.nanmax(high[:, i]) - np.nanmin(low[:, i]))
         ax.set_ylim(np.nanmin(low[:, i]) - room, np.nanmax(high[:, i]) + room)

@@ -39,7 +39,11 @@ _FEET = ("foot/left/reference/position", "foot/right/reference/position", "foot/
 FIGURES = {
     "balance": LogFigure(
         "centre of mass, DCM and ZMP in both axes, with the support region, and the DCM's error or the sway",
-        ("com/estimated", *(f"foot/{side}/{what}" for side in SIDES for what in _LOADED_FEET)),
+        (
+            "com/estimated",
+            "zmp/measured",
+            *(f"foot/{side}/{what}" for side in SIDES for what in _LOADED_FEET),
+        ),
         draw_balance,
     ),
     "plan": LogFigure(

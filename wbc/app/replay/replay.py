@@ -10,7 +10,7 @@ import numpy as np
 from wbc.app.log.plain import from_plain
 from wbc.app.log.reader import Log
 from wbc.app.log.sources import position_signal
-from wbc.app.log.stances import Drift, measured_zmp
+from wbc.app.log.stances import Drift
 from wbc.app.replay.overlays import Overlays
 from wbc.app.scene.colours import stiffness_colour
 from wbc.app.scene.layers import sole_paths
@@ -75,9 +75,8 @@ class Replay:
             )
             self._com = log["truth/com" if "truth/com/x" in log else "com/estimated"]
             self._wrenches = [log[f"foot/{side}/wrench_measured"] for side in SIDES]
-            known = "zmp/measured/x" in log or "foot/left/estimated/position/x" in log
             self.drift = Drift(log)
-            self._zmp = self.drift(measured_zmp(log)) if known else None
+            self._zmp = self.drift(log["zmp/measured"]) if "zmp/measured/x" in log else None
             self.base_places = self._q[:, :3]
             self._stiffness = [log[f"foot/{side}/stiffness"] for side in SIDES]
             self._push: tuple[Array, ...] = ()
