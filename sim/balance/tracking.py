@@ -84,7 +84,6 @@ class TrackTrial(Trial):
 
     walking: WalkingControl
 
-    @checked
     def __init__(self, clip: MotionClip, spec: TrackSpec | None = None) -> None:
         """Build robot, plant and controller; the robot stands as the clip begins.
 

@@ -77,7 +77,7 @@ STUBS = (
     "wbc.sim.balance.tracking:TrackTrial.run",
     "wbc.app.commands.stiffness:learning_curve",
     "wbc.feet.stiffness.comparison:cross_validate",
-    "wbc.machine.conformance:_shapes",
+    "wbc.machine.conformance:Session",
     "wbc.machine.run:Runner._make_guard",
     "wbc.sim.studies.sweep:_run_locally",
     "wbc.app.commands.bench:bench_tick",

@@ -15,7 +15,6 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
-from wbc.core.arguments import checked
 from wbc.core.attributes import FixedAttributes
 from wbc.core.errors import Array, InputError, finite_array, finite_scalar
 from wbc.core.qp.controller import Controller
@@ -90,7 +89,6 @@ class Body(FixedAttributes):
         active: False while nothing is set, and nothing has to be done.
     """
 
-    @checked
     def __init__(self, controller: Controller, com_height: float, dt: float, *, waist: bool) -> None:
         """Leave everything to the walk.
 

@@ -85,7 +85,6 @@ class ReferenceControl:
         reference: References of the last tick with a good measurement; None before the first one.
     """
 
-    @checked
     def __init__(
         self,
         source: ReferenceSource,

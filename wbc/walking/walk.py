@@ -17,7 +17,6 @@ from typing import Annotated
 import numpy as np
 import pinocchio as pin
 
-from wbc.core.arguments import checked
 from wbc.core.errors import Array, InputError, as_period
 from wbc.core.robot import GRAVITY, SIDES, Robot
 from wbc.core.settings import Positive, Share, settings
@@ -107,7 +106,6 @@ class Walk:
             rest.
     """
 
-    @checked
     def __init__(
         self,
         robot: Robot,

@@ -14,7 +14,6 @@ from typing import Annotated, NamedTuple
 
 from pydantic import Field
 
-from wbc.core.arguments import checked
 from wbc.core.errors import finite_array, finite_scalar
 from wbc.core.robot import SIDES
 from wbc.core.settings import NonNegative, Positive, Share, settings
@@ -169,7 +168,6 @@ class VelocitySource(FootstepSource):
     granted: Velocity
     within_reach = True
 
-    @checked
     def __init__(
         self,
         reach: Reach,
@@ -325,7 +323,6 @@ class GoalSource(FootstepSource):
 
     within_reach = True
 
-    @checked
     def __init__(self, goal: tuple[float, float, float], drive: VelocitySource) -> None:
         """Go to a goal, x, y (m) and yaw (rad) in the world, by a source that turns velocities into steps."""
         x, y, yaw = finite_array("goal (m, m, rad)", goal, (3,)).tolist()
@@ -396,7 +393,6 @@ class PlanSource(FootstepSource):
         plan: The plan, in the world.
     """
 
-    @checked
     def __init__(self, plan: FootstepPlan) -> None:
         """Begin with the first step of a plan; its feet at the start are not looked at."""
         self.plan = plan
