@@ -25,6 +25,8 @@ from typing import Any
 
 from balance_task import BalanceTask
 
+from wbc.robots.urdf import without_geometry
+
 HERE = Path(__file__).resolve().parent
 TALOS = "cmeel.prefix/share/example-robot-data/robots/talos_data"
 OURS = "wbc"
@@ -43,15 +45,6 @@ Record = dict[str, Any]
 
 class MissingError(Exception):
     """A library that could not be run; the message says why."""
-
-
-def without_geometry(urdf: str) -> str:
-    """Return a robot description without visual and collision elements, so that no mesh is looked for."""
-    root = ET.fromstring(urdf)
-    for link in root.iter("link"):
-        for element in [e for e in link if e.tag in ("visual", "collision")]:
-            link.remove(element)
-    return ET.tostring(root, encoding="unicode")
 
 
 def talos() -> BalanceTask:

@@ -209,7 +209,7 @@ def test_torques_stay_within_limit_and_rate(name: str) -> None:
     com = CoMTask(weight=1e3)
     controller.add(com, PostureTask(), TorqueLimits(ratio=ratio, rate=rate))
     q, v = np.array(robot.q), np.array(robot.v)
-    start, before, limited = np.array(com.target), None, 0
+    start, before, limited, named = np.array(com.target), None, 0, False
     for tick in range(150):
         com.target = start + np.array([0.0, 0.03 * np.sign(np.sin(40.0 * tick * controller.dt)), 0.0])
         controller.update(q, v)
@@ -220,13 +220,14 @@ def test_torques_stay_within_limit_and_rate(name: str) -> None:
             change = np.abs(solution.torques - before)
             assert (change <= rate * controller.dt + 1e-4).all()
             limited += int((change > 0.99 * rate * controller.dt).sum())
+        named |= any("torque of" in limit for limit in solution.active_limits)
         before = solution.torques
         q, v = integrate(controller, q, v, solution.accelerations)
         if tick == 100:  # torques do not jump with what is added, either
             knee = robot.joints_between(robot.soles[0].frame, robot.base_frame)[3]
             target = {robot.joint_names[knee]: robot.q[7 + knee] + 0.5}
             controller.add(PostureTask(target, joints=list(target), name="knee", weight=1.0, stiffness=200.0))
-    assert limited > 0
+    assert limited > 0 and named
 
 
 def test_joints_without_position_limits_are_free_and_limits_that_cannot_be_kept_are_refused() -> None:

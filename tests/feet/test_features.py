@@ -4,15 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from scipy.linalg import subspace_angles
 
 from wbc.core.errors import InputError, UnknownNameError
 from wbc.feet.sensing.scan import PROFILE_STEP, windows
 from wbc.feet.stiffness.features import (
-    PAPER_FEATURES,
     WINDOW_FEATURES,
     FeatureSet,
-    power_names,
     select_features,
 )
 from wbc.feet.stiffness.roughness import PARAMETERS, roughness
@@ -34,11 +31,6 @@ def values() -> np.ndarray:
     return roughness(PROFILE_STEP * np.arange(z.shape[1]), z).values
 
 
-def columns(values: np.ndarray, names: tuple[str, ...]) -> np.ndarray:
-    matrix = FeatureSet(names)(values)
-    return (matrix - matrix.mean(axis=0)) / matrix.std(axis=0)
-
-
 def test_features_are_what_their_names_say(values: np.ndarray) -> None:
     names = ("Sp", "Sp^3", "sqrt(P)", "lines", "Ssk", "Ssk^3", "K")
     f = dict(zip(names, FeatureSet(names)(values).T, strict=True))
@@ -51,22 +43,6 @@ def test_features_are_what_their_names_say(values: np.ndarray) -> None:
     one = FeatureSet(names)(values[3])
     np.testing.assert_array_equal(one, FeatureSet(names)(values)[3])
     np.testing.assert_array_equal(FeatureSet(WINDOW_FEATURES)(np.zeros(10)), [0, 0, 0, 0, 1])
-
-
-def test_the_paper_takes_powers_of_three_parameters() -> None:
-    assert {name.split("^")[0] for name in PAPER_FEATURES} == {"Sp", "P", "Sku"}
-    assert len(power_names()) == 30 and set(PAPER_FEATURES) < set(power_names())
-
-
-def test_planted_ranks_are_found() -> None:
-    """Ten parameters made of three independent ones: three columns are kept, and all others follow from them."""
-    base = RNG.normal(size=(200, 3))
-    mixed = base @ RNG.normal(size=(3, 10))
-    s = select_features(mixed, powers=(1,), bound=1e6)
-    assert len(s.kept) == 3
-    assert s.condition == np.inf and s.kept_condition < 1e3
-    kept, every = columns(mixed, s.kept), columns(mixed, PARAMETERS)
-    assert subspace_angles(kept, every[:, :3]).max() < 1e-6
 
 
 def test_independent_columns_come_first() -> None:

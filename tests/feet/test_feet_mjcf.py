@@ -187,25 +187,6 @@ def test_lowest_points_of_the_spheres_span_the_rectangle(name: str) -> None:
     np.testing.assert_allclose(extent.min(axis=0), [-sole.length / 2, -sole.width / 2], atol=1e-9)
 
 
-@pytest.mark.parametrize("name", ["soft", "no loop", "six phalanges"])
-def test_the_loop_is_closed_in_the_rest_shape(name: str) -> None:
-    stand = Stand(DESIGNS[name], "nothing")
-    assert stand.probe.loop_gap(stand.data) < 1e-12
-    assert (stand.foot.loop_sites is None) == (name == "no loop")
-
-
-def test_two_feet_share_a_model() -> None:
-    spec = mujoco.MjSpec()
-    models = []
-    for side in ("left", "right"):
-        body = spec.worldbody.add_body(name=f"{side}_ankle", pos=[0, 0.1 if side == "left" else -0.1, 0.1])
-        own = SoleGeometry.under_ankle(0.093, 0.16, 0.076, ankle_link=f"{side}_ankle")
-        models.append(foot("soft", encoders=True).build(spec, body, side, own))
-    compiled = spec.compile()
-    assert not set(models[0].contact_geoms) & set(models[1].contact_geoms)
-    assert compiled.neq == 2 and compiled.nv == 22 and compiled.nsensor == 2 * (2 + 10)
-
-
 def test_names_of_a_foot_are_none_that_a_robot_would_use() -> None:
     stand = Stand(foot("soft", encoders=True), "nothing")
     kinds = mujoco.mjtObj
@@ -250,17 +231,6 @@ def test_under_a_free_ankle_the_centre_of_pressure_is_under_the_ankle(name: str,
     expected = [own.lever[0] * own.mass * GRAVITY / weight, 0.0]
     ankle = stand.data.body("ankle").xpos
     np.testing.assert_allclose(contacts.centre_of_pressure[:2] - ankle[:2], expected, atol=0.001)
-
-
-@pytest.mark.parametrize("name", ["flat", "rigid"])
-@pytest.mark.parametrize("ground", ["plane", "field"])
-def test_a_level_rigid_sole_presses_evenly(name: str, ground: str) -> None:
-    stand = Stand(DESIGNS[name], terrain("flat") if ground == "plane" else "flat field", tilting=False)
-    stand.settle()
-    contacts = stand.probe.contacts(stand.model, stand.data)
-    centre = stand.data.body(stand.foot.body).xpos
-    np.testing.assert_allclose(contacts.centre_of_pressure[:2], centre[:2], atol=0.001)
-    assert len(np.unique(np.round(contacts.points[:, :2], 4), axis=0)) == len(stand.foot.contact_geoms)
 
 
 @pytest.mark.parametrize("name", ["flat", "rigid", "soft"])
@@ -388,20 +358,6 @@ def test_range_readings_follow_the_ground_and_none_is_lost(family: str) -> None:
         assert near.min() - 1e-4 < hit[2] < near.max() + 1e-4
         if not tilted:
             assert hit[2] == pytest.approx(float(ground.height(hit[0], hit[1])), abs=1e-4)
-
-
-def test_range_looks_past_the_foot_along_the_tilted_sole() -> None:
-    stand = Stand(foot("rigid"), terrain("flat"))
-    stand.data.joint("pitch").qpos[0] = 0.3
-    stand.data.joint("lift").qpos[0] = 0.4
-    mujoco.mj_forward(stand.model, stand.data)
-    finder = RangeFinder(stand.model, stand.foot, ground_group=TERRAIN_GROUP)
-    site = stand.data.site(stand.foot.range_site).xpos
-    reading = finder.read(stand.model, stand.data)
-    assert reading == pytest.approx(site[2] / math.cos(0.3), abs=1e-6)
-    hit = hit_point(stand, reading)
-    assert hit[2] == pytest.approx(0.0, abs=1e-6)
-    assert hit[0] == pytest.approx(site[0] - site[2] * math.tan(0.3), abs=1e-5)
 
 
 def test_range_errors_and_limits_act_on_the_ray() -> None:

@@ -16,14 +16,12 @@ from wbc.feet import foot
 from wbc.feet.sensing.scan import (
     PROFILE_STEP,
     GroundScan,
-    Profile,
     ScanSettings,
     resample,
     windows,
 )
 from wbc.feet.soles.soft import toe_sensor
 from wbc.feet.soles.sole import SoleGeometry
-from wbc.sim.terrain.spec import terrain
 
 DOWN = (0.0, 0.0, -1.0)
 
@@ -124,26 +122,6 @@ def test_readings_count_the_same_in_any_order() -> None:
         np.testing.assert_array_equal(other.seen, one.profile().seen)
 
 
-def test_real_ground_is_reconstructed_from_a_swing() -> None:
-    ground = terrain("stones", amplitude=0.04, seed=2)
-    for seed, start in enumerate((0.5, 0.9, 1.3, 1.7, 2.1)):
-        places, pitch = swing()
-        places[:, 0] += start - 0.4
-        z = ground.height(places[:, 0], places[:, 1])
-        scan = GroundScan()
-        add_all(
-            scan,
-            places,
-            rays(0.0 * pitch),
-            places[:, 2] - z + np.random.default_rng(seed).normal(0, 5e-4, z.size),
-        )
-        profile = scan.profile()
-        truth = ground.height(*profile.points[:, :2].T)
-        # At edges of stones the broken line cuts the corner; on average a millimetre is left.
-        assert np.abs(profile.z - truth).mean() < 1.2e-3
-        assert np.ptp(truth) > 5e-3
-
-
 def test_noise_is_averaged_where_the_foot_is_slow() -> None:
     scan = GroundScan()
     rng = np.random.default_rng(0)
@@ -176,14 +154,6 @@ def test_gaps_are_bridged_up_to_a_width_and_cut_beyond() -> None:
     whole = resample(x, hole, ScanSettings(max_gap=0.5))
     assert whole.length > 0.38
     np.testing.assert_allclose(whole.z, 0.5 * whole.x, atol=1e-12)
-
-
-def test_dropouts_make_no_heights_of_their_own() -> None:
-    rng = np.random.default_rng(7)
-    x = np.arange(0.0, 0.3, 0.0025)
-    z = np.where(rng.random(x.size) < 0.3, np.nan, 0.01 * np.sign(np.sin(30 * x)))
-    profile = resample(x, z)
-    assert profile.z.min() >= -0.01 - 1e-15 and profile.z.max() <= 0.01 + 1e-15
 
 
 def test_what_lies_beyond_the_buffer_is_counted() -> None:
@@ -268,10 +238,3 @@ def test_bad_input_is_refused() -> None:
     ):
         with pytest.raises(InputError, match=message):
             resample(x, z)
-
-
-def test_profiles_are_plain_values() -> None:
-    profile = Profile(
-        np.arange(4.0), np.zeros(4), np.zeros(4), np.array([True, False, True, True]), np.eye(2)[0], 1.0
-    )
-    assert (profile.length, profile.coverage) == (3.0, 0.75)

@@ -173,16 +173,6 @@ assert "matplotlib" not in sys.modules and "meshcat" not in sys.modules, "someth
     assert done.returncode == 0, done.stderr
 
 
-def test_the_first_names_of_the_package_exist() -> None:
-    import wbc  # noqa: PLC0415 - the test is about this import
-
-    assert len(wbc.__all__) == len(set(wbc.__all__))
-    for name in wbc.__all__:
-        assert getattr(wbc, name) is not None
-    with pytest.raises(AttributeError, match="no attribute 'Plnt'"):
-        _ = wbc.Plnt
-
-
 def circles(graph: dict[str, set[str]]) -> list[list[str]]:
     """Shortest circle through each module that has one; every circle once."""
     found: dict[frozenset[str], list[str]] = {}

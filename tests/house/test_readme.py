@@ -61,10 +61,3 @@ def test_the_two_lines_of_the_start_do_all_set_up() -> None:
     lines = [li for block in blocks("bash") for li in block.splitlines() if "venv" in li]
     assert len(lines) == 2
     assert all(line.startswith("python3 -m venv .venv && .venv/bin/pip install") for line in lines)
-
-
-def test_links_and_pictures_lead_somewhere() -> None:
-    targets = [t for t in re.findall(r"\]\(([^)#]+)\)", README) if "://" not in t]
-    assert "docs/images/walk.webp" in targets
-    for target in targets:
-        assert (ROOT / target).exists(), target

@@ -217,46 +217,6 @@ def test_hrp4_class_inertias_are_those_of_its_shapes() -> None:
         np.testing.assert_allclose(body.inertia / body.mass, total.inertia / total.mass, atol=1e-8)
 
 
-def test_hrp4_class_is_its_own_mirror_image() -> None:
-    """The mass matrix seen along the right limbs equals that along the left with y reversed."""
-    description = load("hrp4_class")
-    robot = description.robot()
-    mirror = np.zeros((robot.nv, robot.nv))
-    mirror[:6, :6] = np.diag([1, -1, 1, -1, 1, -1])
-    axes = {"yaw": -1, "roll": -1, "pitch": 1, "fingers_joint": -1, "thumb_joint": 1}
-    other = {"left": "right", "right": "left"}
-    for i, name in enumerate(robot.joint_names):
-        side, _, rest = name.partition("_")
-        twin = f"{other[side]}_{rest}" if side in other else name
-        sign = next(sign for axis, sign in axes.items() if name.endswith(axis))
-        mirror[6 + robot.joint_index(twin), 6 + i] = sign
-    np.testing.assert_allclose(mirror @ robot.mass_matrix @ mirror.T, robot.mass_matrix, atol=1e-9)
-    np.testing.assert_allclose(robot.position_upper, np.maximum(*(
-        mirror[6:, 6:] @ limit for limit in (robot.position_lower, robot.position_upper)
-    )))  # fmt: skip
-    np.testing.assert_allclose(np.abs(mirror[6:, 6:]) @ robot.torque_limit, robot.torque_limit)
-
-
-def test_hrp4_class_torque_limits_keep_their_reasons() -> None:
-    """The document says what the limits were chosen for; the model must still fit that."""
-    description = load("hrp4_class")
-    robot = description.robot()
-    talos = load("talos").robot()
-    ratio = robot.mass * robot.com[2] / (talos.mass * talos.com[2])
-    for ours, theirs in zip(description.legs[0], load("talos").legs[0], strict=True):
-        scaled = ratio * talos.torque_limit[talos.joint_index(theirs)]
-        assert robot.torque_limit[robot.joint_index(ours)] == pytest.approx(scaled, abs=3.5)
-    arm_out = robot.configuration({"left_shoulder_roll": np.radians(89), "left_elbow_pitch": 0.0})
-    pin.computeGeneralizedGravity(robot.model, robot.data, arm_out)
-    shoulder = 6 + robot.joint_index("left_shoulder_roll")
-    assert robot.torque_limit[shoulder - 6] > 2 * abs(robot.data.g[shoulder])
-    waist = robot.joint_index("waist_pitch")
-    bent = robot.configuration({"waist_pitch": np.radians(30)})
-    bent[3:7] = pin.Quaternion(pin.rpy.rpyToMatrix(0, np.radians(60), 0)).coeffs()
-    pin.computeGeneralizedGravity(robot.model, robot.data, bent)
-    assert 0.5 < abs(robot.data.g[6 + waist]) / robot.torque_limit[waist] < 0.75
-
-
 def test_the_published_figures_of_the_others() -> None:
     """Masses and joints of the example robots, so that another release of the data shows."""
     assert load("talos").robot().mass == pytest.approx(90.27, abs=0.01)

@@ -120,16 +120,6 @@ def test_missing_walks_do_not_move_the_best_stiffness() -> None:
     )
 
 
-def test_equal_walks_and_a_prior_are_the_prior() -> None:
-    k, ground = np.tile(GRID, 2), np.repeat([0, 1], GRID.size)
-
-    def prior(at: np.ndarray) -> np.ndarray:
-        return -20.0 * (at - 1.0) ** 2
-
-    label = best_stiffness(k, prior(np.log10(k)) - 5.0, ground, prior=prior)
-    assert label.stiffness == pytest.approx(10.0, rel=0.03) and pytest.approx(-5.0, abs=0.1) == label.J
-
-
 def test_the_prior_of_a_ground_is_made_without_it() -> None:
     rng = np.random.default_rng(1)
     study = dataset(DatasetSize(seeds=1, amplitudes=1, evaluations=8)).narrowed(
@@ -286,25 +276,6 @@ def test_half_of_the_walks_fall_halfway(tmp_path: Path, capfd: pytest.CaptureFix
         half_heights(dataset(), {})
     assert found["boards"] == 0.02 and found["stones"] == 0.09 and found["sticks"] == 0.045
     assert set(found) == set(QUESTION_GROUNDS)
-
-
-@pytest.mark.slow
-def test_the_best_of_a_study_from_the_command_line(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
-    journal, study = tmp_path / "walks.jsonl", tmp_path / "study.json"
-    journal_of(journal, 9.0)
-    study.write_text(json.dumps(small().to_json()))
-    out, words = tmp_path / "best.json", ["study", "table", "--of", "best"]
-    assert cli.main([*words, str(study), "--journal", str(journal), "--out", str(out), "--json"]) == 0
-    told = json.loads(capfd.readouterr().out)
-    assert {round(label["stiffness"]) for label in told["labels"].values()} == {9}
-    assert json.loads(out.read_text())["labels"] == told["labels"]
-    for name, message in (
-        ("halfway", "needs arms of 4 stiffnesses; study 'halfway' has 10 of them"),
-        ("damping", "have the same stiffness of 5 Nm/rad"),
-        ("tuned_fixed", "walks of enough stiffnesses"),  # of other grounds
-    ):
-        assert cli.main([*words, name, "--journal", str(journal)]) == 2
-        assert message in capfd.readouterr().err
 
 
 def test_the_model_of_the_library_is_the_model_of_its_table(

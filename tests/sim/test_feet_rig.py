@@ -218,18 +218,3 @@ def test_impossible_actions_are_refused() -> None:
 
 
 # --- over stiffness, ground and step ---------------------------------------------------------------------------------
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(("timestep", "limit"), [(0.001, 0.02), (0.002, 0.05)])
-def test_soft_soles_are_stable_over_stiffness_ground_and_step(timestep: float, limit: float) -> None:
-    results = [
-        press(FootTest(foot("soft", stiffness=stiffness), ground, physics=PhysicsSettings(timestep=timestep)))
-        for stiffness in (0.0, 0.5, 5.0, 20.0, 42.0, 80.0)
-        for ground in (terrain(name, 0.03, seed) for name in ("random", "stones") for seed in range(5))
-    ]
-    holds = [result.hold for result in results if result.hold is not None]
-    assert len(holds) == 60 and not any(result.diverged for result in results)
-    assert max(abs(hold.balance_error) for hold in holds) < limit
-    assert np.median([hold.force_std for hold in holds]) < 1.0
-    assert max(hold.loop_gap for hold in holds) < 0.001

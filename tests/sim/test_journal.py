@@ -7,7 +7,6 @@ import logging
 import lzma
 import math
 import os
-import time
 from dataclasses import replace
 from pathlib import Path
 
@@ -18,7 +17,6 @@ from properties import examples
 
 from wbc.core.errors import InputError, UnknownNameError
 from wbc.sim import WalkSpec
-from wbc.sim.studies.intervals import mean_interval
 from wbc.sim.studies.journal import (
     Entries,
     Entry,
@@ -30,9 +28,6 @@ from wbc.sim.studies.journal import (
     trial_key,
 )
 from wbc.sim.studies.provenance import RENAMED, _hash, code_version, provenance, renamed
-from wbc.sim.studies.study import Study
-from wbc.sim.studies.study_table import study_table
-from wbc.sim.studies.sweep import sweep
 
 VERSION = {"wbc": "1", "code": "abc"}
 
@@ -57,15 +52,6 @@ def test_gives_back_what_was_written(tmp_path: Path) -> None:
     with Journal(path) as journal:
         assert len(journal) == 3 and entries[1].key in journal
     assert [json.loads(line)["result"]["steps"] for line in path.read_text().splitlines()] == [0, 1, 2]
-
-
-def test_only_appends(tmp_path: Path) -> None:
-    path = tmp_path / "journal.jsonl"
-    written(path, 2)
-    before = path.read_bytes()
-    with Journal(path) as journal:
-        journal.add(entry(7))
-    assert path.read_bytes().startswith(before)
 
 
 def test_a_later_line_takes_the_place_of_an_earlier_one(tmp_path: Path) -> None:
@@ -104,31 +90,6 @@ def test_damaged_lines_are_passed_over_and_said(tmp_path: Path, caplog: pytest.L
         left = read_journal(path)
     assert sorted(one.spec["seed"] for one in left.values()) == [0, 2]
     assert "line 2" in caplog.text
-
-
-@pytest.mark.parametrize("rows", [500, pytest.param(100_000, marks=pytest.mark.slow)])
-def test_many_rows_are_opened_resumed_and_tabled_quickly(tmp_path: Path, rows: int) -> None:
-    """A row is opened, found by a sweep and tabled in 0.4 ms of processor time; as slow again on a busy machine."""
-    arms = {"flat": {"foot": "flat"}, "soft": {"foot": "soft", "stiffness": 20.0}}
-    cells = {f"{n} mm": {"terrain": "stones", "amplitude": 1e-3 * n} for n in (5, 10, 15, 20, 25)}
-    seeds = {"first": 100, "count": rows // 10}
-    study = Study.from_json({"name": "many", "cells": cells, "arms": arms, "seeds": seeds})
-    path, result = tmp_path / "journal.jsonl", {f"figure_{n}": 0.1 * n for n in range(30)}
-    lines = []
-    for trial in study.trials():
-        values = {**result, "steps_done": trial.seed % 7 + len(trial.arm), "outcome": "completed"}
-        lines.append(Entry(trial.plain, "done", values, {"wall_s": 1.5}, None, provenance()).line())
-    path.write_bytes(b"".join(lines))
-    mean_interval([1.0, 2.0])  # imports scipy
-    begin = time.process_time()
-    with Journal(path) as journal:
-        assert len(journal) == rows
-        summary = sweep([trial.spec for trial in study.trials()], journal)
-        table = study_table(study, journal.entries)
-    spent = time.process_time() - begin
-    assert summary.found == rows and summary.run == 0
-    assert sum(cell.statuses["done"] for cell in table.cells if cell.row != "all") == rows
-    assert spent < 2.0 * (4e-4 * rows + 2.0)
 
 
 def test_what_is_inside_a_line_is_not_taken_for_its_key_and_sum(tmp_path: Path) -> None:

@@ -11,7 +11,7 @@ import pytest
 from properties import by_default
 
 from wbc.app import cli
-from wbc.app.commands.study.optimize import OptimizeOptions, save_figures
+from wbc.app.commands.study.optimize import OptimizeOptions
 from wbc.core.errors import InputError
 from wbc.sim.studies.journal import Entry, Journal, trial_key
 from wbc.sim.studies.paper.experiments import authority, authority_heights
@@ -204,17 +204,6 @@ def test_nothing_is_optimised_in_the_walks_beside_the_optimum() -> None:
     assert {spec.changes for spec in usual["no_bias"]} == {
         WalkSpec(changes=PAPER_CHANGES, gains="no_bias").changes
     }
-
-
-@pytest.mark.slow
-def test_figures_show_each_ground_and_the_stiffness_on_all(tmp_path: Path) -> None:
-    """Bounds from k = 0, which have no logarithm, too."""
-    paper = OptimisationSpec(ground="boards", bounds=BOUNDS["paper"], law="no_bias", distance=0.3)
-    walked = {spec.ground: optimise(spec, 14, MadeUpWalks()) for spec in (SPEC, paper)}
-    found = {spec.ground: optimum(walked[spec.ground], spec.bounds) for spec in (SPEC, paper)}
-    names = [Path(path).name for path in save_figures(tmp_path, walked, found)]
-    assert names == ["optimize_stiffness.png", "optimize_stones.png", "optimize_boards.png"]
-    assert all((tmp_path / name).stat().st_size > 10_000 for name in names)
 
 
 @pytest.mark.parametrize(

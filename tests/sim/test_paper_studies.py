@@ -153,16 +153,8 @@ def test_a_choice_from_the_command_line(tmp_path: Path, capfd: pytest.CaptureFix
     with Journal(tmp_path / "authority.jsonl") as journal:
         for entry in made_up(study, lambda cell, arm, seed: 5.0 + len(arm)).values():
             journal.add(entry)
-    words = [
-        "study",
-        "table",
-        "authority",
-        "--of",
-        "choice",
-        "--journal",
-        str(tmp_path / "authority.jsonl"),
-        "--json",
-    ]
+    words = ["study", "table", "authority", "--of", "choice", "--json"]
+    words += ["--journal", str(tmp_path / "authority.jsonl")]
     assert cli.main(words) == cli.RAN
     told = json.loads(capfd.readouterr().out)
     assert told["single"] == "2000" and told["gain"]["mean"] == 0.0 and len(told["grounds"]) == 2

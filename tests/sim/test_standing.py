@@ -72,15 +72,6 @@ def test_stands_with_noisy_sensors_and_repeats_itself_bit_for_bit(options: Stand
     assert other.upright and without_clock(other) != without_clock(first) | {"seed": 1}
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("noise", ["none", "realistic"])
-@pytest.mark.parametrize("mode", MODES)
-@pytest.mark.parametrize("robot", names())
-def test_every_robot_stands_for_long(robot: str, mode: Mode, noise: str) -> None:
-    result = stand(robot=robot, mode=mode, noise=noise, seconds=10.0)
-    assert result.upright and result.failures == 0
-
-
 @pytest.mark.parametrize("name", ["rigid", "soft"])
 def test_the_controller_knows_the_feet_that_are_on(name: str) -> None:
     other = foot(name)

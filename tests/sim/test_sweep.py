@@ -187,20 +187,6 @@ def _workers_of(pid: int) -> list[int]:
 
 
 @pytest.mark.slow
-def test_among_several_processes_only_the_culprit_is_blamed(tmp_path: Path) -> None:
-    marks, path = tmp_path / "marks", tmp_path / "journal.jsonl"
-    trials = [
-        MadeUpTrial(number, does="die" if number == 2 else "work", seconds=0.3, marks=str(marks))
-        for number in range(6)
-    ]
-    with Journal(path) as journal:
-        sweep(trials, journal, workers=3)
-    entries = by_number(path)
-    assert [number for number in entries if entries[number].status == "crashed"] == [2]
-    assert len(entries) == 6
-
-
-@pytest.mark.slow
 def test_a_trial_that_does_not_listen_is_ended(tmp_path: Path) -> None:
     """Half a minute and twice its time-out later: that long a call into a library is waited for."""
     path = tmp_path / "journal.jsonl"
@@ -290,16 +276,10 @@ def test_a_cluster_without_its_extra_is_explained(monkeypatch: pytest.MonkeyPatc
         pass
 
 
-def test_refuses_numbers_that_are_none(tmp_path: Path) -> None:
-    with Journal(tmp_path / "journal.jsonl") as journal:
-        with pytest.raises(InputError, match="a trial must have kind and to_json"):
-            sweep([object()], journal)  # type: ignore[list-item]
-        with pytest.raises(InputError, match="progress must be a function"):
-            sweep([], journal, progress=Path)  # type: ignore[arg-type]
-        with pytest.raises(InputError, match="workers"):
-            sweep([], journal, workers=0)
-        with pytest.raises(InputError, match=r"timeout \(s\) must be"):
-            sweep([], journal, timeout=0.0)
+def test_refuses_what_is_no_trial(tmp_path: Path) -> None:
+    no_trial = pytest.raises(InputError, match="a trial must have kind and to_json")
+    with Journal(tmp_path / "journal.jsonl") as journal, no_trial:
+        sweep([object()], journal)  # type: ignore[list-item]
     with pytest.raises(InputError, match="registered already"):
         register_trial("walk", None)  # type: ignore[arg-type]
     with pytest.raises(UnknownNameError, match="walk"):
@@ -307,23 +287,6 @@ def test_refuses_numbers_that_are_none(tmp_path: Path) -> None:
 
 
 # Walks as trials
-
-
-@pytest.mark.slow
-def test_a_push_limit_lies_between_a_push_that_is_survived_and_one_that_is_not() -> None:
-    walk = WalkSpec(
-        plan=WalkPlan(distance=0.05), noise="none", pushes=(WalkPush(impulse=0.3, step=1, phase=0.5),)
-    )
-    spec = WalkPushLimitSpec(walk=walk, highest=1.2, resolution=0.6)
-    assert trial_from_json(json.loads(json.dumps(spec.to_json()))) == spec
-    assert WalkPushLimitSpec(walk=spec.with_impulse(0.7), highest=1.2, resolution=0.6) == spec
-    result = run_trial(spec).result
-    assert result is not None and result["impulse"] in (0.0, 0.6)
-    tried = {one["impulse"]: one["recovered"] for one in result["tried"]}
-    assert tried[0.0] and not tried[1.2] and tried[result["impulse"]]
-    assert not tried[result["impulse"] + 0.6]
-    with pytest.raises(InputError, match="one push"):
-        WalkPushLimitSpec(walk=WalkSpec(plan=WalkPlan(distance=0.05)))
 
 
 @pytest.mark.parametrize(

@@ -12,7 +12,6 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from properties import examples
-from scipy.spatial.transform import Rotation
 
 from wbc.core.errors import Array, InputError
 from wbc.core.settings import Positive
@@ -20,8 +19,7 @@ from wbc.sim.terrain.families import base
 from wbc.sim.terrain.families.base import FieldFamily, family, param, terrain_families
 from wbc.sim.terrain.families.fields import low_pass
 from wbc.sim.terrain.families.patchwork import stretches
-from wbc.sim.terrain.families.site import Site, centred
-from wbc.sim.terrain.shapes import Ellipsoid
+from wbc.sim.terrain.families.site import Site
 from wbc.sim.terrain.spec import Terrain, terrain
 
 NAMES = [n for n in terrain_families() if n not in ("flat", "image")]
@@ -178,15 +176,6 @@ def test_heights_grow_along_the_ramp_and_are_those_of_the_family_behind_it(name:
     assert at_last <= 0.5 * at_once
 
 
-def test_a_field_on_the_ramp_is_its_share_of_the_sharp_one() -> None:
-    ramped, sharp = terrain("random", seed=3, ramp=0.7), terrain("random", seed=3, ramp=0.0)
-    x = ramped.surface.field
-    assert x is not None
-    at = np.linspace(x.x0, x.x1, x.z.shape[1])
-    share = np.clip((at - ramped.start) / 0.7, 0.0, 1.0)
-    np.testing.assert_allclose(ramped.height(at, 0.0), share * sharp.height(at, 0.0), atol=1e-9)
-
-
 def test_exact_heights_have_no_ramp() -> None:
     assert terrain("steps").ramp == terrain("slope").ramp == 0.0 != terrain("stones").ramp
     for name in ("steps", "slope"):
@@ -237,12 +226,6 @@ def test_low_pass_has_half_power_at_its_cutoff(cutoff: float) -> None:
     assert gain[-1] < 1e-3
 
 
-def test_random_ground_reports_its_spatial_cutoff() -> None:
-    facts = terrain("random", cutoff=0.1, length=3.5).describe()
-    assert facts["cutoff_cycles_per_m"] == pytest.approx(0.1 / (2 * 0.007))
-    assert facts["cutoff_wavelength_m"] == pytest.approx(0.14)
-
-
 def test_iso_ground_has_the_spectrum_it_reports() -> None:
     low, high, ratios, spectra = 0.5, 8.0, [], []
     for seed in range(60):
@@ -258,29 +241,6 @@ def test_iso_ground_has_the_spectrum_it_reports() -> None:
     band = (n > 0.8) & (n < 7.0)
     assert np.polyfit(np.log(n[band]), np.log(power[band]), 1)[0] == pytest.approx(-2.0, abs=0.2)
     assert power[n > 10.0].max() < 1e-3 * power[band].max()
-
-
-def test_iso_frequencies_truly_vary() -> None:
-    def crossings(factor: float) -> float:
-        total = 0
-        for seed in range(10):
-            _, z = terrain("iso8608", 0.03, seed, low=0.5 * factor, high=2.0 * factor).profile()
-            total += np.count_nonzero(np.diff(np.sign(z - z.mean())))
-        return total
-
-    assert crossings(4.0) / crossings(1.0) == pytest.approx(4.0, rel=0.2)
-
-
-def test_isotropic_iso_ground_varies_both_ways_alike() -> None:
-    t = terrain("iso8608", 0.03, 2, isotropic=True, high=6.0, length=3.0, width=3.0)
-    x, y = np.linspace(0.8, 2.8, 300), np.linspace(-1.0, 1.0, 300)
-    z = t.height(x[None, :], y[:, None])
-    assert np.diff(z, axis=1).std() / np.diff(z, axis=0).std() == pytest.approx(1.0, abs=0.35)
-
-
-def test_stairs_that_just_fit_are_laid() -> None:
-    t = terrain("steps", 0.1, riser=0.05, tread=0.1, landing=0.4, length=0.6)
-    assert t.describe()["risers"] == 2 and float(t.profile(step=0.001)[1].max()) == pytest.approx(0.1)
 
 
 def test_stairs_have_equal_risers() -> None:
@@ -338,34 +298,10 @@ def test_patchworks_that_cannot_be_laid(families: str, message: str) -> None:
         terrain("patchwork", families=families)
 
 
-def test_slats_leave_gaps_to_the_floor_of_the_pit() -> None:
-    t = terrain("slats", 0.05, 1)
-    _, z = t.profile(step=0.001)
-    open_ = np.isclose(z, -0.05, atol=1e-12)
-    assert 0.5 < open_.mean() < 0.9 and z[~open_].min() > -0.05 * 0.3 - 0.02 * 0.55  # sag and tilt
-    widths = [s.half_size[0] * 2 for s in t.shapes]  # type: ignore[attr-defined]
-    assert min(widths) >= 0.02 and max(widths) <= 0.035
-
-
 @pytest.mark.parametrize("name", ["floor_tiles", "large_floor_tiles", "stone_bricks"])
 def test_high_plates_do_not_lean_out_of_the_track(name: str) -> None:
     for seed in range(8):
         assert terrain(name, 0.1, seed).shapes  # the ground is checked as it is built
-
-
-def test_the_top_of_a_tilted_ellipsoid_lies_on_it() -> None:
-    rng, size = np.random.default_rng(0), np.array([0.2, 0.1, 0.05])
-    shape = Ellipsoid(
-        np.array([0.1, -0.2, 0.3]), size, Rotation.from_euler("xyz", [0.5, -0.7, 0.4]).as_matrix()
-    )
-    x, y = (shape.position[i] + rng.uniform(-0.03, 0.03, 50) for i in (0, 1))
-    inside = (np.stack([x, y, shape.top(x, y)], axis=-1) - shape.position) @ shape.rotation / size
-    np.testing.assert_allclose(np.linalg.norm(inside, axis=1), 1.0)
-
-
-def test_points_between_two_ends_are_centred_and_one_stands_where_no_two_fit() -> None:
-    for width, expected in ((0.35, [0.025, 0.125, 0.225, 0.325]), (0.05, [0.025])):
-        np.testing.assert_allclose(centred(0.0, width, 0.1), expected)
 
 
 def test_height_field_of_solids_lies_on_the_solids() -> None:

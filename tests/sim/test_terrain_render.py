@@ -1,6 +1,5 @@
 """Grounds in MuJoCo: rays and contacts meet the surface that the height query describes."""
 
-import ast
 from dataclasses import replace
 from pathlib import Path
 
@@ -11,7 +10,7 @@ import pytest
 from wbc.core.errors import Array, InputError
 from wbc.sim.terrain.families.base import terrain_families
 from wbc.sim.terrain.plot import plot_families
-from wbc.sim.terrain.render import TERRAIN_GROUP, AddedTerrain, GroundContact, add_to_spec
+from wbc.sim.terrain.render import AddedTerrain, GroundContact, add_to_spec
 from wbc.sim.terrain.spec import Terrain, terrain
 
 NAMES = [n for n in terrain_families() if n != "image"]
@@ -113,37 +112,6 @@ def test_all_geoms_share_group_and_contact_parameters() -> None:
         assert model.body_mass.sum() == 0.0
 
 
-def test_a_sole_of_higher_priority_brings_its_own_contact() -> None:
-    spec = mujoco.MjSpec()
-    add_to_spec(spec, terrain("flat"), contact=GroundContact(friction=0.2))
-    sole = spec.worldbody.add_body(pos=[0, 0, 0.009])
-    sole.add_freejoint()
-    sole.add_geom(
-        type=mujoco.mjtGeom.mjGEOM_SPHERE,
-        size=[0.01, 0, 0],
-        priority=1,
-        friction=[0.9, 0, 0],
-        solref=[0.003, 1],
-    )
-    model = spec.compile()
-    data = mujoco.MjData(model)
-    mujoco.mj_forward(model, data)
-    assert data.contact[0].friction[0] == 0.9 and data.contact[0].solref[0] == 0.003
-
-
-def test_rays_in_the_terrain_group_pass_through_the_robot() -> None:
-    spec = mujoco.MjSpec()
-    added = add_to_spec(spec, terrain("flat"))
-    spec.worldbody.add_body(pos=[0, 0, 0.2]).add_geom(
-        type=mujoco.mjtGeom.mjGEOM_SPHERE, size=[0.1, 0, 0], group=0
-    )
-    model = spec.compile()
-    data = mujoco.MjData(model)
-    mujoco.mj_forward(model, data)
-    assert _cast(model, data, added, np.zeros(1), np.zeros(1))[0] == 0.0
-    assert added.group == TERRAIN_GROUP
-
-
 def test_unidirectional_grounds_take_few_cells_across() -> None:
     for name in ("random", "iso8608", "metal_sheets"):
         model, _, _ = _compile(terrain(name))
@@ -169,18 +137,6 @@ def test_nothing_is_added_before_all_is_checked() -> None:
     add_to_spec(spec, terrain("stones"))
     with pytest.raises(InputError, match="already"):
         add_to_spec(spec, terrain("stones"))
-
-
-def test_only_the_drawing_module_imports_mujoco() -> None:
-    folder = Path(__file__).parents[2] / "sim" / "terrain"
-    users = set()
-    for path in folder.glob("*.py"):
-        for node in ast.parse(path.read_text()).body:
-            names = [a.name for a in node.names] if isinstance(node, ast.Import) else []
-            names += [node.module or ""] if isinstance(node, ast.ImportFrom) else []
-            if any(n == "mujoco" or n.endswith(".render") for n in names):
-                users.add(path.stem)
-    assert users == {"render"}
 
 
 @pytest.mark.slow

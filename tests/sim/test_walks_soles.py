@@ -22,7 +22,6 @@ from wbc.sim.walks.plans import WalkPlan
 from wbc.sim.walks.result import WalkResult
 from wbc.sim.walks.spec import WalkSpec
 from wbc.sim.walks.trial import WalkTrial, walk
-from wbc.tasks.scheduling.policies import SwingScan
 
 SPEC = WalkSpec(
     foot="variable",
@@ -90,16 +89,6 @@ def test_the_scan_is_as_the_ground_and_a_wrong_ground_would_be_noticed() -> None
 
 
 @pytest.mark.slow
-def test_the_clock_is_not_in_the_record_and_the_record_repeats() -> None:
-    result = walked()
-    assert "decision_us" not in json.dumps(result.record())
-    assert result.clock is not None and result.clock.decision_us is not None
-    assert 0.0 < result.clock.decision_us["median"] <= result.clock.decision_us["max"]
-    again = walk(WalkSpec.from_json(json.loads(json.dumps(SPEC.to_json()))))
-    assert again.record() == result.record()
-
-
-@pytest.mark.slow
 def test_a_policy_that_keeps_the_stiffness_walks_as_a_soft_foot_of_it() -> None:
     short = replace(SPEC, plan=WalkPlan(distance=0.15))
     fixed = walk(replace(short, policy="fixed", policy_params=(("stiffness", 5.0),), stiffness=5.0))
@@ -107,27 +96,6 @@ def test_a_policy_that_keeps_the_stiffness_walks_as_a_soft_foot_of_it() -> None:
     for name in ("outcome", "zmp_error", "dcm_error", "distance", "contact_area"):
         assert getattr(fixed, name) == getattr(soft, name)
     assert soft.policy is None and soft.stiffness is None and soft.sole_stiffness == 5.0
-
-
-@pytest.mark.slow
-def test_a_policy_of_ones_own_and_a_fallback() -> None:
-    asked: list[SwingScan] = []
-
-    def own(swing: SwingScan) -> float:
-        asked.append(swing)
-        return 33.0
-
-    changes = {"stiffness.min_length": 0.1, "stiffness.fallback": 12.0, "stiffness.min_coverage": 1.0}
-    trial = WalkTrial(replace(SPEC, changes=tuple(changes.items())), policy=own)
-    result = trial.run()
-    steps = result.stiffness
-    assert steps is not None and asked and result.policy == "own"
-    assert {step["fallback"] is None for step in steps} == {True, False}
-    for step in steps:
-        wanted = 33.0 if step["fallback"] is None else 12.0
-        assert step["wanted_nm_per_rad"] == wanted
-    with pytest.raises(InputError, match="variable stiffness"):
-        WalkTrial(WalkSpec(foot="soft"), policy=own)
 
 
 @pytest.mark.slow

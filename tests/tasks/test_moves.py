@@ -11,10 +11,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from properties import examples
-from task_factory import arm, left_hand, make_robot, right_hand, standing
+from task_factory import arm, left_hand, right_hand, standing
 
 from wbc.core.errors import Array, InputError, UnknownNameError
-from wbc.core.qp.contact import PointContact
 from wbc.core.qp.controller import Controller
 from wbc.core.robot import Robot
 from wbc.tasks import (
@@ -28,7 +27,6 @@ from wbc.tasks import (
     PostureTask,
     RelativeFrameTask,
     Trajectory,
-    WrenchTask,
 )
 from wbc.tasks.motion.moving import MovingTask
 
@@ -246,21 +244,6 @@ def test_moves_that_cannot_be_are_refused_and_change_nothing() -> None:
 # ---- what a user cannot do by mistake -----------------------------------------------------------------------------
 
 
-def test_targets_are_given_out_read_only() -> None:
-    controller = standing("hrp4_class")
-    robot = controller.robot
-    for task in (
-        controller.add(CoMTask(name="centre")),
-        controller.add(PositionTask(left_hand(robot))),
-        controller.add(OrientationTask(left_hand(robot))),
-        controller.add(PostureTask(name="arm", joints=arm(robot))),
-        controller.add(MomentumTask()),
-    ):
-        for values in (task.target, task.feedforward_velocity, task.feedforward_acceleration):
-            with pytest.raises(ValueError, match="read-only"):
-                values[0] = np.nan
-
-
 def test_an_attribute_that_a_task_does_not_have_is_refused() -> None:
     for task in (CoMTask(), standing("hrp4_class").add(CoMTask(name="centre"))):
         with pytest.raises(UnknownNameError, match="no attribute of CoMTask 'wieght'; did you mean 'weight'"):
@@ -280,15 +263,3 @@ def test_a_target_that_another_part_sets_says_what_to_use() -> None:
     controller.reset()
     com.set_by(None)
     com.target = [0.0, 0.0, 0.8]
-
-
-def test_a_task_on_a_wrench_that_is_not_there_is_refused_when_added() -> None:
-    controller = Controller(make_robot("hrp4_class"), DT)
-    point = PointContact(left_hand(controller.robot))
-    controller.add(point)
-    with pytest.raises(InputError, match="has 3 force variables, not 6"):
-        controller.add(WrenchTask(point.name))
-    with pytest.raises(UnknownNameError, match="no contact 'left_foot'"):
-        controller.add(WrenchTask("left_foot"))
-    assert not controller.tasks
-    controller.add(WrenchTask(point))

@@ -45,13 +45,6 @@ def test_the_zmp_on_a_level_is_that_of_a_level_plane() -> None:
         np.testing.assert_array_equal(level_zmp(wrench, point), zmp(wrench, pin.SE3(np.eye(3), point)))
 
 
-def test_two_feet_share_the_zmp_by_load() -> None:
-    soles = [pin.SE3(np.eye(3), np.array([100.0, y, 0.0])) for y in (0.1, -0.1)]
-    wrenches = np.array([[0, 0, 300.0, 0, 0, 0], [0, 0, 100.0, 0, 0, 0]])
-    plane = pin.SE3(np.eye(3), np.array([100.0, 0.0, 0.0]))
-    np.testing.assert_allclose(zmp(net_wrench(wrenches, soles), plane), [100.0, 0.05, 0.0], atol=1e-9)
-
-
 def test_no_point_without_force() -> None:
     with pytest.raises(NoContactForceError, match="below 1 N"):
         cop(np.array([0, 0, 0.5, 0, 0, 0]))

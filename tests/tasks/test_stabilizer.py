@@ -416,19 +416,6 @@ def test_the_high_pass_drops_offsets_and_keeps_motion() -> None:
     assert out[0] == pytest.approx(np.cos(20 * 3999 * DT), abs=0.06)
 
 
-def test_a_bias_is_taken_out_of_all_three_errors() -> None:
-    feedback = DcmFeedback(StabilizerGains())
-    truth, velocity, bias = (
-        np.array([0.01, -0.02, HEIGHT]),
-        np.array([0.1, 0.05, 0.0]),
-        np.array([0.005, 0.003]),
-    )
-    clean = feedback.errors(REST, truth, velocity, np.zeros(2), DT)
-    mended = feedback.errors(REST, truth + [*bias, 0.0], velocity, np.zeros(2), DT, bias)
-    for name in ("com", "com_velocity", "dcm"):
-        np.testing.assert_allclose(getattr(clean, name), getattr(mended, name), atol=1e-12)
-
-
 def test_without_a_zmp_the_average_fades_and_there_is_no_rate() -> None:
     feedback, com = DcmFeedback(StabilizerGains()), np.array([0.01, -0.02, HEIGHT])
     for _ in range(100):
@@ -535,16 +522,6 @@ def test_mean_and_difference_of_the_foot_heights_decay_at_their_own_rates(
     left, right = heights_after(gains, 0.5)
     assert left + right == pytest.approx((1.0 - 1e-3 * leak) ** 500, rel=1e-6)  # e^{−leak t} in steps of 1 ms
     assert left - right == pytest.approx((1.0 - 1e-3 * damping) ** 500, rel=1e-6)
-
-
-def test_damping_bounds_the_height_that_a_force_difference_makes() -> None:
-    """The left foot lacks 40 N: it goes down until damping · difference = gain · force."""
-    gains = StabilizerGains(force_difference=1e-4, height_leak=5.0, force_difference_damping=4.0)
-    f = FootAdmittance(gains.for_mass(MASS))
-    for _ in range(4000):
-        f.update(feet(300.0, 300.0), feet(320.0, 280.0), (True, True), 1e-3)
-    left, right = f.correction(0).height, f.correction(1).height
-    assert left - right == pytest.approx(-1e-4 * 40.0 / 4.0, rel=1e-3)
 
 
 def test_foot_heights_settle_and_leak() -> None:

@@ -32,7 +32,6 @@ from wbc.tasks.scheduling.policies import (
     ModelPolicy,
     PhasePolicy,
     StiffnessDecision,
-    StiffnessPolicy,
     SwingScan,
     register_stiffness_policy,
     stiffness_policy,
@@ -287,15 +286,6 @@ def test_a_reset_starts_over() -> None:
         task.reset(2001.0)
 
 
-def test_commands_are_copies() -> None:
-    task = make_task()
-    task.command[:] = 70.0
-    rig = Rig(task)
-    rig.tick(None, 0.0, 0.0, np.zeros(3))
-    rig.commands[0][:] = 70.0
-    np.testing.assert_array_equal(task.command, 5.0)
-
-
 # --- scan -------------------------------------------------------------------------------------------------------------
 
 
@@ -389,23 +379,6 @@ def test_the_model_decides_what_it_would_say_of_the_profile(model: StiffnessMode
         assert least <= record.requested <= most, name
 
 
-def test_the_model_is_asked_about_the_end_of_the_profile(model: StiffnessModel) -> None:
-    short = replace(model, recipe=ProfileRecipe(window=0.14))
-    rig = Rig(make_task(ModelPolicy(short)), terrain("cobble_stones", amplitude=0.025, seed=4))
-    record = rig.step()
-    assert record.profile is not None and record.decision is not None
-    end = roughness(record.profile.x[-21:], record.profile.z[-21:]).values
-    assert record.decision.distance == short.predict(end).distance
-    assert record.decision.distance != short.predict(profile_roughness(record.profile).values).distance
-
-
-def test_level_ground_is_known_if_it_was_trained_on(model: StiffnessModel) -> None:
-    record = Rig(make_task(ModelPolicy(model))).step()
-    assert record.fallback is None and record.decision is not None
-    assert record.decision.distance == 0.0
-    assert record.commanded == model.predict(np.zeros(10)).stiffness
-
-
 def test_the_oracle_is_asked_about_the_place() -> None:
     """Stiff beyond x = 0.85 m: the second step lands there, and no scan is needed."""
     blind = lambda progress, reading: math.nan  # noqa: E731
@@ -416,17 +389,6 @@ def test_the_oracle_is_asked_about_the_place() -> None:
     assert rig.step("left").requested == 8.0
     assert rig.step("left").requested == 60.0
     assert all(r.profile is None and r.fallback is None for r in rig.task.steps)
-
-
-def test_a_policy_of_ones_own_is_a_few_lines() -> None:
-    class SofterWhereItIsRough(StiffnessPolicy):
-        def decide(self, swing: SwingScan) -> float:
-            assert swing.profile is not None
-            return 40.0 if np.ptp(swing.profile.z) < 0.01 else 9.0
-
-    assert Rig(make_task(SofterWhereItIsRough())).step().commanded == 40.0
-    rough = Rig(make_task(SofterWhereItIsRough()), terrain("cobble_stones", seed=1))
-    assert rough.step().commanded == 9.0
 
 
 def test_policies_have_names() -> None:

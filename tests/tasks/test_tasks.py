@@ -280,26 +280,6 @@ def test_momentum_cannot_be_changed_in_flight() -> None:
     np.testing.assert_allclose(controller.solve().residuals["momentum"], -wanted, atol=1e-4)
 
 
-@pytest.mark.parametrize(
-    ("full", "masked", "rows"),
-    [
-        ("com", "com xy", [0, 1]),
-        ("position", "position z", [2]),
-        ("pose", "pose z pitch", [2, 4]),
-        ("momentum", "angular momentum", [3, 4, 5]),
-    ],
-)
-def test_mask_takes_rows(full: str, masked: str, rows: list[int]) -> None:
-    robot, rng = make_robot("g1"), np.random.default_rng(6)
-    tasks = [MOTION_TASKS[case].make(robot) for case in (full, masked)]
-    robot.update(*random_state(robot, rng))
-    for task in tasks:
-        task.bind(robot)
-    robot.update(*random_state(robot, rng))
-    for everything, some in zip(rows_of(tasks[0], robot), rows_of(tasks[1], robot), strict=True):
-        np.testing.assert_array_equal(some, everything[rows])
-
-
 def test_mask_takes_rows_in_frame_axes() -> None:
     robot, rng = make_robot("g1"), np.random.default_rng(7)
     hand = left_hand(robot)
@@ -375,20 +355,6 @@ def test_posture_moves_the_selected_joints_alone(name: str) -> None:
 
 
 @robots
-def test_com_and_momentum_agree(name: str) -> None:
-    """Two roads to one figure: linear momentum is mass times the velocity of the centre of mass."""
-    robot, rng = make_robot(name), np.random.default_rng(8)
-    com, momentum = CoMTask(), MomentumTask(axes=("x", "y", "z"))
-    com.bind(robot)
-    momentum.bind(robot)
-    robot.update(*random_state(robot, rng))
-    rows, drift = rows_of(com, robot)[0], rows_of(com, robot)[2]
-    rate, rate_drift = rows_of(momentum, robot)[0], rows_of(momentum, robot)[2]
-    np.testing.assert_allclose(rate, robot.mass * rows, atol=1e-9)
-    np.testing.assert_allclose(rate_drift, robot.mass * drift, atol=1e-9)
-
-
-@robots
 def test_momentum_drift_is_that_of_the_centroidal_map(name: str) -> None:
     robot, rng = make_robot(name), np.random.default_rng(9)
     task = MomentumTask()
@@ -409,20 +375,6 @@ def test_drift_follows_the_gravity_of_the_model() -> None:
     for task in (CoMTask(), MomentumTask()):
         task.bind(robot)
         np.testing.assert_allclose(rows_of(task, robot)[2], 0.0, atol=1e-9)
-
-
-@robots
-def test_relative_task_does_not_see_both_frames_move_together(name: str) -> None:
-    robot, rng = make_robot(name), np.random.default_rng(10)
-    q, _ = random_state(robot, rng)
-    v = np.zeros(robot.nv)
-    v[:6] = rng.normal(size=6)
-    robot.update(q, v)
-    task = RelativeFrameTask(left_hand(robot), right_hand(robot))
-    task.bind(robot)
-    jacobian, _, drift = rows_of(task, robot)
-    np.testing.assert_allclose(jacobian @ v, 0.0, atol=1e-10)
-    np.testing.assert_allclose(drift, 0.0, atol=1e-9)
 
 
 def test_errors_point_from_measured_to_target() -> None:

@@ -236,24 +236,6 @@ def test_without_wrench_error_it_is_a_pose_task(law: str) -> None:
     np.testing.assert_allclose(answers[0], answers[1], atol=1e-4)
 
 
-@pytest.mark.parametrize("kind", [AdmittanceTask, ImpedanceTask])
-def test_control_period_does_not_matter(kind: type[ComplianceTask]) -> None:
-    """Motions at 1, 2 and 5 ms are equal but for errors that are proportional to the period."""
-
-    def make(_: Robot) -> ComplianceTask:
-        if kind is ImpedanceTask:
-            return ImpedanceTask("palm", target_wrench=TARGET, spring=(5e3, 100.0))
-        return AdmittanceTask("palm", admittance=ADMITTANCE, target_wrench=TARGET)
-
-    runs = [press(make, 0.3, dt)[2][:: round(0.01 / dt)] for dt in (0.001, 0.002, 0.005)]
-    scale = np.abs(runs[0]).max(axis=0)
-    small = (np.abs(runs[1] - runs[0]) / scale).max()
-    large = (np.abs(runs[2] - runs[0]) / scale).max()
-    assert small < 0.02
-    assert large < 0.08
-    assert 2.0 < large / small < 8.0  # (5 − 1) / (2 − 1) = 4 for an error of first order
-
-
 def test_offset_is_kept_within_its_bound_and_velocity_within_its_clamp() -> None:
     robot = robot_with_palm()
     task = AdmittanceTask(

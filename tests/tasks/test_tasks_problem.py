@@ -7,7 +7,7 @@ import pinocchio as pin
 import pytest
 import qpsolvers
 from properties import by_default
-from task_factory import ROBOTS, integrate, left_hand, make_robot, near_half_sitting, right_hand, standing
+from task_factory import ROBOTS, left_hand, make_robot, near_half_sitting, right_hand, standing
 
 from wbc.core.errors import Array
 from wbc.core.limits.collision import CollisionSphere, SelfCollisionLimit
@@ -101,22 +101,6 @@ def test_accelerations_agree_with_daqp(name: str, states: int) -> None:
         pushed += bool(solution.active_limits)
     assert compared >= 0.8 * states
     assert pushed >= 0.4 * states
-
-
-@robots
-def test_stacks_run_without_a_failure(name: str) -> None:
-    controller = everything(name)
-    robot = controller.robot
-    half = np.array(controller.task("com").target)
-    q, v = np.array(robot.q), np.array(robot.v)
-    for tick in range(300):
-        t = tick * controller.dt
-        controller.task("com").target = half + 0.02 * np.array([np.sin(9 * t), np.cos(9 * t) - 1.0, 0.0])
-        controller.update(q, v)
-        solution = controller.solve()
-        assert solution.ok, controller.diagnose()
-        q, v = integrate(controller, q, v, solution.accelerations)
-    assert np.linalg.norm(robot.com - controller.task("com").target) < 0.03
 
 
 def test_diagnosis_names_hard_tasks_that_contradict_each_other() -> None:
