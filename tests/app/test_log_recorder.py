@@ -22,7 +22,7 @@ from wbc.core.qp.solution import Solution
 from wbc.core.signals import Command, Measurement
 from wbc.feet import foot
 from wbc.feet.soles.catalog import foot_names
-from wbc.sim import PhysicsSettings, SensorNoise, WalkPlan, WalkSpec, walk
+from wbc.sim import WalkPlan, WalkSpec, walk
 from wbc.sim.terrain.families.base import terrain_families
 from wbc.sim.terrain.spec import terrain
 from wbc.tasks.balance import balance_controller
@@ -466,54 +466,6 @@ def test_classes_are_written_without_their_modules() -> None:
     plain = to_plain(foot("soft"))
     assert plain["$class"] == "wbc:SoftFoot" and plain["contact"]["$class"] == "wbc:ContactSpheres"
     assert to_plain(Event.STARTED) == {"$enum": "wbc:Event", "name": "STARTED"}
-
-
-EARLIER = {
-    "description": {
-        "$class": "wbc.robots.frames:SoleDescription",
-        "frame": "left_sole",
-        "link": "left_foot",
-        "translation": {"$tuple": [0.02, 0.0, -0.093]},
-        "rpy": {"$tuple": [0.0, 0.0, 0.0]},
-        "name": "left_foot",
-        "length": 0.16,
-        "width": 0.076,
-    },
-    "foot": {
-        "$class": "wbc.feet.soft:VariableStiffnessFoot",
-        "contact": {
-            "$class": "wbc.feet.contact:ContactSpheres",
-            "law": {
-                "$class": "wbc.feet.contact:ConstraintLaw",
-                "time_constant": 0.002,
-                "impedance": {"$tuple": [0.99, 0.99]},
-            },
-        },
-        "arch_hinge": {"$tuple": [0.0, 0.0]},
-        "actuator": {"$class": "wbc.feet.actuator:StiffnessActuator", "rate_limit": 33.0},
-    },
-    "terrain": {
-        "$class": "wbc.sim.terrain.spec:Terrain",
-        "parameters": {"$class": "wbc.sim.terrain.stones:Stones", "density": 90.0, "lowest": 0.5},
-        "amplitude": 0.02,
-    },
-    "servo": {"$class": "wbc.robots.servo:ServoRule", "frequency": 8.0, "damping_ratio": 1.0},
-    "physics": {"$class": "wbc.sim.settings:PhysicsSettings", "timestep": 0.001, "impratio": 10.0},
-    "noise": {
-        "$class": "wbc.sim.sensors:SensorNoise",
-        "joint_position": {"$class": "wbc.sim.sensors:SignalNoise"},
-    },
-}
-"""Parts of the header of a log of version 0.1.0, whose modules had other names."""
-
-
-def test_logs_from_before_the_move_of_modules_are_read() -> None:
-    parts = from_plain(EARLIER)
-    assert parts["foot"] == foot("variable")
-    assert parts["terrain"] == terrain("stones", 0.02, seed=0, length=3.0, start=0.3)
-    assert parts["description"] == wbc.load_robot("hrp4_class").soles[0]
-    assert parts["physics"] == PhysicsSettings() and parts["noise"] == SensorNoise()
-    assert parts["servo"].frequency == 8.0
 
 
 @pytest.mark.parametrize(

@@ -111,7 +111,7 @@ def _name(kind: type) -> str:
 def _kind(name: str) -> Any:
     """Return the class of a name."""
     module, _, path = name.partition(":")
-    if module.split(".")[0] == "wbc":
+    if module == "wbc":
         return _class_of_wbc(path)
     if module not in sys.modules:
         raise InputError(f"the log needs {name}; import {module} first")
