@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import pickle
 import socket
 import time
@@ -338,12 +337,10 @@ def test_the_owner_is_obeyed_in_a_flood(kind: str) -> None:
     with Process("flood", str(robot.port), kind) as flood:
         flood.line("flooding")
         obeyed.clear()
-        before, begin = robot.refused, time.monotonic()
+        before = robot.refused
         server.run(tick)
-        taken = time.monotonic() - begin
-    rate = (robot.refused - before) / taken
-    load = os.getloadavg()[0]
-    print(f"obeyed in {sum(obeyed)} of {len(obeyed)} ticks, {rate:.0f} packets/s refused, load {load:.1f}")
-    assert rate > 5000.0 and np.mean(obeyed) >= 0.99
+    packets = (robot.refused - before) / len(obeyed)  # of a tick: on a busy computer both take longer
+    print(f"obeyed in {sum(obeyed)} of {len(obeyed)} ticks, {packets:.0f} packets a tick refused")
+    assert packets > 25.0 and np.mean(obeyed) >= 0.99
     robot.close()
     driver.close()
