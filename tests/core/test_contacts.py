@@ -104,24 +104,6 @@ def test_solved_wrenches_can_be_made_by_corner_forces(name: str) -> None:
             assert solution.wrenches[sole.name][2] >= contacts[0].min_force - 1e-5
 
 
-def test_disturbed_sole_comes_back_to_where_the_contact_was_made() -> None:
-    controller = standing("hrp4_class")
-    robot = controller.robot
-    controller.add(CoMTask())
-    place = robot.placement(robot.soles[0].frame).copy()
-    q, v = pin.integrate(robot.model, robot.q, 2e-3 * np.ones(robot.nv)), np.array(robot.v)
-    distances = []
-    for _ in range(500):
-        controller.update(q, v)
-        away = place.actInv(robot.placement(robot.soles[0].frame))
-        distances.append(float(np.linalg.norm(pin.log6(away).vector)))
-        solution = controller.solve()
-        assert solution.ok
-        q, v = integrate(controller, q, v, solution.accelerations)
-    assert distances[0] > 1e-3
-    assert distances[-1] < 0.01 * distances[0]
-
-
 def test_force_range_ramps_up_and_down_without_a_jump() -> None:
     robot, dt, ramp = make_robot("g1"), 0.002, 0.1
     contact = SoleContact("left_foot", ramp=ramp, min_force=20.0, max_force=500.0, active=False)

@@ -69,18 +69,6 @@ def test_wrenches_are_estimated_where_there_are_no_sensors(mode: str) -> None:
     assert not trial.fallen and control.failures == 0
 
 
-def test_measured_torques_are_used_where_drives_report_them() -> None:
-    plant = Plant(G1, foot=FOOT, control_period=DT, machine=Machine(force_sensors=False, torque_sensors=True))
-    control = HybridControl(balance_controller(G1.robot(), DT))
-    for _ in range(50):
-        plant.step(control.command(plant.measure()))
-    used = control.measurement
-    assert used is not None and used.wrench_source == "measured torques"
-    np.testing.assert_allclose(
-        used.wrenches[:, 2], plant.truth().sole_wrench[:, 2], atol=0.03 * 9.81 * plant.robot.mass
-    )
-
-
 @pytest.mark.slow
 def test_a_foot_that_lifts_is_in_the_air_and_one_that_lands_on_the_ground() -> None:
     """In 98 of 100 ticks each foot's contact is the true one, with fewer than four changes a step."""

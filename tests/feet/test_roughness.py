@@ -157,14 +157,6 @@ def test_place_lift_and_slope_do_not_matter_and_scale_does_as_it_should(
         assert b[name] == pytest.approx(float(a[name]) * scale ** order.get(name, 1), rel=1e-6), name
 
 
-def test_the_direction_of_travel_does_not_matter_except_as_printed() -> None:
-    z = rough(429, 5)[0]
-    x = grid(429)
-    np.testing.assert_allclose(roughness(x, z).values, roughness(x, z[::-1]).values, rtol=1e-9)
-    forward, backward = roughness(x, z, PAPER), roughness(x, z[::-1], PAPER)
-    assert abs(forward["Ssk"] - backward["Ssk"]) > 0.5
-
-
 def test_many_profiles_at_once_are_each_of_them() -> None:
     z = rough(80, count=12).reshape(3, 4, 80)
     for given_settings in (RoughnessSettings(), PAPER, RoughnessSettings.authors()):

@@ -384,6 +384,23 @@ def _made(target: Any, name: str) -> Any:
     return hint() if parameters and all(p.default is not p.empty for p in parameters) else None
 
 
+PLAIN: dict[str, Any] = {
+    **dict.fromkeys(("dt", "period"), 0.005),
+    **dict.fromkeys(("time", "ground"), 0.0),
+    **dict.fromkeys(("distance", "angle", "duration"), 0.5),
+    **dict.fromkeys(("rise", "min_height", "amplitude"), 0.02),
+    **dict.fromkeys(("tread", "first_edge", "length"), 0.2),
+    **dict.fromkeys(("width", "y", "impulse"), 0.1),
+    **dict.fromkeys(("every", "clearance"), 0.05),
+    **{"timestep": 0.001, "height": 0.8, "com_height": 0.75, "mass": 40.0, "weight": 400.0, "omega": 3.5},
+    **{"step": 0.01, "corner": 3.0, "ankle_behind": 0.03, "dim": 3, "steps": 3, "count": 2, "seeds": (100,)},
+    **{"frame": "left_sole", "reference": "right_sole", "contact": "left_foot", "side": "left"},
+    **{"link": "left_ankle_link", "axes": None, "spec": None, "edges": (0.1, 0.05)},
+    **{"velocity": (0.1, 0.0, 0.0), "sizes": ((0.2, 0.1), (0.2, 0.1))},
+}
+"""Parameter without default → value that any function can use."""
+
+
 def valid(target: Any, name: str, package: str) -> Any:
     """Return a usable value for a parameter without default, by function and name; None when unknown."""
     from wbc.feet.soles.sole import SoleGeometry  # noqa: PLC0415
@@ -391,81 +408,42 @@ def valid(target: Any, name: str, package: str) -> Any:
     makers: dict[str, Callable[[], Any]] = {
         "description": _description,
         "robot": lambda: _description().robot(),
-        "dt": lambda: 0.005,
-        "period": lambda: 0.005,
-        "time": lambda: 0.0,
-        "timestep": lambda: 0.001,
         "controller": lambda: wbc.balance_controller(_description().robot(), 0.005),
-        "frame": lambda: "left_sole",
-        "reference": lambda: "right_sole",
         "sole": (lambda: "left_foot")
         if package != "wbc.feet"
         else (lambda: SoleGeometry.under_ankle(0.1, 0.16, 0.08)),
-        "contact": lambda: "left_foot",
         "admittance": lambda: np.full(6, 1e-3),
         "name": lambda: (
             "soft" if package == "wbc.feet" else "stones" if package == "wbc.sim" else "hrp4_class"
         ),
-        "dim": lambda: 3,
-        "axes": lambda: None,
         "start": _plan,
         "plan": _plan,
-        "distance": lambda: 0.5,
-        "angle": lambda: 0.5,
-        "velocity": lambda: (0.1, 0.0, 0.0),
-        "steps": lambda: 3,
         "moves": lambda: [(0.1, 0.0, 0.0)],
-        "rise": lambda: 0.02,
-        "tread": lambda: 0.2,
-        "count": lambda: 2,
-        "first_edge": lambda: 0.2,
-        "height": lambda: 0.8,
-        "com_height": lambda: 0.75,
-        "mass": lambda: 40.0,
-        "weight": lambda: 400.0,
-        "omega": lambda: 3.5,
-        "ground": lambda: 0.0,
         "com": lambda: np.array([0.0, 0.0, 0.8]),
         "com_velocity": lambda: np.zeros(3),
         "wrench": lambda: np.array([0.0, 0.0, 400.0, 0.0, 0.0, 0.0]),
         "wrenches": lambda: np.tile([0.0, 0.0, 200.0, 0.0, 0.0, 0.0], (2, 1)),
-        "sizes": lambda: ((0.2, 0.1), (0.2, 0.1)),
         "design": lambda: feet.foot("soft"),
         "foot": lambda: feet.foot("variable"),
         "policy": tasks.FixedPolicy,
         "z": lambda: np.sin(np.arange(100.0)),
         "x": (lambda: np.arange(100.0) * 0.01) if package == "wbc.feet" else (lambda: 0.0),
-        "step": lambda: 0.01,
-        "corner": lambda: 3.0,
-        "length": lambda: 0.2,
-        "width": lambda: 0.1,
-        "every": lambda: 0.05,
         "values": lambda: np.random.default_rng(0).normal(size=(50, 17)),
-        "side": lambda: "left",
-        "y": lambda: 0.1,
         "terrain": lambda: sim.make_terrain("stones"),
-        "clearance": lambda: 0.05,
         "test": lambda: sim.FootTest(foot=feet.foot("rigid"), settle=0.02, hold=0.02),
-        "spec": lambda: None,
         "plant": lambda: sim.Plant(_description()),
-        "link": lambda: "left_ankle_link",
-        "impulse": lambda: 0.1,
-        "duration": lambda: 0.5,
-        "min_height": lambda: 0.02,
-        "ankle_behind": lambda: 0.03,
         "cells": lambda: (Cell("flat", {"terrain": "flat"}),),
         "arms": lambda: {"flat": {"foot": "flat"}},
-        "seeds": lambda: (100,),
         "gait": walking.Gait,
         "left": lambda: walking.Footstep("left", 0.0, 0.1),
         "right": lambda: walking.Footstep("right", 0.0, -0.1),
         "landing": lambda: walking.Footstep("left", 0.2, 0.1),
-        "amplitude": lambda: 0.02,
         "parameters": lambda: sim.make_terrain("stones").parameters,
         "estimate": lambda: _description().robot(),
-        "edges": lambda: (0.1, 0.05),
         "posture": wbc.PostureTask,
     }
+    if name in PLAIN:
+        return PLAIN[name]
     maker = makers.get(name)
     return _made(target, name) if maker is None else maker()
 

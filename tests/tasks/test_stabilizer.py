@@ -278,15 +278,6 @@ def test_with_unit_com_gain_it_is_pure_dcm_feedback_on_the_zmp(
     np.testing.assert_allclose(point[:2], expected, atol=1e-9)
 
 
-def test_gains_act_along_the_robots_own_axes() -> None:
-    gains = StabilizerGains(dcm_p=(6.0, 0.0), com_v=0.0)
-    zero = np.zeros(3)
-    errors = PendulumErrors(zero, zero, np.array([0.0, 0.01]), zero[:2], zero[:2], zero[:2])
-    np.testing.assert_allclose(desired_acceleration(gains, REST, errors, 0.0), 0.0)
-    turned = desired_acceleration(gains, REST, errors, np.pi / 2)  # now the error is ahead
-    np.testing.assert_allclose(turned, [0.0, REST.omega * 6.0 * 0.01, 0.0], atol=1e-12)
-
-
 def test_the_zmp_velocity_term_and_the_height_terms() -> None:
     target = REST._replace(zmp_velocity=np.array([0.1, -0.2, 0.0]))
     zero = np.zeros(3)

@@ -360,15 +360,6 @@ def test_until_it_starts_the_pendulum_rests_and_then_changes_its_height_smoothly
     assert np.abs(np.diff(heights, 2)).max() < 5.8 * 0.05 / 0.8**2 * DT**2
 
 
-def test_stopping_on_the_way() -> None:
-    result = run(walk_distance(START, 3.0), act=lambda w, t: w.stop() if abs(t - 3.0) < DT / 2 else None)
-    walk = result.walk
-    assert not result.fell and walk.finished and walk.steps_done < 6
-    left, right = walk.phases.plan.final
-    assert left.x == pytest.approx(right.x, abs=1e-6)
-    assert np.linalg.norm(result.dcm_error[-1]) < 0.01
-
-
 @pytest.mark.parametrize(
     ("phase", "level"),
     [
