@@ -493,6 +493,25 @@ def own_values(function: str) -> dict[str, Any]:
             "control": wbc.TorqueControl(wbc.balance_controller(_description().robot(), 0.002)),
         },
         "StiffnessDecision": lambda: {"stiffness": 5.0},
+        "StabilizerTask": lambda: {"contacts": (wbc.SoleContact("left_foot"), wbc.SoleContact("right_foot"))},
+        "configuration_from_mujoco": lambda: {"qpos": _description().robot().half_sitting},
+        "configuration_to_mujoco": lambda: {"q": _description().robot().half_sitting},
+        "WalkingControl": lambda: {"source": walking.FootstepPlan.standing(_description().robot())},
+        "Trajectory": lambda: {"points": [[0.0], [1.0]], "duration": 1.0},
+        "StateMachine": lambda: {"states": [wbc.tasks.Behaviour("hold", timeout=0.1)]},
+        "Program": lambda: {
+            "machine": wbc.tasks.StateMachine("program", [wbc.tasks.Behaviour("hold", timeout=0.1)]),
+            "control": wbc.balance_controller(_description().robot(), 0.005),
+        },
+        "read_state_machine": lambda: {
+            "source": {"state": [{"name": "hold", "timeout": 0.1}]},
+            "control": wbc.balance_controller(_description().robot(), 0.005),
+        },
+        "after": lambda: {"seconds": 1.0},
+        "error_below": lambda: {"thing": wbc.CoMTask(), "bound": 0.1},
+        "speed_below": lambda: {"thing": wbc.CoMTask(), "bound": 0.1},
+        "SharedPlant": lambda: {"robots": {"one": _description()}},
+        "Cell": lambda: {"values": {"terrain": "flat"}},
         "stiffness_policy": lambda: {"name": "fixed"},
         "SoleDescription": lambda: {"name": "left_foot", "frame": "left_sole", "link": "left_ankle_link"},
         "profile_roughness": lambda: {
@@ -565,6 +584,8 @@ SKIP = {
     "register", "register_foot", "register_stiffness_policy", "family", "register_trial",
     # A decorator of classes.
     "settings",
+    # It takes at least one thing, by its place.
+    "reached",
 }  # fmt: skip
 
 
@@ -651,7 +672,8 @@ def _use(result: Any) -> None:
     """Use what was made: a task in a controller, a ground's heights."""
     kinds = (wbc.MotionTask, wbc.SoleContact, wbc.PointContact, wbc.JointLimits, wbc.TorqueLimits)
     if isinstance(result, kinds):
-        if type(result).__name__ in ("MotionTask", "SelectionTask", "VariableTask", "FrameTask"):
+        alone = ("MotionTask", "SelectionTask", "VariableTask", "FrameTask", "StabilizerTask")
+        if type(result).__name__ in alone:  # bases, and one that needs its contacts beside it
             return
         controller = wbc.Controller(_description().robot(), 0.005)
         controller.add(result)
