@@ -3,21 +3,27 @@
 from __future__ import annotations
 
 import importlib
+import json
 import sys
 from dataclasses import asdict, fields, replace
 from pathlib import Path
 from time import sleep
 from types import ModuleType
 
+import mujoco
 import numpy as np
 import pytest
 from properties import by_default
 
+from wbc.app import cli
+from wbc.app.bench import walk
 from wbc.app.bench.profile import parts_of, profile_walk
 from wbc.app.bench.solver import BenchSolverOptions, bench_solver, primal_residual
 from wbc.app.bench.streams import ProblemStream, least_violation
 from wbc.app.bench.tick import TASK, BenchTickOptions, bench_tick, start_configuration, sway
+from wbc.app.bench.walk import CASES
 from wbc.core.errors import Array
+from wbc.core.settings import from_json
 from wbc.robots import load, names
 from wbc.sim.trial.loop import TrialHook, TrialTick
 from wbc.sim.walks.plans import WalkPlan
@@ -112,6 +118,26 @@ def test_a_wrong_solution_has_a_residual() -> None:
     assert primal_residual(problem, solution) < 1e-5
     solution.variables[0] += 1.0
     assert primal_residual(problem, solution) > 1.0
+
+
+def test_parts_make_up_the_period_of_a_walk_that_is_otherwise_the_same(
+    capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    few = [name for name in CASES if name == "flat floor, flat soles, fast mode"]
+    monkeypatch.setattr(walk, "CASES", {name: CASES[name] for name in few})
+    assert cli.main(["bench", "walk", "--distance", "0.1", "--repeats", "1", "--json"]) == cli.RAN
+    rows = json.loads(capfd.readouterr().out)["rows"]
+    costs = [from_json(walk.WalkCost, row) for row in rows]
+    assert [cost.name for cost in costs] == few
+    for cost in costs:
+        assert cost.steps_done == cost.steps_planned == 2
+        parts = {row.what: row for row in cost.profile}
+        assert sum(row.us for row in cost.profile) == pytest.approx(cost.period_us)
+        assert sum(row.share for row in cost.profile) == pytest.approx(1.0)
+        assert cost.real_time_factor == pytest.approx(1e6 * cost.control_period / cost.period_us)
+        assert parts["physics"].us > parts["sensors"].us
+        assert 0.0 < cost.collision_share < cost.constraint_share < 1.0
+    assert mujoco.get_mjcb_time() is None
 
 
 class _SlowTask(PostureTask):

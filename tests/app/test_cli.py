@@ -32,6 +32,7 @@ ELSEWHERE = {
     **dict.fromkeys(("walk", "study show", "study run", "study table"), "app/test_walks_command.py"),
     "stiffness": "sim/test_best_stiffness.py",
     "study optimize": "sim/test_optimization.py",
+    "bench walk": "app/test_bench.py",
     "plot": "app/test_plots.py",
     "log convert": "app/test_convert.py",
     "view": "app/test_log_replay.py",

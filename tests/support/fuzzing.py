@@ -82,6 +82,7 @@ STUBS = (
     "wbc.sim.studies.sweep:_run_locally",
     "wbc.app.commands.bench:bench_tick",
     "wbc.app.commands.bench:bench_solver",
+    "wbc.app.commands.bench:bench_walk",
     "wbc.app.commands.study.run:sweep",
     "wbc.app.commands.terrain:plot_families",
     "wbc.app.live:LiveView.watch",

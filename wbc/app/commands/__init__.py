@@ -34,6 +34,7 @@ COMMANDS = {
     "study optimize": "study.optimize:optimize",
     "check-plant": "check_plant:check_plant",
     "bench tick": "bench:tick",
+    "bench walk": "bench:walk",
     "bench solver": "bench:solver",
 }
 """Words of a command → place of its function in this folder.

@@ -1,12 +1,15 @@
-"""`wbc bench`: how fast and how reliable the controller is."""
+"""`wbc bench`: how fast and how reliable the controller is, and what a walk costs."""
 
 from __future__ import annotations
 
-from rich.progress import Progress
+from rich.progress import Progress, track
 
+from wbc.app.bench.profile import profile_text
 from wbc.app.bench.solver import BenchSolverOptions, bench_solver
 from wbc.app.bench.tick import BenchTickOptions, bench_tick
+from wbc.app.bench.walk import CASES, BenchWalkOptions, bench_walk
 from wbc.app.output import Flat, Output, OutputOptions, Report, progress_console, reports
+from wbc.core.settings import to_json
 
 
 @reports
@@ -55,6 +58,23 @@ def solver(
     if infeasible["problems"]:
         text += f", which violate their limits by {infeasible['least_violation']:.2g} and more"
     return output.report(facts, text)
+
+
+@reports
+def walk(
+    options: Flat[BenchWalkOptions] = BenchWalkOptions(),
+    *,
+    output: OutputOptions = Output(),
+) -> Report:
+    """Time the closed loop of walks, and divide it: physics, observer, stabilizer, QP and the rest."""
+    costs = list(track(bench_walk(options), "walking", len(CASES), console=progress_console()))
+    texts = [
+        f"{cost.name}: {cost.real_time_factor:.1f} x real time, {cost.steps_done} of {cost.steps_planned} steps; "
+        f"of the physics {cost.collision_share:.0%} collision, {cost.constraint_share:.0%} contact forces\n\n"
+        f"{profile_text(cost.profile)}"
+        for cost in costs
+    ]
+    return output.report({"rows": to_json(costs)}, "\n\n".join(texts))
 
 
 def _line(values: dict[str, float]) -> str:
