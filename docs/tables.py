@@ -14,7 +14,7 @@ import json
 import lzma
 import shlex
 import sys
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
@@ -26,7 +26,7 @@ from wbc.sim.studies.best_stiffness import labels, stiffness_table
 from wbc.sim.studies.catalog import study_by_name
 from wbc.sim.studies.journal import Entries, Entry, read_journal
 from wbc.sim.studies.paper.choice import choice
-from wbc.sim.studies.paper.experiments import TABLE_IV, authority_heights, fig5, table4
+from wbc.sim.studies.paper.experiments import TABLE_IV, authority_heights
 from wbc.sim.studies.paper.optimization import BOUNDS, OPTIMISATION_SEED, OptimisationSpec, Walked
 from wbc.sim.studies.paper.optimum import TABLE_II, Optimum, optimum, table_two, validation, walked_points
 from wbc.sim.studies.stiffness_studies import DatasetSize, dataset
@@ -63,10 +63,10 @@ TABLES = (
     ("extremes.json", "extremes.jsonl.xz", "--margin 0.5"),
     ("table4", "table4.jsonl.xz", "--as table4"),
     ("table4", "table4.jsonl.xz", "--by terrain --margin 0.5"),
-    ("table4_no_bias", "table4_legacy.jsonl.xz", "--as table4"),
-    ("table4_no_bias", "table4_legacy.jsonl.xz", "--by terrain --margin 0.5"),
+    ("table4_frizza", "table4_frizza.jsonl.xz", "--as table4"),
+    ("table4_frizza", "table4_frizza.jsonl.xz", "--by terrain --margin 0.5"),
     ("fig5", "fig5.jsonl.xz", "--by amplitude --margin 0.5"),
-    ("fig5_no_bias", "fig5_legacy.jsonl.xz", "--by amplitude --margin 0.5"),
+    ("fig5_frizza", "fig5_frizza.jsonl.xz", "--by amplitude --margin 0.5"),
     ("flat+stones+cylinder_obstacles+roof_tiles", "optimize_legacy.jsonl.xz", "--as optimum --law no_bias"),
     (GROUNDS, "optimize.jsonl.xz", "--as optimum"),
     (GROUNDS, "optimize.jsonl.xz", '--as held-out --from 110 --arm best --arm "usual gains, k 80"'),
@@ -77,16 +77,10 @@ TABLES = (
 FIGURES = (
     ("authority", "authority.jsonl.xz", "--as risks", "images/risks.png"),
     ("authority", "authority.jsonl.xz", "--as differences --margin 0.5", "images/authority_differences.png"),
-    ("fig5_no_bias", "fig5_legacy.jsonl.xz", "--as steps", "images/fig5_legacy_steps.png"),
+    ("fig5_frizza", "fig5_frizza.jsonl.xz", "--as steps", "images/fig5_frizza_steps.png"),
     (GROUNDS, "optimize.jsonl.xz", "--as optimum", "images/optima.png"),
 )
 """The same, and the picture."""
-
-OWN: Mapping[str, Callable[[], Study]] = {
-    "table4_no_bias": lambda: table4(10, gains="no_bias"),
-    "fig5_no_bias": lambda: fig5(5, gains="no_bias"),
-}
-"""Studies of a law that is walked no more."""
 
 OPTIONS = (
     "--metric",
@@ -131,10 +125,7 @@ class Mark:
     @cached_property
     def whole(self) -> Study:
         """The study with all its layouts."""
-        if self.file is not None:
-            study = Study.from_json(read_json(self.file))
-        else:
-            study = OWN[self.name]() if self.name in OWN else study_by_name(self.name)
+        study = Study.from_json(read_json(self.file)) if self.file is not None else study_by_name(self.name)
         study = replace(study, base=merged(study.base, {"terrain_params": self.ramp}))
         return study.narrowed(self.options.get("--cell", ()), self.options.get("--arm", ()))
 

@@ -170,26 +170,62 @@ def test_landings_are_softer_and_more_of_the_sole_touches() -> None:
     says(f"the ZMP error −{-zmp:.0f} %, the contact area of the stance sole +{area:.0f} %")
 
 
-def table_four(journal: str) -> dict[str, float]:
-    """Sum of the mean steps of the twenty cells, for each sole."""
-    steps: dict[tuple[str, str, float], list[int]] = defaultdict(list)
+@cache
+def experiment(journal: str) -> dict[str, dict[Layout, Result]]:
+    """Walks of an experiment of the paper: sole → ground with its height and layout."""
+    soles: dict[str, dict[Layout, Result]] = defaultdict(dict)
     for spec, result in walks(journal):
-        steps[sole(spec), spec["terrain"], spec["amplitude"]].append(result["steps_done"])
-    sums: dict[str, float] = defaultdict(float)
-    for (name, _, _), values in steps.items():
-        sums[name] += float(np.mean(values))
-    return sums
+        ground = f"{spec['terrain']} {spec['amplitude']} {spec['terrain_params'].get('cutoff')}"
+        soles[sole(spec)][ground, spec["seed"]] = result
+    return soles
+
+
+def sums(journal: str) -> dict[str, float]:
+    """Sum of the mean steps of the cells of an experiment, with as many walks each, for each sole."""
+    return {
+        name: sum(map(steps, arm.values())) * len({ground for ground, _ in arm}) / len(arm)
+        for name, arm in experiment(journal).items()
+    }
 
 
 def test_table_four_beside_the_papers() -> None:
     paper = [sum(row[i] for rows in TABLE_IV_STEPS.values() for row in rows) for i in (2, 1, 0)]
     says(f"| paper, one walk a cell | {', '.join(map(str, paper))} |")
-    law, default = table_four("table4_legacy"), table_four("table4")
+    law, default = sums("table4_frizza"), sums("table4")
     one, two = (
-        [f"{sums[name]:.0f}" for name in ("flat", "5", "variable", "rigid")] for sums in (law, default)
+        [f"{found[name]:.0f}" for name in ("flat", "5", "variable", "rigid")] for found in (law, default)
     )
     says(f"means of 10 walks a cell | {', '.join(one[:3])}; a rigid sole of the soft one's size {one[3]} |")
     says(f"means of 20 walks a cell | {', '.join(two[:3])}; rigid {two[3]} |")
+    law, default = (
+        [sum(map(arrived, experiment(journal)[name].values())) for name in ("flat", "rigid", "5")]
+        for journal in ("table4_frizza", "table4")
+    )
+    says(
+        f"{default[0]} of 400 walks arrive on the robot's own sole, {default[1]} on a rigid one of the soft sole's "
+        f"size, {default[2]} on the soft one. By the paper's law as printed it is {listed(law)} of 200"
+    )
+
+
+def test_a_stiffness_that_is_scheduled_as_the_paper_does_gains_nothing() -> None:
+    """Steps more than the soft sole of 5 Nm/rad on the same layouts."""
+
+    def more(journal: str, name: str = "variable") -> str:
+        soles = experiment(journal)
+        return interval([steps(result) - steps(soles["5"][at]) for at, result in soles[name].items()])
+
+    fixed = np.mean([steps(result) for result in experiment("fig5_frizza")["5"].values()])
+    says(
+        f"the paper's law as printed, Table IV, {more('table4_frizza')}; Fig. 5, where the fixed sole does "
+        f"{fixed:.1f} of 22, {more('fig5_frizza')}; default law, Table IV, {more('table4')}"
+    )
+    says(f"a stiffness that changes at once it does {more('table4_frizza', 'paper')}")
+    soles = experiment("table4_frizza")
+    soft = interval([steps(result) - steps(soles["rigid"][at]) for at, result in soles["5"].items()])
+    peaks = [np.mean([r["impact"] for r in soles[name].values() if arrived(r)]) for name in ("5", "rigid")]
+    says(
+        f"over the rigid sole of its size, {soft}, but for softer landings, {peaks[0]:.1f} against {peaks[1]:.1f}"
+    )
 
 
 def test_choosing_by_the_family_owes_most_of_its_gain_to_early_falls() -> None:

@@ -109,6 +109,6 @@ def test_journals_are_packed_and_partial_tables_and_figures_say_so(
 
 @pytest.mark.slow
 def test_stored_walks_are_those_of_studies_with_a_sharp_edge() -> None:
-    mark = tables.Mark("table4_no_bias", "table4_legacy.jsonl.xz", "--seeds 1 --arm rigid", DOCS / "journals")
+    mark = tables.Mark("table4", "table4.jsonl.xz", "--seeds 1 --arm rigid", DOCS / "journals")
     assert mark.ramp == {"ramp": 0.0} and len(mark.study.cells) == 20
     assert mark.code(list(mark.entries.values())) == "da5fd04521c0"
