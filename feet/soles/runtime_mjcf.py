@@ -154,12 +154,10 @@ class GroundContacts:
     Attributes:
         points: Shape (n, 3), m.
         forces: Force of the ground on the foot, shape (n, 3), N.
-        depths: Penetration, shape (n,), m; negative while apart.
     """
 
     points: Array
     forces: Array
-    depths: Array
 
     @property
     def force(self) -> Array:
@@ -214,7 +212,7 @@ class SoleProbe:
             data: State after a step or `mj_forward`.
             min_force: Threshold, N.
         """
-        points, forces, depths = [], [], []
+        points, forces = [], []
         for i in range(data.ncon):
             contact = data.contact[i]
             first, second = contact.geom
@@ -227,7 +225,4 @@ class SoleProbe:
             sign = 1.0 if self._own[second] else -1.0
             forces.append(sign * (contact.frame.reshape(3, 3).T @ self._wrench[:3]))
             points.append(contact.pos.copy())
-            depths.append(-contact.dist)
-        return GroundContacts(
-            np.array(points).reshape(-1, 3), np.array(forces).reshape(-1, 3), np.array(depths)
-        )
+        return GroundContacts(np.array(points).reshape(-1, 3), np.array(forces).reshape(-1, 3))

@@ -182,6 +182,18 @@ def test_exact_sensors_give_the_exact_state() -> None:
     assert (worst < 5e-5).all()  # what finite differences of the motion leave
 
 
+def test_a_foot_that_stands_under_a_turning_base_is_at_rest() -> None:
+    sensors, qs, vs = sway()
+    observer = Observer(biped())
+    observer.reset(qs[0])
+    turns = []
+    for sensor in sensors:
+        observer.update(sensor)
+        turns.append(observer.stance_rotation)
+    assert np.abs([sensor.angular_velocity for sensor in sensors]).max() > 0.1, "rad/s"
+    assert np.abs(turns[5:]).max() < 2e-3
+
+
 def test_a_wrong_initial_tilt_and_a_gyro_bias_fade() -> None:
     sensors, qs, vs = sway(seconds=20.0)
     robot = biped()

@@ -378,6 +378,17 @@ def test_a_planner_that_fails_brings_the_robot_to_a_stand(source: FootstepSource
     assert stage.walk.finished and reason in stage.source.reason and stage.walk.steps_done - done <= 3
 
 
+def test_a_plan_grants_the_mean_velocity_of_its_next_two_steps() -> None:
+    robot = load("hrp4_class").robot()
+    standing = FootstepPlan.standing(robot)
+    plan = walk_distance(standing, 0.2)
+    walking = WalkingControl(robot, replace(plan, steps=plan.steps[:2]), 0.005)
+    gait, (forward, left, turn) = plan.gait, walking.granted_velocity
+    ahead = plan.steps[1].x - plan.left.x
+    assert forward == pytest.approx(ahead / (2.0 * (gait.single_support + gait.double_support)))
+    assert (left, turn) == pytest.approx((0.0, 0.0), abs=1e-9)
+
+
 def test_velocities_that_are_refused() -> None:
     robot = load("hrp4_class").robot()
     walking = WalkingControl(robot, FootstepPlan.standing(robot), DT, extent=(-1.0, 1.0, -1.0, 1.0))
