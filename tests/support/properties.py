@@ -1,7 +1,8 @@
 """Profiles of hypothesis, the number of examples of a property test, and what alone runs by default.
 
 The default profile draws the same examples in every run, on every machine: a run that is red stays red. The profile
-`long` draws new ones at random, ten times as many: `HYPOTHESIS_PROFILE=long pytest tests/feet`.
+`long` draws new ones at random, ten times as many: `HYPOTHESIS_PROFILE=long pytest tests/feet`. No phase explains failures:
+it would trace every example, which takes a quarter of the time and has crashed Python 3.11 (`sys.settrace`).
 """
 
 from __future__ import annotations
@@ -11,13 +12,15 @@ from collections.abc import Iterable
 from typing import Any
 
 import pytest
-from hypothesis import settings
+from hypothesis import Phase, settings
 
 PERCENT = 100
 """Number of examples of a profile that keeps the counts of the tests."""
 
-settings.register_profile("default", max_examples=PERCENT, derandomize=True, deadline=None)
-settings.register_profile("long", max_examples=10 * PERCENT, derandomize=False, deadline=None)
+PHASES = tuple(phase for phase in Phase if phase is not Phase.explain)
+
+settings.register_profile("default", max_examples=PERCENT, derandomize=True, deadline=None, phases=PHASES)
+settings.register_profile("long", max_examples=10 * PERCENT, derandomize=False, deadline=None, phases=PHASES)
 
 
 def load_profile() -> None:
