@@ -16,6 +16,7 @@ from wbc.core.errors import Array, InputError, UnknownNameError
 from wbc.core.qp.contact import (
     AXES,
     ContactOptions,
+    FixedContact,
     PointContact,
     SoleContact,
     friction_pyramid,
@@ -255,6 +256,7 @@ def test_point_contact_holds_its_point_and_pushes_from_the_surface(normal: tuple
     axis = np.array(normal) / np.linalg.norm(normal)
     turn = pin.Quaternion.FromTwoVectors(np.array([0.0, 0.0, 1.0]), axis).matrix()
     np.testing.assert_allclose(hand.rotation, turn, atol=1e-12)
+    np.testing.assert_allclose(hand.normal, axis, atol=1e-12)
     total = hand.rotation @ force
     for sole in robot.soles:
         total = total + robot.placement(sole.frame).rotation @ solution.wrenches[sole.name][:3]
@@ -370,6 +372,37 @@ def test_a_contact_that_is_off_takes_no_force_for_its_velocity() -> None:
     assert alone.ok and moving.ok
     np.testing.assert_allclose(moving.wrenches["right_foot"], 0.0, atol=1e-9)
     np.testing.assert_allclose(moving.torques, alone.torques, atol=1e-9)
+
+
+def test_a_fixed_frame_pulls_as_hard_as_it_pushes() -> None:
+    robot = make_robot("g1")
+    contact, free = FixedContact("pelvis", max_force=80.0, ramp=0.1, active=False), FixedContact("pelvis")
+    for each in (contact, free):
+        each.bind(robot)
+    assert contact.normal_force_range == (0.0, 0.0) and free.normal_force_range == (-1e6, 1e6)
+    contact.active = True
+    contact.advance(0.025)
+    assert contact.normal_force_range == pytest.approx((-20.0, 20.0)) and contact.cone.shape == (0, 6)
+
+
+def test_a_configuration_stands_on_its_lower_sole() -> None:
+    robot = make_robot("g1")
+    knee, elbow = "left_knee_joint", "right_elbow_joint"
+    for bend in (0.8, -0.3):  # the left foot is lifted, or the right one
+        q = robot.configuration({knee: robot.half_sitting[7 + robot.joint_index(knee)] + bend, elbow: 0.7})
+        robot.update(q, np.zeros(robot.nv))
+        heights = [robot.placement(sole.frame).translation[2] for sole in robot.soles]
+        assert min(heights) == pytest.approx(0.0, abs=1e-12) and heights[bend < 0.0] > 0.004
+        expected = np.array(robot.half_sitting)
+        expected[[2, 7 + robot.joint_index(knee), 7 + robot.joint_index(elbow)]] += (
+            q[2] - expected[2],
+            bend,
+            0.0,
+        )
+        expected[7 + robot.joint_index(elbow)] = 0.7
+        np.testing.assert_allclose(q, expected, atol=1e-12)
+    with pytest.raises(UnknownNameError, match="no joint 'left_kne'"):
+        robot.configuration({"left_kne": 0.1})
 
 
 def test_bad_values_are_refused() -> None:

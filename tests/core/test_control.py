@@ -8,11 +8,12 @@ import numpy as np
 import pinocchio as pin
 import pytest
 from at_rest import at_rest
-from task_factory import standing
+from task_factory import near_half_sitting, standing
 
 from wbc.core.control import FailurePolicy
 from wbc.core.drive.position import PositionControl
 from wbc.core.drive.torque import TorqueControl
+from wbc.core.estimation.plausibility import PlausibilitySettings
 from wbc.core.qp.controller import Controller
 from wbc.core.qp.solver import Status
 from wbc.core.robot import Robot
@@ -152,3 +153,55 @@ def test_wrenches_of_a_stabilizer_take_the_place_of_the_solutions_in_the_torques
     jacobian = pin.getFrameJacobian(robot.model, robot.data, frame, pin.LOCAL)[:, 6:]
     change = control.controller.torques(solution, more) - command.joint_torque
     np.testing.assert_allclose(change, -10.0 * jacobian[2], atol=1e-8)
+
+
+def test_the_commanded_robot_is_where_the_command_says_when_that_was_clipped() -> None:
+    control = PositionControl(standing("hrp4_class", DT))
+    robot = control.controller.robot
+    control.command(at_rest(robot, 0.0))
+    control.q[7:] += 3.0
+    control.v[6:] = 10.0 * robot.velocity_limit
+    before = np.array(control.gate._position)
+    command = control.command(at_rest(robot, DT))
+    np.testing.assert_array_equal(control.q[7:], command.joint_position)
+    np.testing.assert_array_equal(control.v[6:], command.joint_velocity)
+    assert (np.abs(command.joint_position - before) <= 2.0 * DT * robot.velocity_limit + 1e-12).all()
+    assert (np.abs(command.joint_velocity) <= 2.0 * robot.velocity_limit).all()
+
+
+def test_no_time_is_integrated_over_a_clock_that_was_adopted() -> None:
+    """But one period: the estimate of a robot that turns is that of one whose clock goes on."""
+    found = []
+    for jump in (0.0, 100.0):
+        control = PositionControl(standing("hrp4_class", DT))
+        control.plausibility.settings = PlausibilitySettings(resync=0.5 * DT)
+        robot = control.controller.robot
+        spin, lean = np.array([0.3, -0.2, 0.5]), np.array([0.1, 0.2, 9.7])
+        times = [0.0, DT, 2.0 * DT, *([jump] if jump else []), jump + 3.0 * DT if not jump else jump + DT]
+        for i, time in enumerate(times):
+            moved = robot.half_sitting[7:] + 1e-5 * (i if not jump or i < 3 else i - 1)
+            control.command(
+                at_rest(robot, time, joint_position=moved, angular_velocity=spin, specific_force=lean)
+            )
+        found.append((control.observer.robot.q.copy(), control.failures))
+    np.testing.assert_allclose(found[1][0], found[0][0], atol=1e-9)
+    assert [failures for _, failures in found] == [0, 1]
+
+
+def test_outside_forces_take_part_in_the_equations_of_motion() -> None:
+    controller = standing("g1", DT)
+    robot, rng = controller.robot, np.random.default_rng(0)
+    controller.update(*near_half_sitting(robot, rng, 0.02, 0.1))
+    for outside in (np.zeros(robot.nv), rng.normal(size=robot.nv)):
+        controller.outside = outside
+        solution = controller.solve()
+        assert solution.ok
+        left = robot.mass_matrix @ solution.accelerations + robot.bias - outside
+        left[6:] -= solution.torques
+        for sole in robot.soles:
+            frame = robot.frame_id(sole.frame)
+            left -= (
+                pin.getFrameJacobian(robot.model, robot.data, frame, pin.LOCAL).T
+                @ solution.wrenches[sole.name]
+            )
+        np.testing.assert_allclose(left, 0.0, atol=1e-5)

@@ -46,6 +46,14 @@ def test_a_state_is_carried_ahead_over_the_commands_that_act_meanwhile(delay: fl
     ahead_q, ahead_v = predictor.ahead(q, v)
     np.testing.assert_allclose(ahead_v, velocity, atol=1e-12)
     np.testing.assert_allclose(ahead_q, pin.integrate(model, q, step), atol=1e-12)
+    predictor.reset()
+    ahead_q, ahead_v = predictor.ahead(q, v)
+    np.testing.assert_allclose(ahead_v, v)
+    np.testing.assert_allclose(ahead_q, pin.integrate(model, q, delay * v), atol=1e-12)
+    predictor.commanded(accelerations[0], DT)
+    acts = min(DT, delay)
+    step = delay * v + 0.5 * acts**2 * accelerations[0]  # at the end of the delay
+    np.testing.assert_allclose(predictor.ahead(q, v)[0], pin.integrate(model, q, step), atol=1e-12)
 
 
 @pytest.mark.parametrize("mode", ["position", "torque", "hybrid"])
@@ -206,3 +214,58 @@ def test_a_foot_meets_the_ground_at_a_greater_force_than_it_leaves_it() -> None:
             estimator.update(robot.half_sitting, np.zeros(robot.nv), carried(share)[2])
         found.append(estimator.contact[1])
     assert found == [True, False, False, True, True] and estimator.contact[0]
+
+
+@pytest.mark.parametrize(
+    ("passed", "periods"), [(None, 1.0), (1.005, 1.0), (1.5, 1.5), (3.0, 3.0), (9.0, 4.0), (0.1, 0.25)]
+)
+def test_an_estimate_follows_torques_and_momentum_as_a_first_order_lag(
+    passed: float | None, periods: float
+) -> None:
+    """The force moves to the other sole with e^{−80 t}, t within a quarter and four periods; so in other periods."""
+    robot, normal, torque = carried(0.5)
+    estimator, v, still = WrenchEstimator(robot, DT), np.zeros(robot.nv), np.zeros(robot.nv)
+    q = robot.half_sitting
+    first = estimator.update(q, still, torque).copy()
+    np.testing.assert_allclose(first[:, 2], normal, rtol=1e-2)
+    known = WrenchEstimator(robot, DT)
+    last = known.update(q, still, carried(0.3)[2]).copy()
+    for tick in range(1, 6):
+        wrench = estimator.update(q, still, carried(0.3)[2], None if passed is None else passed * DT)
+        share = -np.expm1(-80.0 * periods * DT * tick)
+        np.testing.assert_allclose(wrench, first + share * (last - first), rtol=1e-6, atol=1e-6)
+    known = WrenchEstimator(robot, periods * DT)
+    for speed in (0.0, 0.1, 0.3):
+        v[:3] = speed
+        wrench = known.update(q, v, torque).copy()
+        if speed == 0.0:
+            estimator.reset()
+        found = estimator.update(q, v, torque, None if passed is None else passed * DT)
+        np.testing.assert_allclose(found, wrench, rtol=1e-9, atol=1e-9)
+
+
+@pytest.mark.parametrize("right", [0.0, 0.02, 0.3])
+def test_what_holds_a_robot_beside_the_ground_is_what_its_legs_do_not_explain(right: float) -> None:
+    """It hangs by its base, and one leg presses on the ground; a foot below the lift-off force is in the air."""
+    robot = G1.robot()
+    model, data, q, v = robot.model, robot.model.createData(), robot.half_sitting, np.zeros(robot.nv)
+    jacobians = [
+        pin.computeFrameJacobian(model, data, q, robot.frame_id(sole.frame), pin.LOCAL)
+        for sole in robot.soles
+    ]
+    pressed = np.array([0.0, 0.0, right * robot.mass * GRAVITY, 0.0, 0.0, 0.0])
+    effort = pin.computeGeneralizedGravity(model, data, q) - jacobians[1].T @ pressed
+    estimator = WrenchEstimator(robot, DT)
+    for _ in range(200):
+        wrenches = estimator.update(q, v, effort[6:], held=True)
+    assert estimator.contact == [False, right > 0.04] and not wrenches[0].any()
+    np.testing.assert_allclose(
+        wrenches[1], pressed if right > 0.04 else 0.0, atol=0.01 * robot.mass * GRAVITY
+    )
+    whole = estimator.outside + jacobians[1].T @ wrenches[1]
+    np.testing.assert_allclose(
+        whole, [*(effort + jacobians[1].T @ pressed)[:6], *jacobians[1].T[6:] @ pressed], atol=1e-6
+    )
+    estimator.reset()
+    assert estimator.contact == [True, True] and not estimator.outside.any()
+    np.testing.assert_allclose(estimator.wrench, np.outer([0.5, 0.5], [0, 0, robot.mass * GRAVITY, 0, 0, 0]))

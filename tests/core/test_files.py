@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import errno
+import io
 import os
 import re
 import stat
@@ -13,7 +14,20 @@ from full_disk import limited_file_size
 
 import wbc
 from wbc.core.errors import InputError
-from wbc.core.files import BESIDE, FileError, csv_rows, replacing, same_file, write_text
+from wbc.core.files import (
+    BESIDE,
+    FileError,
+    check_hash,
+    check_writable,
+    csv_rows,
+    decoding,
+    file_hash,
+    read_json,
+    replacing,
+    same_file,
+    save_figure,
+    write_text,
+)
 
 OLD = "old\n"
 
@@ -114,3 +128,52 @@ def test_blank_lines_of_a_csv_are_no_rows_and_a_cell_that_does_not_end_is_bad_in
     assert csv_rows("a,b\n\n , \n1,2\n", Path("table.csv")) == [["a", "b"], ["1", "2"]]
     with pytest.raises(InputError, match=r"table\.csv is not a CSV: field larger than field limit"):
         csv_rows(1_000_000 * "1", Path("table.csv"))
+
+
+def test_what_cannot_be_written_is_said_before_and_nothing_is_left(
+    old: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    fresh = old.with_name("fresh.csv")
+    for path in (old, fresh):
+        check_writable(path)
+    assert names(old.parent) == [old.name] and old.read_text() == OLD
+    os.mkfifo(old.with_name("pipe"))
+    for path, words in ((old.parent, "it is a folder"), (old.with_name("pipe"), "it is no regular file")):
+        with pytest.raises(OSError, match=f"^{words}$"):
+            check_writable(path)
+    with pytest.raises(FileNotFoundError):
+        check_writable(old.parent / "nowhere" / "a.csv")
+    monkeypatch.setattr(os, "access", lambda path, mode: mode != os.W_OK)
+    with pytest.raises(OSError, match="^it is write-protected$"):
+        check_writable(old)
+
+
+def test_what_is_read_is_a_file_of_a_size_and_what_was_meant(old: Path) -> None:
+    with decoding(old, "table", largest=4) as path:
+        assert path == old
+    for path, words in (
+        (old, f"{old} has 4 bytes; a table may have 3 at most"),
+        (old.parent, f"{old.parent} cannot be read: it is a folder"),
+        (old.with_name("none"), f"{old.with_name('none')} cannot be read: No such file or directory"),
+    ):
+        with pytest.raises(InputError, match=f"^{re.escape(words)}$"), decoding(path, "table", largest=3):
+            raise AssertionError
+    with pytest.raises(InputError, match="table.csv is not JSON: Expecting value"):
+        read_json(old)
+    # The beginning of `printf 'old\n' | sha256sum`.
+    assert file_hash(old) == "01d09d19c2139a46"
+    check_hash(old, file_hash(old))
+    with pytest.raises(
+        InputError, match="has changed: its hash is 01d09d19c2139a46, the walk was .* with 1234$"
+    ):
+        check_hash(old, "1234")
+
+
+@pytest.mark.parametrize("ending", [".png", ".SVG"])
+def test_a_figure_has_the_format_of_its_ending(tmp_path: Path, ending: str) -> None:
+    class Figure:
+        def savefig(self, file: io.BytesIO, format: str, dpi: float) -> None:
+            file.write(f"{format} {dpi}".encode())
+
+    save_figure(Figure(), tmp_path / f"walk.x{ending}", dpi=80.0)  # type: ignore[arg-type]
+    assert (tmp_path / f"walk.x{ending}").read_text() == f"{ending[1:].lower()} 80.0"

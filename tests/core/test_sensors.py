@@ -2,12 +2,18 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
+
 import numpy as np
+import pinocchio as pin
 import pytest
 from at_rest import at_rest
 
-from wbc.core.estimation.consistency import FROZEN_AFTER, ConsistencyMonitor
-from wbc.core.estimation.plausibility import Plausibility
+from wbc.core.errors import MeasurementError
+from wbc.core.estimation.consistency import FROZEN_AFTER, AccelerometerCheck, ConsistencyMonitor
+from wbc.core.estimation.plausibility import Plausibility, PlausibilitySettings
 from wbc.core.robot import GRAVITY
 from wbc.robots import load
 
@@ -28,15 +34,181 @@ def test_an_encoder_may_have_travelled_as_far_as_its_joint_moves_while_it_was_re
     assert used.joint_position[3] == there[3] and plausibility.refused == 4
 
 
-def test_a_moment_is_possible_as_far_as_the_greatest_force_has_an_arm_on_the_sole() -> None:
-    plausibility = Plausibility(ROBOT, DT)
-    plausibility.check(at_rest(ROBOT, 0.0))
-    greatest = plausibility.settings.force_ratio * ROBOT.mass * GRAVITY
-    for tick, (share, refused) in enumerate(((0.9, 0), (1.1, 1)), start=1):
-        wrench = at_rest(ROBOT, 0.0).wrenches.copy()
-        wrench[0, 4] = share * greatest * ROBOT.soles[0].length
-        plausibility.check(at_rest(ROBOT, tick * DT, sole_wrench=wrench))
-        assert plausibility.refused == refused
+def test_each_reading_is_refused_from_its_bound_on() -> None:
+    """Encoders beyond their range, speeds, the IMU, soles and hands, each number by itself."""
+    s, na, robot = PlausibilitySettings(), ROBOT.na, ROBOT
+    force = s.force_ratio * robot.mass * GRAVITY
+    sole = np.repeat([force, force * robot.soles[0].length], 3)
+    middle, half = (
+        0.5 * (robot.position_upper + robot.position_lower),
+        0.5 * (robot.position_upper - robot.position_lower),
+    )
+    bounds: dict[str, tuple[Any, Any]] = {
+        "joint_position": (middle, half + s.position_margin),
+        "joint_velocity": (np.zeros(na), s.velocity_margin * robot.velocity_limit),
+        "angular_velocity": (np.zeros(3), np.full(3, s.gyro_range)),
+        "specific_force": (np.zeros(3), np.full(3, s.accelerometer_range)),
+        "sole_wrench": (np.zeros((2, 6)), np.tile(sole, (2, 1))),
+        "joint_torque": (np.zeros(na), s.torque_margin * robot.torque_limit),
+        "hand_wrenches": (np.zeros((2, 6)), np.tile(sole, (2, 1))),
+    }
+    hands = np.zeros((2, 6))
+    for name, (centre, most) in bounds.items():
+        for place in np.ndindex(most.shape):
+            sign = 1.0 if sum(place) % 2 else -1.0
+            for share in (0.99 * sign, 1.01 * sign):
+                plausibility, value = Plausibility(robot, DT), centre.copy()
+                value[place] += share * most[place]
+                readings = {"joint_torque": np.zeros(na), "hand_wrenches": hands.copy()} | {name: value}
+                optional = name in ("joint_torque", "hand_wrenches")
+                try:
+                    used, _ = plausibility.check(at_rest(robot, 0.0, **readings))
+                except MeasurementError:
+                    assert abs(share) > 1.0 and not optional
+                    continue
+                assert bool(plausibility.faults) == (abs(share) > 1.0) and (optional or abs(share) < 1.0)
+                if name == "hand_wrenches" and abs(share) > 1.0:
+                    assert plausibility.faults == (
+                        f"force sensor of {('left_hand', 'right_hand')[place[0]]}",
+                    )
+                    assert (
+                        np.isnan(used.hand_wrenches[place[0]]).all()
+                        and not used.hand_wrenches[1 - place[0]].any()
+                    )
+                    assert used.joint_torque is not None and plausibility.refused == 1
+
+
+def test_refused_readings_are_predicted_from_those_that_are_good() -> None:
+    """An encoder goes on with its joint's speed, a speed is that of its encoder, and all else stays as it was."""
+    plausibility, na, tick = Plausibility(ROBOT, DT), ROBOT.na, 1
+    rate = np.linspace(-0.4, 0.5, na)
+    first = at_rest(ROBOT, 0.0, angular_velocity=np.array([0.1, 0.2, 0.3]), joint_velocity=rate)
+    plausibility.check(first)
+    good = replace(
+        first,
+        time=DT,
+        joint_position=first.joint_position + DT * (rate + 0.1),
+        joint_velocity=rate + 0.2,
+        specific_force=first.specific_force + 1.0,
+        sole_wrench=first.wrenches + 2.0,
+    )
+    bad, wrong, expected = good, {}, {}
+    for name in ("joint_position", "joint_velocity", "angular_velocity", "specific_force", "sole_wrench"):
+        wrong[name], expected[name] = getattr(good, name).copy(), getattr(good, name).copy()
+    wrong["joint_position"][[2, 4]] = np.nan, wrong["joint_position"][4] + 1.0
+    wrong["joint_velocity"][[4, 5, 6]] = 1e3, np.nan, -np.inf
+    wrong["angular_velocity"][1] += plausibility.settings.gyro_jump + 1.0
+    wrong["sole_wrench"][1, 5] = np.nan
+    expected["joint_position"][2] = first.joint_position[2] + DT * (rate[2] + 0.2)
+    expected["joint_position"][4] = first.joint_position[4] + DT * rate[4]
+    expected["joint_velocity"][[4, 5, 6]] = rate[[4, 5, 6]] + [0.0, 0.1, 0.1]
+    expected["angular_velocity"] = first.angular_velocity
+    expected["sole_wrench"][1] = first.wrenches[1]
+    bad = replace(good, **wrong)
+    used, _ = plausibility.check(bad)
+    for name, value in expected.items():
+        np.testing.assert_allclose(getattr(used, name), value, rtol=1e-9, err_msg=name)
+    names = ROBOT.joint_names
+    refused = (
+        *(f"encoder of {names[i]}" for i in (2, 4)),
+        *(f"velocity of {names[i]}" for i in (4, 5, 6)),
+        *("gyroscope", "force sensor of right_foot"),
+    )
+    assert plausibility.faults == refused
+    np.testing.assert_array_equal(
+        plausibility.joint_velocity(bad), np.where(np.isin(np.arange(na), (4, 5, 6)), 0.0, rate + 0.2)
+    )
+    assert not plausibility.joint_velocity(replace(bad, joint_velocity=rate[1:])).any()
+    for tick in range(2, 11):  # 50 ms
+        plausibility.check(replace(bad, time=tick * DT))
+    with pytest.raises(MeasurementError, match=f"^{', '.join(refused[:4])} refused for 0.055 s$"):
+        plausibility.check(replace(bad, time=11 * DT))
+
+
+def test_a_clock_that_has_jumped_is_adopted_once_it_has_moved_on_for_a_while(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    plausibility, rng = (
+        Plausibility(ROBOT, DT, PlausibilitySettings(resync=0.0275, max_gap=4)),
+        np.random.default_rng(0),
+    )
+
+    def taken(time: float) -> bool | None:
+        """True for a clock adopted anew, None for a stamp that is refused."""
+        noisy = ROBOT.half_sitting[7:] + 1e-6 * rng.normal(size=ROBOT.na)
+        try:
+            return plausibility.check(at_rest(ROBOT, time, joint_position=noisy))[1]
+        except MeasurementError as error:
+            assert (
+                str(error)
+                == f"time stamp {time:.4f} s does not follow 1.0190 s: steps must lie in [0, 0.02] s"
+            )
+            return None
+
+    assert [taken(time) for time in (1.0, 1.0, 1.019, 1.0391)] == [False, False, False, None]
+    for start in (3.0, 5.0):  # the second one begins again, after five steps of the first
+        got = [taken(start + tick * DT) for tick in range(6)]
+        assert got == [None] * 6
+    assert [taken(5.0 + tick * DT) for tick in (5, 6, 7)] == [None, None, None], (
+        "a stamp that stands still begins anew"
+    )
+    assert [taken(5.03 + tick * DT) for tick in range(2, 8)] == [None, None, None, True, False, False]
+    assert caplog.messages == ["the clock of measurements has jumped by +4.036 s; adopted"]
+
+
+@pytest.mark.parametrize("moving", [True, False])
+def test_the_same_measurement_again_is_no_measurement_of_a_robot_whose_sensors_have_lived(
+    moving: bool,
+) -> None:
+    """Perfect sensors of a robot at rest repeat themselves; a clock that stands still does not count as rest."""
+    plausibility, ticks = Plausibility(ROBOT, DT), 20 if moving else 19
+    for tick in range(ticks):
+        plausibility.check(at_rest(ROBOT, tick * DT, joint_position=ROBOT.half_sitting[7:] + 1e-6 * tick))
+    last = at_rest(ROBOT, 0.0, joint_position=ROBOT.half_sitting[7:] + 1e-6 * (ticks - 1))
+    for again in range(19):
+        plausibility.check(replace(last, time=(ticks + again) * DT))
+    if moving:
+        with pytest.raises(MeasurementError, match="^the same measurement for the 21th time in a row$"):
+            plausibility.check(replace(last, time=(ticks + 19) * DT))
+        assert plausibility.faults == ("the same measurement again",)
+        return
+    for again in range(19, 60):
+        plausibility.check(replace(last, time=(ticks + again) * DT))
+    still = Plausibility(ROBOT, DT)
+    for _ in range(20):
+        still.check(last)
+    with pytest.raises(MeasurementError, match="^the same measurement for the 21th time in a row$"):
+        still.check(last)
+
+
+def test_an_accelerometer_is_left_out_when_neither_legs_nor_ground_move_as_it_shows() -> None:
+    """Its lag of 15 ms passes 3.5 of 4 m/s² after 31.2 ms, and falls below 2 from 3.86 after 9.9 ms."""
+    turn = pin.rpy.rpyToMatrix(0.2, -0.3, 0.5)
+
+    def run(legs: float = 0.0, ground: float = 0.0, share: float = 0.5) -> list[bool]:
+        """Ticks after 0.6 s of rest in which it is left out, for the acceleration of the legs and of the ground."""
+        inertial = SimpleNamespace(rotation=turn, legs=(0.0, 0.0))
+        robot = SimpleNamespace(mass=50.0)
+        observer = SimpleNamespace(
+            inertial=inertial, robot=robot, share=np.array([share, 1.0 - share]), net_wrench=np.zeros(6)
+        )
+        check, found = AccelerometerCheck(DT), []
+        for tick in range(-120, 20):
+            shown = -4.0 if 0 <= tick < 10 else 0.0
+            inertial.legs = (0.0, inertial.legs[1] + DT * (legs if tick >= 0 else 0.0))
+            observer.net_wrench[1] = 50.0 * ground
+            measured = at_rest(ROBOT, 0.0, specific_force=turn.T @ [0.0, shown, GRAVITY])
+            used = check.check(measured, observer)  # type: ignore[arg-type]
+            found.append(check.left_out)
+            expected = turn.T @ [0.0, 0.0 if check.left_out else shown, GRAVITY]
+            np.testing.assert_allclose(used.specific_force, expected, atol=1e-12)
+        assert not any(found[:120])
+        return found[120:]
+
+    assert run() == [tick in range(6, 11) for tick in range(20)]
+    for kept in ({"legs": -4.0}, {"ground": -4.0}, {"share": 0.1}):
+        assert not any(run(**kept)), kept
+    assert any(run(legs=4.0)) and any(run(ground=4.0)) and any(run(share=0.2))
 
 
 def test_torques_that_stay_impossible_are_refused_each_time_and_logged_once(
@@ -76,3 +248,48 @@ def test_a_force_that_stays_the_same_is_frozen_and_none_at_all_is_a_foot_in_the_
         values[-10] = 300.0  # a frozen force on the left sole
         monitor.update(values, at_rest(ROBOT, tick * DT), GRAVITY, 0.0, STILL, 0j)
     assert [doubt for doubt in monitor.doubts if "frozen" in doubt] == ["force sensor of left_foot frozen"]
+
+
+CONTRADICTIONS: dict[str, tuple[tuple[float, float], float, float]] = {
+    "force sensor of left_foot or right_foot too low for the weight": ((0.0, 0.0), 1.0, 0.6),
+    "force sensor of right_foot too low for the weight": ((0.1, 0.015), 1.0, (0.6 - 0.115) / 0.885),
+    "force sensors too high for the weight": ((1.0, 2.0), 1.0, 0.5),
+    "accelerometer without gravity": ((0.5, 0.5), 0.0, 0.6),
+}
+"""Doubt → loads of the soles over the weight, vertical force over gravity, and what is left of the lag at the bound."""
+
+
+@pytest.mark.parametrize("doubt", CONTRADICTIONS)
+def test_loads_that_contradict_gravity_are_named_when_it_has_lasted(doubt: str) -> None:
+    """After a lag of 50 ms has passed the bound, and 80 ms more."""
+    names = Plausibility(ROBOT, DT).names
+    monitor, rng = ConsistencyMonitor(ROBOT, DT, names), np.random.default_rng(0)
+    loads, gravity, left = CONTRADICTIONS[doubt]
+    wrench = np.zeros((2, 6))
+    wrench[:, 2] = np.array(loads) * ROBOT.mass * GRAVITY
+    first = int(np.ceil(-0.05 * np.log(left) / DT)) + round(0.08 / DT) - 1
+    for tick in range(1, 60):
+        values = rng.normal(size=len(names))
+        values[: 2 * ROBOT.na] = 0.0
+        monitor.update(
+            values, at_rest(ROBOT, tick * DT, sole_wrench=wrench), gravity * GRAVITY, 0.0, STILL, 0j
+        )
+        doubts = [each for each in monitor.doubts if "frozen" not in each]
+        assert doubts == ([doubt] if tick >= first else []), tick
+
+
+def test_a_velocity_that_is_not_its_encoders_is_named() -> None:
+    """Two of 1.2 rad/s too much pass the bound of 1 rad/s after 89.6 ms of lag, one of 0.9 never; and 80 ms more."""
+    names, na = Plausibility(ROBOT, DT).names, ROBOT.na
+    monitor, rng = ConsistencyMonitor(ROBOT, DT, names), np.random.default_rng(0)
+    speed = rng.uniform(-1.0, 1.0, na)
+    told = speed.copy()
+    told[[2, 5, 7]] += [1.2, -1.2, 0.9]
+    time = 0.0
+    for tick in range(60):
+        time += DT * (0.5, 1.5)[tick % 2]  # stamps that jitter
+        values = np.concatenate([speed * time, told, rng.normal(size=len(names) - 2 * na)])
+        monitor.update(values, at_rest(ROBOT, time), GRAVITY, 0.0, STILL, 0j)
+        doubts = [each for each in monitor.doubts if "frozen" not in each]
+        named = [f"velocity of {ROBOT.joint_names[i]} contradicts its encoder" for i in (2, 5)]
+        assert doubts == (named if tick >= 18 + 15 else []), tick

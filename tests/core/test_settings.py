@@ -16,7 +16,9 @@ import pytest
 from pydantic import Field
 
 from wbc.core.arguments import check_fields, checked
-from wbc.core.errors import InputError, UnknownNameError
+from wbc.core.attributes import FixedAttributes
+from wbc.core.changes import as_changes, changed, normal_changes, read_changes, setting_names
+from wbc.core.errors import InputError, UnknownNameError, check_parts, unknown_name
 from wbc.core.registry import Registry, call_checked
 from wbc.core.settings import (
     Count,
@@ -305,3 +307,138 @@ def test_a_mapping_that_makes_its_values_when_asked_is_not_gone_through() -> Non
 @checked
 def _count(numbers: Mapping[str, int]) -> int:
     return len(numbers)
+
+
+@settings(kw_only=True)
+class Gait:
+    first: Push = field(default_factory=Push)
+    later: Push | None = None
+    spec: Spec = field(default_factory=Spec)
+    steps: int | None = None
+
+
+def test_changes_are_read_from_texts() -> None:
+    texts = [
+        "com-height=0.8",
+        "steps = 4",
+        "axes=1, 2.5,x",
+        "on=True",
+        "off=none",
+        "later=NULL",
+        "name=a=b",
+        "no=false,",
+    ]
+    assert read_changes(texts[:-1]) == {
+        **{"com_height": 0.8, "steps": 4, "axes": (1, 2.5, "x"), "on": True, "off": None, "later": None},
+        "name": "a=b",
+    }  # fmt: skip
+    assert read_changes(texts[-1:]) == {"no": (False, "")}
+    for wrong in ("steps", "=4", " = 4", "steps= "):
+        with pytest.raises(InputError, match=f"^a setting is given as name=value, got '{wrong}'$"):
+            read_changes([wrong])
+    with pytest.raises(InputError, match="^setting 'a_b' is given twice$"):
+        read_changes(["a-b=1", "a_b=2"])
+
+
+def test_settings_are_changed_by_as_much_of_their_name_as_is_unique() -> None:
+    gait = Gait()
+    own = (
+        "name",
+        "length",
+        "count",
+        "seed",
+        "share",
+        "side",
+        "start",
+        "open",
+        "push.impulse",
+        "push.time",
+        "pushes",
+    )
+    names = ("first.impulse", "first.time", "later", *(f"spec.{name}" for name in own), "steps")
+    assert setting_names(gait) == names
+    assert setting_names(replace(gait, later=Push()))[2:5] == ("later", "later.impulse", "later.time")
+    new = changed(
+        gait, {"count": 8.0, "first.impulse": 0.5, "push.time": 3.0, "steps": 2, "start": [1, 2, 3]}
+    )
+    spec = Spec(count=8, push=Push(time=3.0), start=(1.0, 2.0, 3.0))
+    assert new == Gait(first=Push(impulse=0.5), spec=spec, steps=2) and type(new.spec.count) is int
+    with pytest.raises(
+        InputError, match="^setting 'impulse' could be first.impulse or spec.push.impulse; give more"
+    ):
+        changed(gait, {"impulse": 1.0})
+    with pytest.raises(UnknownNameError, match="^no setting 'lenght'; did you mean 'length'"):
+        changed(gait, {"lenght": 1.0})
+    with pytest.raises(InputError, match="count must be an integer"):
+        changed(gait, {"count": 8.5})
+
+
+def test_settings_that_are_off_are_switched_on_before_their_own_are_changed() -> None:
+    gait, on = Gait(), {"later.impulse": 0.3, "later": True}
+    for order in (on, dict(reversed(on.items()))):
+        assert changed(gait, order).later == Push(impulse=0.3)
+    there = Gait(later=Push(time=2.0))
+    assert changed(there, {"later": True}).later == Push(time=2.0), "what is on stays as it is"
+    assert (
+        changed(there, {"later": None}).later is None
+        and changed(there, {"later.impulse": 0.3, "later": None}) == gait
+    )
+    for settings_, value in ((gait, 3), (there, "x")):
+        with pytest.raises(
+            InputError, match="^setting 'later' has settings of its own; change those, or give true or"
+        ):
+            changed(settings_, {"later": value})
+    assert changed(gait, {"spec.open": True}).spec.open is True
+    normal = normal_changes(gait, {"later": True, "later.impulse": 0.3, "count": 8.0, "start": [1, 2, 3]})
+    assert normal == (
+        *(("later", True), ("later.impulse", 0.3), ("spec.count", 8), ("spec.start", (1.0, 2.0, 3.0))),
+    )
+    with pytest.raises(InputError, match="^setting 'spec.count' is given twice$"):
+        normal_changes(gait, {"count": 4, "spec.count": 4})
+
+
+def test_changes_are_plain_values_by_name() -> None:
+    assert as_changes([("b", [1, None]), ("a", "x")]) == (("a", "x"), ("b", (1, None)))
+    for values, message in (
+        ([("a", 1, 2)], r"^settings are given as names with values, got \('a', 1, 2\)$"),
+        (["ab"], "^settings are given as names with values, got 'ab'$"),
+        ({3: 1}, "^the name of a setting must be text, got 3$"),
+        ([("a", 1), ("a", 1)], "^setting 'a' is given twice$"),
+        ({"a": {}}, "^setting 'a' must be a number, a truth value, text, null or a list of these, got {}$"),
+        ({"a": [1, []]}, "^setting 'a' must be"),
+    ):
+        with pytest.raises(InputError, match=message):
+            as_changes(values)  # type: ignore[arg-type]
+
+
+def test_attributes_are_fixed_when_the_last_constructor_has_returned() -> None:
+    class Shoe(FixedAttributes):
+        def __init__(self, size: float) -> None:
+            self.size, self._lace = size, 1
+
+    class Boot(Shoe):
+        def __init__(self, size: float, height: float = 0.2) -> None:
+            super().__init__(size)
+            self.height = height
+
+        def wear(self) -> None: ...
+
+    assert str(inspect.signature(Boot)) == "(size: 'float', height: 'float' = 0.2) -> 'None'"
+    boot = Boot(1.0)
+    boot.size, boot._hidden = 2.0, 3.0  # type: ignore[attr-defined]
+    with pytest.raises(UnknownNameError, match="^no attribute of Boot 'colour'; choices: height, size$"):
+        boot.colour = "red"  # type: ignore[attr-defined]
+
+
+def test_messages_list_few_choices_and_count_many() -> None:
+    for count, hint in (
+        (20, ", n19, n2, n3, "),
+        (21, "there are 21, among them n0, n1, n10, n11, n12, n13, n14, n15, n16, n17$"),
+    ):
+        with pytest.raises(UnknownNameError, match=f"^no tool 'xyz'; (choices: n0, .*)?{hint}"):
+            unknown_name("tool", "xyz", [f"n{i}" for i in range(count)])
+    check_parts("a number", 3, "real", "imag")
+    with pytest.raises(InputError, match="^a driver must have read, write and damp; 'read' is missing in 3$"):
+        check_parts("a driver", 3, "read", "write", "damp")
+    with pytest.raises(InputError, match="^a controller must have command; 'command' is missing in 3$"):
+        check_parts("a controller", 3, "command")

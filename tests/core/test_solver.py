@@ -12,8 +12,10 @@ from scipy.linalg.lapack import dposv
 from wbc.app.bench.streams import ProblemStream, least_violation
 from wbc.core.errors import InputError, UnknownNameError
 from wbc.core.qp import active_set
+from wbc.core.qp import solver as ladder
 from wbc.core.qp.active_set import ActiveSet
 from wbc.core.qp.other_solvers import DaqpSolver, solve_by_qpsolvers
+from wbc.core.qp.problem import Problem
 from wbc.core.qp.solver import QpSolver, SolverSettings, Status, solver_names
 from wbc.robots import load
 
@@ -177,3 +179,61 @@ def test_an_inexact_factorisation_is_refined_to_the_same_solution(monkeypatch: p
         assert solver.solve()
         monkeypatch.setattr(active_set, "dposv", rough)
     np.testing.assert_allclose(refined.x, exact.x, atol=1e-6)
+
+
+def small() -> Problem:
+    """Return ½ (x² + 3 y² + 2 z²) − y with x = 1, a law of physics, z free, and y = 3 and y = 5, tasks, at once."""
+    p = Problem(3, 0, 3, n_eq=3, n_soft=0, n_in=2)
+    p.equality[:], p.target[:], p.n_physics = np.eye(3)[[0, 1, 1]], [1.0, 3.0, 5.0], 1
+    p.inequality[:], p.lower[:], p.upper[:] = np.eye(3)[[2, 1]], [0.4, -9.0], [2.0, np.inf]
+    p.diagonal[:], p.linear[:] = [1.0, 3.0, 2.0], [0.0, 1.0, 0.0]
+    return p
+
+
+@pytest.mark.parametrize("name", ["auto", "proxqp", "daqp"])
+def test_hard_tasks_that_contradict_each_other_are_relaxed_at_their_cost(name: str) -> None:
+    """(3 + 2 r) y = 1 + r (3 + 5), by the derivative of the costs."""
+    relaxed = QpSolver(small(), SolverSettings(solver=name, relaxation=40.0))
+    for tick in (1, 2):
+        assert relaxed.solve() is Status.RELAXED and relaxed.counts["relaxed"] == tick
+        np.testing.assert_allclose(relaxed.x, [1.0, 321.0 / 83.0, 0.4], atol=1e-6)
+        np.testing.assert_allclose(relaxed.multipliers, [-0.8, 0.0], atol=1e-6)
+    alone = QpSolver(small(), SolverSettings(solver=name))
+    assert alone.solve() is Status.INFEASIBLE and alone.counts["failed"] == 1
+    physics = small()
+    physics.n_physics = 3
+    assert QpSolver(physics, SolverSettings(solver=name, relaxation=40.0)).solve() is Status.INFEASIBLE
+
+
+def test_a_qp_with_crossed_bounds_or_numbers_that_are_none_is_not_tried() -> None:
+    for array, value, status in (
+        ("upper", 0.39, Status.INFEASIBLE),
+        ("upper", np.nan, Status.REFUSED),
+        ("target", np.inf, Status.REFUSED),
+        ("linear", np.nan, Status.REFUSED),
+        ("rows", np.nan, Status.REFUSED),
+    ):
+        problem = small()
+        problem.target[2] = 3.0
+        tried = QpSolver(problem)
+        assert tried.solve() is Status.SOLVED or tried.x is not None
+        getattr(problem, array).reshape(-1)[0] = value
+        assert tried.solve() is status and tried.counts["failed"] == 1, array
+
+
+def test_a_solver_of_another_package_is_asked_first_and_checked(monkeypatch: pytest.MonkeyPatch) -> None:
+    answers: list[Any] = []
+
+    def mine(name: str, *problem: Any) -> Any:
+        assert name == "mine"
+        return answers.pop() if answers else solve_by_qpsolvers("daqp", *problem)
+
+    monkeypatch.setattr(ladder, "solver_names", lambda: ("auto", "mine"))
+    monkeypatch.setattr(ladder, "solve_by_qpsolvers", mine)
+    problem = small()
+    problem.target[2] = 3.0
+    asked = QpSolver(problem, SolverSettings(solver="mine"))
+    for answer, count in ((None, 1), ((np.array([1.0, 3.0, 9.0]), np.zeros(2)), 1)):
+        answers += [] if answer is None else [answer]
+        assert asked.solve().ok and asked.counts["other"] == count
+        np.testing.assert_allclose(asked.x, [1.0, 3.0, 0.4], atol=1e-6)

@@ -20,7 +20,6 @@ from hanging import HOOK, HangingMachine
 
 import wbc
 from wbc import Command, HybridControl, Measurement, TorqueControl
-from wbc.core.gate import CommandGate
 from wbc.machine import Runner, RunSettings
 from wbc.machine.inlet import Inlet
 from wbc.machine.report import Phase, RunReport
@@ -266,22 +265,6 @@ def test_a_mixed_command_does_to_the_joints_what_is_between_both() -> None:
     for part in (0.0, 0.01, 0.3, 1.0):
         expected = (1.0 - part) * effect(first) + part * effect(second)
         np.testing.assert_allclose(effect(mixed(first, second, part)), expected, atol=1e-12)
-
-
-def test_the_gate_of_a_run_counts_the_servos_of_a_command() -> None:
-    robot = wbc.load_robot("g1").robot()
-    gate, q, zero = CommandGate(robot, 0.004), np.array(robot.half_sitting[7:]), np.zeros(robot.na)
-    kp = np.full(robot.na, 1e4)
-    sent = gate.admit(Command(zero, q + 0.1, zero, kp=kp, kd=zero), (q, zero))
-    assert sent.kp is not None and (np.abs(sent.joint_torque) <= robot.torque_limit).all()
-    np.testing.assert_allclose(sent.joint_torque + 0.1 * sent.kp, robot.torque_limit, rtol=1e-6)
-    for bad in (
-        Command(np.full(robot.na, np.nan)),
-        Command(zero, q, zero, kp=-kp, kd=zero),
-        Command(zero[:3]),
-    ):
-        with pytest.raises(wbc.InputError):
-            gate.admit(bad, (q, zero))
 
 
 def test_a_stamp_that_stands_still_is_no_clock_and_a_repeat_is_no_measurement() -> None:
