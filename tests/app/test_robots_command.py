@@ -11,7 +11,7 @@ import pytest
 from mjcf_biped import biped
 
 from wbc.app import cli
-from wbc.core.errors import InputError, UnknownNameError
+from wbc.core.errors import UnknownNameError
 from wbc.robots import load, others, saved
 
 Captured = pytest.CaptureFixture[str]
@@ -82,34 +82,6 @@ def test_inertias_that_no_body_can_have_are_repaired_when_asked(
     assert "repair = true" in written and f'package_dirs = ["{tmp_path}"]' in written
 
 
-def test_a_changed_description_is_read_anew(file: Path) -> None:
-    path = saved.save("mine", file, {})
-    before = load("mine")
-    path.write_text(f"file = {json.dumps(str(file))}\nhalf_sitting = {{ waist = 0.3 }}\n")
-    assert before.half_sitting["waist"] == 0.0
-    assert load("mine").half_sitting["waist"] == 0.3
-
-
-def test_all_parameters_can_stand_in_a_description(file: Path) -> None:
-    sole = "{{ link = '{0}_foot', translation = [0.03, 0.0, -0.07], length = 0.2, width = 0.1 }}"
-    (file.parent / "own.toml").write_text(
-        f"""
-file = "biped.xml"
-left_sole = {sole.format("left")}
-right_sole = {sole.format("right")}
-imu = {{ link = "chest", rpy = [0.0, 0.1, 0.0] }}
-servo = {{ frequency = 6.0 }}
-gains = {{ left_knee = [150.0, 4.0] }}
-armature = 0.03
-use_gains = false
-"""
-    )
-    robot = load(str(file.parent / "own.toml"))
-    assert robot.name == "own" and robot.soles[0].length == 0.2 and robot.imu.link == "chest"
-    assert robot.gains == {"left_knee": (150.0, 4.0)} and robot.servo.frequency == 6.0
-    assert set(robot.armature.values()) == {0.03}
-
-
 def test_a_urdf_whose_feet_are_not_named_is_described_and_said_not_to_walk(capfd: Captured) -> None:
     code, out, err = wbc_command(capfd, "robots", "check", "examples/biped.urdf")
     assert code == 0 and not err
@@ -139,35 +111,3 @@ def test_bad_input_is_named_in_one_line(capfd: Captured, file: Path, configurati
     assert code == cli.BAD_INPUT and not out
     assert message in err and err.count("\n") == 1
     assert not configuration.exists()
-
-
-@pytest.mark.parametrize(
-    ("text", "message"),
-    [
-        ("left_sole = 'a'", 'must name the file of the robot: file = "my.xml"'),
-        ("file = 'biped.xml'\nleft_foot = 'a'", "no parameter of the MJCF reader 'left_foot'; did you mean"),
-        ("file = 'gone.xml'", "gone.xml"),
-        ("file = 3", "must name the file"),
-        ("file =", "is not TOML"),
-        ("file = 'biped.xml'\nservo = { frequncy = 3 }", "did you mean 'frequency'"),
-    ],
-)
-def test_bad_descriptions_are_named(file: Path, text: str, message: str) -> None:
-    (file.parent / "bad.toml").write_text(text)
-    with pytest.raises(InputError) as caught:
-        load(str(file.parent / "bad.toml"))
-    assert message in str(caught.value)
-
-
-def test_robots_of_wheels_that_are_missing_say_how_to_install_them(monkeypatch: pytest.MonkeyPatch) -> None:
-    from importlib import metadata  # noqa: PLC0415
-
-    def missing(name: str) -> None:
-        raise metadata.PackageNotFoundError(name)
-
-    monkeypatch.setattr(metadata, "distribution", missing)
-    from wbc.robots.models import other_wheels  # noqa: PLC0415
-
-    assert others()["h1"] == "pip install --no-deps playground==0.2.0"
-    with pytest.raises(InputError, match="pip install --no-deps jvrc_description"):
-        other_wheels.jvrc1.__wrapped__()

@@ -13,7 +13,6 @@ from task_factory import near_half_sitting, standing
 from wbc.core.control import FailurePolicy
 from wbc.core.drive.position import PositionControl
 from wbc.core.drive.torque import TorqueControl
-from wbc.core.estimation.plausibility import PlausibilitySettings
 from wbc.core.qp.controller import Controller
 from wbc.core.qp.solver import Status
 from wbc.core.robot import Robot
@@ -167,25 +166,6 @@ def test_the_commanded_robot_is_where_the_command_says_when_that_was_clipped() -
     np.testing.assert_array_equal(control.v[6:], command.joint_velocity)
     assert (np.abs(command.joint_position - before) <= 2.0 * DT * robot.velocity_limit + 1e-12).all()
     assert (np.abs(command.joint_velocity) <= 2.0 * robot.velocity_limit).all()
-
-
-def test_no_time_is_integrated_over_a_clock_that_was_adopted() -> None:
-    """But one period: the estimate of a robot that turns is that of one whose clock goes on."""
-    found = []
-    for jump in (0.0, 100.0):
-        control = PositionControl(standing("hrp4_class", DT))
-        control.plausibility.settings = PlausibilitySettings(resync=0.5 * DT)
-        robot = control.controller.robot
-        spin, lean = np.array([0.3, -0.2, 0.5]), np.array([0.1, 0.2, 9.7])
-        times = [0.0, DT, 2.0 * DT, *([jump] if jump else []), jump + 3.0 * DT if not jump else jump + DT]
-        for i, time in enumerate(times):
-            moved = robot.half_sitting[7:] + 1e-5 * (i if not jump or i < 3 else i - 1)
-            control.command(
-                at_rest(robot, time, joint_position=moved, angular_velocity=spin, specific_force=lean)
-            )
-        found.append((control.observer.robot.q.copy(), control.failures))
-    np.testing.assert_allclose(found[1][0], found[0][0], atol=1e-9)
-    assert [failures for _, failures in found] == [0, 1]
 
 
 def test_outside_forces_take_part_in_the_equations_of_motion() -> None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import errno
-import io
 import os
 import re
 import stat
@@ -22,10 +21,8 @@ from wbc.core.files import (
     csv_rows,
     decoding,
     file_hash,
-    read_json,
     replacing,
     same_file,
-    save_figure,
     write_text,
 )
 
@@ -158,8 +155,6 @@ def test_what_is_read_is_a_file_of_a_size_and_what_was_meant(old: Path) -> None:
     ):
         with pytest.raises(InputError, match=f"^{re.escape(words)}$"), decoding(path, "table", largest=3):
             raise AssertionError
-    with pytest.raises(InputError, match="table.csv is not JSON: Expecting value"):
-        read_json(old)
     # The beginning of `printf 'old\n' | sha256sum`.
     assert file_hash(old) == "01d09d19c2139a46"
     check_hash(old, file_hash(old))
@@ -167,13 +162,3 @@ def test_what_is_read_is_a_file_of_a_size_and_what_was_meant(old: Path) -> None:
         InputError, match="has changed: its hash is 01d09d19c2139a46, the walk was .* with 1234$"
     ):
         check_hash(old, "1234")
-
-
-@pytest.mark.parametrize("ending", [".png", ".SVG"])
-def test_a_figure_has_the_format_of_its_ending(tmp_path: Path, ending: str) -> None:
-    class Figure:
-        def savefig(self, file: io.BytesIO, format: str, dpi: float) -> None:
-            file.write(f"{format} {dpi}".encode())
-
-    save_figure(Figure(), tmp_path / f"walk.x{ending}", dpi=80.0)  # type: ignore[arg-type]
-    assert (tmp_path / f"walk.x{ending}").read_text() == f"{ending[1:].lower()} 80.0"

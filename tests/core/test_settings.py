@@ -17,7 +17,7 @@ from pydantic import Field
 
 from wbc.core.arguments import check_fields, checked
 from wbc.core.attributes import FixedAttributes
-from wbc.core.changes import as_changes, changed, normal_changes, read_changes, setting_names
+from wbc.core.changes import changed, normal_changes, read_changes, setting_names
 from wbc.core.errors import InputError, UnknownNameError, check_parts, unknown_name
 from wbc.core.registry import Registry, call_checked
 from wbc.core.settings import (
@@ -395,20 +395,6 @@ def test_settings_that_are_off_are_switched_on_before_their_own_are_changed() ->
     )
     with pytest.raises(InputError, match="^setting 'spec.count' is given twice$"):
         normal_changes(gait, {"count": 4, "spec.count": 4})
-
-
-def test_changes_are_plain_values_by_name() -> None:
-    assert as_changes([("b", [1, None]), ("a", "x")]) == (("a", "x"), ("b", (1, None)))
-    for values, message in (
-        ([("a", 1, 2)], r"^settings are given as names with values, got \('a', 1, 2\)$"),
-        (["ab"], "^settings are given as names with values, got 'ab'$"),
-        ({3: 1}, "^the name of a setting must be text, got 3$"),
-        ([("a", 1), ("a", 1)], "^setting 'a' is given twice$"),
-        ({"a": {}}, "^setting 'a' must be a number, a truth value, text, null or a list of these, got {}$"),
-        ({"a": [1, []]}, "^setting 'a' must be"),
-    ):
-        with pytest.raises(InputError, match=message):
-            as_changes(values)  # type: ignore[arg-type]
 
 
 def test_attributes_are_fixed_when_the_last_constructor_has_returned() -> None:

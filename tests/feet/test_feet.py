@@ -191,6 +191,13 @@ def test_contact_rows_cover_the_sole_evenly_and_lie_under_their_phalanx() -> Non
                 assert np.abs(under - centre).max() <= design.length / phalanges / 2.0 + 1e-12
 
 
+def test_spheres_are_spread_evenly_between_the_insets() -> None:
+    spheres = ContactSpheres(columns=4, row_spacing=0.05, inset=0.01)
+    assert [spheres.rows(length) for length in (0.04, 0.1, 0.121, 0.2)] == [2, 3, 4, 5]
+    np.testing.assert_allclose(spheres.row_positions(0.2, 5), [0.09, 0.045, 0.0, -0.045, -0.09], atol=1e-15)
+    np.testing.assert_allclose(spheres.column_positions(0.1), [-0.04, -0.04 / 3.0, 0.04 / 3.0, 0.04])
+
+
 # --- stiffness actuator ----------------------------------------------------------------------------------------------
 
 actuators = st.builds(

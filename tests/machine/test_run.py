@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import contextlib
+import gc
 import mmap
 import os
 import pickle
@@ -30,12 +31,12 @@ from properties import by_default
 import wbc
 from wbc import Command, Measurement
 from wbc.core.errors import InputError
-from wbc.machine import MachineError, Runner, RunSettings, UdpDriver, guard
+from wbc.machine import MachineError, Runner, RunSettings, UdpDriver, clock, guard
 from wbc.machine import run as run_machine
-from wbc.machine.clock import ask_priority
+from wbc.machine.clock import Quiet, ask_priority
 from wbc.machine.guard import Guard
 from wbc.machine.loads import SoleLoads
-from wbc.machine.report import Phase
+from wbc.machine.report import Phase, RunReport
 from wbc.machine.start import SafeStart
 from wbc.sim import Machine, MujocoLoop, Plant, RobotServer
 from wbc.tasks import behaviours
@@ -257,24 +258,104 @@ def test_whatever_fails_ends_in_damping(end: str) -> None:
         runner.run(1.0)
 
 
-@pytest.mark.slow
 def test_a_tick_that_takes_too_long_is_counted_and_not_caught_up_with() -> None:
+    """Ticks go on at their own times: the next one at the first that has not passed."""
     machine = SimulatedMachine(SimulatedTime())
-    runner = make(machine)
-    ticks = 0
+    read = machine.read
+    machine.read = lambda timeout: replace(read(timeout) or machine.loop.measure())  # type: ignore[method-assign]
+    runner = make(machine, stop=0.0)
+    begins: list[float] = []
+    extra = dict(zip((5, 10, 15), (0.5, 1.4, 2.6), strict=True))  # periods
 
     def slow() -> bool:
-        nonlocal ticks
-        ticks += 1
-        if ticks == 100:
-            machine.clock.time += 2.6 * PERIOD
-        return ticks >= 200
+        begins.append(machine.clock.time)
+        machine.clock.time += extra.get(len(begins), 0.0) * PERIOD
+        return len(begins) == 20
 
     report = runner.run(slow)
-    assert (report.missed, report.skipped) == (1, 3) or (report.missed, report.skipped) == (1, 2)
-    late, busy = report.histogram()["late"], report.histogram()["busy"]
-    assert sum(late) == sum(busy) == report.ticks
-    assert "deadlines missed: 1" in str(report)
+    assert (report.missed, report.skipped, report.ticks) == (2, 3, 20)
+    steps, expected, busy = np.diff(begins) / PERIOD, np.ones(19), np.zeros(20)
+    expected[[9, 14]] = 2.0, 3.0
+    busy[[4, 9, 14]] = PERIOD * np.array(list(extra.values()))
+    assert steps == pytest.approx(expected) and report.busy == pytest.approx(busy) and not report.late.any()
+
+
+def test_the_account_of_a_run_is_to_the_letter() -> None:
+    late, busy = np.array([0.0, 4.9e-5, 6e-5, 0.3]), np.array([1.5e-3, 1.9e-3, 2.1e-3, 0.05])
+    report = RunReport("stopped", (), 4, 1, 2, late, busy, 0.0123, Quiet(True, 20, (3, 4), 5), 0.0025)
+    assert report.histogram() == {
+        "late": [2, 1, 0, 0, 0, 0, 0, 0, 0, 0, 0, 1],
+        "busy": [0, 0, 0, 0, 0, 2, 1, 0, 0, 0, 1, 0],
+    }
+    lines = str(report).splitlines()
+    assert lines[:4] == [
+        "stopped after 4 ticks of 2.5 ms",
+        "deadlines missed: 1, periods skipped: 2; longest time between measurements 12.3 ms",
+        "memory locked: yes, real-time priority: 20, page faults from disk 3, garbage collections 5",
+        "    ms up to      late      busy",
+    ]
+    assert (
+        lines[4] == "        0.05         2         0"
+        and lines[-1] == "         inf         1         0"
+        and len(lines) == 16
+    )
+    bare = str(replace(report, quiet=Quiet()))
+    assert "memory locked: no, real-time priority: no, page faults from disk 0, garbage collections 0" in bare
+
+
+def test_a_deadline_is_slept_for_but_for_the_last_moment(monkeypatch: pytest.MonkeyPatch) -> None:
+    now, slept = [5.0], []
+
+    def sleep(seconds: float) -> None:
+        slept.append(seconds)
+        now[0] += seconds
+
+    def monotonic() -> float:
+        now[0] += 1e-6
+        return now[0]
+
+    monkeypatch.setattr(clock, "time", types.SimpleNamespace(monotonic=monotonic, sleep=sleep))
+    for wait, sleeps in ((0.01, 1), (1.4e-4, 0), (-1.0, 0)):
+        slept.clear()
+        deadline = now[0] + wait
+        clock.Clock().sleep_until(deadline)
+        assert len(slept) == sleeps and (slept == [] or slept[0] == pytest.approx(wait - 1.5e-4, abs=2e-6))
+        assert now[0] - max(deadline, now[0] - 3e-6) < 4e-6 and now[0] >= deadline
+
+
+def test_the_garbage_collector_and_the_scheduler_are_as_before_when_a_loop_has_ended(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    asked: list[tuple[int, int, int]] = []
+    monkeypatch.setattr(
+        os, "sched_setscheduler", lambda pid, policy, param: asked.append((pid, policy, param.sched_priority))
+    )
+    usage = iter([(7, 20), (10, 25)])
+    monkeypatch.setattr(clock.resource, "getrusage", lambda who: types.SimpleNamespace(**dict(zip(("ru_majflt", "ru_minflt"), next(usage), strict=True))))  # fmt: skip
+    for enabled in (True, False):
+        (gc.enable if enabled else gc.disable)()
+        try:
+            with clock.quiet(30 if enabled else None) as got:
+                assert not gc.isenabled() and gc.get_freeze_count() > 0
+                gc.collect(0)
+            assert gc.isenabled() == enabled and got.collections == 1
+        finally:
+            gc.enable()
+        if enabled:
+            assert got.page_faults == (3, 5) and got.priority == 30
+            assert asked == [(0, os.SCHED_FIFO, 30), (0, os.SCHED_OTHER, 0)]
+            usage, asked = iter([(0, 0), (0, 0)]), []
+    assert got.priority == 0 and not asked
+
+
+def test_a_heart_beats_with_its_longest_age_and_rests_with_none(monkeypatch: pytest.MonkeyPatch) -> None:
+    watched = object.__new__(Guard)
+    watched._memory, watched._age = mmap.mmap(-1, mmap.PAGESIZE), 0.015
+    monkeypatch.setattr(guard, "time", types.SimpleNamespace(monotonic=lambda: 12.5))
+    watched.beat()
+    assert guard.BEAT.unpack_from(watched._memory, 0) == (12.5, 0.015)
+    watched.rest()
+    assert guard.BEAT.unpack_from(watched._memory, 0) == (12.5, 0.0)
 
 
 def test_a_machine_that_sends_nothing_of_this_robot_is_not_started() -> None:

@@ -6,9 +6,9 @@ import importlib.util
 import itertools
 import pickle
 import struct
-import threading
 import time
 from collections.abc import Callable
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -20,7 +20,8 @@ from wbc import Command, Measurement
 from wbc.core.errors import InputError
 from wbc.machine import MotionSwitcher, Runner, RunSettings, UnitreeDriver, UnitreeRobot
 from wbc.machine.report import Phase
-from wbc.machine.unitree import DdsError
+from wbc.machine.unitree import DdsError, driver, robot, switch
+from wbc.machine.unitree import dds as real
 from wbc.machine.unitree.wire import G1_MOTORS, LOW_CMD, LOW_STATE, checksum, from_cdr, intact, sealed, to_cdr
 
 DESCRIPTION = wbc.load_robot("g1")
@@ -174,6 +175,181 @@ def test_joints_are_found_by_name() -> None:
     pickle.loads(pickle.dumps(UnitreeDriver(DESCRIPTION)))
 
 
+class Bus:
+    """Topics in memory, by name."""
+
+    def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        self.sent: dict[str, list[Any]] = {}
+        self.time, self.waits = 10.0, 0
+        self.serve: Callable[[], object] = lambda: None
+        for module in (robot, driver, switch):
+            monkeypatch.setattr(module, "Topics", self.topics)
+            monkeypatch.setattr(module, "message", self.message, raising=False)
+        monkeypatch.setattr(
+            switch, "time", SimpleNamespace(monotonic=lambda: self.time, monotonic_ns=lambda: 77)
+        )
+
+    def topics(self, domain: int, interface: str, reads: str, writes: str) -> Any:
+        self.sent |= {name: self.sent.get(name, []) for name in (reads, writes)}
+
+        def take(timeout: float) -> list[Any]:
+            self.time += timeout
+            self.waits += timeout > 0.0
+            if timeout > 0.0:
+                self.serve()
+            found, self.sent[reads] = self.sent[reads], []
+            return found
+
+        def read(layout: np.dtype, timeout: float) -> Any:
+            return next(reversed(take(timeout)), None)
+
+        def send(message: Any) -> None:
+            self.sent[writes].append(message.copy() if isinstance(message, np.ndarray) else message)
+
+        return SimpleNamespace(take=take, read=read, send=send, write=send)
+
+    def message(self, topic: str, head: tuple[Any, ...], text: str, binary: list[int]) -> Any:
+        assert binary == [] and [len(part) for part in head] == ([2, 1, 2] if "request" in topic else [2, 1])
+        identity, status = SimpleNamespace(id=head[0][0], api_id=head[0][1]), SimpleNamespace(code=head[1][0])
+        return SimpleNamespace(
+            header=SimpleNamespace(identity=identity, status=status), parameter=text, data=text
+        )
+
+
+def test_states_and_commands_come_through_as_they_were_sent(monkeypatch: pytest.MonkeyPatch) -> None:
+    """To the precision of the wire; what a machine would ignore is ignored and counted."""
+    bus, rng = Bus(monkeypatch), np.random.default_rng(0)
+    end, mine = UnitreeRobot(DESCRIPTION), UnitreeDriver(DESCRIPTION)
+    sent = Measurement(
+        1.0, *rng.normal(size=(2, 29)), *rng.normal(size=(2, 3)), None, joint_torque=rng.normal(size=29)
+    )
+    mine.write(Command(np.zeros(29)))
+    assert not bus.sent["rt/lowcmd"], "nothing is sent before a state has come"
+    end.send(
+        Measurement(
+            2**32 * 1e-3 + 1.002,
+            *sent.joint_position[None],
+            sent.joint_velocity,
+            np.zeros(3),
+            np.zeros(3),
+            None,
+        )
+    )
+    (record,) = bus.sent["rt/lowstate"]
+    assert (record["mode_machine"], record["tick"]) == (5, 1002) and record["imu_state"][
+        "quaternion"
+    ].tolist() == [1, 0, 0, 0]
+    assert (
+        record["motor_state"]["mode"].tolist() == [1] * 29 + [0] * 6
+        and not record["motor_state"]["tau_est"].any()
+    )
+    end.send(sent)
+    got = mine.read(0.0)
+    assert got is not None and got.time == 1.0 and got.sole_wrench is None
+    for name in ("joint_position", "joint_velocity", "angular_velocity", "specific_force", "joint_torque"):
+        np.testing.assert_allclose(getattr(got, name), getattr(sent, name), rtol=1e-6, err_msg=name)
+    index = [G1_MOTORS.index(name) for name in DESCRIPTION.joint_names]
+    torque, to, rate = 0.01 * rng.normal(size=(3, 29))
+    command = Command(
+        torque, got.joint_position + to, rate, kp=rng.uniform(1, 2, 29), kd=rng.uniform(1, 2, 29)
+    )
+    parts = ("joint_torque", "joint_position", "joint_velocity", "kp", "kd")
+    mine.write(command)
+    assert bus.sent["rt/lowcmd"][0]["mode_machine"] == 5
+    damping, found = end.receive()
+    assert damping is False and found is not None and end.refused == 0
+    for name in parts:
+        np.testing.assert_allclose(getattr(found, name), getattr(command, name), rtol=1e-6, err_msg=name)
+    mine.damp()
+    _, damped = end.receive()
+    assert (
+        damped is not None and (damped.kd == 3.0).all() and not (damped.kp.any() or damped.joint_torque.any())
+    )
+    np.testing.assert_allclose(damped.joint_position, got.joint_position, rtol=1e-6)
+    assert end.receive() == (False, None) and end.refused == 0
+
+    def wrong(change: Callable[[Any], object], seal: bool = True) -> Command | None:
+        mine.write(command)
+        change(bus.sent["rt/lowcmd"][0])
+        if seal:
+            sealed(bus.sent["rt/lowcmd"][0])
+        return end.receive()[1]
+
+    for change, seal in (
+        (lambda r: r.__setitem__("crc", 1), False),
+        (lambda r: r.__setitem__("mode_machine", 6), True),
+    ):
+        assert wrong(change, seal) is None
+    end.mode = "ai"
+    assert wrong(lambda r: None) is None and end.refused == 3
+    end.mode = ""
+    off = wrong(lambda r: r["motor_cmd"]["mode"].__setitem__(index[3], 0))
+    assert off is not None and end.refused == 3
+    for name, value in ((name, getattr(off, name)) for name in ("joint_torque", "kp", "kd")):
+        assert value[3] == 0.0 and np.count_nonzero(value) == 28, name
+
+
+def test_a_switcher_asks_again_until_it_is_answered_or_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    bus = Bus(monkeypatch)
+    end, switcher = UnitreeRobot(DESCRIPTION, mode="ai"), MotionSwitcher(timeout=0.9)
+    with pytest.raises(
+        DdsError, match="^no answer from a motion switcher within 0.9 s: interface and domain"
+    ):
+        switcher.mode()
+    asked = bus.sent["rt/api/motion_switcher/request"]
+    assert bus.time == pytest.approx(10.9) and bus.waits == len(asked) == 5, "every 0.2 s"
+    assert {(m.header.identity.id, m.header.identity.api_id, m.parameter) for m in asked} == {
+        (77, 1001, "{}")
+    }
+    asked.clear()
+    answers = bus.sent["rt/api/motion_switcher/response"]
+    answers += [
+        SimpleNamespace(),
+        bus.message("response", ((5, 1001), (9,)), "{}", []),
+    ]  # notes, and answers to others
+    bus.serve = end.receive
+    assert (
+        switcher.mode() == "ai"
+        and switcher.release() == "ai"
+        and end.mode == switcher.mode() == switcher.release() == ""
+    )
+    switcher.select("normal")
+    assert end.mode == switcher.mode() == "normal"
+    with pytest.raises(DdsError, match="refused request 1004: code 1"):
+        switcher._call(1004, {})
+    with pytest.raises(InputError, match="must not be empty"):
+        switcher.select("")
+    monkeypatch.setattr(robot, "RELEASE", 1)  # it answers, and does not let go
+    monkeypatch.setattr(robot, "UNKNOWN", 0)
+    start = bus.time
+    monkeypatch.setattr(switch, "time", SimpleNamespace(monotonic=lambda: bus.time))
+    with pytest.raises(DdsError, match="^the built-in controller 'normal' does not release the motors$"):
+        switcher.release()
+    assert bus.time - start == pytest.approx(1.4, abs=0.21)
+    monkeypatch.setattr(robot, "json", SimpleNamespace(dumps=lambda _: "[]"))
+    with pytest.raises(DdsError, match="answer is not understood: '\\[\\]'"):
+        switcher.mode()
+
+
+def test_the_newest_of_the_messages_is_read_and_waited_for_when_there_is_none() -> None:
+    topics, waits = object.__new__(real.Topics), []
+    rows = [state(q=value) for value in (1.0, 2.0)]
+    packed = [SimpleNamespace(payload=to_cdr(row)) for row in rows]
+    arrivals: list[list[Any]] = []
+    topics._reader = SimpleNamespace(take=lambda most: arrivals.pop(0)[:most])
+    topics._waiting = SimpleNamespace(wait=waits.append)
+    for coming, timeout, value, waited in (
+        ([[*packed, SimpleNamespace()]], 0.5, 2.0, []),
+        ([[], packed[:1]], 0.25, 1.0, [250_000_000]),
+        ([[]], 0.0, None, []),
+        ([[], [SimpleNamespace(payload=b"short")]], 0.1, None, [100_000_000]),
+    ):
+        arrivals[:], waits[:] = coming, []
+        found = topics.read(LOW_STATE, timeout)
+        assert waits == waited and not arrivals
+        assert (None if found is None else found["motor_state"]["q"][3]) == value
+
+
 @dds
 def test_requests_of_the_motion_switcher_are_laid_out_as_its_idl_says() -> None:
     from wbc.machine.unitree.dds import REQUEST_TOPIC, message  # noqa: PLC0415 - needs the extra
@@ -185,53 +361,6 @@ def test_requests_of_the_motion_switcher_are_laid_out_as_its_idl_says() -> None:
     assert packed[4 : 4 + 32] == identity_lease_policy
     assert packed[36 : 40 + len(text)] == struct.pack("<I", len(text)) + text
     assert not any(packed[40 + len(text) :])  # an empty sequence
-
-
-@dds
-def test_the_motion_switcher_releases_the_motors_and_gives_them_back() -> None:
-    """A robot whose built-in controller is on ignores commands; the switcher is asked over the loopback."""
-    robot = UnitreeRobot(DESCRIPTION, domain=8, mode="ai")
-    driver, switcher = UnitreeDriver(DESCRIPTION, domain=8), MotionSwitcher(domain=8, timeout=20.0)
-    q = DESCRIPTION.robot().half_sitting[7:]
-    measurement = Measurement(1.0, q, np.zeros(29), np.zeros(3), np.array([0.0, 0.0, 9.81]), None)
-    done = threading.Event()
-    commands: list[Command] = []
-
-    def serve() -> None:
-        while not done.is_set():
-            robot.send(measurement)
-            command = robot.receive()[1]
-            if command is not None:
-                commands.append(command)
-            time.sleep(0.002)
-
-    def until(condition: Callable[[], bool]) -> None:
-        """Send commands until something has happened."""
-        end = time.monotonic() + 20.0
-        while not condition():
-            assert time.monotonic() < end
-            driver.read(0.01)
-            driver.write(Command(np.ones(29)))
-
-    serving = threading.Thread(target=serve)
-    serving.start()
-    try:
-        assert switcher.mode() == "ai"
-        until(lambda: robot.refused > 0)
-        assert not commands
-        assert switcher.release() == "ai" and switcher.mode() == ""
-        until(lambda: len(commands) > 0)
-        switcher.select("ai")
-        assert switcher.mode() == robot.mode == "ai"
-        with pytest.raises(DdsError, match="refused request 1004: code 1"):
-            switcher._call(1004, {})
-        with pytest.raises(InputError, match="must not be empty"):
-            switcher.select("")
-    finally:
-        done.set()
-        serving.join()
-    with pytest.raises(DdsError, match="no answer from a motion switcher within 0.1 s"):
-        MotionSwitcher(domain=9, timeout=0.1).mode()
 
 
 @dds

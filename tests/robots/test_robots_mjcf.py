@@ -85,6 +85,12 @@ FEET = {
         for y in (-0.05, 0.05)
     ),
     "cylinder": '<geom class="foot" type="cylinder" size="0.05 0.02" pos="0.035 0 -0.05"/>',
+    # Turned by 30° each stands 9.45 mm in front of its middle and 22.91 mm below it.
+    "ellipsoids": "".join(
+        f'<geom class="foot" type="ellipsoid" size="0.03 0.01 0.02" euler="0 30 0" pos="{x - 0.00945} {y} -0.04709"/>'
+        for x in (-0.07, 0.14)
+        for y in (-0.05, 0.05)
+    ),
     "mesh": '<geom class="foot" type="mesh" mesh="shoe" pos="0.035 0 -0.05" euler="90 0 0"/>',
 }
 SHOE = (
@@ -124,6 +130,108 @@ def test_feet_are_named_by_body_site_or_geom() -> None:
         np.testing.assert_allclose(description.soles[1].length, 0.2, atol=1e-9)
     with pytest.raises(UnknownNameError, match="no body, site or geom 'left_fot'; did you mean 'left_foot'"):
         RobotDescription.from_mjcf(xml, left_sole="left_fot")
+
+
+SHAM = (
+    '<geom name="{0}_a" type="box" size="0.1 0.05 0.02" pos="0.03 0 -0.05"/>'
+    '<geom name="{0}_b" type="box" size="0.12 0.06 0.02" pos="0.03 0 -0.04" group="3"/>'
+)
+PAIRS = "".join(
+    f'<pair geom1="{one}" geom2="{two}"/>' for one, two in (("left_a", "ground"), ("ground", "right_a"))
+)
+APART = "".join(
+    f'<exclude body1="{one}" body2="{two}"/>'
+    for one, two in (("world", "left_foot"), ("right_foot", "world"))
+)
+NOTE = "body '{}_foot': no geom can touch the ground (contype, conaffinity, pairs); the sole is from {}"
+
+
+@pytest.mark.parametrize(
+    ("geoms", "extra", "length", "says"),
+    [
+        (SHAM, "", 0.24, "those of group 3"),
+        (SHAM.replace('group="3"', 'group="2"'), "", 0.2, "all its geoms"),
+        (SHAM, f"<contact>{PAIRS}</contact>", 0.2, ""),
+        (SHAM.replace("<geom ", '<geom class="foot" '), "", 0.2, ""),
+        (
+            SHAM.replace("<geom ", '<geom class="foot" '),
+            f"<contact>{APART}</contact>",
+            0.24,
+            "those of group 3",
+        ),
+        (SHAM.replace("<geom ", '<geom conaffinity="1" ', 1), "", 0.2, ""),
+        (SHAM.replace("<geom ", '<geom contype="1" ', 1), "", 0.2, ""),
+        (SHAM.replace("<geom ", '<geom contype="2" conaffinity="4" ', 1), "", 0.24, "those of group 3"),
+    ],
+)
+def test_a_sole_is_what_touches_the_ground_else_what_is_drawn_as_collisions(
+    geoms: str, extra: str, length: float, says: str
+) -> None:
+    xml = biped("<site/>", extra=extra)
+    for side in ("left", "right"):
+        cell = f'<site name="{side}_load_cell"'
+        xml = xml.replace(f'{cell} pos="0 0 -0.03"/>', f"{cell}/>{geoms.format(side)}")
+    description = RobotDescription.from_mjcf(xml)
+    assert description.soles[0].length == pytest.approx(length) and description.soles[
+        1
+    ].length == pytest.approx(length)
+    notes = [NOTE.format(side, says) for side in ("left", "right")]
+    assert [line for line in description.derived if "no geom" in line] == (notes if says else [])
+
+
+@pytest.mark.parametrize(("tilt", "noted"), [(0.9, False), (10.0, True)])
+def test_the_sole_of_a_foot_that_is_tilted_in_the_file_is_its_flat_side(tilt: float, noted: bool) -> None:
+    """Of one that is nearly level the axes are those of the base."""
+    box = f'<geom class="foot" type="box" size="0.1 0.05 0.02" euler="0 {tilt} 0" pos="0.03 0 -0.05"/>'
+    description = RobotDescription.from_mjcf(biped(box))
+    note = "left_foot: at qpos0 the foot is tilted by 10°; the sole is its flat side"
+    assert (note in description.derived) == noted
+    for sole in description.soles:
+        np.testing.assert_allclose(sole.rpy, [0.0, np.radians(tilt) if noted else 0.0, 0.0], atol=1e-4)
+        assert sole.length == pytest.approx(0.2, abs=1e-3) if noted else sole.length > 0.1
+
+
+def test_parts_without_a_name_get_one_and_ties_of_joints_are_noted() -> None:
+    xml = biped().replace('<joint name="left_shoulder" ', "<joint ").replace('name="left_shoulder_out" ', "")
+    xml = xml.replace('<body name="right_arm"', "<body").replace('<joint name="right_shoulder" ', "<joint ")
+    described = RobotDescription.from_mjcf(xml)
+    model = mujoco.MjModel.from_xml_string(xml)
+    arm = next(i for i in range(model.nbody) if not model.body(i).name)
+    assert {"left_arm_joint", "left_arm_joint1", f"body_{arm}_joint"} < set(described.joint_names)
+    assert_same_dynamics(RobotDescription.from_mjcf(biped()), mujoco.MjModel.from_xml_string(biped()))
+    tendons = "".join(
+        f'<fixed name="{side}"><joint joint="{side}_shoulder" coef="1"/></fixed>'
+        for side in ("left", "right")
+    )
+    ties = '<joint joint1="left_knee" joint2="right_knee"/><joint joint1="waist"/>'
+    ties += '<tendon name="both" tendon1="left" tendon2="right"/>'
+    derived = RobotDescription.from_mjcf(
+        biped(extra=f"<tendon>{tendons}</tendon><equality>{ties}</equality>")
+    ).derived
+    for note in (
+        "joint 'left_knee': equality with 'right_knee', now an independent joint",
+        "joint 'waist': equality with a constant, now an independent joint",
+        "'both': equality of tendons, left out",
+    ):
+        assert note in derived
+
+
+def test_a_file_is_read_without_its_meshes_where_no_mass_is_theirs(tmp_path: Path) -> None:
+    assets = '<asset><texture name="skin" type="2d" file="gone.png"/><material name="skin" texture="skin"/>{}</asset>'
+    hat = '<geom type="mesh" mesh="hat" material="skin" contype="0" conaffinity="0"/>'
+    file = tmp_path / "biped.xml"
+    xml = biped(extra=assets.format('<mesh name="hat" file="gone.obj"/>'))
+    file.write_text(xml.replace('<joint name="waist"', f'{hat}<joint name="waist"'))
+    plain = RobotDescription.from_mjcf(biped())
+    without = RobotDescription.from_mjcf(file, meshes=False)
+    np.testing.assert_allclose(without.robot().mass_matrix, plain.robot().mass_matrix, atol=1e-12)
+    with pytest.raises(ModelError, match="gone"):
+        RobotDescription.from_mjcf(file)
+    file.write_text(xml.replace('<joint name="left_shoulder"', f'{hat}<joint name="left_shoulder"'))
+    with pytest.raises(
+        ModelError, match="body 'left_arm' has its inertia from meshes: without them its mass would be"
+    ):
+        RobotDescription.from_mjcf(file, meshes=False)
 
 
 def key(name: str, bend: float, arm: float = 0.3) -> str:
@@ -179,7 +287,8 @@ def test_shapes_are_kept_for_pictures(tmp_path: Path) -> None:
     lines = [f"v {x} {y} {z}" for x, y, z in corners] + [f"f {a} {b} {c}" for a, b, c in faces]
     (tmp_path / "parts").mkdir()
     (tmp_path / "parts" / "hat.obj").write_text("\n".join(lines))
-    hat = '<geom type="mesh" mesh="hat" pos="0 0 0.3" contype="0" conaffinity="0"/>'
+    hat = '<geom type="mesh" mesh="hat" pos="0 0 0.3" contype="0" conaffinity="0" group="2"/>'
+    hat += '<geom type="box" size="0.1 0.2 0.3" group="3"/>'  # for collisions: not drawn
     xml = biped(extra='<asset><mesh name="hat" file="hat.obj"/></asset>')
     xml = xml.replace('<compiler angle="degree"', '<compiler angle="degree" meshdir="parts"')
     xml = xml.replace('<joint name="waist"', f'{hat}<joint name="waist"')
@@ -187,8 +296,7 @@ def test_shapes_are_kept_for_pictures(tmp_path: Path) -> None:
     root = ElementTree.fromstring(RobotDescription.from_mjcf(tmp_path / "biped.xml").urdf)
     links = {link.get("name"): link for link in root.findall("link")}
     assert len(links["left_foot"].findall("visual/geometry/capsule")) == 2
-    visual = links["chest"].find("visual")
-    assert visual is not None
+    (visual,) = links["chest"].findall("visual")
     mesh, origin = visual.find("geometry/mesh"), visual.find("origin")
     assert mesh is not None and mesh.get("filename") == str(tmp_path / "parts" / "hat.obj")
     assert origin is not None

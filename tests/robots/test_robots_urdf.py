@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import dataclasses
+import itertools
 import re
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 from xml.etree import ElementTree
 
@@ -12,10 +15,14 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
+from wbc.core.drive.servos import ANKLE_SHARE
 from wbc.core.errors import InputError, ModelError, UnknownNameError
 from wbc.core.robot import Robot
 from wbc.robots import FrameDescription, RobotDescription, ServoRule, SoleDescription, urdf
 from wbc.robots.derivation.inertia import second_moments
+from wbc.robots.derivation.posture import knee_direction
+from wbc.robots.derivation.shapes import LinkShape, link_shapes
+from wbc.robots.report import report, standing_torques
 
 THIGH, SHIN, ANKLE = 0.30, 0.28, 0.06
 LIMITS = 'lower="{low}" upper="{high}" effort="80" velocity="8"'
@@ -189,6 +196,75 @@ def test_capsules_of_a_foot_are_its_sole() -> None:
     description = RobotDescription.from_urdf(biped(geometry=shape), **FEET)
     assert (description.soles[0].length, description.soles[0].width) == pytest.approx((0.20, 0.08))
     np.testing.assert_allclose(description.ankle("left_foot"), [-0.03, 0.0, 0.06], atol=1e-9)
+
+
+def test_shapes_of_links_are_those_of_their_geometry(tmp_path: Path) -> None:
+    """Collisions before visuals, half sizes, and of a mesh the least box about its principal axes."""
+    box = np.array([*itertools.product((-0.06, 0.06), (-0.04, 0.04), (-0.02, 0.02)), (0.06, 0.0, 0.0)])
+    sides = [(0, 1, 3, 2), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
+    faces = [(a, b, c) for a, b, c, d in sides] + [(a, c, d) for a, b, c, d in sides]
+    faces += [(4, 6, 8), (6, 7, 8), (7, 5, 8), (5, 4, 8)]  # of one side the middle is a corner, too
+    axes = np.array([(0.3, 0.4, 0.5), (-0.6, 0.2, 0.9), (2.0, 1.0, 0.1)])
+    turns = [pin.SE3(pin.exp3(axis), np.array([0.3, -0.2, 0.1])) for axis in axes]
+    for i, turn in enumerate(turns):
+        lines = [f"v {x} {y} {z}" for x, y, z in box @ turn.rotation.T + turn.translation]
+        lines += [f"f {a + 1} {b + 1} {c + 1}" for a, b, c in faces]
+        (tmp_path / f"{i}.obj").write_text("\n".join(lines))
+
+    def link(name: str, *shapes: tuple[str, str]) -> str:
+        place = '<origin xyz="0.1 0.2 0.3" rpy="0.4 0.5 0.6"/>'
+        parts = [f"<{tag}>{place}<geometry>{shape}</geometry></{tag}>" for tag, shape in shapes]
+        return f'<link name="{name}">{"".join(parts)}</link>'
+
+    ball, lost = '<sphere radius="0.05"/>', '<mesh filename="package://gone.stl"/>'
+    rod = '<{} radius="0.03" length="0.4"/>'
+    meshes = [("visual", f'<mesh filename="package://{i}.obj" scale="0.5 0.5 0.5"/>') for i in range(3)]
+    links = (
+        link("box", ("collision", '<box size="0.2 0.3 0.001"/>'), ("visual", ball)),
+        link("ball", ("collision", ""), ("collision", lost), ("visual", ball)),
+        link("rods", ("collision", rod.format("cylinder")), ("collision", rod.format("capsule"))),
+        link("none", ("visual", "<torus/>"), ("visual", lost)),
+        link("meshes", *meshes),
+    )
+    robot = SimpleNamespace(urdf=f"<robot name='r'>{''.join(links)}</robot>", package_dirs=(str(tmp_path),))
+    found = link_shapes(robot)  # type: ignore[arg-type]
+    place = pin.SE3(pin.rpy.rpyToMatrix(0.4, 0.5, 0.6), np.array([0.1, 0.2, 0.3]))
+    plain = [
+        LinkShape("box", "box", (0.1, 0.15, 0.002), place),
+        LinkShape("ball", "sphere", (0.05,), place),
+        LinkShape("rods", "cylinder", (0.03, 0.2), place),
+        LinkShape("rods", "capsule", (0.03, 0.2), place),
+    ]
+    assert len(found) == len(plain) + 3
+    for one, other in zip(found[:4], plain, strict=True):
+        assert (
+            one[:2] == other[:2]
+            and one.size == pytest.approx(other.size)
+            and one.placement == other.placement
+        )
+    for shape, turn in zip(found[4:], turns, strict=True):
+        assert shape[:2] == ("meshes", "box") and shape.size == pytest.approx((0.03, 0.02, 0.01), abs=1e-6)
+        assert np.linalg.det(shape.placement.rotation) == pytest.approx(1.0)
+        corners = [
+            shape.placement.act(np.array(sign) * shape.size) for sign in itertools.product((-1, 1), repeat=3)
+        ]
+        expected = [place.act(0.5 * turn.act(corner)) for corner in box[:8]]
+        for corner in corners:
+            assert np.linalg.norm(np.array(expected) - corner, axis=1).min() < 1e-6
+
+
+def test_a_knee_goes_forward_when_it_bends() -> None:
+    """The sole lies 0.03 m in front of the knee and 0.34 m below it: per radian these are its way up and forward."""
+    model = RobotDescription.from_urdf(biped(), **FEET).robot().model
+    for sign in (1.0, -1.0):  # the knees bend the other way
+        lower, upper = model.lowerPositionLimit, model.upperPositionLimit
+        lower[7:], upper[7:] = (
+            (lower[7:].copy(), upper[7:].copy()) if sign > 0.0 else (-upper[7:], -lower[7:])
+        )
+        for sole in ("left_foot_sole", "right_foot_sole"):
+            np.testing.assert_allclose(
+                knee_direction(model, sole), [sign * 0.34, 0.0, sign * 0.03], atol=1e-9
+            )
 
 
 def test_a_root_that_looks_backward_is_turned() -> None:
@@ -592,6 +668,101 @@ def test_a_sliding_joint_is_reported_in_millimetres_and_a_wide_range_is_no_missi
     assert "  sliding joints, in mm, m/s, N and kg: lift_joint" in lines
     assert not any("position limits" in doubt for doubt in description.doubts())
     assert description.summary()["joints"]["lift_joint"]["unit"] == "m"
+
+
+def test_a_report_says_the_facts_to_the_letter() -> None:
+    joint = {"unit": "rad", "position": [-0.5, 1.0], "velocity": 6.0, "torque": 80.0, "half_sitting": 0.25}
+    joint |= {"armature": 0.02, "kp": 1234.0, "kd": 56.78, "gains": "given"}
+    facts: dict[str, Any] = {
+        **{"name": "r", "mass_kg": 30.126, "height_m": 1.234, "com_height_m": 0.5678, "dof": 2},
+        **{"source": "a.urdf", "licence": "MIT", "torso": "trunk", "imu": "imu", "hands": {}},
+        "soles": {"left_foot": {"frame": "sole", "size_m": [0.2, 0.09], "ankle_m": [-0.03, 0.001, 0.06]}},
+        "joints": {"hip": joint, "lift": joint | {"unit": "m", "gains": "derived"}},
+        "derived": ["torso: link 'trunk'"],
+    }
+    assert report(facts).splitlines() == [
+        "r: 30.13 kg, height 1.23 m, centre of mass at 0.568 m in half-sitting, 2 joints",
+        "  source   a.urdf",
+        "  licence  MIT",
+        "  left_foot  sole: 200 x 90 mm, ankle at (-30, 1, 60) mm",
+        "  torso trunk, IMU imu, hands none",
+        "  joint                              range deg   rad/s      Nm  half-sitting deg    kg m²       kp      kd"
+        "  gains",
+        "  hip                                -29 .. 57    6.00    80.0             14.32   0.0200     1234    56.8"
+        "  given",
+        "  lift                            -500 .. 1000    6.00    80.0            250.00   0.0200     1234    56.8"
+        "  derived",
+        "  sliding joints, in mm, m/s, N and kg: lift",
+        "  derived from the model:",
+        "    torso: link 'trunk'",
+    ]
+    plain = report(
+        facts | {"height_m": None, "derived": [], "joints": {"hip": joint}, "hands": {"left_hand": "l"}}
+    )
+    assert (
+        "height unknown" in plain
+        and "sliding" not in plain
+        and "derived" not in plain
+        and "{'left_hand': 'l'}" in plain
+    )
+
+
+def test_what_is_doubtful_about_a_description_is_said_with_its_figures() -> None:
+    fine = RobotDescription.from_urdf(biped(), **FEET)
+    known = set(fine.doubts())
+
+    def new(description: RobotDescription) -> list[str]:
+        return [line for line in description.doubts() if line not in known]
+
+    left, right = fine.soles
+    for changes, doubt in (
+        ({"length": 0.204}, []),
+        ({"length": 0.206}, ["the soles differ: 200 x 90 mm and 206 x 90 mm"]),
+        ({"width": 0.084}, ["the soles differ: 200 x 90 mm and 200 x 84 mm"]),
+    ):
+        assert new(dataclasses.replace(fine, soles=(left, dataclasses.replace(right, **changes)))) == doubt
+    for mass, doubt in (("2.05", []), ("2.1", ["the legs differ in mass: 6.10 and 6.00 kg"])):
+        xml = biped().replace('<mass value="2"/>', f'<mass value="{mass}"/>', 1)
+        assert new(RobotDescription.from_urdf(xml, **FEET)) == doubt
+    names = fine.joint_names
+    bare = dataclasses.replace(fine, armature=fine.armature | dict.fromkeys(names[:7], 0.0))
+    listed = f"{', '.join(names[:6])} and 1 more"
+    assert new(bare) == [f"no rotor inertia (armature); real drives have some: {listed}"]
+    rubbing = dataclasses.replace(
+        fine, damping={"l_knee": 0.5, "r_knee": 1.5}, frictionloss={"l_elbow": 0.25}
+    )
+    text = "damping up to 1.5 Nms/rad and dry friction up to 0.25 Nm of 3 joints are not in the controller's model"
+    assert new(rubbing) == [text]
+    undamped = dataclasses.replace(
+        fine, gains={"l_elbow": (9.0, 0.0), "r_elbow": (9.0, 0.0)}, damping={"r_elbow": 1.0}
+    )
+    assert new(undamped)[0] == "given servo gains without damping: l_elbow"
+    tipping = fine.robot().mass * 9.80665 * fine.robot().com[2]
+    for share, soft in ((1.01, False), (0.99, True)):
+        kp = share * ANKLE_SHARE * tipping
+        text = (
+            f"given servo gains are soft: kp of 'l_ankle_roll' is {kp:.0f} Nm/rad, {share * ANKLE_SHARE:.2f} m g h; "
+            f"position control needs {ANKLE_SHARE:g} m g h, {ANKLE_SHARE * tipping:.0f} Nm/rad"
+        )
+        given = new(dataclasses.replace(fine, gains={"l_ankle_roll": (kp, 1.0), "l_knee": (1.0, 1.0)}))
+        assert given == soft * [text]
+
+
+def test_joints_that_only_stand_near_their_torque_limit_are_doubted() -> None:
+    """Against the least contact wrenches that carry the floating base, by the pseudo-inverse."""
+    fine = RobotDescription.from_urdf(biped(), **FEET)
+    robot, shares = fine.robot(), standing_torques(fine)
+    model, data, q = robot.model, robot.data, robot.q
+    frames = [robot.frame_id(sole.frame) for sole in fine.soles]
+    jacobian = np.vstack([pin.computeFrameJacobian(model, data, q, frame, pin.LOCAL) for frame in frames])
+    gravity = pin.computeGeneralizedGravity(model, data, q)
+    torque = np.abs(gravity - jacobian.T @ (np.linalg.pinv(jacobian[:, :6].T) @ gravity[:6]))[6:]
+    assert list(shares.values()) == pytest.approx(torque / 80.0, abs=1e-9) and shares["l_knee"] > 0.05
+    for share, doubted in ((0.61, True), (0.59, False)):
+        limit = torque[robot.joint_index("l_knee")] / share
+        weak = dataclasses.replace(fine, urdf=fine.urdf.replace('effort="80"', f'effort="{limit}"'))
+        line = "standing still takes more than 60% of the torque limit of: l_knee 61%, r_knee 61%"
+        assert (line in weak.doubts()) == doubted
 
 
 def test_position_limits_in_degrees_are_doubted() -> None:

@@ -524,8 +524,6 @@ def test_refuses_bad_specs(values: dict[str, Any], message: str) -> None:
         (lambda: walk(foot="soft", phalanges=8), "'phalanges'; did you mean .*'foot_changes'"),
         (lambda: walk(hooks=[3]), r"hooks must be a list, each item TrialHook, got \[3\]"),  # type: ignore[list-item]
         (lambda: WalkSpec.from_json({"kind": "run"}), "walk"),
-        (lambda: read_changes(["dcm_p"]), "name=value"),
-        (lambda: read_changes(["dcm_p=1", "dcm_p=2"]), "twice"),
     ],
 )
 def test_refuses_bad_parts(make: Any, message: str) -> None:

@@ -24,7 +24,6 @@ from wbc.tasks import (
     JointTorqueTask,
     MomentumTask,
     OrientationTask,
-    PoseTask,
     PositionTask,
     PostureTask,
     RelativeFrameTask,
@@ -101,31 +100,6 @@ def test_accelerations_agree_with_daqp(name: str, states: int) -> None:
         pushed += bool(solution.active_limits)
     assert compared >= 0.8 * states
     assert pushed >= 0.4 * states
-
-
-def test_diagnosis_names_hard_tasks_that_contradict_each_other() -> None:
-    controller = standing("hrp4_class")
-    robot = controller.robot
-    hand = left_hand(robot)
-    here = np.array(robot.placement(hand).translation)
-    controller.add(PositionTask(hand, here + [0.1, 0.0, 0.0], name="hand there", hard=True))
-    assert controller.solve().ok
-    assert controller.diagnose() == {}
-    controller.add(PositionTask(hand, here - [0.1, 0.0, 0.0], name="hand here", hard=True))
-    assert not controller.solve().ok
-    named = controller.diagnose()
-    assert set(named) == {"hard task 'hand there'", "hard task 'hand here'"}
-    assert min(named.values()) > 0.1
-
-
-def test_diagnosis_names_a_hard_task_against_a_contact() -> None:
-    controller = standing("g1")
-    sole = controller.robot.soles[0].frame
-    pose = controller.robot.placement(sole).copy()
-    pose.translation = pose.translation + [0.0, 0.0, 0.1]
-    controller.add(PoseTask(sole, pose, hard=True, name="lift"))
-    assert not controller.solve().ok
-    assert set(controller.diagnose()) == {"hard task 'lift'", "motion of contact 'left_foot'"}
 
 
 def test_diagnosis_names_a_hard_posture_against_joint_limits() -> None:

@@ -1,0 +1,181 @@
+"""Robots in files of the user's own, by their name or path, and robots of wheels."""
+
+from __future__ import annotations
+
+import inspect
+import json
+from importlib import metadata
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+from mjcf_biped import biped
+
+from wbc.core.errors import InputError, UnknownNameError
+from wbc.robots import (
+    FrameDescription,
+    RobotDescription,
+    ServoRule,
+    SoleDescription,
+    load,
+    others,
+    registry,
+    saved,
+)
+from wbc.robots.models import other_wheels
+
+SOLE = {"link": "left_foot", "translation": [0.03, 0.0, -0.07], "length": 0.2, "width": 0.1}
+
+
+@pytest.fixture(autouse=True)
+def configuration(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    folder = tmp_path / "configuration"
+    monkeypatch.setattr(saved.platformdirs, "user_config_path", lambda name: folder / name)
+    return folder / "wbc" / "robots"
+
+
+@pytest.fixture
+def file(tmp_path: Path) -> Path:
+    path = tmp_path / "biped.xml"
+    path.write_text(f"<?xml version='1.0'?>\n<!-- <robot> -->\n{biped()}")
+    return path
+
+
+def test_every_kind_of_value_is_saved_and_read_again(
+    file: Path, configuration: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    parameters = {
+        "left_sole": SOLE,
+        "right_sole": SOLE | {"link": "right_foot", "name": "right_foot", "frame": "flat"},
+        "imu": {"link": "chest", "rpy": [0.0, 0.1, 0.0]},
+        "servo": {"frequency": 6},
+        "gains": {"left_knee": [150.0, 4.0]},
+        "lock": {"waist": 0.2},
+        "sole_size": [0.3, 0.1],
+        "armature": 1e-3,
+        "use_gains": False,
+        "licence": 'of "me", é',
+    }
+    assert saved.own_robots() == ()
+    taken: dict[str, Any] = {}
+
+    def take(source: Path, **options: Any) -> None:
+        taken.update(options, source=source)
+
+    take.__signature__ = inspect.signature(RobotDescription.from_mjcf)  # type: ignore[attr-defined]
+    monkeypatch.setattr(RobotDescription, "from_mjcf", take)
+    path = saved.save("my-robot_2.0", file, parameters)
+    assert path == configuration / "my-robot_2.0.toml" and saved.own_robots() == ("my-robot_2.0",)
+    written, at = taken.copy(), (0.03, 0.0, -0.07)
+    taken.clear()
+    saved.read(path)
+    assert taken == written == {
+        "source": file,
+        "name": "my-robot_2.0",
+        "left_sole": SoleDescription("left_sole", "left_foot", at, name="left_foot", length=0.2, width=0.1),
+        "right_sole": SoleDescription("flat", "right_foot", at, name="right_foot", length=0.2, width=0.1),
+        "imu": FrameDescription("imu", "chest", rpy=(0.0, 0.1, 0.0)),
+        "servo": ServoRule(frequency=6.0),
+        "gains": {"left_knee": (150.0, 4.0)},
+        "lock": {"waist": 0.2},
+        "sole_size": (0.3, 0.1),
+        "armature": 1e-3,
+        "use_gains": False,
+        "licence": 'of "me", é',
+    }  # fmt: skip
+    with pytest.raises(InputError, match="^a number in a TOML description must be finite, got inf$"):
+        saved.save("x", file, {"height": float("inf")})
+    for name in ("", "-x", ".x", "a b", "a/b", "x.xml", "add", "check"):
+        with pytest.raises(InputError, match="^the name of a robot must be letters, digits"):
+            saved.save(name, file, {})
+
+
+def test_a_changed_description_is_read_anew_and_a_stamp_is_of_its_content(file: Path) -> None:
+    path = saved.save("mine", file, {})
+    before = load("mine")
+    stamp = registry.stamped("mine")
+    assert stamp == f"mine#{before.digest}" and load(stamp) is before is load("mine")
+    assert registry.stamped("g1") == "g1" and registry.stamped(stamp) == stamp
+    assert registry.stamped(str(file)) == f"{file}#{load(str(file)).digest}"
+    path.write_text(f"file = {json.dumps(str(file))}\nhalf_sitting = {{ waist = 0.3 }}\n")
+    assert before.half_sitting["waist"] == 0.0
+    after = load("mine")
+    assert after.half_sitting["waist"] == 0.3 and after.name == "mine" and after.soles[0].length > 0.18
+    with pytest.raises(
+        InputError, match=f"mine has changed: .* content {before.digest}, now it is {after.digest}$"
+    ):
+        load(stamp)
+    assert others()["mine"] == ""
+    with pytest.raises(UnknownNameError, match="did you mean 'mine'"):
+        load("mime")
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("left_sole = 'a'", 'must name the file of the robot: file = "my.xml"'),
+        ("file = 'biped.xml'\nleft_foot = 'a'", "no parameter of the MJCF reader 'left_foot'; did you mean"),
+        ("file = 'gone.xml'", "gone.xml"),
+        ("file = 3", "must name the file"),
+        ("file =", "is not TOML"),
+        ("file = 'biped.xml'\nservo = { frequncy = 3 }", "did you mean 'frequency'"),
+        ("file = 'biped.urdf'\nleft_foot = 'a'", "no parameter of the URDF reader 'left_foot'; did you mean"),
+    ],
+)
+def test_bad_descriptions_are_named(file: Path, text: str, message: str) -> None:
+    (file.parent / "biped.urdf").write_text("<!-- <mujoco> --><robot name='r'/>")
+    (file.parent / "bad.toml").write_text(text)
+    with pytest.raises(InputError) as caught:
+        load(str(file.parent / "bad.toml"))
+    assert message in str(caught.value)
+    with pytest.raises(
+        InputError, match="^no robot file 'gone.toml'; give an MJCF, a URDF or a TOML description$"
+    ):
+        saved.read("gone.toml")
+
+
+def test_robots_of_wheels_are_read_where_these_are_and_else_say_how_to_install_them(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def missing(name: str) -> None:
+        raise metadata.PackageNotFoundError(name)
+
+    monkeypatch.setattr(metadata, "distribution", missing)
+    assert others()["h1"] == "pip install --no-deps playground==0.2.0"
+    jvrc, how = other_wheels.jvrc1.__wrapped__, "pip install --no-deps jvrc_description==1.1.1"
+    with pytest.raises(
+        InputError, match=f"^this robot is in the wheel 'jvrc_description', .* not installed: {how}$"
+    ):
+        jvrc()
+
+    def found(name: str) -> Any:
+        return SimpleNamespace(locate_file=lambda relative: tmp_path / relative)
+
+    monkeypatch.setattr(metadata, "distribution", found)
+    assert others()["h1"] == ""
+    with pytest.raises(
+        InputError, match=f"^the installed 'jvrc_description' has no file '.*jvrc1.urdf': {how}$"
+    ):
+        jvrc()
+    taken: dict[str, dict[str, Any]] = {}
+
+    def take(path: Path, **options: Any) -> None:
+        taken[options["name"]] = options | {"path": path}
+
+    for kind in ("from_urdf", "from_mjcf"):
+        monkeypatch.setattr(RobotDescription, kind, take)
+    files = {
+        "jvrc1": "jvrc_description/urdf/jvrc1.urdf",
+        "t1": "mujoco_playground/_src/locomotion/t1/xmls/t1_mjx_feetonly.xml",
+        "apollo": "mujoco_playground/_src/locomotion/apollo/xmls/scene_mjx_feetonly_flat_terrain.xml",
+    }
+    for name, relative in files.items():
+        (tmp_path / relative).parent.mkdir(parents=True)
+        (tmp_path / relative).touch()
+        jvrc() if name == "jvrc1" else other_wheels.playground.__wrapped__(name)
+        assert taken[name]["path"] == tmp_path / relative
+    fixed = taken["jvrc1"]["lock"]
+    assert len(fixed) == 12 and {"L_UTHUMB", "R_LLITTLE"} < set(fixed) and set(fixed.values()) == {0.0}
+    assert taken["jvrc1"]["package_dirs"] == (tmp_path,)
+    assert taken["t1"]["use_gains"] is taken["apollo"]["meshes"] is False
