@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -39,14 +39,13 @@ def plot_press(test: FootTest, result: PressResult, path: str | Path) -> None:
     if result.hold is None:
         raise InputError("nothing to draw: the simulation diverged")
     figure = _figure(8.0, 7.2)
-    side, top = figure.add_axes((0.09, 0.60, 0.77, 0.35)), figure.add_axes((0.09, 0.11, 0.77, 0.44))
-    side.sharex(top)
+    side, top = figure.subplots(2, 1, sharex=True, height_ratios=(3.0, 4.0))
     _draw_side(side, test, result.hold)
     image = _draw_top(top, test, result.hold, result.support)
-    bar = figure.colorbar(image, cax=figure.add_axes((0.885, 0.15, 0.02, 0.34)), label="ground (mm)")
+    bar = figure.colorbar(image, ax=(side, top), label="ground (mm)")
     heights = np.asarray(image.get_array())
-    bar.ax.set_ylim(float(heights.min()) - 1e-3, float(heights.max()) + 1e-3)
-    figure.legend(loc="lower center", ncols=6, fontsize=7)
+    bar.ax.set_ylim(bottom=float(heights.min()) - 0.5)  # without the colours that leave it pale
+    figure.legend(loc="outside lower center", ncols=6, fontsize=7)
     hold = result.hold
     support = "" if result.support is None else f", support {1e4 * result.support.area:.0f} cm²"
     side.set_title(
@@ -70,7 +69,7 @@ def plot_pitch(test: FootTest, result: PitchResult, path: str | Path) -> None:
     """
     if result.diverged:
         raise InputError("nothing to draw: the simulation diverged")
-    figure = _figure(9.0, 3.4, "constrained")
+    figure = _figure(9.0, 3.4)
     angle = np.degrees(result.pitch)
     panels = (
         (result.centre_of_pressure, 1e3, "centre of pressure, x (mm)"),
@@ -92,10 +91,10 @@ def _named(test: FootTest) -> str:
     )
 
 
-def _figure(width: float, height: float, layout: Literal["constrained"] | None = None) -> Figure:
+def _figure(width: float, height: float) -> Figure:
     from matplotlib.figure import Figure  # noqa: PLC0415 - slow to import, and walking needs no pictures
 
-    return Figure(figsize=(width, height), layout=layout)
+    return Figure(figsize=(width, height), layout="compressed")
 
 
 def _ground(test: FootTest, hold: Hold, x: Array, y: Array) -> Array:
@@ -127,7 +126,7 @@ def _draw_side(axes: Axes, test: FootTest, hold: Hold) -> None:
     axes.plot(skeleton[:, 0], skeleton[:, 2], "o-", color="#454a52", lw=2.5, ms=4)
     points, forces = 1e3 * np.array(hold.contact_points).reshape(-1, 3), np.array(hold.contact_forces)
     for point, force in zip(points, forces, strict=True):
-        tip = (point[0], point[2] + 30.0 * force / max(forces.max(), 1e-9))
+        tip = (point[0], point[2] + 30.0 * force / forces.max())
         axes.annotate("", tip, (point[0], point[2]), arrowprops={"arrowstyle": "->", "color": _CONTACT})
     axes.axvline(1e3 * hold.centre_of_pressure[0], color=_CONTACT, ls=":", lw=1)
     axes.set_ylabel("z (mm)")

@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from wbc.core.errors import Array
 from wbc.core.files import save_figure
 from wbc.feet.stiffness.roughness import PARAMETERS, UNITS
 from wbc.sim.terrain.families.base import terrain_families
@@ -22,6 +21,9 @@ if TYPE_CHECKING:
 MAP_STEP = 0.004
 """Pixel of maps, m: half of the smallest joint."""
 
+COLUMNS = 4
+"""Thumbnails side by side."""
+
 
 def plot_terrain(ground: Terrain, path: str | Path) -> None:
     """Draw the map, a profile and the roughness parameters of a terrain.
@@ -33,17 +35,17 @@ def plot_terrain(ground: Terrain, path: str | Path) -> None:
     x0, x1, *_ = ground.extent
     figure = _figure(11.0, 5.2)
     top, below = figure.subplots(2, 1, height_ratios=(2.0, 1.0))
-    image = _draw_map(top, ground, ground.extent, shade=0.35)
-    top.axhline(0.0, color="tab:red", lw=0.7)
+    image = _draw_map(top, ground, ground.extent)
+    top.axhline(0.0, color="tab:red")
     top.set_ylabel("y (m)")
     top.set_title(
         f"{ground.name}: amplitude {1e3 * ground.amplitude:.3g} mm, seed {ground.seed} - {ground.parameters.summary()}",
         fontsize=9,
     )
-    figure.colorbar(image, ax=top, label="z (mm)", shrink=0.8)
+    figure.colorbar(image, ax=top, label="z (mm)")
     xs, zs = ground.profile(x0, x1, step=0.001)
-    below.fill_between(xs, 1e3 * zs, 1e3 * zs.min() - 3.0, color="0.75")
-    below.plot(xs, 1e3 * zs, color="tab:red", lw=1.0)
+    below.fill_between(xs, 1e3 * zs, 1e3 * zs.min(), color="0.75")
+    below.plot(xs, 1e3 * zs, color="tab:red")
     below.set(xlim=(x0, x1), xlabel="x (m)", ylabel="z at y = 0 (mm)")
     values = map(_number, PARAMETERS, UNITS, ground.roughness().values)
     below.set_title("roughness along y = 0:  " + "   ".join(values), fontsize=8.5)
@@ -52,14 +54,12 @@ def plot_terrain(ground: Terrain, path: str | Path) -> None:
 
 def plot_families(path: str | Path) -> int:
     """Draw a thumbnail of every family with its defaults, whose number is returned; the file's ending is the format."""
-    columns = 4
     grounds = [example_terrain(name) for name in terrain_families()]
-    rows = math.ceil(len(grounds) / columns)
-    figure = _figure(3.9 * columns, 2.0 * rows)
-    axes = np.atleast_1d(figure.subplots(rows, columns)).ravel()
+    rows = math.ceil(len(grounds) / COLUMNS)
+    figure = _figure(3.9 * COLUMNS, 2.0 * rows)
+    axes = figure.subplots(rows, COLUMNS, squeeze=False).ravel()
     for ax, ground in zip(axes, grounds, strict=False):
-        x0, x1 = ground.start - 0.1, min(ground.stop, ground.start + 2.0)
-        _draw_map(ax, ground, (x0, x1, *ground.extent[2:]), shade=0.4)
+        _draw_map(ax, ground, (ground.start - 0.1, ground.start + 2.0, *ground.extent[2:]))
         ax.set_title(f"{ground.name}  {1e3 * ground.amplitude:.3g} mm", fontsize=10)
         ax.tick_params(labelsize=7)
     for ax in axes[len(grounds) :]:
@@ -82,28 +82,20 @@ def _figure(width: float, height: float) -> Figure:
     return Figure(figsize=(width, height), layout="constrained")
 
 
-def _draw_map(ax: Axes, ground: Terrain, box: tuple[float, float, float, float], shade: float) -> AxesImage:
-    """Draw heights as colours, under a shade of this opacity."""
+def _draw_map(ax: Axes, ground: Terrain, box: tuple[float, float, float, float]) -> AxesImage:
+    """Draw heights as colours, under the shades of a light from the upper left."""
+    from matplotlib.colors import LightSource  # noqa: PLC0415 - slow to import, and walking needs no pictures
+
     nx, ny = round((box[1] - box[0]) / MAP_STEP), round((box[3] - box[2]) / MAP_STEP)
     x = box[0] + (np.arange(nx) + 0.5) * (box[1] - box[0]) / nx
     y = box[2] + (np.arange(ny) + 0.5) * (box[3] - box[2]) / ny
-    z = ground.height(x[None, :], y[:, None])
-    # The colours begin a margin below the ground, so that the floor is earth and not sea.
-    low = float(1e3 * (z.min() - 0.5 * (z.max() - z.min()))) - 1e-9
-    image = ax.imshow(
-        1e3 * z, extent=box, origin="lower", cmap="gist_earth", vmin=low, vmax=1e3 * z.max() + 1e-9
-    )
-    ax.imshow(_shade(z), extent=box, origin="lower", cmap="gray", alpha=shade, vmin=0.0, vmax=1.0)
+    z = 1e3 * ground.height(x[None, :], y[:, None])
+    # The colours begin a margin (mm) below the ground, so that the floor is earth and not sea.
+    low = z.min() - 0.5 * np.ptp(z) - 1.0
+    image = ax.imshow(z, extent=box, origin="lower", cmap="gist_earth", vmin=low)
+    shades = LightSource().hillshade(z, vert_exag=2.0, dx=1e3 * MAP_STEP, dy=-1e3 * MAP_STEP)
+    ax.imshow(shades, extent=box, origin="lower", cmap="gray", alpha=0.4, vmin=0.0, vmax=1.0)
     return image
-
-
-def _shade(z: Array) -> Array:
-    """Return the brightness of a surface lit from the upper left, 0..1, heights doubled."""
-    dy, dx = np.gradient(2.0 * z, MAP_STEP)
-    light = np.array([-0.5, 0.5, 0.75]) / np.linalg.norm([-0.5, 0.5, 0.75])
-    return np.asarray(
-        np.clip((light[2] - light[0] * dx - light[1] * dy) / np.sqrt(1.0 + dx**2 + dy**2), 0.0, 1.0)
-    )
 
 
 def _number(name: str, unit: str, value: float) -> str:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import math
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -17,7 +16,6 @@ from wbc.feet import Foot, foot
 from wbc.feet.soles.contact import ConstraintLaw, ContactSpheres
 from wbc.sim.plant.settings import PhysicsSettings
 from wbc.sim.rig.actions import pitch, press
-from wbc.sim.rig.plot import plot_press
 from wbc.sim.rig.spec import FootTest
 from wbc.sim.terrain.spec import Terrain, terrain
 
@@ -187,13 +185,6 @@ def test_pitching_the_toe_down_moves_the_centre_of_pressure_forward() -> None:
     assert np.nanmedian(moment[angle > 0.02]) < 0.0 < np.nanmedian(moment[angle < -0.02])
 
 
-@pytest.mark.parametrize("name", by_default(["flat", "soft"], "soft"))
-def test_a_press_can_be_drawn(name: str, tmp_path: Path) -> None:
-    test = FootTest(foot(name), STONES, yaw=0.3)
-    plot_press(test, press(test), tmp_path / "press.png")
-    assert (tmp_path / "press.png").stat().st_size > 10_000
-
-
 # --- bad input -------------------------------------------------------------------------------------------------------
 
 
@@ -215,6 +206,3 @@ def test_impossible_actions_are_refused() -> None:
         pitch(FootTest(ankle_stiffness=0.0))
     with pytest.raises(InputError, match="move faster"):
         pitch(FootTest(), rate=1e-3)
-
-
-# --- over stiffness, ground and step ---------------------------------------------------------------------------------

@@ -1,7 +1,6 @@
 """Grounds in MuJoCo: rays and contacts meet the surface that the height query describes."""
 
 from dataclasses import replace
-from pathlib import Path
 
 import mujoco
 import numpy as np
@@ -9,7 +8,6 @@ import pytest
 
 from wbc.core.errors import Array, InputError
 from wbc.sim.terrain.families.base import terrain_families
-from wbc.sim.terrain.plot import plot_families
 from wbc.sim.terrain.render import AddedTerrain, GroundContact, add_to_spec
 from wbc.sim.terrain.spec import Terrain, terrain
 
@@ -137,8 +135,3 @@ def test_nothing_is_added_before_all_is_checked() -> None:
     add_to_spec(spec, terrain("stones"))
     with pytest.raises(InputError, match="already"):
         add_to_spec(spec, terrain("stones"))
-
-
-@pytest.mark.slow
-def test_every_family_is_on_the_contact_sheet(tmp_path: Path) -> None:
-    assert plot_families(tmp_path / "sheet.png") >= len(NAMES)

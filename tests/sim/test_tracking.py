@@ -1,0 +1,119 @@
+"""Tracking a clip in the simulator: the result is what joints, mass and feet do, and a fall is off the clip."""
+
+from __future__ import annotations
+
+import math
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+from wbc.motion import MotionClip
+from wbc.robots import load
+from wbc.sim.balance.tracking import TrackSpec, TrackTrial, _TrackMeter
+from wbc.sim.trial.loop import TrialHook
+from wbc.walking.falls import FallReason
+
+ROBOT = load("g1").robot()
+
+
+class Notes(TrialHook):
+    """Frames of the clip, and true configurations, centres of mass and places of the soles after each tick."""
+
+    def __init__(self) -> None:
+        self.given: list[int] = []
+        self.q: list[np.ndarray] = []
+        self.com: list[np.ndarray] = []
+        self.soles: list[np.ndarray] = []
+
+    def after(self, trial: TrackTrial) -> None:
+        truth = trial.plant.truth()
+        self.given.append(trial.given)
+        self.q.append(truth.q)
+        self.com.append(truth.com)
+        self.soles.append(trial.plant.data.site_xpos[list(trial.plant.sole_sites)].copy())
+
+
+def wave(seconds: float) -> MotionClip:
+    """A clip in which an arm swings and the knees give, 0.2 m over the ground."""
+    t = np.arange(0.0, seconds + 1e-9, 0.005)
+    q = np.tile(ROBOT.half_sitting, (t.size, 1))
+    q[:, 2] += 0.2
+    q[:, 7 + ROBOT.joint_names.index("left_elbow_joint")] -= 0.4 * np.sin(np.pi * t / seconds) ** 2
+    return MotionClip.of(ROBOT, q, 200.0, "wave")
+
+
+def test_the_result_is_what_joints_and_centre_of_mass_did_against_the_clip() -> None:
+    clip, notes = wave(0.2), Notes()
+    trial = TrackTrial(clip, TrackSpec(robot="g1", noise="none", after=0.06))
+    result = trial.run([notes])
+    given = clip.configurations(ROBOT)[notes.given]
+    off = np.degrees(np.array(notes.q)[:, 7:] - given[:, 7:])
+    data = ROBOT.model.createData()
+    com = np.array([pin.centerOfMass(ROBOT.model, data, q).copy() for q in given])
+    assert (result.seconds, result.clip_seconds) == pytest.approx((0.26, 0.2)) and len(off) == 52
+    assert set(np.diff(notes.given)) == {0, 1} and notes.given[-1] == 40
+    assert result.joint_rms_deg == pytest.approx(np.sqrt((off**2).mean()), rel=1e-6)
+    each = np.sqrt((off**2).mean(axis=0))
+    assert result.worst_joint == ROBOT.joint_names[each.argmax()] == "left_elbow_joint"
+    assert result.worst_joint_rms_deg == pytest.approx(each.max(), rel=1e-6)
+    assert result.largest_deg == pytest.approx(abs(off).max(), rel=1e-6)
+    away = (np.array(notes.com) - com)[:, :2]
+    assert result.com_rms_mm == pytest.approx(1e3 * np.sqrt((away**2).sum(axis=1).mean()), rel=1e-3)
+    soles = np.array(notes.soles)
+    slid = np.linalg.norm((soles - soles[0])[:, :, :2], axis=2).max()
+    assert result.foot_slide_mm == pytest.approx(1e3 * slid, rel=1e-6)
+    assert result.completed and result.fall is None and result.failures == result.landings == 0
+    assert (result.motion, result.robot, result.mode) == ("wave", "g1", trial.walking.settings.mode)
+
+
+def test_a_robot_has_fallen_where_the_clip_does_not_have_it() -> None:
+    trial = TrackTrial(wave(0.02), TrackSpec(robot="g1", noise="none"))
+    assert trial.true_fall() is None
+    limits, q = trial.walking.falls.settings, trial.plant.truth().q
+    for drop, tilt, fallen in (
+        (0.97, 0.97, None),
+        (1.03, 0.0, FallReason.HEIGHT),
+        (0.0, 1.03, FallReason.TILT),
+    ):
+        low = q.copy()
+        low[2] -= drop * limits.drop
+        low[3:7] = [0.0, math.sin(0.5 * tilt * limits.tilt), 0.0, math.cos(0.5 * tilt * limits.tilt)]
+        trial.plant.reset(low)
+        assert trial.true_fall() is fallen
+    trial.source.tick = 10**6
+    assert trial.given == 4
+
+
+def test_a_foot_slides_while_it_bears_a_twentieth_of_the_weight_and_begins_anew_where_it_is_loaded_again() -> (
+    None
+):
+    meter, weight = _TrackMeter(200.0), 200.0
+    moved: list[float] = []
+    soles, wrench = np.zeros((2, 3)), np.zeros((2, 6))
+    truth = SimpleNamespace(q=np.zeros(9), com=np.zeros(3), sole_wrench=wrench)
+    plant = SimpleNamespace(
+        truth=lambda: truth, sole_sites=(1, 0), data=SimpleNamespace(site_xpos=soles[::-1])
+    )
+    motion = [SimpleNamespace(pendulum=SimpleNamespace(com=np.zeros(3)))]
+    source = SimpleNamespace(configurations=np.zeros((1, 9)), motion=motion)
+    trial: Any = SimpleNamespace(plant=plant, source=source, given=0)
+    for share, place in (
+        (0.0, (9.0, 9.0, 9.0)),  # in the air
+        (0.06, (1.0, 2.0, 3.0)),
+        (0.06, (1.003, 1.996, 3.5)),  # 5 mm
+        (0.04, (5.0, 5.0, 5.0)),
+        (0.5, (6.0, 6.0, 6.0)),
+        (0.5, (6.006, 6.008, 6.0)),  # 10 mm
+        (0.5, (6.0, 6.0, 6.0)),
+    ):
+        wrench[1, 2], soles[1] = share * weight, place
+        meter.after(trial)
+        moved.append(1e3 * meter.slide)
+    assert moved == pytest.approx([0.0, 0.0, 5.0, 5.0, 5.0, 10.0, 10.0])
+    meter.tick(SimpleNamespace(measurement=SimpleNamespace(sole_wrench=np.zeros((2, 6)))))  # type: ignore[arg-type]
+    soles[1] = 7.0
+    meter.after(trial)
+    assert 1e3 * meter.slide == pytest.approx(10.0), "what the sensors feel counts, where there are any"
