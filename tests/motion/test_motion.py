@@ -17,11 +17,11 @@ from wbc.core.qp.contact import mean_distance
 from wbc.core.robot import GRAVITY, Robot
 from wbc.motion import MotionClip, check_motion, make_feasible, make_motion, read_motion, write_motion
 from wbc.motion.contacts import find_contacts, runs
-from wbc.motion.feasible import centre_of_mass_shift, supports_on
+from wbc.motion.feasible import STRETCH, _slowed, centre_of_mass_shift, supports_on
 from wbc.motion.footsteps import footsteps
 from wbc.motion.generator import MOTIONS
 from wbc.motion.kinematics import BodyMotion, corners_of
-from wbc.motion.measures import nearest_inside
+from wbc.motion.measures import measure, nearest_inside
 from wbc.walking.planning.reach import Reach
 
 
@@ -50,10 +50,14 @@ def columns(clip: MotionClip, name: str) -> tuple[object, tuple[str, ...]]:
     """Return what a file of the field holds, and what it does not say."""
     base, wxyz, names = clip.base, clip.base[:, [6, 3, 4, 5]], np.array(clip.joint_names)
     bodies = {"body_pos_w": base[:, None, :3], "body_quat_w": wxyz[:, None]}
+    # The root is the first body but the world; others come after it.
+    more = {key: np.concatenate((0.0 * value, value, 2.0 * value), axis=1) for key, value in bodies.items()}
+    more["body_names"] = np.array(["world", "pelvis", "torso"])
     qpos = np.hstack([base[:, :3], wxyz, clip.joints])
     return {
         "unitree.csv": (np.hstack([base, clip.joints]), ("rate", "joints")),
         "beyondmimic.npz": ({"fps": [clip.rate], "joint_pos": clip.joints} | bodies, ("joints",)),
+        "world.npz": ({"fps": [clip.rate], "joint_pos": clip.joints} | more, ("joints",)),
         "mujoco.npz": ({"fps": [clip.rate], "joint_pos": qpos, "joint_names": names}, ()),
         "gmr.npz": (
             {"fps": clip.rate, "root_pos": base[:, :3], "root_rot": base[:, 3:], "dof_pos": clip.joints},
@@ -62,7 +66,7 @@ def columns(clip: MotionClip, name: str) -> tuple[object, tuple[str, ...]]:
     }.get(name, (None, ()))
 
 
-FORMATS = ("own.npz", "own.csv", "unitree.csv", "beyondmimic.npz", "mujoco.npz", "gmr.npz")
+FORMATS = ("own.npz", "own.csv", "unitree.csv", "beyondmimic.npz", "world.npz", "mujoco.npz", "gmr.npz")
 
 
 @pytest.mark.parametrize("name", FORMATS)
@@ -124,6 +128,16 @@ def test_files_of_other_content_are_refused_in_one_line(tmp_path: Path, content:
     with pytest.raises(InputError, match=f"{path.name}.*{rule}") as refused:
         read_motion(path, joints=("a", "b") if isinstance(content, dict) else None)
     assert "\n" not in str(refused.value)
+
+
+def test_a_file_that_unpacks_to_more_than_four_times_the_largest_is_refused(
+    arms: MotionClip, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = tmp_path / "clip.npz"
+    np.savez_compressed(path, base=np.zeros((500, 7)), joints=np.zeros((500, 2)))
+    monkeypatch.setattr("wbc.motion.files.LARGEST", 9000)
+    with pytest.raises(InputError, match="must unpack to at most 36000 bytes, got 36256"):
+        read_motion(path)
 
 
 def test_sampling_at_the_own_times_changes_nothing(arms: MotionClip) -> None:
@@ -240,6 +254,44 @@ def test_the_friction_that_soles_need_is_that_of_the_forces_and_of_the_yaw_momen
 
     best = max(ratio(slip) for slip in np.random.default_rng(0).normal(size=(20_000, 3)) * (0.05, 0.05, 1.0))
     assert 0.97 * needed < best < 1.02 * needed
+
+
+def test_measures_of_a_motion_have_their_units(g1: Robot) -> None:
+    """A stand that slides at 30 mm/s, 2 mm in the ground, with its centre of mass 50 mm beyond its toes."""
+    still = BodyMotion.of(g1, np.tile(g1.half_sitting, (50, 1)), 100.0)
+    t, standing = np.arange(50) / 100.0, np.ones((50, 2), dtype=bool)
+    toes = still.corners[0, :, :, 0].max()
+    corners = still.corners + (0.0, 0.0, -0.002)
+    beyond = still.com - (still.com[0, 0] - toes - 0.05, 0.0, 0.0)
+    measured = measure(g1, replace(still, com=beyond, corners=corners), standing, 1.0, 0.7)
+    assert (
+        measured.zmp_worst == pytest.approx(50.0)
+        and measured.infeasible_frames.all()
+        and not measured.feasible
+    )
+    assert measured.penetration == pytest.approx(2.0 - 1e3 * still.corners[..., 2].min())
+    assert measured.foot_slide == measured.single_support == 0.0 and not measured.joint_excess
+    sliding = still.corners + np.outer(0.03 * t, (0.8, 0.6, 0.0))[:, None, None]
+    standing[:10, 0] = False
+    measured = measure(g1, replace(still, corners=sliding), standing, 1.0, 0.7)
+    assert measured.foot_slide == pytest.approx(30.0) and measured.single_support == 0.2
+    assert measured.to_json()["infeasible_share"] == measured.infeasible_frames.mean()
+    q, v = still.q.copy(), np.zeros_like(still.v)
+    knee = g1.joint_index("left_knee_joint")
+    q[20, 7 + knee], v[30, 6 + knee] = g1.position_upper[knee] + 0.1, 0.9 * g1.velocity_limit[knee]
+    q[25, 8 + knee] = g1.position_lower[knee + 1] - 0.2
+    measured = measure(g1, replace(still, q=q, v=v), np.ones((50, 2), dtype=bool), 0.8, 0.7)
+    assert measured.joint_excess == pytest.approx({"left_knee_joint": 0.1, g1.joint_names[knee + 1]: 0.2})
+    assert measured.joint_speed == pytest.approx({"left_knee_joint": 0.9})
+    assert measured.infeasible_frames[30]
+
+
+def test_a_short_flight_counts_as_a_stand_on_the_feet_before_it(g1: Robot) -> None:
+    motion = BodyMotion.of(g1, np.tile(g1.half_sitting, (60, 1)), 100.0)
+    known = np.column_stack([np.arange(60) < 30, np.arange(60) >= 36])
+    known[:5] = known[-3:] = False
+    found = find_contacts(motion, known)[1]
+    np.testing.assert_array_equal(found, np.column_stack([np.arange(60) < 36, np.arange(60) >= 36]))
 
 
 def test_contacts_are_found_and_flight_is_refused_with_its_time(g1: Robot) -> None:
@@ -412,6 +464,13 @@ def test_arms_that_are_too_heavy_are_drawn_in_and_nothing_is_slowed_down_for_the
     torque = pin.computeGeneralizedGravity(talos.model, talos.model.createData(), middle)[6:]
     share = abs(torque / talos.torque_limit)[talos.joints_between("arm_left_7_link", talos.torso_frame)].max()
     assert share == pytest.approx(0.8, rel=0.02)
+
+
+def test_the_pace_is_slower_within_half_a_second_of_what_is_infeasible() -> None:
+    pace = _slowed(np.linspace(1.0, 2.0, 301), np.array([0.996, 1.3, 1.3]))
+    expected = np.linspace(1.0, 2.0, 301)
+    expected[51:181] *= STRETCH
+    np.testing.assert_allclose(pace, expected)
 
 
 def test_a_motion_that_is_too_fast_takes_longer() -> None:

@@ -26,7 +26,9 @@ from wbc.motion import (
     tracking_settings,
     write_motion,
 )
+from wbc.motion.feasible import _straightened
 from wbc.motion.inverse_kinematics import inverse_kinematics
+from wbc.motion.kinematics import BodyMotion
 from wbc.motion.source import clip_references, placed, splines
 from wbc.sim import Machine, TrackSpec, track_motion
 from wbc.walking import Reference, WalkingControl
@@ -97,11 +99,13 @@ def test_a_clip_is_put_where_the_robot_stands(g1: Robot, steps: MotionClip) -> N
 
 
 def test_bad_clips_are_refused_before_anything_moves(g1: Robot, steps: MotionClip) -> None:
-    bent = g1.half_sitting.copy()
-    bent[7 + g1.joint_names.index("left_elbow_joint")] += 0.5
+    bent, elbow = g1.half_sitting.copy(), g1.joint_names.index("left_elbow_joint")
+    bent[7 + elbow] = 1.5
     g1.update(bent, np.zeros(g1.nv))
-    with pytest.raises(InputError, match="must stand as the clip begins.*'left_elbow_joint'"):
-        MotionSource(g1, steps, DT)
+    moving = steps.joints.copy()
+    moving[:, elbow] = np.linspace(1.0, 0.5, len(steps))
+    with pytest.raises(InputError, match=r"'left_elbow_joint' is at 1\.500 rad, in the clip at 1\.000 rad"):
+        MotionSource(g1, replace(steps, joints=moving), DT)
     g1.update(steps.configurations(g1)[0], np.zeros(g1.nv))
     jump = steps.base.copy()
     jump[300:360, 2] += 0.2
@@ -187,8 +191,8 @@ def test_a_clip_that_is_bent_is_no_fall() -> None:
     assert result.completed and result.failures == 0 and result.joint_rms_deg < 1.0, result
 
 
-@pytest.mark.slow
-def test_a_trunk_that_the_waist_cannot_hold_is_straightened(g1: Robot) -> None:
+def reaching_bow(g1: Robot) -> MotionClip:
+    """A bow with the arms ahead, which the waist of g1 cannot hold."""
     clip = bow(g1, 1.0)
     joints = clip.joints.copy()
     for name, angle in (
@@ -196,7 +200,31 @@ def test_a_trunk_that_the_waist_cannot_hold_is_straightened(g1: Robot) -> None:
         *((f"{side}_shoulder_pitch_joint", -2.0) for side in SIDES),
     ):
         joints[:, clip.joint_names.index(name)] = angle
-    clip = replace(clip, joints=joints)
+    return replace(clip, joints=joints)
+
+
+def test_a_trunk_is_turned_up_about_the_horizontal_axis_across_its_tilt_until_the_waist_holds_it(
+    g1: Robot,
+) -> None:
+    q = reaching_bow(g1).configurations(g1)[:12]
+    turn = pin.Quaternion(pin.utils.rotate("z", 0.8))
+    q[:, 3:7] = [(turn * pin.Quaternion(base)).coeffs() for base in q[:, 3:7]]
+    before = BodyMotion.of(g1, q, 100.0).torque_share(g1).max()
+    base = _straightened(g1, q, 0.8)
+    up = q.copy()
+    up[:, 3:7] = base
+    assert before > 1.05 and BodyMotion.of(g1, up, 100.0).torque_share(g1).max() == pytest.approx(
+        0.8, rel=0.02
+    )
+    change = pin.log3(rotation_of(base[5]) @ rotation_of(q[5, 3:7]).T)
+    axis = rotation_of(q[5, 3:7])[:2, 1]  # it bows about its own y axis
+    np.testing.assert_allclose(change / np.linalg.norm(change), [*-axis, 0.0], atol=1e-3)
+    np.testing.assert_allclose(_straightened(g1, q, 2.0), q[:, 3:7], atol=1e-12)
+
+
+@pytest.mark.slow
+def test_a_trunk_that_the_waist_cannot_hold_is_straightened(g1: Robot) -> None:
+    clip = reaching_bow(g1)
     assert check_motion(g1, clip).joint_torque.keys() == {"waist_pitch_joint"}
     result = make_feasible(g1, clip)
     assert result.after.feasible and not result.after.joint_torque

@@ -254,15 +254,37 @@ def test_what_cannot_run_is_refused_before_it_runs(make: Any, message: str) -> N
         make()
 
 
-def test_a_machine_without_an_end_is_not_asked_for_one() -> None:
+def test_a_simulation_runs_to_the_end_of_the_machine_or_of_the_time_that_it_has() -> None:
     class Plant:
-        def measure(self) -> None:
-            raise AssertionError("it began")
+        def __init__(self) -> None:
+            self.ticks = 0
 
+        def measure(self) -> int:
+            return self.ticks
+
+        def step(self, command: int) -> None:
+            assert command == self.ticks
+            self.ticks += 1
+
+    class Control:
+        def __init__(self) -> None:
+            self.controller, self.fallen = standing("hrp4_class", dt=DT), None
+
+        def command(self, measurement: int) -> int:
+            return measurement
+
+    plant, calls = Plant(), []
     endless = StateMachine("m", steps("a", "b"), {"b": {"done": "a"}})
     assert not endless.possible
     with pytest.raises(InputError, match="machine 'm' has no end"):
-        Program(endless, standing("hrp4_class", dt=DT)).run(Plant())
+        Program(endless, Control()).run(plant)
+    assert plant.ticks == 0
+    program = Program(endless, Control())
+    assert program.run(plant, seconds=0.05, after_tick=lambda: calls.append("after")) is None
+    assert plant.ticks == len(calls) == 11 and program.time == pytest.approx(0.05)
+    once = Program(StateMachine("m", steps("a")), Control())
+    assert once.run(plant, record=lambda *now: calls.append(now[1].time)) == "done"
+    assert calls[11:] == pytest.approx(DT * np.arange(5)) and plant.ticks == 16
 
 
 def table(**state: Any) -> dict[str, Any]:

@@ -28,7 +28,9 @@ from wbc.tasks import (
     RelativeFrameTask,
     Trajectory,
 )
+from wbc.tasks.motion.direction import least_turn
 from wbc.tasks.motion.moving import MovingTask
+from wbc.tasks.trajectories import Quintic, approach, jerk_to_rest, minimum_jerk
 
 DT = 0.005
 POINTS = st.lists(st.tuples(*[st.floats(-2.0, 2.0)] * 3), min_size=2, max_size=5)
@@ -93,10 +95,9 @@ def test_a_trajectory_passes_its_points_from_rest_to_rest_within_its_limits(
     states = np.array([path.at(float(t)) for t in times])
     np.testing.assert_allclose(states[0], [way[0], np.zeros(3), np.zeros(3)], atol=1e-8)
     np.testing.assert_allclose(states[-1], [way[-1], np.zeros(3), np.zeros(3)], atol=1e-6)
-    for point in way:
-        assert (
-            np.linalg.norm(states[:, 0] - point, axis=1).min() <= 0.6 * speed * (times[1] - times[0]) + 1e-9
-        )
+    passed = np.cumsum([0.0, *(np.linalg.norm(b - a) for a, b in zip(way, way[1:], strict=False))])
+    for point, share in zip(way, passed / passed[-1], strict=True):
+        np.testing.assert_allclose(path.at(float(share) * path.duration)[0], point, atol=1e-7)
     speeds, pushes = np.linalg.norm(states[:, 1], axis=1), np.linalg.norm(states[:, 2], axis=1)
     assert speeds.max() <= speed * 1.005 and pushes.max() <= acceleration * 1.01
     # One of the limits is met: nothing is slower than it must be.
@@ -119,10 +120,76 @@ def test_between_two_points_it_is_the_minimum_jerk_of_the_paper() -> None:
     assert Trajectory([start, end], speed=100.0, acceleration=0.7).duration == pytest.approx(least, rel=1e-4)
 
 
-def test_a_trajectory_may_begin_in_motion() -> None:
-    path = Trajectory([[0.0], [1.0]], speed=1.0, velocity=[0.5], acceleration_at_start=[0.1])
-    np.testing.assert_allclose(np.array(path.at(0.0)).ravel(), [0.0, 0.5, 0.1], atol=1e-9)
-    np.testing.assert_allclose(np.array(path.at(path.duration)).ravel(), [1.0, 0.0, 0.0], atol=1e-9)
+def test_a_quintic_has_the_states_of_its_ends_and_its_own_derivatives() -> None:
+    start, end = np.random.default_rng(0).normal(size=(2, 3, 2))
+    curve = Quintic(tuple(start), tuple(end), 1.3)
+    np.testing.assert_allclose([curve.at(0.0), curve.at(1.3)], [start, end], atol=1e-12)
+    for t in (0.2, 0.7, 1.1):
+        before, now, after = (np.array(curve.at(t + h)) for h in (-1e-5, 0.0, 1e-5))
+        np.testing.assert_allclose((after - before)[:2] / 2e-5, now[1:], rtol=1e-6, atol=1e-6)
+    unit = Quintic((0.0, 0.0, 0.0), (1.0, 0.0, 0.0), 1.0)
+    for share in (0.15, 0.6, 0.9):
+        np.testing.assert_allclose(minimum_jerk(share), unit.at(share)[:2], atol=1e-12)
+
+
+def test_a_tick_to_rest_has_the_jerk_of_the_quintic_from_there() -> None:
+    x, v, a, to, left, dt = 0.3, -0.7, 1.1, 0.9, 0.6, 0.01
+    place, speed, push = jerk_to_rest(x, v, a, to, left, dt)
+    assert (place, speed) == pytest.approx((x + dt * v + 0.5 * dt * dt * a, v + dt * a))
+    curve = Quintic((x, v, a), (to, 0.0, 0.0), left)
+    assert (push - a) / dt == pytest.approx((curve.at(1e-7)[2] - a) / 1e-7, rel=1e-4)
+
+
+@pytest.mark.parametrize(
+    ("displacement", "velocity", "expected"),
+    [
+        ((1.2, 1.6), (0.3, 0.4), (0.3, 0.4)),  # at the greatest speed
+        ((0.036, 0.048), (0.18, 0.24), (0.18, 0.24)),  # where √(a d) brakes
+        ((0.006, 0.008), (0.048, 0.064), (0.048, 0.064)),  # the last stretch, 8 d
+        ((1.2, 1.6), (0.0, 0.0), (0.09, 0.12)),  # by a dt at most
+        ((0.0, 0.0), (0.6, -0.8), (0.51, -0.68)),
+        ((0.0, 0.0), (0.06, -0.08), (0.0, 0.0)),
+    ],
+)
+def test_the_next_velocity_of_an_approach(
+    displacement: tuple[float, float], velocity: tuple[float, float], expected: tuple[float, float]
+) -> None:
+    now = approach(np.array(displacement), np.array(velocity), 0.5, 1.5, 0.1)
+    np.testing.assert_allclose(now, expected, atol=1e-12)
+
+
+@pytest.mark.parametrize("goal", [(2.0, -1.0, 0.5), (0.02, 0.0, 0.0), (0.0, 0.0, 0.0)])
+def test_a_reference_keeps_its_speed_and_acceleration_and_arrives(goal: tuple[float, ...]) -> None:
+    place, velocity = np.zeros(3), np.array([0.0, 0.3, 0.0])
+    speeds, changes = [], []
+    for _ in range(2000):
+        now = approach(np.array(goal) - place, velocity, 0.5, 2.0, DT)
+        changes.append(np.linalg.norm(now - velocity) / DT)
+        velocity = now
+        place = place + DT * velocity
+        speeds.append(np.linalg.norm(velocity))
+    assert max(speeds) < 0.5 + 1e-9 and max(changes) < 2.0 + 1e-9
+    np.testing.assert_allclose(place, goal, atol=1e-4)
+    assert np.linalg.norm(velocity) < 1e-3
+
+
+def test_a_trajectory_may_begin_in_motion_and_end_where_it_began() -> None:
+    """Of two points it is the quintic between both states."""
+    state = (np.array([0.0, 2.0]), np.array([0.5, -0.3]), np.array([0.1, 0.4]))
+    still = np.zeros(2)
+    for end in ([1.0, 3.0], [0.0, 2.0]):
+        path = Trajectory([state[0], end], 1.7, velocity=state[1], acceleration_at_start=state[2])
+        curve = Quintic(state, (np.array(end), still, still), 1.7)
+        for time in (0.0, 0.4, 1.1, 1.6):
+            np.testing.assert_allclose(path.at(time), curve.at(time), atol=1e-9)
+        np.testing.assert_array_equal(path.at(2.0), (end, still, still))
+    braked = Trajectory([[0.0], [0.0]], speed=1.0, velocity=[0.5], acceleration=2.0)
+    pushes = np.array([path.at(t)[2] for t in np.linspace(0.0, braked.duration, 50)])
+    assert 0.5 < braked.duration < 2.0 and abs(pushes).max() < 2.1
+    np.testing.assert_array_equal(path.at(-1.0), path.at(0.0))
+    for duration, asked in ((0.0, None), (0.9, 0.9)):
+        stays = Trajectory([[2.0], [2.0]], asked, speed=1.0)
+        assert stays.duration == duration and stays.at(0.3) == ([2.0], [0.0], [0.0])
 
 
 @pytest.mark.parametrize(
@@ -131,6 +198,7 @@ def test_a_trajectory_may_begin_in_motion() -> None:
         (lambda: Trajectory([[0.0], [1.0]]), "a duration or a speed"),
         (lambda: Trajectory([[0.0], [1.0]], 0.0), "duration of a trajectory"),
         (lambda: Trajectory([[0.0], [1.0]], speed=0.0), "above zero"),
+        (lambda: Trajectory([[0.0], [1.0]], speed=[1.0, 2.0]), "must be one number or 1, got"),
         (lambda: Trajectory([[0.0], [1.0]], 1.0, speed=1.0), "at least 1.875 s"),
         (lambda: Trajectory([[0.0]], 1.0), "two or more points"),
         (lambda: Trajectory([[0.0], [1.0, 2.0]], 1.0), "of one shape"),
@@ -141,6 +209,16 @@ def test_a_trajectory_may_begin_in_motion() -> None:
 def test_a_trajectory_that_cannot_be_is_refused(make: Callable[[], Trajectory], message: str) -> None:
     with pytest.raises(InputError, match=message):
         make()
+
+
+@pytest.mark.parametrize("turned", [0.0, 1e-9, 0.3, 2.0, np.pi - 1e-9, np.pi])
+def test_the_least_turn_brings_an_axis_to_a_direction(turned: float) -> None:
+    down, ahead = (0.0, 0.0, -1.0), (1.0, 0.0, 0.0)
+    for axis, across in ((ahead, (0.0, 1.0, 0.0)), (down, ahead), ((0.0, 0.6, 0.8), ahead)):
+        direction = np.cos(turned) * np.array(axis) + np.sin(turned) * np.array(across)
+        turn = least_turn(np.array(axis), direction)
+        np.testing.assert_allclose(pin.exp3(turn) @ axis, direction, atol=1e-6)
+        assert np.linalg.norm(turn) == pytest.approx(turned, abs=1e-6)
 
 
 # ---- tasks ------------------------------------------------------------------------------------------------------

@@ -7,7 +7,7 @@ import pinocchio as pin
 import pytest
 
 from wbc.core.errors import InputError
-from wbc.tasks.stabilizer.pendulum import Pendulum, natural_frequency
+from wbc.tasks.stabilizer.pendulum import Pendulum, dcm, natural_frequency
 from wbc.tasks.stabilizer.zmp import NoContactForceError, cop, level_zmp, net_wrench, zmp
 
 
@@ -22,6 +22,23 @@ def test_pendulum_at_rest() -> None:
     assert rest.omega == pytest.approx(natural_frequency(0.85))
     np.testing.assert_allclose(rest.dcm, [0.3, 0.1, 1.05])
     np.testing.assert_allclose(rest.zmp, [0.3, 0.1, 0.2])
+
+
+def test_a_moved_pendulum_is_one_over_the_zmp_that_goes_with_it() -> None:
+    rng = np.random.default_rng(3)
+    com, velocity, acceleration, shift, rate, push = rng.normal(size=(6, 3))
+    rest = Pendulum.at_rest(np.array([0.3, 0.1, 1.05]), ground=0.2)
+    ground = np.array([*(com - acceleration / rest.omega**2)[:2], 0.2])
+    before = rest._replace(com=com, com_velocity=velocity, com_acceleration=acceleration, zmp=ground)
+    moved = before.moved(shift, rate, push)
+    np.testing.assert_allclose(moved.com, com + shift)
+    np.testing.assert_allclose(moved.com_velocity, velocity + rate)
+    np.testing.assert_allclose(moved.com_acceleration, acceleration + push)
+    np.testing.assert_allclose(
+        moved.com_acceleration[:2], rest.omega**2 * (moved.com - moved.zmp)[:2], atol=1e-12
+    )
+    assert moved.zmp[2] == 0.2 and before.zmp is ground
+    np.testing.assert_allclose(dcm(moved.com, moved.com_velocity, rest.omega), moved.dcm)
 
 
 def test_cop_and_zmp_agree_on_a_tilted_sole_anywhere() -> None:

@@ -398,6 +398,10 @@ def test_filters_are_exact_at_any_period() -> None:
             values.append(np.array(f.value))
         np.testing.assert_allclose(values[0], values[1], atol=1e-9)
     np.testing.assert_allclose(values[0], (1 - np.exp(-0.5)) / 0.5)
+    plain = LeakyIntegral(0.0, 10.0, 1)
+    for rate in (3.0, -1.0):
+        plain.update(np.array([rate]), 0.2)
+    assert plain.value == pytest.approx(0.4)
 
 
 def test_the_high_pass_drops_offsets_and_keeps_motion() -> None:
@@ -574,7 +578,8 @@ def test_presets_and_clamps(caplog: pytest.LogCaptureFixture) -> None:
     ("make", "error", "message"),
     [
         (lambda: Stabilizer(0.0, WrenchDistribution(SIZES)), InputError, "mass"),
-        (lambda: tick(stabilizer(), com=[np.nan, 0, 1]), InputError, "CoM"),
+        (lambda: tick(stabilizer(), com=[np.nan, 0, 1]), InputError, "CoM .m"),
+        (lambda: tick(stabilizer(), velocity=np.zeros(2)), InputError, r"CoM velocity.*shape \(3,\)"),
         (lambda: tick(stabilizer(), wrenches=np.zeros((2, 5))), InputError, "foot wrenches"),
         (lambda: tick(stabilizer(), contact=(False, False)), InputError, "neither"),
         (lambda: tick(stabilizer(), dt=0.0), InputError, "control period"),
@@ -602,7 +607,10 @@ def test_heavier_robots_yield_slower_unless_told_otherwise() -> None:
         assert stabilizer.gains.cop_admittance == pytest.approx((expected, expected))
         stabilizer.gains = StabilizerGains(dcm_p=3.0)
         assert stabilizer.gains.cop_admittance == pytest.approx((expected, expected))
+        stabilizer.mass = 80.0
+        assert stabilizer.gains.cop_admittance == pytest.approx((0.025, 0.025))
         stabilizer.gains = StabilizerGains(cop_admittance=0.03)
+        stabilizer.mass = mass
         assert stabilizer.gains.cop_admittance == (0.03, 0.03)
     with pytest.raises(InputError, match="mass"):
         StabilizerGains().for_mass(0.0)

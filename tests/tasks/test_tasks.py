@@ -22,7 +22,7 @@ from task_factory import (
 from wbc.core.errors import Array, InputError
 from wbc.core.qp.controller import Controller
 from wbc.core.qp.task import MotionTask
-from wbc.core.robot import Robot
+from wbc.core.robot import BASE_DOF, Robot
 from wbc.tasks import (
     AdmittanceTask,
     CoMTask,
@@ -434,3 +434,22 @@ def test_joints_are_bounded_one_by_one_and_any_bound_can_be_set() -> None:
     assert (CoMTask().error_bound == 0.3).all() and (PositionTask("f").error_bound == 0.1).all()
     np.testing.assert_allclose(PoseTask("f", axes=("x", "roll", "yaw")).error_bound, (0.1, 1.0, 1.0))
     assert np.isinf(MomentumTask().error_bound).all()
+
+
+def test_a_task_counts_joints_that_it_does_not_use() -> None:
+    """Columns of spared joints are zero, and what these joints do is in the drift and in the damping."""
+    robot, rng = make_robot("hrp4_class"), np.random.default_rng(0)
+    robot.update(robot.half_sitting, rng.normal(size=robot.nv))
+    com = Controller(robot, 0.005).add(CoMTask(stiffness=25.0))
+    whole = rows_of(com, robot)
+    com.spared = joints = np.array([robot.joint_index(joint) for joint in arm(robot)]) + BASE_DOF
+    com.spared_acceleration = rng.normal(size=joints.size)
+    sparing = rows_of(com, robot)
+    assert not sparing[0][:, joints].any()
+    acceleration = rng.normal(size=robot.nv)
+    acceleration[joints] = com.spared_acceleration
+    demands = [
+        25.0 * error - com.damping * (jacobian @ robot.v) - drift - jacobian @ acceleration
+        for jacobian, error, drift in (whole, sparing)
+    ]
+    np.testing.assert_allclose(*demands, atol=1e-9)

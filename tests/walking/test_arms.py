@@ -10,13 +10,10 @@ import pinocchio as pin
 import pytest
 
 from wbc import load_robot
-from wbc.core.errors import Array, InputError, UnknownNameError
-from wbc.core.qp.controller import Controller
+from wbc.core.errors import InputError, UnknownNameError
 from wbc.core.robot import BASE_DOF
 from wbc.sim import Plant, TrialHook, WalkPlan, WalkSpec, WalkTrial
 from wbc.sim.trial.loop import TrialTick
-from wbc.tasks import CoMTask
-from wbc.tasks.trajectories import approach
 from wbc.walking import ArmSettings, FootstepPlan, WalkingControl, WalkingControlSettings
 from wbc.walking.pattern.swing import FootMotion
 
@@ -33,50 +30,6 @@ def update(walking: WalkingControl, ticks: int = 1) -> None:
     left, right = walking.walk._feet
     for _ in range(ticks):
         walking.arms.update((left, right), 0.0)
-
-
-@pytest.mark.parametrize("goal", [(2.0, -1.0, 0.5), (0.02, 0.0, 0.0), (0.0, 0.0, 0.0)])
-def test_a_reference_keeps_its_speed_and_acceleration_and_arrives(goal: tuple[float, ...]) -> None:
-    place, velocity = np.zeros(3), np.array([0.0, 0.3, 0.0])
-    speeds, changes = [], []
-    for _ in range(2000):
-        now = approach(np.array(goal) - place, velocity, 0.5, 2.0, DT)
-        changes.append(np.linalg.norm(now - velocity) / DT)
-        velocity = now
-        place = place + DT * velocity
-        speeds.append(np.linalg.norm(velocity))
-    assert max(speeds) < 0.5 + 1e-9 and max(changes) < 2.0 + 1e-9
-    np.testing.assert_allclose(place, goal, atol=1e-4)
-    assert np.linalg.norm(velocity) < 1e-3
-
-
-def test_the_balance_counts_an_arm_that_it_does_not_use() -> None:
-    """Columns of spared joints are zero, and what these joints do is in the drift and in the damping."""
-    robot = load_robot("hrp4_class").robot()
-    rng = np.random.default_rng(0)
-    robot.update(robot.half_sitting, rng.normal(size=robot.nv))
-    controller = Controller(robot, DT)
-    com = controller.add(CoMTask(stiffness=25.0))
-    whole, sparing = (_rows(com, robot.nv) for _ in range(2))
-    arm = np.array(robot.joints_between(robot.frames["left_hand"], robot.torso_frame)) + BASE_DOF
-    com.spared = arm
-    com.spared_acceleration = rng.normal(size=arm.size)
-    sparing = _rows(com, robot.nv)
-    assert not sparing[0][:, arm].any()
-    acceleration = rng.normal(size=robot.nv)
-    acceleration[arm] = com.spared_acceleration
-
-    def demand(rows: tuple[Array, Array, Array]) -> Array:
-        jacobian, error, drift = rows
-        return np.asarray(25.0 * error - com.damping * (jacobian @ robot.v) - drift - jacobian @ acceleration)
-
-    np.testing.assert_allclose(demand(sparing), demand(whole), atol=1e-9)
-
-
-def _rows(task: CoMTask, nv: int) -> tuple[Array, Array, Array]:
-    jacobian, error, drift = np.zeros((3, nv)), np.zeros(3), np.zeros(3)
-    task.evaluate(jacobian, error, drift)
-    return jacobian, error, drift
 
 
 @pytest.mark.parametrize("waist", [False, True])
@@ -105,6 +58,7 @@ def test_a_hand_without_a_target_adds_nothing_and_one_that_is_let_go_costs_nothi
     assert walking.controller.task("left_hand").weight[0] == pytest.approx(walking.arms.settings.weight)
     assert not walking.controller.task("left_hand").weight[3:].any(), "a point has no rotation"
     hand.release()
+    assert not hand.moving and not hand.reached and hand.target is None and np.isnan(hand.error).all()
     update(walking, 100)
     assert not hand.active and walking.controller.task("left_hand").idle
     assert walking.tasks.com.spared.size == 0

@@ -13,6 +13,8 @@ from wbc.core.robot import BASE_DOF
 from wbc.sim import Plant
 from wbc.sim.plant.falls import TrueFallDetector
 from wbc.tasks import GazeTask
+from wbc.tasks.stabilizer.lean import LeanMotion
+from wbc.tasks.stabilizer.pendulum import Pendulum
 from wbc.walking import FootstepPlan, SteppingControl, WalkingControl
 from wbc.walking.body import MOST_LEAN, lowest_com
 from wbc.walking.planning.reach import leg_geometry
@@ -67,12 +69,57 @@ def test_a_torso_without_a_neck_is_pointed_level_towards_what_it_looks_at() -> N
     _, walking = standing("g1", "stepping")
     point = np.array([3.0, 1.5, 1.0])
     walking.body.look_at(point)
-    for _ in range(3000):
+    for _ in range(1700):
         walking.body.update(0.2)
+    assert walking.body.looking
     gaze, com = walking.controller.task("gaze"), walking.controller.robot.com
     assert isinstance(gaze, GazeTask)
     way = (point - com)[:2]
     np.testing.assert_allclose(gaze.target - com, [*(3.0 * way / np.hypot(*way)), 0.0], atol=1e-3)
+    walking.body.look_at(None)
+    assert not walking.body.looking and gaze.weight.any()
+    for _ in range(1700):
+        walking.body.update(0.2)
+    assert not walking.body.active and not gaze.weight.any()
+    walking.body.look_at([-3.0, 0.5, 1.0])  # behind it, and the look stays at the end of its range
+    for _ in range(1700):
+        walking.body.update(0.2)
+    assert not walking.body.looking
+    np.testing.assert_allclose((gaze.target - com)[:2], 3.0 * np.array((np.cos(0.8), np.sin(0.8))), atol=1e-3)
+
+
+def test_what_the_body_adds_to_a_reference_moves_as_its_rates_say() -> None:
+    """Height, lean in the heading and twist, all on their way at once."""
+    _, walking = standing()
+    body, heading = walking.body, 0.7
+    body.com_height -= 0.02
+    body.lean, body.turn = (0.05, -0.12), -0.2
+    assert body.lean == (0.05, -0.12) and body.turn == -0.2
+    rest, tilted = Pendulum.at_rest(np.array([0.1, 0.2, 0.8])), pin.exp3(np.array([0.0, 0.02, 0.0]))
+    leaning, before = LeanMotion(tilted, np.array([0.1, 0.0, 0.0]), np.array([0.0, 0.3, 0.0])), None
+    for _ in range(600):
+        body.update(heading)
+        pendulum, lean, twist = body.raised(rest), body.leaned(leaning, heading), body.twist
+        if before is not None:
+            height, trunk, angle = before
+            rise, turning = pendulum.com_velocity - height.com_velocity, lean.velocity - trunk.velocity
+            np.testing.assert_allclose(pendulum.com - height.com, DT * pendulum.com_velocity, atol=1e-7)
+            np.testing.assert_allclose(rise, DT * pendulum.com_acceleration, atol=2e-6)
+            np.testing.assert_allclose(
+                pin.log3(lean.rotation @ trunk.rotation.T) / DT, lean.velocity - leaning.velocity, atol=2e-2
+            )
+            np.testing.assert_allclose(turning, DT * (lean.acceleration - leaning.acceleration), atol=2e-6)
+            assert twist.angle - angle.angle == pytest.approx(DT * twist.rate, abs=1e-7)
+            assert twist.rate - angle.rate == pytest.approx(DT * twist.acceleration, abs=2e-6)
+        before = pendulum, lean, twist
+    assert body.reached and twist == (pytest.approx(-0.2), 0.0, 0.0, True)
+    np.testing.assert_allclose(pendulum.com, [0.1, 0.2, 0.78])
+    turned = (
+        pin.utils.rotate("z", heading)
+        @ pin.exp3(np.array([0.05, -0.12, 0.0]))
+        @ pin.utils.rotate("z", -heading)
+    )
+    np.testing.assert_allclose(lean.rotation, tilted @ turned, atol=1e-12)
 
 
 def walk_and_stop(plant: Plant, walking: WalkingControl) -> None:
@@ -113,6 +160,7 @@ def test_a_gaze_anywhere_makes_no_walk_by_steps_fall(where: tuple[float, float, 
 def test_what_the_robot_does_not_reach_is_refused_by_name() -> None:
     _, walking = standing("talos")
     body, height = walking.body, walking.body.com_height
+    heights = (body.com_height, body.lean, body.turn)
     for name, value, message in (
         ("com_height", 0.3, r"com_height \(m\) of 'talos', as far as its legs bend"),
         ("com_height", 1.5, r"CoM height \(m\) of 'talos'"),
@@ -123,8 +171,19 @@ def test_what_the_robot_does_not_reach_is_refused_by_name() -> None:
     ):
         with pytest.raises(InputError, match=message):
             setattr(body, name, value)
-    with pytest.raises(InputError, match="point to look at"):
-        body.look_at([0.0, 1.0])
+        with pytest.raises(InputError, match=message):
+            body.check(name, value)
+    for name, good in (
+        ("com_height", height - 0.01),
+        ("lean", (0.1, 0.0)),
+        ("turn", 0.1),
+        ("look_at", np.ones(3)),
+    ):
+        body.check(name, good)
+    assert heights == (body.com_height, body.lean, body.turn) and not body.looking
+    for look in (body.look_at, lambda point: body.check("look_at", point)):
+        with pytest.raises(InputError, match="point to look at"):
+            look([0.0, 1.0])
     with pytest.raises(
         UnknownNameError, match="no attribute of Body 'com_heigth'; did you mean 'com_height'"
     ):

@@ -6,6 +6,7 @@ import math
 from dataclasses import replace
 
 import numpy as np
+import pinocchio as pin
 import pytest
 from pendulum import BY_TIME
 
@@ -224,6 +225,45 @@ def test_it_goes_to_a_place_and_stands_there(goal: tuple[float, float, float]) -
     start = 0.5 * (ROBOTS["hrp4_class"].placement("left_sole").translation[:2] * 0.0)
     assert source.reached and stage.walk.finished
     assert np.linalg.norm(place - start - np.array(goal[:2])) < 0.05 and abs(yaw - goal[2]) < 0.1
+
+
+@pytest.mark.parametrize("first", [None, "left", "right"])
+@pytest.mark.parametrize("goal", [(3.0, 0.4, 2.0), (0.4, -0.2, 0.3)], ids=["far", "near"])
+def test_steps_to_a_goal_are_the_same_in_a_world_that_is_moved_and_turned(
+    first: str | None, goal: tuple[float, float, float]
+) -> None:
+    world, now = (
+        pin.SE3(pin.utils.rotate("z", 2.5), np.array([5.0, -3.0, 0.2])),
+        standing("hrp4_class", first),
+    )
+    reach = Reach.of(ROBOTS["hrp4_class"])
+    there = world * pin.SE3(pin.utils.rotate("z", goal[2]), np.array([*goal[:2], 0.0]))
+    x, y, _ = there.translation
+    plans = [
+        GoalSource(place, VelocitySource(reach, SIZES["hrp4_class"])).footsteps(now._replace(start=start))
+        for place, start in ((goal, now.start), ((x, y, goal[2] + 2.5), now.start.moved(world)))
+    ]
+    assert len(plans[0].steps) > 2 and [s.side for s in plans[0].steps] == [s.side for s in plans[1].steps]
+    for here, moved in zip(plans[0].steps, plans[1].steps, strict=True):
+        np.testing.assert_allclose(
+            (world * here.placement).homogeneous, moved.placement.homogeneous, atol=1e-9
+        )
+
+
+def test_the_velocity_to_a_goal_is_what_the_next_two_steps_need() -> None:
+    """From afar it turns to the goal first; near it every part goes by two steps."""
+    now = standing("hrp4_class")
+    drive = VelocitySource(Reach.of(ROBOTS["hrp4_class"]), SIZES["hrp4_class"])
+    gait = Gait.for_speed(AT_REST, now.start.gait)
+    two = 2.0 * (gait.single_support + gait.double_support)
+    forward, left, turn = np.array(GoalSource((0.4, -0.2, 0.3), drive)._velocity(now)) * two
+    assert (forward, left, turn) == pytest.approx((0.4, -0.2, 0.3))
+    aside = math.atan2(0.4, 3.0)
+    forward, left, turn = GoalSource((3.0, 0.4, 2.0), drive)._velocity(now)
+    assert (left, turn * two) == pytest.approx((0.0, aside))
+    assert forward == pytest.approx(
+        (1.0 - aside / 0.5) * min(drive.settings.fastest[0], 3.03 / two), rel=1e-2
+    )
 
 
 def test_a_robot_whose_landings_are_put_off_stands_beside_its_goal() -> None:

@@ -126,6 +126,8 @@ def test_stairs(rise: float, together: bool) -> None:
     reach = Reach.of(ROBOT, 0.76)
     check_plan(plan, ROBOT, reach)
     left, right = plan.final
+    levels = np.repeat((1, 2, 3, 4), (2, 2, 2, 2) if together else (1, 1, 1, 2))
+    assert [step.z for step in plan.steps] == pytest.approx([0.0] * 3 + [*(rise * levels)])
     assert left.z == right.z == pytest.approx(4 * rise)
     assert left.x == right.x == pytest.approx(0.4 + 3.5 * 0.3)
     edges = 0.4 + 0.3 * np.arange(4)
@@ -212,6 +214,10 @@ def test_a_plan_that_leaves_the_ground_is_refused() -> None:
         (lambda: walk_distance(START, 0.0), "zero"),
         (lambda: walk_velocity(START, (0.1, 0.0), 3), "velocity must be"),
         (lambda: walk_velocity(START, (0.1, 0.0, 0.0), 0), "at least 1"),
+        (
+            lambda: walk_velocity(START, (0.1, 0.0, -1.5), 3),
+            "by -3.30 rad in a step of 1.1 s; half a turn is 1.43",
+        ),
         (lambda: turn_in_place(START, 0.0), "zero"),
         (lambda: climb_stairs(START, rise=0.1, tread=0.3, count=2, first_edge=0.1), "half a tread"),
         (lambda: replace(START, steps=(Footstep("left", 0, 0.1), Footstep("left", 0.1, 0.1))), "alternate"),

@@ -16,7 +16,7 @@ from wbc.core.limits.rows import TorqueLimits
 from wbc.core.robot import GRAVITY
 from wbc.robots import load
 from wbc.sim import Plant, SensorNoise, SignalNoise, Trial, make_scene
-from wbc.tasks.motion.direction import least_turn
+from wbc.tasks.stabilizer.pendulum import Pendulum
 from wbc.tasks.stabilizer.zmp import zmp_offset
 from wbc.walking import (
     FootstepPlan,
@@ -26,9 +26,12 @@ from wbc.walking import (
     WalkingControlSettings,
     walk_distance,
 )
-from wbc.walking.hands.hand import Hand, HandState
-from wbc.walking.hands.hands import Hands
-from wbc.walking.hands.motion import MovingFrame
+from wbc.walking.hands.hand import GAP, Hand, HandState
+from wbc.walking.hands.hands import FILTER_TIME, HELP_FROM, HELP_LEAK, HELP_TIME, RELAX, SLOW_TIME, Hands
+from wbc.walking.hands.motion import FOLLOW, Follower, MovingFrame
+from wbc.walking.pattern.swing import FootMotion
+from wbc.walking.planning.phases import Phase
+from wbc.walking.source import Reference
 
 TABLE = {"distance": 0.18, "height": 0.7}
 DOWN, AHEAD = (0.0, 0.0, -1.0), (1.0, 0.0, 0.0)
@@ -178,15 +181,6 @@ def test_hands_without_orders_have_nothing_in_the_qp() -> None:
     hands.press("left_hand", 5.0, DOWN)
     assert [contact.name for contact in controller.contacts[2:]] == ["left_hand press"]
     assert len(controller.tasks) == before + 2
-
-
-@pytest.mark.parametrize("turned", [0.0, 1e-9, 0.3, 2.0, np.pi - 1e-9, np.pi])
-def test_the_least_turn_brings_an_axis_to_a_direction(turned: float) -> None:
-    for axis, across in ((AHEAD, (0.0, 1.0, 0.0)), (DOWN, AHEAD), ((0.0, 0.6, 0.8), AHEAD)):
-        direction = np.cos(turned) * np.array(axis) + np.sin(turned) * np.array(across)
-        turn = least_turn(np.array(axis), direction)
-        np.testing.assert_allclose(pin.exp3(turn) @ axis, direction, atol=1e-6)
-        assert np.linalg.norm(turn) == pytest.approx(turned, abs=1e-6)
 
 
 @pytest.mark.parametrize("offset", [1.0, 5.0, 12.0])
@@ -365,6 +359,9 @@ def test_the_bound_goes_with_the_heading_of_the_robot(yaw: float) -> None:
         settings = WalkingControlSettings(hands=HandSettings())
         hands = WalkingControl(robot, FootstepPlan.standing(robot), 0.005, settings).hands
         assert hands is not None
+        assert hands.heading == pytest.approx(turn)
+        hands.slip = 0.1
+        assert hands.heading == pytest.approx(turn + 0.1)
         for along in (AHEAD, (0.0, 1.0, 0.0), (0.8, -0.6, 0.0)):
             with pytest.raises(InputError) as refused:
                 hands.press("left_hand", 60.0, pin.utils.rotate("z", turn) @ along, at=(0.1, 0.1, 0.9))
@@ -375,17 +372,22 @@ def test_the_bound_goes_with_the_heading_of_the_robot(yaw: float) -> None:
 def held_hand(force: float, **settings: Any) -> tuple[Hands, Hand, Callable[[float], None]]:
     """Return hands of which the left one holds with a force, and a tick of it with what the QP gives at most."""
     hands = standing(**settings)[1]
-    hand, middle = hands.all["left_hand"], MovingFrame([np.zeros(3)] * 2, 0.0)
+    return hands, *hold(hands, "left_hand", AHEAD, force)
+
+
+def hold(hands: Hands, name: str, along: Any, force: float) -> tuple[Hand, Callable[[float], None]]:
+    hand, middle = hands.all[name], MovingFrame([np.zeros(3)] * 2, 0.0)
 
     def tick(most: float) -> None:
         felt = max(hand.target, 2.0 * hands.settings.touch)
         chosen = np.minimum((0.0, 0.0, most), hand._force.target)
-        hand.update(np.array([-felt, 0.0, 0.0, 0.0, 0.0, 0.0]), np.eye(3), chosen, middle, 0.005)
+        wrench = np.concatenate((-felt * hand.direction, np.zeros(3)))
+        hand.update(wrench, np.eye(3), chosen, middle, 0.005)
 
-    hands.press("left_hand", force, AHEAD, firm=True)
+    hands.press(name, force, along, firm=True)
     while hand.state is not HandState.HOLD or hand.target < force:
         tick(np.inf)
-    return hands, hand, tick
+    return hand, tick
 
 
 def test_an_arm_that_has_its_force_again_gives_it_again() -> None:
@@ -427,3 +429,197 @@ def test_a_hand_that_presses_lets_go_before_it_grips() -> None:
         tick(np.inf)
     hands.grip("left_hand", (0.35, 0.2, 0.9), AHEAD, 10.0)
     assert hand.state is HandState.REACH
+
+
+# ---- in a tick: against closed forms -------------------------------------------------------------------------------
+
+
+def test_a_follower_is_critically_damped_and_a_frame_between_the_feet_says_how_its_points_move() -> None:
+    """After a step of 1: 1 − (1 + t/T) exp(−t/T)."""
+    dt, follower = 1e-4, Follower(0.3, 0.0)
+    for _ in range(5000):
+        follower.follow(1.0 - follower.value, dt)
+    s, decay = 0.5 / 0.3, np.exp(-0.5 / 0.3)
+    assert follower.value == pytest.approx(1.0 - (1.0 + s) * decay, abs=1e-3)
+    assert follower.velocity == pytest.approx(s * decay / 0.3, abs=1e-3)
+    assert follower.acceleration == pytest.approx((1.0 - s) * decay / 0.09, abs=1e-2)
+    feet = np.array([(0.0, 0.1, 0.0), (0.1, -0.1, 0.02)])
+    frame, held = MovingFrame(feet, 3.0), pin.SE3.Random()
+    np.testing.assert_allclose(frame.placement.translation, (0.05, 0.0, 0.01))
+    for _ in range(3000):
+        before = frame.placement.act(held.translation)
+        frame.update([feet[0] + (0.4, 0.2, 0.1), feet[1] + (0.4, 0.2, 0.1)], -3.0, dt)
+    after = frame.placement.act(held.translation)
+    np.testing.assert_allclose(frame.velocity(after), (after - before) / dt, atol=1e-3)
+    part = 1.0 - (1.0 + 0.3 / FOLLOW) * np.exp(-0.3 / FOLLOW)
+    np.testing.assert_allclose(
+        frame.placement.translation, np.array((0.05, 0.0, 0.01)) + part * np.array((0.4, 0.2, 0.1)), atol=1e-3
+    )
+    turned = pin.log3(frame.placement.rotation @ pin.utils.rotate("z", 3.0).T)[2]
+    assert turned == pytest.approx(part * (2.0 * np.pi - 6.0), abs=1e-3), "the short way round"
+
+
+class Felt:
+    """Hands of a robot that stands, with readings of any wrenches of the surroundings, in world axes at each hand."""
+
+    def __init__(self, **settings: Any) -> None:
+        self.walking, self.hands = standing(**settings)
+        self.robot, self.measured = self.walking.controller.robot, Plant(load("hrp4_class")).measure()
+        self.tare = np.array([(3.0, -2.0, 1.0, 0.1, 0.2, -0.3), (-1.0, 2.0, 4.0, 0.3, -0.1, 0.2)])
+        self.wrenches, self.yaw = np.zeros((2, 6)), 0.0
+        self.feet = [self.robot.placement(sole.frame).translation.copy() for sole in self.robot.soles]
+        self.pendulum = Pendulum.at_rest(self.robot.com)
+        for hand, place in zip(self.hands.all.values(), self.places, strict=True):
+            ahead = place.rotation @ hand.arm.axis()
+            self.hands.grip(hand.name, place.translation + (0.14 + GAP) * ahead, ahead, 8.0)
+        for _ in range(2):  # hands arrive where they are, and take their readings for those of no contact
+            self.tick(0.5 * self.hands.settings.reach, Phase.STANDING)
+        assert [hand.state for hand in self.hands.all.values()] == 2 * [HandState.GRIP] and self.hands.there
+
+    @property
+    def places(self) -> list[pin.SE3]:
+        return [self.robot.placement(self.robot.frames[name]) for name in self.hands.all]
+
+    def tick(self, dt: float, phase: Phase = Phase.DOUBLE) -> Any:
+        readings = [
+            np.concatenate((place.rotation.T @ wrench[:3], place.rotation.T @ wrench[3:]))
+            for place, wrench in zip(self.places, self.wrenches, strict=True)
+        ]
+        measured = replace(self.measured, hand_wrenches=np.array(readings) + self.tare)
+        feet = [FootMotion.at_rest(pin.SE3(np.eye(3), foot)) for foot in self.feet]
+        reference = Reference(self.pendulum, (feet[0], feet[1]), heading=self.yaw, phase=phase)
+        return self.hands.update(measured, reference, dt)
+
+
+def test_measured_wrenches_are_filtered_for_the_balance_the_servos_and_the_lean() -> None:
+    felt = Felt()
+    hands, dt = felt.hands, 0.05
+    felt.wrenches = np.array([(-8.0, 3.0, 5.0, 0.7, -0.2, 0.4), (-4.0, -2.0, 3.0, -0.3, 0.6, 0.1)])
+    place = [each.translation for each in felt.places]
+    moments = felt.wrenches[:, 3:] + np.cross(place, felt.wrenches[:, :3])
+    whole = np.concatenate((felt.wrenches[:, :3].sum(axis=0), moments.sum(axis=0)))
+    outside = [felt.tick(dt) for _ in range(10)][-1]
+    np.testing.assert_allclose(outside, -np.expm1(-10 * dt / FILTER_TIME) * whole, rtol=1e-9)
+    slow = -np.expm1(-10 * dt / SLOW_TIME)
+    for hand, there, wrench in zip(hands.all.values(), felt.places, felt.wrenches, strict=True):
+        turned = np.concatenate((there.rotation.T @ wrench[:3], there.rotation.T @ wrench[3:]))
+        np.testing.assert_allclose(hand._wrench.target, slow * turned, rtol=1e-9, atol=1e-12)
+    for _ in range(150):
+        felt.tick(0.1)
+    zmp = felt.pendulum.zmp
+    weight = felt.robot.mass * GRAVITY
+    # Moments about the ZMP over the weight, against which the CoM leans.
+    moment = whole[3:] - np.cross(zmp, whole[:3])
+    lean = np.array([-moment[1], moment[0]]) / weight
+    np.testing.assert_allclose(hands.shift, lean, atol=1e-5)
+    shifted = hands.shifted(felt.pendulum)
+    np.testing.assert_allclose(shifted.com[:2] - felt.pendulum.com[:2], lean, atol=1e-5)
+    felt.wrenches[:] = 0.0
+    for name in hands.all:
+        hands.release(name)
+    while hands.active:
+        assert felt.tick(0.1) is not None
+    assert felt.tick(dt) is None and not hands.shift.any() and not hands.outside.any()
+
+
+@pytest.mark.parametrize("angle", [0.3, 1.2, -2.0])
+def test_the_feet_bear_a_force_as_far_as_the_edge_lets_their_zmp_go(angle: float) -> None:
+    free, bound = Felt(), Felt(edge=0.2)
+    for felt in (free, bound):
+        felt.yaw = 0.7
+        felt.wrenches[:, :2] = 12.0 * np.array((np.cos(angle), np.sin(angle)))
+        for _ in range(150):
+            felt.tick(0.1)
+    goal = free.hands.shift
+    size = np.linalg.norm(goal)
+    ahead, aside = pin.utils.rotate("z", -0.7)[:2, :2] @ goal / size
+    sole = free.robot.soles[0]
+    to_edge = 0.5 / max(abs(ahead) / sole.length, abs(aside) / sole.width)
+    np.testing.assert_allclose(bound.hands.shift, goal * (1.0 - 0.2 * to_edge / size), rtol=1e-3)
+
+
+@pytest.mark.parametrize("rests", [False, True])
+def test_hands_that_grip_yield_to_a_squeeze_to_the_vertical_and_to_more_than_their_limits(
+    rests: bool,
+) -> None:
+    """Not to a couple, which turns what they hold; at rest to a part of everything."""
+    felt = Felt()
+    part = -np.expm1(-0.2 / FILTER_TIME)  # of the low-pass
+    common, couple, squeeze, up = (30.0, -6.0, 0.0), (9.0, 0.0, 0.0), (0.0, 7.0, 0.0), (0.0, 0.0, 5.0)
+    forces = np.array([np.add(common, couple) + squeeze + up, np.subtract(common, couple) - squeeze - up])
+    felt.wrenches[:, :3] = forces / part
+    for _ in range(4):
+        felt.tick(0.05, Phase.STANDING if rests else Phase.DOUBLE)
+    size = 2.0 * np.linalg.norm(common)
+    more = (size - 16.0) / size * np.array(common)
+    expected = np.array([more + squeeze, more - np.array(squeeze)])
+    expected += (RELAX if rests else 0.0) * (forces - expected)
+    expected[:, 2] = 5.0, -5.0
+    for hand, excess in zip(felt.hands.all.values(), expected, strict=True):
+        np.testing.assert_allclose(hand.excess, excess, atol=1e-9)
+    felt.wrenches[:, :3] *= 0.2
+    for _ in range(20):
+        felt.tick(0.05)
+    np.testing.assert_allclose(felt.hands.all["left_hand"].excess, (0.0, 1.4 / part, 1.0 / part), atol=1e-6)
+
+
+def test_a_hand_that_grips_goes_with_the_feet_and_yields_by_its_excess() -> None:
+    felt = Felt()
+    hand, place = felt.hands.all["left_hand"], felt.places[0].copy()
+    felt.wrenches[:, 2] = 6.0, -2.0
+    felt.wrenches[:, 1] = 9.0, -9.0
+    before = pin.SE3.Identity()
+    middle = 0.5 * (felt.feet[0] + felt.feet[1])
+    felt.feet, felt.yaw = [foot + (0.2, 0.1, 0.05) for foot in felt.feet], 0.4
+    for _ in range(300):
+        before = hand.task.target
+        felt.tick(0.001)
+    speed = (hand.task.target.translation - before.translation) / 0.001
+    np.testing.assert_allclose(
+        hand.task.target.rotation @ hand.task.feedforward_velocity[:3], speed, atol=5e-3
+    )
+    for _ in range(60):
+        felt.tick(0.1)
+    move = pin.SE3(pin.utils.rotate("z", 0.4), middle + (0.2, 0.1, 0.05)) * pin.SE3(np.eye(3), -middle)
+    np.testing.assert_allclose(hand.task.target.homogeneous, (move * place).homogeneous, atol=1e-6)
+    np.testing.assert_allclose(hand.excess, (0.0, 9.0, 6.0), atol=1e-6)
+    yields = hand.task.measured_wrench
+    np.testing.assert_allclose(place.rotation @ yields[:3], hand.excess, atol=1e-9)
+    assert not yields[3:].any() and not hand.task.target_wrench.any() and hand.bounded
+    felt.wrenches[:, 1] = 3.5, -3.5
+    for _ in range(40):
+        felt.tick(0.05)
+    assert not hand.bounded, "less than a touch; the vertical does not count"
+
+
+def test_hands_that_press_take_over_a_moment_that_the_feet_cannot_give() -> None:
+    hands, left, tick = held_hand(30.0, help=0.6, ramp=0.1)
+    right = hold(hands, "right_hand", (0.0, 0.8, -0.6), 20.0)[0]
+    zmp, missing, dt = np.array((0.02, -0.01, 0.03)), np.array((7.0, -4.0)), 0.002
+    lacks = missing * (1.0 - HELP_FROM / np.linalg.norm(missing))
+
+    def moment() -> np.ndarray[Any, Any]:
+        """Of the forces for the balance, about the horizontal axes through the ZMP."""
+        forces = [-hand.extra * hand.direction for hand in (left, right)]
+        arms = [hands._place(hand.name).translation - zmp for hand in (left, right)]
+        return np.asarray(np.cross(arms, forces).sum(axis=0)[:2])
+
+    hands.help(missing, zmp, dt)
+    first = -np.expm1(-dt / HELP_TIME) * dt / HELP_TIME
+    np.testing.assert_allclose(moment(), 0.6 * first * lacks, rtol=0.01)
+    for _ in range(800):
+        hands.help(missing, zmp, 0.01)
+    np.testing.assert_allclose(moment(), 0.6 / HELP_LEAK * lacks, rtol=0.01)
+    for _ in range(800):
+        hands.help(0.9 * HELP_FROM * missing / np.linalg.norm(missing), zmp, 0.01)
+    np.testing.assert_allclose(moment(), 0.0, atol=1e-3)
+
+
+def test_a_hand_that_holds_presses_another_way_with_another_force() -> None:
+    hands, hand, tick = held_hand(20.0, ramp=0.1)
+    hands.press("left_hand", 12.0, (3.0, 0.0, -4.0), firm=True)
+    np.testing.assert_allclose(hand.direction, (0.6, 0.0, -0.8))
+    np.testing.assert_allclose(hand.contact.normal, (-0.6, 0.0, 0.8))
+    for _ in range(25):
+        tick(np.inf)
+    assert hand.state is HandState.HOLD and hand.target == pytest.approx(12.0)

@@ -9,10 +9,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 import qpsolvers
-from hypothesis import given
-from hypothesis import strategies as st
 from pendulum import analytic_pattern
-from properties import examples
 from scipy.spatial import ConvexHull
 
 from wbc.core.errors import InputError
@@ -128,18 +125,6 @@ def test_the_zmp_target_is_inward_on_both_feet() -> None:
 # Heights
 
 
-@examples(20)
-@given(st.tuples(*[st.floats(-1, 1)] * 6), st.floats(0.1, 2.0))
-def test_quintics_hit_both_ends(v: tuple[float, ...], duration: float) -> None:
-    q = Quintic(v[:3], v[3:], duration)
-    np.testing.assert_allclose(q.at(0.0), v[:3], atol=1e-12)
-    np.testing.assert_allclose(q.at(duration), v[3:], atol=1e-6 / duration**2)
-    h, t = 1e-5, 0.4 * duration
-    for i in (0, 1):
-        slope = (q.at(t + h)[i] - q.at(t - h)[i]) / (2 * h)
-        assert slope == pytest.approx(q.at(t)[i + 1], rel=1e-4, abs=1e-4 / duration**2)
-
-
 @pytest.mark.parametrize("rise", [0.1, -0.1])
 def test_the_height_follows_stairs_smoothly(rise: float) -> None:
     supports = schedule(climb_stairs(START, rise=rise, tread=0.3, count=3, first_edge=0.4))
@@ -169,6 +154,18 @@ def test_heights_continue_from_the_present_motion() -> None:
     profile = HeightProfile(WALK, (0.05, -0.02, 0.1))
     np.testing.assert_allclose(profile.at(0.0), (0.05, -0.02, 0.1), atol=1e-12)
     np.testing.assert_allclose(profile.at(3.0), (0.0, 0.0, 0.0), atol=1e-12)
+
+
+def test_a_last_step_down_takes_the_height_to_the_middle_of_both_feet() -> None:
+    """From the middle of the single support to the end of the double support after it, by a quintic."""
+    supports = schedule(replace(START, steps=(Footstep("left", 0.1, 0.0875, -0.06),)))
+    _, single, last = supports
+    landing = supports[0].duration + single.duration
+    begin, end = landing - 0.5 * single.total, landing + last.duration
+    curve = Quintic((0.0, 0.0, 0.0), (-0.03, 0.0, 0.0), end - begin)
+    for t in np.linspace(begin, end, 9):
+        np.testing.assert_allclose(HeightProfile(supports).at(t), curve.at(t - begin), atol=1e-12)
+    np.testing.assert_allclose(HeightProfile(supports).at(begin - 0.01), 0.0, atol=1e-12)
 
 
 # Pattern

@@ -115,6 +115,7 @@ def test_a_source_that_cannot_be_steered_says_so_in_one_sentence() -> None:
         with pytest.raises(InputError, match="a robot that stands cannot be steered"):
             order()
     assert walking.velocity is None and not walking.steered and walking.granted_velocity == (0.0, 0.0, 0.0)
+    assert walking.source.limits == (0.0, 0.0, 0.0, 0.0)
     with pytest.raises(InputError, match="only a LIPM walk has phases"):
         _ = walking.walk
 

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from properties import examples
 
 from wbc.core.errors import InputError
-from wbc.walking.pattern.swing import SwingFoot
+from wbc.walking.pattern.swing import EDGE_SHARE, SwingFoot
 from wbc.walking.planning.footsteps import Footstep
 from wbc.walking.planning.gait import Gait
 
@@ -46,11 +46,12 @@ def test_a_foot_leaves_late_to_a_stair_above_and_arrives_early_over_one_below() 
     def travel(rise: float) -> tuple[float, float]:
         foot = swing(replace(THERE, z=rise))
         share = np.array([foot.at(t).placement.translation[0] for t in times]) / THERE.x
-        return float(times[np.argmax(share > 0.02)]), float(times[np.argmax(share > 0.98)])
+        return float(times[np.argmax(share > 1e-9)]), float(times[np.argmax(share > 1.0 - 1e-9)])
 
-    (leave, arrive), (leave_up, arrive_up), (leave_down, arrive_down) = map(travel, (0.0, 0.05, -0.05))
-    assert leave_up > leave + 0.02 and arrive_down < arrive - 0.02
-    assert arrive_up >= arrive and leave_down <= leave
+    for rise in (0.02, 0.5 * GAIT.swing_height, 2.0 * GAIT.swing_height):
+        later = EDGE_SHARE * 0.8 * min(rise / GAIT.swing_height, 1.0)
+        assert travel(rise) == pytest.approx((GAIT.takeoff_time + later, 0.8 - GAIT.landing_time), abs=6e-3)
+        assert travel(-rise) == pytest.approx((GAIT.takeoff_time, 0.8 - GAIT.landing_time - later), abs=6e-3)
 
 
 tilts = st.floats(-0.3, 0.3)
@@ -169,6 +170,12 @@ def test_late_ground_is_looked_for_and_not_without_end() -> None:
     assert heights[-1] == pytest.approx(-0.04)
     assert foot.at(0.8 + 0.5 * GAIT.search_time).placement.translation[2] < -0.4 * 0.04
     assert foot.at(0.9).velocity[2] < -GAIT.landing_speed
+    # A foot that is not to search comes to rest within the same time.
+    still = swing(gait=replace(GAIT, search_depth=0.0))
+    check_smooth(still, np.linspace(0.801, 0.8 + GAIT.search_time - 1e-3, 9))
+    end = still.at(0.8 + GAIT.search_time)
+    assert end.placement.translation[2] == pytest.approx(-0.5 * GAIT.landing_speed * GAIT.search_time)
+    np.testing.assert_allclose(end.velocity, 0.0, atol=1e-12)
 
 
 def test_it_moves_and_mirrors_with_the_world() -> None:

@@ -389,12 +389,14 @@ def test_the_step_that_closes_up_expects_the_ground_where_it_was(phase: Phase, l
     assert left.x == pytest.approx(right.x, abs=2e-3)
 
 
-def test_a_swing_that_is_to_stop_is_compared_with_the_plan_that_stops() -> None:
+@pytest.mark.parametrize("reaction", [0.0, 1.0])
+def test_a_swing_that_is_to_stop_is_compared_with_the_plan_that_stops(reaction: float) -> None:
     """With a DCM that is just where the plan wants it nothing is moved, before a stop or after it."""
     quick = replace(START, gait=Gait(step_length=0.28, single_support=0.5, double_support=0.1))
     settings = WalkSettings(adjustment=AdjustmentSettings(threshold=1e-3, shift=10.0))
     walk = Walk(ROBOT, walk_distance(quick, 3.0), HEIGHT, DT, settings)
     walk.start()
+    walk.reaction = reaction
     landings = []
     while len(landings) < 60:
         phases = walk.phases
@@ -406,7 +408,8 @@ def test_a_swing_that_is_to_stop_is_compared_with_the_plan_that_stops() -> None:
         swing = SIDES.index(phases.plan.steps[phases.step].side)
         loads = [WEIGHT, WEIGHT]
         loads[swing] = WEIGHT if phases.phase is Phase.SINGLE and phases.remaining <= DT else 0.0
-        walk.update(loads, None, walk._pattern.at(walk._time + DT).dcm)
+        walk.update(loads, None, walk._pattern.at(walk._time + DT).dcm[:2] + walk._reaction.dcm)
+    assert np.any(walk._reaction.dcm) == bool(reaction)
     np.testing.assert_allclose(landings, [landings[0]] * len(landings), atol=1e-3)
 
 

@@ -8,17 +8,21 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
+from wbc.core.control import Mode
 from wbc.core.qp.contact import PointContact
 from wbc.core.robot import GRAVITY, Robot
 from wbc.core.signals import Measurement
 from wbc.robots import load
 from wbc.tasks import CoMTask, OrientationTask
 from wbc.tasks.stabilizer.gains import StabilizerGains
+from wbc.tasks.stabilizer.lean import LeanMotion
 from wbc.walking.control import WalkingControl
 from wbc.walking.falls import FallReason, FallSettings
-from wbc.walking.planning.footsteps import FootstepPlan
+from wbc.walking.planning.footsteps import Footstep, FootstepPlan
+from wbc.walking.planning.phases import Phase
 from wbc.walking.planning.planners import walk_distance
 from wbc.walking.settings import WalkingControlSettings
+from wbc.walking.source import Progress, WholeBody
 
 DESCRIPTION = load("hrp4_class")
 DT = 0.005
@@ -85,6 +89,63 @@ def test_feed_forward_is_the_inverse_dynamics_of_the_motion_under_the_desired_wr
         assert (np.abs(generalised[6:]) < robot.torque_limit).all()
         np.testing.assert_allclose(command.joint_torque, generalised[6:], atol=1e-6)
         assert np.abs(generalised[6:] - own[6:]).max() > 1.0  # not those of the QP
+
+
+@pytest.mark.parametrize("mode", ["position", "torque"])
+def test_a_source_that_moves_the_whole_body_sets_com_trunk_and_joints(mode: Mode) -> None:
+    """In torque control the feedback's acceleration is about the pendulum, and the CoM's is that of the body."""
+    robot, walking = standing(WalkingControlSettings(mode=mode, bias=None))
+    walking.command(sensors(robot, 0, robot.half_sitting))
+    reference, tasks = walking.reference, walking.tasks
+    assert reference is not None and walking.output is not None
+    turns = [pin.exp3(np.array((0.1, 0.02 * i, 0.0))) for i in (1, 2)]
+    trunk = [(turn, np.array((0.1, 0.2, 0.3)), np.array((0.4, 0.5, 0.6))) for turn in turns]
+    joints = np.random.default_rng(0).normal(size=(3, robot.na))
+    body = WholeBody(np.array((0.7, -0.4, 0.3)), trunk, *joints)
+    lean = LeanMotion(
+        pin.exp3(np.array((0.0, 0.05, 0.0))), np.array((0.0, 0.3, 0.1)), np.array((0.2, 0.1, 0.0))
+    )
+    pendulum = reference.pendulum._replace(com_acceleration=np.array((0.2, 0.1, 0.0)))
+    tasks.follow(reference._replace(pendulum=pendulum, body=body), lean)
+    push = body.com_acceleration.copy()
+    if mode == "torque":
+        push[:2] += walking.output.com_acceleration[:2] - pendulum.com_acceleration[:2]
+    np.testing.assert_allclose(tasks.com.feedforward_acceleration, push, atol=1e-12)
+    for task, turn in zip(
+        [t for t in walking.controller.tasks if isinstance(t, OrientationTask)], turns, strict=True
+    ):
+        np.testing.assert_allclose(task.target, lean.rotation @ turn, atol=1e-12)
+        np.testing.assert_allclose(task.feedforward_velocity, (0.1, 0.5, 0.4))
+        np.testing.assert_allclose(task.feedforward_acceleration, (0.6, 0.6, 0.6))
+    posture = tasks.posture
+    np.testing.assert_array_equal((posture.target, posture.feedforward_velocity), joints[:2])
+
+
+def test_the_scheduler_of_soft_soles_is_told_foot_time_and_landing(monkeypatch: pytest.MonkeyPatch) -> None:
+    robot, walking = standing(WalkingControlSettings())
+    command, asked = walking.command(sensors(robot, 0, robot.half_sitting)), []
+    landing = Footstep("right", 0.3, -0.1)
+
+    class Scheduler:
+        command = np.array((1.0, 2.0))
+
+        def update(self, *state: object) -> np.ndarray:
+            asked.append(state)
+            return np.array((3.0, 4.0))
+
+    for elapsed, expected in ((0.3, ("right", 0.375, 0.5)), (0.9, ("right", 1.0, 0.0))):
+        now = Progress(Phase.SINGLE, 1, 0, 2, elapsed, 0.8, (landing,), 1.1)
+        monkeypatch.setattr(WalkingControl, "progress", now)
+        assert walking._with_stiffness(command, Scheduler()).sole_stiffness.tolist() == [3.0, 4.0]
+        assert asked[-1][:3] == (expected[0], pytest.approx(expected[1]), pytest.approx(expected[2]))
+        assert asked[-1][3:5] == (walking.control.observer.robot, walking.control.measurement)
+        np.testing.assert_array_equal(asked[-1][5], landing.position)
+    for upcoming, swing in (((), 1), ((landing,), None)):
+        monkeypatch.setattr(WalkingControl, "progress", now._replace(upcoming=upcoming, swing=swing))
+        walking._with_stiffness(command, Scheduler())
+        assert asked[-1][0] == (None if swing is None else "right") and asked[-1][5] is None
+    _, fresh = standing(WalkingControlSettings())
+    assert fresh._with_stiffness(command, Scheduler()).sole_stiffness.tolist() == [1.0, 2.0]
 
 
 def test_a_contact_that_is_added_has_its_part_in_the_feed_forward() -> None:

@@ -122,9 +122,7 @@ def make_feasible(
         slow = after.infeasible_frames
         if attempt == STRETCHES or not slow.any():
             break
-        bad = np.zeros(len(pace), dtype=bool)
-        bad[np.round(source[slow] * RATE).astype(int)] = True
-        pace = pace * np.where(maximum_filter1d(bad, round(RATE)), STRETCH, 1.0)
+        pace = _slowed(pace, source[slow])
     # The resampled clip lasts a whole number of frames, the given one a little more or less.
     source = np.minimum(source * (clip.duration / resampled.duration), clip.duration)
     changed = abs(motion.q[:, 7:] - full.sampled(source, RATE).joints)
@@ -176,6 +174,13 @@ def _envelope(values: Array, least: float, window: float, smoothing: float) -> A
     """Return a smooth bound of values in time: the greatest within a window, s, then smoothed, s; shape (T,)."""
     widest = maximum_filter1d(np.maximum(values, least), round(window * RATE))
     return np.asarray(gaussian_filter1d(widest, smoothing * RATE, mode="nearest"))
+
+
+def _slowed(pace: Array, times: Array) -> Array:
+    """Return a pace that is slower by `STRETCH` within half a second of times in the clip, s."""
+    bad = np.zeros(len(pace), dtype=bool)
+    bad[np.round(times * RATE).astype(int)] = True
+    return pace * np.where(maximum_filter1d(bad, round(RATE)), STRETCH, 1.0)
 
 
 def _retimed(clip: MotionClip, pace: Array) -> tuple[MotionClip, Array]:

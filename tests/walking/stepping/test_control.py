@@ -13,7 +13,7 @@ from wbc.core.errors import InputError
 from wbc.sim import walk
 from wbc.sim.plant.falls import TrueFallDetector
 from wbc.walking.planning.phases import Phase
-from wbc.walking.stepping.control import SteppingControl, SteppingControlSettings
+from wbc.walking.stepping.control import OBSERVER, SteppingControl, SteppingControlSettings
 from wbc.walking.stepping.settings import SteppingSettings
 
 DESCRIPTION = wbc.load_robot("g1")
@@ -107,6 +107,15 @@ def test_a_velocity_that_is_no_number_is_refused_and_changes_nothing() -> None:
     assert walking.granted_velocity[2] == limits.turn
     walking.velocity = (0.0, 0.0, 0.0)
     assert walking.velocity is None, "zero is a stand"
+
+
+@pytest.mark.parametrize("mode", ["torque", "position"])
+def test_an_observer_that_is_given_is_used(mode: Mode) -> None:
+    robot, settings = DESCRIPTION.robot(), SteppingControlSettings(mode=mode)
+    own = wbc.Observer(robot)
+    assert SteppingControl(robot, PERIOD, settings, observer=own).control.observer is own
+    made = SteppingControl(robot, PERIOD, settings).control.observer
+    assert made.settings is OBSERVER and (made.robot is robot) == (mode == "torque")
 
 
 def test_a_walk_that_has_not_begun_stands_and_has_its_settings_checked() -> None:

@@ -342,6 +342,27 @@ def test_a_foot_that_lands_early_waits_for_the_dcm_with_a_part_of_the_weight() -
         assert reference.support.most_force[reference.support.stance] == settings.most_force
 
 
+def test_a_foot_that_loses_the_ground_while_the_other_one_holds_swings_on() -> None:
+    body = PointMass()
+    body.run(0.6)
+    body.gait.steering.command((0.2, 0.0, 0.0))
+    while not any(waits := [waiting([tick]) for tick in body.run(DT)]):
+        pass
+    tick, gait, s = body.ticks[-1], body.gait, body.gait.settings
+    stance = tick.reference.support.stance
+
+    def swings(load: float, held: float, seconds: float) -> bool:
+        wrenches = [[0.0] * 6, [0.0] * 6]
+        wrenches[stance][2], wrenches[1 - stance][2] = held, load
+        for _ in range(round(seconds / DT)):
+            reference = gait.update(tick.state._replace(wrenches=wrenches), tick.frames)
+        return bool(reference.support.swing == 1 - stance)
+
+    assert waits and not swings(1.1 * s.lost, 2.0 * s.held, s.lost_time + 4 * DT), "it carries a little"
+    assert not swings(0.9 * s.lost, 0.9 * s.held, 2 * DT), "nothing holds the robot"
+    assert swings(0.9 * s.lost, 1.1 * s.held, 2 * DT)
+
+
 class EdgeFirst(PointMass):
     """Feet that meet the ground with their inner edge, and lie on it 2 ms later."""
 

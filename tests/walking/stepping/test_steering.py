@@ -5,11 +5,12 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
 import wbc
 from wbc.walking.stepping.settings import Scale, SteppingSettings
-from wbc.walking.stepping.steering import Steering
+from wbc.walking.stepping.steering import Steering, Steps
 
 DT = 0.002
 
@@ -30,6 +31,92 @@ def test_a_velocity_after_a_goal_leaves_the_line_to_that_goal(settings: Stepping
     steering.command((0.2, 0.0, 0.0))
     steering.rest((0.1, 0.3))
     assert abs(steering.update((0.1, 0.3), (0.0, 0.0)).velocity[1]) < 1e-9
+
+
+def turned(point: tuple[float, float], angle: float) -> tuple[float, float]:
+    c, s = math.cos(angle), math.sin(angle)
+    return c * point[0] - s * point[1], s * point[0] + c * point[1]
+
+
+def drive(steering: Steering, yaw: float, side: float) -> list[Steps]:
+    """Steps of a robot that is slower than them and sways to a side first, in a world turned by an angle."""
+    place, steps, speed, seconds = (0.0, 0.0), [], (0.0, 0.0), 3.0
+    for tick in range(round(seconds / DT)):
+        steps.append(steering.update(turned(place, yaw), turned(speed, yaw)))
+        x, y = steps[-1].velocity
+        sway = 0.1 * side * math.cos(8.0 * tick * DT)
+        speed = turned((0.8 * x - 0.05, y + sway), steering.heading - yaw)
+        place = (place[0] + DT * speed[0], place[1] + DT * speed[1])
+    return steps
+
+
+@pytest.mark.parametrize("order", ["velocity", "far goal", "near goal"])
+def test_a_turned_and_a_mirrored_world_are_steered_as_this_one(
+    settings: SteppingSettings, order: str
+) -> None:
+    runs = []
+    for yaw, side in ((0.0, 1.0), (2.9, 1.0), (0.0, -1.0)):
+        steering = Steering(settings, yaw, DT)
+        steering.rest((0.0, 0.0))
+        if order == "velocity":
+            steering.command((0.25, side * 0.05, side * 0.2))
+        else:
+            x, y = (2.5, side * 0.9) if order == "far goal" else (0.15, side * -0.1)
+            steering.go_to(*turned((x, y), yaw), yaw + side * 0.4)
+        runs.append(np.array([(*step.velocity, step.turn, step.go) for step in drive(steering, yaw, side)]))
+    np.testing.assert_allclose(runs[1], runs[0], atol=1e-9)
+    np.testing.assert_allclose(runs[2], runs[0] * (1.0, -1.0, -1.0, 1.0), atol=1e-9)
+
+
+def test_the_velocity_to_a_goal(settings: SteppingSettings) -> None:
+    """Far away along the way to it, slower the more it has to turn; near it every part in the time to a goal."""
+    s, steering = settings, Steering(settings, 3.0, DT)
+    steering.go_to(-4.0, -0.3, 0.0)
+    off = math.pi - 3.0 + math.atan2(0.3, 4.0)
+    expected = (s.cruise * math.cos(off) ** 4, 0.0, off / s.goal_time)
+    assert steering._wanted((0.0, 0.0)) == pytest.approx(expected)
+    dx, dy = turned((0.4 * s.near, -0.2 * s.near), 3.0)
+    steering.go_to(1.0 + dx, 2.0 + dy, -3.0)
+    ahead, aside = 0.4 * s.near / s.goal_time, -0.2 * s.near / s.goal_time
+    turn = (2.0 * math.pi - 6.0) / s.goal_time
+    assert steering._wanted((1.0, 2.0)) == pytest.approx((ahead, aside, turn))
+    place = (1.0 + dx, 2.0 + dy)
+    steering.heading = 1.1 * s.arrived_turn - 3.0
+    assert any(steering._wanted(place)) and steering.pending
+    steering.heading = 0.9 * s.arrived_turn - 3.0
+    beside = (place[0] + 1.1 * s.arrived, place[1])
+    assert any(steering._wanted(beside)) and steering.pending
+    assert not any(steering._wanted((place[0] + 0.9 * s.arrived, place[1]))) and not steering.pending
+    forward, back, aside, most = steering.limits
+    assert steering.limited((9.0, 9.0, 9.0)) == (forward, aside, most)
+    assert steering.limited((-9.0, -9.0, -9.0)) == (-back, -aside, -most)
+    assert steering.limited((0.1, -0.02, 0.03)) == (0.1, -0.02, 0.03)
+
+
+def test_steps_lead_back_to_the_path_and_make_up_for_what_the_robot_falls_short(
+    settings: SteppingSettings,
+) -> None:
+    s, steering = settings, Steering(replace(settings, fastest=9.0), 0.0, DT)
+    steering.rest((0.0, 0.0))
+    steering.command((0.2, 0.0, 0.0))
+    ramp = [steering.update((0.0, 0.0), (0.2, 0.0)).velocity[0] for _ in range(5)]
+    assert steering.velocity[0] == pytest.approx(5 * DT * s.acceleration) and ramp[0] < ramp[-1]
+    steering.velocity, steering._missing = (0.2, 0.0), 0.0
+    most = s.drift_speed / s.drift_gain  # distance from the path from which on the way back is fastest
+    for aside in (0.3 * most, -0.6 * most, 5.0 * most):
+        steering.rest((0.0, 0.0))
+        steering.velocity = (0.2, 0.0)
+        step = steering.update((0.3, aside), (0.2, 0.0))
+        assert step.velocity == pytest.approx((0.2, -s.drift_gain * min(aside, most)))
+    for brisk, lag in ((0.5, 1.0), (1.2, 0.5)):
+        steering.rest((0.0, 0.0))
+        speed = brisk * s.brisk
+        steering.target, steering.velocity = (speed, 0.0, 0.0), (speed, 0.0)
+        gained = [steering.update((0.0, 0.0), (speed - 0.04, 0.0)).velocity[0] - speed for _ in range(100)]
+        assert gained[-1] == pytest.approx(min(100 * DT * 0.04 / (lag * s.speed_lag), s.speed_bias), rel=1e-6)
+    for _ in range(500):
+        steering.update((0.0, 0.0), (-9.0, 0.0))
+    assert steering._missing == s.speed_bias
 
 
 def test_a_brisk_walk_has_longer_and_slower_steps_and_none_beyond_the_stride(

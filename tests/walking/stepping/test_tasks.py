@@ -5,11 +5,14 @@ from __future__ import annotations
 import itertools
 
 import numpy as np
+import pinocchio as pin
 import pytest
 from task_factory import make_robot
 
 from wbc.core.qp.controller import Controller
 from wbc.core.robot import GRAVITY
+from wbc.tasks.stabilizer.lean import LeanMotion
+from wbc.walking.body import Twist
 from wbc.walking.planning.phases import Phase
 from wbc.walking.source import Reference, Support
 from wbc.walking.stepping.gait import BodyState, SteppingGait
@@ -71,6 +74,34 @@ def test_any_state_of_the_feet_may_follow_any_other(before: str, after: str) -> 
             if not on:
                 np.testing.assert_allclose(solution.wrenches[foot.name], 0.0, atol=1e-7)
         assert solution.wrenches[tasks.contacts[support.stance].name][2] > 0.01 * WEIGHT
+    gains, turn = SteppingGains(), tasks._scale.height**2
+    for side, foot in enumerate(tasks.contacts):
+        swing = controller.task(f"{foot.name} swing").weight
+        swings = np.repeat((gains.swing_weight, gains.swing_turn_weight * turn), 3)
+        np.testing.assert_allclose(swing, swings * (support.swing == side))
+        if foot.active:
+            rotation = gains.standing_turn_weight if support.balanced else gains.foothold_turn_weight
+            full = support.balanced or side == support.stance
+            held = np.repeat((gains.foothold_weight, rotation * turn), 3) * (1.0 if full else gains.yielding)
+            np.testing.assert_allclose(foot.motion_weight, held)
+            least = tasks._gait.least_force * (0.2 if all(changed.contact) else 1.0)
+            assert foot.min_force == (least if full else 0.0) and foot.max_force == support.most_force[side]
+
+
+def test_a_trunk_leans_and_twists_about_the_heading() -> None:
+    _, tasks, reference = standing()
+    upright = np.array(tasks._pelvis.target)
+    lean = LeanMotion(
+        pin.exp3(np.array([0.1, -0.05, 0.0])), np.array([0.2, 0.1, 0.0]), np.array([0.3, 0.5, 0.0])
+    )
+    turned = reference._replace(heading=0.4)
+    tasks.follow(turned)
+    np.testing.assert_allclose(tasks._pelvis.target, pin.utils.rotate("z", 0.4) @ upright, atol=1e-12)
+    tasks.follow(turned, lean, Twist(0.3, -0.6, 0.7, True))
+    expected = lean.rotation @ pin.utils.rotate("z", 0.7) @ upright
+    np.testing.assert_allclose(tasks._pelvis.target, expected, atol=1e-12)
+    np.testing.assert_allclose(tasks._pelvis.feedforward_velocity, (0.2, 0.1, -0.6))
+    np.testing.assert_allclose(tasks._pelvis.feedforward_acceleration, (0.3, 0.5, 0.7))
 
 
 def test_a_robot_that_stands_where_it_is_to_stand_is_at_rest_under_its_weight() -> None:

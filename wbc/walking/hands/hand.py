@@ -170,7 +170,7 @@ class Hand:
         self.excess, self.bounded = np.zeros(3), False
         self._most = math.inf  # force that the arm has, N
         self.contact.active = self.grasp.active = False
-        self._path, self._travelled, self._elapsed = np.zeros(3), 0.0, 0.0
+        self._travelled = self._elapsed = 0.0
         # Time since the last reading, and for which a touch, or a lack of force, has lasted, s.
         self._silent = self._felt = self._short = 0.0
         self.task.reset()

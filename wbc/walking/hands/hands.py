@@ -412,7 +412,7 @@ class Hands:
             hand.excess = force
 
     def _to_edge(self, direction: Array, yaw: float) -> float:
-        """Return the distance from the middle of the stance to the edge of a sole along a horizontal direction, m."""
+        """Return the distance from the middle of a sole to its edge along a horizontal direction, m."""
         c, s = math.cos(yaw), math.sin(yaw)
         x, y = float(direction[0]), float(direction[1])
         size = math.hypot(x, y)

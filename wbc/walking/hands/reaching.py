@@ -147,8 +147,7 @@ class Arm:
             return False
         if self._trajectory is not None:
             return True
-        left = self._left(self._reference)
-        return bool(np.linalg.norm(left[:3]) > ARRIVED or np.linalg.norm(left[3:]) > ARRIVED)
+        return bool(np.linalg.norm(self._left(self._reference)) > ARRIVED)
 
     @property
     def speed(self) -> float:
