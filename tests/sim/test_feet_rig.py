@@ -6,6 +6,7 @@ import json
 import math
 from dataclasses import replace
 
+import mujoco
 import numpy as np
 import pytest
 from properties import by_default
@@ -16,6 +17,7 @@ from wbc.feet import Foot, foot
 from wbc.feet.soles.contact import ConstraintLaw, ContactSpheres
 from wbc.sim.plant.settings import PhysicsSettings
 from wbc.sim.rig.actions import pitch, press
+from wbc.sim.rig.fixture import Rig
 from wbc.sim.rig.spec import FootTest
 from wbc.sim.terrain.spec import Terrain, terrain
 
@@ -129,6 +131,27 @@ def test_a_soft_sole_lands_softer_on_stones_than_a_rigid_one() -> None:
     assert soft is not None and rigid is not None
     assert soft.peak_force < 0.5 * rigid.peak_force
     assert soft.sole_energy > 0.1 * soft.drop_energy
+
+
+def test_energy_and_heat_of_a_foot_are_those_of_mujoco() -> None:
+    """The frontal arch bends, too: its spring and damper count beside those of the sole."""
+    rig = Rig(SOFT_ON_STONES)
+    model, data = rig.model, rig.data
+    model.opt.gravity[:] = 0.0
+    rng = np.random.default_rng(0)
+    joints = [model.joint(name).id for name in (*rig.foot.sole_joints, rig.foot.arch_joint)]
+    assert (model.jnt_stiffness[joints] > 0.0).all() and len(joints) == 11
+    data.qpos[model.jnt_qposadr[joints]] = rng.normal(0.0, 0.1, 11)
+    data.qvel[model.jnt_dofadr[joints]] = rng.normal(0.0, 2.0, 11)
+    mujoco.mj_forward(model, data)
+    mujoco.mj_energyPos(model, data)
+    assert rig.spring_energy == pytest.approx(data.energy[0], rel=1e-9)
+    power = -data.qfrc_damper * data.qvel
+    assert rig.sole_power == pytest.approx(power[model.jnt_dofadr[joints[:-1]]].sum(), rel=1e-9)
+    assert rig.arch_power == pytest.approx(power[model.jnt_dofadr[joints[-1]]], rel=1e-9)
+    np.testing.assert_array_equal(rig.sole_rates, data.qvel[model.jnt_dofadr[joints[:-1]]])
+    bare = Rig(FootTest(foot("rigid"), FLAT))
+    assert bare.arch_power == bare.sole_power == bare.spring_energy == 0.0
 
 
 # --- support ---------------------------------------------------------------------------------------------------------

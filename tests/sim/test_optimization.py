@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from properties import by_default
+from scipy.stats import norm
 
 from wbc.app import cli
 from wbc.app.commands.study.optimize import OptimizeOptions
@@ -24,8 +25,10 @@ from wbc.sim.studies.paper.optimization import (
     OptimisationSpec,
     Walked,
     check_journal,
+    fitted,
     optimise,
     parameters,
+    within,
 )
 from wbc.sim.studies.paper.optimum import TABLE_II, USUAL, optimum, table_two, validation, walked_points
 from wbc.sim.studies.provenance import provenance
@@ -92,6 +95,30 @@ def test_the_optimum_is_a_point_that_was_walked() -> None:
     assert mean[-1] > found.J + 1.0
 
 
+def test_expected_values_are_those_of_the_textbook_and_as_good_is_not_told_apart_at_95_percent() -> None:
+    """Rasmussen and Williams, "Gaussian Processes", eqs. 2.23, 2.24, with the kernel that was fitted."""
+    rng = np.random.default_rng(7)
+    points = rng.random((24, 3))
+    walked = [Walked(tuple(p), -6.0 - 30.0 * (p[0] - 0.6) ** 2 + rng.normal(), {}) for p in points]
+    found, y = optimum(walked, SPEC.bounds), np.array([each.J for each in walked])
+    kernel = fitted(points, y).kernel_
+    best = points[[SPEC.bounds.values(p) == found.best for p in points]]
+    line = np.column_stack([np.linspace(0.0, 1.0, 201), *np.tile(best[0, 1:, None], 201)])
+    line = np.vstack([line, best])
+    gain = kernel.k1(line, points) @ np.linalg.inv(kernel.k1(points) + kernel.k2.noise_level * np.eye(24))
+    mean = y.mean() + gain @ (y - y.mean())
+    cov = y.var() * (kernel.k1(line) - gain @ kernel.k1(points, line))
+    np.testing.assert_allclose(found.mean, mean[:-1], atol=1e-6)
+    np.testing.assert_allclose(found.std, np.sqrt(np.diag(cov))[:-1], atol=1e-5)
+    assert (found.J, found.J_std) == pytest.approx((mean[-1], math.sqrt(cov[-1, -1])), abs=1e-5)
+    assert found.noise == pytest.approx(y.std() * math.sqrt(kernel.k2.noise_level)) and found.walks == 24
+    spread = np.sqrt(np.diag(cov) + cov[-1, -1] - 2.0 * cov[-1])[:-1]
+    same = mean[-1] - mean[:-1] <= norm.ppf(0.95) * spread + 1e-4
+    ((low, high),) = found.same
+    assert (low, high) == pytest.approx((found.k[same][0], found.k[same][-1])) and 0 < same.sum() < 201
+    assert (found.k[0], found.k[100]) == pytest.approx((1.0, math.sqrt(2000.0)), rel=1e-4)
+
+
 @pytest.mark.parametrize("batch", by_default([1, 2], 2))
 def test_killed_anywhere_it_goes_on_with_the_same_walks(batch: int) -> None:
     """Whatever the journal has is found again: nothing is walked twice, and the end is the same."""
@@ -137,6 +164,11 @@ def test_bounds_are_the_papers_or_wide() -> None:
         assert bounds.unit(bounds.values(point)) == pytest.approx(point, abs=1e-5)
     with pytest.raises(InputError, match="bounds of k must be two numbers, the lower one first .* got 80 1"):
         Bounds(k=(80.0, 1.0))
+        corner = {name: getattr(bounds, name)[1] for name in ("k", "kP", "kD")}
+        assert within(bounds, corner) and within(bounds, bounds.values((0.0, 0.0, 0.0)))
+        for name, highest in corner.items():
+            for outside in (1.01 * highest, getattr(bounds, name)[0] - 0.01):
+                assert not within(bounds, corner | {name: outside})
     with pytest.raises(InputError, match="no logarithm"):
         Bounds(k=(0.0, 80.0))
 

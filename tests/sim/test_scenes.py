@@ -38,22 +38,14 @@ def test_every_robot_stands_clear_of_every_scene(robot: str) -> None:
 
 @pytest.mark.parametrize("angle", [0.0, 90.0])
 def test_a_wall_stands_on_the_floor_with_its_face_at_its_distance(angle: float) -> None:
-    spec = mujoco.MjSpec()
-    make_scene("wall", distance=0.6, angle=angle, width=1.2, height=0.9).build(spec)
-    model = spec.compile()
-    data = mujoco.MjData(model)
-    mujoco.mj_forward(model, data)
+    model, data = built("wall", distance=0.6, angle=angle, width=1.2, height=0.9)
     place = pin.utils.rotate("z", np.radians(angle)).T @ data.geom_xpos[0]  # as seen by who looks at it
     near, far = place - model.geom_size[0], place + model.geom_size[0]
     np.testing.assert_allclose([*near, *far[1:]], [0.6, -0.6, 0.0, 0.6, 0.9], atol=1e-9)
 
 
 def test_fingers_reach_around_the_handles_of_a_box() -> None:
-    spec = mujoco.MjSpec()
-    make_scene("box").build(spec)
-    model = spec.compile()
-    data = mujoco.MjData(model)
-    mujoco.mj_forward(model, data)
+    model, data = built("box")
     box = int(model.body("box").geomadr[0])
     for handle in (box + 1, box + 2):
         assert mujoco.mj_geomDistance(model, data, box, handle, 1.0, None) > 0.01
@@ -189,3 +181,63 @@ def test_range_sensors_see_the_ground_through_furniture_of_any_group(group: int)
     plant = Plant(load("hrp4_class"), scene=scene, range_sensor=RangeSensor())
     bare = Plant(load("hrp4_class"), range_sensor=RangeSensor())
     np.testing.assert_allclose(plant.measure().sole_range, bare.measure().sole_range, atol=1e-9)
+
+
+def built(kind: str, **values: object) -> tuple[mujoco.MjModel, mujoco.MjData]:
+    model = make_scene(kind, **values).spec().compile()
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    return model, data
+
+
+def extent(model: mujoco.MjModel, data: mujoco.MjData, body: str = "") -> list[float]:
+    """Least and greatest x, y and z of the geoms of a body, or of all."""
+    mine = [i for i in range(model.ngeom) if body in ("", model.body(model.geom_bodyid[i]).name)]
+    middle, half = model.geom_aabb[mine, :3], model.geom_aabb[mine, 3:]
+    turn = data.geom_xmat[mine].reshape(-1, 3, 3)
+    centre = data.geom_xpos[mine] + np.einsum("nij,nj->ni", turn, middle)
+    reach = np.einsum("nij,nj->ni", abs(turn), half)
+    return [*(centre - reach).min(axis=0), *(centre + reach).max(axis=0)]
+
+
+def test_things_stand_on_the_floor_where_and_as_large_as_they_are_asked_to_be() -> None:
+    table = built("table", distance=0.35, height=0.8, length=0.5, width=1.1)
+    assert extent(*table) == pytest.approx([0.35, -0.55, 0.0, 0.85, 0.55, 0.8])
+    rail = built("rail", distance=0.45, height=1.0, width=1.4, radius=0.03)
+    assert extent(*rail) == pytest.approx([0.42, -0.73, -0.03, 0.48, 0.73, 1.0])
+    assert rail[1].site_xpos.ravel() == pytest.approx([0.45, 0.2, 0.97, 0.45, -0.2, 0.97])
+    box = built("box", distance=0.6, height=0.5, length=0.2, width=0.4, tall=0.3, mass=2.5)
+    assert extent(*box, "stand") == pytest.approx([0.5, -0.2, 0.0, 0.7, 0.2, 0.5])
+    assert extent(*box, "box")[2::3] == pytest.approx([0.5, 0.8], abs=2e-4)
+    assert box[1].site_xpos[:, 1] == pytest.approx([0.23, -0.23]) and box[0].body(
+        "box"
+    ).mass == pytest.approx(2.5)
+    assert built("box", height=0.0)[0].nbody == 2, "on the ground there is no stand"
+    cart = built("cart", distance=0.5, handle=1.0, length=0.8, width=0.6, mass=12.0, resistance=9.0)
+    low, high = extent(*cart)[:3], extent(*cart)[3:]
+    assert (low[2], high[0]) == pytest.approx((0.0, 0.5 + 0.12 + 0.8 + 0.06)) and 1.0 < high[2] < 1.03
+    assert cart[1].site_xpos.ravel() == pytest.approx([0.5, 0.2, 1.0, 0.5, -0.2, 1.0])
+    castors = np.flatnonzero(cart[0].geom_type == mujoco.mjtGeom.mjGEOM_SPHERE)
+    wheels = [[x, y, 0.06] for x in (0.62, 1.42) for y in (-0.3, 0.3)]
+    np.testing.assert_allclose(cart[1].geom_xpos[castors], wheels)
+    assert cart[0].body("cart").mass == pytest.approx(12.0)
+    np.testing.assert_allclose(cart[0].geom_friction[castors], [[9.0 / (12.0 * GRAVITY), 0.0, 0.0]] * 4)
+
+
+@pytest.mark.parametrize("opens", ["away", "towards"])
+@pytest.mark.parametrize(("hinge", "side"), [("left", 1.0), ("right", -1.0)])
+def test_a_door_hangs_in_its_frame_and_opens_as_it_is_asked_to(hinge: str, side: float, opens: str) -> None:
+    model, data = built(
+        "door", distance=0.7, width=0.9, height=1.8, handle=0.95, hinge=hinge, opens=opens, mass=11.0
+    )
+    leaf = data.geom_xpos[model.body("door").geomadr[0]], model.geom_size[model.body("door").geomadr[0]]
+    low, high = leaf[0] - leaf[1], leaf[0] + leaf[1]
+    assert [*low, *high] == pytest.approx([0.7, -0.44, 0.02, 0.74, 0.44, 1.8])
+    assert extent(model, data, "door frame") == pytest.approx([0.67, -0.54, 0.0, 0.77, 0.54, 1.8])
+    assert data.site_xpos[0] == pytest.approx([0.64, -side * 0.35, 0.95])
+    assert model.body("door").mass == pytest.approx(11.3)
+    assert model.jnt_range[0] == pytest.approx(np.radians([0.0, 110.0]))
+    data.qpos[0] = np.radians(90.0)
+    mujoco.mj_kinematics(model, data)
+    way = 1.0 if opens == "away" else -1.0
+    assert data.site_xpos[0] == pytest.approx([0.7 + way * 0.8, side * (0.45 - way * 0.06), 0.95])

@@ -5,14 +5,17 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Any
 
+import mujoco
 import numpy as np
 import pinocchio as pin
 import pytest
 
 from wbc.core.control import Mode
+from wbc.core.errors import InputError
 from wbc.core.robot import Robot
 from wbc.core.settings import to_json
 from wbc.feet import foot
+from wbc.feet.soles.rigid import RigidFoot
 from wbc.robots import load, names
 from wbc.sim.balance import push_recovery
 from wbc.sim.balance.push_recovery import (
@@ -84,6 +87,32 @@ def test_the_controller_knows_the_feet_that_are_on(name: str) -> None:
         np.testing.assert_allclose(robot.placement(sole.frame).translation, site.xpos, atol=1e-9)
         np.testing.assert_allclose(robot.placement(sole.frame).rotation.ravel(), site.xmat, atol=1e-9)
         assert (sole.length, sole.width) == (built.fit.sole.length, built.fit.sole.width)
+
+
+@pytest.mark.parametrize("name", ["rigid", "soft"])
+def test_a_controller_may_know_the_masses_of_the_feet(name: str) -> None:
+    """Mass, centre of mass and inertia of the robot are those of the plant that builds the feet itself."""
+    other, q = foot(name), load("hrp4_class").robot().half_sitting
+    description = with_feet(load("hrp4_class"), other, mass=True)
+    assert with_feet(description, other, mass=True) == description
+    robot, plant = description.robot(), Plant(load("hrp4_class"), foot=other)
+    plant.reset(q)
+    model, data = plant.model, plant.data
+    root = model.body_rootid[model.site_bodyid[plant.sole_sites[0]]]
+    assert robot.mass == pytest.approx(model.body_subtreemass[root], rel=1e-6)
+    assert robot.mass == pytest.approx(load("hrp4_class").robot().mass + 2.0 * 0.34)
+    pin.centerOfMass(robot.model, robot.data, q)
+    np.testing.assert_allclose(robot.data.com[0], plant.truth().com, atol=1e-6)
+    for turning in ([3.0, 0.0, 0.0], [0.0, 3.0, 0.0], [0.0, 0.0, 3.0], [1.0, 2.0, -1.0]):
+        v = np.zeros(robot.nv)
+        v[3:6] = data.qvel[3:6] = turning
+        mujoco.mj_fwdPosition(model, data)
+        mujoco.mj_energyVel(model, data)
+        assert pin.computeKineticEnergy(robot.model, robot.data, q, v) == pytest.approx(
+            data.energy[1], rel=1e-6
+        )
+    with pytest.raises(InputError, match="wears other feet already, '.*/mass' has 0.34 kg, not 0.5 kg"):
+        with_feet(description, RigidFoot(mass=0.5), mass=True)
 
 
 def test_a_robots_own_soles_are_left_alone() -> None:

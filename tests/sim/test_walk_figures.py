@@ -1,0 +1,308 @@
+"""Figures of a walk by hand: onset and cause of a fall, impact, effort, support; goal and travel; orders of a walk."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
+
+import mujoco
+import numpy as np
+import pinocchio as pin
+import pytest
+
+from wbc.core.errors import InputError
+from wbc.sim.terrain.spec import terrain
+from wbc.sim.walks.meter import WalkMeter
+from wbc.sim.walks.plans import Drive, WalkPlan, check_drive, stair_of
+from wbc.sim.walks.spec import WalkSpec
+from wbc.sim.walks.trial import WalkTrial
+from wbc.walking.planning.footsteps import Footstep
+from wbc.walking.planning.phases import Event, Phase
+from wbc.walking.stepping.control import SteppingControl
+
+
+class MadeUpWalk:
+    """Plant and controller of a walk whose ticks, of 10 ms, are made up."""
+
+    def __init__(self) -> None:
+        truth = SimpleNamespace(
+            contact_sole=np.zeros(0, dtype=int),
+            contact_force=np.zeros((0, 3)),
+            contact_position=np.zeros((0, 3)),
+        )
+        self.data = SimpleNamespace(
+            site_xmat=np.tile(np.eye(3).ravel(), (2, 1)), site_xpos=np.zeros((2, 3)), qvel=np.zeros(6)
+        )
+        self.plant: Any = SimpleNamespace(
+            control_period=0.01,
+            time=0.0,
+            description=SimpleNamespace(torque_limit=(10.0, 40.0)),
+            robot=SimpleNamespace(na=2, joint_names=("hip", "knee"), mass=50.0),
+            joint_torque=np.zeros(2),
+            joint_velocity=np.zeros(2),
+            data=self.data,
+            sole_sites=(0, 1),
+            truth=lambda: truth,
+        )
+        self.truth = truth
+        progress = SimpleNamespace(phase=Phase.DOUBLE, steps_done=2)
+        self.walking: Any = SimpleNamespace(reference=None, output=None, progress=progress)
+        self.meter = WalkMeter(self.plant, self.walking)
+
+    def tick(
+        self,
+        dcm: tuple[float, float] | None = (0.0, 0.0),
+        *,
+        phase: Phase = Phase.SINGLE,
+        stance: int = 0,
+        elapsed: float = 0.0,
+        step: int = 0,
+        events: tuple[Event, ...] = (),
+        forces: tuple[float, float] = (0.0, 0.0),
+        swing: int | None = None,
+        zmp: tuple[float, float] = (0.0, 0.0),
+        com: tuple[float, float] = (0.0, 0.0),
+    ) -> None:
+        """A tick with a DCM, measured minus reference, whose step takes 0.8 s."""
+        wrench = np.zeros((2, 6))
+        wrench[:, 2] = forces
+        measurement = SimpleNamespace(time=self.plant.time, sole_wrench=wrench, wrenches=wrench)
+        pendulum = SimpleNamespace(zmp=np.array([0.1, 0.2, 0.0]))
+        self.walking.reference = SimpleNamespace(events=events, pendulum=pendulum)
+        self.walking.output = dcm and SimpleNamespace(
+            measured_zmp=np.array([0.1 + zmp[0], 0.2 + zmp[1], 0.0]),
+            errors=SimpleNamespace(com=np.array([*com, 9.0]), dcm=-np.array(dcm)),
+        )
+        self.walking.progress = SimpleNamespace(
+            phase=phase, stance=stance, elapsed=elapsed, duration=0.8, steps_done=step, swing=swing
+        )
+        self.meter.tick(SimpleNamespace(measurement=measurement))  # type: ignore[arg-type]
+        self.meter.after(None)  # type: ignore[arg-type]
+        self.plant.time += 0.01
+
+
+@pytest.mark.parametrize("stance", [0, 1])
+@pytest.mark.parametrize(
+    ("forward", "left", "cause"),
+    [(0.08, 0.03, "forward"), (-0.08, 0.03, "backward"), (0.03, 0.08, "left"), (-0.03, -0.08, "right")],
+)
+def test_a_fall_begins_where_the_dcm_left_for_good_and_is_told_from_the_stance_foot(
+    stance: int, forward: float, left: float, cause: str
+) -> None:
+    walk, yaw, roll, pitch = MadeUpWalk(), 0.7, 0.03, -0.05
+    (c, s), ways = (math.cos(yaw), math.sin(yaw)), []
+    walk.data.site_xmat[stance] = pin.rpy.rpyToMatrix(roll, pitch, yaw).ravel()
+    for i, share in enumerate((0.2, 1.0, 0.5, 0.9, 1.2)):  # over 60 mm, back, and over for good
+        f, a = share * forward, share * left
+        ways.append((c * f - s * a, s * f + c * a))
+        walk.tick(ways[-1], stance=stance, elapsed=0.1 * (i + 1), step=4)
+    fall = walk.meter.fall("tilt")
+    assert fall.reason == "tilt" and fall.cause == cause
+    assert (fall.time, fall.onset) == pytest.approx((0.05, 0.03))
+    assert (fall.step, fall.phase, fall.share) == (5, "single support", pytest.approx(0.5))
+    outward = 0.9 * left if stance == 0 else -0.9 * left
+    assert (fall.dcm_forward, fall.dcm_outward) == pytest.approx((0.9 * forward, outward))
+    assert (fall.sole_roll, fall.sole_pitch) == pytest.approx((roll, pitch))
+    assert walk.meter.fall("height").cause == "dropped"
+
+
+def test_a_fall_without_a_stabilizer_goes_where_the_pelvis_goes() -> None:
+    causes = {(0.3, 0.2): "forward", (-0.3, 0.2): "backward", (0.1, 0.2): "left", (0.1, -0.2): "right"}
+    for velocity, cause in causes.items():
+        walk = MadeUpWalk()
+        walk.data.qvel[:2] = velocity
+        walk.plant.time = 0.5
+        first = walk.meter.fall("tilt")  # before the first tick
+        assert (first.onset, first.step, first.phase, first.dcm_forward) == (0.5, 3, "double support", 0.0)
+        walk.tick(None, stance=1)
+        walk.tick(None, stance=1)
+        fall = walk.meter.fall("tilt")
+        assert fall.cause == cause and fall.dcm_forward is None and fall.dcm_outward is None
+        assert fall.onset == pytest.approx(0.51), "the fall itself"
+
+
+def test_errors_effort_and_work_are_means_and_sums_over_ticks() -> None:
+    walk = MadeUpWalk()
+    rows = (
+        ((3.0, -4.0), (2.0, -5.0), (0.003, 0.004), (0.06, 0.08), (0.0, -0.02)),
+        ((-6.0, 36.0), (-1.0, 0.5), (0.0, -0.01), (0.0, 0.0), (0.03, 0.04)),
+        ((1.0, 2.0), (0.0, 0.0), (float("nan"), 0.0), (0.0, 0.04), (0.0, 0.0)),  # in the air there is no ZMP
+    )
+    for torque, velocity, zmp, com, dcm in rows:
+        walk.plant.joint_torque, walk.plant.joint_velocity = np.array(torque), np.array(velocity)
+        walk.tick(dcm, zmp=zmp, com=com)
+    walk.meter.tick(SimpleNamespace(measurement=None))  # type: ignore[arg-type]  # the same reference: no new tick
+    figures = walk.meter.figures()
+    assert walk.meter.work == pytest.approx((3.0 * 2.0 + 4.0 * 5.0 + 6.0 * 1.0 + 36.0 * 0.5) * 0.01)
+    assert (figures["peak_torque_joint"], figures["peak_torque_ratio"]) == ("knee", pytest.approx(0.9))
+    for name, values in (
+        ("torque_ratio", (0.3, 0.9, 0.1)),
+        ("zmp_error", (0.005, 0.01)),
+        ("com_error", (0.1, 0.0, 0.04)),
+        ("dcm_error", (0.02, 0.05, 0.0)),
+    ):
+        assert (figures[name].mean, figures[name].std) == pytest.approx((np.mean(values), np.std(values))), (
+            name
+        )
+    assert figures["dcm_error_max"] == pytest.approx(0.05)
+    nothing = MadeUpWalk().meter.figures()
+    assert (
+        nothing["zmp_error"].mean is None and nothing["dcm_error_max"] is None and nothing["impact"] is None
+    )
+
+
+def test_an_impact_is_the_greatest_force_on_the_landing_foot_around_its_touch_down() -> None:
+    walk, weight = MadeUpWalk(), 50.0 * 9.80665
+    forces = np.zeros((40, 2))
+    forces[:, 0] = 900.0  # the stance foot, which is of no interest
+    forces[[1, 9, 27], 1] = 800.0  # too early, and too late
+    forces[[6, 12, 18], 1] = 300.0, 450.0, 520.0
+    for i, both in enumerate(forces.tolist()):
+        walk.tick(
+            events=(Event.TOUCH_DOWN,) if i == 10 else (), forces=tuple(both), swing=1 if i < 10 else None
+        )
+    assert walk.meter.figures()["impact"] == pytest.approx(800.0 / weight), (
+        "within 50 ms before it was noticed"
+    )
+    forces[9, 1] = 0.0
+    walk = MadeUpWalk()
+    for i, both in enumerate(forces.tolist()):
+        event = {3: Event.LIFT_OFF, 10: Event.TOUCH_DOWN, 25: Event.NO_TOUCH_DOWN}.get(i)
+        walk.tick(events=(event,) if event else (), forces=tuple(both), swing=1 if i < 10 else None)
+    figures = walk.meter.figures()
+    assert figures["impact"] == pytest.approx(520.0 / weight)
+    down = figures["touchdowns"]
+    assert (down.early, down.on_time, down.late, down.missed) == (0, 1, 0, 1)
+
+
+def test_support_is_measured_in_the_middle_of_each_step_of_what_touches_the_stance_sole() -> None:
+    walk = MadeUpWalk()
+    corners = np.array([[0.1, 0.02], [0.1, -0.04], [-0.2, -0.04], [-0.2, 0.02], [0.0, 0.0]])
+    walk.data.site_xpos[1] = [2.0, 3.0, 0.1]
+    walk.data.site_xmat[1] = [0.0, -1.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0]  # a quarter turn
+
+    def touch(sole: int, force: float, scale: float) -> None:
+        x, y = scale * corners.T
+        walk.truth.contact_position = np.column_stack([2.0 - y, 3.0 + x, np.full(5, 0.1)])
+        walk.truth.contact_position = np.vstack(
+            [walk.truth.contact_position, [9.0, 9.0, 0.0], [-9.0, 0.0, 0.0]]
+        )
+        walk.truth.contact_sole = np.array([sole] * 5 + [0, 1])
+        walk.truth.contact_force = np.zeros((7, 3))
+        walk.truth.contact_force[:, 2] = [force] * 5 + [
+            500.0,
+            0.9,
+        ]  # the other foot, and a touch without force
+
+    for step, scale in ((0, 1.0), (1, 0.5)):
+        touch(1, 100.0, 9.0)
+        walk.tick(stance=1, elapsed=0.39, step=step)
+        walk.tick(stance=1, elapsed=0.5, step=step, phase=Phase.DOUBLE)
+        touch(1, 100.0, scale)
+        walk.tick(stance=1, elapsed=0.41, step=step)
+        touch(1, 100.0, 9.0)
+        walk.tick(stance=1, elapsed=0.5, step=step)
+    areas = np.array([0.3 * 0.06, 0.15 * 0.03])
+    assert walk.meter.figures()["contact_area"].mean == pytest.approx(areas.mean())
+    assert walk.meter.figures()["contact_area"].std == pytest.approx(areas.std())
+
+
+# Travel, goal and orders
+
+
+def test_travel_is_told_along_the_heading_of_the_start() -> None:
+    """The robot is carried by 0.5 m, 0.4 rad to the left of its heading, and turned by 0.3 rad."""
+    yaw = 0.6
+    trial = WalkTrial(WalkSpec(plan=WalkPlan(distance=0.1), noise="none", start=(1.0, -2.0, yaw)))
+    trial.meter.work = 12.0
+    data, weight = trial.plant.data, trial.plant.robot.mass * 9.80665
+    assert trial.result().cost_of_transport is None
+    data.qpos[:2] += 0.5 * np.array([math.cos(yaw + 0.4), math.sin(yaw + 0.4)])
+    mujoco.mj_kinematics(trial.plant.model, data)
+    result = trial.result()
+    assert (result.distance, result.drift) == pytest.approx(
+        (0.5 * math.cos(0.4), 0.5 * math.sin(0.4)), abs=1e-6
+    )
+    assert result.cost_of_transport == pytest.approx(12.0 / (weight * 0.5), rel=1e-6)
+    left = math.hypot(0.5 * math.cos(0.4) - 0.1, 0.5 * math.sin(0.4))
+    assert result.goal_error == pytest.approx(left, abs=2e-3) and result.yaw_error == pytest.approx(
+        0.0, abs=1e-9
+    )
+    half, (w, x, y, z) = 0.15, data.qpos[3:7].tolist()
+    turned = [w * math.cos(half) - z * math.sin(half), w * math.sin(half) + z * math.cos(half)]
+    data.qpos[3:7] = [turned[0], x, y, turned[1]]
+    assert trial.result().yaw_error == pytest.approx(0.3)
+    data.qpos[0] = math.nan
+    lost = trial.result()
+    assert math.isnan(lost.distance) and math.isnan(lost.yaw_error) and lost.cost_of_transport is None
+
+
+def test_a_stepping_walk_has_orders_and_the_time_that_they_take() -> None:
+    def prepared(**plan: Any) -> Any:
+        return WalkSpec(robot="g1", law="stepping", plan=WalkPlan(**plan)).prepare()
+
+    driven = prepared(velocity=(0.2, 0.05, -0.1), steps=7)
+    assert driven.orders is not None
+    (first, (end, *stand)), s = (
+        driven.orders,
+        SteppingControl(driven.robot(), 0.002, driven.settings).source.gait.settings,
+    )
+    pause = s.shift_time + 8.0 * s.step_time
+    assert first == (0.0, 0.2, 0.05, -0.1) and stand == [0.0, 0.0, 0.0]
+    assert end == pytest.approx(s.shift_time + 7 * s.step_time) and driven.nominal_time == pytest.approx(
+        end + pause
+    )
+    assert driven.time_limit == math.ceil(1.5 * driven.nominal_time + 5.0) and driven.arrival() is None
+    rows = ((0.0, 0.3, 0.0, 0.0), (3.0, 0.0, 0.0, 0.0))
+    given = prepared(drive=rows)
+    assert given.orders == rows and given.nominal_time == pytest.approx(3.0 + pause)
+    straight, turn = prepared(distance=1.4), prepared(turn=1.1)
+    assert straight.orders is None and straight.nominal_time == pytest.approx(
+        1.4 / (0.7 * s.cruise) + pause, rel=1e-3
+    )
+    assert turn.nominal_time == pytest.approx(2.2 / s.fastest_turn + pause, rel=0.05)
+    with pytest.raises(InputError, match="takes no footsteps: it decides each step .* choose the law 'lipm'"):
+        prepared(footsteps=(Footstep("left", 0.05, 0.12),))
+
+
+@pytest.mark.parametrize(
+    ("rows", "message"),
+    [
+        ((), "at least one row"),
+        (((-0.1, 0, 0, 0),), "increase from 0 on, got -0.1 s in row 1$"),
+        (((0, 0.1, 0, 0), (0, 0, 0, 0)), "got 0 s in row 2 after 0 s"),
+        (((0, 0.1, 0, 0), (2, 0.1, 0, 0), (1, 0, 0, 0)), "got 1 s in row 3 after 2 s"),
+        (((0, 0.1, 0, 0), (1, math.nan, 0, 0)), "row 2 of a drive: "),
+        (((0, 0.1, 0, 0), (1, 0, 0, 0.2)), r"ends with a stand, got velocity \(0, 0, 0.2\)"),
+    ],
+)
+def test_drives_that_cannot_be_driven(rows: tuple[tuple[float, ...], ...], message: str) -> None:
+    with pytest.raises(InputError, match=message):
+        check_drive(rows)
+
+
+def test_a_drive_gives_each_row_when_it_is_due_and_is_over_with_the_last() -> None:
+    walking: Any = SimpleNamespace(velocity=None, finished=True)
+    rows = ((0.0, 0.3, 0.1, 0.0), (0.01, 0.2, 0.0, 0.1), (0.015, 0.0, 0.0, 0.0))
+    drive, seen = Drive(rows, walking), []
+    for tick in range(5):
+        drive.before(SimpleNamespace(plant=SimpleNamespace(time=0.005 * tick)))  # type: ignore[arg-type]
+        seen.append((walking.velocity, drive.over))
+    assert seen == [(rows[i][1:], i == 2) for i in (0, 0, 1, 2, 2)]
+    walking.finished = False
+    assert not drive.over and Drive(None, walking).over is False
+
+
+def test_stairs_are_those_of_the_ground() -> None:
+    for direction, sign in (("up", 1.0), ("down", -1.0)):
+        ground = terrain("steps", 0.2, riser=0.05, direction=direction, tread=0.3, length=1.5, start=0.4)
+        rise, tread, count, edge = stair_of(ground)
+        assert (rise, tread, count) == (pytest.approx(sign * 0.05), 0.3, 4)
+        assert float(ground.height(edge - 1e-6, 0.0)) == 0.0
+        assert float(ground.height(edge + 1e-6, 0.0)) == pytest.approx(rise)
+    with pytest.raises(InputError, match="no stairs on terrain 'steps'"):
+        stair_of(replace(ground, amplitude=0.0))
+    with pytest.raises(InputError, match="one direction"):
+        stair_of(terrain("steps", 0.2, riser=0.05))
