@@ -84,13 +84,12 @@ def add_frame(model: pin.Model, description: FrameDescription) -> None:
     """
     link = body_frame(model, description.link)
     placement = link.placement * description.placement
-    for frame in model.frames:
-        if frame.name == description.frame:
-            if frame.parentJoint == link.parentJoint and frame.placement.isApprox(placement, 1e-9):
-                return
-            raise InputError(
-                f"a frame '{description.frame}' exists already, elsewhere than described; choose another name"
-            )
+    if model.existFrame(description.frame):
+        if same_place(model, description):
+            return
+        raise InputError(
+            f"a frame '{description.frame}' exists already, elsewhere than described; choose another name"
+        )
     index = model.getFrameId(description.link, pin.FrameType.BODY)
     model.addFrame(
         pin.Frame(description.frame, link.parentJoint, index, placement, pin.FrameType.OP_FRAME),

@@ -121,19 +121,10 @@ def doubts(robot: Any) -> tuple[str, ...]:
         found.append(
             "torque limits that the file does not give are guessed from mass and size; see the list above"
         )
-    wide = [
-        name
-        for name, limits in zip(robot.joint_names, zip(*robot.position_limits, strict=True), strict=True)
-        if _is_taken(*limits)
-    ]
-    if wide:
+    limits = [*zip(robot.joint_names, *robot.position_limits, strict=True)]
+    if wide := [name for name, low, high in limits if _is_taken(low, high)]:
         found.append(f"no position limits (±π taken): {_listed(wide)}")
-    turns = [
-        name
-        for name, limits in zip(robot.joint_names, zip(*robot.position_limits, strict=True), strict=True)
-        if limits[1] - limits[0] > MOST_RANGE
-    ]
-    if turns:
+    if turns := [name for name, low, high in limits if high - low > MOST_RANGE]:
         found.append(f"position limits of more than two turns, in degrees? {_listed(turns)}")
     return tuple(found)
 

@@ -92,17 +92,24 @@ FEET = {
         for y in (-0.05, 0.05)
     ),
     "mesh": '<geom class="foot" type="mesh" mesh="shoe" pos="0.035 0 -0.05" euler="90 0 0"/>',
+    "mesh with a chamfer": '<geom class="foot" type="mesh" mesh="boot" pos="0.035 0 0"/>',
 }
 SHOE = (
     '<asset><mesh name="shoe" vertex="-0.105 -0.02 -0.05 0.105 -0.02 -0.05 -0.105 0.02 -0.05 0.105 0.02 -0.05 '
-    '-0.105 -0.02 0.05 0.105 -0.02 0.05 -0.105 0.02 0.05 0.105 0.02 0.05"/></asset>'
+    '-0.105 -0.02 0.05 0.105 -0.02 0.05 -0.105 0.02 0.05 0.105 0.02 0.05"/><mesh name="boot" vertex="{}"/></asset>'
+).format(
+    " ".join(
+        f"{x} {y} {z}"
+        for y in (-0.05, 0.05)
+        for x, z in ((-0.105, -0.07), (0.105, -0.07), (0.15, -0.03), (0.15, 0.25), (-0.105, 0.25))
+    )
 )
 SIZES = {"capsules": (0.19, 0.08), "cylinder": (0.1, 0.1)}
 
 
 @pytest.mark.parametrize("kind", FEET)
 def test_soles_come_from_the_geoms_that_touch_the_ground(kind: str) -> None:
-    description = RobotDescription.from_mjcf(biped(FEET[kind], extra=SHOE if kind == "mesh" else ""))
+    description = RobotDescription.from_mjcf(biped(FEET[kind], extra=SHOE if "mesh" in kind else ""))
     for sole in description.soles:
         np.testing.assert_allclose((sole.length, sole.width), SIZES.get(kind, (0.21, 0.1)), atol=1e-3)
         np.testing.assert_allclose(description.ankle(sole.name), [-0.035, 0.0, 0.07], atol=1e-3)

@@ -403,15 +403,26 @@ def test_friction_of_the_urdf_does_not_reach_mujoco_alone() -> None:
 
 
 def test_missing_limits_come_from_mass_and_size() -> None:
-    """Ranges of half a turn, speeds of 6 rad/s, torques that can carry the robot."""
-    without = RobotDescription.from_urdf(biped(geometry=FOOT_BOX, limits=""), **FEET)
+    """Ranges of half a turn, speeds of 6 rad/s and 0.5 m/s, torques that can carry the robot."""
+    tail = "".join(
+        f'<link name="{name}">{MASS.replace("1", mass, 1)}</link><joint name="{name}_joint" type="{kind}">'
+        f'<parent link="trunk"/><child link="{name}"/><axis xyz="0 0 1"/>{limit}</joint>'
+        for name, kind, mass, limit in (
+            ("finger", "revolute", "1e-3", ""),
+            ("lift", "prismatic", "0.5", '<limit lower="-3.1415927" upper="3.1415927"/>'),
+        )
+    )
+    without = RobotDescription.from_urdf(biped(geometry=FOOT_BOX, limits="", after=tail), **FEET)
     robot = without.robot()
     np.testing.assert_allclose(robot.position_upper, np.pi)
-    np.testing.assert_allclose(robot.velocity_limit, 6.0)
+    slides = np.arange(robot.na) == robot.joint_index("lift_joint")
+    np.testing.assert_allclose(robot.velocity_limit, np.where(slides, 0.5, 6.0))
     moment = robot.mass * 9.80665 * robot.com[2]
     legs = [robot.joint_index(name) for leg in without.legs for name in leg]
     np.testing.assert_allclose(robot.torque_limit[legs], 0.25 * moment, rtol=1e-9)
     others = np.delete(np.arange(robot.na), legs)
+    least, lift = (robot.torque_limit[robot.joint_index(f"{name}_joint")] for name in ("finger", "lift"))
+    assert (least, lift) == pytest.approx((0.005 * moment, 3.0 * 0.5 * 9.80665))
     rng = np.random.default_rng(1)
     for _ in range(20):
         q = np.array(robot.half_sitting)
@@ -469,6 +480,21 @@ def test_what_is_given_is_taken() -> None:
     assert robot.torso_frame == "l_roll_link"
     assert robot.frames == {"left_hand": "l_elbow_link"}
     assert (description.height, description.licence) == (1.2, "MIT")
+
+
+def test_an_imu_is_a_link_called_so_nearest_to_the_root_and_the_torso_carries_the_arms() -> None:
+    def fixed(*names: tuple[str, str]) -> str:
+        return "".join(
+            f'<link name="{name}"/><joint name="{name}_imu_fix" type="fixed"><parent link="{parent}"/>'
+            f'<child link="{name}"/><origin xyz="0 0 0.1"/></joint>'
+            for name, parent in names
+        )
+
+    hand, trunk = ("imu_hand", "l_elbow_link"), ("Body_IMU", "trunk")
+    for links, frame in (((hand, trunk), "Body_IMU"), ((hand,), "imu_hand"), ((), "trunk")):
+        description = RobotDescription.from_urdf(biped(after=fixed(*links)), **FEET)
+        assert description.imu.frame == frame and f"IMU: frame '{frame}'" in description.derived
+        assert description.torso == "trunk"
 
 
 FLAT = '<mass value="2"/><inertia ixx="0.001" iyy="0.001" izz="0.02" ixy="0" ixz="0" iyz="0"/>'

@@ -25,11 +25,10 @@ def violated_groups(problem: Problem) -> dict[str, float]:
     quadratic cost.
     """
     p = problem
-    n, n_eq, n_in = p.diagonal.size, p.n_eq, p.lower.size
-    physics = p.n_physics
+    n, physics = p.diagonal.size, p.n_physics
     above, below = np.isfinite(p.upper) & (p.upper < 1e20), np.isfinite(p.lower) & (p.lower > -1e20)
-    relaxed, n_above = n_eq - physics, int(above.sum())
-    n_slack = relaxed + n_above + int(below.sum())  # one for each bound: those of one row may cross
+    relaxed = p.n_eq - physics
+    n_slack = relaxed + int(above.sum() + below.sum())  # one for each bound: those of one row may cross
     identity = np.eye(n_slack)
     # Least violation first: the objective of the tasks is dropped, but for a trace that makes the answer unique.
     hessian = np.diag(np.concatenate([np.full(n, 1e-12), np.ones(n_slack)]))
@@ -46,16 +45,12 @@ def violated_groups(problem: Problem) -> dict[str, float]:
     )
     if not solution.found:
         return {"floating-base dynamics": float("inf")}
-    slack = np.abs(solution.x[n:])
-    excess = np.zeros(n_in)
-    excess[above] = slack[relaxed : relaxed + n_above]
-    excess[below] = np.maximum(excess[below], slack[relaxed + n_above :])
-    violated = {}
-    for name, block in p.equality_groups.items():
-        if block.start >= physics:
-            violated[name] = float(slack[block.start - physics : block.stop - physics].max(initial=0.0))
-    for name, block in p.inequality_groups.items():
-        violated[name] = float(excess[block].max(initial=0.0))
+    off = np.abs(p.equality @ solution.x[:n] - p.equality_target)
+    values = p.inequality @ solution.x[:n]
+    beyond = np.maximum(values - p.upper, p.lower - values)
+    groups = [(name, off[rows]) for name, rows in p.equality_groups.items() if rows.start >= physics]
+    groups += [(name, beyond[rows]) for name, rows in p.inequality_groups.items()]
+    violated = {name: float(found.max(initial=0.0)) for name, found in groups}
     worst_first = sorted(violated.items(), key=lambda item: -item[1])
     return {name: value for name, value in worst_first if value > SLACK_TOLERANCE}
 
