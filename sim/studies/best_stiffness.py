@@ -106,9 +106,8 @@ def best_stiffness(
     best = int(np.argmax(curve))
     if np.ptp(curve) < 1e-9:  # whatever the stiffness, the same
         best = GRID // 2
-    near = curve[best] - curve <= nearly
-    low = best - int(np.argmin(near[best::-1])) + 1 if not near[: best + 1].all() else 0
-    high = best + int(np.argmin(near[best:])) - 1 if not near[best:].all() else GRID - 1
+    far = np.flatnonzero(curve[best] - curve > nearly)
+    low, high = far[far < best].max(initial=-1) + 1, far[far > best].min(initial=GRID) - 1
     likely = np.percentile(at[np.argmax(draws, axis=1)], (10.0, 90.0))
     if np.ptp(draws) < 1e-9:
         likely = at[[0, -1]]

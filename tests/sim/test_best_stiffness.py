@@ -12,9 +12,9 @@ import pytest
 
 from wbc.app import cli
 from wbc.core.errors import InputError
-from wbc.feet.stiffness.dataset import StiffnessTable
+from wbc.feet.stiffness.dataset import ProfileRecipe, StiffnessTable
 from wbc.feet.stiffness.model import StiffnessModel
-from wbc.feet.stiffness.roughness import PARAMETERS
+from wbc.feet.stiffness.roughness import PARAMETERS, roughness
 from wbc.sim.studies.best_stiffness import (
     NEARLY,
     Label,
@@ -36,6 +36,7 @@ from wbc.sim.studies.stiffness_studies import (
     stiffness_grid,
     training_grounds,
 )
+from wbc.sim.walks.plans import WalkPlan
 from wbc.sim.walks.result import Spread, objective
 from wbc.sim.walks.spec import WalkSpec
 
@@ -184,11 +185,20 @@ def test_the_dataset_is_the_papers_grounds_and_as_large_as_one_likes() -> None:
 
 
 def test_windows_are_what_the_toes_see() -> None:
-    spec = WalkSpec(foot="soft", terrain="cylinder_obstacles", amplitude=0.02)
-    seen = seen_roughness(spec, 8)
-    assert seen.shape == (8, len(PARAMETERS)) and np.isfinite(seen).all()
+    """Profiles as long as a scan from the begin of the rough part to where the walk ends, left and right in turn."""
+    spec = WalkSpec(foot="soft", terrain="cylinder_obstacles", amplitude=0.02, plan=WalkPlan(distance=2.0))
+    seen, ground, robot = seen_roughness(spec, 4), spec.ground(), spec.prepare().robot()
+    recipe = ProfileRecipe()
+    assert recipe.window is not None
+    last = 2.0 + 0.5 * robot.soles[0].length - recipe.window
+    for i, x in enumerate(np.linspace(ground.start, last, 4)):
+        toe = float(robot.placement(robot.soles[i % 2].frame).translation[1])
+        places, heights = ground.profile(x, x + recipe.window, y=toe, step=recipe.step)
+        np.testing.assert_allclose(
+            seen[i], roughness(places, heights, recipe.roughness).values, rtol=1e-6, atol=1e-12
+        )
     height = seen[:, PARAMETERS.index("Sz")]
-    assert height.max() > 0.002 and height.max() < 0.02
+    assert seen.shape == (4, len(PARAMETERS)) and 0.002 < height.max() < 0.02
 
 
 def journal_of(path: Path, best: float) -> None:

@@ -193,6 +193,20 @@ def test_canonical_json_is_json(value: object) -> None:
     assert canonical(json.loads(text)) == text
 
 
+def test_entries_that_this_code_cannot_read_are_counted(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    path, old = tmp_path / "journal.jsonl", {"kind": "walk", "hat": "red"}
+    walks = [WalkSpec(seed=seed).to_json() for seed in range(2)]
+    with Journal(path) as journal:
+        for spec in (old, *walks, old | {"seed": 4}):
+            journal.add(Entry(spec, "done", {}, None, None, VERSION))
+    with caplog.at_level(logging.WARNING):
+        read = read_journal(path, any_code=True)
+    assert list(read) == [trial_key(walk) for walk in walks]
+    assert "2 entries whose spec this version cannot read are left out" in caplog.text
+
+
 def test_what_is_no_number_is_null() -> None:
     assert canonical({"x": math.nan, "y": [math.inf, 1.0]}) == '{"x":null,"y":[null,1.0]}'
 

@@ -150,7 +150,7 @@ def test_other_parts_than_the_feet_touch() -> None:
     """The pelvis of a robot that lies on its back hits the ground, which is not measured at the soles."""
     loop = MujocoLoop(DESCRIPTION, foreign_model(DESCRIPTION, "motor"), prefix=PREFIX)
     loop.step(loop.hold())
-    assert set(loop.truth().contact_sole.tolist()) == {0, 1}
+    assert set(loop.truth().contact_sole.tolist()) == {0, 1} and not loop.truth().other_force.any()
     q = np.array(loop.robot.half_sitting)
     q[2], q[3:7] = 0.099, [0.0, -np.sqrt(0.5), 0.0, np.sqrt(0.5)]
     loop.reset(q)
@@ -158,6 +158,7 @@ def test_other_parts_than_the_feet_touch() -> None:
     assert not loop.measure().sole_wrench.any()
     truth = loop.truth()
     assert set(truth.contact_sole.tolist()) == {-1} and truth.contact_force[0, 2] > 100.0
+    np.testing.assert_allclose(truth.other_force, truth.contact_force.sum(axis=0))
 
 
 def swaying(loop: MujocoLoop | Plant, ticks: int) -> list[Measurement]:
@@ -247,7 +248,14 @@ def test_a_model_of_another_robot_is_refused() -> None:
     model.jnt_axis[knee] *= -1.0
     with pytest.raises(ModelError, match=r"turns the other way .*: its axis is reversed"):
         MujocoLoop(DESCRIPTION, model, prefix=PREFIX)
-    model.jnt_axis[knee] *= -1.0
+    model.jnt_axis[knee] = [
+        np.sin(0.1),
+        -model.jnt_axis[knee, 1] * np.cos(0.1),
+        0.0,
+    ]  # it was that of the pitch
+    with pytest.raises(ModelError, match=r"axis of joint '.*' is 5\.7° off"):
+        MujocoLoop(DESCRIPTION, model, prefix=PREFIX)
+    model.jnt_axis[knee] = [0.0, 1.0, 0.0]
     model.jnt_pos[knee] += [0.0, 0.0, 0.05]
     with pytest.raises(ModelError, match=r"50\.0 mm off"):
         MujocoLoop(DESCRIPTION, model, prefix=PREFIX)

@@ -26,7 +26,11 @@ from wbc.sim.studies.paper.experiments import (
 from wbc.sim.studies.provenance import provenance
 from wbc.sim.studies.study import Study
 from wbc.sim.studies.study_table import layout_of
+from wbc.sim.terrain.families.patchwork import stretches
+from wbc.sim.terrain.spec import terrain
 from wbc.sim.walks.spec import WalkSpec
+from wbc.sim.walks.stiffness_policy import make_policy
+from wbc.tasks.scheduling.policies import GroundPolicy
 
 
 def test_experiments_have_the_papers_grounds_and_independent_layouts() -> None:
@@ -47,6 +51,15 @@ def test_the_oracle_knows_every_family_of_its_patchwork() -> None:
     assert {trial.arm for trial in trials} >= {"oracle", "model", "5", "2000"}
     known = next(dict(trial.spec.policy_params) for trial in trials if trial.arm == "oracle")
     assert tuple(known) == FIRST_FAMILIES
+    ground = terrain("patchwork", 0.04, 3, families="boards stones roof_tiles", length=3.0)
+    values = {"boards": 60.0, "stones": 7.0, "roof_tiles": 20.0}
+    policy = make_policy("oracle", values, ground)
+    assert isinstance(policy, GroundPolicy)
+    parts = stretches(ground)
+    for name, begin, end in parts:
+        assert [policy.function(x, 0.3) for x in (begin + 1e-6, end - 1e-6)] == [values[name]] * 2
+    assert policy.function(ground.start - 1.0, 0.0) == values[parts[0][0]], "before the first"
+    assert policy.function(ground.stop + 1.0, 0.0) == values[parts[-1][0]], "behind the last"
 
 
 def made_up(study: Study, steps: Callable[[str, str, int], float]) -> dict[str, Entry]:
@@ -100,6 +113,10 @@ def test_the_first_layouts_choose_and_the_others_judge() -> None:
     assert boards.means["5"].mean == 15.0 and boards.means["80"].mean == 17.0
     assert found.gain.mean == pytest.approx(-1.0) and found.gain.n == 8
     assert found.over["400"].mean == pytest.approx(1.0)
+    label = found.labels(study)[stones.row]
+    same = sorted(float(arm) for arm in {*stones.same, "80"})
+    assert (label.stiffness, label.nearly_low, label.nearly_high) == (80.0, same[0], same[-1])
+    assert label.walks == 4 * len(found.arms)
     assert "| best of the first 6 layouts |" in found.markdown() and "on 8 others" in found.markdown()
     with pytest.raises(
         InputError, match="chosen_by must leave two .* got 10; of 'boards, 50 mm' that is 10 and 0"

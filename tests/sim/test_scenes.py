@@ -202,6 +202,7 @@ def extent(model: mujoco.MjModel, data: mujoco.MjData, body: str = "") -> list[f
 
 def test_things_stand_on_the_floor_where_and_as_large_as_they_are_asked_to_be() -> None:
     table = built("table", distance=0.35, height=0.8, length=0.5, width=1.1)
+    assert scene_kinds()["table"].summary() == "A table that does not move."
     assert extent(*table) == pytest.approx([0.35, -0.55, 0.0, 0.85, 0.55, 0.8])
     rail = built("rail", distance=0.45, height=1.0, width=1.4, radius=0.03)
     assert extent(*rail) == pytest.approx([0.42, -0.73, -0.03, 0.48, 0.73, 1.0])

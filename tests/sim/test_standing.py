@@ -21,10 +21,12 @@ from wbc.sim.balance import push_recovery
 from wbc.sim.balance.push_recovery import (
     PushCell,
     PushResult,
+    PushTableSpec,
     StandPushSpec,
     format_push_table,
     largest_push,
     push_standing,
+    push_table,
 )
 from wbc.sim.balance.standing import (
     MODES,
@@ -37,6 +39,7 @@ from wbc.sim.balance.standing import (
 from wbc.sim.plant.falls import LARGEST_TILT, LOWEST_SHARE, TrueFallDetector
 from wbc.sim.plant.fitting import with_feet
 from wbc.sim.plant.plant import Plant
+from wbc.sim.trial.loop import StageError
 
 
 def without_clock(result: StandResult) -> dict[str, Any]:
@@ -211,3 +214,38 @@ def test_table_has_a_line_for_each_robot_and_mode_and_the_least_of_each() -> Non
     lines = format_push_table(cells).splitlines()
     assert lines[0] == "| robot | mode | 0° | 90° | least |"
     assert lines[2:] == ["| a | torque | 0.30 | 0.40 | 0.30 |", "| a | position | 0.20 | 0.10 | 0.10 |"]
+
+
+def test_a_table_is_filled_cell_by_cell(monkeypatch: pytest.MonkeyPatch) -> None:
+    asked: list[StandPushSpec] = []
+
+    def found(spec: StandPushSpec, *, highest: float, resolution: float) -> float:
+        assert (highest, resolution) == (0.9, 0.02)
+        asked.append(spec)
+        return 0.1 * len(asked) + 1e-6
+
+    monkeypatch.setattr(push_recovery, "largest_push", found)
+    table = PushTableSpec(
+        robot=("g1", "talos"), mode=("torque", "position"), directions=3, highest=0.9, resolution=0.02, seed=7
+    )
+    cells = list(push_table(table))
+    assert [(c.robot, c.mode) for c in cells[::3]] == [
+        ("g1", "torque"),
+        ("g1", "position"),
+        ("talos", "torque"),
+        ("talos", "position"),
+    ]
+    assert [c.direction_deg for c in cells] == [0.0, 120.0, 240.0] * 4
+    assert [c.impulse for c in cells] == pytest.approx([0.1 * (i + 1) for i in range(12)], abs=1e-9)
+    assert {spec.seed for spec in asked} == {7}
+
+
+def test_a_stage_waits_for_what_it_is_to_wait_for_and_not_for_ever() -> None:
+    trial = StandTrial(StandSpec())
+    looks: list[float] = []
+    trial.until(lambda: trial.plant.time >= 0.25, 1.0, lambda: looks.append(trial.plant.time))
+    assert trial.plant.time == pytest.approx(0.3) and looks[-1] == trial.plant.time, "it is asked every 0.1 s"
+    trial.stage = "wait"
+    with pytest.raises(StageError, match=r"stage 'wait' was not over after 0\.15 s"):
+        trial.until(lambda: False, 0.15)
+    assert trial.plant.time == pytest.approx(0.5) and trial.walker is None and trial.ground == 0.0

@@ -36,7 +36,7 @@ from wbc.sim.studies.intervals import (
 from wbc.sim.studies.journal import Entries, Entry, Journal, read_journal
 from wbc.sim.studies.provenance import provenance
 from wbc.sim.studies.study import Cell, LeftOut, Study, left_out, merged
-from wbc.sim.studies.study_table import reach_of, study_table
+from wbc.sim.studies.study_table import reach_of, study_rows, study_table
 from wbc.sim.studies.sweep import SweepError, SweepSummary, cluster_executor, sweep
 from wbc.sim.studies.trials import WalkPushLimitSpec, register_trial, run_trial, trial_from_json, with_seed
 from wbc.sim.trial.push import WalkPush
@@ -185,6 +185,24 @@ def _workers_of(pid: int) -> list[int]:
             if parent == pid and "spawn_main" in (folder / "cmdline").read_text():
                 found.append(int(folder.name))
     return found
+
+
+def test_a_process_that_is_stuck_is_given_twice_its_time_out_and_half_a_minute(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    calls: list[Any] = []
+    monkeypatch.setattr(
+        trials,
+        "faulthandler",
+        SimpleNamespace(
+            dump_traceback_later=lambda seconds, *, exit, file: calls.append((seconds, exit, file)),
+            cancel_dump_traceback_later=lambda: calls.append("cancelled"),
+        ),
+    )
+    assert run_trial(MadeUpTrial(1), 4.0, exit_when_stuck=True).status == "done"
+    assert calls == [(38.0, True, 2), "cancelled"]
+    run_trial(MadeUpTrial(1), exit_when_stuck=True)
+    assert len(calls) == 2, "without a time-out nothing is begun"
 
 
 @pytest.mark.slow
@@ -403,6 +421,19 @@ def test_a_table_of_another_part_of_the_results() -> None:
     assert study_table(study, entries, by=np.zeros(0)) == study_table(study, entries)  # type: ignore[arg-type]
     with pytest.raises(UnknownNameError, match="zmp_error.mean"):
         study_table(study, entries, metric="zmp_error.men")
+    assert "; = smaller than 0.5 (two one-sided" in study_table(study, entries, margin=0.5).markdown()
+    columns, rows = study_rows(study, entries)
+    assert columns[:5] == ["cell", "arm", "seed", "status", "outcome"] and "zmp_error.mean" in columns
+    assert (
+        len(rows) == study.size and rows[2][:3] == ["flat", "rigid", 1] and rows[2][3:5] == ["missing", None]
+    )
+    assert rows[5][:5] == ["flat", "flat", 2, "done", "completed"]
+    assert [row[columns.index("zmp_error.mean")] for row in rows if row[:2] == ["flat", "flat"]] == [
+        0.01,
+        0.02,
+        None,
+        0.04,
+    ]
     other = {key: replace(entry, version={"code": "other"}) for key, entry in entries.items()}
     other = {entry.key: entry for entry in other.values()}
     assert study_table(study, other).cells[0].estimate.n == 0

@@ -47,7 +47,7 @@ def test_swings_are_summed_up_by_cell() -> None:
     walks = {
         ("low", 1): [good, good],
         ("low", 2): [good, short],
-        ("high", 1): [swing(reached=False, commanded=40.0), good],
+        ("high", 1): [swing(reached=False, commanded=46.0), swing(commanded=48.0)],  # 8 and 4 %,
     }
     entries = {}
     for trial in study.trials():
@@ -66,14 +66,14 @@ def test_swings_are_summed_up_by_cell() -> None:
     assert low.decision_us == (401.5, 2000.0)
     assert (everything.walks, everything.swings) == (3, 6)
     assert everything.reached == pytest.approx(5 / 6) and everything.as_wanted == pytest.approx(4 / 5)
-    assert everything.stiffness == pytest.approx((35.0, 50.0, 50.0)) and everything.ahead == pytest.approx(
+    assert everything.stiffness == pytest.approx((38.0, 49.0, 50.0)) and everything.ahead == pytest.approx(
         [0.2] * 3
     )
     assert swing_table(found).splitlines() == [
         "     swings reached decided as wanted  k 10/50/90 %     ahead (s)      scan error (mm)",
         "low       4 100.0 %  75.0 %   100.0 %  36/50/50        0.20/0.20/0.20  1.0, 95 % 3.0",
-        "high      2  50.0 % 100.0 %    50.0 %  41/45/49        0.20/0.20/0.20  1.0, 95 % 3.0",
-        "all       6  83.3 %  83.3 %    80.0 %  35/50/50        0.20/0.20/0.20  1.0, 95 % 3.0",
+        "high      2  50.0 % 100.0 %    50.0 %  46.2/47/47.8    0.20/0.20/0.20  1.0, 95 % 3.0",
+        "all       6  83.3 %  83.3 %    80.0 %  38/49/50        0.20/0.20/0.20  1.0, 95 % 3.0",
         "not decided: 1 scan too short",
         "a decision takes 401 µs, 2000 µs at most",
     ]

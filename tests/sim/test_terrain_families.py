@@ -20,6 +20,8 @@ from wbc.sim.terrain.families.base import FieldFamily, family, param, terrain_fa
 from wbc.sim.terrain.families.fields import low_pass
 from wbc.sim.terrain.families.patchwork import stretches
 from wbc.sim.terrain.families.site import Site
+from wbc.sim.terrain.families.solids import dome
+from wbc.sim.terrain.ground import Ground
 from wbc.sim.terrain.spec import Terrain, terrain
 
 NAMES = [n for n in terrain_families() if n not in ("flat", "image")]
@@ -256,10 +258,28 @@ def test_stairs_have_equal_risers() -> None:
 @pytest.mark.parametrize("name", ["steps", "slope"])
 def test_climbs_end_where_they_say(name: str, direction: str, end: float) -> None:
     t = terrain(name, 0.08, direction=direction)
-    assert float(t.height(t.stop + 0.3, 0.0)) == pytest.approx(end * 0.08, abs=1e-12)
+    for drawn in (t, replace(t, rendering="height_field")):
+        assert float(drawn.height(t.stop + 0.3, 0.0)) == pytest.approx(end * 0.08, abs=1e-9)
     if name == "slope":
         angle = t.describe()["angle_rad"]
         assert math.acos(t.normal(t.start + 0.2, 0.1)[2]) == pytest.approx(angle, abs=1e-9)
+
+
+def test_a_cutoff_is_a_share_of_the_nyquist_frequency_of_its_grid() -> None:
+    """Noise every 7 mm has a Nyquist frequency of 71 waves a metre."""
+    facts = terrain("random", cutoff=0.02, spacing=0.007, length=2.8).describe()
+    assert facts["cutoff_cycles_per_m"] == pytest.approx(0.02 * 0.5 / 0.007)
+    assert facts["cutoff_wavelength_m"] == pytest.approx(0.7)
+
+
+@pytest.mark.parametrize(("radius", "top"), [(0.05, 0.02), (0.02, 0.05), (0.03, 0.03)])
+def test_a_dome_has_its_circle_on_the_floor_and_its_crown(radius: float, top: float) -> None:
+    shape, angle = dome(0.3, -0.2, radius, top), np.linspace(0.0, 6.0, 9)
+    ground = Ground(0.0, (shape,))
+    assert float(ground.height(0.3, -0.2)) == pytest.approx(top)
+    for share in (0.999, 1.001):
+        x, y = 0.3 + share * radius * np.cos(angle), -0.2 + share * radius * np.sin(angle)
+        assert (ground.height(x, y) > 0.0).all() == (share < 1.0), share
 
 
 def test_a_patchwork_is_what_its_stretches_say() -> None:

@@ -198,3 +198,5 @@ def test_profiles_must_go_forward() -> None:
         terrain("flat").profile(step=0.0)
     with pytest.raises(InputError, match=r"profile step \(m\) must be at least 3e-07"):
         terrain("flat").profile(step=1e-300)
+    with pytest.raises(InputError, match=r"larger than 1000 m²"):
+        terrain("flat", length=100.0, width=12.0)

@@ -165,6 +165,10 @@ def test_json_has_what_is_promised(plain: WalkResult) -> None:
     )
     assert set(promised.split()) <= set(data)
     assert set(data["zmp_error"]) == {"mean", "std"} and set(data["tick_us"]) == {"median", "p99"}
+    shown = plain._repr_html_()
+    assert "2 of 2" in shown and f"{plain.distance:.2f} m in {plain.seconds:.1f} s" in shown
+    for each in (plain.zmp_error, plain.com_error, plain.dcm_error):
+        assert each.mean is not None and f"{1e3 * each.mean:.1f} mm" in shown
     record = plain.record()
     assert not set(record) & {"clock", "wall_s", "real_time_factor", "tick_us"}
 
@@ -244,6 +248,16 @@ def test_who_lies_has_fallen_whatever_the_controller_believes() -> None:
     plant.data.qpos[3:7] = upright
     plant.data.qpos[2] -= 0.19  # soles stay where they were last computed
     assert look() is FallReason.HEIGHT
+
+
+def test_who_is_to_walk_lower_may_sink_lower() -> None:
+    trial = WalkTrial(WalkSpec(plan=TWO_STEPS, noise="none", changes={"com_height": 0.7}))
+    data, standing = trial.plant.data, float(trial.plant.truth().com[2])
+    assert standing > 0.75
+    lowest = data.qpos[2] - (standing - 0.7) - trial.walking.falls.settings.drop
+    for above, fallen in ((0.002, None), (-0.002, FallReason.HEIGHT)):
+        data.qpos[2] = lowest + above
+        assert trial.true_fall() is fallen
 
 
 class Poison(TrialHook):
