@@ -183,6 +183,14 @@ def test_torques_by_load_keep_the_cop_of_the_foot_with_less_load_off_the_edge(y:
     )
 
 
+def test_the_costs_of_mc_rtc_are_its_own_over_100() -> None:
+    """Net wrench 10⁴, ankle torque and the others 100 · (1, 10⁻⁴ …)², none below 10⁻⁵, and pressure 1."""
+    s = DistributionSettings.mc_rtc()
+    costs = np.array((s.net_force, s.net_moment, s.ankle_torque, s.pressure))
+    np.testing.assert_allclose(100.0 * costs, (1e4, 1e4, 100.0 * 1.0**2, 1.0))
+    assert s.ankle_yaw == s.ankle_shear == s.ankle_normal == 1e-5
+
+
 def test_bad_input_is_refused() -> None:
     net = through(np.zeros(3), np.array([0.0, 0.0, WEIGHT]))
     distribution = WrenchDistribution(SIZES)

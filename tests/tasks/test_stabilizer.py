@@ -564,7 +564,10 @@ def test_a_correction_moves_a_foot_in_its_own_axes() -> None:
 
 
 def test_presets_and_clamps(caplog: pytest.LogCaptureFixture) -> None:
-    assert MC_RTC.cop_admittance == (0.01, 0.01) and MC_RTC.wrench_time == 0.0
+    assert MC_RTC.cop_admittance == (0.01, 0.01) and MC_RTC.wrench_time == MC_RTC.support_height_leak == 0.0
+    assert (
+        MC_RTC.force_difference == 1e-4 and MC_RTC.max_angular_velocity == 0.3 and MC_RTC.dcm_d == (0.0, 0.0)
+    )
     with caplog.at_level(logging.WARNING):
         gains = StabilizerGains(dcm_p=(3.0, 50.0), force_difference=1.0)
     assert gains.dcm_p == (3.0, 20.0) and gains.force_difference == 2e-3

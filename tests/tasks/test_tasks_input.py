@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 
 import numpy as np
@@ -121,6 +122,34 @@ def test_an_option_replaces_the_default_of_its_task() -> None:
     assert (task.weight == 2.0).all() and (task.stiffness == 100.0).all() and (task.damping == 20.0).all()
     assert PoseTask("left_hand", name=None).name == "left_hand pose"
     assert CoMTask(stiffness=4.0).damping[0] == 4.0 and CoMTask(damping=3.0).damping[0] == 3.0
+
+
+def test_defaults_are_those_that_the_docstring_gives() -> None:
+    robot, said = make_robot("hrp4_class"), set()
+    for case in MOTION_TASKS.values():
+        task = case.make(robot)
+        doc = " ".join(" ".join((kind.__doc__ or "").split()) for kind in type(task).__mro__)
+        numbers = re.search(r"[Ww]eight (\S+)(?: and| by default.*? and|,) stiffness (\S+) 1/s", doc)
+        assert numbers is not None
+        assert (task.weight == float(numbers[1].replace("10⁻³", "1e-3"))).all()
+        assert (task.stiffness == float(numbers[2])).all()
+        said.add(numbers[0])
+    assert len(said) == 4
+
+
+def test_only_right_handed_orthonormal_matrices_are_rotations() -> None:
+    """To 1e-6, whichever row it is."""
+    rng, task = np.random.default_rng(0), OrientationTask("left_hand")
+    for _ in range(40):
+        turn = pin.exp3(rng.normal(size=3))
+        task.target = turn
+        stretched, sheared = (np.eye(3) for _ in range(2))
+        row, other = rng.permutation(3)[:2]
+        stretched[row, row] += rng.choice((-1e-4, 1e-4))
+        sheared[row, other] = rng.choice((-1e-4, 1e-4))
+        for wrong in (-turn, turn[::-1], stretched @ turn, sheared @ turn):
+            with pytest.raises(InputError, match="must be a rotation matrix"):
+                task.target = wrong
 
 
 def test_unknown_axis_is_refused_with_the_choices() -> None:

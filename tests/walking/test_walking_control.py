@@ -13,8 +13,7 @@ from wbc.core.qp.contact import PointContact
 from wbc.core.robot import GRAVITY, Robot
 from wbc.core.signals import Measurement
 from wbc.robots import load
-from wbc.tasks import CoMTask, OrientationTask
-from wbc.tasks.stabilizer.gains import StabilizerGains
+from wbc.tasks import OrientationTask
 from wbc.tasks.stabilizer.lean import LeanMotion
 from wbc.walking.control import WalkingControl
 from wbc.walking.falls import FallReason, FallSettings
@@ -162,23 +161,6 @@ def test_a_contact_that_is_added_has_its_part_in_the_feed_forward() -> None:
     x = np.concatenate((solution.accelerations, forces))
     expected = problem.torque_matrix @ x + problem.torque_bias
     np.testing.assert_allclose(command.joint_torque, expected, atol=1e-9)
-
-
-def test_the_shifted_target_of_the_com_moves_as_its_feed_forwards_say() -> None:
-    """The ZMP is off, and the CoM admittance shifts the target over a pendulum that rests."""
-    robot, walking = standing(WalkingControlSettings(gains=StabilizerGains(com_admittance=1.0)))
-    task = next(task for task in walking.controller.tasks if isinstance(task, CoMTask))
-    places, speeds, accelerations = [], [], []
-    for tick in range(60):
-        cop = (0.02 * np.sin(0.1 * tick), 0.01)
-        walking.command(sensors(robot, tick, robot.half_sitting, cop))
-        places.append(task.target[:2].copy())
-        speeds.append(task.feedforward_velocity[:2].copy())
-        accelerations.append(task.feedforward_acceleration[:2].copy())
-    moved = np.diff(places, axis=0) / DT
-    assert np.abs(moved).max(axis=0).min() > 1e-3
-    np.testing.assert_allclose(speeds[1:], moved, atol=1e-9)
-    np.testing.assert_allclose(accelerations[1:], np.diff(speeds, axis=0) / DT, atol=1e-7)
 
 
 def turned(yaw: float) -> Robot:
