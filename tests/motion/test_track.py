@@ -26,9 +26,10 @@ from wbc.motion import (
     tracking_settings,
     write_motion,
 )
-from wbc.motion.feasible import _straightened
+from wbc.motion.feasible import _balanced, _straightened, supports_on
 from wbc.motion.inverse_kinematics import inverse_kinematics
 from wbc.motion.kinematics import BodyMotion
+from wbc.motion.measures import nearest_inside
 from wbc.motion.source import clip_references, placed, splines
 from wbc.sim import Machine, TrackSpec, track_motion
 from wbc.walking import Reference, WalkingControl
@@ -220,6 +221,19 @@ def test_a_trunk_is_turned_up_about_the_horizontal_axis_across_its_tilt_until_th
     axis = rotation_of(q[5, 3:7])[:2, 1]  # it bows about its own y axis
     np.testing.assert_allclose(change / np.linalg.norm(change), [*-axis, 0.0], atol=1e-3)
     np.testing.assert_allclose(_straightened(g1, q, 2.0), q[:, 3:7], atol=1e-12)
+
+
+def test_a_centre_of_mass_beyond_the_toes_is_brought_back_over_the_middle_of_the_soles(g1: Robot) -> None:
+    still = BodyMotion.of(g1, np.tile(g1.half_sitting, (2, 1)), 100.0)
+    toes, leaned = still.corners[0, :, :, 0].max(), still.q[:1]
+    for ahead in (0.5, 1.02):
+        com = still.com[:1] * (0.0, 1.0, 1.0) + (ahead * toes, 0.0, -0.02)
+        leaned = inverse_kinematics(g1, 0.05, still.q[:1], still.soles[:1], np.ones((1, 2)), com, leaned)
+    clip = MotionClip.of(g1, np.repeat(leaned, 60, axis=0), 100.0)
+    motion, standing, _ = _balanced(g1, clip, 0.8)
+    areas = supports_on(g1, list(motion.soles), standing)
+    off = np.linalg.norm(nearest_inside(areas, motion.zmp()) - motion.zmp(), axis=1)[5:-5]
+    assert check_motion(g1, clip).zmp_worst > 0.5 and off.max() < 1e-3
 
 
 @pytest.mark.slow

@@ -72,21 +72,6 @@ def test_the_offset_does_not_depend_on_where_the_world_begins() -> None:
         assert at[:2] - moved == pytest.approx(kappa * at[:2] - gamma, abs=1e-10)
 
 
-@pytest.mark.parametrize(
-    ("above", "force", "moment", "offset"),
-    [
-        (0.9, (0.0, 0.0, 60.0), (0.0, 0.0, 0.0), (0.0, 0.0)),
-        (0.9, (-30.0, 0.0, 0.0), (0.0, 0.0, 0.0), (-0.9 * 30.0 / 400.0, 0.0)),
-        (0.9, (0.0, 20.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.9 * 20.0 / 400.0)),
-        (0.0, (0.0, 0.0, 0.0), (0.0, 8.0, 0.0), (0.02, 0.0)),
-    ],
-)
-def test_offsets_that_are_known_exactly(above: float, force: Any, moment: Any, offset: Any) -> None:
-    z = np.array([0.1, 0.05, 0.0])
-    wrench = wrench_at(z + (0.0, 0.0, above), force, moment)
-    assert zmp_offset(wrench, z, 400.0) == pytest.approx(offset)
-
-
 # ---- in the plant --------------------------------------------------------------------------------------------------
 
 
