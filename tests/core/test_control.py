@@ -16,6 +16,7 @@ from wbc.core.drive.torque import TorqueControl
 from wbc.core.qp.controller import Controller
 from wbc.core.qp.solver import Status
 from wbc.core.robot import Robot
+from wbc.tasks import CoMTask
 
 DT = 0.005
 
@@ -168,14 +169,20 @@ def test_the_commanded_robot_is_where_the_command_says_when_that_was_clipped() -
     assert (np.abs(command.joint_velocity) <= 2.0 * robot.velocity_limit).all()
 
 
-def test_outside_forces_take_part_in_the_equations_of_motion() -> None:
+def test_outside_forces_take_part_in_the_equations_of_motion_and_residuals_are_what_is_left_of_tasks() -> (
+    None
+):
     controller = standing("g1", DT)
     robot, rng = controller.robot, np.random.default_rng(0)
+    com = controller.add(CoMTask(np.array(robot.com) + [0.03, -0.02, 0.01]))
     controller.update(*near_half_sitting(robot, rng, 0.02, 0.1))
     for outside in (np.zeros(robot.nv), rng.normal(size=robot.nv)):
         controller.outside = outside
         solution = controller.solve()
         assert solution.ok
+        pin.centerOfMass(robot.model, robot.data, robot.q, robot.v, solution.accelerations)
+        asked = com.stiffness * (com.target - robot.com) - com.damping * robot.com_velocity
+        np.testing.assert_allclose(solution.residuals["com"], robot.data.acom[0] - asked, atol=1e-6)
         left = robot.mass_matrix @ solution.accelerations + robot.bias - outside
         left[6:] -= solution.torques
         for sole in robot.soles:

@@ -163,16 +163,26 @@ def test_a_g1_on_its_makers_gains_walks_with_delays(blind: bool) -> None:
 def test_the_torque_that_acted_is_that_of_the_commands_of_the_period_before() -> None:
     """With a delay of one and a half periods: half of the last command but one, half of the one before that."""
     kp, kd = np.array([100.0, 50.0]), np.array([10.0, 5.0])
-    sent = SentCommands((kp, kd), np.full(2, 1e3), DT, 1.5 * DT)
-    rng = np.random.default_rng(0)
-    commands = [Command(*rng.normal(size=(3, 2))) for _ in range(3)]
+    sent = SentCommands((kp, kd), np.array([1e3, 12.0]), DT, 1.5 * DT)
+    tau, to, rate, own_kp, own_kd = np.random.default_rng(0).uniform(0.1, 1.0, size=(5, 2))
     seen = SimpleNamespace(joint_position=np.array([0.1, -0.2]), joint_velocity=np.array([0.3, -0.4]))
-    torques = []
-    for c in commands:
-        sent.sent(c)
-        servo = kp * (c.joint_position - seen.joint_position) + kd * (c.joint_velocity - seen.joint_velocity)
-        torques.append(c.joint_torque + servo)
-    np.testing.assert_allclose(sent.torque(seen), 0.5 * (torques[0] + torques[1]), atol=1e-12)  # type: ignore[arg-type]
+    q, v = to - seen.joint_position, seen.joint_velocity
+    told = [
+        (Command(tau), tau),
+        (Command(tau, to), tau + kp * q - kd * v),
+        (Command(tau, to, rate), tau + kp * q + kd * (rate - v)),
+        (Command(tau, to, rate, kp=own_kp, kd=own_kd), tau + own_kp * q + own_kd * (rate - v)),
+        (Command(-9.0 * tau, None, rate), -9.0 * tau),
+    ]
+    assert sent.torque(seen) is None  # type: ignore[arg-type]
+    torques = [np.clip(torque, [-1e3, -12.0], [1e3, 12.0]) for _, torque in told]
+    for i, (command, _) in enumerate(told):
+        sent.sent(command)
+        acted = torques[0] if i < 2 else 0.5 * (torques[i - 1] + torques[i - 2])
+        np.testing.assert_allclose(sent.torque(seen), acted, atol=1e-12)  # type: ignore[arg-type]
+    assert any(abs(torque[1]) > 12.0 for _, torque in told)
+    sent.reset()
+    assert sent.torque(seen) is None  # type: ignore[arg-type]
 
 
 def carried(right: float, rise: float = 0.0) -> tuple[Robot, np.ndarray, np.ndarray]:

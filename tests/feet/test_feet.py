@@ -191,6 +191,19 @@ def test_contact_rows_cover_the_sole_evenly_and_lie_under_their_phalanx() -> Non
                 assert np.abs(under - centre).max() <= design.length / phalanges / 2.0 + 1e-12
 
 
+def test_the_soft_foot_is_the_published_one() -> None:
+    """Sections II-A and II-B of the paper; masses of the public SoftFoot model."""
+    paper = {
+        "phalanges": 10,
+        "damping": 2.0,
+        "arch_stiffness": 100.0,
+        "arch_damping": 80.0,
+        "loop_phalanx": 3,
+    }
+    masses = {"phalanx_mass": 0.02, "frontal_arch_mass": 0.07, "backward_arch_mass": 0.07}
+    assert {name: getattr(SoftFoot(), name) for name in paper | masses} == paper | masses
+
+
 def test_spheres_are_spread_evenly_between_the_insets() -> None:
     spheres = ContactSpheres(columns=4, row_spacing=0.05, inset=0.01)
     assert [spheres.rows(length) for length in (0.04, 0.1, 0.121, 0.2)] == [2, 3, 4, 5]

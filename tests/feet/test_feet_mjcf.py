@@ -20,7 +20,7 @@ from wbc.feet.soles.contact import (
     ContactSpheres,
     solver_parameters,
 )
-from wbc.feet.soles.runtime_mjcf import RangeFinder, SoleProbe, SoleStiffness
+from wbc.feet.soles.runtime_mjcf import GroundContacts, RangeFinder, SoleProbe, SoleStiffness
 from wbc.feet.soles.sole import SoleGeometry
 from wbc.sim.plant.settings import PhysicsSettings
 from wbc.sim.terrain.render import TERRAIN_GROUP, add_to_spec
@@ -317,6 +317,22 @@ def test_a_rigid_foot_has_no_stiffness_and_a_foreign_model_no_foot() -> None:
         SoleStiffness(rigid.model, rigid.foot)
     with pytest.raises(InputError, match="not compiled"):
         SoleProbe(rigid.model, soft.foot)
+    assert rigid.probe.loop_gap(rigid.data) == 0.0
+    soft.data.qpos[soft.model.joint(soft.foot.arch_joint).qposadr] = 0.1
+    mujoco.mj_kinematics(soft.model, soft.data)
+    ends = [soft.data.site(name).xpos for name in soft.foot.loop_sites or ()]
+    assert soft.probe.loop_gap(soft.data) == np.linalg.norm(ends[0] - ends[1]) > 1e-3
+
+
+def test_the_centre_of_pressure_is_the_mean_of_the_contacts_by_their_load() -> None:
+    points, forces = (
+        np.array([[0.0, 0.0, 0.0], [0.2, 0.1, 0.04]]),
+        np.array([[1.0, 2.0, 30.0], [3.0, 4.0, 10.0]]),
+    )
+    loaded = GroundContacts(points, forces)
+    np.testing.assert_allclose(loaded.force, [4.0, 6.0, 40.0])
+    np.testing.assert_allclose(loaded.centre_of_pressure, [0.05, 0.025, 0.01])
+    assert np.isnan(GroundContacts(points, 0.0 * forces).centre_of_pressure).all()
 
 
 # --- range -----------------------------------------------------------------------------------------------------------

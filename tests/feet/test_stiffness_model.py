@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -353,17 +354,18 @@ def test_folds_are_kept_apart(table: StiffnessTable, protocol: str) -> None:
 
 def test_the_scores_count_what_they_say(table: StiffnessTable) -> None:
     result = cross_validate(table, ModelSettings(PLAIN), "paper", folds=5)
-    right = result.cluster == result.true_cluster
-    folds = [right[result.fold == f].mean() for f in range(5)]
-    assert result.accuracy == pytest.approx(np.mean(folds)) and result.accuracy_std == pytest.approx(
-        np.std(folds)
-    )
-    names, counts = result.confusion()
-    assert counts.sum() == len(table) and np.trace(counts) == right.sum()
-    for i, name in enumerate(names):
-        assert counts[i].sum() == (result.true_cluster == name).sum()
-    assert result.mean_error == pytest.approx(np.abs(result.command - table.stiffness).mean())
-    assert right.mean() <= result.within_one <= 1.0
+    assert result.confusion()[1].sum() == len(table)
+    middles = 0.5 * (np.array(result.clusters.edges[1:]) + result.clusters.edges[:-1])
+    true, found = np.array([2, 2, 3, 4, 5]), np.array([2, 3, 3, 2, 4])
+    made = replace(result, truth=middles[true], command=middles[found] + 0.01, fold=np.array([0, 0, 1, 1, 1]))
+    first = made.cluster[0] - 2  # of the numbers of the clusters
+    assert made.accuracy_per_fold == pytest.approx([0.5, 1.0 / 3.0])
+    assert made.accuracy == pytest.approx(2.5 / 6.0) and made.accuracy_std == pytest.approx(0.5 / 6.0)
+    assert made.within_one == pytest.approx(0.8)
+    assert made.mean_error == pytest.approx(np.abs(middles[found] + 0.01 - middles[true]).mean())
+    names, counts = made.confusion()
+    assert (names - first).tolist() == [2, 3, 4, 5]
+    assert counts.tolist() == [[1, 1, 0, 0], [0, 1, 0, 0], [1, 0, 0, 0], [0, 0, 1, 0]]
     assert np.isnan(result.share_in_range)
     ranges = table.columns() | {"stiffness_low": [0.0] * len(table), "stiffness_high": [80.0] * len(table)}
     assert cross_validate(StiffnessTable.from_columns(ranges)).share_in_range == 1.0

@@ -45,20 +45,6 @@ def test_checksums_are_those_of_the_sdk() -> None:
     assert not intact(message)
 
 
-class Topics:
-    """Topics of a machine: its states are written here, its commands read."""
-
-    def __init__(self) -> None:
-        self.states: list[np.ndarray] = []
-        self.sent: list[np.ndarray] = []
-
-    def read(self, layout: np.dtype, timeout: float) -> np.ndarray | None:
-        return self.states.pop(0) if self.states else None
-
-    def write(self, record: np.ndarray) -> None:
-        self.sent.append(record["motor_cmd"][:29].copy())
-
-
 def state(seal: bool = True, **motors: object) -> np.ndarray:
     """Return a state of a machine whose motors are on; some fields of its motors are others."""
     record = np.zeros((), LOW_STATE)
@@ -70,10 +56,17 @@ def state(seal: bool = True, **motors: object) -> np.ndarray:
 
 
 def machine(*states: np.ndarray, **how: Any) -> UnitreeDriver:
-    driver = UnitreeDriver(DESCRIPTION, **how)
-    driver._topics = Topics()  # type: ignore[assignment]
-    driver._topics.states.extend(states)  # type: ignore[union-attr, attr-defined]
-    return driver
+    """Return a driver of a machine that sends these states, and keeps the commands that it gets."""
+    made, left, sent = UnitreeDriver(DESCRIPTION, **how), [*states], []
+
+    def read(layout: np.dtype, timeout: float) -> np.ndarray | None:
+        return left.pop(0) if left else None
+
+    def write(record: np.ndarray) -> None:
+        sent.append(record["motor_cmd"][:29].copy())
+
+    made._topics = SimpleNamespace(read=read, write=write, sent=sent)  # type: ignore[assignment]
+    return made
 
 
 def test_states_whose_checksum_is_wrong_or_missing_are_passed_over(caplog: pytest.LogCaptureFixture) -> None:
