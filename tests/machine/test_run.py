@@ -408,32 +408,6 @@ def test_the_guard_leaves_no_file_behind_where_memory_needs_one(
     assert not list(tmp_path.iterdir()) and guard._process.returncode == 0  # it ended by itself
 
 
-# ---- a simulated robot -----------------------------------------------------------------------------------------------
-
-
-def test_a_push_acts_beside_the_band_that_holds_the_robot() -> None:
-    forces = []
-
-    def stepper(model: mujoco.MjModel, data: mujoco.MjData) -> None:
-        forces.append(data.xfrc_applied[1, :3].copy())
-        mujoco.mj_step(model, data)
-
-    loop = MujocoLoop(DESCRIPTION, plant_model(), control_period=0.005, stepper=stepper)
-    wire = types.SimpleNamespace(receive=lambda: (False, None), send=lambda _: None)
-    server = RobotServer(loop, wire, band=5.0)
-    for _ in range(50):
-        server.step()
-    before = forces[-1]
-    assert before[2] > 50.0
-    loop.push("base", (30.0, 0.0, 0.0), 0.1)
-    server.step()
-    assert abs(np.array(forces[-loop.steps :]) - before - [30.0, 0.0, 0.0]).max() < 1.0
-    for _ in range(10):  # the band pulls the robot back
-        server.step()
-        now = np.array(forces[-loop.steps :])
-        assert abs(now - now[0]).max() < 1e-9 and abs(now[0, 2] - before[2]) < 20.0
-
-
 # ---- processes that are killed ---------------------------------------------------------------------------------------
 
 

@@ -77,21 +77,6 @@ def test_a_test_says_what_it_is() -> None:
     assert said["height_change_m"] == pytest.approx(0.0, abs=1e-12)
 
 
-def test_a_sole_touches_the_ground_where_it_says() -> None:
-    hold = press(SOFT_ON_STONES, support=False).hold
-    assert hold is not None
-    points = np.array(hold.contact_points)
-    line = np.array(hold.sole_line)
-    # Plan coordinates start at the sole centre under the ankle; the foot is not turned, so x and y are the world's.
-    ankle = SOFT_ON_STONES.foot.fit(SOFT_ON_STONES.robot_sole).sole.ankle
-    world = points[:, :2] - ankle[:2] + hold.ankle_place
-    np.testing.assert_allclose(points[:, 2], STONES.height(world[:, 0], world[:, 1]), atol=5e-4)
-    radius = SOFT_ON_STONES.foot.contact.radius
-    centres = line + [0.0, 0.0, radius]
-    distance = np.linalg.norm(points[:, None, :] - centres[None, :, :], axis=2).min(axis=1)
-    np.testing.assert_allclose(distance, radius, atol=5e-4)
-
-
 # --- impact ----------------------------------------------------------------------------------------------------------
 
 

@@ -194,7 +194,7 @@ def test_a_robot_that_may_step_takes_a_push_that_its_feet_in_place_do_not() -> N
 
 
 def test_a_robot_that_may_step_stands_still_where_nothing_pushes_it() -> None:
-    result = stand(StandSpec(steps="allowed", seconds=2.0, noise="realistic"))
+    result = stand(StandSpec(steps="allowed", seconds=1.2, noise="realistic"))
     assert result.mode == "torque" and result.upright and result.steps_taken == 0
     assert result.com_error_mm < 15.0
 

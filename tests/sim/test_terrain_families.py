@@ -230,7 +230,7 @@ def test_low_pass_has_half_power_at_its_cutoff(cutoff: float) -> None:
 
 def test_iso_ground_has_the_spectrum_it_reports() -> None:
     low, high, ratios, spectra = 0.5, 8.0, [], []
-    for seed in range(60):
+    for seed in range(40):
         t = terrain("iso8608", 0.03, seed, low=low, high=high, length=10.0)
         gd = t.describe()["gd_n0_m3"]
         _, z = t.profile(step=0.01)

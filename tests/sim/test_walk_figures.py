@@ -105,6 +105,8 @@ def test_a_fall_begins_where_the_dcm_left_for_good_and_is_told_from_the_stance_f
     outward = 0.9 * left if stance == 0 else -0.9 * left
     assert (fall.dcm_forward, fall.dcm_outward) == pytest.approx((0.9 * forward, outward))
     assert (fall.sole_roll, fall.sole_pitch) == pytest.approx((roll, pitch))
+    tilts = walk.meter.figures()
+    assert (tilts["sole_roll"].mean, tilts["sole_pitch"].mean) == pytest.approx((roll, -pitch))
     assert walk.meter.fall("height").cause == "dropped"
 
 

@@ -24,7 +24,7 @@ from wbc.sim.walks.trial import WalkTrial, walk
 from wbc.walking.falls import FallReason
 from wbc.walking.planning.footsteps import Footstep, FootstepPlan
 from wbc.walking.planning.gait import Gait
-from wbc.walking.planning.phases import Event, Phase
+from wbc.walking.planning.phases import Event
 from wbc.walking.planning.planners import walk_velocity
 from wbc.walking.planning.reach import Reach
 from wbc.walking.planning.sources import DriveSettings, Standing, VelocitySource
@@ -35,43 +35,19 @@ SPEC = WalkSpec(plan=TWO_STEPS, seed=3, gait=QUICK)
 
 
 class Notes(TrialHook):
-    """Writes down what it sees."""
+    """Writes down when it is called."""
 
     def __init__(self) -> None:
         self.calls: list[str] = []
-        self.zmp: list[float] = []
-        self.dcm: list[float] = []
-        self.torque = 0.0
-        self.events: list[Event] = []
-        self.tilt: list[float] = []
 
     def start(self, trial: WalkTrial) -> None:
         self.calls.append("start")
-        self.plant = trial.plant
 
     def tick(self, tick: TrialTick) -> None:
-        assert tick.walking.reference is not None and tick.walking.output is not None
-        wanted, output = tick.walking.reference.pendulum, tick.walking.output
         assert tick.measurement.time == tick.plant.time
-        self.zmp.append(float(np.linalg.norm((wanted.zmp - output.measured_zmp)[:2])))
-        velocity = tick.walking.control.observer.robot.com_velocity
-        measured = (tick.walking.control.observer.robot.com + velocity / tick.walking.walk.omega)[:2]
-        assert tick.walking.bias is not None
-        self.dcm.append(float(np.linalg.norm(wanted.dcm[:2] - (measured - tick.walking.bias.bias))))
-        self._add_torque()
-        self.events += tick.walking.reference.events
-        if tick.walking.reference.phase is Phase.SINGLE:
-            side = 0 if not tick.walking.reference.contact[1] else 1
-            frame = tick.plant.data.site(tick.plant.feet[side].wrench_site).xmat.reshape(3, 3)
-            self.tilt.append(math.acos(min(1.0, frame[2, 2])))
         self.calls.append("tick")
 
-    def _add_torque(self) -> None:
-        limits = np.asarray(self.plant.description.torque_limit)
-        self.torque = max(self.torque, float((np.abs(self.plant.joint_torque) / limits).max()))
-
     def end(self, result: WalkResult) -> None:
-        self._add_torque()
         self.calls.append("end")
 
 
@@ -80,19 +56,11 @@ def plain() -> WalkResult:
     return walk(SPEC)
 
 
-@pytest.fixture(scope="module")
-def seen() -> tuple[WalkResult, Notes]:
+def test_equal_specs_give_equal_records_with_any_hooks(plain: WalkResult) -> None:
     notes = Notes()
-    return walk(WalkSpec.from_json(json.loads(json.dumps(SPEC.to_json()))), hooks=[notes]), notes
-
-
-def test_equal_specs_give_equal_records_with_any_hooks(
-    plain: WalkResult, seen: tuple[WalkResult, Notes]
-) -> None:
-    result, notes = seen
+    result = walk(WalkSpec.from_json(json.loads(json.dumps(SPEC.to_json()))), hooks=[notes])
     assert result.record() == plain.record()
-    assert notes.calls[0] == "start" and notes.calls[-1] == "end"
-    assert notes.calls[1:-1] == ["tick"] * round(result.seconds / SPEC.period)
+    assert notes.calls == ["start", *["tick"] * round(result.seconds / SPEC.period), "end"]
 
 
 def test_a_walk_takes_fields_of_spec_and_plan_by_name(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -117,6 +85,11 @@ def test_walks_the_plan(plain: WalkResult) -> None:
     assert plain.steps_done == plain.steps_planned == 2
     assert plain.distance == pytest.approx(0.1, abs=0.02)
     assert abs(plain.yaw_error) < 0.05 and abs(plain.drift) < 0.03
+    assert (
+        plain.torque_ratio.mean is not None and plain.torque_ratio.mean < plain.peak_torque_ratio < 1.0 + 1e-9
+    )
+    assert plain.dcm_error.mean is not None and 0.0 < plain.dcm_error.mean < plain.dcm_error_max < 0.05
+    assert plain.contact_area.mean is not None and 0.01 < plain.contact_area.mean < 0.04
 
 
 def test_another_seed_is_another_walk(plain: WalkResult) -> None:
@@ -129,32 +102,6 @@ def _after_ticks(trial: WalkTrial, ticks: int) -> np.ndarray[Any, Any]:
     for _ in range(ticks):
         trial.plant.step(trial.walking.command(trial.plant.measure()))
     return np.array(trial.plant.data.qpos)
-
-
-def test_errors_are_distances_in_metres(seen: tuple[WalkResult, Notes]) -> None:
-    result, notes = seen
-    zmp, dcm = np.array(notes.zmp), np.array(notes.dcm)
-    assert result.zmp_error.mean == pytest.approx(np.nanmean(zmp), rel=1e-9)
-    assert result.zmp_error.std == pytest.approx(np.nanstd(zmp), rel=1e-9)
-    assert result.dcm_error.mean == pytest.approx(dcm.mean(), rel=1e-6)
-    assert result.dcm_error_max == pytest.approx(dcm.max(), rel=1e-6)
-
-
-def test_torque_tilt_and_touchdowns_are_those_of_the_plant(seen: tuple[WalkResult, Notes]) -> None:
-    result, notes = seen
-    assert result.peak_torque_ratio == pytest.approx(notes.torque, rel=1e-12)
-    assert 0.0 < result.peak_torque_ratio <= 1.0 + 1e-9
-    assert result.torque_ratio.mean is not None and 0.0 < result.torque_ratio.mean < result.peak_torque_ratio
-    down = result.touchdowns
-    assert down.early + down.on_time + down.late + down.missed == 2
-    assert down.early == notes.events.count(Event.EARLY_TOUCH_DOWN)
-    assert down.late == notes.events.count(Event.LATE_TOUCH_DOWN)
-    assert result.sole_pitch.mean is not None and result.sole_roll.mean is not None
-    assert max(result.sole_pitch.mean, result.sole_roll.mean) <= np.mean(notes.tilt) + 1e-6
-    sole = notes.plant.feet[0].fit.sole
-    assert result.cost_of_transport is not None and 0.1 < result.cost_of_transport < 10.0
-    assert result.contact_area.mean is not None
-    assert 0.3 * sole.length * sole.width < result.contact_area.mean <= 1.0001 * sole.length * sole.width
 
 
 def test_json_has_what_is_promised(plain: WalkResult) -> None:
