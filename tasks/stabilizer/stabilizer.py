@@ -63,7 +63,6 @@ class Stabilizer:
 
     Attributes:
         mass: Mass of the robot with its load, kg; assign it when the load changes.
-        enabled: True for feedback; without feedback the desired wrench is the pattern's.
         distribution: Wrench distribution.
         feet: Admittances of the feet; reset a foot when it leaves or meets the ground.
     """
@@ -72,9 +71,8 @@ class Stabilizer:
     def __init__(
         self, mass: float, distribution: WrenchDistribution, gains: StabilizerGains | None = None
     ) -> None:
-        """Start on the ground, enabled, with an empty memory, for a mass above zero, kg, and its soles."""
+        """Start on the ground, with an empty memory, for a mass above zero, kg, and its soles."""
         self._mass = positive("mass (kg)", mass)
-        self.enabled = True
         self.distribution = distribution
         self._given = gains or StabilizerGains()
         self._gains = self._given.for_mass(self._mass)
@@ -144,7 +142,6 @@ class Stabilizer:
         dt: float,
         *,
         bias: Array | None = None,
-        ratio: float | None = None,
         outside: Array | None = None,
     ) -> StabilizerOutput:
         """Compute one tick.
@@ -160,7 +157,6 @@ class Stabilizer:
             yaw: Heading of the robot, rad.
             dt: Control period, s.
             bias: Bias of the measured DCM, shape (2,), m.
-            ratio: Left-foot ratio on both feet; from the target ZMP when None.
             outside: Wrench of the surroundings on all but the feet, [force; moment] at the world origin, shape (6,), N
                 and Nm: the feet give what it does not. The target's ZMP is then that of feet and this together.
 
@@ -180,7 +176,7 @@ class Stabilizer:
                 outside, measured_zmp if math.isfinite(measured_zmp[0]) else target.zmp, weight
             )
             measured_zmp = measured_zmp - np.array((*offset, 0.0))
-        idle = self._in_air or not self.enabled or math.isnan(measured_zmp[0])
+        idle = self._in_air or math.isnan(measured_zmp[0])
         zmp = None if idle else measured_zmp  # that feedback and admittances go by
 
         errors = self._feedback.errors(target, com, com_velocity, zmp, dt, bias)
@@ -199,8 +195,7 @@ class Stabilizer:
             feet_zmp = feet_zmp + np.array((*zmp_offset(outside, target.zmp, weight), 0.0))
             net = net - outside
             desired_zmp = level_zmp(net, desired_zmp)
-        if ratio is None:
-            ratio = left_foot_ratio(feet_zmp, soles[0].translation, soles[1].translation)
+        ratio = left_foot_ratio(feet_zmp, soles[0].translation, soles[1].translation)
         feet = self.distribution.solve(net, soles, desired_zmp, ratio, contact)
         filtered = self._wrench.update(wrenches, dt)
         if idle:

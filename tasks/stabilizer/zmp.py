@@ -34,19 +34,18 @@ def cop(wrench: Array) -> Array:
 
 
 @checked_on_failure
-def zmp(wrench: Array, plane: pin.SE3, min_force: float = MIN_FORCE) -> Array:
+def zmp(wrench: Array, plane: pin.SE3) -> Array:
     """Return the zero-tilting moment point of a wrench in a plane.
 
     Args:
         wrench: [force; moment] at the world origin in world axes, shape (6,), N and Nm.
         plane: Frame of the plane; its z axis is the normal.
-        min_force: Force along the normal below which there is none, N.
 
     Returns:
         Point in the world, shape (3,), m.
 
     Raises:
-        NoContactForceError: The force along the normal is below `min_force`.
+        NoContactForceError: The force along the normal is below `MIN_FORCE`.
 
     Source: Sardain & Bessonnet, IEEE T-SMC-A 34(5), 2004.
     """
@@ -54,8 +53,8 @@ def zmp(wrench: Array, plane: pin.SE3, min_force: float = MIN_FORCE) -> Array:
     x, y, z = plane.translation.tolist()
     nx, ny, nz = plane.rotation[:, 2].tolist()
     force = nx * fx + ny * fy + nz * fz
-    if not force >= min_force:
-        raise NoContactForceError(f"no ZMP: force along the normal {force:.3g} N is below {min_force:g} N")
+    if not force >= MIN_FORCE:
+        raise NoContactForceError(f"no ZMP: force along the normal {force:.3g} N is below {MIN_FORCE:g} N")
     # origin + normal × (moment about the origin) / force
     mx -= y * fz - z * fy
     my -= z * fx - x * fz
