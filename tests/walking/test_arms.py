@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
@@ -14,7 +15,9 @@ from wbc.core.errors import InputError, UnknownNameError
 from wbc.core.robot import BASE_DOF
 from wbc.sim import Plant, TrialHook, WalkPlan, WalkSpec, WalkTrial
 from wbc.sim.trial.loop import TrialTick
+from wbc.tasks.trajectories import minimum_jerk
 from wbc.walking import ArmSettings, FootstepPlan, WalkingControl, WalkingControlSettings
+from wbc.walking.hands.reaching import LEAD
 from wbc.walking.pattern.swing import FootMotion
 
 DT = 0.005
@@ -95,6 +98,87 @@ def test_a_target_in_the_frame_of_an_object_moves_with_it() -> None:
     arm = here - box.translation
     moving = np.array([0.1, 0.0, 0.0]) + np.cross([0.0, 0.0, 0.2], arm)
     np.testing.assert_allclose(task.feedforward_velocity[:3], moving, atol=2.0 * DT)
+
+
+def carried(walking: WalkingControl, name: str, move: Callable[[int], None], ticks: int) -> list[Any]:
+    """Let a hand be where its reference is, by the base; return poses, feed-forwards and what it says of itself."""
+    robot, hand, states = walking.controller.robot, walking.arms[name], []
+    own = robot.placement(robot.base_frame).actInv(robot.placement(hand.frame))
+    for tick in range(ticks):
+        move(tick)
+        update(walking)
+        task = walking.controller.task(name)
+        base = task.target * own.inverse()
+        robot.update(np.concatenate((pin.SE3ToXYZQUAT(base), robot.half_sitting[7:])), np.zeros(robot.nv))
+        motion = np.array((task.feedforward_velocity, task.feedforward_acceleration))
+        states.append((task.target, motion, hand.moving, hand.reached))
+    return states
+
+
+@pytest.mark.parametrize("how", ["as fast as it may", "in a time", "in an object that moves"])
+def test_the_reference_of_a_hand_moves_as_its_feed_forwards_say(how: str) -> None:
+    walking, name = control(speed=0.6, acceleration=3.0), "left_hand"
+    hand, robot = walking.arms[name], walking.controller.robot
+    start = pin.SE3(robot.placement(hand.frame))
+    turn, way = np.array((0.3, -0.2, 0.4)), np.array((0.12, -0.05, 0.08))
+    goal = pin.SE3(pin.exp3(turn) @ start.rotation, start.translation + way)
+    drift, spin, box = np.array((0.1, -0.2, 0.05)), np.array((0.0, 0.1, 0.3)), pin.SE3.Random()
+
+    def move(tick: int) -> None:
+        if how == "in an object that moves":
+            t = tick * DT
+            place = pin.SE3(pin.exp3(t * spin) @ box.rotation, box.translation + t * drift)
+            walking.arms.place("box", place, [*drift, *spin])
+
+    move(0)
+    if how == "in an object that moves":
+        hand.reach(box.actInv(goal), "box", duration=0.6)
+    else:
+        hand.reach(goal, **({"duration": 0.6} if how == "in a time" else {}))
+    states = carried(walking, name, move, 250)
+    poses, motions = [state[0] for state in states], np.array([state[1] for state in states])
+    steps = np.array([
+        [*(b.translation - a.translation), *pin.log3(b.rotation @ a.rotation.T)]
+        for a, b in zip(poses, poses[1:], strict=False)
+    ]) / DT  # fmt: skip
+    np.testing.assert_allclose(0.5 * (motions[:-1, 0] + motions[1:, 0])[1:], steps[1:], atol=0.015)
+    moving = [state[2] for state in states]
+    assert moving[0] and not moving[-1] and not states[0][3]
+    if how == "in an object that moves":
+        last = pin.SE3(pin.exp3(249 * DT * spin) @ box.rotation, box.translation + 249 * DT * drift)
+        assert poses[-1].isApprox(last * box.actInv(goal), 1e-6)
+        return
+    assert states[-1][3] and poses[-1].isApprox(goal, 2e-3)
+    changes, pushes = np.diff(motions[:, 0], axis=0) / DT, motions[:, 1]
+    means = 0.5 * (pushes[:-1] + pushes[1:]) if how == "in a time" else pushes[1:]
+    np.testing.assert_allclose(changes[1:], means[1:], atol=0.05 if how == "in a time" else 1e-9)
+    if how == "in a time":
+        assert moving.index(False) == round(0.6 / DT) - 1
+        for tick in (20, 60, 100):
+            share = minimum_jerk((tick + 1) * DT / 0.6)[0]
+            np.testing.assert_allclose(poses[tick].translation, start.translation + share * way, atol=1e-9)
+            np.testing.assert_allclose(
+                pin.log3(poses[tick].rotation @ start.rotation.T), share * turn, atol=1e-9
+            )
+    else:
+        speeds = np.linalg.norm(motions[:, 0, :3], axis=1)
+        assert np.linalg.norm(pushes[:, :3], axis=1).max() == pytest.approx(3.0) and speeds.max() < 0.6
+
+
+def test_the_reference_of_a_hand_that_cannot_follow_waits() -> None:
+    for options in ({}, {"duration": 2.0}):
+        walking = control()
+        hand = walking.arms["left_hand"]
+        start = np.array(hand.position)
+        hand.reach(start + [0.3, 0.4, 0.0], **options)
+        for _ in range(300):
+            walking.controller.solve()
+            update(walking)
+        ahead = walking.controller.task("left_hand").target.translation - start
+        far = float(np.linalg.norm(ahead))
+        np.testing.assert_allclose(ahead / far, (0.6, 0.8, 0.0), atol=1e-6)
+        assert 0.98 * LEAD < far < 1.1 * LEAD, "where it has braked"
+        assert hand.moving and not hand.reached
 
 
 def test_bad_targets_are_refused_with_the_choices() -> None:
