@@ -210,7 +210,7 @@ def test_a_trajectory_that_cannot_be_is_refused(make: Callable[[], Trajectory], 
 @pytest.mark.parametrize("turned", [0.0, 1e-9, 0.3, 2.0, np.pi - 1e-9, np.pi])
 def test_the_least_turn_brings_an_axis_to_a_direction(turned: float) -> None:
     down, ahead = (0.0, 0.0, -1.0), (1.0, 0.0, 0.0)
-    for axis, across in ((ahead, (0.0, 1.0, 0.0)), (down, ahead), ((0.0, 0.6, 0.8), ahead)):
+    for axis, across in ((ahead, (0.0, 1.0, 0.0)), (down, ahead), ((0.48, 0.6, 0.64), (0.8, 0.0, -0.6))):
         direction = np.cos(turned) * np.array(axis) + np.sin(turned) * np.array(across)
         turn = least_turn(np.array(axis), direction)
         np.testing.assert_allclose(pin.exp3(turn) @ axis, direction, atol=1e-6)
