@@ -211,6 +211,8 @@ def test_a_plan_that_leaves_the_ground_is_refused() -> None:
         (lambda: Footstep("middle", 0.0, 0.0), "no side 'middle'"),
         (lambda: Footstep("left", math.nan, 0.0), "finite"),
         (lambda: Gait(takeoff_time=0.3, landing_time=0.3), "half of the single support"),
+        (lambda: Gait(apex=0.29), "apex"),
+        (lambda: Gait(apex=0.71), "apex"),
         (lambda: walk_distance(START, 0.0), "zero"),
         (lambda: walk_velocity(START, (0.1, 0.0), 3), "velocity must be"),
         (lambda: walk_velocity(START, (0.1, 0.0, 0.0), 0), "at least 1"),
