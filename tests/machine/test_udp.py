@@ -219,6 +219,15 @@ def test_a_server_damps_on_a_bad_command_of_any_wire_and_goes_on() -> None:
         assert not server.damped and np.isfinite(loop.data.qpos).all()
 
 
+def test_refused_packets_are_told_ever_more_seldom(wire: Wire, caplog: pytest.LogCaptureFixture) -> None:
+    for _ in range(2001):
+        wire.robot._refuse(("10.0.0.9", 4321))
+    told = [
+        f"{count} packets refused, the last one of 10.0.0.9, port 4321" for count in (1, 10, 100, 1000, 2000)
+    ]
+    assert caplog.messages == told and wire.robot.refused == 2001
+
+
 def test_packets_of_strangers_neither_damp_nor_lock_anybody_out(wire: Wire) -> None:
     """Forged numbers, bits that have flipped, noise: the robot obeys its owner, the driver hears its robot."""
     owner, rng = wire.owner(), wire.rng
