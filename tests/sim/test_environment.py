@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import pinocchio as pin
 import pytest
 
 from wbc.core.errors import InputError, UnknownNameError
@@ -51,6 +52,33 @@ def test_a_stand_is_pushed_and_takes_postures() -> None:
     assert env.trial.walking.body.lean == (0.0, 0.1)
     robot = env.trial.walking.control.observer.robot
     assert env.trial.walking.body.com_height < float(robot.com[2]) + 0.04
+
+
+def test_an_observation_is_the_same_wherever_the_robot_is_and_heads() -> None:
+    env = WbcEnv("stand", robot="g1", noise="none")
+    env.reset(seed=0)
+    assert env.trial is not None
+    observer, rng = env.trial.walking.control.observer, np.random.default_rng(1)
+    robot, v = observer.robot, rng.normal(size=observer.robot.nv)
+    q = robot.half_sitting.copy()
+    q[3:7] = pin.Quaternion(pin.rpy.rpyToMatrix(0.2, -0.3, 0.0)).coeffs()
+    seen = []
+    for place in (
+        pin.SE3.Identity(),
+        pin.SE3(pin.rpy.rpyToMatrix(0.0, 0.0, 2.1), np.array([3.0, -4.0, 0.5])),
+    ):
+        there = q.copy()
+        there[:7] = pin.SE3ToXYZQUAT(place * pin.XYZQUATToSE3(q[:7]))
+        robot.update(there, v)
+        seen.append(env._observation())
+    np.testing.assert_allclose(seen[0], seen[1], atol=1e-9)
+    robot.update(q, v)
+    feet = [robot.placement(sole.frame).translation for sole in robot.soles]
+    load = observer.load / (robot.mass * 9.80665)
+    down = pin.rpy.rpyToMatrix(0.2, -0.3, 0.0).T @ [0.0, 0.0, -1.0]
+    parts = (robot.com - 0.5 * (feet[0] + feet[1]), robot.com_velocity, down, v[3:6], load, q[7:], v[6:])
+    np.testing.assert_allclose(seen[0], np.concatenate(parts), atol=1e-9)
+    assert 0.3 < load.sum() < 1.1
 
 
 def test_bad_input_is_named() -> None:

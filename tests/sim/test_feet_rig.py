@@ -214,3 +214,7 @@ def test_impossible_actions_are_refused() -> None:
         pitch(FootTest(ankle_stiffness=0.0))
     with pytest.raises(InputError, match="move faster"):
         pitch(FootTest(), rate=1e-3)
+    with pytest.raises(InputError, match="pitch amplitude .* got 1.6"):
+        pitch(FootTest(), amplitude=1.6)
+    with pytest.raises(InputError, match="less than two samples"):
+        pitch(FootTest(), rate=100.0)
