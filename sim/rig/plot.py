@@ -119,9 +119,7 @@ def _draw_side(axes: Axes, test: FootTest, hold: Hold) -> None:
     columns = test.foot.contact.columns
     for column in range(columns):
         middle = column == columns // 2
-        axes.plot(
-            *line[column::columns, ::2].T, ".-", color=_SOLE, alpha=1.0 if middle else 0.4, lw=1.5, ms=4
-        )
+        axes.plot(*line[column::columns, ::2].T, ".-", color=_SOLE, alpha=1.0 if middle else 0.4, ms=4)
     skeleton = 1e3 * np.array(hold.skeleton)
     axes.plot(skeleton[:, 0], skeleton[:, 2], "o-", color="#454a52", lw=2.5, ms=4)
     points, forces = 1e3 * np.array(hold.contact_points).reshape(-1, 3), np.array(hold.contact_forces)

@@ -200,6 +200,7 @@ def test_pitching_the_toe_down_moves_the_centre_of_pressure_forward() -> None:
     ("parameters", "message"),
     [
         ({"hold": 1e-5}, "at least one physics step"),
+        ({"drop": 1.5}, "drop"),
         ({"physics": PhysicsSettings(gravity=0.0)}, r"^gravity \(m/s²\) must be above 0 for a foot test"),
         ({"foot": foot("soft", ankle_height=0.01)}, "does not fit"),
     ],

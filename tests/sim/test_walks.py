@@ -116,6 +116,8 @@ def test_json_has_what_is_promised(plain: WalkResult) -> None:
     assert "2 of 2" in shown and f"{plain.distance:.2f} m in {plain.seconds:.1f} s" in shown
     for each in (plain.zmp_error, plain.com_error, plain.dcm_error):
         assert each.mean is not None and f"{1e3 * each.mean:.1f} mm" in shown
+    clock = plain.clock
+    assert clock is not None and 0.0 < clock.physics_share < 1.0 and clock.real_time_factor > 0.0
     record = plain.record()
     assert not set(record) & {"clock", "wall_s", "real_time_factor", "tick_us"}
 
