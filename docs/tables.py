@@ -1,6 +1,7 @@
 """Tables and figures of the journals: `python docs/tables.py` writes docs/journals/tables.md, `--figures` draws.
 
-`TABLES` names the tables of studies and journals, with options of `wbc study table`; `FIGURES` those of the pages.
+`TABLES` names the tables of studies (of the catalog, of a file beside the journals, or of a hypothesis) and journals,
+with options of `wbc study table`; `FIGURES` those of the pages.
 `--pack FOLDER` compresses the journals of a folder into docs/journals, without wall-clock timings and without what was
 scanned in single swings. `--held-out FOLDER` writes the studies that walk the optima on held-out layouts, for
 `wbc study run`. Walks of version 8 and before are those of grounds with a sharp edge and of a law that was called
@@ -34,6 +35,7 @@ from wbc.sim.studies.study import Study, cell_name, merged, study_entries
 from wbc.sim.studies.study_table import StudyTable, study_table
 
 DOCS = Path(__file__).parent
+HYPOTHESES = DOCS.parent / "sim" / "studies" / "data" / "hypotheses"
 BUDGET, VALIDATIONS = 400, 20
 """Walks of an optimisation on one ground, and seeds of its validation."""
 
@@ -52,15 +54,19 @@ TABLE_IV_STEPS: Mapping[str, tuple[tuple[int, int, int], ...]] = {
 LEFT_OUT = ("features", "distance", "profile_error_m", "profile_error_as_believed_m")
 """Parts of each swing of a variable sole that packed journals do not have: what was scanned, not what was decided."""
 
+ALIKE = "4c57d45761ee+d39da6122a0a"
+"""Codes of the walks on fixed soles: walks of the second, repeated by the first, were the same to the bit."""
+
 GROUNDS = "+".join(TABLE_II)
 TABLES = (
     ("authority", "authority.jsonl.xz", "--margin 0.5"),
     ("damping", "authority.jsonl.xz", "--margin 0.5"),
     ("authority", "authority.jsonl.xz", "--as choice"),
     ("authority", "authority.jsonl.xz", "--as choice --chosen-by 20"),
-    ("families.json", "authority.jsonl.xz", "--margin 0.5"),
-    ("learnt.json", "oracle.jsonl.xz", "--margin 0.5"),
-    ("extremes.json", "extremes.jsonl.xz", "--margin 0.5"),
+    ("authority_ramp", "hypotheses.jsonl.xz", f"--margin 0.5 --codes {ALIKE}"),
+    ("authority_ramp", "hypotheses.jsonl.xz", f"--as choice --chosen-by 10 --codes {ALIKE}"),
+    ("learnt", "oracle.jsonl.xz", "--margin 0.5"),
+    ("extremes", "extremes.jsonl.xz", "--margin 0.5"),
     ("table4", "table4.jsonl.xz", "--as table4"),
     ("table4", "table4.jsonl.xz", "--by terrain --margin 0.5"),
     ("table4_frizza", "table4_frizza.jsonl.xz", "--as table4"),
@@ -72,11 +78,16 @@ TABLES = (
     (GROUNDS, "optimize.jsonl.xz", '--as held-out --from 110 --arm best --arm "usual gains, k 80"'),
     ("dataset", "dataset.jsonl.xz", "--as folds"),
 )
-"""Study (a name, a file beside the journals, or grounds of an optimisation), journal, options."""
+"""Study (a name, that of a file, or grounds of an optimisation), journal, options."""
 
 FIGURES = (
-    ("authority", "authority.jsonl.xz", "--as risks", "images/risks.png"),
-    ("authority", "authority.jsonl.xz", "--as differences --margin 0.5", "images/authority_differences.png"),
+    ("authority_ramp", "hypotheses.jsonl.xz", "--as risks", "images/risks.png"),
+    (
+        "authority_ramp",
+        "hypotheses.jsonl.xz",
+        "--as differences --margin 0.5",
+        "images/stiffness_differences.png",
+    ),
     ("fig5_frizza", "fig5_frizza.jsonl.xz", "--as steps", "images/fig5_frizza_steps.png"),
     (GROUNDS, "optimize.jsonl.xz", "--as optimum", "images/optima.png"),
 )
@@ -93,6 +104,7 @@ OPTIONS = (
     "--chosen-by",
     "--as",
     "--law",
+    "--codes",
 )
 
 
@@ -106,7 +118,8 @@ class Mark:
             if option not in OPTIONS:
                 raise SystemExit(f"table {self.words}: no option {option}")
             self.options.setdefault(option, []).append(value)
-        self.file = journals / self.name if self.name.endswith(".json") else None  # a study of its own
+        places = (journals / f"{self.name}.json", HYPOTHESES / f"{self.name}.json")
+        self.file = next((each for each in places if each.is_file()), None)  # a study of its own
         path = journals / file
         if not path.is_file():
             raise SystemExit(f"table {self.words}: no journal {path}")
@@ -163,11 +176,11 @@ class Mark:
         return _optimised(self.name.split("+"), self.option("--law") or "default", self.journal)
 
     def code(self, used: list[Entry]) -> str:
-        """Return the code of some entries, which must be one."""
-        codes = sorted({entry.version["code"] for entry in used})
-        if len(codes) != 1:
+        """Return the code of some entries: one, or those that `--codes` says to walk alike, with + between."""
+        codes = "+".join(sorted({entry.version["code"] for entry in used}))
+        if codes != self.option("--codes") and (not codes or "+" in codes):
             raise SystemExit(f"table {self.words}: its walks must be of one code, got {codes or 'none'}")
-        return str(codes[0])
+        return codes
 
 
 def _ramp(entries: Mapping[str, Entry]) -> dict[str, float]:

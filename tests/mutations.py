@@ -4,7 +4,7 @@
     python tests/mutations.py --only core/estimation   # of the files whose path holds a text
 
 Each changes one operator or one number in a copy of the tree; the tests of the folder run there until the first that
-fails. The same seed draws the same errors.
+fails, then, if none does, the frozen streams of commands. The same seed draws the same errors.
 """
 
 from __future__ import annotations
@@ -72,13 +72,13 @@ def tests_of(room: str, file: Path) -> list[str]:
     return [str(t.relative_to(ROOT)) for t in sorted(found, key=lambda t: file.stem not in t.read_text())]
 
 
-def passes(tests: list[str], tree: Path) -> bool:
+def passes(tests: list[str], tree: Path, *more: str) -> bool:
     environment = os.environ | {
         "PYTHONPATH": str(tree),
         "OMP_NUM_THREADS": "1",
         "PYTHONDONTWRITEBYTECODE": "1",
     }
-    command = [sys.executable, "-m", "pytest", "-x", "-q", "-p", "no:cacheprovider", *tests]
+    command = [sys.executable, "-m", "pytest", "-x", "-q", "-p", "no:cacheprovider", *more, *tests]
     try:
         done = subprocess.run(
             command, cwd=tree, env=environment, capture_output=True, timeout=SLOWEST, check=False
@@ -99,7 +99,7 @@ def main() -> None:
     ]
     every = [(room, f, change) for room, f in files for change in changes(f.read_bytes())]
     drawn = random.Random(options.seed).sample(every, min(options.count, len(every)))
-    survived = 0
+    counts = dict.fromkeys(("noticed", "streams", "survived"), 0)
     with tempfile.TemporaryDirectory() as folder:
         tree = Path(folder) / "tree"
         shutil.copytree(
@@ -108,14 +108,18 @@ def main() -> None:
         for room, file, (first, last, new) in drawn:
             text, copy = file.read_bytes(), tree / file.relative_to(ROOT)
             copy.write_bytes(text[:first] + new.encode() + text[last:])
-            lived = passes(tests_of(room, file), tree)
+            word = "noticed"
+            if passes(tests_of(room, file), tree):
+                word = "survived" if passes(["tests/frozen"], tree, "-m", "") else "streams"
             copy.write_bytes(text)
-            survived += lived
+            counts[word] += 1
             line, old = text[:first].count(b"\n") + 1, text[first:last].decode()
             where = text.splitlines()[line - 1].decode().strip()
-            word = "survived" if lived else "noticed"
             print(f"{word:<9}{file.relative_to(ROOT)}:{line}  {old!r} => {new!r}  in  {where}", flush=True)
-    print(f"{len(drawn) - survived} of {len(drawn)} noticed")
+    print(
+        f"{counts['noticed']} of {len(drawn)} noticed by the tests of their folder, {counts['streams']} more by the "
+        f"frozen streams; {counts['survived']} survived"
+    )
 
 
 if __name__ == "__main__":
