@@ -199,6 +199,29 @@ def test_a_schedule_by_the_ground_has_nothing_to_win() -> None:
     says(f"with 5 there it does {gained(other, steps, 2)[0]}")
 
 
+def test_models_that_scan_the_ground_win_nothing() -> None:
+    """The study 'learnt_ramp' beside the walks of 80 Nm/rad on its layouts, and its rule."""
+    models: dict[str, dict[Layout, Result]] = defaultdict(dict)
+    for spec, result in walks("learnt_ramp"):
+        kind = "regression" if "regression" in dict(spec["policy_params"])["path"] else "classifier"
+        models[kind][spec["terrain"], spec["seed"]] = result
+    best = best_by_family({k: fixed()[k] for k in SOLES[1:]}, list(range(21000, 21010)))
+    over, below, p_values = [], [], []
+    for walks_of in (models["classifier"], models["regression"]):
+        assert len(walks_of) == 170
+        families = [family for family, _ in walks_of]
+        more = [steps(result) - steps(fixed()["80"][at]) for at, result in walks_of.items()]
+        less = [steps(fixed()[best[at[0]]][at]) - steps(result) for at, result in walks_of.items()]
+        found = mean_interval(more, families)
+        assert found.high is not None and found.high < 0.5
+        over.append(interval(more, families))
+        below.append(interval(less, families))
+        p_values.append(sign_flip_p(more, families))
+    assert all(p is not None and p > 0.05 for p in holm(p_values))
+    says(f"it does {over[0]} steps more than 80 Nm/rad as a classifier and {over[1]} as a regression")
+    says(f"{below[0]} and {below[1]} less than the oracle of the family")
+
+
 @cache
 def experiment(journal: str) -> dict[str, dict[Layout, Result]]:
     """Walks of an experiment of the paper: sole → ground with its height and layout."""
