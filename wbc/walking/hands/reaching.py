@@ -147,7 +147,8 @@ class Arm:
             return False
         if self._trajectory is not None:
             return True
-        return bool(np.linalg.norm(self._left(self._reference)) > ARRIVED)
+        left = self._left(self._reference)
+        return bool(np.linalg.norm(left[:3]) > ARRIVED or np.linalg.norm(left[3:]) > ARRIVED)
 
     @property
     def speed(self) -> float:
