@@ -13,7 +13,7 @@ from wbc.core.arguments import checked
 from wbc.core.errors import Array
 from wbc.core.robot import Robot
 from wbc.core.settings import Positive, settings
-from wbc.walking.falls import FallReason, FallSettings
+from wbc.walking.falls import FallReason
 
 LOWEST_SHARE = 0.7
 """Pelvis height over that at half-sitting below which a standing robot has fallen. Squats do not go that low."""
@@ -34,16 +34,6 @@ class PelvisLimits:
     height: Annotated[float, "m"]
     tilt: Annotated[Positive, "rad"] = LARGEST_TILT
 
-    @staticmethod
-    def standing(robot: Robot) -> PelvisLimits:
-        """Return the limits of a robot that stands or squats: its feet may slide, tilt or leave the ground."""
-        return PelvisLimits(LOWEST_SHARE * float(robot.half_sitting[2]))
-
-    @staticmethod
-    def walking(height: float, limits: FallSettings) -> PelvisLimits:
-        """Return the limits of a robot that walks: pelvis height over the lower sole, m, and its fall settings."""
-        return PelvisLimits(height - limits.drop, limits.tilt)
-
 
 class TrueFallDetector:
     """Fall test on the true configuration.
@@ -58,9 +48,9 @@ class TrueFallDetector:
 
         Args:
             robot: The robot.
-            limits: Limits of the pelvis; those of a standing robot when None.
+            limits: Limits of the pelvis; those of a robot that stands or squats, whose feet may slide, when None.
         """
-        self.limits = PelvisLimits.standing(robot) if limits is None else limits
+        self.limits = limits or PelvisLimits(LOWEST_SHARE * float(robot.half_sitting[2]))
         rotation = np.asarray(pin.Quaternion(robot.half_sitting[3:7]).toRotationMatrix())
         self._up: tuple[float, float, float] = tuple(rotation[2].tolist())
         self._upright = math.cos(self.limits.tilt)

@@ -11,6 +11,7 @@ from wbc.core.errors import Array, InputError
 from wbc.feet import Foot, FootParts, RangeSensor, SoftFoot
 from wbc.feet.soles.runtime_mjcf import RangeFinder, SoleStiffness
 from wbc.feet.soles.soft import VariableStiffnessFoot
+from wbc.sim.terrain.render import TERRAIN_GROUP
 
 
 class FootDevices:
@@ -20,13 +21,11 @@ class FootDevices:
         self,
         model: mujoco.MjModel,
         feet: Sequence[FootParts],
-        ground_group: int,
         foot: Foot,
         range_sensor: RangeSensor | None,
     ) -> None:
-        """Find the devices in the model of the feet that were built under both ankles; the ground has a geom group."""
-        self._model, self._feet, self._ground_group = model, feet, ground_group
-        self._range_sensor = range_sensor
+        """Find the devices in the model of the feet that were built under both ankles."""
+        self._model, self._feet, self._range_sensor = model, feet, range_sensor
         actuator = foot.actuator if isinstance(foot, VariableStiffnessFoot) else None
         damping = foot.damping_at if isinstance(foot, SoftFoot) and foot.damping_ratio is not None else None
         self._variable = actuator is not None
@@ -46,7 +45,7 @@ class FootDevices:
                 RangeFinder(
                     self._model,
                     foot,
-                    ground_group=self._ground_group,
+                    ground_group=TERRAIN_GROUP,
                     sensor=self._range_sensor,
                     seed=seed,
                 )

@@ -18,7 +18,7 @@ from wbc.sim.plant.body_shapes import add_body_shapes
 from wbc.sim.plant.hands import SCENE_PREFIX, add_grips, add_hand_sensors
 from wbc.sim.plant.settings import Machine, PhysicsSettings
 from wbc.sim.scenes.base import Scene, make_scene
-from wbc.sim.terrain.render import TERRAIN_GROUP, AddedTerrain, add_to_spec
+from wbc.sim.terrain.render import TERRAIN_GROUP, add_to_spec
 from wbc.sim.terrain.spec import Terrain
 
 UNLIMITED_TORQUE = 1e6
@@ -78,7 +78,7 @@ def build_model(
     physics: PhysicsSettings,
     machine: Machine | None = None,
     scene: mujoco.MjSpec | None = None,
-) -> tuple[mujoco.MjModel, tuple[FootParts, ...], AddedTerrain]:
+) -> tuple[mujoco.MjModel, tuple[FootParts, ...], Terrain]:
     """Compile the MuJoCo model of a robot on its feet on a terrain.
 
     Args:

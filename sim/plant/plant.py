@@ -113,7 +113,7 @@ class Plant(SimulatedRobot):
         machine, robot = machine or Machine(), description.robot()
         things = None if scene is None else furniture(scene)
         self.scene = None if things is None else things.to_xml()
-        model, self.feet, ground = build_model(
+        model, self.feet, self.terrain = build_model(
             description,
             robot,
             foot=self.foot,
@@ -136,10 +136,10 @@ class Plant(SimulatedRobot):
             soles=[name for built in self.feet for name in (built.force_sensor, built.torque_sensor)],
             hands=[HandSensor.of(model, role) for role in hands],
         )
-        self.terrain, self.of_robot = ground.terrain, places.of_robot
+        self.of_robot = places.of_robot
         self.sole_sites = tuple(int(model.site(built.wrench_site).id) for built in self.feet)
         self._loads = Loads(model)
-        self._devices = FootDevices(model, self.feet, ground.group, self.foot, range_sensor)
+        self._devices = FootDevices(model, self.feet, self.foot, range_sensor)
         self._drives = Drives(model, description)
         self.joint_torque = np.zeros(robot.na)
         self._initial = None

@@ -21,7 +21,6 @@ import inspect
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
-from dataclasses import field
 from typing import Annotated, Any, ClassVar, TypeVar
 
 import mujoco
@@ -30,6 +29,7 @@ from pydantic import Field
 from wbc.core.arguments import checked
 from wbc.core.registry import Registry, call_checked
 from wbc.core.settings import NonNegative, settings
+from wbc.sim.terrain.families.base import param
 
 Place = Annotated[float, Field(ge=-100.0, le=100.0)]
 """A coordinate, m."""
@@ -48,16 +48,6 @@ GEOMS = {
     "capsule": mujoco.mjtGeom.mjGEOM_CAPSULE,
 }
 """Kinds of solids."""
-
-
-def param(default: Any, about: str) -> Any:
-    """Declare a parameter of a scene; its annotation states type, range and unit, as in all settings.
-
-    Args:
-        default: Its value by default.
-        about: Its meaning, for `wbc terrain`.
-    """
-    return field(default=default, metadata={"about": about})
 
 
 @settings

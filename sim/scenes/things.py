@@ -12,7 +12,8 @@ from pydantic import Field
 from wbc.core.errors import InputError
 from wbc.core.robot import GRAVITY
 from wbc.core.settings import NonNegative, Positive
-from wbc.sim.scenes.base import ALONG_X, ALONG_Y, METAL, Place, Scene, Size, about_z, param, scene_kind
+from wbc.sim.scenes.base import ALONG_X, ALONG_Y, METAL, Place, Scene, Size, about_z, scene_kind
+from wbc.sim.terrain.families.base import param
 
 HANDLE_RADIUS = 0.015
 """Radius of a handle, m."""

@@ -30,14 +30,6 @@ SUFFIXES = (".py", ".urdf", ".srdf", ".csv", ".json")
 LIBRARIES = ("mujoco", "numpy", "pin", "proxsuite", "scipy")
 """Libraries that compute."""
 
-
-RENAMED = {
-    "8b193a0eeb39": "da5fd04521c0",  # bfaee90
-    "e7a4d1f354f6": "05534fa07e8f",  # d424345
-    "7d889c658921": "3610f3b9423b",  # f15855e
-}
-"""Hashes of the bytes of the sources, in journals of earlier versions → `code_version` of the same sources."""
-
 _EMPTY = re.compile(r"(, )?\w+=\[\]")
 """Empty lists in a dumped syntax tree: which are written differs between versions of Python."""
 
@@ -73,9 +65,8 @@ def _hash(path: Path) -> str:
 
 def _computes(parts: tuple[str, ...]) -> bool:
     """Return True if a file of the package can change the result of a trial."""
-    if not parts[-1].endswith(SUFFIXES) or {"__pycache__", RESULTS} & set(parts):
-        return False
-    return parts[:2] != STUDIES or parts[-1] == TRIALS
+    hashed = parts[-1].endswith(SUFFIXES) and RESULTS not in parts
+    return hashed and (parts[:2] != STUDIES or parts[-1] == TRIALS)
 
 
 @cache
@@ -90,19 +81,13 @@ def provenance() -> Mapping[str, Any]:
 
 def differences(version: Mapping[str, Any]) -> list[str]:
     """Return how a version of the code, of `provenance`, differs from the present: "mujoco 3.2.0 instead of 3.3.1"."""
-    there, here = ({**v, **v.get("libraries", {})} for v in (renamed(version), provenance()))
+    there, here = ({**v, **v.get("libraries", {})} for v in (version, provenance()))
     names = [name for name in {**here, **there} if name != "libraries"]
     return [
         f"{name} {there.get(name, 'unknown')} instead of {here.get(name, 'none')}"
         for name in names
         if there.get(name) != here.get(name)
     ]
-
-
-def renamed(version: Mapping[str, Any]) -> Mapping[str, Any]:
-    """Return a version as `provenance` gives it today, also that of an earlier journal."""
-    code = version.get("code")
-    return {**version, "code": RENAMED[code]} if code in RENAMED else version
 
 
 def _version(name: str) -> str:

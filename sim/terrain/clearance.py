@@ -8,25 +8,10 @@ from wbc.core.errors import non_negative
 from wbc.sim.terrain.spec import Terrain
 
 
-class ClearanceWarning(UserWarning):
-    """The ground is higher than the swing foot is lifted."""
-
-
 def check_clearance(terrain: Terrain, clearance: float) -> bool:
-    """Warn when a foot lifted by `clearance` cannot pass over the ground.
+    """Return True if a foot whose sole is lifted by `clearance`, m, passes over the ground; warn where it does not.
 
-    Args:
-        terrain: The ground.
-        clearance: Height of the sole above its start level in mid swing, m.
-
-    Returns:
-        True if the foot passes.
-
-    Raises:
-        InputError: A negative clearance.
-
-    Warns:
-        ClearanceWarning: The obstacle of one step, the amplitude or one riser, is higher than the clearance.
+    The obstacle of one step is the amplitude, or one riser. A negative clearance is an `InputError`.
     """
     height = non_negative("foot clearance (m)", clearance)
     rise = terrain.parameters.rise_at(terrain.amplitude)
@@ -35,7 +20,6 @@ def check_clearance(terrain: Terrain, clearance: float) -> bool:
     warnings.warn(
         f"terrain '{terrain.name}' rises by {1e3 * rise:.3g} mm, more than the foot clearance of "
         f"{1e3 * height:.3g} mm: the swing foot will hit it; lift the foot higher or lower the amplitude",
-        ClearanceWarning,
         stacklevel=2,
     )
     return False

@@ -6,13 +6,11 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from wbc.core.errors import Array
 from wbc.sim.terrain.heightmap import HeightMap
 from wbc.sim.terrain.shapes import Box, Shape
-
-Index = NDArray[np.intp]
 
 FLOOR_GAP = 0.01
 """Depth of the endless floor below the lowest point of a height map, m: no contact is made twice."""
@@ -47,21 +45,18 @@ class Ground:
         """Footprint rectangles of the solids, shape (n, 4), m."""
         return np.array([s.box for s in self.solids]).reshape(-1, 4)
 
-    def _highest(self, x: Array, y: Array) -> tuple[Array, Index]:
-        """Return the height and index of the solid below each point: -1 floor, -2 height map; NaN where x or y is."""
+    def _highest(self, x: Array, y: Array) -> Array:
+        """Return the height below each point, shape (n,), m; NaN where x or y is."""
         known = ~(np.isnan(x) | np.isnan(y))
         if not known.all():
-            heights, owners = np.full(x.shape, np.nan), np.full(x.shape, -1, dtype=np.intp)
-            heights[known], owners[known] = self._highest(x[known], y[known])
-            return heights, owners
+            heights = np.full(x.shape, np.nan)
+            heights[known] = self._highest(x[known], y[known])
+            return heights
         z: Array = np.full(x.shape, self.floor)
-        owner: Index = np.full(x.shape, -1, dtype=np.intp)
         if self.field is not None:
-            top = self.field.top(x, y)
-            owner[top > z] = -2
-            z = np.maximum(z, top)
+            z = np.maximum(z, self.field.top(x, y))
         if x.size == 0 or not self.solids:
-            return z, owner
+            return z
         # Points sorted by x: each solid then looks at one slice of them, and most solids at none.
         order = np.argsort(x, kind="stable")
         xs, ys = x[order], y[order]
@@ -74,34 +69,13 @@ class Ground:
             )
             ids = order[first[i] : last[i]][inside]
             if ids.size:
-                top = self.solids[i].top(x[ids], y[ids])
-                higher = top > z[ids]
-                z[ids[higher]] = top[higher]
-                owner[ids[higher]] = i
-        return z, owner
+                z[ids] = np.maximum(z[ids], self.solids[i].top(x[ids], y[ids]))
+        return z
 
     def height(self, x: ArrayLike, y: ArrayLike) -> Array:
         """Return the height of the ground, m, at world x and y (m), in their broadcast shape; NaN where x or y is."""
         bx, by = np.broadcast_arrays(np.asarray(x, dtype=np.float64), np.asarray(y, dtype=np.float64))
-        return self._highest(bx.ravel(), by.ravel())[0].reshape(bx.shape)
-
-    def normal(self, x: ArrayLike, y: ArrayLike) -> Array:
-        """Return the outward unit normal, world frame, at world x and y (m), in their broadcast shape plus (3,).
-
-        It is NaN where x or y is.
-        """
-        bx, by = np.broadcast_arrays(np.asarray(x, dtype=np.float64), np.asarray(y, dtype=np.float64))
-        fx, fy = bx.ravel(), by.ravel()
-        z, owner = self._highest(fx, fy)
-        normals = np.zeros((fx.size, 3))
-        normals[:, 2] = 1.0
-        normals[np.isnan(z)] = np.nan
-        for i in np.unique(owner[owner != -1]):
-            mine = owner == i
-            part = self.field if i == -2 else self.solids[i]
-            assert part is not None
-            normals[mine] = part.normal(fx[mine], fy[mine])
-        return normals.reshape((*bx.shape, 3))
+        return self._highest(bx.ravel(), by.ravel()).reshape(bx.shape)
 
 
 def strip(x0: float, x1: float, width: float, level: float, floor: float) -> Box:

@@ -36,38 +36,16 @@ class HeightMap:
         rows, columns = self.z.shape
         return (self.x1 - self.x0) / (columns - 1), (self.y1 - self.y0) / (rows - 1)
 
-    @property
-    def nbytes(self) -> int:
-        """Size of MuJoCo's copy (single precision), bytes."""
-        return 4 * self.z.size
-
-    def _locate(self, x: Array, y: Array) -> tuple[Array, Array, Array, Array, Array, Array]:
-        """Return the corner heights of the cell below each point and the position in it (0..1)."""
-        rows, columns = self.z.shape
-        step_x, step_y = self.step
+    def top(self, x: Array, y: Array) -> Array:
+        """Return the height of the surface, shape (n,), m; -inf outside the grid."""
+        z, (rows, columns), (step_x, step_y) = self.z, self.z.shape, self.step
         u, v = (x - self.x0) / step_x, (y - self.y0) / step_y
         c = np.clip(np.floor(u).astype(np.intp), 0, columns - 2)
         r = np.clip(np.floor(v).astype(np.intp), 0, rows - 2)
-        z = self.z
-        return z[r, c], z[r, c + 1], z[r + 1, c], z[r + 1, c + 1], u - c, v - r
-
-    def _slopes(self, x: Array, y: Array) -> tuple[Array, Array, Array, Array, Array]:
-        """Return the height of the low corner, rise per cell along x and y, and the position in the cell."""
-        z00, z01, z10, z11, u, v = self._locate(x, y)
-        right = u >= v
+        u, v = u - c, v - r
+        z00, z01, z10, z11 = z[r, c], z[r, c + 1], z[r + 1, c], z[r + 1, c + 1]
+        right = u >= v  # the triangle below
         along_x = np.where(right, z01 - z00, z11 - z10)
         along_y = np.where(right, z11 - z01, z10 - z00)
-        return z00, along_x, along_y, u, v
-
-    def top(self, x: Array, y: Array) -> Array:
-        """Return the height of the surface, shape (n,), m; -inf outside the grid."""
-        z00, along_x, along_y, u, v = self._slopes(x, y)
         inside = (x >= self.x0) & (x <= self.x1) & (y >= self.y0) & (y <= self.y1)
         return np.where(inside, z00 + u * along_x + v * along_y, -np.inf)
-
-    def normal(self, x: Array, y: Array) -> Array:
-        """Return the upward unit normal of the triangle below each point, shape (n, 3)."""
-        _, along_x, along_y, _, _ = self._slopes(x, y)
-        step_x, step_y = self.step
-        n = np.stack([-along_x / step_x, -along_y / step_y, np.ones_like(along_x)], axis=-1)
-        return np.asarray(n / np.linalg.norm(n, axis=-1, keepdims=True))

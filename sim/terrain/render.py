@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field, replace
-from typing import Annotated, Any, Literal
+from dataclasses import replace
+from typing import Any
 
 import mujoco
 import numpy as np
 
 from wbc.core.arguments import checked
 from wbc.core.errors import Array, InputError
-from wbc.core.settings import NonNegative, Positive, Share, settings, to_json
 from wbc.sim.terrain.heightmap import HeightMap
 from wbc.sim.terrain.shapes import Box, Capsule, Cylinder, Ellipsoid, Pyramid, Shape, Sphere
 from wbc.sim.terrain.spec import Terrain
@@ -39,77 +38,24 @@ _HIGH_COLOUR = np.array([0.80, 0.75, 0.66])
 _T = mujoco.mjtGeom
 
 
-@settings
-class GroundContact:
-    """Contact parameters of the ground, in MuJoCo's terms.
+CONTACT: dict[str, Any] = {
+    "friction": [0.7, 0.005, 0.0001],  # sliding, torsional (m) and rolling (m), the last two MuJoCo's
+    "solref": (1e-4, 1.0),  # MuJoCo raises the time constant to a step (integrator `discrete`)
+    "solimp": (0.99, 0.99, 0.001, 0.5, 2.0),
+    "condim": 3,
+    "priority": 0,
+    "contype": 1,
+    "conaffinity": 1,
+}
+"""Contact parameters of the ground in MuJoCo's terms: the paper's sole contact, t = 0.1 ms, zeta = 1, d = 0.99 (eq. 1).
+Those of a sole with a higher priority, such as the soft soles, take precedence (friction as well)."""
 
-    The values of a sole with a higher `priority`, such as the soft soles, take precedence (friction as well). The
-    defaults are the paper's sole contact: t = 0.1 ms, zeta = 1, d = 0.99 (eq. 1).
-
-    Args:
-        friction: Sliding coefficient.
-        torsion: Torsional friction, m; MuJoCo's default.
-        rolling: Rolling friction, m; MuJoCo's default.
-        solref: Time constant (s) and damping ratio. With `refsafe` on, MuJoCo raises the time constant to the
-            step (integrator `discrete`) or to two steps (the others).
-        solimp: Impedance: least, greatest, width (m), midpoint, power.
-        condim: Contact dimension: 1, 3, 4 or 6.
-        priority: Compared between the two geoms of a contact.
-        contype: Bit mask.
-        conaffinity: Bit mask.
-    """
-
-    friction: NonNegative = 0.7
-    torsion: Annotated[NonNegative, "m"] = 0.005
-    rolling: Annotated[NonNegative, "m"] = 0.0001
-    solref: tuple[Positive, Positive] = (1e-4, 1.0)
-    solimp: tuple[Share, Share, float, float, float] = (0.99, 0.99, 0.001, 0.5, 2.0)
-    condim: Literal[1, 3, 4, 6] = 3
-    priority: int = 0
-    contype: int = 1
-    conaffinity: int = 1
-
-    def geom_fields(self) -> dict[str, Any]:
-        """Return the values by their names in a MuJoCo geom."""
-        values: dict[str, Any] = to_json(self)
-        return values | {"friction": [values.pop(name) for name in ("friction", "torsion", "rolling")]}
-
-
-@dataclass(frozen=True)
-class AddedTerrain:
-    """A terrain in a model.
-
-    Attributes:
-        terrain: The terrain as drawn; its `height` is that of vertical rays.
-        geoms: Names of the geoms.
-        height_field: Name of the height field asset, if there is one.
-        group: Geom group of all geoms.
-        ray_groups: Mask for `mj_ray` that lets rays meet the terrain alone, shape (6,), uint8.
-    """
-
-    terrain: Terrain
-    geoms: tuple[str, ...]
-    height_field: str | None
-    group: int
-    ray_groups: Array = field(repr=False, compare=False)
-
-    @property
-    def nodes(self) -> int:
-        """Nodes of the height field."""
-        field = self.terrain.surface.field
-        return 0 if field is None else int(field.z.size)
+FLOOR = "terrain_floor"
+"""Name of the geom of the floor; solids are "terrain_0", …, a height field is "terrain_field"."""
 
 
 @checked
-def add_to_spec(
-    spec: mujoco.MjSpec,
-    terrain: Terrain,
-    *,
-    sole_radius: float | None = None,
-    contact: GroundContact | None = None,
-    group: int = TERRAIN_GROUP,
-    prefix: str = "terrain",
-) -> AddedTerrain:
+def add_to_spec(spec: mujoco.MjSpec, terrain: Terrain, *, sole_radius: float | None = None) -> Terrain:
     """Draw a terrain into the world body of a model.
 
     Everything is checked before anything is added.
@@ -118,29 +64,23 @@ def add_to_spec(
         spec: The model; changed in place.
         terrain: The terrain.
         sole_radius: Radius of the spheres under the soles, m; that of the terrain when None.
-        contact: Contact parameters; the defaults of `GroundContact` when None.
-        group: Geom group of all terrain geoms.
-        prefix: Beginning of all names.
 
     Returns:
-        The terrain as drawn, and the names of its geoms.
+        The terrain as drawn: its `height` is that of vertical rays.
 
     Raises:
         InputError: The terrain's resolution is too coarse for the soles (the message names the one needed), or the
-            group or a name is not usable.
+            model has a terrain already.
     """
-    if not 0 <= group < mujoco.mjNGROUP:
-        raise InputError(f"geom group must lie in 0..{mujoco.mjNGROUP - 1}, got {group}")
-    if spec.geom(f"{prefix}_floor") is not None:
-        raise InputError(f"the model has a terrain called '{prefix}' already")
+    if spec.geom(FLOOR) is not None:
+        raise InputError("the model has a terrain already")
     if sole_radius is not None:
         terrain = replace(terrain, sole_radius=sole_radius)
     ground = terrain.surface
     # Without density the ground adds nothing to the mass of the model.
-    common = (contact or GroundContact()).geom_fields() | {"group": group, "density": 0.0}
-    names = [f"{prefix}_floor"]
+    common = CONTACT | {"group": TERRAIN_GROUP, "density": 0.0}
     spec.worldbody.add_geom(
-        name=names[0],
+        name=FLOOR,
         type=_T.mjGEOM_PLANE,
         size=[0, 0, 0.05],
         pos=[0, 0, ground.floor],
@@ -149,25 +89,20 @@ def add_to_spec(
     )
     slabs: dict[int, Any] = {}
     for i, shape in enumerate(ground.solids):
-        name = f"{prefix}_{i}"
+        name = f"terrain_{i}"
         colour = _STRIP_COLOUR if i >= len(ground.shapes) else _colour(shape, ground.floor, terrain.amplitude)
         middle = (shape.box[0] + shape.box[1]) / 2.0
         key = math.floor(middle / SLAB)
         if key not in slabs:
-            slabs[key] = spec.worldbody.add_body(name=f"{prefix}_body_{len(slabs)}", pos=[middle, 0, 0])
+            slabs[key] = spec.worldbody.add_body(name=f"terrain_body_{len(slabs)}", pos=[middle, 0, 0])
         body = slabs[key]
         body.add_geom(name=name, rgba=colour, **_geom(spec, name, shape, body.pos), **common)
-        names.append(name)
-    asset = None
     if ground.field is not None:
-        asset = f"{prefix}_field"
-        names.append(asset)
+        name = "terrain_field"
         spec.worldbody.add_geom(
-            name=asset, rgba=(*_HIGH_COLOUR, 1.0), **_height_field(spec, asset, ground.field), **common
+            name=name, rgba=(*_HIGH_COLOUR, 1.0), **_height_field(spec, name, ground.field), **common
         )
-    mask = np.zeros(mujoco.mjNGROUP, dtype=np.uint8)
-    mask[group] = 1
-    return AddedTerrain(terrain, tuple(names), asset, group, mask)
+    return terrain
 
 
 def _colour(shape: Shape, floor: float, amplitude: float) -> tuple[float, ...]:

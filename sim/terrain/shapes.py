@@ -36,10 +36,6 @@ class Shape(ABC):
     def top(self, x: Array, y: Array) -> Array:
         """Return the height of the upper surface, m; -inf beside the solid. All arrays have shape (n,)."""
 
-    @abstractmethod
-    def normal(self, x: Array, y: Array) -> Array:
-        """Return the outward unit normal of the upper surface, shape (n, 3); points must lie inside the footprint."""
-
 
 class Quadric(Shape):
     """A solid whose curved part is (p - c)ᵀ A (p - c) = 1, written as a quadratic in z."""
@@ -57,9 +53,6 @@ class Quadric(Shape):
     def top(self, x: Array, y: Array) -> Array:
         return self.upper_root(x, y)
 
-    def normal(self, x: Array, y: Array) -> Array:
-        return self.gradient(x, y, self.top(x, y))
-
     def upper_root(self, x: Array, y: Array) -> Array:
         """Return the height where a vertical line leaves the quadric, m; -inf where it misses."""
         a, dx, dy = self.form, x - self.centre[0], y - self.centre[1]
@@ -68,11 +61,6 @@ class Quadric(Shape):
         discriminant = half * half - a[2, 2] * rest
         root = (np.sqrt(np.maximum(discriminant, 0.0)) - half) / a[2, 2]
         return np.where(discriminant >= 0.0, self.centre[2] + root, _OUTSIDE)
-
-    def gradient(self, x: Array, y: Array, z: Array) -> Array:
-        """Return the unit normals of the quadric at points of it, shape (n, 3)."""
-        g = (np.stack([x, y, z], axis=-1) - self.centre) @ self.form
-        return np.asarray(g / np.linalg.norm(g, axis=-1, keepdims=True))
 
 
 @dataclass(frozen=True, eq=False)
@@ -156,14 +144,11 @@ class _Rod(Quadric):
     def form(self) -> Array:
         return np.asarray((np.eye(3) - np.outer(self.axis, self.axis)) / self.radius**2)
 
-    def _axial(self, x: Array, y: Array, z: Array) -> Array:
-        """Return the coordinate along the axis, from the centre, m."""
-        return np.asarray((np.stack([x, y, z], axis=-1) - self.centre) @ self.axis)
-
     def _tube(self, x: Array, y: Array) -> Array:
         """Return the top of the curved wall, m; -inf beside it or past its ends."""
         z = self.upper_root(x, y)
-        inside = np.abs(self._axial(x, y, np.where(np.isfinite(z), z, 0.0))) <= self.half_length
+        from_centre = np.stack([x, y, np.where(np.isfinite(z), z, 0.0)], axis=-1) - self.centre
+        inside = np.abs(from_centre @ self.axis) <= self.half_length
         return np.where(inside, z, _OUTSIDE)
 
 
@@ -192,12 +177,6 @@ class Capsule(_Rod):
     def top(self, x: Array, y: Array) -> Array:
         first, last = self._ends
         return np.maximum(self._tube(x, y), np.maximum(first.top(x, y), last.top(x, y)))
-
-    def normal(self, x: Array, y: Array) -> Array:
-        z = self.top(x, y)
-        along = np.clip(self._axial(x, y, z), -self.half_length, self.half_length)
-        away = np.stack([x, y, z], axis=-1) - (self.centre + along[:, None] * self.axis)
-        return np.asarray(away / np.linalg.norm(away, axis=-1, keepdims=True))
 
 
 @dataclass(frozen=True, eq=False)
@@ -236,12 +215,6 @@ class Cylinder(_Rod):
         discs = np.maximum(self._disc(self.start, x, y), self._disc(self.end, x, y))
         return np.maximum(self._tube(x, y), discs)
 
-    def normal(self, x: Array, y: Array) -> Array:
-        z, wall = self.top(x, y), self._tube(x, y)
-        disc = self.axis * np.sign(self.axis[2])
-        curved = self.gradient(x, y, np.where(np.isfinite(wall), wall, self.centre[2] + self.radius))
-        return np.where((wall >= z)[:, None], curved, disc)
-
 
 class Polytope(Shape):
     """A convex solid bounded by planes: every row of `faces` holds a unit normal n and an offset n·p ≤ c."""
@@ -257,10 +230,6 @@ class Polytope(Shape):
         """Faces, shape (f, 4): outward unit normal and offset (m)."""
 
     @cached_property
-    def _upper(self) -> Array:
-        return self.faces[self.faces[:, 2] > 1e-12]
-
-    @cached_property
     def box(self) -> tuple[float, float, float, float]:
         low, high = self.corners.min(axis=0), self.corners.max(axis=0)
         return (low[0], high[0], low[1], high[1])
@@ -269,18 +238,13 @@ class Polytope(Shape):
     def peak(self) -> Array:
         return np.asarray(self.corners[np.argmax(self.corners[:, 2])])
 
-    def _exits(self, x: Array, y: Array) -> Array:
-        """Return the heights of the upper faces' planes along vertical lines, shape (faces, n), m."""
-        f = self._upper
-        return np.asarray((f[:, 3:] - f[:, :1] * x - f[:, 1:2] * y) / f[:, 2:3])
-
     def top(self, x: Array, y: Array) -> Array:
-        z = self._exits(x, y).min(axis=0)
+        f = self.faces[
+            self.faces[:, 2] > 1e-12
+        ]  # a vertical line leaves by the lowest of the upper faces' planes
+        z = ((f[:, 3:] - f[:, :1] * x - f[:, 1:2] * y) / f[:, 2:3]).min(axis=0)
         slack = self.faces[:, 3:] - self.faces[:, :1] * x - self.faces[:, 1:2] * y - self.faces[:, 2:3] * z
         return np.where(slack.min(axis=0) >= -1e-12, z, _OUTSIDE)
-
-    def normal(self, x: Array, y: Array) -> Array:
-        return np.asarray(self._upper[self._exits(x, y).argmin(axis=0), :3])
 
 
 @dataclass(frozen=True, eq=False)

@@ -307,8 +307,16 @@ class Terrain:
         return self.surface.height(x, y)
 
     def normal(self, x: ArrayLike, y: ArrayLike) -> Array:
-        """Return the outward unit normal, world frame, at world x and y (m), in their broadcast shape plus (3,)."""
-        return self.surface.normal(x, y)
+        """Return the outward unit normal, world frame, at world x and y (m), in their broadcast shape plus (3,).
+
+        From heights a micrometre away, so that an edge has that of neither side; NaN where x or y is.
+        """
+        x, y = np.broadcast_arrays(np.asarray(x, dtype=np.float64), np.asarray(y, dtype=np.float64))
+        h = 1e-6
+        fall_x = (self.height(x - h, y) - self.height(x + h, y)) / (2.0 * h)
+        fall_y = (self.height(x, y - h) - self.height(x, y + h)) / (2.0 * h)
+        out = np.stack([fall_x, fall_y, np.ones_like(fall_x)], axis=-1)
+        return np.asarray(out / np.linalg.norm(out, axis=-1, keepdims=True))
 
     def profile(
         self, x0: float | None = None, x1: float | None = None, y: float = 0.0, step: float = PROFILE_STEP
@@ -383,7 +391,7 @@ class Terrain:
             "geoms": dict(Counter(type(s).__name__.lower() for s in ground.solids)),
             "nodes": None if map_ is None else list(map_.z.shape),
             "cell_m": None if map_ is None else list(map_.step),
-            "height_field_bytes": 0 if map_ is None else map_.nbytes,
+            "height_field_bytes": 0 if map_ is None else 4 * map_.z.size,
             "smallest_feature_m": _jsonable(self._feature),
             "resolution_needed_m": self.resolution_needed,
             **({} if self.amplitude == 0.0 else self.parameters.facts(self.site())),
@@ -399,51 +407,23 @@ def _jsonable(value: Any) -> Any:
 
 
 @checked
-def terrain(
-    name: str | Family,
-    amplitude: float | None = None,
-    seed: int = 0,
-    *,
-    length: float | None = None,
-    width: float | None = None,
-    start: float | None = None,
-    strip: float | None = None,
-    ramp: float | None = None,
-    rendering: Rendering = "auto",
-    resolution: float | None = None,
-    sole_radius: float = SOLE_SPHERE_RADIUS,
-    **params: Any,
-) -> Terrain:
+def terrain(name: str | Family, amplitude: float | None = None, seed: int = 0, **values: Any) -> Terrain:
     """Return a terrain by the name of its family.
 
     Args:
         name: One of `terrain_families()`, or a family's parameters.
         amplitude: Highest minus lowest point of the rough part, m; the family's own when None.
         seed: Fixes every random draw.
-        length: Length of the rough part, m; 3 m (or the image's) when None.
-        width: Extent across, m; 1 m (or the image's) when None.
-        start: x at which the rough part begins, m; 0.3 m when None.
-        strip: Length of the flat strips, m; 1 m when None.
-        ramp: Length on which heights grow from 0 to their own, m; 0 for a sharp edge, that of the family when None.
-        rendering: "geoms", "height_field" or "auto"; see `Terrain`.
-        resolution: Greatest cell of a height field, m.
-        sole_radius: Radius of the spheres under the sole, m.
-        **params: Parameters of the family that differ.
+        **values: Other fields of `Terrain` (length, width, start, strip, ramp, rendering, resolution, sole_radius) and
+            parameters of the family that differ from their defaults; an image has its own length and width, stairs,
+            slopes and images no ramp.
 
     Raises:
         UnknownNameError: No such family, or it has no such parameter.
         InputError: A value is out of range.
     """
-    parameters = make_family(name, params) if isinstance(name, str) else replace(name, **params)
-    given = {"length": length, "width": width, "start": start, "strip": strip, "ramp": ramp}
-    track = parameters.track() | {key: value for key, value in given.items() if value is not None}
+    track = {field.name: values.pop(field.name) for field in fields(Terrain) if field.name in values}
+    parameters = make_family(name, values) if isinstance(name, str) else replace(name, **values)
+    track = parameters.track() | {key: value for key, value in track.items() if value is not None}
     height = parameters.default_amplitude if amplitude is None else amplitude
-    return Terrain(
-        parameters=parameters,
-        amplitude=height,
-        seed=seed,
-        rendering=rendering,
-        resolution=resolution,
-        sole_radius=sole_radius,
-        **track,
-    )
+    return Terrain(parameters, height, seed, **track)

@@ -125,7 +125,8 @@ class WalkTrial(Trial):
         lowering = 0.0 if height is None else max(0.0, standing_com - height)
         pelvis = float(plant.data.qpos[2]) - _ground(plant) - lowering
         self.walking: ReferenceControl
-        super().__init__(plant, walking, PelvisLimits.walking(pelvis, prepared.settings.falls))
+        limits = prepared.settings.falls
+        super().__init__(plant, walking, PelvisLimits(pelvis - limits.drop, limits.tilt))
         self._drive, self._arrival = Drive(prepared.orders, walking), prepared.arrival()
         self.scenario += [self._drive, PushSchedule(spec.pushes)]
         self.meter = WalkMeter(plant, walking)

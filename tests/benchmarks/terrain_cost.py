@@ -53,7 +53,7 @@ def terrain_cost(ground: Terrain, steps: int = 1500) -> dict[str, Any]:
     seconds, contacts, count = 0.0, 0.0, steps // (3 * len(PLACES))
     for share in PLACES:
         spec = _probe(ground, ground.start + share * ground.length)
-        added = add_to_spec(spec, ground)
+        add_to_spec(spec, ground)
         model = spec.compile()
         data = mujoco.MjData(model)
         mujoco.mj_step(model, data, SETTLE)
@@ -64,9 +64,10 @@ def terrain_cost(ground: Terrain, steps: int = 1500) -> dict[str, Any]:
             spans.append(time.process_time() - before)
         seconds += min(spans) / count
         contacts += float(data.ncon)
+    surface = ground.surface
     return {
-        "geoms": len(added.geoms),
-        "nodes": added.nodes,
+        "geoms": 1 + len(surface.solids) + (surface.field is not None),
+        "nodes": 0 if surface.field is None else int(surface.field.z.size),
         "model_bytes": int(model.nbuffer - bare),
         "contacts": contacts / len(PLACES),
         "steps_per_s": len(PLACES) / max(seconds, 1e-9),  # a coarse clock may have seen no time pass

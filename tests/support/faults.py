@@ -28,7 +28,7 @@ from wbc.core.limits.rows import JointLimits, TorqueLimits
 from wbc.core.signals import Command, Measurement
 from wbc.sim import Plant, WalkPlan, WalkSpec, WalkTrial
 from wbc.sim.balance.standing import StandSpec, StandTrial
-from wbc.sim.plant.falls import PelvisLimits, TrueFallDetector
+from wbc.sim.plant.falls import TrueFallDetector
 from wbc.tasks import CoMTask
 
 Fault = Callable[[Measurement, "Memory"], Any]
@@ -295,7 +295,7 @@ def run(task: str, mode: str, name: str, *, lasting: bool) -> Report:
     fault = _good if change else faults()[name][0]
     injector = Injector(control, robot, fault, start, lasting, plant.control_period)
     report = injector.report
-    falls = TrueFallDetector(plant.robot, PelvisLimits.standing(plant.robot))
+    falls = TrueFallDetector(plant.robot)
     while plant.time < end and report.upright:
         if change is not None and plant.time >= start:
             change(plant, control)

@@ -49,7 +49,7 @@ PositiveShare = Annotated[float, Field(gt=0.0, le=1.0)]
 
 
 def param(default: Any, about: str, *, at_least: str | None = None) -> Any:
-    """Declare a parameter of a family; its annotation states type, range, choices and unit, as in all settings.
+    """Declare a parameter of a family, or of a scene; its annotation states type, range and unit, as in all settings.
 
     Args:
         default: Its value by default.

@@ -89,7 +89,7 @@ def describe_terrain(
     """Return `Terrain.describe()`, roughness and whether the swing foot clears it; draw it if asked to.
 
     Raises `UnknownNameError` for no such family or parameter, `InputError` for a value out of range; a ground higher
-    than the clearance is a `ClearanceWarning`.
+    than the clearance is warned of.
     """
     ground = make_terrain(make_family(name, read_changes(options.param)), **given)
     target = check_picture(options.plot, options.param)

@@ -25,7 +25,7 @@ from wbc.app.scene.shapes import (
     VisualEllipsoid,
 )
 from wbc.core.errors import Array, InputError
-from wbc.sim.terrain.render import add_to_spec
+from wbc.sim.terrain.render import FLOOR, add_to_spec
 from wbc.sim.terrain.spec import Terrain
 
 READABLE = (".stl", ".obj")
@@ -80,8 +80,8 @@ class MujocoScene:
         light, dark = (" ".join(map(str, colour)) for colour in TILE_COLOURS)
         stage = _STAGE.format(width=width, height=height, light=light, dark=dark, repeat=0.5 / TILE)
         spec = mujoco.MjSpec.from_string(stage)
-        added = add_to_spec(spec, terrain)
-        spec.geom(added.geoms[0]).material = "tiles"
+        add_to_spec(spec, terrain)
+        spec.geom(FLOOR).material = "tiles"
         self.shown = tuple(path for path in scene.moving if not path.startswith(FORCES))
         self._places = [scene.moving.index(path) for path in self.shown]
         owners = {path: spec.worldbody.add_body(name=path, mocap=True) for path in self.shown}
