@@ -23,7 +23,6 @@ from wbc.app.bench.streams import ProblemStream, least_violation
 from wbc.app.bench.tick import TASK, BenchTickOptions, bench_tick, start_configuration, sway
 from wbc.app.bench.walk import CASES
 from wbc.core.errors import Array
-from wbc.core.settings import from_json
 from wbc.robots import load, names
 from wbc.sim.trial.loop import TrialHook, TrialTick
 from wbc.sim.walks.plans import WalkPlan
@@ -102,13 +101,13 @@ def test_random_streams_are_hard_and_repeat_themselves() -> None:
 
 def test_random_problems_are_solved_within_tolerance() -> None:
     reported: list[int] = []
-    options = BenchSolverOptions(ticks=100, stream=25, sample=10, scattered=0.5)
+    options = BenchSolverOptions(ticks=60, stream=20, sample=10, scattered=0.5, repeat=1)
     result = bench_solver(options, progress=reported.append)
-    assert result["ticks"] == 100 and result["compared_with_proxqp"] == 10
+    assert result["ticks"] == 60 and result["compared_with_proxqp"] == 6
     assert result["unsolved"] == result["above_tolerance"] == result["slow_ticks"] == 0
-    assert result["ticks_with_active_limits"] > 65 and result["contact_switches"] > 0
+    assert result["active_limits"] > 1.0 and result["contact_switches"] > 0
     assert result["proxqp_failed"] == result["differ_from_proxqp"] == 0
-    assert reported == sorted(reported) and reported[-1] == 100
+    assert reported == sorted(reported) and reported[-1] == 60
 
 
 def test_a_wrong_solution_has_a_residual() -> None:
@@ -127,16 +126,15 @@ def test_parts_make_up_the_period_of_a_walk_that_is_otherwise_the_same(
     monkeypatch.setattr(walk, "CASES", {name: CASES[name] for name in few})
     assert cli.main(["bench", "walk", "--distance", "0.1", "--repeats", "1", "--json"]) == cli.RAN
     rows = json.loads(capfd.readouterr().out)["rows"]
-    costs = [from_json(walk.WalkCost, row) for row in rows]
-    assert [cost.name for cost in costs] == few
-    for cost in costs:
-        assert cost.steps_done == cost.steps_planned == 2
-        parts = {row.what: row for row in cost.profile}
-        assert sum(row.us for row in cost.profile) == pytest.approx(cost.period_us)
-        assert sum(row.share for row in cost.profile) == pytest.approx(1.0)
-        assert cost.real_time_factor == pytest.approx(1e6 * cost.control_period / cost.period_us)
-        assert parts["physics"].us > parts["sensors"].us
-        assert 0.0 < cost.collision_share < cost.constraint_share < 1.0
+    assert [row["name"] for row in rows] == few
+    for row in rows:
+        assert row["steps_done"] == row["steps_planned"] == 2
+        parts = {part["what"]: part for part in row["profile"]}
+        assert sum(part["us"] for part in row["profile"]) == pytest.approx(row["period_us"])
+        assert sum(part["share"] for part in row["profile"]) == pytest.approx(1.0)
+        assert row["real_time_factor"] == pytest.approx(1e6 * row["control_period"] / row["period_us"])
+        assert parts["physics"]["us"] > parts["sensors"]["us"]
+        assert 0.0 < row["collision_share"] < row["constraint_share"] < 1.0
     assert mujoco.get_mjcb_time() is None
 
 
@@ -163,7 +161,7 @@ def test_a_profile_finds_a_slow_task_and_a_slow_hook_by_name_and_leaves_the_walk
     ticks = parts["sensors"].calls
     assert ticks == round(result.seconds / spec.period)
     assert parts["task 'mine'"].calls == ticks and parts["task 'mine'"].us > 300.0
-    assert parts["hook _SlowHook"].us > 600.0 > parts["QP: assembly"].us
+    assert parts["hook _SlowHook"].us > 600.0
     assert list(parts) == list(dict.fromkeys(what for what, _, _ in parts_of(trial, [_SlowHook()])))
     assert sum(row.share for row in rows) == pytest.approx(1.0) and min(row.us for row in rows) > 0.0
     for owner in (

@@ -291,20 +291,12 @@ def test_own_signals_of_every_kind(tmp_path: Path) -> None:
     assert array.parts("own/place") == ["own/place/x", "own/place/y", "own/place/z"]
     assert array["own/place"].tolist() == [[1.0, 2.0, 3.0]] * 2 and array.units["own/place/y"] == "m"
     assert record_standing(path, 1, "a", lambda: [1, 2, 3, 4]).parts("a") == ["a/0", "a/1", "a/2", "a/3"]
-    named = record_standing(path, 1, "a", lambda: (1.0, 2.0), axes=("near", "far"))
-    assert named["a/far"].tolist() == [2.0]
     assert record_standing(path, 2, "on", lambda: True)["on"].tolist() == [1.0, 1.0]
     states = iter(["calm", None, "calm"])
     assert record_standing(path, 3, "state", lambda: next(states)).texts("state").tolist() == [
         "calm",
         None,
         "calm",
-    ]
-    scans = iter([None, [1.0], np.arange(3.0)])
-    lists = record_standing(path, 3, "scan", lambda: next(scans), "m", changing=True).lists("scan")
-    assert lists[0] is None and [each.tolist() for each in lists[1:] if each is not None] == [
-        [1.0],
-        [0.0, 1.0, 2.0],
     ]
     log = record_standing(path, 2, "own/height", lambda tick: tick.plant.truth().com[2], "m")
     assert log["own/height"] == pytest.approx(log["truth/com/z"])
@@ -320,13 +312,11 @@ def test_own_signals_of_every_kind(tmp_path: Path) -> None:
         (("a", 3.0), "needs a function that gives its value"),
         (("a", lambda: slice(0)), "cannot keep"),
         (("a", lambda: np.zeros((2, 2))), "one dimension"),
-        (("a", lambda: [1.0, 2.0], "m", "", ("x",)), "2 parts, but 1 axes"),
     ],
 )
 def test_own_signals_that_cannot_be_kept_say_so(tmp_path: Path, signal: Any, words: str) -> None:
-    options = {"axes": signal[4]} if len(signal) > 4 else {}
     with pytest.raises(InputError, match=words):
-        record_standing(tmp_path / "own.arrow", 1, *signal[:4], **options)
+        record_standing(tmp_path / "own.arrow", 1, *signal)
 
 
 def test_own_signal_must_keep_its_length_and_come_in_time(tmp_path: Path) -> None:

@@ -8,6 +8,7 @@ import math
 import time
 import urllib.request
 from collections.abc import Iterator
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -20,20 +21,13 @@ from tornado.websocket import websocket_connect
 import wbc
 from wbc.app.address import ViewError
 from wbc.app.scene.robot_shapes import robot_parts
-from wbc.app.scene.shapes import (
-    ROOT,
-    MeshFile,
-    Part,
-    Surface,
-    VisualBox,
-    VisualCylinder,
-    VisualEllipsoid,
-)
+from wbc.app.scene.shapes import ROOT, MeshFile, Part, Surface, box, cylinder, ellipsoid
 from wbc.app.scene.sources import PlantSource, RobotSource
 from wbc.app.view.meshcat_view import MeshcatView
 from wbc.core.errors import InputError
 from wbc.core.robot import GRAVITY
 from wbc.core.signals import Command
+from wbc.robots.urdf import without_geometry
 from wbc.sim.terrain.spec import terrain
 from wbc.tasks import Behaviour, Program, StateMachine, after
 from wbc.tasks.balance import balance_controller
@@ -192,44 +186,12 @@ def test_rough_ground_and_soles_that_bend_are_drawn() -> None:
     assert {source.scene.bodies[i] for i in np.flatnonzero(moved)} <= set(phalanges)
 
 
-BARE = """<robot name="bare"><link name="trunk">{inertial}</link>{legs}</robot>"""
-INERTIAL = (
-    '<inertial><origin xyz="0 0 {z}"/><mass value="{m}"/>'
-    '<inertia ixx=".02" iyy=".02" izz=".02" ixy="0" ixz="0" iyz="0"/></inertial>'
-)
-MATERIAL = '<material name="paint"><color rgba="0.2 0.4 0.6 1"/></material>'
-
-
-def bare_biped(shin: str = "") -> str:
-    """Two legs of five joints, without a single shape unless the shins are given one."""
-    legs = ""
-    for side, y in (("l", 0.1), ("r", -0.1)):
-        parent = "trunk"
-        for name, xyz, axis in (
-            ("roll", f"0 {y} 0", "1 0 0"),
-            ("hip", "0 0 0", "0 1 0"),
-            ("shin", "0 0 -0.3", "0 1 0"),
-            ("ankle", "0 0 -0.3", "0 1 0"),
-            ("foot", "0 0 0", "1 0 0"),
-        ):
-            legs += (
-                f'<link name="{side}_{name}">{INERTIAL.format(z=0, m=1)}{shin if name == "shin" else ""}</link>'
-                f'<joint name="{side}_{name}_joint" type="revolute"><parent link="{parent}"/>'
-                f'<child link="{side}_{name}"/><origin xyz="{xyz}"/><axis xyz="{axis}"/>'
-                f'<limit lower="-2" upper="2" effort="50" velocity="5"/></joint>'
-            )
-            parent = f"{side}_{name}"
-    return BARE.format(inertial=INERTIAL.format(z=0.2, m=10), legs=legs)
-
-
 def parts_of(shin: str) -> dict[str, list[Part]]:
-    place = {"translation": (0.02, 0.0, -0.05)}
-    description = wbc.RobotDescription.from_urdf(
-        bare_biped(shin),
-        left_sole=wbc.robots.FrameDescription("l_sole", "l_foot", **place),
-        right_sole=wbc.robots.FrameDescription("r_sole", "r_foot", **place),
-        sole_size=(0.18, 0.1),
-    )
+    """Shapes of the robot without any, unless the left shin is given some, by link."""
+    bare = without_geometry(wbc.load_robot("hrp4_class").urdf)
+    link = '<link name="left_shin">'
+    assert link in bare
+    description = replace(wbc.load_robot("hrp4_class"), urdf=bare.replace(link, link + shin))
     parts: dict[str, list[Part]] = {}
     for part in robot_parts(description):
         parts.setdefault(part.body, []).append(part)
@@ -237,34 +199,49 @@ def parts_of(shin: str) -> dict[str, list[Part]]:
     return parts
 
 
+def extent(part: Part) -> np.ndarray:
+    assert isinstance(part.shape, Surface)
+    return np.ptp(part.shape.vertices, axis=0)
+
+
+def test_shapes_are_closed_and_face_outwards() -> None:
+    for shape, volume in (
+        (box(1.0, 2.0, 3.0), 6.0),
+        (ellipsoid(1.0, 2.0, 3.0), 8.0 * math.pi),
+        (cylinder(0.5, 2.0), 0.5 * math.pi),
+        (cylinder(0.5, 2.0, round_ends=True), (0.5 + 0.5 / 3.0) * math.pi),
+    ):
+        a, b, c = shape.vertices[shape.faces].transpose(1, 0, 2)
+        assert np.einsum("ij,ij->", a, np.cross(b, c)) / 6.0 == pytest.approx(volume, rel=0.04)
+        assert np.cross(b - a, c - a).sum(axis=0) == pytest.approx(np.zeros(3), abs=1e-9)
+
+
 def test_a_robot_without_shapes_is_a_stick_figure() -> None:
     parts = parts_of("")
-    assert len(parts) == 11
-    rod = next(part for part in parts["l_shin"] if isinstance(part.shape, VisualCylinder))
-    assert isinstance(rod.shape, VisualCylinder)
-    ends = [(rod.placement @ [0.0, 0.0, s * rod.shape.length / 2.0, 1.0])[:3] for s in (-1, 1)]
+    assert len(parts) == wbc.load_robot("hrp4_class").robot().model.njoints - 1
+    _, rod = parts["left_shin"]
+    ends = [(rod.placement @ [0.0, 0.0, 0.5 * s * extent(rod)[2], 1.0])[:3] for s in (-1, 1)]
     assert sorted(end[2] for end in ends) == pytest.approx(
-        [-0.3, 0.0], abs=1e-9
+        [-0.341, 0.0], abs=1e-9
     )  # from the knee to the ankle
-    plate = next(part for part in parts["l_foot"] if isinstance(part.shape, VisualBox))
-    assert isinstance(plate.shape, VisualBox)
-    assert plate.shape.size[:2] == (0.18, 0.1)
-    assert plate.placement[2, 3] - plate.shape.size[2] / 2.0 == pytest.approx(-0.05)
+    plate = next(part for part in parts["left_foot"] if extent(part)[:2] == pytest.approx((0.16, 0.076)))
+    assert plate.placement[2, 3] - 0.5 * extent(plate)[2] == pytest.approx(-0.093)
 
 
 def test_collision_shapes_stand_in_for_a_mesh_that_is_not_there() -> None:
     missing = '<visual><geometry><mesh filename="package://nowhere/shin.stl"/></geometry></visual>'
     simple = '<collision><origin xyz="0 0 -0.1"/><geometry><sphere radius="0.05"/></geometry></collision>'
-    (shin,) = parts_of(missing + simple)["l_shin"]
-    assert shin.shape == VisualEllipsoid((0.05, 0.05, 0.05))
+    (shin,) = parts_of(missing + simple)["left_shin"]
+    assert extent(shin) == pytest.approx((0.1, 0.1, 0.1))
     assert shin.placement[2, 3] == -0.1
-    assert any(isinstance(part.shape, VisualCylinder) for part in parts_of(missing)["l_shin"])
+    assert len(parts_of(missing)["left_shin"]) == 2  # ball and rod of a stick figure
 
 
 def test_colours_are_those_of_the_urdf() -> None:
-    (shin,) = parts_of(f'<visual><geometry><box size=".1 .1 .3"/></geometry>{MATERIAL}</visual>')["l_shin"]
+    paint = '<material name="paint"><color rgba="0.2 0.4 0.6 1"/></material>'
+    (shin,) = parts_of(f'<visual><geometry><box size=".1 .1 .3"/></geometry>{paint}</visual>')["left_shin"]
     assert shin.colour == (0.2, 0.4, 0.6, 1.0)
-    assert shin.shape == VisualBox((0.1, 0.1, 0.3))
+    assert extent(shin) == pytest.approx((0.1, 0.1, 0.3))
 
 
 # ---- the page -------------------------------------------------------------------------------------------------------

@@ -90,7 +90,7 @@ def test_a_run_is_repeated_with_its_interventions_bit_for_bit() -> None:
     assert first != plain
     plant, control = stand()
     again = LiveControls(plant, None, control.controller, repeat=view.interventions)
-    again.slider("lower", 0.0, 0.1, 0.0, lower(control), "m")
+    again.add_own("lower", lower(control))
     assert run(plant, control, 60, again.update) == first
     assert again.interventions == view.interventions
 
@@ -101,11 +101,12 @@ def test_gizmos_of_tasks_that_cannot_have_one_are_refused_before_the_loop() -> N
     robot = plant.description.robot()
     walking = WalkingControl(robot, FootstepPlan.standing(robot), 0.005)
     controls = LiveControls(plant, None, control.controller)
-    assert controls.gizmo(control.controller.task("com")) is None
+    com = control.controller.task("com")
+    assert controls.check_task(com) is com
     with pytest.raises(InputError, match="no task of the controller"):
-        controls.gizmo(other.controller.task("com"))
+        controls.check_task(other.controller.task("com"))
     with pytest.raises(InputError, match="walking.body.com_height"):
-        LiveControls(plant, walking).gizmo(walking.controller.task("com"))
+        LiveControls(plant, walking).check_task(walking.controller.task("com"))
     with Workbench(plant, control, port=0) as view:
         with pytest.raises(InputError, match="no point, orientation or pose"):
             view.gizmo(control.controller.task("posture"))

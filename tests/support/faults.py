@@ -1,20 +1,10 @@
-"""Faults of sensors, clock, shapes, masses and tasks, injected into the loop of a robot that stands or walks.
-
-`python tests/support/faults.py` runs all of them and prints the tables of docs/reliability.md; `--reports FILE` keeps
-a line of JSON of each run there, and goes on where it was.
-"""
+"""Faults of sensors, clock, shapes, masses and tasks, injected into the loop of a robot that stands or walks."""
 
 from __future__ import annotations
 
-import argparse
-import dataclasses
-import itertools
-import json
-import logging
 import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
-from pathlib import Path
 from typing import Any
 
 import mujoco
@@ -318,77 +308,4 @@ def _good(measurement: Measurement, memory: Memory) -> Measurement:
     return measurement
 
 
-TASKS, MODES = ("stand", "walk"), ("position", "torque", "hybrid")
-
-
-def _table(of: Callable[..., Report], options: argparse.Namespace) -> None:
-    print("| | runs | exceptions | commands beyond a limit | stopped for good | fell | not named in 0.2 s |")
-    print("|---|---:|---:|---:|---:|---:|---:|")
-    for task, mode, lasting in itertools.product(options.task, options.mode, options.lasting):
-        reports = {name: of(task, mode, name, lasting=lasting) for name in faults()}
-        late = [n for n, r in reports.items() if lasting and faults()[n][1] and r.named > 0.2]
-        cells = [
-            len(reports),
-            sum(r.raised is not None for r in reports.values()),
-            sum(r.wild is not None for r in reports.values()),
-            sum(r.stopped for r in reports.values()),
-            sum(not r.upright for r in reports.values()),
-            f"{len(late)}{': ' if late else ''}{', '.join(late)}" if lasting else "",
-        ]
-        kind = "lasting" if lasting else "one tick"
-        print(f"| {task}, {mode}, {kind} | {' | '.join(map(str, cells))} |", flush=True)
-
-
-def _table_of_changes(of: Callable[..., Report], options: argparse.Namespace) -> None:
-    columns = list(itertools.product(options.task, options.mode))
-    print("\n| |" + "".join(f" {task}, {mode} |" for task, mode in columns))
-    print("|---|" + "---|" * len(columns))
-    for name in CHANGES:
-        cells = []
-        for task, mode in columns:
-            report = of(task, mode, name, lasting=True)
-            words = [
-                report.raised or "",
-                report.wild or "",
-                "" if report.upright else "fell",
-                "stopped" if report.stopped else "",
-                f"named after {report.named:.2f} s" if math.isfinite(report.named) else "",
-            ]
-            cells.append(", ".join(filter(None, words)) or "goes on")
-        print(f"| {name} | {' | '.join(cells)} |", flush=True)
-
-
-def main() -> None:
-    """Run everything and print the tables in Markdown."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--task", choices=TASKS, nargs="*", default=TASKS)
-    parser.add_argument("--mode", choices=MODES, nargs="*", default=MODES)
-    parser.add_argument("--kind", choices=("single", "lasting"), nargs="*", default=("single", "lasting"))
-    parser.add_argument(
-        "--reports", type=Path, metavar="FILE", help="keep the outcome of each run, and use it"
-    )
-    options = parser.parse_args()
-    options.lasting = [kind == "lasting" for kind in options.kind]
-    logging.disable(logging.CRITICAL)
-    known: dict[tuple[Any, ...], Report] = {}
-    if options.reports is not None and options.reports.exists():
-        for line in options.reports.read_text(encoding="utf-8").splitlines():
-            *key, values = json.loads(line)
-            known[tuple(key)] = Report(**values)
-
-    def of(task: str, mode: str, name: str, *, lasting: bool) -> Report:
-        key = (task, mode, name, lasting)
-        if key not in known:
-            known[key] = run(task, mode, name, lasting=lasting)
-            if options.reports is not None:
-                with options.reports.open("a", encoding="utf-8") as log:
-                    print(json.dumps([*key, dataclasses.asdict(known[key])]), file=log)
-        return known[key]
-
-    _table(of, options)
-    if True in options.lasting:
-        _table_of_changes(of, options)
-
-
-if __name__ == "__main__":
-    main()
+MODES = ("position", "torque", "hybrid")

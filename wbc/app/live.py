@@ -83,23 +83,13 @@ DriveOptions = Annotated[LiveDrive, Parameter(name="*")]
 """Types of the argument `live` of a command, and of one that can be driven."""
 
 
-def changes_of(watching: list[WatchWalk]) -> list[dict[str, Any]]:
-    """Return the changes made from the page, each with its time."""
-    return [change for hook in watching for change in hook.interventions]
+def with_changes(watching: list[WatchWalk], result: dict[str, Any], text: str) -> tuple[dict[str, Any], str]:
+    """Return result and text with the changes made from the page: a run with changes is not that of its options."""
+    changes = [change for hook in watching for change in hook.interventions]
+    result = result | {"interactive": bool(changes)}
+    if changes:
+        from wbc.app.view.controls import intervention_text  # noqa: PLC0415 - most runs are not watched
 
-
-def interactive(interventions: list[dict[str, Any]]) -> dict[str, Any]:
-    """Return the part of a result about changes from the page: a run with changes does not follow its options."""
-    facts: dict[str, Any] = {"interactive": bool(interventions)}
-    if interventions:
-        facts["interventions"] = interventions
-    return facts
-
-
-def interactive_text(interventions: list[dict[str, Any]]) -> str:
-    """Return the changes as text, each on a new line."""
-    if not interventions:
-        return ""
-    from wbc.app.view.controls import intervention_text  # noqa: PLC0415 - most runs are not watched
-
-    return "".join(f"\n  CHANGED   from the page at {intervention_text(entry)}" for entry in interventions)
+        result["interventions"] = changes
+        text += "".join(f"\n  CHANGED   from the page at {intervention_text(each)}" for each in changes)
+    return result, text

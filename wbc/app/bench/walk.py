@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Annotated, Any
 
 import mujoco
 
-from wbc.app.bench.profile import ProfileRow, profile_walk
+from wbc.app.bench.profile import profile_walk
 from wbc.core.settings import Count, Positive, Seed, settings
 from wbc.sim.walks.plans import WalkPlan
 from wbc.sim.walks.spec import WalkSpec
@@ -48,44 +48,16 @@ class BenchWalkOptions:
     seed: Seed = 0
     repeats: Count = 3
 
-    def cases(self) -> dict[str, WalkSpec]:
-        """Return the walks: name → spec."""
-        plan = WalkPlan(distance=self.distance)
-        return {name: WalkSpec(plan=plan, seed=self.seed, **values) for name, values in CASES.items()}
 
+def bench_walk(options: BenchWalkOptions) -> Iterator[dict[str, Any]]:
+    """Time every case on one core, and yield plain values.
 
-@dataclass(frozen=True)
-class WalkCost:
-    """Wall time of one walk; times are means over all control periods, on one core.
-
-    Attributes:
-        name: Name of the case.
-        timestep: Physics step, s.
-        control_period: Time between two commands, s.
-        steps_done: Steps of the walk; one that falls early is no measure.
-        steps_planned: Steps of its plan.
-        real_time_factor: Simulated time over wall time.
-        period_us: Wall time of a control period, µs, without clocks around its parts.
-        profile: Parts of the period in walks of their own, scaled down to it by what the clocks cost.
-        collision_share: Share of the physics spent on collision detection.
-        constraint_share: Share of the physics spent on contact forces.
+    Steps done and planned: a walk that falls early is no measure. `period_us` is the wall time of a control period, µs,
+    without clocks around its parts; the profile is that of walks of their own, scaled down to it. `collision_share` and
+    `constraint_share` are those of collision detection and contact forces in the physics.
     """
-
-    name: str
-    timestep: float
-    control_period: float
-    steps_done: int
-    steps_planned: int
-    real_time_factor: float
-    period_us: float
-    profile: tuple[ProfileRow, ...]
-    collision_share: float
-    constraint_share: float
-
-
-def bench_walk(options: BenchWalkOptions) -> Iterator[WalkCost]:
-    """Time every case."""
-    for name, spec in options.cases().items():
+    for name, values in CASES.items():
+        spec = WalkSpec(plan=WalkPlan(distance=options.distance), seed=options.seed, **values)
         shares = _physics_shares(spec)
         profile = min(
             (profile_walk(WalkTrial(spec))[1] for _ in range(options.repeats)),
@@ -94,18 +66,18 @@ def bench_walk(options: BenchWalkOptions) -> Iterator[WalkCost]:
         results = [walk(spec) for _ in range(options.repeats)]
         factor = max(result.clock.real_time_factor for result in results if result.clock is not None)
         period = 1e6 * spec.period / factor
-        yield WalkCost(
-            name=name,
-            timestep=spec.timestep,
-            control_period=spec.period,
-            steps_done=results[0].steps_done,
-            steps_planned=results[0].steps_planned,
-            real_time_factor=factor,
-            period_us=period,
-            profile=tuple(replace(row, us=period * row.share) for row in profile),
-            collision_share=shares[0],
-            constraint_share=shares[1],
-        )
+        yield {
+            "name": name,
+            "timestep": spec.timestep,
+            "control_period": spec.period,
+            "steps_done": results[0].steps_done,
+            "steps_planned": results[0].steps_planned,
+            "real_time_factor": factor,
+            "period_us": period,
+            "profile": [replace(row, us=period * row.share) for row in profile],
+            "collision_share": shares[0],
+            "constraint_share": shares[1],
+        }
 
 
 def _physics_shares(spec: WalkSpec) -> tuple[float, float]:

@@ -6,7 +6,7 @@ import logging
 
 from rich.progress import track
 
-from wbc.app.live import LiveOptions, LiveView, changes_of, interactive, interactive_text
+from wbc.app.live import LiveOptions, LiveView, with_changes
 from wbc.app.output import Flat, Output, OutputOptions, Report, progress_console, quiet, reports
 from wbc.core.settings import to_json
 from wbc.sim.balance.push_recovery import PushTableSpec, format_push_table, push_table
@@ -34,8 +34,7 @@ def stand(
         f"  {result.real_time_factor:.2f} x real time; a tick takes {result.tick_us['median']:.0f} us, "
         f"99 % take less than {result.tick_us['p99']:.0f} us; {result.failures} failed"
     )
-    changes = changes_of(watching)
-    return output.report(to_json(result) | interactive(changes), text + interactive_text(changes))
+    return output.report(*with_changes(watching, to_json(result), text))
 
 
 @reports

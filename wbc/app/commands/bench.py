@@ -50,7 +50,7 @@ def solver(
         f"  tick, us of processor time: {_line(cpu)}\n"
         f"  {facts['slow_ticks']} ticks over 5 ms; {facts['slow_by_the_clock']} in the first "
         f"run by the clock, pauses of the machine included\n"
-        f"  solved by {facts['solvers']}; on average {facts['active_limits']['mean']} limits active\n"
+        f"  solved by {facts['solvers']}; on average {facts['active_limits']} limits active\n"
         f"  {facts['differ_from_proxqp']} of {facts['compared_with_proxqp']} differ from ProxQP, at most by "
         f"{facts['worst_difference']:.1e} rad/s²; ProxQP failed {facts['proxqp_failed']} times\n"
         f"  beside these, {infeasible['problems']} infeasible problems"
@@ -69,9 +69,9 @@ def walk(
     """Time the closed loop of walks, and divide it: physics, observer, stabilizer, QP and the rest."""
     costs = list(track(bench_walk(options), "walking", len(CASES), console=progress_console()))
     texts = [
-        f"{cost.name}: {cost.real_time_factor:.1f} x real time, {cost.steps_done} of {cost.steps_planned} steps; "
-        f"of the physics {cost.collision_share:.0%} collision, {cost.constraint_share:.0%} contact forces\n\n"
-        f"{profile_text(cost.profile)}"
+        f"{cost['name']}: {cost['real_time_factor']:.1f} x real time, {cost['steps_done']} of "
+        f"{cost['steps_planned']} steps; of the physics {cost['collision_share']:.0%} collision, "
+        f"{cost['constraint_share']:.0%} contact forces\n\n{profile_text(cost['profile'])}"
         for cost in costs
     ]
     return output.report({"rows": to_json(costs)}, "\n\n".join(texts))

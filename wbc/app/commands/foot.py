@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import inspect
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
+from functools import partial
 from pathlib import Path
-from typing import Annotated, Any, Literal, TypeVar
+from typing import Annotated, Any, Literal
 
 from cyclopts import Parameter
 
@@ -31,13 +32,7 @@ from wbc.sim.terrain.families.base import make_family
 from wbc.sim.terrain.spec import Terrain
 from wbc.sim.terrain.spec import terrain as make_terrain
 
-Result = TypeVar("Result", PressResult, PitchResult)
-
 Test = Literal["press", "pitch"]
-
-PITCH = ("angle", "rate")
-"""Options of a pitch alone."""
-
 
 SHARED = Fields(FootTest, "load ankle_stiffness x y drop settle hold")
 """Options that are fields of the test."""
@@ -79,12 +74,6 @@ class FootOptions:
     angle: float = 5.0
     rate: float = 10.0
     plot: Path | None = None
-
-    def check(self, test: Test) -> None:
-        """Refuse options that a test does not have."""
-        for name in PITCH if test == "press" else ():
-            if getattr(self, name) != getattr(type(self), name):
-                raise InputError(f"--{name} is no option of 'foot {test}'")
 
     def test(self, given: Mapping[str, Any], ground: Mapping[str, Any]) -> FootTest:
         """Return the test of one foot on one ground, with further fields of both.
@@ -133,13 +122,24 @@ def foot(
     """
     if test is None:
         return _list(options.robot, output)
-    options.check(test)
+    for name in ("angle", "rate") if test == "press" else ():
+        if getattr(options, name) != getattr(FootOptions, name):
+            raise InputError(f"--{name} is no option of 'foot press'")
     target = check_picture(options.plot, options.param)
     made = options.test(given, ground)
+    result: PressResult | PitchResult
     if test == "press":
-        return _report(output, made, press(made), _press_lines, plot_press, target)
-    angle, rate = math.radians(options.angle), math.radians(options.rate)
-    return _report(output, made, pitch(made, amplitude=angle, rate=rate), _pitch_lines, plot_pitch, target)
+        result = pressed = press(made)
+        lines, draw = _press_lines(pressed), partial(plot_press, made, pressed)
+    else:
+        angle, rate = math.radians(options.angle), math.radians(options.rate)
+        result = pitched = pitch(made, amplitude=angle, rate=rate)
+        lines, draw = _pitch_lines(pitched), partial(plot_pitch, made, pitched)
+    data = {**made.describe(), **to_json(result)}
+    if target is not None and not result.diverged:
+        draw(target)
+        data["plot"] = str(target)
+    return output.report(data, "\n".join([_headline(made), *lines]))
 
 
 def _list(robot: str | None, output: Output) -> Report:
@@ -198,22 +198,6 @@ def _lines(listed: list[dict[str, Any]]) -> list[str]:
             else:
                 lines.append(line)
     return [*lines, "How all of them touch the ground:", *shared.values()]
-
-
-def _report(
-    output: Output,
-    test: FootTest,
-    result: Result,
-    lines: Callable[[Result], list[str]],
-    plot: Callable[[FootTest, Result, Path], None] | None = None,
-    target: Path | None = None,
-) -> Report:
-    """Draw a result if asked to, and report test and result."""
-    data = {**test.describe(), **to_json(result)}
-    if plot is not None and target is not None and not result.diverged:
-        plot(test, result, target)
-        data["plot"] = str(target)
-    return output.report(data, "\n".join([_headline(test), *lines(result)]))
 
 
 def _headline(test: FootTest) -> str:

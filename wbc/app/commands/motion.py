@@ -11,7 +11,7 @@ from cyclopts import Parameter
 
 from wbc import robots
 from wbc.app.files import check_picture, check_target
-from wbc.app.live import LiveOptions, LiveView, changes_of, interactive, interactive_text
+from wbc.app.live import LiveOptions, LiveView, with_changes
 from wbc.app.output import Flat, Output, OutputOptions, Report, reports
 from wbc.core.errors import InputError
 from wbc.core.files import save_figure
@@ -151,9 +151,7 @@ def _track(file: Path, options: MotionOptions, live: LiveView, output: Output) -
         f"  a tick takes {result.tick_us['median']:.0f} us, 99 % less than {result.tick_us['p99']:.0f} us; "
         f"{result.failures} failed",
     ]
-    changes = changes_of(watching)
-    report = data | to_json(result) | interactive(changes)
-    return output.report(report, "\n".join(lines) + interactive_text(changes))
+    return output.report(*with_changes(watching, data | to_json(result), "\n".join(lines)))
 
 
 ROWS = (

@@ -5,7 +5,7 @@ from __future__ import annotations
 import logging
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 from cyclopts import Parameter
 
@@ -54,13 +54,14 @@ def plot(
     from wbc.app.plot.output import save  # noqa: PLC0415
     from wbc.app.plot.signals import draw_signals, select  # noqa: PLC0415 - slow to import
 
-    figures, signals = (
-        [word for word in drawings if word in FIGURES],
-        [w for w in drawings if w not in FIGURES],
-    )
+    figures = [word for word in drawings if word in FIGURES]
+    signals = [word for word in drawings if word not in FIGURES]
     target = check_target("a picture", options.out or f"{logs[0].path.stem}.png", PICTURES, paths)
     if signals:
-        _check_signals(logs, signals, FIGURES, select)
+        try:
+            select(logs, signals)
+        except LookupError as error:
+            raise InputError(f"{error} (ready-made figures: {', '.join(FIGURES)})") from error
     if not drawings:
         for name in FIGURES:
             lacks = [f"{log.path} {lack}" for log in logs if (lack := missing(name, log)) is not None]
@@ -95,14 +96,6 @@ def _logs_and_drawings(words: Sequence[str]) -> tuple[list[Path], list[str]]:
     return paths, [word for word in words if Path(word) not in paths]
 
 
-def _check_signals(logs: Sequence[Log], signals: Sequence[str], figures: Any, select: Any) -> None:
-    """Check the signals before anything is drawn; the message names the ready-made figures, too."""
-    try:
-        select(logs, signals)
-    except LookupError as error:
-        raise InputError(f"{error} (ready-made figures: {', '.join(figures)})") from error
-
-
 def _listing(logs: Sequence[Log], notes: list[str], output: Output) -> Report:
     signals = {name: signal for log in logs for name, signal in log.signals.items()}
     width = max(len(name) for name in signals)
@@ -110,7 +103,13 @@ def _listing(logs: Sequence[Log], notes: list[str], output: Output) -> Report:
     lines += [f"{name:<{width}}  {signal.unit:<7} {signal.about}" for name, signal in signals.items()]
     facts = {
         "logs": [
-            {"file": str(log.path), "ticks": len(log), "broken": log.broken, "header": _brief(log)}
+            {
+                "file": str(log.path),
+                "ticks": len(log),
+                "broken": log.broken,
+                # without the models of plant and robot, which only a replay needs
+                "header": {k: v for k, v in log.header.items() if k not in ("plant", "description")},
+            }
             for log in logs
         ],
         "signals": [
@@ -119,8 +118,3 @@ def _listing(logs: Sequence[Log], notes: list[str], output: Output) -> Report:
         ],
     }
     return output.report(facts, "\n".join(lines))
-
-
-def _brief(log: Log) -> dict[str, Any]:
-    """Return the header without the models of plant and robot, which only a replay needs."""
-    return {key: value for key, value in log.header.items() if key not in ("plant", "description")}

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 from wbc.app.arguments import NONE_GIVEN, Fields
 from wbc.app.bench.profile import ProfileRow, profile_text, profile_walk
 from wbc.app.files import check_target, read_object
-from wbc.app.live import DriveOptions, LiveDrive, changes_of, interactive, interactive_text
+from wbc.app.live import DriveOptions, LiveDrive, with_changes
 from wbc.app.output import Flat, Output, OutputOptions, Report, reports
 from wbc.app.walk_report import walk_text
 from wbc.core.changes import read_changes, setting_names
@@ -119,12 +119,11 @@ def walk(
             result, profile = profile_walk(trial, hooks)
         else:
             result = trial.run(hooks)
-    changes = changes_of(watching)
-    data = result.to_json() | interactive(changes) | {"spec": spec.to_json()}
+    data, text = with_changes(watching, result.to_json(), walk_text(result, spec))
+    data["spec"] = spec.to_json()
     lost = None if record is None else record.loss
     if options.record is not None:
         data |= {"record": str(options.record), "record_failure": None if lost is None else str(lost)}
-    text = walk_text(result, spec) + interactive_text(changes)
     if options.profile:
         data |= {"profile": to_json(profile)}
         text += f"\n\n{profile_text(profile)}"

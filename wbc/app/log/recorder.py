@@ -65,7 +65,7 @@ class Recorder(TrialHook):
         self.path = self._writer.path
         self._spec, self._title = spec, title
         self._seed: int | None = None  # of the plant when None
-        self._added: dict[str, tuple[Signal, Callable[..., Any], tuple[str, ...] | None]] = {}
+        self._added: dict[str, tuple[Signal, Callable[..., Any]]] = {}
         self._signals: Signals | None = None
         self._model: Robot | None = None  # of a controller of one's own
 
@@ -75,20 +75,15 @@ class Recorder(TrialHook):
         value: Callable[[], Any] | Callable[[Tick], Any],
         unit: str = "1",
         about: str = "",
-        *,
-        axes: tuple[str, ...] | None = None,
-        changing: bool = False,
     ) -> None:
         """Add a signal.
 
         Args:
             name: Parts separated by "/".
-            value: Called every tick for a number, a truth value, a text or an array of constant length; without
-                arguments, or with the `Tick` (plant, control, measurement, command).
+            value: Called every tick for a number, a truth value, a text or an array of constant length, whose parts are
+                x y z or their indices; without arguments, or with the `Tick` (plant, control, measurement, command).
             unit: "1" without a unit.
             about: Description.
-            axes: Names of the parts of an array; x y z, or their indices, when None.
-            changing: The value is an array of changing length, or None; stored as a list.
 
         Raises:
             InputError: A name that is taken or malformed, no function, or the first tick has been recorded.
@@ -101,9 +96,9 @@ class Recorder(TrialHook):
             )
         if name in self._added:
             raise InputError(f"there is a signal '{name}' already; choose another name")
-        signal = Signal(name, unit, about, "list" if changing else "number")
+        signal = Signal(name, unit, about)
         function = value if _takes_the_tick(value) else lambda tick: value()  # type: ignore[call-arg]
-        self._added[name] = (signal, function, axes)
+        self._added[name] = (signal, function)
 
     def __call__(
         self,
@@ -212,8 +207,8 @@ class Recorder(TrialHook):
         _check_kind("measurement", tick.measurement, Measurement)
         _check_kind("command", tick.command, Command)
         signals = tick_signals(tick)
-        for signal, function, axes in self._added.values():
-            _add_own(signals, signal, function, axes, function(tick))
+        for signal, function in self._added.values():
+            _add_own(signals, signal, function, function(tick))
         self._writer.begin(signals, make_header(tick, self._spec, self._title, self._seed))
         return signals
 
@@ -221,11 +216,6 @@ class Recorder(TrialHook):
     def ticks(self) -> int:
         """Ticks recorded so far."""
         return self._writer.rows
-
-    @property
-    def failure(self) -> str | None:
-        """Reason why data was lost, such as a full disk; None without a failure."""
-        return self._writer.failure
 
     def close(self) -> None:
         """Write the last batch and end the file."""
@@ -243,12 +233,10 @@ class Recorder(TrialHook):
         self.close()
 
 
-def _add_own(
-    signals: Signals, signal: Signal, function: Read, axes: tuple[str, ...] | None, first: Any
-) -> None:
+def _add_own(signals: Signals, signal: Signal, function: Read, first: Any) -> None:
     """Describe a signal of `Recorder.add`; its first value decides its kind and shape."""
     name, waiting = signal.name, [first]
-    kind = "text" if isinstance(first, str) and signal.kind != "list" else signal.kind
+    text = isinstance(first, str)
 
     def numbers(value: Any) -> Array:
         try:
@@ -256,17 +244,15 @@ def _add_own(
         except (TypeError, ValueError) as error:
             raise InputError(f"signal '{name}' cannot keep {value!r}") from error
 
-    shape = numbers(first).shape if kind == "number" else ()
+    shape = () if text else numbers(first).shape
 
     def read(tick: Tick) -> Any:
         value = waiting.pop() if waiting else function(tick)
         if value is None:
             return None
-        if kind == "text":
+        if text:
             return str(value)
         array = numbers(value)
-        if kind == "list":
-            return array.reshape(-1)
         if array.shape != shape:
             raise InputError(f"signal '{name}' has changed from shape {shape} to {array.shape}")
         return array
@@ -274,12 +260,10 @@ def _add_own(
     if len(shape) > 1:
         raise InputError(f"signal '{name}' must be a number or an array of one dimension, got shape {shape}")
     if not shape:
-        flag = kind == "number" and isinstance(first, (bool, np.bool_))
-        signals.one(name, signal.unit, signal.about, read, "flag" if flag else kind)
+        flag = isinstance(first, (bool, np.bool_))
+        signals.one(name, signal.unit, signal.about, read, "text" if text else "flag" if flag else "number")
         return
-    parts = axes or {2: ("x", "y"), 3: ("x", "y", "z")}.get(shape[0]) or tuple(map(str, range(shape[0])))
-    if len(parts) != shape[0]:
-        raise InputError(f"signal '{name}' has {shape[0]} parts, but {len(parts)} axes")
+    parts = {2: ("x", "y"), 3: ("x", "y", "z")}.get(shape[0]) or tuple(map(str, range(shape[0])))
     signals.group(name, parts, signal.unit, signal.about, read)
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from functools import partial
 
 from matplotlib.figure import Figure
@@ -17,28 +16,13 @@ from wbc.core.arguments import checked
 from wbc.core.errors import InputError, choose
 from wbc.core.robot import SIDES
 
-
-@dataclass(frozen=True)
-class LogFigure:
-    """A ready-made figure.
-
-    Attributes:
-        about: Description.
-        needs: Signals or groups that it requires.
-        draw: Draws it from logs that have these.
-    """
-
-    about: str
-    needs: tuple[str, ...]
-    draw: Callable[[Sequence[Log]], Figure]
-
-
 _LOADED_FEET = ("wrench_measured", "estimated/position")
 _FEET = ("foot/left/reference/position", "foot/right/reference/position", "foot/left/contact")
+_FORCES = ("foot/*/wrench_[md]e*/fz", "foot/*/wrench_[md]e*/m[xy]")
+_PARTS = tuple(f"tick/{part}" for part in ("model", "assembly", "solve", "decode"))
 
-FIGURES = {
-    "balance": LogFigure(
-        "centre of mass, DCM and ZMP in both axes, with the support region, and the DCM's error or the sway",
+FIGURES: dict[str, tuple[tuple[str, ...], Callable[[Sequence[Log]], Figure]]] = {
+    "balance": (
         (
             "com/estimated",
             "zmp/measured",
@@ -46,38 +30,23 @@ FIGURES = {
         ),
         draw_balance,
     ),
-    "plan": LogFigure(
-        "footsteps from above, planned and real, with the paths of centre of mass, DCM and ZMP, and the drift",
-        ("com/reference", "zmp/measured", *_FEET),
-        draw_plan,
-    ),
-    "feet": LogFigure(
-        "normal forces and ankle moments of the feet, measured and desired",
+    "plan": (("com/reference", "zmp/measured", *_FEET), draw_plan),
+    "feet": (
         ("foot/left/wrench_measured", "foot/right/wrench_measured"),
-        partial(draw_signals, words=("foot/*/wrench_[md]e*/fz", "foot/*/wrench_[md]e*/m[xy]")),
+        partial(draw_signals, words=_FORCES),
     ),
-    "torque": LogFigure("joint torques over their limits", ("truth/joint/torque_ratio",), draw_torque),
-    "timing": LogFigure(
-        "time that the controller's ticks took, by its parts",
-        ("tick/solve",),
-        partial(
-            draw_signals, words=tuple(f"tick/{part}" for part in ("model", "assembly", "solve", "decode"))
-        ),
-    ),
-    "stiffness": LogFigure(
-        "stiffness of the soles, commanded and actual, and the ground scanned in each step",
-        ("foot/left/stiffness", "foot/right/stiffness"),
-        draw_stiffness,
-    ),
+    "torque": (("truth/joint/torque_ratio",), draw_torque),
+    "timing": (("tick/solve",), partial(draw_signals, words=_PARTS)),
+    "stiffness": (("foot/left/stiffness", "foot/right/stiffness"), draw_stiffness),
 }
-"""Every ready-made figure."""
+"""Every ready-made figure: signals or groups that it requires, and the function that draws logs which have these."""
 
 
 def missing(name: str, log: Log) -> str | None:
     """Return what a log lacks for a figure; None if it can be drawn."""
-    drawing = FIGURES[choose("figure", name, FIGURES)]
+    needs, _ = FIGURES[choose("figure", name, FIGURES)]
     groups = {signal.rpartition("/")[0] for signal in log}
-    absent = [need for need in drawing.needs if need not in log and need not in groups]
+    absent = [need for need in needs if need not in log and need not in groups]
     if absent:
         return f"has no {absent[0]}"
     if len(log) < 2:
@@ -106,4 +75,4 @@ def draw(name: str, logs: Sequence[Log]) -> Figure:
         lack = missing(name, log)
         if lack is not None:
             raise InputError(f"figure '{name}' cannot be drawn: {log.path} {lack}")
-    return FIGURES[name].draw(logs)
+    return FIGURES[name][1](logs)

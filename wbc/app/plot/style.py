@@ -53,7 +53,7 @@ def labels(logs: Sequence[Log]) -> list[str]:
     return names if len(set(names)) == len(names) else [str(log.path) for log in logs]
 
 
-def legend(axes: Axes, columns: int = 3, **options: Any) -> None:
+def legend(axes: Axes, columns: int = 3) -> None:
     """Put a legend above the axes."""
     handles, _ = axes.get_legend_handles_labels()
     if handles:
@@ -66,7 +66,6 @@ def legend(axes: Axes, columns: int = 3, **options: Any) -> None:
             borderaxespad=0.1,
             handlelength=1.6,
             columnspacing=1.2,
-            **options,
         )
 
 

@@ -18,7 +18,7 @@ from wbc.app.log.reader import Log
 from wbc.app.log.signals import Signal
 from wbc.app.replay.replay import Replay
 from wbc.app.scene.robot_shapes import read_mesh
-from wbc.app.scene.shapes import MeshFile, SceneObject, Surface, VisualBox, VisualCylinder, VisualEllipsoid
+from wbc.app.scene.shapes import MeshFile, SceneObject, Surface
 from wbc.core.arguments import checked
 from wbc.core.errors import InputError
 from wbc.core.files import replacing
@@ -150,16 +150,6 @@ def _write_scene(rr: Any, stream: Any, replay: Replay, rate: float) -> None:
 def _shape(rr: Any, thing: SceneObject) -> Any:
     """Return Rerun's shape of an object."""
     shape, colour = thing.shape, tuple(round(255 * part) for part in thing.colour)
-    solid = {"colors": [colour], "fill_mode": "solid"}
-    if isinstance(shape, VisualBox):
-        return rr.Boxes3D(sizes=[shape.size], **solid)
-    if isinstance(shape, VisualEllipsoid):
-        return rr.Ellipsoids3D(half_sizes=[shape.semi_axes], **solid)
-    if isinstance(shape, VisualCylinder):
-        size = {"lengths": [shape.length], "radii": [shape.radius]}
-        if shape.round_ends:
-            return rr.Capsules3D(**size, translations=[(0.0, 0.0, -0.5 * shape.length)], **solid)
-        return rr.Cylinders3D(**size, **solid)
     if isinstance(shape, MeshFile) and Path(shape.path).suffix.lower() in READABLE:
         return rr.Asset3D(path=shape.path, albedo_factor=colour)
     if isinstance(shape, Surface):

@@ -13,18 +13,8 @@ from wbc.app.scene.colours import TILE_COLOURS
 from wbc.app.scene.ground import TILE
 from wbc.app.scene.robot_shapes import read_mesh
 from wbc.app.scene.scene import Scene
-from wbc.app.scene.shapes import (
-    ROOT,
-    Colour,
-    MeshFile,
-    SceneObject,
-    Shape,
-    Surface,
-    VisualBox,
-    VisualCylinder,
-    VisualEllipsoid,
-)
-from wbc.core.errors import Array, InputError
+from wbc.app.scene.shapes import ROOT, Colour, MeshFile, SceneObject
+from wbc.core.errors import Array
 from wbc.sim.terrain.render import FLOOR, add_to_spec
 from wbc.sim.terrain.spec import Terrain
 
@@ -36,8 +26,6 @@ FORCES, MARKERS = f"{ROOT}/forces/", f"{ROOT}/markers/"
 
 MARKER_LIFT = 0.006
 """Height of markers above where they are in the page, which draws them over everything, m."""
-
-_T = mujoco.mjtGeom
 
 _STAGE = """
 <mujoco>
@@ -124,31 +112,16 @@ def _add(spec: mujoco.MjSpec, body: Any, thing: SceneObject, number: int) -> Non
         group=0,
         mass=0.0,
     )
-    shape = thing.shape
-    if isinstance(shape, VisualBox):
-        geom.type, geom.size = _T.mjGEOM_BOX, np.array(shape.size) / 2.0
-    elif isinstance(shape, VisualEllipsoid):
-        geom.type, geom.size = _T.mjGEOM_ELLIPSOID, np.array(shape.semi_axes)
-    elif isinstance(shape, VisualCylinder):
-        geom.type = _T.mjGEOM_CAPSULE if shape.round_ends else _T.mjGEOM_CYLINDER
-        geom.size = np.array([shape.radius, 0.5 * shape.length, 0.0])
-    else:
-        geom.type, geom.meshname = _T.mjGEOM_MESH, f"mesh_{number}"
-        _add_mesh(spec, f"mesh_{number}", shape)
-
-
-def _add_mesh(spec: mujoco.MjSpec, name: str, shape: Shape) -> None:
+    geom.type, geom.meshname, shape = mujoco.mjtGeom.mjGEOM_MESH, f"mesh_{number}", thing.shape
     # Surfaces need not be closed: MuJoCo wants an inertia although nothing is simulated.
-    mesh = spec.add_mesh(name=name, inertia=mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL)
+    mesh = spec.add_mesh(name=geom.meshname, inertia=mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL)
     if isinstance(shape, MeshFile):
         mesh.scale = np.array(shape.scale)
         if Path(shape.path).suffix.lower() in READABLE:
             mesh.file = shape.path
             return
         vertices, faces = read_mesh(shape.path)
-    elif isinstance(shape, Surface):
-        vertices, faces = shape.vertices, shape.faces
     else:
-        raise InputError(f"a {type(shape).__name__} cannot be filmed")
+        vertices, faces = shape.vertices, shape.faces
     mesh.uservert = np.asarray(vertices, dtype=np.float64).ravel()
     mesh.userface = np.asarray(faces, dtype=np.int32).ravel()

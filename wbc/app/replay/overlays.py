@@ -59,22 +59,14 @@ class Overlays(Layer):
         self.add(path, shape, colour)
         self._spans.append((start, end))
 
-    def dcm(self, tick: int) -> Array | None:
-        """Return the DCM on the ground, shape (3,), m; None if it is unknown."""
-        if self._dcm is None or not np.isfinite(self._dcm[tick]).all():
-            return None
-        point: Array = self._dcm[tick]
-        return point
-
     def frame(self, tick: int) -> Array:
         """Return one matrix for each moving path, shape (len(moving), 4, 4)."""
         matrices = np.tile(HIDDEN, (len(self.moving), 1, 1))
         for i, (start, end) in enumerate(self._spans):
             if start <= tick < end:
                 matrices[i] = np.eye(4)
-        point = self.dcm(tick)
-        if point is not None:
-            matrices[-1] = translation(*point)
+        if self._dcm is not None and np.isfinite(self._dcm[tick]).all():
+            matrices[-1] = translation(*self._dcm[tick])
         return matrices
 
 

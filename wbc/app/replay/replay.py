@@ -59,7 +59,8 @@ class Replay:
         if not len(log):
             raise InputError(f"{log.path} holds no ticks; there is nothing to replay")
         with decoding(log.path, "log that can be replayed"):
-            self.plant = None if log.header.get("plant") is None else rebuild_plant(log)
+            parts = log.header.get("plant")
+            self.plant = None if parts is None else _plant_of(log, parts)
             self._source: PlantSource | RobotSource
             self.sole_paths: tuple[tuple[str, ...], ...] = ((), ())
             if self.plant is not None:
@@ -180,14 +181,8 @@ def _unit(quaternions: Array) -> Array:
     return np.asarray(quaternions / np.linalg.norm(quaternions, axis=1, keepdims=True))
 
 
-def rebuild_plant(log: Log) -> Plant:
-    """Return the plant of a log, without sensor errors.
-
-    A log without a plant, or with a class that does not exist here, is an `InputError`.
-    """
-    parts: dict[str, Any] | None = log.header.get("plant")
-    if parts is None:
-        raise InputError(f"{log.path} was recorded without a plant")
+def _plant_of(log: Log, parts: dict[str, Any]) -> Plant:
+    """Return the plant of the header of a log, without sensor errors."""
     return Plant(
         from_plain(parts["description"]),
         foot=from_plain(parts["foot"]),

@@ -11,7 +11,7 @@ import numpy as np
 from wbc.app.scene.colours import FOOTSTEP_LEGEND, SIDE_COLOURS, translucent
 from wbc.app.scene.layer import Annotations, Layer
 from wbc.app.scene.marks import LIFT, LINE, outline, polygon, rectangle, ribbon, ribbon_edges
-from wbc.app.scene.shapes import HIDDEN, ROOT, Colour
+from wbc.app.scene.shapes import ROOT, Colour
 from wbc.core.errors import Array
 from wbc.core.robot import SIDES
 from wbc.walking.planning.footsteps import Footstep, heading, other
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from wbc.walking.control import ReferenceControl
 
 MAX_STEPS = 128
-"""Largest number of footsteps of each kind; of a longer walk the last ones, and half as many to come."""
+"""Largest number of footsteps of each kind that are drawn, the last ones; half as many of those to come."""
 
 PATH_POINTS, PATH_MARKS, PATH_SPACING = 512, 128, 0.04
 """Points of the path that are kept and that are drawn, and the distance between them, m."""
@@ -33,66 +33,64 @@ DRIVEN_STEPS = 32
 
 
 class FootstepsLayer(Layer):
-    """Footsteps: outlines of the planned ones (adjusted until they land), filled areas of the real ones.
-
-    Both have the same indices: 0 is the first swing foot, 1 the first stance foot, 2 the first landing.
-    """
+    """Footsteps: outlines of the planned ones (adjusted until they land), filled areas of the real ones."""
 
     def __init__(self, plant: Plant, walking: ReferenceControl) -> None:
-        """Make marks for all steps, and for one that a stop may add."""
+        """Make marks for all steps, and for one that a stop may add; in longer walks they are reused."""
         super().__init__()
         self._plant, self._walking = plant, walking
         progress = walking.progress
         steps = progress.steps_done + len(progress.upcoming)
         # A robot that is steered goes to places that are not known yet.
-        self._count = DRIVEN_STEPS if walking.steered else min(MAX_STEPS, 2 * ((steps + 4) // 2))
-        # In longer walks the marks are reused.
-        self._ahead = self._count if self._count >= steps + 3 else self._count // 2
+        count = DRIVEN_STEPS if walking.steered else min(MAX_STEPS, 2 * ((steps + 4) // 2))
         self._sites = list(plant.sole_sites)
         soles = [rectangle(foot.fit.sole.length, foot.fit.sole.width) for foot in plant.feet]
         first = progress.upcoming[0].side if progress.upcoming else SIDES[0]
-        self._planned, self._real = [], []
-        for i in range(self._count):
+        self._planned: dict[str, list[int]] = {side: [] for side in SIDES}
+        self._real: dict[str, list[int]] = {side: [] for side in SIDES}
+        for i in range(count):
             side = first if i % 2 == 0 else other(first)
             corners, colour = soles[SIDES.index(side)], SIDE_COLOURS[side]
-            self._planned.append(self.add(f"footsteps/planned_{i}", outline(corners), colour, on_top=True))
-            self._real.append(self.add(f"footsteps/real_{i}", polygon(corners), translucent(colour)))
+            planned = self.add(f"footsteps/planned_{i}", outline(corners), colour, on_top=True)
+            self._planned[side].append(planned)
+            self._real[side].append(self.add(f"footsteps/real_{i}", polygon(corners), translucent(colour)))
         self.legend = FOOTSTEP_LEGEND
         self._path: deque[Array] | None = None
         if walking.steered:
             self._path = deque(maxlen=PATH_POINTS)
             self.add("footsteps/path", ribbon(np.zeros((2 * PATH_MARKS, 3))), PATH_COLOUR, deformable=True)
             self.legend = (*FOOTSTEP_LEGEND, ("path of the robot", PATH_COLOUR))
-        self._planned_at = np.tile(HIDDEN, (self._count, 1, 1))
-        self._real_at = self._planned_at.copy()
-        self._first, robot = first, walking.controller.robot
+        robot = walking.controller.robot
         soles_now = dict(zip(SIDES, (robot.placement(sole.frame) for sole in robot.soles), strict=True))
-        start = [Footstep.of(side, soles_now[side]) for side in (first, other(first))]
-        self._start = np.array([_mark(foot) for foot in start])
-        self._skipped = 0  # indices left out where a side has stepped twice, with a stand between
-        self._end = 0
-        self._upcoming: tuple[Footstep, ...] = ()
-        self._marks = np.empty((0, 4, 4))  # of these, in the world of the estimate
+        self._start = [Footstep.of(side, soles_now[side]) for side in (first, other(first))]
+        self._steps = progress.steps_done
+        self._ahead: list[tuple[str, Array]] = []  # steps to come, as they were drawn last
+        self._landed, self._stood = (
+            {side: deque[Array](maxlen=count // 2) for side in SIDES} for _ in range(2)
+        )
+        self._standing: set[str] = set()
 
     def fill(self, matrices: Array, annotations: Annotations) -> None:  # noqa: D102
-        progress = self._walking.progress
-        side = progress.swing_side or (progress.upcoming[0].side if progress.upcoming else None)
-        if side is not None and side != self._side(progress.steps_done + self._skipped):
-            self._skipped += 1
-        present = progress.steps_done + self._skipped  # index of the foot that swings, or swings next
-        if self._upcoming != progress.upcoming:
-            self._upcoming = progress.upcoming
-            marks = [_mark(foot) for foot in progress.upcoming[: self._ahead]]
-            self._marks = np.array(marks).reshape(-1, 4, 4)
-        drift, end = drift_of(self._plant, self._walking), present + 2 + len(self._marks)
-        self._planned_at[np.arange(end, self._end) % self._count] = HIDDEN  # a stop has shortened the plan
-        self._planned_at[np.arange(present + 2, end) % self._count] = drift @ self._marks  # landed ones stay
-        if present == 0:
-            self._planned_at[:2] = drift @ self._start
-        self._end = end
-        for i in (present + 1,) if progress.swing is not None else (present, present + 1):
-            self._real_at[i % self._count] = self._pose(self._side(i))
-        matrices[self._planned], matrices[self._real] = self._planned_at, self._real_at
+        progress, drift = self._walking.progress, drift_of(self._plant, self._walking)
+        taken = progress.steps_done - self._steps
+        if taken > 0:  # landed ones stay where they were drawn
+            for side, mark in self._ahead[: taken + (len(self._start) if self._steps == 0 else 0)]:
+                self._landed[side].append(mark)
+        self._steps = progress.steps_done
+        ahead = [*(() if self._steps else self._start), *progress.upcoming[: MAX_STEPS // 2]]
+        self._ahead = [(step.side, drift @ _mark(step)) for step in ahead]
+        for side, site in zip(SIDES, self._sites, strict=True):
+            if side == progress.swing_side:
+                self._standing.discard(side)
+            else:
+                if side in self._standing and taken < 2:
+                    self._stood[side].pop()
+                self._standing.add(side)
+                self._stood[side].append(self._pose(site))
+            planned = [*self._landed[side], *(mark for of, mark in self._ahead if of == side)]
+            for places, marks in ((self._planned[side], planned), (self._real[side], [*self._stood[side]])):
+                for place, mark in zip(places, marks[-len(places) :], strict=False):
+                    matrices[place] = mark
         annotations.text += walk_lines(self._walking)
         feet = np.mean(self._plant.data.site_xpos[self._sites], axis=0)
         off = float(np.linalg.norm((np.linalg.inv(drift) @ [*feet, 1.0])[:2] - feet[:2]))
@@ -110,14 +108,9 @@ class FootstepsLayer(Layer):
                 np.array(path), 2.0 * LINE, PATH_MARKS
             )
 
-    def _side(self, index: int) -> str:
-        """Return the side of the foot with an index."""
-        return self._first if index % 2 == 0 else other(self._first)
-
-    def _pose(self, side: str) -> Array:
+    def _pose(self, site: int) -> Array:
         """Return the real placement of a sole."""
-        site, data = self._sites[SIDES.index(side)], self._plant.data
-        pose = np.eye(4)
+        data, pose = self._plant.data, np.eye(4)
         pose[:3, :3] = data.site_xmat[site].reshape(3, 3)
         pose[:3, 3] = data.site_xpos[site] + LIFT * pose[:3, 2]
         return pose

@@ -32,7 +32,7 @@ from wbc.app.scene.marks import (
     translation,
 )
 from wbc.app.scene.scene import Scene, body_path
-from wbc.app.scene.shapes import ROOT, VisualCylinder, disc
+from wbc.app.scene.shapes import MARK, ROOT, cylinder, disc
 from wbc.app.scene.sources import FOOT
 from wbc.core.errors import Array
 from wbc.core.hull import hull_and_area
@@ -82,7 +82,7 @@ class BalanceLayer(Layer):
         self._dcm = self.add("balance/dcm", mark, DCM_COLOUR, on_top=True)
         self.legend = (("DCM", DCM_COLOUR), ("support polygon: hull of the contacts", SUPPORT_COLOUR))
         if walking is not None:
-            planned = ring(1.6 * mark.radius, 0.4 * mark.radius)
+            planned = ring(1.6 * MARK * com_height, 0.4 * MARK * com_height)
             self._planned_zmp = self.add("balance/zmp_planned", planned, ZMP_COLOUR, on_top=True)
             self._planned_dcm = self.add("balance/dcm_planned", planned, DCM_COLOUR, on_top=True)
             self.legend = (*self.legend, ("rings: ZMP and DCM as planned", (0.6, 0.6, 0.6, 1.0)))
@@ -122,7 +122,7 @@ class OutsideLayer(Layer):
         robot = walking.control.observer.robot
         self._robot = robot
         self._hands = [robot.placement(frame) for frame in robot.frames.values()]
-        rod = VisualCylinder(0.012 * scene.com_height, 1.0)
+        rod = cylinder(0.012 * scene.com_height, 1.0)
         self._rod = self.add("outside/force", rod, OUTSIDE_COLOUR, on_top=True)
         self.legend = (("force on the hands, estimated", OUTSIDE_COLOUR),)
 
@@ -184,7 +184,7 @@ class RangeLayer(Layer):
         self._ray: list[int] = []
         points = ribbon(np.zeros((2 * POINTS, 3)))
         for i in range(len(self._sites)):
-            self._ray.append(self.add(f"range/ray_{i}", VisualCylinder(0.002, 1.0), RAY_COLOUR, on_top=True))
+            self._ray.append(self.add(f"range/ray_{i}", cylinder(0.002, 1.0), RAY_COLOUR, on_top=True))
             self.add(f"range/scan_{i}", points, SCAN_COLOUR, on_top=True, deformable=True)
         self._hits: list[list[Array]] = [[] for _ in self._sites]
         self._scanned = [False for _ in self._sites]

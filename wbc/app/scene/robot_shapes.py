@@ -10,15 +10,7 @@ import numpy as np
 import pinocchio as pin
 
 from wbc.app.scene.colours import PLAIN
-from wbc.app.scene.shapes import (
-    Colour,
-    MeshFile,
-    Part,
-    Shape,
-    VisualBox,
-    VisualCylinder,
-    sphere,
-)
+from wbc.app.scene.shapes import Colour, MeshFile, Part, Shape, box, cylinder, sphere
 from wbc.core.errors import Array
 from wbc.robots import RobotDescription
 from wbc.robots.frames import carrier_link
@@ -79,12 +71,12 @@ def _parts(
 def _shape(element: ElementTree.Element, directories: tuple[Path, ...]) -> Shape | None:
     if element.tag == "box":
         x, y, z = _numbers(element.get("size", "0 0 0"))
-        return VisualBox((x, y, z))
+        return box(x, y, z)
     if element.tag == "sphere":
         return sphere(float(element.get("radius", "0")))
     if element.tag in ("cylinder", "capsule"):
         radius, length = float(element.get("radius", "0")), float(element.get("length", "0"))
-        return VisualCylinder(radius, length, round_ends=element.tag == "capsule")
+        return cylinder(radius, length, round_ends=element.tag == "capsule")
     if element.tag == "mesh":
         path = _find(element.get("filename", ""), directories)
         if path is not None and path.suffix.lower() in MESH_FORMATS:
@@ -146,14 +138,8 @@ def _sticks(description: RobotDescription) -> dict[str, list[Part]]:
             if frame.parentJoint == joint:
                 ends.append(np.array(frame.placement.translation))
                 plate = frame.placement * pin.SE3(np.eye(3), np.array([0.0, 0.0, 0.4 * thickness]))
-                parts.append(
-                    Part(
-                        body,
-                        VisualBox((sole.length, sole.width, 0.8 * thickness)),
-                        PLAIN,
-                        np.array(plate.homogeneous),
-                    )
-                )
+                shape = box(sole.length, sole.width, 0.8 * thickness)
+                parts.append(Part(body, shape, PLAIN, np.array(plate.homogeneous)))
         parts += [_rod(body, end, thickness) for end in ends if np.linalg.norm(end) > thickness]
         sticks[body] = parts
     return sticks
@@ -162,6 +148,5 @@ def _sticks(description: RobotDescription) -> dict[str, list[Part]]:
 def _rod(body: str, end: Array, thickness: float) -> Part:
     length = float(np.linalg.norm(end))
     turn = pin.Quaternion.FromTwoVectors(np.array([0.0, 0.0, 1.0]), end / length).matrix()
-    return Part(
-        body, VisualCylinder(thickness, length), PLAIN, np.array(pin.SE3(turn, 0.5 * end).homogeneous)
-    )
+    placement = np.array(pin.SE3(turn, 0.5 * end).homogeneous)
+    return Part(body, cylinder(thickness, length), PLAIN, placement)

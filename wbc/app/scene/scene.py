@@ -16,14 +16,15 @@ from wbc.app.scene.ground import ground_objects
 from wbc.app.scene.marks import translation, upright_axes
 from wbc.app.scene.shapes import (
     HIDDEN,
+    MARK,
     ROOT,
     Colour,
     Legend,
     Part,
     SceneObject,
     Shape,
-    Surface,
     disc,
+    lathe,
     sphere,
 )
 from wbc.core.errors import Array
@@ -166,7 +167,7 @@ def make_scene(
     objects += ground_objects(terrain)
     mark = disc(com_height)
     markers: dict[str, tuple[Shape, Colour]] = {
-        "com": (sphere(mark.radius), COM_COLOUR),
+        "com": (sphere(MARK * com_height), COM_COLOUR),
         "com_shadow": (mark, COM_COLOUR),
         "zmp": (mark, ZMP_COLOUR),
     }
@@ -204,21 +205,5 @@ def body_path(body: str) -> str:
     return f"{ROOT}/robot/{body.replace('/', '_')}"
 
 
-def _unit_arrow() -> Surface:
-    """Return an arrow of length 1 along z with a head of radius 1."""
-    sides = 12
-    angle = 2.0 * np.pi * np.arange(sides) / sides
-    rings = [(0.0, 0.0), (0.4, 0.0), (0.4, 0.75), (1.0, 0.75), (0.0, 1.0)]
-    vertices = np.concatenate(
-        [np.stack([r * np.cos(angle), r * np.sin(angle), np.full(sides, z)], axis=1) for r, z in rings]
-    )
-    i = np.arange(sides)
-    j = (i + 1) % sides
-    faces = []
-    for ring in range(len(rings) - 1):
-        a, b = ring * sides, (ring + 1) * sides
-        faces += [np.stack([a + i, a + j, b + j], axis=1), np.stack([a + i, b + j, b + i], axis=1)]
-    return Surface(vertices, np.concatenate(faces).astype(np.uint32))
-
-
-_UNIT_ARROW = _unit_arrow()
+_UNIT_ARROW = lathe([(0.0, 0.0), (0.4, 0.0), (0.4, 0.75), (1.0, 0.75), (0.0, 1.0)], sides=12)
+"""Arrow of length 1 along z with a head of radius 1."""

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from dataclasses import dataclass
+import itertools
+import math
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -18,31 +20,11 @@ Legend = tuple[tuple[str, Colour], ...]
 ROOT = "/wbc"
 """Root of all objects in the tree of the viewer."""
 
+MARK = 0.022
+"""Radius of the marks of points, for each metre that the centre of mass is high."""
+
 HIDDEN = np.diag([1e-6, 1e-6, 1e-6, 1.0])
 """Matrix of an object that is not shown: too small to be seen (a zero scale has no inverse)."""
-
-
-@dataclass(frozen=True)
-class VisualBox:
-    """A box of the given full extents, m."""
-
-    size: tuple[float, float, float]
-
-
-@dataclass(frozen=True)
-class VisualEllipsoid:
-    """An ellipsoid of the given semi-axes, m; a sphere when they are equal."""
-
-    semi_axes: tuple[float, float, float]
-
-
-@dataclass(frozen=True)
-class VisualCylinder:
-    """A cylinder along z, m; with round ends beyond its length, a capsule."""
-
-    radius: float
-    length: float
-    round_ends: bool = False
 
 
 @dataclass(frozen=True)
@@ -62,7 +44,7 @@ class Surface:
     colours: Array | None = None
 
 
-Shape = VisualBox | VisualEllipsoid | VisualCylinder | MeshFile | Surface
+Shape = MeshFile | Surface
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,14 +87,52 @@ class SceneObject:
     deformable: bool = False
 
 
-def sphere(radius: float) -> VisualEllipsoid:
-    """Return a sphere."""
-    return VisualEllipsoid((radius, radius, radius))
+def box(x: float, y: float, z: float) -> Surface:
+    """Return a box of full extents, m."""
+    corners = 0.5 * np.array(list(itertools.product((-x, x), (-y, y), (-z, z))))
+    sides = ((0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3))
+    first = 4 * np.arange(6)[:, None]  # each side has corners of its own: edges are sharp
+    faces = np.concatenate([first + [0, 1, 2], first + [0, 2, 3]]).astype(np.uint32)
+    return Surface(corners[np.ravel(sides)], faces)
 
 
-def disc(size: float) -> VisualCylinder:
+def ellipsoid(*semi_axes: float) -> Surface:
+    """Return an ellipsoid of three semi-axes, m."""
+    ball = lathe([(math.cos(angle), math.sin(angle)) for angle in np.linspace(-0.5, 0.5, 13) * math.pi])
+    return replace(ball, vertices=ball.vertices * semi_axes)
+
+
+def sphere(radius: float) -> Surface:
+    """Return a sphere, m."""
+    return ellipsoid(radius, radius, radius)
+
+
+def cylinder(radius: float, length: float, *, round_ends: bool = False) -> Surface:
+    """Return a cylinder along z, m; with round ends beyond its length, a capsule."""
+    end = [(radius, 0.0), (radius, 0.0), (0.0, 0.0)]
+    if round_ends:
+        end = [(radius * math.cos(a), radius * math.sin(a)) for a in np.linspace(0.0, 0.5, 7) * math.pi]
+    above = [(r, 0.5 * length + z) for r, z in end]
+    return lathe([*((r, -z) for r, z in reversed(above)), *above])
+
+
+def lathe(profile: Sequence[tuple[float, float]], sides: int = 24) -> Surface:
+    """Return what a profile, radius and height (m) of each point from below, makes around z; edges are points twice."""
+    angle = 2.0 * np.pi * np.arange(sides) / sides
+    circle = np.stack([np.cos(angle), np.sin(angle), np.ones(sides)], axis=1)
+    vertices = np.concatenate([circle * (r, r, z) for r, z in profile])
+    i = np.arange(sides)
+    j = (i + 1) % sides
+    below = sides * np.arange(len(profile) - 1)[:, None, None]
+    quads = [np.stack([i, j, sides + j], axis=1), np.stack([i, sides + j, sides + i], axis=1)]
+    faces = (below + np.concatenate(quads)).reshape(-1, 3)
+    a, b, c = vertices[faces].transpose(1, 0, 2)
+    return Surface(vertices, faces[np.abs(np.cross(b - a, c - a)).max(axis=1) > 1e-12].astype(np.uint32))
+
+
+def disc(size: float) -> Surface:
     """Return the flat disc that marks a point on the ground, for a robot whose centre of mass is `size` (m) high."""
-    return VisualCylinder(0.022 * size, 0.004 * size)
+    return cylinder(MARK * size, 0.004 * size)
 
 
 def two_sided(vertices: Array, faces: Iterable[tuple[int, int, int]]) -> Surface:

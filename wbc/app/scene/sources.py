@@ -10,7 +10,7 @@ import pinocchio as pin
 
 from wbc.app.scene.robot_shapes import robot_parts
 from wbc.app.scene.scene import Scene, Snapshot, make_scene
-from wbc.app.scene.shapes import Part, Shape, VisualBox, VisualCylinder, VisualEllipsoid, sphere
+from wbc.app.scene.shapes import Part, Shape, box, cylinder, ellipsoid, sphere
 from wbc.core.errors import Array, InputError, finite_array
 from wbc.core.robot import GRAVITY, Robot
 from wbc.robots import RobotDescription
@@ -183,13 +183,13 @@ def _geom_shape(kind: int, size: Sequence[float]) -> Shape | None:
 
     types = mujoco.mjtGeom
     if kind == types.mjGEOM_BOX:
-        return VisualBox((2.0 * size[0], 2.0 * size[1], 2.0 * size[2]))
+        return box(2.0 * size[0], 2.0 * size[1], 2.0 * size[2])
     if kind in (types.mjGEOM_CAPSULE, types.mjGEOM_CYLINDER):
-        return VisualCylinder(size[0], 2.0 * size[1], round_ends=kind == types.mjGEOM_CAPSULE)
+        return cylinder(size[0], 2.0 * size[1], round_ends=kind == types.mjGEOM_CAPSULE)
     if kind == types.mjGEOM_SPHERE:
         return sphere(size[0])
     if kind == types.mjGEOM_ELLIPSOID:
-        return VisualEllipsoid((size[0], size[1], size[2]))
+        return ellipsoid(size[0], size[1], size[2])
     return None
 
 

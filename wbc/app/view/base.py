@@ -57,10 +57,14 @@ class View(ABC):
         controls: Controls of the page, with the changes so far.
         walking: Controller of a walk; None for any other.
         frames: Number of pictures so far.
+        url: Link to the page, with the token that its controls need.
+        closed: True after `close`.
     """
 
     RATE: float
     """Largest rate of pictures unless told otherwise, 1/s."""
+
+    url: str
 
     def __init__(
         self,
@@ -73,7 +77,6 @@ class View(ABC):
         port: int | None = None,
         rate: float | None = None,
         speed: float | None = None,
-        controls: bool = True,
         notebook: bool = False,
         repeat: Iterable[dict[str, Any]] = (),
     ) -> None:
@@ -93,7 +96,6 @@ class View(ABC):
             rate: Largest rate of pictures, 1/s; `RATE` when None.
             speed: Hold the run back to this multiple of real time, 1 for real time; None never waits. The page can
                 change it.
-            controls: Let the page change the run; pause and speed are always available.
             notebook: Let pages of this machine, such as a notebook, show the page in a frame.
             repeat: Interventions of a former run, carried out again at their times, see `interventions_of`.
 
@@ -137,18 +139,17 @@ class View(ABC):
             [path for layer in self._layers for path in layer.moving],
             tuple(entry for layer in self._layers for entry in layer.legend),
         )
-        given = (self._plant, self.walking, controller) if controls else (None, None, None)
-        self.controls = LiveControls(*given, repeat=repeat)
-        self._next, self._framed, self.frames = -math.inf, notebook, 0
+        self.controls = LiveControls(self._plant, self.walking, controller, repeat=repeat)
+        self._next, self._framed, self.frames, self.closed = -math.inf, notebook, 0, False
         self._simulated = 0.0  # time of the run, s
         self._measurement: Measurement | None = None
         self._open(address)
         print(f"live view: {self.url}", file=sys.stderr, flush=True)
         if self._plant is not None:
-            self._draw(self._snapshot(None, None, None))
+            self._draw(self._snapshot())
         elif self._loop is not None:
             truth = self._loop.truth()
-            self._draw(self._snapshot(truth.q, truth.sole_wrench, truth.time))
+            self._draw(self._snapshot(truth.q, truth))
 
     def _repr_html_(self) -> str:
         hint = f"live view: {self.url}\nIn a frame of this notebook it is shown with notebook=True."
@@ -158,12 +159,7 @@ class View(ABC):
 
     @abstractmethod
     def _open(self, address: Address) -> None:
-        """Serve the page."""
-
-    @property
-    @abstractmethod
-    def url(self) -> str:
-        """Link to the page, with the token that its controls need."""
+        """Serve the page, and set its link."""
 
     @property
     @abstractmethod
@@ -174,11 +170,6 @@ class View(ABC):
     def drivers(self) -> int:
         """Number of open pages that may change the run."""
         return self.pages
-
-    @property
-    @abstractmethod
-    def closed(self) -> bool:
-        """True after `close`."""
 
     @abstractmethod
     def _send(self, time: float, matrices: Array, annotations: Annotations) -> None:
@@ -199,8 +190,6 @@ class View(ABC):
         self,
         state: Robot | Array | None = None,
         *,
-        sole_wrench: Array | None = None,
-        time: float | None = None,
         measurement: Measurement | None = None,
         truth: GroundTruth | None = None,
     ) -> None:
@@ -208,13 +197,10 @@ class View(ABC):
 
         Args:
             state: Only without a plant: the robot, up to date, or a configuration of shape (nq,).
-            sole_wrench: Only without a plant: contact wrench of each sole, [force; moment] in the sole frame, shape
-                (number of soles, 6), N and Nm.
-            time: Only without a plant: s.
             measurement: The latest measurement: with a plant, to show the rays of range sensors; without one, for time
-                and sole wrenches that are not given.
-            truth: Only without a plant: true state of the robot, in place of `state`, `time` and `sole_wrench`; a loop
-                is asked for its own.
+                and contact wrenches of the soles.
+            truth: Only without a plant: true state of the robot, in place of `state` and `measurement`; a loop is asked
+                for its own.
 
         Raises:
             InputError: A state given with a plant, none without, or one of another robot.
@@ -224,36 +210,33 @@ class View(ABC):
             raise ViewError("the live view has been closed; open another one")
         if self._loop is not None and state is None and truth is None:
             truth = self._loop.truth()
-        if self._plant is None:
-            if truth is not None:
-                state, time, sole_wrench = truth.q, truth.time, truth.sole_wrench
-            elif measurement is not None:
-                time = measurement.time if time is None else time
-                sole_wrench = measurement.sole_wrench if sole_wrench is None else sole_wrench
-        if self._plant is None and state is None:
-            raise InputError("a view of a robot description needs a state: update(robot)")
-        if self._plant is not None and any(value is not None for value in (state, sole_wrench, time, truth)):
+        if self._plant is not None and not (state is None and truth is None):
             raise InputError("a view of a plant takes its state from the plant; call update() alone")
+        if self._plant is None and state is None and truth is None:
+            raise InputError("a view of a robot description needs a state: update(robot)")
         self._measurement = measurement
-        now = time if self._plant is None else self._plant.time
+        read = truth or measurement
+        state = state if truth is None else truth.q
+        now = self._plant.time if self._plant is not None else None if read is None else read.time
         self._simulated = 0.0 if now is None else now
         self.controls.update(self._simulated)
         if self.controls.interventions and not self.drivers:
             self.controls.halt()  # nobody is left who may
         if self._pace.paused:
-            self._wait_for_end_of_pause(lambda: self._draw(self._snapshot(state, sole_wrench, time)))
+            self._wait_for_end_of_pause(lambda: self._draw(self._snapshot(state, read)))
         self._pace.wait(now)
         if (present := clock.perf_counter()) >= self._next:
             self._next = present + self._period
-            self._draw(self._snapshot(state, sole_wrench, time))
+            self._draw(self._snapshot(state, read))
 
     def _snapshot(
-        self, state: Robot | Array | None, sole_wrench: Array | None, time: float | None
+        self, state: Robot | Array | None = None, read: GroundTruth | Measurement | None = None
     ) -> Snapshot:
         if isinstance(self._source, PlantSource):
             return self._source.snapshot()
         assert state is not None
-        return self._source.snapshot(state, sole_wrench, 0.0 if time is None else time)
+        wrench, time = (None, 0.0) if read is None else (read.sole_wrench, read.time)
+        return self._source.snapshot(state, wrench, time)
 
     def _draw(self, snapshot: Snapshot) -> None:
         self.frames += 1
@@ -298,7 +281,8 @@ class View(ABC):
         if self.closed:
             return
         if self._plant is not None:
-            self._draw(self._snapshot(None, None, None))
+            self._draw(self._snapshot())
+        self.closed = True
         self._end()
 
     def __enter__(self) -> Self:

@@ -24,9 +24,9 @@ import logging
 import math
 from collections import deque
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Generic, TypeVar
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pinocchio as pin
@@ -74,20 +74,6 @@ MAX_ORDERS = 16
 
 PUSH_DURATION = 0.1
 """Duration of a push, s; as in `wbc push`."""
-
-
-ValueT = TypeVar("ValueT")
-
-
-@dataclass
-class Setting(Generic[ValueT]):
-    """Setting of a slider or gizmo of a program.
-
-    Attributes:
-        value: Value at the present tick.
-    """
-
-    value: ValueT
 
 
 class LiveControls:
@@ -138,63 +124,10 @@ class LiveControls:
             if plant is not None and isinstance(plant.foot, VariableStiffnessFoot):
                 self._actions["stiffness"] = self._set_stiffness
 
-    # ---- controls of the program ------------------------------------------------------------------------------------
-
-    def button(self, name: str, call: Callable[[], object]) -> None:
-        """Add a button; see `Workbench.button`."""
-        self._add_own(name, lambda value: call(), call)
-
-    def slider(
-        self,
-        name: str,
-        low: float,
-        high: float,
-        value: float,
-        call: Callable[[float], object] | None = None,
-        unit: str = "",
-    ) -> Setting[float]:
-        """Add a slider; see `Workbench.slider`."""
-        del unit
-        what = f"value of slider '{name}'"
-        if not finite_scalar(what, low) < finite_scalar(what, high):
-            raise InputError(f"slider '{name}' needs low below high, got {low:g} and {high:g}")
-        setting = Setting(finite_scalar(what, value, low=low, high=high))
-
-        def take(given: Any) -> None:
-            setting.value = _number(what, given, low=low, high=high)
-            if call is not None:
-                call(setting.value)
-
-        self._add_own(name, take, call)
-        return setting
-
-    def gizmo(
-        self,
-        thing: Task | str,
-        place: pin.SE3 | None = None,
-        call: Callable[[pin.SE3], object] | None = None,
-    ) -> Setting[pin.SE3] | None:
-        """Add a gizmo; see `Workbench.gizmo`."""
-        if isinstance(thing, Task):
-            self.check_task(thing)
-            return None
-        setting = Setting(pin.SE3.Identity() if place is None else pin.SE3(place))
-
-        def take(given: Any) -> None:
-            numbers = finite_array(f"place of gizmo '{thing}' (m, xyzw)", given, (7,))
-            setting.value = pin.XYZQUATToSE3(numbers)
-            if call is not None:
-                call(setting.value)
-
-        self._add_own(thing, take, call)
-        return setting
-
-    def _add_own(self, name: str, take: Callable[[Any], object], call: object) -> None:
-        """Add a control of the program: an order with its name, which is free, is taken by a function."""
+    def add_own(self, name: str, take: Callable[[Any], object]) -> None:
+        """Add a control of the program: a function takes the value of each order with its name, which must be free."""
         if name in self._own:
             raise InputError(f"there is a control '{name}' already; choose another name")
-        if call is not None and not callable(call):
-            raise InputError(f"control '{name}' needs a function, got {call!r}")
         self._own[name] = take
 
     def check_task(self, task: Task) -> Task:
@@ -323,7 +256,9 @@ class LiveControls:
     def _push(self, request: dict[str, Any]) -> dict[str, Any]:
         assert self._plant is not None
         side = choose("direction of a push", str(request.get("direction")), DIRECTIONS)
-        impulse = _number("impulse of a push (Ns/kg)", request.get("impulse"), high=MAX_IMPULSE)
+        impulse = finite_scalar(
+            "impulse of a push (Ns/kg)", request.get("impulse"), low=0.0, high=MAX_IMPULSE
+        )
         w, x, y, z = self._plant.data.qpos[3:7].tolist()
         heading = math.atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z)) + DIRECTIONS[side]
         force = impulse * self._plant.robot.mass / PUSH_DURATION
@@ -340,7 +275,7 @@ class LiveControls:
     def _drive(self, request: dict[str, Any]) -> dict[str, Any]:
         assert self._walking is not None
         velocity = tuple(
-            _number(f"{name} of a velocity", request.get(name), low=-MAX_SPEED, high=MAX_SPEED)
+            finite_scalar(f"{name} of a velocity", request.get(name), low=-MAX_SPEED, high=MAX_SPEED)
             for name in ("forward", "left", "turn")
         )
         self._walking.velocity = velocity
@@ -357,7 +292,7 @@ class LiveControls:
     def _set_gain(self, request: dict[str, Any]) -> dict[str, Any]:
         assert self._walking is not None
         name = choose("gain", str(request.get("name")), GAINS)
-        value = _number(f"gain '{name}'", request.get("value"))
+        value = finite_scalar(f"gain '{name}'", request.get("value"), low=0.0)
         stabilizer = self._walking.stabilizer
         assert stabilizer is not None
         stabilizer.gains = replace(stabilizer.gains, **{name: value})
@@ -370,7 +305,7 @@ class LiveControls:
         assert self._walking is not None and self._plant is not None
         foot = self._plant.foot
         assert isinstance(foot, VariableStiffnessFoot)
-        value = foot.actuator.check(_number("stiffness (Nm/rad)", request.get("value")))
+        value = foot.actuator.check(finite_scalar("stiffness (Nm/rad)", request.get("value"), low=0.0))
         if self._walking.stiffness is None:
             robot = self._walking.controller.robot
             self._walking.stiffness = StiffnessScheduler(robot, foot, FixedPolicy(value))
@@ -435,9 +370,3 @@ def intervention_text(entry: dict[str, Any]) -> str:
 def _first(value: Any) -> float:
     """Return a gain, the forward one of two."""
     return float(value[0] if isinstance(value, tuple) else value)
-
-
-def _number(what: str, value: Any, high: float = math.inf, low: float = 0.0) -> float:
-    if isinstance(value, bool) or not isinstance(value, (int, float)):
-        raise InputError(f"{what} must be a number, got {value!r}")
-    return finite_scalar(what, value, low=low, high=high)

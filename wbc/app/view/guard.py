@@ -118,16 +118,17 @@ class _NotFound(GuardedHandler):
         raise tornado.web.HTTPError(404)
 
 
-class FixedPage(GuardedHandler):
-    """A page that stays as it is."""
+class PageHandler(GuardedHandler):
+    """A page."""
 
-    def initialize(self, page: bytes, nonce: str) -> None:
-        """Take the page that the application gives."""
+    def initialize(self, page: Callable[[str], str | bytes], nonce: str = "") -> None:
+        """Take the function that makes the page for the nonce of its scripts: a new one for each request if empty."""
         self._page, self._nonce = page, nonce
 
     async def get(self) -> None:
         """Answer a request."""
-        await self.answer(self._page, self._nonce)
+        nonce = self._nonce or new_nonce()
+        await self.answer(self._page(nonce), nonce)
 
 
 class PageServer:
@@ -194,7 +195,8 @@ class PageServer:
 
     def serve_page(self, page: str, nonce: str, seconds: float | None = None) -> None:
         """Serve one page, HTML whose scripts carry the nonce, until Ctrl-C, or for some seconds."""
-        self.start([(r"/", FixedPage, {"page": page.encode(), "nonce": nonce})])
+        body = page.encode()
+        self.start([(r"/", PageHandler, {"page": lambda _: body, "nonce": nonce})])
         print(f"replay: {self.served.url} (end with Ctrl-C)", file=sys.stderr, flush=True)
         with contextlib.suppress(KeyboardInterrupt):
             threading.Event().wait(seconds)

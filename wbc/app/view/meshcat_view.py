@@ -22,7 +22,7 @@ TOKEN_BYTES = 16
 class MeshcatView(View):
     """A page in the browser that shows a robot as it moves; see `View` for what it shows.
 
-    Unless `controls` are off, the page can stop a walk and drive a robot that is steered. `Workbench` changes the rest.
+    The page can stop a walk and drive a robot that is steered. `Workbench` changes the rest.
 
     The view ends when it is closed or when the program ends; the page then keeps its last picture, and a later view on
     the same port continues in the same page.
@@ -38,12 +38,7 @@ class MeshcatView(View):
         self._server = PageServer("live view", address)
         self._server.start(page_routes(self._broadcast), framed=self._framed, last=self._broadcast.end)
         self._finalizer = weakref.finalize(self, self._server.close)
-        self._url = f"{self._server.served.url}?token={token}"
-
-    @property
-    def url(self) -> str:
-        """Link to the page, with the token that its controls need; without the token, a page only shows the run."""
-        return self._url
+        self.url = f"{self._server.served.url}?token={token}"
 
     @property
     def pages(self) -> int:
@@ -54,11 +49,6 @@ class MeshcatView(View):
     def drivers(self) -> int:
         """Number of open pages that may change the run."""
         return 0 if self.closed else self._broadcast.drivers
-
-    @property
-    def closed(self) -> bool:
-        """True after `close`."""
-        return not self._finalizer.alive
 
     def _send(self, time: float, matrices: Array, annotations: Annotations) -> None:
         self._broadcast.put(time, matrices, annotations)

@@ -51,7 +51,7 @@ class Page:
         controls = CONTROLS.read_text("utf-8")
         return self._fill(source=' src="main.min.js"', feed=feed, controls=controls, nonce=nonce)
 
-    def static(self, commands: Iterable[bytes], time: float, text: str = "", nonce: str = "") -> str:
+    def static(self, commands: Iterable[bytes], time: float, nonce: str = "") -> str:
         """Return a self-contained page, which needs no server, of packed commands of the viewer at a time, s.
 
         `nonce` is the number of its scripts in the content security policy, if the page is served.
@@ -59,8 +59,7 @@ class Page:
         packed = json.dumps([base64.b64encode(command).decode("ascii") for command in commands])
         feed = f"for (const text of {packed}) take(Uint8Array.from(atob(text), (c) => c.charCodeAt(0)));"
         script = SCRIPT.read_text("utf-8")
-        shown = {"time": f"{time:.2f} s", "text": html.escape(text)}
-        return self._fill(script=script, feed=feed, nonce=nonce, **shown)
+        return self._fill(script=script, feed=feed, nonce=nonce, time=f"{time:.2f} s")
 
     def _fill(self, **parts: str) -> str:
         # The viewer's world has y up: (x, z, -y) of ours.

@@ -23,7 +23,7 @@ from pydantic import BaseModel, Field, ValidationError
 from wbc.app.scene.layer import Annotations
 from wbc.app.scene.scene import Scene
 from wbc.app.scene.shapes import HIDDEN, Surface
-from wbc.app.view.guard import MAX_MESSAGE, GuardedHandler, new_nonce
+from wbc.app.view.guard import MAX_MESSAGE, GuardedHandler, PageHandler
 from wbc.app.view.pace import Pace
 from wbc.app.view.page import SCRIPT, Page
 from wbc.app.view.viewer_commands import (
@@ -293,19 +293,6 @@ class PageConnection(GuardedHandler, tornado.websocket.WebSocketHandler):
             self._broadcast.remove(self)
 
 
-class PageHandler(GuardedHandler):
-    """The page."""
-
-    def initialize(self, page: Page) -> None:
-        """Take the page that the application gives."""
-        self._page = page
-
-    async def get(self) -> None:
-        """Answer a request."""
-        nonce = new_nonce()
-        await self.answer(self._page.live(nonce), nonce)
-
-
 class ScriptHandler(GuardedHandler):
     """The viewer."""
 
@@ -319,6 +306,6 @@ def page_routes(broadcast: Broadcast) -> list[Any]:
     """Return the rules of the server."""
     return [
         (r"/stream", PageConnection, {"broadcast": broadcast}),
-        (r"/", PageHandler, {"page": broadcast.page}),
+        (r"/", PageHandler, {"page": broadcast.page.live}),
         (r"/main\.min\.js", ScriptHandler),
     ]

@@ -12,17 +12,7 @@ import umsgpack  # type: ignore[import-untyped]  # comes with meshcat
 from meshcat import geometry
 
 from wbc.app.scene.colours import SKY_COLOURS
-from wbc.app.scene.shapes import (
-    ROOT,
-    Colour,
-    MeshFile,
-    SceneObject,
-    Shape,
-    Surface,
-    VisualBox,
-    VisualCylinder,
-    VisualEllipsoid,
-)
+from wbc.app.scene.shapes import ROOT, Colour, MeshFile, SceneObject, Shape, Surface
 from wbc.core.errors import Array
 
 
@@ -34,13 +24,14 @@ def empty_scene() -> list[bytes]:
 
 def object_commands(thing: SceneObject) -> Iterator[bytes]:
     """Yield the commands that create an object."""
-    for i, (shape, placement) in enumerate(_geometries(thing.shape)):
-        path = f"{thing.path}/{i}"
-        lowered = geometry.Mesh(shape, _material(thing)).lower()
-        for made in lowered["geometries"]:  # the viewer's present name of the package's "_meshfile"
-            made["type"] = made["type"].replace("_meshfile", "_meshfile_geometry")
-        yield transform_command(path, (thing.placement @ placement).T.ravel())
-        yield _packed(type="set_object", path=path, object=lowered)
+    matrix = thing.placement
+    if isinstance(thing.shape, MeshFile):
+        matrix = matrix @ np.diag([*thing.shape.scale, 1.0])
+    lowered = geometry.Mesh(_geometry(thing.shape), _material(thing)).lower()
+    for made in lowered["geometries"]:  # the viewer's present name of the package's "_meshfile"
+        made["type"] = made["type"].replace("_meshfile", "_meshfile_geometry")
+    yield transform_command(f"{thing.path}/0", matrix.T.ravel())
+    yield _packed(type="set_object", path=f"{thing.path}/0", object=lowered)
 
 
 def transform_command(path: str, columns: Array) -> bytes:
@@ -70,36 +61,17 @@ def _packed(**command: Any) -> bytes:
     return packed
 
 
-def _geometries(shape: Shape) -> Iterator[tuple[Any, Array]]:
-    """Yield MeshCat's geometries of a shape, each with its placement."""
-    here = np.eye(4)
-    if isinstance(shape, VisualBox):
-        yield geometry.Box(list(shape.size)), here
-    elif isinstance(shape, VisualEllipsoid):
-        yield geometry.Sphere(1.0), np.diag([*shape.semi_axes, 1.0])
-    elif isinstance(shape, VisualCylinder):
-        along_z = np.array([[1.0, 0, 0, 0], [0, 0, -1, 0], [0, 1, 0, 0], [0, 0, 0, 1]])  # MeshCat's: along y
-        yield geometry.Cylinder(shape.length, shape.radius), along_z
-        if shape.round_ends:
-            for end in (-0.5, 0.5):
-                cap = np.diag([shape.radius, shape.radius, shape.radius, 1.0])
-                cap[2, 3] = end * shape.length
-                yield geometry.Sphere(1.0), cap
-    elif isinstance(shape, Surface):
+def _geometry(shape: Shape) -> Any:
+    """Return MeshCat's geometry of a shape."""
+    if isinstance(shape, Surface):
         colours = None if shape.colours is None else shape.colours.astype(np.float32)
-        vertices = shape.vertices.astype(np.float32)
-        yield geometry.TriangularMeshGeometry(vertices, shape.faces, colours), here
-    elif isinstance(shape, MeshFile):
-        yield _mesh(shape.path), np.diag([*shape.scale, 1.0])
-
-
-def _mesh(path: str) -> Any:
+        return geometry.TriangularMeshGeometry(shape.vertices.astype(np.float32), shape.faces, colours)
     kinds = {
         ".stl": geometry.StlMeshGeometry,
         ".obj": geometry.ObjMeshGeometry,
         ".dae": geometry.DaeMeshGeometry,
     }
-    return kinds[os.path.splitext(path)[1].lower()].from_file(path)
+    return kinds[os.path.splitext(shape.path)[1].lower()].from_file(shape.path)
 
 
 def _material(thing: SceneObject) -> Any:

@@ -30,7 +30,6 @@ class WatchWalk(TrialHook):
         port: int | None = None,
         rate: float | None = None,
         speed: float | None = 1.0,
-        controls: bool = True,
         wait: Annotated[NonNegative, "s"] = 0.0,
     ) -> None:
         """Store the options of the view.
@@ -41,7 +40,6 @@ class WatchWalk(TrialHook):
             port: See `MeshcatView`.
             rate: See `MeshcatView`.
             speed: See `MeshcatView`.
-            controls: See `MeshcatView`.
             wait: Longest time that the walk waits for a page to be opened, s.
 
         Raises:
@@ -49,7 +47,7 @@ class WatchWalk(TrialHook):
         """
         self._wait = wait
         self._workbench = workbench
-        self._options: dict[str, Any] = dict(host=host, port=port, rate=rate, speed=speed, controls=controls)
+        self._options: dict[str, Any] = dict(host=host, port=port, rate=rate, speed=speed)
         self.view: View | None = None
 
     @property

@@ -10,8 +10,9 @@ import math
 import time as clock
 from collections import deque
 from collections.abc import Callable, Iterable
+from dataclasses import dataclass
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import Any, Generic, TypeVar
 
 import numpy as np
 import pinocchio as pin
@@ -20,19 +21,16 @@ from wbc.app.address import Address
 from wbc.app.arguments import attribute_docs
 from wbc.app.scene.layer import Annotations
 from wbc.app.view.base import View
-from wbc.app.view.controls import DIRECTIONS, Setting
+from wbc.app.view.controls import DIRECTIONS
 from wbc.app.view.workbench_scene import WorkbenchScene
 from wbc.app.view.workbench_server import start_server, stop_server
-from wbc.core.errors import Array, InputError
+from wbc.core.errors import Array, InputError, finite_array, finite_scalar
 from wbc.core.qp.contact import Contact
 from wbc.core.qp.solution import Solution
 from wbc.core.qp.task import Task
 from wbc.core.robot import GRAVITY
 from wbc.tasks.behaviours import Program, StateMachine
 from wbc.tasks.stabilizer.gains import StabilizerGains
-
-if TYPE_CHECKING:
-    pass
 
 SPEEDS = {"0.1": 0.1, "0.25": 0.25, "0.5": 0.5, "1": 1.0, "2": 2.0, "4": 4.0, "as fast as it goes": None}
 """Choices of the run's speed, multiples of real time."""
@@ -62,6 +60,20 @@ GAINS = (
 COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7")
 
 
+ValueT = TypeVar("ValueT")
+
+
+@dataclass
+class Setting(Generic[ValueT]):
+    """Setting of a slider or gizmo of a program.
+
+    Attributes:
+        value: Value at the present tick.
+    """
+
+    value: ValueT
+
+
 class Workbench(View):
     """A live view with controls of everything that the run has: see `View` for what it shows.
 
@@ -74,9 +86,8 @@ class Workbench(View):
     RATE = 20.0
 
     def _open(self, address: Address) -> None:
-        server, self._url = start_server(address, self.scene.title, self._framed)
+        server, self.url = start_server(address, self.scene.title, self._framed)
         self._server: Any = server
-        self._closed = False
         self._live: list[Callable[[float], None]] = []  # called with each picture
         self._texts: list[tuple[Any, Callable[[], str]]] = []
         self._spoken = self._plotted = -math.inf
@@ -99,7 +110,7 @@ class Workbench(View):
         Raises:
             InputError: A name that is taken, or not a function.
         """
-        self.controls.button(name, call)
+        self._add_own(name, lambda _: call(), call)
         with self._folder():
             self._button(name, lambda: {"do": "own", "name": name})
 
@@ -125,7 +136,19 @@ class Workbench(View):
         Raises:
             InputError: A name that is taken, or a value out of range.
         """
-        setting = self.controls.slider(name, low, high, value, call)
+        if not finite_scalar(f"low of slider '{name}'", low) < finite_scalar(
+            f"high of slider '{name}'", high
+        ):
+            raise InputError(f"slider '{name}' needs low below high, got {low:g} and {high:g}")
+        what = f"value of slider '{name}'"
+        setting = Setting(finite_scalar(what, value, low=low, high=high))
+
+        def take(given: Any) -> None:
+            setting.value = finite_scalar(what, given, low=low, high=high)
+            if call is not None:
+                call(setting.value)
+
+        self._add_own(name, take, call)
         with self._folder():
             label = f"{name} ({unit})" if unit else name
             self._slider(label, low, high, value, "", lambda new: {"do": "own", "name": name, "value": new})
@@ -164,40 +187,39 @@ class Workbench(View):
             InputError: A task of another controller, one whose target another part sets or is none of these; a name
                 that is taken.
         """
-        setting = self.controls.gizmo(thing, place, call)
         if isinstance(thing, Task):
+            self.controls.check_task(thing)
             if not _has_place(thing):
                 raise InputError(f"task '{thing.name}' has no point, orientation or pose as its target")
             self._task_gizmo(thing, lambda: True)
-        else:
-            assert setting is not None
-            self._gizmo(
-                thing,
-                lambda: setting.value,
-                lambda place: {"do": "own", "name": thing, "value": pin.SE3ToXYZQUAT(place).tolist()},
-                lambda: True,
-            )
+            return None
+        setting = Setting(pin.SE3.Identity() if place is None else pin.SE3(place))
+
+        def take(given: Any) -> None:
+            setting.value = pin.XYZQUATToSE3(finite_array(f"place of gizmo '{thing}' (m, xyzw)", given, (7,)))
+            if call is not None:
+                call(setting.value)
+
+        def order(place: pin.SE3) -> dict[str, Any]:
+            return {"do": "own", "name": thing, "value": pin.SE3ToXYZQUAT(place).tolist()}
+
+        self._add_own(thing, take, call)
+        self._gizmo(thing, lambda: setting.value, order, lambda: True)
         return setting
+
+    def _add_own(self, name: str, take: Callable[[Any], object], call: object) -> None:
+        if call is not None and not callable(call):
+            raise InputError(f"control '{name}' needs a function, got {call!r}")
+        self.controls.add_own(name, take)
 
     # ---- the page ---------------------------------------------------------------------------------------------------
 
     @property
-    def url(self) -> str:
-        """Link to the page, with the token that it needs."""
-        return self._url
-
-    @property
     def pages(self) -> int:
         """Number of open browser pages."""
-        return 0 if self._closed else len(self._server.get_clients())
-
-    @property
-    def closed(self) -> bool:
-        """True after `close`."""
-        return self._closed
+        return 0 if self.closed else len(self._server.get_clients())
 
     def _end(self) -> None:
-        self._closed = True
         stop_server(self._server)
 
     def _send(self, time: float, matrices: Array, annotations: Annotations) -> None:

@@ -11,16 +11,7 @@ from scipy.spatial.transform import Rotation
 from wbc.app.scene.layer import Annotations
 from wbc.app.scene.robot_shapes import read_mesh
 from wbc.app.scene.scene import Scene, body_path
-from wbc.app.scene.shapes import (
-    ROOT,
-    Colour,
-    MeshFile,
-    SceneObject,
-    Surface,
-    VisualBox,
-    VisualCylinder,
-    VisualEllipsoid,
-)
+from wbc.app.scene.shapes import ROOT, Colour, SceneObject, Surface
 from wbc.core.errors import Array
 
 if TYPE_CHECKING:
@@ -117,7 +108,6 @@ class WorkbenchScene:
             color=_rgb(thing.colour),
             opacity=thing.colour[3] if thing.colour[3] < 1.0 else None,
             side="front" if thing.shaded else "double",
-            flat_shading=isinstance(shape, VisualBox),
             cast_shadow=thing.shaded,
             **place,
         )
@@ -133,29 +123,17 @@ class WorkbenchScene:
 
 def _triangles(thing: SceneObject) -> tuple[Array, Any]:
     """Return vertices, shape (n, 3), m, and triangles of a shape."""
-    import trimesh  # noqa: PLC0415 - an extra
-
     shape = thing.shape
     if isinstance(shape, Surface):
         return shape.vertices, shape.faces
-    if isinstance(shape, MeshFile):
-        if shape.path.lower().endswith(".dae"):  # trimesh reads the others, and much faster
-            vertices, faces = read_mesh(shape.path)
-            return vertices * np.array(shape.scale), faces
-        made = trimesh.load_mesh(shape.path)
-        made.apply_scale(shape.scale)
-    elif isinstance(shape, VisualBox):
-        made = trimesh.creation.box(shape.size)
-    elif isinstance(shape, VisualEllipsoid):
-        made = trimesh.creation.icosphere(subdivisions=2)
-        made.apply_scale(shape.semi_axes)
+    if shape.path.lower().endswith(".dae"):  # trimesh reads the others, and much faster
+        vertices, faces = read_mesh(shape.path)
     else:
-        assert isinstance(shape, VisualCylinder)
-        make = trimesh.creation.capsule if shape.round_ends else trimesh.creation.cylinder
-        made = make(radius=shape.radius, height=shape.length)
-        if shape.round_ends:  # older versions of trimesh begin it at the origin
-            made.apply_translation(-made.bounds.mean(axis=0))
-    return np.asarray(made.vertices), np.asarray(made.faces)
+        import trimesh  # noqa: PLC0415 - an extra
+
+        made = trimesh.load_mesh(shape.path)
+        vertices, faces = np.asarray(made.vertices), np.asarray(made.faces)
+    return vertices * np.array(shape.scale), faces
 
 
 def _rgb(colour: Colour) -> tuple[int, int, int]:

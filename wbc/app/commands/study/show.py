@@ -6,7 +6,7 @@ import csv
 import json
 import logging
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import fields
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -26,7 +26,7 @@ from wbc.sim.studies.journal import Entry, read_journal
 from wbc.sim.studies.paper.choice import DEFAULT_MARGIN, choice
 from wbc.sim.studies.stiffness_studies import DatasetSize, dataset, half_heights
 from wbc.sim.studies.study import Study, left_out, study_entries
-from wbc.sim.studies.study_table import StudyTable, study_rows, study_table
+from wbc.sim.studies.study_table import study_rows, study_table
 from wbc.sim.studies.swing_summary import swing_summaries, swing_table
 
 logger = logging.getLogger(__name__)
@@ -77,7 +77,10 @@ class PartOptions(ShownPartOptions):
     def read(self, study: str, journal: Path) -> tuple[Study, Mapping[str, Entry], dict[str, Any]]:
         """Return this part of a study, the entries of a journal, and the numbers of those left out, with a warning."""
         chosen, entries = self.part(study), entries_of(journal, any_code=self.any_code)
-        return chosen, entries, note_left_out(chosen, entries)
+        unused = left_out(chosen, entries)
+        if (text := unused.text()) is not None:
+            logger.warning("%s", text)
+        return chosen, entries, {"left_out": to_json(unused)}
 
 
 @settings(kw_only=True)
@@ -186,100 +189,72 @@ def table(
     chosen, entries, unused = part.read(study, options.journal)
     if out is not None and out.suffix.lower() == ".csv":
         return output.report(*_export(chosen, entries, out, unused))
-    data, text, labels = _MADE[options.of](chosen, entries, options, part)
-    if out is not None and figure:
-        _draw(chosen, entries, options, part, out)
-        data, text = {"figure": str(out), **data}, str(out)
-    elif out is not None:
+    data, text, found = _made(chosen, entries, options, part.arm, out if figure else None)
+    if out is not None and not figure:
         write_text(out, json.dumps(data, indent=1) + "\n")
     if target is not None:
-        stiffness_table(chosen, labels, windows=options.windows, made=data).save(target)
+        stiffness_table(chosen, found, windows=options.windows, made=data).save(target)
     return output.report(data | unused, text)
 
 
-Made = tuple[dict[str, Any], str, Any]
-"""Result as plain values and as text, and its labels of stiffness, if any."""
+def _made(
+    study: Study,
+    entries: Mapping[str, Entry],
+    options: TableOptions,
+    arms: tuple[str, ...],
+    picture: Path | None,
+) -> tuple[dict[str, Any], str, Any]:
+    """Return what is made of a journal as plain values and as text, and its labels of stiffness, if any.
 
+    Of the arms a picture is drawn if asked for: the mean of each and its difference to the reference, with intervals.
+    """
+    if options.of == "arms":
+        table = study_table(
+            study,
+            entries,
+            metric=options.metric,
+            completed_only=options.completed,
+            by=options.by,
+            margin=options.margin,
+        )
+        if picture is None:
+            return table.to_json(), table.markdown(), {}
+        from wbc.app.plot.output import save  # noqa: PLC0415 - slow to import
+        from wbc.app.plot.study import study_figure  # noqa: PLC0415
 
-def _arms_table(
-    study: Study, entries: Mapping[str, Entry], options: TableOptions, part: PartOptions
-) -> StudyTable:
-    return study_table(
-        study,
-        entries,
-        metric=options.metric,
-        completed_only=options.completed,
-        by=options.by,
-        margin=options.margin,
-    )
-
-
-def _arms(study: Study, entries: Mapping[str, Entry], options: TableOptions, part: PartOptions) -> Made:
-    made = _arms_table(study, entries, options, part)
-    return made.to_json(), made.markdown(), {}
-
-
-def _swings(study: Study, entries: Mapping[str, Entry], options: TableOptions, part: PartOptions) -> Made:
-    summaries = swing_summaries(study, entries)
-    if not summaries:
-        raise InputError(f"{options.journal} has no walk of '{study.name}' on soles of variable stiffness")
-    return {"study": study.name, "rows": to_json(summaries)}, swing_table(summaries), {}
-
-
-def _heights(study: Study, entries: Mapping[str, Entry], options: TableOptions, part: PartOptions) -> Made:
-    found = half_heights(study, entries)
-    if not found:
-        raise InputError(f"{options.journal} has no walks of '{study.name}'; run the study")
-    data = {"study": study.name, **origin(study, entries), "heights_m": found}
-    return data, "\n".join(f"{name:<20} {1e3 * h:5.1f} mm" for name, h in found.items()), {}
-
-
-def _best(study: Study, entries: Mapping[str, Entry], options: TableOptions, part: PartOptions) -> Made:
+        save({table.study.name: study_figure(table)}, picture)
+        return {"figure": str(picture), **table.to_json()}, str(picture), {}
+    if options.of == "swings":
+        summaries = swing_summaries(study, entries)
+        if not summaries:
+            raise InputError(
+                f"{options.journal} has no walk of '{study.name}' on soles of variable stiffness"
+            )
+        return {"study": study.name, "rows": to_json(summaries)}, swing_table(summaries), {}
+    if options.of == "choice":
+        chosen = choice(
+            study,
+            entries,
+            arms,
+            metric=options.metric,
+            margin=DEFAULT_MARGIN if options.margin is None else options.margin,
+            chosen_by=options.chosen_by,
+        )
+        stiffness = {} if options.table is None else chosen.labels(study)
+        return chosen.to_json() | origin(study, entries), chosen.markdown(), stiffness
+    data = {"study": study.name, **origin(study, entries)}
+    if options.of == "heights":
+        heights = half_heights(study, entries)
+        if not heights:
+            raise InputError(f"{options.journal} has no walks of '{study.name}'; run the study")
+        text = "\n".join(f"{name:<20} {1e3 * height:5.1f} mm" for name, height in heights.items())
+        return data | {"heights_m": heights}, text, {}
     found = labels(study, entries, pooled=not options.separate)
     if not found:
         raise InputError(
             f"{options.journal} has no cell of '{study.name}' with walks of enough stiffnesses; run the study"
         )
-    data = {
-        "study": study.name,
-        "separate": options.separate,
-        **origin(study, entries),
-        "labels": to_json(found),
-    }
-    return data, label_table(found), found
-
-
-def _choice(study: Study, entries: Mapping[str, Entry], options: TableOptions, part: PartOptions) -> Made:
-    made = choice(
-        study,
-        entries,
-        part.arm,
-        metric=options.metric,
-        margin=DEFAULT_MARGIN if options.margin is None else options.margin,
-        chosen_by=options.chosen_by,
-    )
-    data = made.to_json() | origin(study, entries)
-    return data, made.markdown(), {} if options.table is None else made.labels(study)
-
-
-_MADE: dict[str, Callable[[Study, Mapping[str, Entry], TableOptions, PartOptions], Made]] = {
-    "arms": _arms,
-    "swings": _swings,
-    "heights": _heights,
-    "best": _best,
-    "choice": _choice,
-}
-
-
-def _draw(
-    study: Study, entries: Mapping[str, Entry], options: TableOptions, part: PartOptions, target: Path
-) -> None:
-    """Draw each arm's mean and its difference to the reference, with intervals."""
-    from wbc.app.plot.output import save  # noqa: PLC0415 - slow to import
-    from wbc.app.plot.study import study_figure  # noqa: PLC0415
-
-    made = _arms_table(study, entries, options, part)
-    save({made.study.name: study_figure(made)}, target)
+    return data | {"separate": options.separate, "labels": to_json(found)}, label_table(found), found
 
 
 def _export(
@@ -305,15 +280,6 @@ def origin(study: Study, entries: Mapping[str, Entry]) -> dict[str, Any]:
         "versions": [json.loads(version) for version in sorted(versions)],
         "seeds": sorted({trial.seed for trial, _ in used}),
     }
-
-
-def note_left_out(study: Study, entries: Mapping[str, Entry]) -> dict[str, Any]:
-    """Warn of entries of a journal that are not used, and return their numbers as a part of a result."""
-    unused = left_out(study, entries)
-    text = unused.text()
-    if text is not None:
-        logger.warning("%s", text)
-    return {"left_out": to_json(unused)}
 
 
 def read_study(name: str, size: Sequence[str] = ()) -> Study:
