@@ -8,7 +8,8 @@ import numpy as np
 
 from wbc.core.errors import Array
 from wbc.tasks.stabilizer.pendulum import Pendulum, natural_frequency
-from wbc.walking.pattern.pattern import Pattern, height_profile
+from wbc.walking.pattern.height import HeightProfile
+from wbc.walking.pattern.pattern import Pattern
 from wbc.walking.planning.phases import PhaseSettings
 from wbc.walking.planning.schedule import SupportPhase, ZmpTarget, zmp_reference
 
@@ -37,7 +38,7 @@ def analytic_pattern(
     times, points = times[keep], points[keep]
     times = np.insert(times, 1, 0.5 * times[1])
     points = np.insert(points, 1, 0.5 * (points[0] + points[1]), axis=0)
-    profile = height_profile(supports, height, start)
+    profile = HeightProfile(supports, height, start)
     omega = natural_frequency(height)
     com, velocity = start.com[:2], start.com_velocity[:2]
     free = Pattern(times, points, com, velocity, height, profile)

@@ -13,7 +13,14 @@ from pendulum import BY_TIME
 import wbc
 from wbc.core.errors import InputError
 from wbc.robots import load
-from wbc.walking import FootstepPlan, Gait, WalkingControl, climb_stairs, walk_distance
+from wbc.walking import (
+    FootstepPlan,
+    Gait,
+    WalkingControl,
+    WalkingControlSettings,
+    climb_stairs,
+    walk_distance,
+)
 from wbc.walking.lipm import LipmWalk
 from wbc.walking.planning.phases import Event, Phase
 from wbc.walking.planning.reach import Reach, bent_height, check_plan
@@ -42,8 +49,8 @@ class Stage:
         robot = ROBOTS[name]
         start = FootstepPlan.standing(robot) if plan is None else plan
         settings = WalkSettings(phases=BY_TIME, adjustment=None)
-        self.walk = Walk(robot, start, float(robot.com[2]), DT, settings, com=np.array(robot.com))
-        self.source = LipmWalk(self.walk, robot)
+        self.source = LipmWalk(robot, start, DT, WalkingControlSettings(walk=settings))
+        self.walk = self.source.walk
         self.time = 0.0
         self.references: list[Reference] = []
 
@@ -127,13 +134,7 @@ def test_a_steered_walk_goes_where_it_is_told_and_its_references_never_jump() ->
 
 @pytest.mark.parametrize(
     ("when", "speed"),
-    [
-        *((0.3, 0.3), (2.4, 0.3), (3.05, 0.15), (4.6, 0.3)),
-        *(
-            pytest.param(*case, marks=pytest.mark.slow)
-            for case in ((1.9, 0.15), (3.05, 0.3), (4.2, 0.15), (4.6, 0.15))
-        ),
-    ],
+    [(0.3, 0.3), (2.4, 0.3), (3.05, 0.15), (4.6, 0.3)],
 )
 def test_it_stands_within_two_steps(when: float, speed: float) -> None:
     """Whatever the phase in which the stop comes, the step that has begun included."""
@@ -354,8 +355,8 @@ def test_timings_that_are_rounded_while_a_robot_is_steered_are_not_logged(
     """Gaits of a speed are multiples of 10 ms; at a period of 4 ms every plan would say so, ten times a second."""
     robot, period = ROBOTS["hrp4_class"], 0.004
     settings = WalkSettings(phases=BY_TIME, adjustment=None)
-    walk = Walk(robot, FootstepPlan.standing(robot), float(robot.com[2]), period, settings)
-    source = LipmWalk(walk, robot)
+    source = LipmWalk(robot, FootstepPlan.standing(robot), period, WalkingControlSettings(walk=settings))
+    walk = source.walk
     source.velocity = (0.3, 0.0, 0.0)
     for tick in range(700):
         source.plan_steps(tick * period)

@@ -128,7 +128,7 @@ def test_the_zmp_target_is_inward_on_both_feet() -> None:
 @pytest.mark.parametrize("rise", [0.1, -0.1])
 def test_the_height_follows_stairs_smoothly(rise: float) -> None:
     supports = schedule(climb_stairs(START, rise=rise, tread=0.3, count=3, first_edge=0.4))
-    profile = HeightProfile(supports)
+    profile = HeightProfile(supports, HEIGHT, REST)
     total = sum(s.duration for s in supports)
     times = np.arange(0.0, total, 0.002)
     values = np.array([profile.at(t) for t in times])
@@ -151,7 +151,10 @@ def test_the_height_follows_stairs_smoothly(rise: float) -> None:
 
 
 def test_heights_continue_from_the_present_motion() -> None:
-    profile = HeightProfile(WALK, (0.05, -0.02, 0.1))
+    moves = (np.array([0.0, 0.0, value]) for value in (HEIGHT + 0.05, -0.02, 0.1))
+    com, velocity, acceleration = moves
+    start = REST._replace(com=com, com_velocity=velocity, com_acceleration=acceleration)
+    profile = HeightProfile(WALK, HEIGHT, start)
     np.testing.assert_allclose(profile.at(0.0), (0.05, -0.02, 0.1), atol=1e-12)
     np.testing.assert_allclose(profile.at(3.0), (0.0, 0.0, 0.0), atol=1e-12)
 
@@ -164,8 +167,10 @@ def test_a_last_step_down_takes_the_height_to_the_middle_of_both_feet() -> None:
     begin, end = landing - 0.5 * single.total, landing + last.duration
     curve = Quintic((0.0, 0.0, 0.0), (-0.03, 0.0, 0.0), end - begin)
     for t in np.linspace(begin, end, 9):
-        np.testing.assert_allclose(HeightProfile(supports).at(t), curve.at(t - begin), atol=1e-12)
-    np.testing.assert_allclose(HeightProfile(supports).at(begin - 0.01), 0.0, atol=1e-12)
+        np.testing.assert_allclose(
+            HeightProfile(supports, HEIGHT, REST).at(t), curve.at(t - begin), atol=1e-12
+        )
+    np.testing.assert_allclose(HeightProfile(supports, HEIGHT, REST).at(begin - 0.01), 0.0, atol=1e-12)
 
 
 # Pattern
@@ -223,7 +228,7 @@ def test_plans_move_and_mirror_with_the_world() -> None:
 
 
 def test_bad_patterns_are_refused() -> None:
-    profile = HeightProfile(WALK)
+    profile = HeightProfile(WALK, HEIGHT, REST)
     with pytest.raises(InputError, match="increase"):
         Pattern(np.array([0.0, 0.1, 0.1]), np.zeros((3, 2)), np.zeros(2), np.zeros(2), HEIGHT, profile)
     with pytest.raises(InputError, match="height"):

@@ -1,4 +1,4 @@
-"""The walking state machine on scripted foot loads, and the reasons of falls."""
+"""The walking state machine on scripted foot loads."""
 
 from __future__ import annotations
 
@@ -10,7 +10,6 @@ import pytest
 from pendulum import BY_TIME
 
 from wbc.core.errors import InputError
-from wbc.walking.falls import FallDetector, FallReason, FallSettings
 from wbc.walking.planning.footsteps import Footstep, FootstepPlan
 from wbc.walking.planning.gait import Gait
 from wbc.walking.planning.phases import Event, Phase, PhaseSettings, WalkPhases
@@ -225,47 +224,3 @@ def test_bad_use_is_refused() -> None:
         WalkPhases(START, 0.0)
     with pytest.raises(InputError, match="control period"):
         w.update([100.0, 100.0], 0.0)
-
-
-# Falls
-
-
-def look(detector: FallDetector, **changes) -> FallReason | None:
-    values = {"q": np.zeros(10), "v": np.zeros(9), "drop": 0.0, "torso_up": np.array([0.0, 0.0, 1.0])}
-    return detector.update(changes.pop("time", 1.0), DT, **(values | changes))
-
-
-@pytest.mark.parametrize(
-    ("changes", "reason"),
-    [
-        ({"drop": 0.19}, FallReason.HEIGHT),
-        ({"torso_up": np.array([0.61, 0.0, 0.79])}, FallReason.TILT),
-        ({"v": np.full(9, 1e4)}, FallReason.DIVERGED),
-        ({"q": np.full(10, np.nan)}, FallReason.DIVERGED),
-    ],
-)
-def test_falls_have_reasons(changes: dict, reason: FallReason) -> None:
-    detector = FallDetector()
-    assert look(detector) is None
-    assert look(detector, time=2.5, **changes) is reason
-    assert look(detector, time=3.0) is reason and detector.time == 2.5  # a fall stays a fall
-
-
-def test_a_torso_that_tilts_by_most_of_a_fall_topples_until_it_is_up_again() -> None:
-    detector, tilt = FallDetector(), FallSettings().tilt
-    for share, topples in ((0.45, False), (0.65, False), (0.75, True), (0.45, False)):
-        up = np.array([np.sin(share * tilt), 0.0, np.cos(share * tilt)])
-        assert look(detector, torso_up=up) is None and detector.topples is topples
-
-
-def test_a_dcm_must_stay_away_and_programs_fail_in_a_row() -> None:
-    detector = FallDetector()
-    for _ in range(15):
-        assert look(detector, dcm_distance=0.5) is None
-    assert look(detector, dcm_distance=0.1) is None
-    reasons = [look(detector, dcm_distance=0.5) for _ in range(25)]
-    assert reasons[19] is None and reasons[-1] is FallReason.DCM
-    detector = FallDetector(FallSettings(failures=5))
-    for solved in (False, False, True, False, False, False, False):
-        assert look(detector, solved=solved) is None
-    assert look(detector, solved=False) is FallReason.SOLVER

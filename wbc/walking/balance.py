@@ -55,15 +55,7 @@ class Balance:
         settings: WalkingControlSettings,
         height: float,
     ) -> None:
-        """Make all parts for a robot that stands.
-
-        Args:
-            control: Its drives.
-            tasks: Its tasks and contacts.
-            arms: Its arms.
-            settings: Settings.
-            height: Height of the CoM over the soles while walking, m.
-        """
+        """Make all parts for a robot that stands, with the height of the CoM over the soles while walking, m."""
         s, robot = settings, control.controller.robot
         self._control, self._tasks, self._robot = control, tasks, robot
         self._dt = control.controller.dt

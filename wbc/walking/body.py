@@ -90,13 +90,9 @@ class Body(FixedAttributes):
     """
 
     def __init__(self, controller: Controller, com_height: float, dt: float, *, waist: bool) -> None:
-        """Leave everything to the walk.
+        """Leave everything to the walk, with its height of the CoM over the soles, m, and the control period, s.
 
-        Args:
-            controller: Controller of the walk.
-            com_height: Height of the CoM over the soles while walking, m.
-            dt: Control period, s.
-            waist: True if the walk has a task of the torso beside that of the pelvis, so that the waist can turn it.
+        The waist can turn the torso if the walk has a task of it beside that of the pelvis.
         """
         self._controller, self._robot, self._dt = controller, controller.robot, dt
         self._nominal = com_height
@@ -140,11 +136,7 @@ class Body(FixedAttributes):
     def check_steps(self, lift: float) -> None:
         """Refuse steps that a lowered body leaves the legs no travel for: an ankle or a knee would meet its limit.
 
-        Args:
-            lift: Height by which the feet will be lifted, m.
-
-        Raises:
-            InputError: The body is set too low; the message says how high it must be.
+        `lift` is the height by which feet are to be lifted, m; the `InputError` says how high the body must be.
         """
         if self._goal[0] < 0.0:
             self._check_low(f"com_height (m) of '{self._robot.name}'", self.com_height, lift)
@@ -226,15 +218,7 @@ class Body(FixedAttributes):
         self._gaze.target, self._gaze.weight = place, self._gaze_weight
 
     def check(self, name: str, value: ArrayLike) -> None:
-        """Refuse what `look_at`, or assigning com_height, lean or turn, would refuse, and set nothing.
-
-        Args:
-            name: One of these four.
-            value: As it is assigned; a point has shape (3,), a lean (2,), the others are numbers.
-
-        Raises:
-            InputError: Anything that would be refused.
-        """
+        """Refuse what `look_at`, or assigning com_height, lean or turn, would refuse, and set nothing."""
         if name == "look_at":
             place = finite_array("point to look at (m)", value, (3,))
             if self._gaze is None and (self._neck or not self._waist):
@@ -269,11 +253,7 @@ class Body(FixedAttributes):
     # ---- the tick -----------------------------------------------------------------------------------------------
 
     def update(self, heading: float) -> None:
-        """Move on by one tick, while `active`.
-
-        Args:
-            heading: Heading of the walk, rad.
-        """
+        """Move on by one tick, while `active`, with the heading of the walk, rad."""
         if self._point is not None:
             self._turn_to(self._point, heading)
         before, displacement = self._rate, self._goal - self._now
@@ -315,22 +295,13 @@ class Body(FixedAttributes):
         self._off = abs(angle - float(self._now[self._look]))
 
     def raised(self, pendulum: Pendulum) -> Pendulum:
-        """Return a reference of the pendulum at the height that is set.
-
-        Args:
-            pendulum: Reference of the walk.
-        """
+        """Return a reference of the pendulum at the height that is set."""
         return pendulum.moved(
             *(np.array([0.0, 0.0, part[0]]) for part in (self._now, self._rate, self._acceleration))
         )
 
     def leaned(self, lean: LeanMotion, heading: float) -> LeanMotion:
-        """Return a lean of the trunk with the one that is set.
-
-        Args:
-            lean: Lean of the walk, in the world.
-            heading: Heading of the robot, rad.
-        """
+        """Return a lean of the trunk in the world with the one that is set, at a heading, rad."""
         ahead = pin.rpy.rpyToMatrix(0.0, 0.0, heading)
         ahead_part = np.array([1.0, 1.0, 0.0])
         set_here = ahead @ pin.exp3(ahead_part * [*self._now[1:3], 0.0]) @ ahead.T

@@ -14,7 +14,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Protocol
 
 import numpy as np
 
@@ -28,14 +27,12 @@ from wbc.core.estimation.observer import Observer
 from wbc.core.qp.controller import Controller
 from wbc.core.robot import Robot
 from wbc.core.signals import Command, Measurement
-from wbc.tasks.motion.com import CoMTask
-from wbc.tasks.motion.posture import PostureTask
 from wbc.tasks.scheduling.stiffness import StiffnessScheduler
 from wbc.tasks.stabilizer.bias import BiasEstimator
-from wbc.tasks.stabilizer.lean import UPRIGHT, Lean, LeanMotion
+from wbc.tasks.stabilizer.lean import UPRIGHT, Lean
 from wbc.tasks.stabilizer.stabilizer import Stabilizer, StabilizerOutput
 from wbc.walking.balance import Balance
-from wbc.walking.body import Body, Twist
+from wbc.walking.body import Body
 from wbc.walking.falls import FallDetector, FallReason, FallSettings
 from wbc.walking.hands.hands import Hands
 from wbc.walking.hands.reaching import Arms
@@ -45,23 +42,9 @@ from wbc.walking.planning.footsteps import FootstepPlan
 from wbc.walking.planning.sources import FootstepSource, Velocity
 from wbc.walking.settings import WalkingControlSettings
 from wbc.walking.source import Progress, Reference, ReferenceSource, VelocityLimits
+from wbc.walking.stepping.tasks import SteppingTasks
 from wbc.walking.tasks import WalkTasks
 from wbc.walking.walk import Walk
-
-
-class _Tasks(Protocol):
-    """Tasks and contacts that follow references."""
-
-    @property
-    def com(self) -> CoMTask:
-        """Task of the centre of mass."""
-
-    @property
-    def posture(self) -> PostureTask:
-        """Task of all joints."""
-
-    def follow(self, reference: Reference, lean: LeanMotion, twist: Twist | None = None) -> None:
-        """Set all targets of a tick."""
 
 
 class ReferenceControl:
@@ -89,7 +72,7 @@ class ReferenceControl:
         self,
         source: ReferenceSource,
         control: PositionControl | TorqueControl,
-        tasks: _Tasks,
+        tasks: WalkTasks | SteppingTasks,
         arms: Arms,
         body: Body,
         balance: Balance | None,
@@ -365,7 +348,7 @@ class WalkingControl(ReferenceControl):
         self.settings = s = settings or WalkingControlSettings()
         dt = as_period(dt)
         if isinstance(source, FootstepPlan):
-            source = LipmWalk.of(robot, source, dt, s, extent)
+            source = LipmWalk(robot, source, dt, s, extent)
         elif source.by_steps:
             raise InputError(f"steps balance the robot in {shown(source)}: use its own control")
         height = source.com_height

@@ -81,15 +81,9 @@ class FallDetector:
     ) -> FallReason | None:
         """Check one tick, at `time` after `dt` seconds, and return the reason of a fall, or None.
 
-        Args:
-            time: Now, s.
-            dt: Control period, s.
-            q: Configuration, for divergence; `v` the same.
-            v: Velocity.
-            drop: Distance of the CoM, or of the pelvis, below its target, m.
-            torso_up: Vertical axis of the torso in the world, shape (3,).
-            dcm_distance: Greatest distance of the DCM beyond an edge of the area of the feet, m; negative inside.
-            solved: True if the QP of the tick was solved.
+        Configuration and velocity count for divergence; `drop` is that of the CoM, or of the pelvis, below its target,
+        m, `torso_up` the vertical axis of the torso in the world, shape (3,), `dcm_distance` that of the DCM beyond an
+        edge of the area of the feet, m, negative inside; `solved` is that the QP of the tick was.
         """
         self.topples = bool(torso_up[2] < self._toppling)
         if self.reason is not None:

@@ -25,7 +25,6 @@ from wbc.walking.planning.phases import Phase
 from wbc.walking.planning.reach import Reach, bent_height, check_plan
 from wbc.walking.planning.sources import (
     AT_REST,
-    DriveSettings,
     FootstepSource,
     GoalSource,
     PlanSource,
@@ -58,41 +57,16 @@ class LipmWalk(ReferenceSource):
 
     def __init__(
         self,
-        walk: Walk,
-        robot: Robot,
-        settings: DriveSettings | None = None,
-        extent: Extent | None = None,
-    ) -> None:
-        """Leave the walk to its plan, which begins with the first tick; the ground is endless when `extent` is None."""
-        self.walk, self.com_height = walk, walk.com_height
-        self.settings = settings or DriveSettings()
-        self.planner: FootstepSource | None = None
-        self._robot, self._extent = robot, extent
-        self._soles = [robot.placement(sole.frame) for sole in robot.soles]
-        plan = walk.phases.plan
-        self._gait = replace(plan.gait, feet_spacing=plan.spacing)
-        self.swing_height = plan.gait.swing_height
-        self._pace = 0.0  # of the last plan, m/s
-        self._next = 0.0  # time of the next plan, s
-        self._planned: tuple[FootstepSource | None, Velocity | None] = (None, None)
-        self._landed = False
-        self._steered = not len(plan)  # a plan from the start is walked as it is
-        if len(plan):
-            walk.start()
-
-    @classmethod
-    def of(
-        cls,
         robot: Robot,
         plan: FootstepPlan,
         dt: float,
         settings: WalkingControlSettings,
         extent: Extent | None = None,
-    ) -> LipmWalk:
-        """Return the walk of a robot that stands at the start of a plan; without steps it stands until it is steered.
+    ) -> None:
+        """Make the walk of a robot that stands at the start of a plan, which begins with the first tick.
 
-        Raises `InputError` for a plan that cannot be walked or begins elsewhere; the ground is endless when `extent` is
-        None.
+        Without steps it stands until it is steered. Raises `InputError` for a plan that cannot be walked or begins
+        elsewhere; the ground is endless when `extent` is None.
         """
         check_start(robot, plan)
         s = settings
@@ -106,8 +80,23 @@ class LipmWalk(ReferenceSource):
             reach = Reach.of(robot, height)
             narrow = Reach.of(robot).max_spacing
             reach = replace(reach, max_spacing=narrow, quick_spacing=reach.max_spacing)
-        walk = Walk(robot, plan, height, dt, s.walk, reach=reach, extent=extent, com=np.array(robot.com))
-        return cls(walk, robot, s.drive, extent)
+        self.walk = walk = Walk(
+            robot, plan, height, dt, s.walk, reach=reach, extent=extent, com=np.array(robot.com)
+        )
+        self.settings, self.com_height = s.drive, height
+        self.planner: FootstepSource | None = None
+        self._robot, self._extent = robot, extent
+        self._soles = [robot.placement(sole.frame) for sole in robot.soles]
+        plan = walk.phases.plan
+        self._gait = replace(plan.gait, feet_spacing=plan.spacing)
+        self.swing_height = plan.gait.swing_height
+        self._pace = 0.0  # of the last plan, m/s
+        self._next = 0.0  # time of the next plan, s
+        self._planned: tuple[FootstepSource | None, Velocity | None] = (None, None)
+        self._landed = False
+        self._steered = not len(plan)  # a plan from the start is walked as it is
+        if len(plan):
+            walk.start()
 
     def update(self, state: State) -> Reference:
         """Plan the footsteps anew if it is time to, and return the references of the walk."""

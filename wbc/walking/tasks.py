@@ -77,15 +77,9 @@ class WalkTasks:
         *,
         torque: bool,
     ) -> None:
-        """Add all tasks, contacts and limits to a controller.
+        """Add all tasks, contacts and limits to a controller of a robot that stands at the start.
 
-        Args:
-            controller: Controller of a robot that stands at the start.
-            gains: Weights and gains.
-            stabilizer: Gains of the stabilizer.
-            distribution: Settings of its wrench distribution; contacts have its friction in torque control.
-            estimate: The estimated robot.
-            torque: Torque control; position control when False.
+        Contacts have the friction of the distribution in torque control; it is position control when `torque` is False.
         """
         robot, friction = controller.robot, distribution.friction
         self._torque = torque

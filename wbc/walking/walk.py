@@ -71,23 +71,14 @@ class WalkSettings:
 
 @dataclass(frozen=True, slots=True)
 class _PlannedSwing:
-    """The plan that a swing is adjusted against.
-
-    Attributes:
-        pattern: Pattern of the pendulum.
-        begin: Start of the pattern, from lift-off, s.
-        landing: Landing of the foot.
-        duration: Time of touch-down from lift-off, s.
-        transfer: Time from touch-down until the new foot has taken over, s.
-        dcm: DCM when the new foot has taken over, shape (2,), m.
-    """
+    """The plan that a swing is adjusted against."""
 
     pattern: Pattern
-    begin: float
+    begin: float  # of the pattern, from lift-off, s
     landing: Footstep
-    duration: float
-    transfer: float
-    dcm: Array
+    duration: float  # from lift-off to touch-down, s
+    transfer: float  # from touch-down until the new foot has taken over, s
+    dcm: Array  # when it has, shape (2,), m
 
 
 class Walk:
@@ -120,16 +111,10 @@ class Walk:
     ) -> None:
         """Check a plan and stand at its start; the pendulum rests until `start`.
 
-        Args:
-            robot: Robot, for its legs and soles.
-            plan: Footstep plan.
-            com_height: Height of the CoM over the support while walking, m.
-            period: Control period, s.
-            settings: Settings; the defaults when None.
-            reach: Reach of the robot; derived from the legs when None.
-            extent: Least and greatest x, least and greatest y of the ground, m; endless when None.
-            com: CoM at the start, shape (3,), m; over the middle of the feet at `com_height` when None. From another
-                height it goes there in the first double support.
+        Heights are in m, the control period in s; the reach is derived from the legs when None, the ground endless
+        without its extent (least and greatest x, least and greatest y, m). `com` is the CoM at the start, shape (3,),
+        m, over the middle of the feet when None: from another height it goes to `com_height` in the first double
+        support.
 
         Raises:
             InputError: A step out of reach, soles that overlap, timings too short, a plan that leaves the ground, a
@@ -223,12 +208,9 @@ class Walk:
     def steer(self, steps: Sequence[Footstep], gait: Gait | None = None) -> None:
         """Replace all steps that have not begun; a robot that stands sets off with the next update.
 
-        Args:
-            steps: Landings from now on, after that of the foot in the air; none for a stand.
-            gait: Sizes and timings from the next phase on; as before when None.
-
-        Raises:
-            InputError: Sides that do not alternate, or a single support too short for a swing; nothing is changed then.
+        `steps` are landings after that of the foot in the air, none for a stand; the gait counts from the next phase
+        on. Sides that do not alternate and a single support too short for a swing are an `InputError` that changes
+        nothing.
         """
         phases = self.phases
         if gait is not None and gait.single_support < shortest_swing(gait):
@@ -252,16 +234,10 @@ class Walk:
         soles: Sequence[pin.SE3] | None = None,
         dcm: Array | None = None,
     ) -> Reference:
-        """Compute one tick.
+        """Compute one tick from the normal forces on left and right foot, N.
 
-        Args:
-            loads: Normal force on left and right foot, N.
-            soles: Placements of both soles now, with all corrections: a swing starts there, and a landing ends there.
-                The references of the last tick when None.
-            dcm: Measured DCM, shape (2,) or (3,), m; without it no step is adjusted.
-
-        Returns:
-            The references.
+        `soles` are the placements now, with all corrections, where a swing starts and a landing ends (the references of
+        the last tick when None); without the measured DCM, shape (2,) or (3,), m, no step is adjusted.
         """
         self._time += self.period
         if self._robot.mass != self._mass:  # a load is taken over, given back or let go of
@@ -382,7 +358,7 @@ class Walk:
         measured = np.asarray(dcm)[:2]
         if not self._reaction.rests:  # the plan is that without
             measured = measured - self._reaction.dcm
-        adjusted = adjuster.adjust(
+        landing, time = adjuster.adjust(
             measured,
             planned.pattern.dcm_at(elapsed - planned.begin),
             planned.dcm,
@@ -392,8 +368,8 @@ class Walk:
             planned.transfer,
             self._preview.settings.target,
         )
-        landing, now = adjusted.landing, phases.plan.steps[phases.step]
-        time = max(self.period, round(adjusted.remaining / self.period) * self.period)
+        now = phases.plan.steps[phases.step]
+        time = max(self.period, round(time / self.period) * self.period)
         moved = math.hypot(landing.x - now.x, landing.y - now.y)
         if moved < 0.5 * settings.threshold and abs(time - phases.remaining) < 2.5 * self.period:
             return

@@ -16,12 +16,6 @@ from wbc.walking.stepping.settings import Scale, SteppingSettings
 SCALE = Scale(height=0.6, leg=0.62, mass=33.0, sole=(0.105, 0.03), ankle=0.03, spacing=0.2)
 
 
-def grown(scale: Scale, k: float) -> Scale:
-    """Return the size of a robot k times as large of the same material."""
-    lengths = {name: k * getattr(scale, name) for name in ("height", "leg", "ankle", "spacing")}
-    return Scale(mass=k**3 * scale.mass, sole=(k * scale.sole[0], k * scale.sole[1]), **lengths)
-
-
 def test_lengths_times_and_forces_are_those_of_the_robot() -> None:
     si = SteppingSettings(
         step_time=1.5,
@@ -51,18 +45,6 @@ def test_lengths_times_and_forces_are_those_of_the_robot() -> None:
     assert (si.friction, si.apex) == (0.4, 0.4), "shares stay"
     assert si.width == pytest.approx(0.4 * 0.6)
     assert si.gap == pytest.approx(0.06 + 0.1 * 0.6), "distance of the feet whose soles are a gap apart"
-
-
-@pytest.mark.parametrize("k", [0.5, 3.0])
-def test_the_same_numbers_walk_robots_of_any_size(k: float) -> None:
-    """Froude scaling: lengths by k, times by √k, velocities by √k, masses by k³, accelerations not at all."""
-    small, large = (SteppingSettings().in_si(scale) for scale in (SCALE, grown(SCALE, k)))
-    powers = {"step_time": 0.5, "follow": 0.5, "reach": 1.0, "swing_height": 1.0, "fastest": 0.5}
-    powers |= {"search_speed": 0.5, "acceleration": 0.0, "drift_gain": -0.5, "most_force": 3.0}
-    powers |= {"width": 1.0, "gap": 1.0, "foothold": 1.0, "bend": 1.0, "fastest_turn": -0.5}
-    for name, power in powers.items():
-        assert getattr(large, name) == pytest.approx(k**power * getattr(small, name)), name
-    assert large.box == pytest.approx(tuple(k * size for size in small.box))
 
 
 def test_feet_with_wide_soles_stand_further_apart() -> None:

@@ -17,7 +17,7 @@ from wbc.walking.planning.phases import Phase
 from wbc.walking.source import Reference, Support
 from wbc.walking.stepping.gait import BodyState, SteppingGait
 from wbc.walking.stepping.settings import Scale, SteppingSettings
-from wbc.walking.stepping.tasks import SteppingGains, SteppingTasks
+from wbc.walking.stepping.tasks import SteppingTasks
 
 DT = 0.002
 ROBOT = make_robot("g1")
@@ -31,7 +31,7 @@ def standing() -> tuple[Controller, SteppingTasks, Reference]:
     scale = Scale.of(robot, 0.162, float(robot.com[2]))  # as high as it stands
     gait = SteppingGait(SteppingSettings(), scale, 0.0, DT)
     controller = Controller(robot, DT)
-    tasks = SteppingTasks(controller, gait.settings, SteppingGains(), scale)
+    tasks = SteppingTasks(controller, gait.settings, scale)
     frames = tuple(robot.placement(sole.frame) for sole in robot.soles)
     wrenches = [[0.0, 0.0, 0.5 * WEIGHT, 0.0, 0.0, 0.0]] * 2
     places, turns = ([getattr(f, name).tolist() for f in frames] for name in ("translation", "rotation"))
@@ -52,13 +52,13 @@ STATES: dict[str, tuple[tuple[bool, bool], tuple[float, float], int, int | None]
 }
 
 
-@pytest.mark.parametrize(("before", "after"), [*itertools.permutations(STATES, 2)])
-def test_any_state_of_the_feet_may_follow_any_other(before: str, after: str) -> None:
+def test_any_state_of_the_feet_may_follow_any_other() -> None:
     """A foot that has given up its load, and must carry at once, can."""
     controller, tasks, reference = standing()
-    for name in (before, after):
+    assert reference.support is not None
+    turn = tasks._scale.height**2
+    for name in itertools.chain(*itertools.permutations(STATES, 2)):
         changed, state = reference, STATES[name]
-        assert reference.support is not None
         if state is not None:
             contact, most, stance, swing = state
             support = Support(stance, swing, most, False, reference.support.dcm)
@@ -68,22 +68,18 @@ def test_any_state_of_the_feet_may_follow_any_other(before: str, after: str) -> 
         tasks.follow(changed)
         solution = controller.solve()
         assert solution.ok
-        for foot, on, limit in zip(tasks.contacts, changed.contact, support.most_force, strict=True):
-            force = solution.wrenches[foot.name][2]
-            assert force <= limit + 1e-6
-            if not on:
-                np.testing.assert_allclose(solution.wrenches[foot.name], 0.0, atol=1e-7)
         assert solution.wrenches[tasks.contacts[support.stance].name][2] > 0.01 * WEIGHT
-    gains, turn = SteppingGains(), tasks._scale.height**2
-    for side, foot in enumerate(tasks.contacts):
-        swing = controller.task(f"{foot.name} swing").weight
-        swings = np.repeat((gains.swing_weight, gains.swing_turn_weight * turn), 3)
-        np.testing.assert_allclose(swing, swings * (support.swing == side))
-        if foot.active:
-            rotation = gains.standing_turn_weight if support.balanced else gains.foothold_turn_weight
+        for side, foot in enumerate(tasks.contacts):
+            wrench = solution.wrenches[foot.name]
+            assert wrench[2] <= support.most_force[side] + 1e-6
+            swings = np.repeat((20.0, 5.6 * turn), 3) * (support.swing == side)
+            np.testing.assert_allclose(controller.task(f"{foot.name} swing").weight, swings)
+            if not changed.contact[side]:
+                np.testing.assert_allclose(wrench, 0.0, atol=1e-7)
+                continue
             full = support.balanced or side == support.stance
-            held = np.repeat((gains.foothold_weight, rotation * turn), 3) * (1.0 if full else gains.yielding)
-            np.testing.assert_allclose(foot.motion_weight, held)
+            held = np.repeat((1000.0, (2780.0 if support.balanced else 8.3) * turn), 3)
+            np.testing.assert_allclose(foot.motion_weight, held * (1.0 if full else 0.1))
             least = tasks._gait.least_force * (0.2 if all(changed.contact) else 1.0)
             assert foot.min_force == (least if full else 0.0) and foot.max_force == support.most_force[side]
 

@@ -203,13 +203,7 @@ class Hand:
         return np.asarray(self._robot.placement(self._frame).translation)
 
     def press(self, direction: Array, force: float, at: Array | None = None) -> None:
-        """Approach a surface and press on it, or press on it with another force.
-
-        Args:
-            direction: In the world, of length 1, shape (3,).
-            force: N.
-            at: Point of the surface, in the world, shape (3,), m; wherever the hand meets it when None.
-        """
+        """Approach a surface and press on it, or press on it with another force, N; see `Hands.press`."""
         if self.state is HandState.HOLD:
             self.direction = direction
             self.contact.normal = -direction
@@ -240,13 +234,7 @@ class Hand:
             self._turn = least_turn(self._axis, self._rotation.T @ direction)
 
     def grip(self, direction: Array, limit: float, at: Array) -> None:
-        """Go to a handle, and keep it before the robot from then on.
-
-        Args:
-            direction: From the hand to the handle, in the world, of length 1, shape (3,).
-            limit: Force above which the hand yields, N.
-            at: The handle, in the world, shape (3,), m.
-        """
+        """Go to a handle, and keep it before the robot from then on; see `Hands.grip`."""
         self._add(self.task, self.grasp, self._wrench)
         self._approach_from_here(direction, limit, at + CLEARANCE * direction - GAP * direction)
         self._grips = True
@@ -259,13 +247,10 @@ class Hand:
             self._free()
 
     def sense(self, wrench: Array | None, dt: float) -> None:
-        """Take a reading of the force sensor; without one the last reading holds until `SILENCE` has passed.
+        """Take a reading, [force; moment] in the frame of the hand, shape (6,), N and Nm; None or NaN is none.
 
-        After that a hand that presses or approaches has lost its contact, and the force on one that grips is zero.
-
-        Args:
-            wrench: [force; moment] in its frame, shape (6,), N and Nm; None or NaN without a reading.
-            dt: Control period, s.
+        The last reading holds until `SILENCE` has passed. After that a hand that presses or approaches has lost its
+        contact, and the force on one that grips is zero.
         """
         if wrench is not None and np.isfinite(wrench).all():
             self.reading[:], self._silent = wrench, 0.0
@@ -282,15 +267,10 @@ class Hand:
     def update(
         self, wrench: Array, rotation: Array, chosen: Array | None, middle: MovingFrame, dt: float
     ) -> None:
-        """Advance by one tick.
+        """Advance by one tick with the measured wrench on the hand, less its tare, and its orientation.
 
-        Args:
-            wrench: Measured wrench on the hand, less its tare, [force; moment] in its frame, shape (6,), N and Nm.
-            rotation: Measured orientation of the hand, shape (3, 3).
-            chosen: Force that the QP chose in the last tick, in the frame of the contact, shape (3,), N; None for the
-                one that it was asked for.
-            middle: Frame that goes with the robot.
-            dt: Control period, s.
+        The wrench is [force; moment] in its frame, shape (6,), N and Nm. The QP has chosen a force in the last tick, in
+        the frame of the contact, shape (3,), N, the one that it was asked for when None; `middle` goes with the robot.
         """
         if self.state is HandState.FREE:
             return

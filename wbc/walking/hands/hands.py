@@ -86,13 +86,8 @@ class Hands:
     ) -> None:
         """Leave the hands free: nothing of them is in the QP before an order.
 
-        Args:
-            controller: Controller of the robot.
-            estimate: Robot as estimated.
-            settings: Settings.
-            edges: Distances from the middle of a sole to its toes and to its side, m.
-            height: Height of the CoM over the support, m.
-            arms: Targets of the same hands; a hand has either a target or something to press on.
+        `edges` are the distances from the middle of a sole to its toes and to its side, m, `height` that of the CoM
+        over the support, m; arms have the targets of the same hands, which have either a target or something to press.
         """
         self._robot, self._estimate, self._arms = controller.robot, estimate, arms
         self.settings = settings

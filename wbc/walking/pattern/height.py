@@ -10,6 +10,7 @@ from __future__ import annotations
 from bisect import bisect_right
 from collections.abc import Sequence
 
+from wbc.tasks.stabilizer.pendulum import Pendulum
 from wbc.tasks.trajectories import Quintic
 from wbc.walking.planning.schedule import SupportPhase
 
@@ -20,15 +21,10 @@ SHORTEST = 0.1
 class HeightProfile:
     """Height of the support over time, with continuous acceleration."""
 
-    def __init__(
-        self, supports: Sequence[SupportPhase], start: tuple[float, float, float] | None = None
-    ) -> None:
-        """Lay the profile through a schedule from now on.
-
-        `start` is height (m), velocity (m/s) and acceleration (m/s²) now; level on the first support when None.
-        """
+    def __init__(self, supports: Sequence[SupportPhase], height: float, start: Pendulum) -> None:
+        """Lay the profile through a schedule from now on: a CoM at a height over it, m, goes on without a jump."""
         events = _events(supports)
-        state = (events[0][1], 0.0, 0.0) if start is None else start
+        state = float(start.com[2]) - height, float(start.com_velocity[2]), float(start.com_acceleration[2])
         self._starts = [0.0]
         self._pieces = [Quintic(state, (events[0][1], 0.0, 0.0), max(SHORTEST, events[0][2]))]
         goal = events[0][1]

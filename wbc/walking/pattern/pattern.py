@@ -11,14 +11,12 @@ from __future__ import annotations
 
 import math
 from bisect import bisect_right
-from collections.abc import Sequence
 
 import numpy as np
 
 from wbc.core.errors import Array, InputError, positive
 from wbc.tasks.stabilizer.pendulum import Pendulum, natural_frequency
 from wbc.walking.pattern.height import HeightProfile
-from wbc.walking.planning.schedule import SupportPhase
 
 
 def dcm_backwards(times: Array, zmp: Array, omega: float) -> Array:
@@ -61,19 +59,11 @@ class Pattern:
         height: float,
         profile: HeightProfile,
     ) -> None:
-        """Follow a broken line of ZMPs.
+        """Follow a broken line of ZMPs, with times that increase from 0.
 
-        Args:
-            times: Knots, increasing from 0, shape (k,), s.
-            zmp: ZMP at the knots, shape (k, 2), m.
-            com: CoM at the start, horizontal, shape (2,), m; only its convergent part is used, since the DCM is the one
-                that leads to the last ZMP, over which the CoM comes to rest.
-            com_velocity: Velocity of the CoM, shape (2,), m/s.
-            height: Height of the CoM over the support, m.
-            profile: Height of the support.
-
-        Raises:
-            InputError: Times that do not increase, a height not above zero, a number that is not finite.
+        Of the CoM at the start and its velocity, each of shape (2,), m and m/s, only the convergent part is used, since
+        the DCM is the one that leads to the last ZMP, over which the CoM comes to rest. Raises `InputError` for bad
+        times, a height (m) not above zero, a number that is not finite.
         """
         self.times, self.zmp = np.asarray(times, dtype=float), np.asarray(zmp, dtype=float)
         span = self.times[1:] - self.times[:-1]
@@ -144,11 +134,3 @@ class Pattern:
             (x, y),
             (rate_x, rate_y),
         )
-
-
-def height_profile(supports: Sequence[SupportPhase], height: float, start: Pendulum) -> HeightProfile:
-    """Return the height of the support from now on such that the CoM goes on without a jump in acceleration."""
-    return HeightProfile(
-        supports,
-        (float(start.com[2]) - height, float(start.com_velocity[2]), float(start.com_acceleration[2])),
-    )

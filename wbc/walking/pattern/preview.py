@@ -32,7 +32,8 @@ from wbc.core.qp.problem import Problem
 from wbc.core.qp.solver import QpSolver, Status
 from wbc.core.settings import NonNegative, Positive, settings
 from wbc.tasks.stabilizer.pendulum import Pendulum, natural_frequency
-from wbc.walking.pattern.pattern import Pattern, dcm_backwards, height_profile
+from wbc.walking.pattern.height import HeightProfile
+from wbc.walking.pattern.pattern import Pattern, dcm_backwards
 from wbc.walking.planning.schedule import (
     EDGES,
     SoleSizes,
@@ -141,7 +142,7 @@ class PreviewController:
             start.com[:2],
             start.com_velocity[:2],
             self.height,
-            height_profile(supports, self.height, start),
+            HeightProfile(supports, self.height, start),
         )
 
     def _grid(self, supports: Sequence[SupportPhase]) -> tuple[Array, list[tuple[Array, Array]]]:

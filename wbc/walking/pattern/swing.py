@@ -110,23 +110,15 @@ class SwingFoot:
         """Time of the highest point from lift-off, s."""
         return max(self._gait.apex * self.duration, 1.02 * SHORTEST)
 
-    def retarget(self, time: float, landing: Footstep | None = None, duration: float | None = None) -> None:
-        """Change landing or time of touch-down; position, velocity and acceleration go on without a jump.
+    def retarget(self, time: float, landing: Footstep, duration: float) -> None:
+        """Change landing and time of touch-down; position, velocity and acceleration go on without a jump.
 
         Times are from lift-off, s. A touch-down is put off where less than 50 ms would be left. Raises `InputError` for
         a landing of the other foot.
         """
-        if landing is None and duration is None:
-            return
-        if landing is not None:
-            if landing.side != self.landing.side:
-                raise InputError(
-                    f"the {self.landing.side} foot swings, got a landing of the {landing.side} foot"
-                )
-            self.landing = landing
-        if duration is not None:
-            self.duration = duration
-        self.duration = max(self.duration, time + SHORTEST)
+        if landing.side != self.landing.side:
+            raise InputError(f"the {self.landing.side} foot swings, got a landing of the {landing.side} foot")
+        self.landing, self.duration = landing, max(duration, time + SHORTEST)
         self._plan(time)
 
     def at(self, time: float) -> FootMotion:

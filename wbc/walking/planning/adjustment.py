@@ -20,7 +20,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Annotated
 
 import numpy as np
@@ -38,9 +38,6 @@ SAME_TIME = 0.05
 """Relative change of e^{ωT} below which the time of touch-down counts as unchanged."""
 
 _CENTRE = ZmpTarget()
-
-_NO_ERROR = np.zeros(2)
-_NO_ERROR.setflags(write=False)
 
 
 @settings
@@ -73,23 +70,6 @@ class AdjustmentSettings:
     shortest: Annotated[NonNegative, "s"] = 0.05
     longest: Annotated[NonNegative, "s"] = 0.1
     freeze: Annotated[NonNegative, "s"] = 0.05
-
-
-@dataclass(frozen=True, slots=True)
-class Adjustment:
-    """Adjusted step.
-
-    Attributes:
-        landing: Adjusted landing.
-        remaining: Time from now to touch-down, s.
-        missed: DCM error over the landing foot that is left to feedback, in the world, shape (2,), m.
-        changed: True if the step differs from the plan.
-    """
-
-    landing: Footstep
-    remaining: float
-    missed: Array
-    changed: bool
 
 
 class StepAdjuster:
@@ -127,26 +107,17 @@ class StepAdjuster:
         remaining: float,
         transfer: float,
         target: ZmpTarget | None = None,
-    ) -> Adjustment:
-        """Adjust the step that swings.
+    ) -> tuple[Footstep, float]:
+        """Return landing and time from now to touch-down, s, of the step that swings.
 
-        Args:
-            dcm: DCM measured now, in the world, shape (2,), m.
-            planned: DCM planned for now, shape (2,), m.
-            at_landing: DCM planned for the time when the new foot has taken over, shape (2,), m.
-            step: Planned landing.
-            stance: Stance foot.
-            remaining: Planned time to touch-down, s.
-            transfer: Time from touch-down until the new foot has taken over, s.
-            target: Planned ZMP under the stance foot; the sole centre when None.
-
-        Returns:
-            The step to take: the planned one where a ZMP within the stance foot is enough, or too little time is left.
+        They are as planned where a ZMP within the stance foot is enough, or too little time is left. The DCM is
+        measured, and planned, now and `at_landing`, when the new foot has taken over, each in the world, shape (2,), m;
+        `remaining` is the planned time to touch-down, `transfer` that from there until the new foot has taken over, s;
+        `target` is the planned ZMP under the stance foot, the sole centre when None.
         """
         s, omega = self.settings, self._omega
-        keep = Adjustment(step, remaining, _NO_ERROR, False)
         if remaining <= s.freeze:
-            return keep
+            return step, remaining
         c, sn = math.cos(stance.yaw), math.sin(stance.yaw)
         ahead, left = (target or _CENTRE).in_sole(stance.side)
         length, width = self._half[SIDES.index(stance.side)]
@@ -154,7 +125,7 @@ class StepAdjuster:
         shift_high = (max(0.0, length - ahead), max(0.0, width - left))
         grow = math.exp(omega * (remaining + transfer))
         if self._idle(dcm, planned, (c, sn), grow, shift_low, shift_high):
-            return keep
+            return step, remaining
         to_world = np.array([[c, -sn], [sn, c]])
         origin = np.array([stance.x, stance.y])
         now, plan_now, plan_then = (
@@ -168,14 +139,13 @@ class StepAdjuster:
         self._problem.lower[:] = (*low, *shift_low, min(1.0, shortest))
         self._problem.upper[:] = (*high, *shift_high, math.exp(omega * s.longest))
         if not self._solver.solve().ok:
-            return keep
+            return step, remaining
         x = self._solver.x
         if float(np.hypot(*(x[:2] - landing))) <= s.threshold and abs(x[4] - 1.0) < SAME_TIME:
-            return keep
+            return step, remaining
         place = origin + to_world @ x[:2]
         time = remaining + math.log(max(x[4], 1e-6)) / omega
-        missed = to_world @ (x[5:] - offset)
-        return Adjustment(replace(step, x=float(place[0]), y=float(place[1])), time, missed, True)
+        return replace(step, x=float(place[0]), y=float(place[1])), time
 
     def _write_motion(self, dcm: Array, zmp: Array, grow: float, landing: Array, offset: Array) -> None:
         """Write the equation of the module, with σ = τ/τ*, and the costs, all in the stance foot's axes."""

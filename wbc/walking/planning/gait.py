@@ -136,13 +136,7 @@ class Gait:
         return replace(self, apex=0.5, landing_speed=0.5 * self.landing_speed, landing_height=0.0)
 
     def on_grid(self, period: float) -> tuple[Gait, tuple[str, ...]]:
-        """Round the timings to multiples of the control period.
-
-        Args:
-            period: Control period, s.
-
-        Returns:
-            The gait, and one message for each timing that was changed.
+        """Return the gait with timings rounded to multiples of a period, s, and a message for each that was changed.
 
         Raises:
             InputError: A period that is not above zero or longer than half of a timing.

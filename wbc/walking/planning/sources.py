@@ -105,13 +105,7 @@ class Standing(NamedTuple):
 
     @classmethod
     def of(cls, phases: WalkPhases, gait: Gait, time: float) -> Standing:
-        """Return the feet of a walk as they stand now.
-
-        Args:
-            phases: Phases of the walk.
-            gait: Gait of the plans that begin there.
-            time: Time since the start of the walk, s.
-        """
+        """Return the feet of a walk as they stand now, with the gait of the plans that begin there."""
         plan, step = phases.plan, phases.step
         feet = {"left": plan.left, "right": plan.right}
         swings = phases.phase is Phase.SINGLE

@@ -28,7 +28,7 @@ from wbc.walking.control import ReferenceControl
 from wbc.walking.falls import FallSettings
 from wbc.walking.hands.reaching import Arms, ArmSettings
 from wbc.walking.stepping.settings import SteppingSettings
-from wbc.walking.stepping.tasks import SteppingGains, SteppingTasks
+from wbc.walking.stepping.tasks import SteppingTasks
 from wbc.walking.stepping.walk import SteppingWalk
 
 OBSERVER = ObserverSettings(inertial=InertialSettings(velocity_time_constant=0.2, yaw_time_constant=1000.0))
@@ -44,7 +44,6 @@ class SteppingControlSettings:
             make; "position": stiff servos follow that motion, which starts anew from the estimate in each period.
         com_height: Height of the CoM over the soles while walking, m; from `gait.bend` when None.
         gait: Law of the steps.
-        tasks: Weights and gains of the tasks.
         falls: Limits beyond which the robot has fallen.
         arms: Hands with targets, and arms that swing.
         safety: Ranges of measurements and commands.
@@ -54,7 +53,6 @@ class SteppingControlSettings:
     mode: Mode = "torque"
     com_height: Annotated[Positive, "m"] | None = None
     gait: SteppingSettings = field(default_factory=SteppingSettings)
-    tasks: SteppingGains = field(default_factory=SteppingGains)
     falls: FallSettings = field(default_factory=FallSettings)
     arms: ArmSettings = field(default_factory=ArmSettings)
     safety: SafetySettings = field(default_factory=SafetySettings)
@@ -100,7 +98,7 @@ class SteppingControl(ReferenceControl):
         source = SteppingWalk(robot, dt, s.gait, s.com_height)
         gait = source.gait
         controller = Controller(robot, dt, settings=s.solver)
-        tasks = SteppingTasks(controller, gait.settings, s.tasks, gait.scale)
+        tasks = SteppingTasks(controller, gait.settings, gait.scale)
         arms = Arms(controller, tasks.com, tasks.posture, dt, s.arms)
         body = Body(controller, gait.scale.height, dt, waist=False)
         control: PositionControl | TorqueControl

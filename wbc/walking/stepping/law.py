@@ -58,13 +58,8 @@ def divergent_component(
 ) -> Divergent:
     """Return ξ = c + (L_y, −L_x) / (m h ω) with L = k + m (c − p) × ċ.
 
-    Args:
-        com: Centre of mass c in the world, m.
-        velocity: Its velocity ċ, m/s.
-        spin: Angular momentum k about the centre of mass, kg m²/s.
-        contact: Contact point p in the world, m.
-        mass: m, kg.
-        least_height: Height of the CoM over the contact that is counted at least, m.
+    Centre of mass c, its velocity ċ and the angular momentum k about it (kg m²/s), contact point p, mass m; the height
+    of the CoM over the contact is counted as `least_height` at least, m.
     """
     arm = (com[0] - contact[0], com[1] - contact[1], com[2] - contact[2])
     momentum = add_cross(spin, arm, (mass * velocity[0], mass * velocity[1], mass * velocity[2]))
@@ -111,13 +106,8 @@ def remaining_time(
 ) -> float:
     """Return the time until ξ has grown to the end of a step, ln(min(outwards / aside, most / |ahead|)) / ω, s.
 
-    Args:
-        ahead: Offset of ξ ahead of the stance foot; below zero behind it, m.
-        aside: Offset of ξ from the stance foot towards the swing foot, m.
-        orbit: The orbit.
-        omega: ω, 1/s.
-        over: Offset beyond the stance foot from which the swing foot must close up at once, m: 0 is returned.
-        stretch: Offset over the orbit's, ahead or behind, that ends a step at once: most = E |b_x| + stretch, m.
+    Offsets of ξ from the stance foot are `ahead` of it and `aside`, towards the swing foot, m; most = E |b_x| +
+    `stretch`, m. From `over`, m, beyond the stance foot on, the swing foot must close up at once: 0 is returned.
     """
     if aside < -over:
         return 0.0

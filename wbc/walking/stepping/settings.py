@@ -221,11 +221,7 @@ class SteppingSettings:
     def in_si(self, scale: Scale) -> SteppingSettings:
         """Return the settings of one robot in metres, seconds and newtons; ratios and angles stay.
 
-        Args:
-            scale: Size of the robot.
-
-        Raises:
-            InputError: Steps that cannot be walked: shorter than a swing, or within the other foot.
+        Steps that cannot be walked, shorter than a swing or within the other foot, are an `InputError`.
         """
         h, omega = scale.height, scale.omega
         units = {
@@ -253,16 +249,7 @@ class SteppingSettings:
         return dataclasses.replace(self, **changes)
 
     def _check(self, si: dict[str, typing.Any], inside: float, scale: Scale) -> None:
-        """Refuse steps that cannot be walked.
-
-        Args:
-            si: Settings in metres and seconds.
-            inside: Least distance between the feet, m.
-            scale: Size of the robot.
-
-        Raises:
-            InputError: Steps that are shorter than a swing, or not in order, or a foot that lands within the other one.
-        """
+        """Refuse steps that cannot be walked, by the settings in SI units and the least distance of the feet, m."""
         if not si["shortest"] <= si["step_time"] <= si["longest"]:
             raise InputError(
                 f"shortest ≤ step_time ≤ longest must hold, got {self.shortest:g}, {self.step_time:g} and "

@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Annotated
-
 import numpy as np
 import pinocchio as pin
 
 from wbc.core.limits.rows import JointLimits, TorqueLimits
 from wbc.core.qp.controller import Controller
 from wbc.core.qp.foothold import Foothold
-from wbc.core.settings import NonNegative, Positive, settings
 from wbc.tasks.motion.com import CoMTask
 from wbc.tasks.motion.frame import OrientationTask, PoseTask
 from wbc.tasks.motion.posture import PostureTask
@@ -22,68 +19,28 @@ from wbc.walking.source import Reference, Support
 from wbc.walking.stepping.settings import Scale, SteppingSettings
 from wbc.walking.tasks import leave_to_walk
 
+# In units of the robot; costs are per (m/s²)², those of rotations per (h rad/s²)² with the height h of the CoM.
+COM = 10.0, 3.67, 3.46
+"""Cost of the CoM's height, on two feet of its place as well; stiffness, ω², and damping, ω, of the height."""
 
-@settings
-class SteppingGains:
-    """Weights and gains of the tasks of a stepping walk, in units of the robot.
+SWING, SWING_TURN = (20.0, 30.6, 9.9), (5.6, 24.5, 8.9)
+"""Cost, stiffness, ω², and damping, ω, of the swing foot's place and rotation."""
 
-    Weights are costs per (m/s²)²; those of rotations per (h rad/s²)², h the height of the CoM.
+PELVIS, PELVIS_YAW = (27.8, 7.35, 5.45), 2.78
+"""The same of the pelvis, its cost that of tilt; cost of its heading."""
 
-    Attributes:
-        com_weight: Height of the CoM; on two feet its place as well.
-        com_stiffness: Stiffness of the CoM's height, ω².
-        com_damping: Damping of the CoM's height, ω.
-        swing_weight: Place of the swing foot.
-        swing_stiffness: Stiffness of its place, ω².
-        swing_damping: Damping of its place, ω.
-        swing_turn_weight: Rotation of the swing foot.
-        swing_turn_stiffness: Stiffness of its rotation, ω².
-        swing_turn_damping: Damping of its rotation, ω.
-        pelvis_weight: Tilt of the pelvis.
-        pelvis_yaw_weight: Heading of the pelvis.
-        pelvis_stiffness: Stiffness of the pelvis, ω².
-        pelvis_damping: Damping of the pelvis, ω.
-        posture_weight: Joints that are not in the legs.
-        posture_stiffness: Stiffness of these joints, ω².
-        posture_damping: Damping of these joints, ω.
-        leg_weight: Joints of the legs, which are only damped.
-        leg_damping: Damping of the joints of the legs, ω.
-        foothold_weight: Place of a foot that stands.
-        foothold_turn_weight: Rotation of a foot that stands on ground of unknown shape.
-        standing_turn_weight: Rotation of both feet in a stand.
-        foothold_damping: Damping of a foot that stands, ω.
-        yielding: Ratio of these weights for a foot that is unloaded, or waits to take over.
-        force_weight: Forces on the feet, cost per (N/kg)².
-        moment_weight: Moments on the feet, cost per (Nm/(kg h))².
-        torsion: Greatest yaw moment over the normal force, in half widths of the sole.
-    """
+POSTURE, LEGS = (1.39, 4.9, 3.96), (2.8e-3, 0.5)
+"""The same of joints that are not in the legs; cost and damping, ω, of those of the legs."""
 
-    com_weight: Positive = 10.0
-    com_stiffness: Annotated[Positive, "ω²"] = 3.67
-    com_damping: Annotated[Positive, "ω"] = 3.46
-    swing_weight: Positive = 20.0
-    swing_stiffness: Annotated[Positive, "ω²"] = 30.6
-    swing_damping: Annotated[Positive, "ω"] = 9.9
-    swing_turn_weight: Positive = 5.6
-    swing_turn_stiffness: Annotated[Positive, "ω²"] = 24.5
-    swing_turn_damping: Annotated[Positive, "ω"] = 8.9
-    pelvis_weight: Positive = 27.8
-    pelvis_yaw_weight: Positive = 2.78
-    pelvis_stiffness: Annotated[Positive, "ω²"] = 7.35
-    pelvis_damping: Annotated[Positive, "ω"] = 5.45
-    posture_weight: Positive = 1.39
-    posture_stiffness: Annotated[Positive, "ω²"] = 4.9
-    posture_damping: Annotated[Positive, "ω"] = 3.96
-    leg_weight: Positive = 2.8e-3
-    leg_damping: Annotated[NonNegative, "ω"] = 0.5
-    foothold_weight: Positive = 1000.0
-    foothold_turn_weight: NonNegative = 8.3
-    standing_turn_weight: Positive = 2780.0
-    foothold_damping: Annotated[Positive, "ω"] = 5.0
-    yielding: Positive = 0.1
-    force_weight: Positive = 1.1e-3
-    moment_weight: Positive = 2.0
-    torsion: Annotated[Positive, "sole"] = 1.0
+HELD, HELD_TURN, STANDING_TURN, HELD_DAMPING = 1000.0, 8.3, 2780.0, 5.0
+"""Cost of the place of a foot that stands, of its rotation on ground of unknown shape and in a stand; damping, ω."""
+
+YIELDING = 0.1
+"""Ratio of these costs for a foot that is unloaded, or waits to take over."""
+
+FORCE, MOMENT = 1.1e-3, 2.0
+"""Cost of forces on the feet, per (N/kg)², and of moments, per (Nm/(kg h))²; yaw moments are at most the normal force
+times half of the width of the sole."""
 
 
 class SteppingTasks:
@@ -95,9 +52,7 @@ class SteppingTasks:
         posture: Task of all joints.
     """
 
-    def __init__(
-        self, controller: Controller, gait: SteppingSettings, gains: SteppingGains, scale: Scale
-    ) -> None:
+    def __init__(self, controller: Controller, gait: SteppingSettings, scale: Scale) -> None:
         """Add all tasks, contacts and limits to a controller of a robot that stands at the start.
 
         Settings of the gait are in SI units.
@@ -105,55 +60,50 @@ class SteppingTasks:
         self._gait, self._scale = gait, scale
         robot, omega, square = controller.robot, scale.omega, scale.omega**2
         turn = scale.height**2  # from (h rad/s²)² to (rad/s²)²
+        weight, stiffness, damping = COM
         self.com = controller.add(
             CoMTask(
-                weight=gains.com_weight,
-                stiffness=(0.0, 0.0, gains.com_stiffness * square),
-                damping=(0.0, 0.0, gains.com_damping * omega),
+                weight=weight, stiffness=(0.0, 0.0, stiffness * square), damping=(0.0, 0.0, damping * omega)
             )
         )
-        self._com_weights = (
-            np.array([0.0, 0.0, gains.com_weight]),
-            np.full(3, gains.com_weight),
-        )
+        self._com_weights = np.array([0.0, 0.0, weight]), np.full(3, weight)
         self._swings = [
             controller.add(
                 PoseTask(
                     sole.frame,
                     name=f"{sole.name} swing",
                     weight=0.0,
-                    stiffness=_halves(gains.swing_stiffness * square, gains.swing_turn_stiffness * square),
-                    damping=_halves(gains.swing_damping * omega, gains.swing_turn_damping * omega),
+                    stiffness=_halves(SWING[1] * square, SWING_TURN[1] * square),
+                    damping=_halves(SWING[2] * omega, SWING_TURN[2] * omega),
                 )
             )
             for sole in robot.soles
         ]
-        self._swing_weight = _halves(gains.swing_weight, gains.swing_turn_weight * turn)
-        tilt, yaw = gains.pelvis_weight * turn, gains.pelvis_yaw_weight * turn
+        self._swing_weight = _halves(SWING[0], SWING_TURN[0] * turn)
+        tilt, yaw = PELVIS[0] * turn, PELVIS_YAW * turn
         self._pelvis = controller.add(
             OrientationTask(
                 robot.base_frame,
                 name="pelvis",
                 weight=(tilt, tilt, yaw),
-                stiffness=gains.pelvis_stiffness * square,
-                damping=gains.pelvis_damping * omega,
+                stiffness=PELVIS[1] * square,
+                damping=PELVIS[2] * omega,
             )
         )
         upright = heading(robot.placement(robot.base_frame).rotation)
         self._pelvis_tilt = pin.rpy.rpyToMatrix(0.0, 0.0, -upright) @ self._pelvis.target
-        self.posture = controller.add(self._posture(controller, gains, turn))
+        self.posture = controller.add(self._posture(controller, turn))
         controller.add(JointLimits())
-        force, moment = gains.force_weight / scale.mass**2, gains.moment_weight / (scale.mass**2 * turn)
-        self._held = _halves(gains.foothold_weight, gains.foothold_turn_weight * turn)
-        self._firm = _halves(gains.foothold_weight, gains.standing_turn_weight * turn)
-        self._yielding = gains.yielding
+        force, moment = FORCE / scale.mass**2, MOMENT / (scale.mass**2 * turn)
+        self._held = _halves(HELD, HELD_TURN * turn)
+        self._firm = _halves(HELD, STANDING_TURN * turn)
         self.contacts = [
             controller.add(
                 Foothold(
                     sole.name,
                     friction=gait.friction,
-                    torsion=gains.torsion * scale.sole[1],
-                    damping=gains.foothold_damping * omega,
+                    torsion=scale.sole[1],
+                    damping=HELD_DAMPING * omega,
                     wrench_weight=_halves(force, moment),
                     motion_weight=self._firm,
                 )
@@ -164,17 +114,17 @@ class SteppingTasks:
         leave_to_walk(self.com, self._swings, [self._pelvis])
         self._state: tuple[object, ...] = ()
 
-    def _posture(self, controller: Controller, gains: SteppingGains, turn: float) -> PostureTask:
+    def _posture(self, controller: Controller, turn: float) -> PostureTask:
         """Return the task of all joints: those of the legs are only damped."""
         robot, omega = controller.robot, self._scale.omega
-        stiffness = np.full(robot.na, gains.posture_stiffness * omega**2)
-        damping = np.full(robot.na, gains.posture_damping * omega)
+        stiffness = np.full(robot.na, POSTURE[1] * omega**2)
+        damping = np.full(robot.na, POSTURE[2] * omega)
         legs = robot.leg_joints
-        stiffness[legs], damping[legs] = 0.0, gains.leg_damping * omega
-        share = gains.leg_weight / gains.posture_weight
+        stiffness[legs], damping[legs] = 0.0, LEGS[1] * omega
+        share = LEGS[0] / POSTURE[0]
         return PostureTask(
             joints=robot.joint_names,
-            weight=gains.posture_weight * turn,
+            weight=POSTURE[0] * turn,
             stiffness=stiffness,
             damping=damping,
             joint_weights={robot.joint_names[j]: share for j in legs},
@@ -228,7 +178,7 @@ class SteppingTasks:
                 continue
             full = balanced or side == support.stance
             weight = self._firm if balanced else self._held
-            contact.motion_weight = weight if full else self._yielding * weight
+            contact.motion_weight = weight if full else YIELDING * weight
             contact.min_force = 0.0  # first: a foot that was unloading may have less than it must carry now
             contact.max_force = max(most[side], 1e-3 * gait.most_force)
             if full:
