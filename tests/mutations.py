@@ -13,6 +13,7 @@ import argparse
 import ast
 import os
 import random
+import resource
 import shutil
 import subprocess
 import sys
@@ -22,7 +23,7 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
 ROOMS = ("wbc/core", "wbc/walking", "wbc/motion", "wbc/machine", "robots", "feet", "tasks", "sim")
-SLOWEST = 300.0  # s; tests that hang have noticed, too
+SLOWEST = 300  # s of CPU; tests that hang have noticed, too
 
 SWAPS = {
     **{ast.Add: "-", ast.Sub: "+", ast.Mult: "/", ast.Div: "*"},
@@ -72,6 +73,10 @@ def tests_of(room: str, file: Path) -> list[str]:
     return [str(t.relative_to(ROOT)) for t in sorted(found, key=lambda t: file.stem not in t.read_text())]
 
 
+def limit() -> None:
+    resource.setrlimit(resource.RLIMIT_CPU, (SLOWEST, SLOWEST))
+
+
 def passes(tests: list[str], tree: Path, *more: str) -> bool:
     environment = os.environ | {
         "PYTHONPATH": str(tree),
@@ -81,7 +86,13 @@ def passes(tests: list[str], tree: Path, *more: str) -> bool:
     command = [sys.executable, "-m", "pytest", "-x", "-q", "-p", "no:cacheprovider", *more, *tests]
     try:
         done = subprocess.run(
-            command, cwd=tree, env=environment, capture_output=True, timeout=SLOWEST, check=False
+            command,
+            check=False,
+            cwd=tree,
+            env=environment,
+            preexec_fn=limit,
+            capture_output=True,
+            timeout=10 * SLOWEST,
         )
     except subprocess.TimeoutExpired:
         return False
