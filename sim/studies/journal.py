@@ -36,7 +36,7 @@ from wbc.core.arguments import checked
 from wbc.core.errors import InputError, WbcError, shown_path
 from wbc.core.files import decoding
 from wbc.core.settings import settings, to_json
-from wbc.sim.studies.provenance import provenance
+from wbc.sim.studies.provenance import provenance, renamed
 from wbc.sim.studies.trials import Status, trial_from_json
 from wbc.sim.walks.stiffness_policy import CONTENT, FILE
 
@@ -173,6 +173,7 @@ class Entries(Mapping[str, Entry]):
     def __getitem__(self, key: str) -> Entry:
         data = from_json(self._lines[key])
         del data["sum"], data["key"]
+        data["version"] = renamed(data["version"])
         entry = object.__new__(Entry)  # its values were checked before the line was written
         entry.__dict__.update(data)
         return entry

@@ -30,6 +30,14 @@ SUFFIXES = (".py", ".urdf", ".srdf", ".csv", ".json")
 LIBRARIES = ("mujoco", "numpy", "pin", "proxsuite", "scipy")
 """Libraries that compute."""
 
+
+RENAMED = {
+    "8b193a0eeb39": "da5fd04521c0",  # bfaee90
+    "e7a4d1f354f6": "05534fa07e8f",  # d424345
+    "7d889c658921": "3610f3b9423b",  # f15855e
+}
+"""Hashes of the bytes of the sources, in journals of earlier versions → `code_version` of the same sources."""
+
 _EMPTY = re.compile(r"(, )?\w+=\[\]")
 """Empty lists in a dumped syntax tree: which are written differs between versions of Python."""
 
@@ -81,13 +89,19 @@ def provenance() -> Mapping[str, Any]:
 
 def differences(version: Mapping[str, Any]) -> list[str]:
     """Return how a version of the code, of `provenance`, differs from the present: "mujoco 3.2.0 instead of 3.3.1"."""
-    there, here = ({**v, **v.get("libraries", {})} for v in (version, provenance()))
+    there, here = ({**v, **v.get("libraries", {})} for v in (renamed(version), provenance()))
     names = [name for name in {**here, **there} if name != "libraries"]
     return [
         f"{name} {there.get(name, 'unknown')} instead of {here.get(name, 'none')}"
         for name in names
         if there.get(name) != here.get(name)
     ]
+
+
+def renamed(version: Mapping[str, Any]) -> Mapping[str, Any]:
+    """Return a version as `provenance` gives it today, also that of an earlier journal."""
+    code = version.get("code")
+    return {**version, "code": RENAMED[code]} if code in RENAMED else version
 
 
 def _version(name: str) -> str:

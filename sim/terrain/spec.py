@@ -407,23 +407,51 @@ def _jsonable(value: Any) -> Any:
 
 
 @checked
-def terrain(name: str | Family, amplitude: float | None = None, seed: int = 0, **values: Any) -> Terrain:
+def terrain(
+    name: str | Family,
+    amplitude: float | None = None,
+    seed: int = 0,
+    *,
+    length: float | None = None,
+    width: float | None = None,
+    start: float | None = None,
+    strip: float | None = None,
+    ramp: float | None = None,
+    rendering: Rendering = "auto",
+    resolution: float | None = None,
+    sole_radius: float = SOLE_SPHERE_RADIUS,
+    **params: Any,
+) -> Terrain:
     """Return a terrain by the name of its family.
 
     Args:
         name: One of `terrain_families()`, or a family's parameters.
         amplitude: Highest minus lowest point of the rough part, m; the family's own when None.
         seed: Fixes every random draw.
-        **values: Other fields of `Terrain` (length, width, start, strip, ramp, rendering, resolution, sole_radius) and
-            parameters of the family that differ from their defaults; an image has its own length and width, stairs,
-            slopes and images no ramp.
+        length: Length of the rough part, m; 3 m (or the image's) when None.
+        width: Extent across, m; 1 m (or the image's) when None.
+        start: x at which the rough part begins, m; 0.3 m when None.
+        strip: Length of the flat strips, m; 1 m when None.
+        ramp: Length on which heights grow from 0 to their own, m; 0 for a sharp edge, that of the family when None.
+        rendering: "geoms", "height_field" or "auto"; see `Terrain`.
+        resolution: Greatest cell of a height field, m.
+        sole_radius: Radius of the spheres under the sole, m.
+        **params: Parameters of the family that differ.
 
     Raises:
         UnknownNameError: No such family, or it has no such parameter.
         InputError: A value is out of range.
     """
-    track = {field.name: values.pop(field.name) for field in fields(Terrain) if field.name in values}
-    parameters = make_family(name, values) if isinstance(name, str) else replace(name, **values)
-    track = parameters.track() | {key: value for key, value in track.items() if value is not None}
+    parameters = make_family(name, params) if isinstance(name, str) else replace(name, **params)
+    given = {"length": length, "width": width, "start": start, "strip": strip, "ramp": ramp}
+    track = parameters.track() | {key: value for key, value in given.items() if value is not None}
     height = parameters.default_amplitude if amplitude is None else amplitude
-    return Terrain(parameters, height, seed, **track)
+    return Terrain(
+        parameters=parameters,
+        amplitude=height,
+        seed=seed,
+        rendering=rendering,
+        resolution=resolution,
+        sole_radius=sole_radius,
+        **track,
+    )

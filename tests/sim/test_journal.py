@@ -7,6 +7,7 @@ import logging
 import lzma
 import math
 import os
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -17,6 +18,7 @@ from properties import examples
 from wbc.core.errors import InputError, UnknownNameError
 from wbc.sim import WalkSpec
 from wbc.sim.studies.journal import (
+    Entries,
     Entry,
     Journal,
     JournalError,
@@ -25,7 +27,7 @@ from wbc.sim.studies.journal import (
     read_journal,
     trial_key,
 )
-from wbc.sim.studies.provenance import _computes, _hash, code_version, provenance
+from wbc.sim.studies.provenance import RENAMED, _computes, _hash, code_version, provenance, renamed
 
 VERSION = {"wbc": "1", "code": "abc"}
 
@@ -184,6 +186,13 @@ def test_the_hash_of_the_code_changes_when_the_computation_does(tmp_path: Path) 
     )
     for path in (*computes, *others):
         assert _computes(tuple(path.split("/"))) == (path in computes), path
+
+
+def test_a_stored_journal_names_its_code_as_today() -> None:
+    old = {"wbc": "0.1.0", "code": "8b193a0eeb39"}
+    (stored,) = Entries({"k": replace(entry(1), version=old).line()[:-1]}).values()
+    assert stored.version["code"] == RENAMED["8b193a0eeb39"] == renamed(old)["code"]
+    assert renamed(stored.version) == stored.version
 
 
 @examples(30)
