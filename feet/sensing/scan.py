@@ -255,31 +255,3 @@ def resample(x: ArrayLike, z: ArrayLike, settings: ScanSettings | None = None) -
     height = np.bincount(inverse, heights) / count
     mean = np.stack([offset, height, np.zeros(cell.size)])
     return _broken_line(cell, mean, np.array([1.0, 0.0]), given)
-
-
-Length = Annotated[Positive, "m"]
-
-
-@checked
-def windows(z: ArrayLike, step: Length, length: Length, every: Length) -> Array:
-    """Return overlapping windows of a long profile, each as long as what a foot sees in one swing.
-
-    Args:
-        z: Heights on a uniform grid, shape (n,), m.
-        step: Distance of the samples, m.
-        length: Length of a window, m.
-        every: Distance between the starts of two windows, m.
-
-    Returns:
-        Heights, shape (number of windows, samples per window), m; a read-only view.
-
-    Raises:
-        InputError: A length out of range, or a profile shorter than one window.
-    """
-    heights = finite_array("heights of a profile (m)", z)
-    size, stride = round(length / step) + 1, max(1, round(every / step))
-    if heights.ndim != 1 or heights.size < size:
-        raise InputError(
-            f"a profile of {heights.shape} samples holds no window of {length:g} m ({size} samples of {step:g} m)"
-        )
-    return np.lib.stride_tricks.sliding_window_view(heights, size)[::stride]

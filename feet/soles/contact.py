@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import math
-from typing import Annotated, Literal, NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
 from pydantic import Field
 
-from wbc.core.errors import Array, InputError
-from wbc.core.settings import NonNegative, Positive, settings
+from wbc.core.errors import Array
+from wbc.core.settings import Positive, settings
 
 Impedance = Annotated[float, Field(ge=0.0001, le=0.9999)]
 
@@ -72,48 +72,30 @@ class ContactSpheres:
     Attributes:
         law: Constraint law of the contact.
         friction: Coulomb coefficient; larger than the 0.7 that the controller assumes, as a margin.
-        condim: Dimension of the contact force: 3 (normal, two tangents), 4 (with spin) or 6 (with rolling).
-        spin_friction: Coefficient about the normal, m; used with `condim` 4 and 6.
-        rolling_friction: Coefficient of rolling, m; used with `condim` 6.
         radius: Radius of the spheres, m.
         columns: Spheres across the sole.
-        rows_per_phalanx: Rows of spheres under each phalanx of a soft sole.
         row_spacing: Largest distance between rows of a rigid sole, m.
-        inset: Distance from the edges of the rectangle to the outer sphere centres, m.
 
-    With one row per phalanx a standing robot simulates 1.2 to 1.6 times as fast, but the ankle stands up to 1 mm lower
-    on stones and hinge angles differ by up to 0.08 rad. 4 columns cost up to a fifth of the speed, `condim` 4 up to an
-    eighth and 6 up to a third; the shape of the sole stays the same.
+    4 columns cost up to a fifth of the speed, friction about the normal up to an eighth, rolling friction up to a
+    third; the shape of the sole stays the same.
 
     Source: friction 0.7 from the authors' public controller configuration; the rest measured on this foot at 1 ms.
     """
 
     law: ConstraintLaw = SOLE_GROUND
     friction: Positive = 0.8
-    condim: Literal[3, 4, 6] = 3
-    spin_friction: Annotated[NonNegative, "m"] = 0.005
-    rolling_friction: Annotated[NonNegative, "m"] = 0.0001
     radius: Annotated[Positive, "m"] = 0.007
     columns: Annotated[int, Field(ge=2, le=100)] = 3
-    rows_per_phalanx: Annotated[int, Field(ge=1, le=100)] = 2
     row_spacing: Annotated[Positive, "m"] = 0.015
-    inset: Annotated[NonNegative, "m"] = 0.0
 
     def rows(self, length: float) -> int:
         """Return the number of rows of a rigid sole of this length (m)."""
-        return max(2, math.ceil((length - 2.0 * self.inset) / self.row_spacing) + 1)
+        return max(2, math.ceil(length / self.row_spacing) + 1)
 
     def row_positions(self, length: float, count: int) -> Array:
         """Return the positions of the rows along x of the sole frame, from toe to heel, shape (count,), m."""
-        return _even(length, count, self.inset)[::-1].copy()
+        return np.linspace(-length / 2.0, length / 2.0, count)[::-1].copy()
 
     def column_positions(self, width: float) -> Array:
         """Return the positions of the columns along y of the sole frame, from right to left, shape (columns,), m."""
-        return _even(width, self.columns, self.inset)
-
-
-def _even(extent: float, count: int, inset: float) -> Array:
-    half = extent / 2.0 - inset
-    if half <= 0.0:
-        raise InputError(f"inset {inset:g} m leaves nothing of a sole {extent:g} m wide")
-    return np.linspace(-half, half, count)
+        return np.linspace(-width / 2.0, width / 2.0, self.columns)

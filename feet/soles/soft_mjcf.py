@@ -17,9 +17,9 @@ from wbc.feet.soles.common_mjcf import (
     part,
     set_inertia,
 )
-from wbc.feet.soles.contact import solver_parameters
+from wbc.feet.soles.contact import LOOP_CLOSURE, solver_parameters
 from wbc.feet.soles.parts import FootParts
-from wbc.feet.soles.soft_design import ARCH_THICKNESS, SoftDesign
+from wbc.feet.soles.soft_design import ARCH_THICKNESS, ROWS, SoftDesign
 from wbc.feet.soles.sole import FootFit, box_inertia
 
 _LATERAL = (0.0, 1.0, 0.0)
@@ -99,7 +99,7 @@ class SoftFootBuilder:
             stiffness = foot.front_stiffness
         body = parent.add_body(name=name, pos=origin - parent_origin)
         damping = foot.damping_at(stiffness)
-        self._hinges.insert(0, _add_hinge(body, f"{name}_pitch", stiffness, damping, foot.armature))
+        self._hinges.insert(0, _add_hinge(body, f"{name}_pitch", stiffness, damping))
         centre = np.array([self.layout.centres[i], 0.0, foot.thickness / 2.0]) - origin
         size = (self.layout.pitch, foot.width, foot.thickness)
         set_inertia(body, box_inertia(foot.phalanx_mass, size, centre))
@@ -113,28 +113,26 @@ class SoftFootBuilder:
         foot, contact = self.foot, self.foot.contact
         names = []
         for row, x in enumerate(foot.contact_rows()):
-            body, origin = self._phalanges[row // contact.rows_per_phalanx]
+            body, origin = self._phalanges[row // ROWS]
             for column, y in enumerate(contact.column_positions(foot.width)):
                 position = np.array([x, y, contact.radius]) - origin
                 name = part(self.side, f"sole_{row + 1}_{column + 1}")
                 names.append(add_contact_sphere(body, name, position, contact))
         return tuple(names)
 
-    def _add_frontal_arch(self) -> tuple[str, tuple[str, str] | None]:
+    def _add_frontal_arch(self) -> tuple[str, tuple[str, str]]:
         foot, side = self.foot, self.side
-        origin, loop_point = np.array(self.layout.arch_hinge), np.array(self.layout.loop_point)
+        origin, loop_point = np.array(self.layout.ankle), np.array(self.layout.loop_point)
         arch = self.body.add_body(name=part(side, "frontal_arch"), pos=origin)
-        joint = _add_hinge(arch, part(side, "arch_pitch"), foot.arch_stiffness, foot.arch_damping, 0.0)
+        joint = _add_hinge(arch, part(side, "arch_pitch"), foot.arch_stiffness, foot.arch_damping)
         set_inertia(arch, pin.SE3(np.eye(3), -origin).act(self.layout.frontal_arch))
         tip = loop_point - origin
         add_bar(arch, part(side, "frontal_arch_bar"), (0.0, 0.0, 0.0), tip, ARCH_THICKNESS / 2.0)
-        if not foot.loop:
-            return joint, None
         held, held_origin = self._phalanges[foot.loop_phalanx - 1]
         sites = (part(side, "loop_arch"), part(side, "loop_sole"))
         arch.add_site(name=sites[0], pos=tip, size=[0.004] * 3, group=CONTACT_GROUP)
         held.add_site(name=sites[1], pos=loop_point - held_origin, size=[0.004] * 3, group=CONTACT_GROUP)
-        parameters = solver_parameters(foot.loop_law)
+        parameters = solver_parameters(LOOP_CLOSURE)
         self.spec.add_equality(
             name=part(side, "loop"),
             type=mujoco.mjtEq.mjEQ_CONNECT,
@@ -159,8 +157,8 @@ class SoftFootBuilder:
         return tuple(f"{joint}_angle" for joint in joints)
 
 
-def _add_hinge(body: mujoco.MjsBody, name: str, stiffness: float, damping: float, armature: float) -> str:
-    joint = body.add_joint(name=name, type=mujoco.mjtJoint.mjJNT_HINGE, axis=_LATERAL, armature=armature)
+def _add_hinge(body: mujoco.MjsBody, name: str, stiffness: float, damping: float) -> str:
+    joint = body.add_joint(name=name, type=mujoco.mjtJoint.mjJNT_HINGE, axis=_LATERAL)
     joint.stiffness[0] = stiffness  # the other entries are coefficients of higher powers of the angle
     joint.damping[0] = damping
     return name

@@ -76,9 +76,9 @@ class Prediction:
 class StiffnessModel:
     """A fitted nearest-neighbour model on scaled features.
 
-    `predict` is a few lines of NumPy with the results of `pipeline().predict`, many times as fast. All rows at the
-    distance of the last neighbour are neighbours, as with level ground among level ground; scikit-learn takes the first
-    of them.
+    `predict` is a few lines of NumPy with the results of scikit-learn (`knn_pipeline`), many times as fast. All rows at
+    the distance of the last neighbour are neighbours, as with level ground among level ground; scikit-learn takes the
+    first of them.
 
     Attributes:
         settings: Settings of the model.
@@ -186,16 +186,6 @@ class StiffnessModel:
             stiffness = float(weight @ self.stiffness[nearest] / weight.sum())
             cluster = int(self.settings.clusters.of(stiffness))
         return Prediction(stiffness, cluster, closest, closest <= self.reach, features)
-
-    def pipeline(self) -> Any:
-        """Return the same model as a fitted scikit-learn pipeline on features that are not scaled.
-
-        It predicts cluster numbers, or stiffness in Nm/rad for a regression.
-        """
-        pipeline = knn_pipeline(self.settings)
-        return pipeline.fit(
-            self.features, self.labels if self.settings.kind == "classification" else self.stiffness
-        )
 
     def save(self, path: str | Path) -> None:
         """Write the model as JSON, one training profile per line; numbers are exact.

@@ -137,7 +137,7 @@ class FootAdmittance:
                 self._rate[foot] = [0.0, 0.0, 0.0]
                 continue
             roll, pitch = cop_rates(g, measured[foot], target[foot])
-            rates = (roll - g.rotation_leak * before[0], pitch - g.rotation_leak * before[1], climb[foot])
+            rates = (roll, pitch, climb[foot])
             after = [
                 min(max(value + dt * rate, -bound), bound)
                 for value, rate, bound in zip(before, rates, bounds, strict=True)

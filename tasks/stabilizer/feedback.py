@@ -137,10 +137,7 @@ def desired_acceleration(
         (
             x + omega * (c * forward - s * sideways),
             y + omega * (s * forward + c * sideways),
-            max(
-                z + gains.height_p * float(errors.com[2]) + gains.height_d * float(errors.com_velocity[2]),
-                LEAST_VERTICAL,
-            ),
+            max(z, LEAST_VERTICAL),
         )
     )
 

@@ -23,15 +23,13 @@ LIMITS = {
     "dcm_d": 5.0,
     "com_v": 10.0,
     "zmp_d": 10.0,
-    "height_p": 400.0,
-    "height_d": 40.0,
     "cop_admittance": 0.1,
     "force_difference": 2e-3,
     "force_difference_damping": 10.0,
     "com_admittance": 20.0,
 }
-"""Greatest gains, from mc_rtc's safety thresholds; dcm_d may go up to the range of Frizza et al. (5 instead of 2),
-force_difference to 2e-3 instead of 5e-4 m/(N·s), and the height gains, which mc_rtc does not have, to a 20 1/s pole."""
+"""Greatest gains, from mc_rtc's safety thresholds; dcm_d may go up to the range of Frizza et al. (5 instead of 2), and
+force_difference to 2e-3 instead of 5e-4 m/(N·s)."""
 
 
 def pair(value: Pair | float) -> Pair:
@@ -56,8 +54,6 @@ class StabilizerGains:
             costs more than the damping gives: DCM errors of 8 against 6 mm on flat floor, 17 against 7 mm at 2 ms.
         com_v: Gain on the CoM velocity error.
         zmp_d: Lead of the ZMP's velocity, s.
-        height_p: Stiffness of the CoM height in the desired force, 1/s².
-        height_d: Damping of the CoM height in the desired force, 1/s.
         integrator_time: Memory of the average, s.
         derivator_time: Time constant of the low-pass that is taken off the derivative of the model, s.
         cop_admittance: Ankle rotation per CoP torque error, rad/(Nm·s), along x (pitch) and y (roll). None: 0.05, or
@@ -66,7 +62,6 @@ class StabilizerGains:
         force_difference_damping: Decay of the feet's height difference, 1/s.
         height_leak: Decay of the feet's mean height on both feet, 1/s.
         support_height_leak: Decay of the support foot's height on one foot, 1/s.
-        rotation_leak: Decay of the ankle rotation, 1/s.
         com_admittance: CoM velocity per ZMP error, 1/s.
         com_admittance_leak: Decay of the CoM's offset, 1/s.
         wrench_time: Low-pass of the measured wrenches before the admittances, s.
@@ -85,8 +80,6 @@ class StabilizerGains:
     dcm_d: Gain = 0.0
     com_v: Gain = 1.0
     zmp_d: Annotated[Gain, "s"] = 0.0
-    height_p: Annotated[NonNegative, "1/s²"] = 0.0
-    height_d: Annotated[NonNegative, "1/s"] = 0.0
     integrator_time: Annotated[Positive, "s"] = 10.0
     derivator_time: Annotated[Positive, "s"] = 1.0
     cop_admittance: Annotated[Gain, "rad/(Nm·s)"] | None = None
@@ -94,7 +87,6 @@ class StabilizerGains:
     force_difference_damping: Annotated[NonNegative, "1/s"] = 0.0
     height_leak: Annotated[NonNegative, "1/s"] = 1.0
     support_height_leak: Annotated[NonNegative, "1/s"] = 3.0
-    rotation_leak: Annotated[NonNegative, "1/s"] = 0.0
     com_admittance: Annotated[Gain, "1/s"] = 0.0
     com_admittance_leak: Annotated[NonNegative, "1/s"] = 0.1
     wrench_time: Annotated[NonNegative, "s"] = 0.02

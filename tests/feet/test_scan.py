@@ -18,7 +18,6 @@ from wbc.feet.sensing.scan import (
     GroundScan,
     ScanSettings,
     resample,
-    windows,
 )
 from wbc.feet.soles.soft import toe_sensor
 from wbc.feet.soles.sole import SoleGeometry
@@ -185,15 +184,6 @@ def test_the_end_of_a_profile_is_what_lies_ahead() -> None:
     assert profile.last(5.0) is profile
     with pytest.raises(InputError, match="length of the end"):
         profile.last(0.0)
-
-
-def test_windows_cut_a_track() -> None:
-    z = np.arange(430.0)
-    cut = windows(z, 0.007, 0.28, 0.14)
-    assert cut.shape == (20, 41)
-    np.testing.assert_array_equal(cut[3], z[60:101])
-    with pytest.raises(InputError, match="holds no window"):
-        windows(z[:40], 0.007, 0.28, 0.14)
 
 
 @pytest.mark.parametrize("phalanges", [10, 7])

@@ -18,7 +18,7 @@ from wbc.feet.stiffness.clusters import Clusters
 from wbc.feet.stiffness.comparison import candidates, compare, comparison_table
 from wbc.feet.stiffness.dataset import REQUIRED, ProfileRecipe, StiffnessTable
 from wbc.feet.stiffness.features import PAPER_FEATURES, WINDOW_FEATURES, FeatureSet, select_features
-from wbc.feet.stiffness.model import ModelSettings, StiffnessModel
+from wbc.feet.stiffness.model import ModelSettings, StiffnessModel, knn_pipeline
 from wbc.feet.stiffness.roughness import PARAMETERS, RoughnessSettings, roughness
 from wbc.feet.stiffness.validation import PROTOCOLS, Candidate, cross_validate
 
@@ -120,7 +120,8 @@ def test_predictions_are_those_of_scikit_learn(
     settings = ModelSettings(features, neighbours, kind=kind)  # type: ignore[arg-type]
     fast = StiffnessModel.fit(table, settings)
     values = np.concatenate([queries(table), table.values[::7]])
-    theirs = fast.pipeline().predict(FeatureSet(features)(values))
+    known = fast.labels if kind == "classification" else fast.stiffness
+    theirs = knn_pipeline(settings).fit(fast.features, known).predict(FeatureSet(features)(values))
     ours = [fast.predict(v) for v in values]
     if kind == "classification":
         np.testing.assert_array_equal([p.cluster for p in ours], theirs)

@@ -195,14 +195,14 @@ def test_hrp4_class_is_what_it_says() -> None:
 
 def test_hrp4_class_is_the_robot_of_all_recorded_walks() -> None:
     """Every number of its document counts, so that none changes unseen."""
-    numbers = np.array(re.findall(r"-?\d+\.?\d*(?:e-?\d+)?", hrp4_class.urdf()), dtype=float)
+    numbers = np.array(re.findall(r"-?\d+\.?\d*(?:e-?\d+)?", hrp4_class.FILE.read_text()), dtype=float)
     assert float(numbers @ np.cos(np.arange(numbers.size))) == pytest.approx(-4.0715333, abs=1e-6)
 
 
 def test_hrp4_class_inertias_are_those_of_its_shapes() -> None:
     """Each link weighs and turns as its drawn solids do at one density; coal integrates them."""
     robot = load("hrp4_class").robot()
-    shapes = pin.buildGeomFromUrdfString(robot.model, hrp4_class.urdf(), pin.GeometryType.COLLISION)
+    shapes = pin.buildGeomFromUrdf(robot.model, str(hrp4_class.FILE), pin.GeometryType.COLLISION)
     for joint in range(1, robot.model.njoints):
         total = pin.Inertia.Zero()
         for shape in shapes.geometryObjects:

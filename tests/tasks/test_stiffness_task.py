@@ -12,13 +12,14 @@ import pinocchio as pin
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from numpy.lib.stride_tricks import sliding_window_view
 from properties import examples
 
 from wbc.core.errors import InputError, UnknownNameError, WbcError
 from wbc.core.robot import Robot, Sole
 from wbc.core.signals import Measurement
 from wbc.feet import SoftFoot, StiffnessActuator
-from wbc.feet.sensing.scan import PROFILE_STEP, ScanSettings, windows
+from wbc.feet.sensing.scan import PROFILE_STEP, ScanSettings
 from wbc.feet.soles.actuator import StiffnessState
 from wbc.feet.soles.soft import VariableStiffnessFoot, toe_sensor
 from wbc.feet.stiffness.dataset import ProfileRecipe, StiffnessTable
@@ -205,7 +206,7 @@ def model() -> StiffnessModel:
         for amplitude in (0.0,) if name == "flat" else (0.02, 0.025, 0.03):
             for lane in (-0.2, 0.0, 0.2):
                 ground = terrain(name, amplitude=amplitude, seed=4)
-                z = windows(ground.profile(y=lane)[1], PROFILE_STEP, WINDOW, 0.2)
+                z = sliding_window_view(ground.profile(y=lane)[1], round(WINDOW / PROFILE_STEP) + 1)[::29]
                 values = roughness(PROFILE_STEP * np.arange(z.shape[1]), z).values
                 for w, row in enumerate(values.tolist()):
                     entry = dict(zip(PARAMETERS, row, strict=True)) | {
