@@ -111,10 +111,8 @@ def link_names(model: pin.Model) -> list[str]:
 def carrier(model: pin.Model, frame: str) -> tuple[str, pin.SE3]:
     """Return the link whose origin is the joint that moves a frame, and the placement of the frame in this link.
 
-    MuJoCo merges links that are fixed to one another into this one: sites are attached to it.
-
-    Raises:
-        UnknownNameError: There is no such frame.
+    MuJoCo merges links that are fixed to one another into this one: sites are attached to it. Raises `UnknownNameError`
+    for no such frame.
     """
     choose("frame", frame, (str(f.name) for f in model.frames))
     # A joint and its link may have one name: the joint comes first, at the very same place.

@@ -51,15 +51,7 @@ class RangeSampler:
     """
 
     def __init__(self, sensor: RangeSensor, seed: int = 0) -> None:
-        """Start without a reading.
-
-        Args:
-            sensor: Range and errors of the sensor.
-            seed: Seed of noise and drop-outs.
-
-        Raises:
-            InputError: A sensor that is none, a seed that is no integer of at least 0.
-        """
+        """Start without a reading; the seed is that of noise and drop-outs. `InputError` for one below 0."""
         self.sensor = sensor
         self._seed = whole_number("seed", seed, low=0)
         self.reset()
@@ -76,13 +68,10 @@ class RangeSampler:
         return time >= self._due - 1e-9
 
     def sample(self, time: float, distance: float) -> float:
-        """Return the reading at a time, m; NaN if it was lost or out of range.
+        """Return the reading at a time, s, that does not decrease, m; NaN if it was lost or out of range.
 
-        Between two readings the last one is held.
-
-        Args:
-            time: Now, s; must not decrease between calls.
-            distance: True distance along the ray, m; infinite or NaN when the ray hits nothing.
+        The true distance along the ray, m, is infinite or NaN where the ray hits nothing. Between two readings the last
+        one is held.
         """
         self.fresh = self.due(time)
         if not self.fresh:

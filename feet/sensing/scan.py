@@ -198,11 +198,8 @@ class GroundScan:
 def _broken_line(cell: NDArray[np.intp], mean: Array, forward: Array, settings: ScanSettings) -> Profile:
     """Return the profile through the centroids of cells.
 
-    Args:
-        cell: Numbers of the cells with hits, ascending, shape (m,).
-        mean: Rows x from the cell's centre, z, lateral, shape (3, m), m.
-        forward: Walking direction.
-        settings: Step and gap.
+    Numbers of the cells with hits ascend, shape (m,); rows of their means are x from the cell's centre, z, lateral,
+    shape (3, m), m.
     """
     step = settings.step
     x = cell * step + mean[0]
@@ -229,13 +226,8 @@ def _broken_line(cell: NDArray[np.intp], mean: Array, forward: Array, settings: 
 def resample(x: ArrayLike, z: ArrayLike, settings: ScanSettings | None = None) -> Profile:
     """Return the profile of given points on a uniform grid, as `GroundScan` computes it from hits.
 
-    Args:
-        x: Places along the walking direction in any order, shape (n,), m.
-        z: Heights, shape (n,), m; NaN where unknown.
-        settings: Step and gap; the capacity is not used.
-
-    Raises:
-        InputError: Different shapes, a place that is not finite, or fewer than two samples.
+    Places along the walking direction, in any order, and heights, NaN where unknown, have shape (n,), m. Raises
+    `InputError` for different shapes, a place that is not finite, or fewer than two samples.
     """
     given = ScanSettings() if settings is None else settings
     places = finite_array("places of a profile (m)", x)

@@ -58,10 +58,7 @@ def add_foot_body(spec: mujoco.MjSpec, ankle_body: mujoco.MjsBody, side: str, fi
     """Weld the foot's body under the ankle, its frame the sole frame, with the force and torque sensors.
 
     MuJoCo measures the force between a body and its parent, so all geoms that touch the ground, and nothing of the
-    robot, must be on this body and its children.
-
-    Raises:
-        InputError: Unknown side, ankle body of another name.
+    robot, must be on this body and its children. `InputError`: an unknown side, an ankle body of another name.
     """
     choose("side", side, SIDES)
     if ankle_body.name != fit.sole.ankle_link:
@@ -152,15 +149,9 @@ def build_rigid(
     *,
     plate: tuple[float, float] | None,
 ) -> FootParts:
-    """Add a rigid sole of spheres under an ankle.
+    """Add a rigid sole of spheres under an ankle to a model under construction.
 
-    Args:
-        spec: Model under construction.
-        ankle_body: Body that carries the foot.
-        side: "left" or "right".
-        fit: Rectangle of the foot.
-        contact: Sphere grid.
-        plate: Mass (kg) and thickness (m) of the sole's plate; None for a sole that is part of the ankle link.
+    `plate` is mass (kg) and thickness (m) of the sole's plate; None for a sole that is part of the ankle link.
     """
     body = add_foot_body(spec, ankle_body, side, fit)
     length, width = fit.sole.length, fit.sole.width

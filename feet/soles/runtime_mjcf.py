@@ -39,17 +39,11 @@ class SoleStiffness:
         actuator: StiffnessActuator | None = None,
         damping: Callable[[float], float] | None = None,
     ) -> None:
-        """Start at the stiffness that the model was compiled with.
+        """Start at the stiffness that the model was compiled with; its `jnt_stiffness` is written from now on.
 
-        Args:
-            model: Compiled model; its `jnt_stiffness` is written from now on.
-            foot: A soft foot of that model.
-            actuator: Actuator of the sole; None for one that acts at once.
-            damping: Stiffness (Nm/rad) → damping of the hinges about the transverse axis (Nms/rad) that goes with it;
-                None if the damping does not change.
-
-        Raises:
-            InputError: The foot is rigid, or the model does not hold it.
+        Without an actuator the sole acts at once. `damping` is stiffness (Nm/rad) → damping of the hinges about the
+        transverse axis (Nms/rad) that goes with it; it does not change when None. `InputError`: a rigid foot, or one of
+        another model.
         """
         if not foot.variable_joints:
             raise InputError(f"the {foot.side} foot is rigid: it has no stiffness to set")
@@ -69,26 +63,15 @@ class SoleStiffness:
         return float(self._model.jnt_stiffness[self._joints[0]])
 
     def reset(self, stiffness: float | None = None) -> None:
-        """Set a stiffness at once: the given one, or the one at the start.
-
-        Raises:
-            InputError: Outside the range of the actuator.
-        """
+        """Set a stiffness at once: the given one, Nm/rad, or the one at the start; see `StiffnessActuator.check`."""
         self.state = self.actuator.at_rest(self._initial if stiffness is None else stiffness)
         self._write()
 
     def step(self, command: float, duration: float) -> float:
-        """Advance the actuator and write the stiffness into the model, for the next physics step.
+        """Advance the actuator by a duration, s, and write the stiffness into the model, for the next physics step.
 
-        Args:
-            command: Commanded stiffness, Nm/rad.
-            duration: Time since the last call, s.
-
-        Returns:
-            The actual stiffness, Nm/rad.
-
-        Raises:
-            InputError: The command is outside the range of the actuator.
+        Returned is the actual stiffness, Nm/rad; a command, Nm/rad, outside the range of the actuator is an
+        `InputError`.
         """
         self.state = self.actuator.advance(self.state, command, duration)
         self._write()
@@ -113,17 +96,9 @@ class RangeFinder:
         sensor: RangeSensor | None = None,
         seed: int = 0,
     ) -> None:
-        """Look up the site.
+        """Look up the site; the geom group of the ground, 0 to 5, holds nothing else; a sensor is perfect when None.
 
-        Args:
-            model: Compiled model.
-            foot: A foot of that model.
-            ground_group: Geom group of the ground and nothing else, 0 to 5.
-            sensor: Limits and errors; None for a perfect sensor.
-            seed: Seed of the errors.
-
-        Raises:
-            InputError: No such group, or the model does not hold this foot.
+        `InputError`: no such group, or a foot of another model.
         """
         group = finite_scalar("geom group of the ground", ground_group, low=0, high=mujoco.mjNGROUP - 1)
         self._site = _id(model, mujoco.mjtObj.mjOBJ_SITE, foot.range_site)
@@ -178,11 +153,7 @@ class SoleProbe:
     """Ground truth of one foot, for logs and test rigs; no measurement of a controller."""
 
     def __init__(self, model: mujoco.MjModel, foot: FootParts) -> None:
-        """Look up geoms, joints and sites.
-
-        Raises:
-            InputError: The model does not hold this foot.
-        """
+        """Look up geoms, joints and sites; `InputError` if the model does not hold this foot."""
         geom, joint, site = mujoco.mjtObj.mjOBJ_GEOM, mujoco.mjtObj.mjOBJ_JOINT, mujoco.mjtObj.mjOBJ_SITE
         self._own = np.zeros(model.ngeom, dtype=bool)
         self._own[[_id(model, geom, name) for name in foot.contact_geoms]] = True
@@ -205,13 +176,7 @@ class SoleProbe:
         return float(np.linalg.norm(data.site_xpos[a] - data.site_xpos[b]))
 
     def contacts(self, model: mujoco.MjModel, data: mujoco.MjData, min_force: float = 0.0) -> GroundContacts:
-        """Return the contacts of this foot whose normal force exceeds a threshold.
-
-        Args:
-            model: Compiled model.
-            data: State after a step or `mj_forward`.
-            min_force: Threshold, N.
-        """
+        """Return the contacts of this foot whose normal force exceeds a threshold, N, after a step or `mj_forward`."""
         points, forces = [], []
         for i in range(data.ncon):
             contact = data.contact[i]

@@ -36,15 +36,7 @@ class SoftFootBuilder:
     def __init__(
         self, spec: mujoco.MjSpec, ankle_body: mujoco.MjsBody, side: str, foot: SoftDesign, fit: FootFit
     ) -> None:
-        """Add the body under the ankle.
-
-        Args:
-            spec: Model under construction.
-            ankle_body: Body that carries the foot.
-            side: "left" or "right".
-            foot: The design.
-            fit: The design under this ankle.
-        """
+        """Add the body of a design, as it fits under this ankle, to a model under construction."""
         self.spec, self.side, self.foot, self.fit = spec, side, foot, fit
         self.layout = foot.layout(fit.sole)
         self.body = add_foot_body(spec, ankle_body, side, fit)

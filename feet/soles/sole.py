@@ -125,13 +125,7 @@ class FootFit:
 
 
 def box_inertia(mass: float, size: ArrayLike, centre: ArrayLike) -> pin.Inertia:
-    """Return the inertia of a uniform box in the frame of `centre`.
-
-    Args:
-        mass: kg.
-        size: Full extents along the axes, shape (3,), m.
-        centre: Centre of the box, shape (3,), m.
-    """
+    """Return the inertia of a uniform box, kg, with full extents `size`, shape (3,), m, in the frame of its centre."""
     x, y, z = finite_array("box size (m)", size, (3,))
     if mass == 0.0:
         return pin.Inertia.Zero()
@@ -145,14 +139,9 @@ def box_inertia(mass: float, size: ArrayLike, centre: ArrayLike) -> pin.Inertia:
 def bar_inertia(
     mass: float, start: ArrayLike, end: ArrayLike, *, width: float, thickness: float
 ) -> pin.Inertia:
-    """Return the inertia of a uniform bar of rectangular section between two points of the x–z plane.
+    """Return the inertia of a uniform bar, kg, between two points of the x–z plane, shape (3,), m.
 
-    Args:
-        mass: kg.
-        start: One end, shape (3,), m.
-        end: Other end, shape (3,), m.
-        width: Extent along y, m.
-        thickness: Extent across the bar in the x–z plane, m.
+    Its section is a rectangle: `width` is the extent along y, `thickness` that across it in the x–z plane, m.
     """
     a = finite_array("bar start (m)", start, (3,))
     b = finite_array("bar end (m)", end, (3,))

@@ -248,16 +248,9 @@ class StiffnessTable:
 
 
 def parse_head(text: str, kind: str, version: int, path: Path) -> dict[str, Any]:
-    """Return the JSON object at the start of a file, after a check of its format and version.
+    """Return the JSON object at the start of a file, after a check of its format (`kind`) and version.
 
-    Args:
-        text: JSON.
-        kind: Expected format.
-        version: Expected version.
-        path: File, for the message.
-
-    Raises:
-        InputError: Not JSON, another format or another version, or a provenance ("made") that is no object.
+    Raises `InputError` for no JSON, another format or version, or a provenance ("made") that is no object.
     """
     with parsing(path, kind):
         head = json.loads(text)
@@ -275,15 +268,7 @@ def parse_head(text: str, kind: str, version: int, path: Path) -> dict[str, Any]
 
 
 def complete_settings(kind: type[T], data: Any) -> T:
-    """Return settings that were written in full: in the files here a missing value is an error, not the default.
-
-    Args:
-        kind: Class of the settings.
-        data: Plain values.
-
-    Raises:
-        InputError: A value is missing, unknown or breaks a rule.
-    """
+    """Return settings that were written in full: in the files here a missing value is an `InputError`."""
     value = from_json(kind, data)
     if to_json(value) != data:
         raise InputError(f"{kind.__name__} must be complete, such as {to_json(value)}, got {data}")

@@ -54,13 +54,9 @@ class FeatureSet:
         return np.array([base for base, _ in parsed]), np.array([power for _, power in parsed])
 
     def __call__(self, values: ArrayLike) -> Array:
-        """Return the features, shape (…, number of features).
+        """Return the features, shape (…, n), of roughness parameters in the order of `PARAMETERS`, shape (…, 10).
 
-        Args:
-            values: Roughness parameters in the order of `PARAMETERS`, shape (…, 10).
-
-        Raises:
-            InputError: Wrong shape, NaN or infinite.
+        Raises `InputError` for a wrong shape, NaN or infinity.
         """
         given = finite_array("roughness parameters", values)
         if given.ndim < 1 or given.shape[-1] != len(PARAMETERS):

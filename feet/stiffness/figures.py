@@ -16,18 +16,11 @@ if TYPE_CHECKING:
 
 
 def model_figure(table: StiffnessTable, settings: ModelSettings, curve: LearningCurve) -> Figure:
-    """Return a figure of a table and of the quality of a nearest-neighbour model on it.
+    """Return a figure of a table, and of the quality of a nearest-neighbour model with its learning curve on it.
 
     Four panels: profiles in the first two principal components; confusion of clusters, grounds kept apart; accuracy
-    against the number of training grounds; best stiffness against amplitude, a line per ground.
-
-    Args:
-        table: Profiles with their best stiffness.
-        settings: Settings of the model.
-        curve: Its learning curve on the table.
-
-    Raises:
-        InputError: A table that is too small for a cross-validation.
+    against the number of training grounds; best stiffness against amplitude, a line per ground. Raises `InputError` for
+    a table that is too small for a cross-validation.
     """
     from matplotlib.figure import Figure  # noqa: PLC0415 - slow to import
 

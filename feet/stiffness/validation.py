@@ -176,15 +176,9 @@ def fold_splitter(
 ) -> tuple[Any, NDArray[np.intp] | None]:
     """Return scikit-learn's splitter of a protocol, and the groups of the rows if the protocol has groups.
 
-    Args:
-        table: Profiles with their best stiffness.
-        labels: Cluster of each row, shape (n,).
-        protocol: Way to split the table, one of `PROTOCOLS`.
-        folds: Number of folds; the number of groups if that is smaller and the protocol has groups.
-
-    Raises:
-        InputError: Fewer than two folds or groups, or more folds than rows of any class.
-        UnknownNameError: No such protocol.
+    Labels are the cluster of each row, shape (n,). There are as many folds as groups if these are fewer. Raises
+    `UnknownNameError` for no such protocol, `InputError` for fewer than two folds or groups, or more folds than rows of
+    any class.
     """
     from sklearn.model_selection import GroupKFold, StratifiedKFold  # noqa: PLC0415 - only studies need it
 
@@ -206,17 +200,10 @@ def fold_splitter(
 def train_and_command(
     model: Candidate, features: Array, target: NDArray[Any], query: Array, clusters: Clusters
 ) -> Array:
-    """Return the stiffness that a model commands after training, shape (m,), Nm/rad.
+    """Return the stiffness that a model commands for queried rows, shape (m, f), after training, shape (m,), Nm/rad.
 
-    Args:
-        model: Model to train.
-        features: Features of the training rows, shape (n, f).
-        target: Cluster numbers or stiffness of the training rows, shape (n,).
-        query: Features of the rows to predict, shape (m, f).
-        clusters: Ranges of stiffness.
-
-    Raises:
-        InputError: The estimator refuses these rows; the message has its reason.
+    It is trained on features of rows, shape (n, f), and their cluster numbers or stiffness, shape (n,). `InputError`:
+    the estimator refuses these rows; the message has its reason.
     """
     try:
         predicted = np.asarray(model.estimator().fit(features, target).predict(query))

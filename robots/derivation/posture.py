@@ -34,18 +34,10 @@ def half_sitting(
 ) -> dict[str, float]:
     """Return the half-sitting position of every joint, in the order of the model.
 
-    Leg joints that are not given are solved for; the others are zero, or as near to it as `INSIDE` allows.
-
-    Args:
-        model: Pinocchio model with a free-flyer and limits.
-        soles: Sole frames, left first; none of a robot without feet.
-        given: Joint → position, rad or m, of some joints or none.
-        stance_width: Smallest distance between the sole centres, m.
-
-    Raises:
-        UnknownNameError: A joint that does not exist.
-        InputError: A position that is not finite or outside its limits.
-        ModelError: The legs cannot take such a posture.
+    `given` has positions, rad or m, of some joints or none. Leg joints that are not given are solved for, their soles
+    at least `stance_width` apart, m; the others are zero, or as near to it as `INSIDE` allows. Raises
+    `UnknownNameError` for a joint that does not exist, `InputError` for a position outside its limits, `ModelError` for
+    legs that cannot stand so.
     """
     names = list(model.names)[2:]
     lower, upper = model.lowerPositionLimit[7:], model.upperPositionLimit[7:]
@@ -145,12 +137,7 @@ def check_balance(model: pin.Model, soles: tuple[SoleDescription, ...], q: Array
 
 
 def knee_direction(model: pin.Model, sole: str) -> Array:
-    """Return where the knee of a leg goes when it bends, in the axes of the root, shape (3,), m/rad.
-
-    Args:
-        model: Pinocchio model.
-        sole: Frame at the end of the leg.
-    """
+    """Return where the knee of the leg of a sole goes when it bends, in root axes, shape (3,), m/rad."""
     data, leg = model.createData(), joints_to(model, sole)
     pin.computeJointJacobians(model, data, pin.neutral(model))
     pin.updateFramePlacements(model, data)

@@ -17,13 +17,9 @@ from wbc.core.files import read_text
 def compiled_with_files(source: Any, *, meshes: bool) -> tuple[mujoco.MjModel, dict[str, str]]:
     """Return MuJoCo's compiled model of an MJCF, and the files of its meshes by their names.
 
-    Args:
-        source: Path of a file, the XML itself, an `MjSpec` (not changed) or an `MjModel` (returned as it is).
-        meshes: False to leave out meshes, for a file that came without them: every body must then give its inertia.
-
-    Raises:
-        InputError: The file does not exist, or the source is of another kind.
-        ModelError: MuJoCo refuses it: its own words on one line, with the file.
+    The source is the path of a file, the XML itself, an `MjSpec` (not changed) or an `MjModel` (returned as it is).
+    Without `meshes`, for a file that came without them, every body must give its inertia. Raises `InputError` for no
+    such file, or another kind of source, `ModelError` with MuJoCo's own words on one line where it refuses it.
     """
     if isinstance(source, mujoco.MjModel):
         return source, {}

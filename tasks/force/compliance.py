@@ -322,16 +322,10 @@ class ComplianceTask(PoseTargetTask):
 
 
 def six(task: str, what: str, value: ArrayLike, *, above_zero: bool = False) -> Array:
-    """Return a value for each axis of a frame, [linear; angular].
+    """Return a value for each axis of a frame, [linear; angular], shape (6,), given so or as a pair (linear, angular).
 
-    Args:
-        task: Name of the task, for the message.
-        what: Name of the value with its unit, for the message.
-        value: Shape (6,), or a pair (linear, angular).
-        above_zero: True if zero is not allowed either.
-
-    Raises:
-        InputError: Another shape, not finite, or negative.
+    `what` names it in messages, with its unit. Raises `InputError` for another shape, or a number that is not finite,
+    negative, or zero if it must be above zero.
     """
     gain = finite_array(f"{what} of task '{task}'", value)
     if gain.shape == (2,):

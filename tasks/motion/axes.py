@@ -19,19 +19,9 @@ BASE = "base"
 
 
 def axis_mask(task: str, axes: Sequence[str], choices: Sequence[str]) -> NDArray[np.bool_]:
-    """Return which of `choices` are in `axes`.
+    """Return a mask of shape (len(choices),): which of `choices` are in `axes`, given once each in the same order.
 
-    Args:
-        task: Name of the task, for the message.
-        axes: Names of axes, each at most once, in the order of the choices.
-        choices: Names allowed, in order.
-
-    Returns:
-        Mask of shape (len(choices),).
-
-    Raises:
-        InputError: No axis at all, one twice, or in another order.
-        UnknownNameError: An axis that is not among the choices.
+    Raises `UnknownNameError` for another axis, `InputError` for none at all, one twice, or another order.
     """
     chosen = names_in(f"axes of task '{task}'", axes)
     if not chosen or len(set(chosen)) != len(chosen):
@@ -49,22 +39,15 @@ def axis_mask(task: str, axes: Sequence[str], choices: Sequence[str]) -> NDArray
 
 
 def joint_columns(robot: Robot, joints: Iterable[str]) -> NDArray[np.intp]:
-    """Return the velocity coordinates of joints.
-
-    Raises:
-        UnknownNameError: The robot has no such joint.
-    """
+    """Return the velocity coordinates of joints; `UnknownNameError` if the robot has no such joint."""
     return np.array([BASE_DOF + robot.joint_index(joint) for joint in joints], dtype=np.intp)
 
 
 def other_columns(robot: Robot, joints: Sequence[str] | None) -> NDArray[np.intp] | None:
     """Return the velocity coordinates that a task limited to `joints` must not use; None when it may use all.
 
-    The floating base counts as not selected unless "base" is among the joints: a task that may move only some
-    joints may not move the base.
-
-    Raises:
-        UnknownNameError: The robot has no such joint.
+    A task that may move only some joints may not move the floating base, unless "base" is among them. Raises
+    `UnknownNameError` for no such joint.
     """
     if joints is None:
         return None
@@ -75,11 +58,7 @@ def other_columns(robot: Robot, joints: Sequence[str] | None) -> NDArray[np.intp
 
 
 def distinct_joints(joints: str | Sequence[str]) -> list[str]:
-    """Return the names as a list; a single name counts as a list of one.
-
-    Raises:
-        InputError: No joint at all, or one twice.
-    """
+    """Return the names as a list, a single name as a list of one; `InputError` for none at all, or one twice."""
     chosen = names_in("joints", joints)
     if not chosen or len(set(chosen)) != len(chosen):
         raise InputError(f"joints must be distinct, at least one; got {chosen}")

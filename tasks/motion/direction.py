@@ -23,12 +23,7 @@ NEAREST = 0.05
 
 
 def least_turn(axis: Array, direction: Array) -> Array:
-    """Return the least rotation vector that turns an axis to a direction, shape (3,), rad.
-
-    Args:
-        axis: Of length 1, shape (3,).
-        direction: Of length 1, shape (3,).
-    """
+    """Return the least rotation vector that turns an axis to a direction, rad; these have length 1, all shape (3,)."""
     cross = np.cross(axis, direction)
     sine, cosine = float(np.linalg.norm(cross)), float(axis @ direction)
     if sine < 1e-6:
@@ -40,11 +35,7 @@ def least_turn(axis: Array, direction: Array) -> Array:
 
 
 def unit_vector(what: str, value: ArrayLike) -> Array:
-    """Return a vector of length 1, shape (3,), after a check.
-
-    Raises:
-        InputError: Not three finite numbers, or all zero.
-    """
+    """Return a vector of length 1, shape (3,); `InputError` for what is not three finite numbers, or all zero."""
     vector = finite_array(what, value, (3,))
     length = float(np.linalg.norm(vector))
     if length < 1e-9:

@@ -19,14 +19,9 @@ from wbc.tasks.options import MotionOptions
 
 
 def rotation_matrix(what: str, value: ArrayLike) -> Array:
-    """Return a rotation matrix after a check, as a copy.
+    """Return a copy of a rotation matrix, shape (3, 3), that is `what` in messages.
 
-    Args:
-        what: Name of the matrix in the message.
-        value: Matrix of shape (3, 3).
-
-    Raises:
-        InputError: Not a finite, orthonormal, right-handed matrix (to 1e-6).
+    Raises `InputError` for one that is not finite, orthonormal and right-handed (to 1e-6).
     """
     matrix = finite_array(what, value, (3, 3))
     (a, b, c), (d, e, f), (g, h, i) = matrix.tolist()
@@ -45,14 +40,9 @@ def rotation_matrix(what: str, value: ArrayLike) -> Array:
 
 
 def pose(what: str, value: pin.SE3) -> pin.SE3:
-    """Return a pose after a check, as a copy.
+    """Return a copy of a pose that is `what` in messages.
 
-    Args:
-        what: Name of the pose in the message.
-        value: The pose.
-
-    Raises:
-        InputError: Not a `pinocchio.SE3`, or one that is not finite or whose rotation is not one.
+    Raises `InputError` for what is no `pinocchio.SE3`, or is not finite, or whose rotation is none.
     """
     if not isinstance(value, pin.SE3):
         raise InputError(f"{what} must be a pinocchio.SE3, got {value!r}")
@@ -70,14 +60,7 @@ class FrameTask(TargetTask[T]):
     """
 
     def __init__(self, frame: str, name: str, choices: Sequence[str], options: MotionOptions) -> None:
-        """Describe the task.
-
-        Args:
-            frame: Frame of the robot.
-            name: Name of the task where the options give none.
-            choices: Axes to choose from, in the order of the rows.
-            options: Options of the task; stiffness 30 1/s² by default.
-        """
+        """Describe the task; see `TargetTask`. Stiffness 30 1/s² by default."""
         self.frame = frame
         super().__init__(name, choices, {"stiffness": 30.0, **options})
 

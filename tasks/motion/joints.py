@@ -27,16 +27,9 @@ class JointTask(Task):
         joints: str | Sequence[str] | None,
         options: Mapping[str, Any],
     ) -> None:
-        """Describe the task.
+        """Describe the task: name where the options give none, targets, joints (all when None) and checked options.
 
-        Args:
-            name: Name of the task where the options give none.
-            target: Targets of the joints.
-            joints: Joint or joints of the task; all when None.
-            options: Options by name, checked, with the defaults of the task.
-
-        Raises:
-            InputError: No joint at all, a joint twice, or an option out of range.
+        Raises `InputError` for no joint at all, a joint twice, or an option out of range.
         """
         self._joints = None if joints is None else distinct_joints(joints)
         gains = dict(options)

@@ -38,13 +38,7 @@ class Course:
     def __init__(
         self, start: Array, check: Callable[[Any], Array], parts: Sequence[slice] = (slice(None),)
     ) -> None:
-        """Begin at a target.
-
-        Args:
-            start: Present target, shape (n,).
-            check: Returns a target after a check, shape (n,).
-            parts: Coordinates that are one vector.
-        """
+        """Begin at the present target, shape (n,); `check` returns a target after a check, shape (n,)."""
         self.start, self._check, self.parts = np.array(start), check, parts
 
     def point(self, target: Any, before: Array) -> Array:

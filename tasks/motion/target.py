@@ -34,16 +34,10 @@ class TargetTask(MovingTask, MotionTask, Generic[T]):
     _course_of: ClassVar[Any] = Course
 
     def __init__(self, name: str, choices: Sequence[str], options: MotionOptions) -> None:
-        """Describe the task.
+        """Describe the task: its name where the options give none, its axes in the order of the rows, and its options.
 
-        Args:
-            name: Name of the task where the options give none.
-            choices: Axes to choose from, in the order of the rows.
-            options: Options, with the defaults of the task filled in.
-
-        Raises:
-            UnknownNameError: An unknown option or axis.
-            InputError: An axis twice or out of order, or a gain out of range.
+        Raises `UnknownNameError` for an unknown option or axis, `InputError` for an axis twice or out of order, or a
+        gain out of range.
         """
         gains: dict[str, Any] = {**options}
         name = gains.pop("name", None) or name

@@ -290,20 +290,10 @@ def _of_sole(values: Any, side: int) -> float:
 def reachable(
     actuator: StiffnessActuator, actual: float, target: float, duration: float, tolerance: float = 0.025
 ) -> float:
-    """Return the stiffness nearest to a target that an actuator at rest settles to in time.
+    """Return the stiffness nearest to a target, Nm/rad, that an actuator at rest settles to in time.
 
-    Args:
-        actuator: The actuator.
-        actual: Its present stiffness, Nm/rad.
-        target: Target, Nm/rad, within its range.
-        duration: Time left, s.
-        tolerance: Largest difference that counts as settled, as a share.
-
-    Returns:
-        Stiffness between `actual` and `target`, Nm/rad.
-
-    Raises:
-        InputError: Outside the range of the actuator, or a negative duration.
+    It lies between the present stiffness, `actual`, and the target; `duration` is the time left, s; `tolerance` the
+    largest difference that counts as settled, as a share. Raises `InputError` outside the range of the actuator.
     """
     state = StiffnessState(actual, actual, actual)
 

@@ -96,9 +96,7 @@ def check_fields(value: Any) -> None:
     """Check the fields of a dataclass that is not made with `@settings`, for its `__post_init__`; lists become tuples.
 
     Of one that derives from settings those fields are checked which it inherits, by the rules that they have there.
-
-    Raises:
-        InputError: A field that does not agree with its annotation.
+    Raises `InputError` for a field that does not agree with its annotation.
     """
     kinds = type(value).__mro__
     kind = next((each for each in kinds if "__pydantic_validator__" in vars(each)), kinds[0])

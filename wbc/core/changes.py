@@ -119,20 +119,11 @@ def _full_name(names: tuple[str, ...], name: str) -> str:
 
 
 def changed(settings: T, changes: Mapping[str, Any] | Changes) -> T:
-    """Return settings with some values replaced.
+    """Return settings, a frozen dataclass with nested ones, with some values replaced.
 
-    Args:
-        settings: A frozen dataclass, with nested dataclasses.
-        changes: Names, full or as far as they are unique, and values. Settings that can be switched off take None, and
-            True while they are off.
-
-    Returns:
-        New settings, checked as all settings of their class are.
-
-    Raises:
-        UnknownNameError: No such setting.
-        InputError: A name that several settings have, a value of the wrong kind or out of range. Values that change
-            together are checked together, whatever their order.
+    Names are full or as far as they are unique. Settings that can be switched off take None, and True while they are
+    off. Values that change together are checked together, whatever their order. Raises `UnknownNameError` for no such
+    setting, `InputError` for a name that several settings have, a value of the wrong kind or out of range.
     """
     tree: dict[str, Any] = {}
     for path, value in _in_order(settings, changes):
@@ -146,11 +137,8 @@ def changed(settings: T, changes: Mapping[str, Any] | Changes) -> T:
 def normal_changes(settings: Any, changes: Mapping[str, Any] | Changes) -> Changes:
     """Return changes with full names, in alphabetical order, and with the values that the changed settings have.
 
-    Equivalent changes are then equal, hash equally and are written equally: `dcm_p` of 5 is `gains.dcm_p` of
-    (5.0, 5.0).
-
-    Raises:
-        InputError: As `changed`, or a setting that is changed under two names.
+    Equivalent changes are then equal, hash equally and are written equally: `dcm_p` of 5 is `gains.dcm_p` of (5.0,
+    5.0). Raises as `changed`, and `InputError` for a setting that is changed under two names.
     """
     pairs = _in_order(settings, changes)
     new = changed(settings, changes)

@@ -110,15 +110,9 @@ def scalar(value: float) -> Array:
 
 
 def finite_array(what: str, value: ArrayLike, shape: tuple[int, ...] | None = None) -> Array:
-    """Return a copy of finite numbers as a float64 array.
+    """Return a copy of finite numbers as a float64 array, of any shape when None; `what` is its name in messages.
 
-    Args:
-        what: Name of the value in messages, for example "com target (m)".
-        value: Numbers.
-        shape: Required shape; any when None.
-
-    Raises:
-        InputError: Not numbers, wrong shape, NaN or infinite.
+    Raises `InputError` for what is not numbers, a wrong shape, NaN or infinity.
     """
     try:
         array = np.array(value, dtype=np.float64)
@@ -135,17 +129,9 @@ def finite_array(what: str, value: ArrayLike, shape: tuple[int, ...] | None = No
 def finite_scalar(
     what: str, value: Any, *, low: float = -math.inf, high: float = math.inf, open_low: bool = False
 ) -> float:
-    """Return a number as a float inside [low, high].
+    """Return a number as a float inside [low, high], or (low, high] with `open_low`.
 
-    Args:
-        what: Name of the value in messages, with its unit.
-        value: A number.
-        low: Smallest value allowed (excluded with `open_low`).
-        high: Greatest value allowed.
-        open_low: True if `low` itself is not allowed.
-
-    Raises:
-        InputError: Not a number, not finite or out of range.
+    `what` is its name in messages, with its unit. Raises `InputError` for anything else.
     """
     if isinstance(value, (str, bytes, bool)):
         raise InputError(f"{what} must be a number, got {shown(value)}")

@@ -120,12 +120,7 @@ def replacing(path: str | Path) -> Iterator[Path]:
 
     The new file is in the same folder and has the same ending. Until it is complete and on the disk, nothing happens to
     the old one; after an error the new one is removed. A symbolic link stays one: the file that it names is replaced.
-
-    Args:
-        path: File to write; it need not exist.
-
-    Raises:
-        FileError: The file cannot be made or written; `OSError` in the block becomes this, too.
+    What cannot be made or written is a `FileError`; an `OSError` in the block becomes this, too.
     """
     new: Path | None = None
     try:
@@ -181,11 +176,9 @@ def _new_file(target: Path) -> Path:
 
 
 def check_writable(path: Path) -> None:
-    """Raise an error if a file cannot be written with `replacing`; nothing is changed.
+    """Raise an `OSError` if a file cannot be written with `replacing`; nothing is changed.
 
-    Raises:
-        OSError: No such folder, no permission, a read-only disk, a folder or a device of that name.
-        ValueError: A name that no file can have.
+    A name that no file can have is a `ValueError`.
     """
     with contextlib.suppress(FileNotFoundError):
         mode = path.stat().st_mode  # refuses names that are too long

@@ -63,15 +63,9 @@ class CommandGate:
         """Return a command of hybrid control within all limits.
 
         The torque limit holds for what the machine will apply where the joints are now, and for the feed-forward alone:
-        the feed-forward gives way, so that it and the servos together stay within, and where its own limit does not
-        let it, the gains do. The references keep to their ranges as in `pass_on`.
-
-        Args:
-            torque: Feed-forward torques, shape (na,), Nm (or N).
-            position: Position references, shape (na,), rad (or m).
-            velocity: Velocity references, shape (na,), rad/s (or m/s).
-            gains: kp and kd of the machine, each of shape (na,), Nm/rad and Nms/rad.
-            measured: Joint positions and velocities, each of shape (na,).
+        the feed-forward gives way, so that it and the servos together stay within, and where its own limit does not let
+        it, the gains do. The references keep to their ranges as in `pass_on`; `gains` are kp and kd of the machine,
+        `measured` joint positions and velocities, each of shape (na,), in the units of a `Command`.
         """
         # References first: what they are clipped to decides what the servos do.
         sent = self.pass_on(np.zeros_like(torque), position, velocity)
@@ -118,14 +112,10 @@ class CommandGate:
         return torque, kp, kd
 
     def pass_on(self, torque: Array, position: Array | None = None, velocity: Array | None = None) -> Command:
-        """Return a command within all limits.
+        """Return a command within all limits, of torques and references, shape (na,), in the units of a `Command`.
 
-        What is not finite becomes a torque or velocity of zero, or the last position reference.
-
-        Args:
-            torque: Joint torques, shape (na,), Nm (or N).
-            position: Position references, shape (na,), rad (or m); None in torque control.
-            velocity: Velocity references, shape (na,), rad/s (or m/s); None in torque control.
+        In torque control references are None. What is not finite becomes a torque or velocity of zero, or the last
+        position reference.
         """
         if position is None or velocity is None:
             most = largest(np.abs(torque) - self._torque)

@@ -36,13 +36,9 @@ class Registry(dict[str, T]):
         group: str | None = None,
         check: Callable[[T], object] | None = None,
     ) -> None:
-        """Begin with some entries.
+        """Begin with some entries; `kind` and `group` are the attributes.
 
-        Args:
-            kind: The noun of its messages.
-            entries: Name → value.
-            group: Group of the entry points of other packages.
-            check: Raises `InputError` for a value that is none of its kind.
+        `check` raises `InputError` for a value that is none of its kind.
         """
         super().__init__(entries or {})
         self.kind, self.group, self._check = kind, group, check

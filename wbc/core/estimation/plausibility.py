@@ -147,18 +147,11 @@ class Plausibility:
         self._lasting = np.zeros(len(self._channels))
 
     def check(self, measurement: Measurement) -> tuple[Measurement, bool]:
-        """Return a measurement that can be used.
+        """Return a measurement that can be used, and True where its clock was adopted anew.
 
-        Args:
-            measurement: As it came.
-
-        Returns:
-            The measurement, with refused readings replaced by predictions; and True where its clock was adopted anew,
-            so that no time must be integrated over.
-
-        Raises:
-            MeasurementError: It cannot be used: of the wrong kind or shape, a time stamp that jumped, readings refused
-                for longer than `hold`, or the same measurement again and again.
+        No time must then be integrated over. Refused readings are replaced by predictions. Raises `MeasurementError`
+        for one that cannot be used: of the wrong kind or shape, a time stamp that jumped, readings refused for longer
+        than `hold`, or the same again and again.
         """
         m = self._formed(measurement)
         values = np.concatenate(

@@ -27,13 +27,9 @@ class GyroTurn:
         self._sum, self._rest = 0.0, 0.0
 
     def update(self, gyro: Array, vertical: Array, rests: bool, dt: float) -> None:
-        """Advance by one tick.
+        """Advance by one period, s, with the gyroscope, rad/s, and the vertical in its frame, each of shape (3,).
 
-        Args:
-            gyro: Gyroscope, shape (3,), rad/s.
-            vertical: The vertical in its frame, shape (3,).
-            rests: True while the robot does not turn: its mean then is the bias.
-            dt: Control period, s.
+        `rests` is True while the robot does not turn: its mean then is the bias.
         """
         rate = float(gyro @ vertical)
         if not rests:

@@ -104,19 +104,12 @@ class WrenchEstimator:
     def update(
         self, q: Array, v: Array, torque: Array, passed: float | None = None, *, held: bool = False
     ) -> Array:
-        """Take over a state and the torques that led there.
+        """Take over a state, and the mean joint torques in the control period that led there, shape (na,), Nm.
 
-        Args:
-            q: Configuration, shape (nq,).
-            v: Velocity, shape (nv,).
-            torque: Mean joint torques in the control period that ended now, shape (na,), Nm.
-            passed: Time since the last call, s, taken within a quarter and four control periods; one of them when
-                None.
-            held: True for a robot that something else than the ground may hold, such as a crane: the wrench of a foot
-                is what the joints of its leg tell, and the rest of the residual is `outside`.
-
-        Returns:
-            Wrenches on the soles: `wrench`, the same array each time.
+        `passed` is the time since the last call, s, taken within a quarter and four control periods; one of them when
+        None. Something else than the ground, such as a crane, may hold a robot that is `held`: the wrench of a foot is
+        then what the joints of its leg tell, and the rest of the residual is `outside`. Returned is `wrench`, the same
+        array each time.
         """
         model, data, s = self._model, self._data, self.settings
         mass = pin.crba(model, data, q, pin.Convention.WORLD)

@@ -263,14 +263,8 @@ class RowLimit(ABC):
 def damped_bound(distance: Array, velocity: Array, dt: float, time_constant: float) -> Array:
     """Return the greatest acceleration towards a bound with which the speed is distance / time constant at most.
 
-    Args:
-        distance: Distance to the bound, shape (n,); negative beyond it, from where the bound leads back.
-        velocity: Velocity towards the bound, shape (n,).
-        dt: Control period, s.
-        time_constant: Time constant of the approach, s.
-
-    Returns:
-        Upper bound of the acceleration, shape (n,).
+    The distance to the bound is negative beyond it, from where the bound leads back; the velocity is towards it; both,
+    and the acceleration, have shape (n,). Control period and time constant are in s.
 
     Source: velocity damper of Faverjon & Tournassoud, ICRA 1987, held at the end of the period.
     """

@@ -44,16 +44,12 @@ class DaqpSolver:
     def solve(
         self, hessian: Array, gradient: Array, guess: Array, relaxation: float | None = None
     ) -> tuple[Array, Array, Array] | None:
-        """Solve, starting from the active set of a guess.
+        """Solve the problem with its Hessian, shape (n, n), and gradient, shape (n,), from a guess of the active set.
 
-        Args:
-            hessian: `problem.hessian`, shape (n, n).
-            gradient: `problem.gradient`, shape (n,).
-            guess: Multipliers of the inequalities, shape (n_in,): those that are not zero are tried first.
-            relaxation: Cost per squared violation of all equalities but the physics; they are constraints when None.
-
-        Returns:
-            Solution, shape (n,), multipliers of the equalities and of the inequalities; None without a solution.
+        The guess are multipliers of the inequalities, shape (n_in,): those that are not zero are tried first.
+        `relaxation` is the cost per squared violation of all equalities but the physics; they are constraints when
+        None. Returned are the solution, and multipliers of the equalities and of the inequalities; None without a
+        solution.
         """
         p, n_eq = self._problem, self._problem.n_eq
         rows, upper, lower, sense = self._rows, self._upper, self._lower, self._sense
