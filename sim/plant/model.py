@@ -34,11 +34,7 @@ and 43.6 at 60 (soft, stones), 38.6 and 39.5 at 168 (soft, floor tiles), 51.9 an
 
 
 def sole_geometries(robot: Robot) -> tuple[SoleGeometry, ...]:
-    """Return the robot's own soles as input for fitting feet, left first.
-
-    Raises:
-        ModelError: A sole on the floating base.
-    """
+    """Return the robot's own soles as input for fitting feet, left first; `ModelError` for one on the floating base."""
     data = robot.model.createData()
     pin.framesForwardKinematics(robot.model, data, robot.half_sitting)
     places = [data.oMf[robot.frame_id(sole.frame)] for sole in robot.soles]
@@ -79,23 +75,9 @@ def build_model(
     machine: Machine | None = None,
     scene: mujoco.MjSpec | None = None,
 ) -> tuple[mujoco.MjModel, tuple[FootParts, ...], Terrain]:
-    """Compile the MuJoCo model of a robot on its feet on a terrain.
+    """Compile the MuJoCo model of a robot on its feet on a terrain, with furniture made by `furniture`.
 
-    Args:
-        description: The robot as data; its geometry is not used.
-        robot: Made from that description.
-        foot: Foot under both ankles.
-        terrain: The ground.
-        physics: Settings of the physics.
-        machine: Friction and payload; none when None.
-        scene: Furniture, made by `furniture`.
-
-    Returns:
-        The model, one foot per sole, left first, and the terrain as drawn.
-
-    Raises:
-        ModelError: MuJoCo cannot use the description, or reads other joints from it than Pinocchio.
-        InputError: The foot does not fit.
+    Returns the model, one foot per sole, left first, and the terrain as drawn; raises as `bare_spec` and `equip` do.
     """
     spec = bare_spec(description)
     physics.apply(spec)
@@ -125,8 +107,7 @@ def build_model(
 def bare_spec(description: RobotDescription) -> mujoco.MjSpec:
     """Return the links and joints of a robot with a free base, without drives, feet and sensors.
 
-    Raises:
-        ModelError: MuJoCo cannot use the description.
+    Raises `ModelError` if MuJoCo cannot use the description.
     """
     try:
         spec = mujoco.MjSpec.from_string(description.urdf_without_geometry())
@@ -150,23 +131,10 @@ def equip(
     hands: bool,
     shapes: bool,
 ) -> tuple[FootParts, ...]:
-    """Add drives, feet, sensors and flaws to a robot.
+    """Add drives, feet, sensors and flaws to what `bare_spec` made; return one foot per sole, left first.
 
-    Args:
-        spec: Made by `bare_spec`.
-        description: The robot as data.
-        robot: Made from that description.
-        foot: Foot under both ankles.
-        machine: Friction and payload.
-        hands: With force sensors at the wrists.
-        shapes: With shapes of all links, which touch things.
-
-    Returns:
-        One foot per sole, left first.
-
-    Raises:
-        ModelError: MuJoCo reads other joints from the description than Pinocchio.
-        InputError: The foot does not fit.
+    With `hands` wrists have force sensors, with `shapes` all links touch things. Raises `ModelError` if MuJoCo reads
+    other joints from the description than Pinocchio, `InputError` for a foot that does not fit.
     """
     _add_servos(spec, description)
     feet = _add_feet(spec, robot, foot)
@@ -180,11 +148,7 @@ def equip(
 
 
 def compiled(spec: mujoco.MjSpec, name: str) -> mujoco.MjModel:
-    """Return the compiled model of a robot of that name.
-
-    Raises:
-        ModelError: MuJoCo cannot compile it.
-    """
+    """Return the compiled model of a robot of that name; `ModelError` if MuJoCo cannot compile it."""
     try:
         return spec.compile()
     except ValueError as error:

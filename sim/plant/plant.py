@@ -287,20 +287,10 @@ class Plant(SimulatedRobot):
         self.ticks += 1
         self._after_step()
 
-    def hold(self, configuration: ArrayLike | None = None) -> Command:
-        """Return a command that holds a posture with the servos.
-
-        Args:
-            configuration: Posture, shape (nq,); that of the last reset when None.
-
-        Raises:
-            InputError: A configuration of the wrong shape or not finite.
-        """
-        q = self._start
-        if configuration is not None:
-            q = finite_array("configuration", configuration, (self.robot.nq,))
+    def hold(self) -> Command:
+        """Return a command that holds the posture of the last reset with the servos."""
         zero = np.zeros(self.robot.na)
-        return Command(zero, np.array(q[7:]), zero)
+        return Command(zero, np.array(self._start[7:]), zero)
 
     def load(self, body: str, mass: float, *, over: float = 0.0, at: ArrayLike = (0.0, 0.0, 0.0)) -> None:
         """Let a body carry a mass of which the description knows nothing; loads at several places add up.

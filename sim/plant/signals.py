@@ -88,17 +88,10 @@ class TrueSignals:
         soles: Sequence[str] = (),
         hands: Sequence[HandSensor] = (),
     ) -> None:
-        """Lay out the vector.
+        """Lay out the vector for the robot at some places, with the number of physics steps in a control period.
 
-        Args:
-            places: The robot.
-            imu: Its IMU.
-            contacts: Its contacts.
-            torque: Returns the torques of its drives, shape (na,), Nm.
-            steps: Physics steps in a control period.
-            machine: Which sensors there are.
-            soles: Force and torque sensor of each sole; when empty, wrenches are those of the contacts.
-            hands: Force sensors at the wrists, of a robot with force sensors at its soles.
+        `torque` returns the torques of its drives, shape (na,), Nm. `soles` are force and torque sensor of each sole;
+        when empty, wrenches are those of the contacts. `hands` need a robot with force sensors at its soles.
         """
         self._places, self._imu, self._contacts, self._torque = places, imu, contacts, torque
         na, n, model = len(places.joints), len(places.feet), places.model

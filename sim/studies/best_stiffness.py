@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from wbc.core.errors import Array, InputError, finite_array, positive, whole_number
+from wbc.core.errors import Array, InputError, finite_array, whole_number
 from wbc.feet.stiffness.dataset import ProfileRecipe, StiffnessTable
 from wbc.feet.stiffness.roughness import PARAMETERS, roughness
 from wbc.sim.studies.journal import Entry
@@ -67,21 +67,18 @@ def best_stiffness(
     ground: Array,
     *,
     prior: Curve | None = None,
-    nearly: float = NEARLY,
-    seed: int = 0,
 ) -> Label:
     """Fit J over the logarithm of the stiffness by a Gaussian process, and find its maximum.
 
     Grounds of one kind differ in how hard they are: the offset of each `ground` (numbers, shape (n,)) is subtracted
     first. The noise of single walks is fitted, too, so that one lucky walk does not decide. The `prior`, a curve from
-    other grounds up to a constant, decides where there are few walks. A difference in J to the best below `nearly`
-    counts as nearly best.
+    other grounds up to a constant, decides where there are few walks. A difference in J to the best below
+    `NEARLY` counts as nearly best.
 
     Raises `InputError` for fewer than four different stiffnesses (Nm/rad, shape (n,)), shapes that differ, or values
     that are not finite.
     """
     k, value, places = _walks(stiffness, J, ground)
-    positive("nearly best", nearly)
     if np.unique(k).size < MIN_STIFFNESSES:
         raise InputError(
             f"a best stiffness needs walks with {MIN_STIFFNESSES} different ones, got {np.unique(k)} Nm/rad"
@@ -96,17 +93,17 @@ def best_stiffness(
     spread = float(left.std())
     mean, covariance = np.zeros(GRID), np.zeros((GRID, GRID))
     if spread > 1e-9:
-        model = _fitted(np.log10(k), left / spread, noisy=True, seed=seed)
+        model = _fitted(np.log10(k), left / spread, noisy=True)
         mean, covariance = model.predict(at[:, None], return_cov=True)
         # The model predicts another noisy walk; without the noise it is the mean.
         covariance = covariance - model.kernel_.k2.noise_level * np.eye(GRID)
-    rng = np.random.default_rng(seed)
+    rng = np.random.default_rng(0)
     draws = rng.multivariate_normal(mean, covariance, size=DRAWS, method="eigh", check_valid="ignore")
     curve, draws = expected + spread * mean, expected + spread * draws
     best = int(np.argmax(curve))
     if np.ptp(curve) < 1e-9:  # whatever the stiffness, the same
         best = GRID // 2
-    far = np.flatnonzero(curve[best] - curve > nearly)
+    far = np.flatnonzero(curve[best] - curve > NEARLY)
     low, high = far[far < best].max(initial=-1) + 1, far[far > best].min(initial=GRID) - 1
     likely = np.percentile(at[np.argmax(draws, axis=1)], (10.0, 90.0))
     if np.ptp(draws) < 1e-9:
@@ -124,12 +121,10 @@ def best_stiffness(
     )
 
 
-def _fitted(
-    log_stiffness: Array, values: Array, *, noisy: bool = False, seed: int = 0, alpha: Any = 1e-10
-) -> Any:
+def _fitted(log_stiffness: Array, values: Array, *, noisy: bool = False, alpha: Any = 1e-10) -> Any:
     """Return a Gaussian process fitted to values with a standard deviation of about one, over log10 of the stiffness.
 
-    `noisy` fits the noise of the values, too; `alpha` is their known variance; `seed` that of the restarts.
+    `noisy` fits the noise of the values, too; `alpha` is their known variance.
     """
     from sklearn.gaussian_process import GaussianProcessRegressor  # noqa: PLC0415 - takes a second to import
     from sklearn.gaussian_process.kernels import ConstantKernel, Matern, WhiteKernel  # noqa: PLC0415
@@ -137,7 +132,7 @@ def _fitted(
     kernel = ConstantKernel(1.0, (1e-2, 1e2)) * Matern(0.5, (0.2, 3.0), nu=2.5)
     if noisy:
         kernel += WhiteKernel(0.5, (1e-3, 1e1))
-    model = GaussianProcessRegressor(kernel, alpha=alpha, n_restarts_optimizer=2, random_state=seed)
+    model = GaussianProcessRegressor(kernel, alpha=alpha, n_restarts_optimizer=2, random_state=0)
     with warnings.catch_warnings():
         warnings.filterwarnings("ignore", message=".*(close to the specified|lbfgs failed).*")
         return model.fit(log_stiffness[:, None], values)

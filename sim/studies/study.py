@@ -22,7 +22,7 @@ from wbc.core.errors import InputError, choose, unknown_name
 from wbc.core.settings import Count, Seed, from_json, settings, to_json
 from wbc.sim.studies.journal import Entry, own_key, trial_key
 from wbc.sim.studies.provenance import differences
-from wbc.sim.studies.trials import Trial, kind_of, trial_from_json, with_seed
+from wbc.sim.studies.trials import KINDS, Trial, trial_from_json, with_seed
 
 FRESH_SEED = 100
 """First seed of the tables: gains are tuned on seeds 0 to 99, and tables are made on others."""
@@ -115,7 +115,7 @@ class Study:
     decision: str | None = None
 
     def __post_init__(self) -> None:
-        kind_of(self.kind)
+        choose("kind of trial", self.kind, KINDS)
         if not self.cells or not self.arms or not self.seeds:
             raise InputError(f"study '{self.name}' needs at least one cell, one arm and one seed")
         names = [cell.name for cell in self.cells]
@@ -144,7 +144,7 @@ class Study:
     @property
     def measured(self) -> str:
         """Part of a result that the table is about: `metric`, or that of the kind of trial."""
-        return self.metric or kind_of(self.kind).metric
+        return self.metric or KINDS[self.kind].metric
 
     @property
     def size(self) -> int:

@@ -201,23 +201,6 @@ def _run_alone(trial: tuple[Trial, dict[str, Any]], timeout: float | None, recor
     )
 
 
-def _outcome(future: Future[Outcome]) -> Outcome:
-    """Return the outcome of a trial that has ended, with or without its process.
-
-    A trial that was not run, as its process has other code, is a `SweepError`.
-    """
-    error = _error(future)
-    if error is None:
-        return future.result()
-    if isinstance(error, SweepError):
-        raise error
-    return Outcome("crashed", error=f"{type(error).__name__}: {error}")  # such as a spec that cannot be sent
-
-
-def _error(future: Future[Outcome]) -> BaseException | None:
-    return CancelledError() if future.cancelled() else future.exception()
-
-
 def _feed(
     executor: Executor,
     pending: Pending,
@@ -245,10 +228,15 @@ def _feed(
             done, _ = wait(running, return_when=FIRST_COMPLETED)
             for future in done:
                 trial = running.pop(future)
-                if isinstance(_error(future), (BrokenExecutor, CancelledError)):
+                error = CancelledError() if future.cancelled() else future.exception()
+                if isinstance(error, (BrokenExecutor, CancelledError)):
                     lost.append(trial)
+                elif isinstance(error, SweepError):  # its process has other code
+                    raise error
+                elif error is not None:  # such as a spec that cannot be sent
+                    record(trial[1], Outcome("crashed", error=f"{type(error).__name__}: {error}"))
                 else:
-                    record(trial[1], _outcome(future))
+                    record(trial[1], future.result())
             if lost and not running:
                 return lost
     except BaseException:
@@ -320,10 +308,9 @@ def _start_worker() -> None:
     threading.Thread(target=follow, daemon=True, name="follow the sweep").start()
 
 
+@contextlib.contextmanager
 @checked
-def cluster_executor(
-    address: str, *, workers: int | None = None
-) -> contextlib.AbstractContextManager[Executor]:
+def cluster_executor(address: str, *, workers: int | None = None) -> Iterator[Executor]:
     """Connect to a Dask cluster, and return its executor.
 
     Args:
@@ -333,11 +320,6 @@ def cluster_executor(
     Raises:
         InputError: Dask is not installed, or no scheduler answers at that address.
     """
-    return _dask(address, workers)
-
-
-@contextlib.contextmanager
-def _dask(address: str, workers: int | None) -> Iterator[Executor]:
     try:
         from distributed import Client, LocalCluster  # noqa: PLC0415 - an extra
     except ImportError as error:

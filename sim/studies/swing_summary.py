@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Mapping
-from dataclasses import dataclass, field
-from typing import Any
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -48,47 +47,31 @@ class SwingSummary:
     decision_us: tuple[float, float] | None
 
 
-@dataclass
-class _Collected:
-    walks: int = 0
-    swings: list[Mapping[str, Any]] = field(default_factory=list)
-    clocks: list[Mapping[str, float]] = field(default_factory=list)
-
-
 def swing_summaries(study: Study, entries: Mapping[str, Entry]) -> dict[str, SwingSummary]:
-    """Sum up the swings of each cell, and of all cells.
+    """Sum up the swings of each cell of a study, and of all cells as "all" if there are several.
 
-    Args:
-        study: A study with walks on soles of variable stiffness; other walks are left out.
-        entries: Entries of a journal, by key.
-
-    Returns:
-        Cell → summary; the last is "all" if there are several.
+    Walks on other soles than those of variable stiffness are left out.
     """
-    collected: dict[str, _Collected] = {}
+    walks: dict[str, list[Entry]] = {}
     for trial, entry in study_entries(study, entries):
-        if entry is None or entry.status != "done" or not (entry.result or {}).get("stiffness"):
-            continue
-        for row in (trial.cell, ALL):
-            group = collected.setdefault(row, _Collected())
-            group.walks += 1
-            group.swings += (entry.result or {})["stiffness"]
-            if entry.clock and entry.clock.get("decision_us"):
-                group.clocks.append(entry.clock["decision_us"])
-    total = collected.pop(ALL, None)
-    if total is not None and len(collected) > 1:
-        collected[ALL] = total
-    return {row: _summary(group) for row, group in collected.items()}
+        if entry is not None and entry.status == "done" and (entry.result or {}).get("stiffness"):
+            walks.setdefault(trial.cell, []).append(entry)
+    found = {cell: _summary(mine) for cell, mine in walks.items()}
+    if len(walks) > 1:
+        found[ALL] = _summary([entry for mine in walks.values() for entry in mine])
+    return found
 
 
-def _summary(group: _Collected) -> SwingSummary:
-    swings = group.swings
+def _summary(walks: Sequence[Entry]) -> SwingSummary:
+    swings = [swing for entry in walks for swing in (entry.result or {})["stiffness"]]
+    clocks = [e.clock["decision_us"] for e in walks if e.clock and e.clock.get("decision_us")]
     fallbacks = Counter(s["fallback"].partition(":")[0].partition(",")[0] for s in swings if s["fallback"])
     decided = [s for s in swings if s["fallback"] is None]
     followed = [as_good_as(s["wanted_nm_per_rad"], s["commanded_nm_per_rad"], TOLERANCE) for s in decided]
     ahead = [s["seconds_before_landing"] for s in swings if s["seconds_before_landing"] is not None]
+    errors = [(e["mean"], e["p95"]) for s in swings if (e := s["profile_error_m"]) is not None]
     return SwingSummary(
-        walks=group.walks,
+        walks=len(walks),
         swings=len(swings),
         reached=float(np.mean([s["reached"] for s in swings])),
         decided=len(decided) / len(swings),
@@ -96,10 +79,10 @@ def _summary(group: _Collected) -> SwingSummary:
         fallbacks=dict(fallbacks.most_common()),
         stiffness=_percentiles([s["commanded_nm_per_rad"] for s in swings], 10),
         ahead=_percentiles(ahead, 1) if ahead else None,
-        profile_error=_errors([s["profile_error_m"] for s in swings if s["profile_error_m"] is not None]),
+        profile_error=tuple(np.mean(errors, axis=0).tolist()) if errors else None,
         decision_us=(
-            (float(np.median([c["median"] for c in group.clocks])), max(c["max"] for c in group.clocks))
-            if group.clocks
+            (float(np.median([c["median"] for c in clocks])), max(c["max"] for c in clocks))
+            if clocks
             else None
         ),
     )
@@ -108,12 +91,6 @@ def _summary(group: _Collected) -> SwingSummary:
 def _percentiles(values: list[float], outer: float) -> tuple[float, float, float]:
     low, middle, high = np.percentile(values, [outer, 50.0, 100.0 - outer])
     return float(low), float(middle), float(high)
-
-
-def _errors(scans: list[Mapping[str, float]]) -> tuple[float, float] | None:
-    if not scans:
-        return None
-    return float(np.mean([e["mean"] for e in scans])), float(np.mean([e["p95"] for e in scans]))
 
 
 def swing_table(summaries: Mapping[str, SwingSummary]) -> str:

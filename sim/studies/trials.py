@@ -78,7 +78,8 @@ class TrialKind:
     metric: str = "steps_done"
 
 
-_KINDS: Registry[TrialKind] = Registry("kind of trial")
+KINDS: Registry[TrialKind] = Registry("kind of trial")
+"""Kinds of trials by the `kind` of their specs."""
 
 
 def register_trial(name: str, kind: TrialKind) -> None:
@@ -91,16 +92,7 @@ def register_trial(name: str, kind: TrialKind) -> None:
     Raises:
         InputError: The name is taken.
     """
-    _KINDS.add(name, kind)
-
-
-def kind_of(name: str) -> TrialKind:
-    """Return a kind of trials by its name.
-
-    Raises:
-        UnknownNameError: No such kind.
-    """
-    return _KINDS[name]
+    KINDS.add(name, kind)
 
 
 def trial_from_json(data: Mapping[str, Any]) -> Any:
@@ -110,12 +102,12 @@ def trial_from_json(data: Mapping[str, Any]) -> Any:
         UnknownNameError: An unknown kind.
         InputError: A value that cannot be used.
     """
-    return _KINDS[data.get("kind", WalkSpec.kind)].read(data)
+    return KINDS[data.get("kind", WalkSpec.kind)].read(data)
 
 
 def with_seed(spec: Any, seed: int) -> Any:
     """Return a spec of any kind with another seed."""
-    seeded = _KINDS[spec.kind].seeded
+    seeded = KINDS[spec.kind].seeded
     return trial_from_json({**spec.to_json(), "seed": seed}) if seeded is None else seeded(spec, seed)
 
 
@@ -134,7 +126,7 @@ def run_trial(spec: Trial, timeout: float | None = None, *, exit_when_stuck: boo
     if exit_when_stuck and timeout is not None:
         faulthandler.dump_traceback_later(2.0 * timeout + 30.0, exit=True, file=2)
     try:
-        return _KINDS[spec.kind].run(spec, check)
+        return KINDS[spec.kind].run(spec, check)
     except TrialTimeout as error:
         return Outcome("timeout", error=str(error))
     except Exception as error:

@@ -346,22 +346,17 @@ class Terrain:
         x = np.asarray(a + spacing * np.arange(math.floor((b - a) / spacing + 1e-9) + 1))
         return x, self.height(x, finite_scalar("profile y (m)", y))
 
-    def roughness(self, settings: RoughnessSettings | None = None) -> Roughness:
-        """Return the roughness of the rough part along y = 0.
-
-        Args:
-            settings: Settings of the computation; when None without any filter: the roughness of the ground itself.
-        """
+    def roughness(self) -> Roughness:
+        """Return the roughness of the rough part along y = 0, without any filter."""
         step = min(PROFILE_STEP, self.length / LEAST_SAMPLES)
-        return roughness(
-            *self.profile(step=step), RoughnessSettings(corner=None) if settings is None else settings
-        )
+        return roughness(*self.profile(step=step), RoughnessSettings(corner=None))
 
-    def fingerprint(self, step: float = 0.01) -> str:
+    def fingerprint(self) -> str:
         """Hash the heights, rounded to 1 µm, on a grid over the track: equal on every machine, hex digits.
 
         The grid is laid off the edges of rough part and solids by an odd fraction of the step.
         """
+        step = 0.01
         x0, x1, y0, y1 = self.extent
         x = np.arange(x0 + 0.3183 * step, x1, step)
         y = np.arange(y0 + 0.3183 * step, y1, step)

@@ -49,7 +49,7 @@ REGISTERS = (
     ("wbc.feet.soles.catalog", "_FEET"),
     ("wbc.sim.terrain.families.base", "_FAMILIES"),
     ("wbc.tasks.scheduling.policies", "_POLICIES"),
-    ("wbc.sim.studies.trials", "_KINDS"),
+    ("wbc.sim.studies.trials", "KINDS"),
 )
 """Registries that pages add to, hidden from other tests."""
 

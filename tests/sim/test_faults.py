@@ -18,15 +18,18 @@ from properties import by_default, examples
 
 from wbc import Measurement, Plant, PositionControl, TorqueControl, balance_controller
 from wbc.core.estimation.plausibility import OPTIONAL, SIGNALS
-from wbc.core.gate import CommandGate
 from wbc.robots import load
 from wbc.sim import Machine, TrialHook, WalkPlan, WalkPush, WalkSpec, walk
 from wbc.sim.balance.standing import StandSpec, StandTrial
 from wbc.sim.plant.falls import TrueFallDetector
 from wbc.sim.trial.loop import TrialTick
 
-QUICK = ("encoder lost a turn", "clock +0.2 s", "gyroscope saturated", "sole_wrench 1e9")
-"""Faults that the default run tries in position control, one in torque and hybrid; the slow one tries all."""
+QUICK = {
+    ("encoder lost a turn", "hybrid"),
+    ("gyroscope saturated", "position"),
+    ("sole_wrench 1e9", "position"),
+}
+"""Faults that the default run tries; the slow one tries all."""
 
 QUICK_CHANGES = (("masses +30 %", "position"), ("hard tasks that contradict each other", "torque"))
 """The same of other masses and of what is asked of the robot."""
@@ -46,7 +49,7 @@ def cases(names: Iterable[str], quick: Callable[[str, str], bool]) -> list[Any]:
 
 @pytest.mark.parametrize(
     ("name", "task", "mode"),
-    cases(faults(), lambda name, mode: name in QUICK[: 4 if mode == "position" else 1]),
+    cases(faults(), lambda *case: case in QUICK),
 )
 def test_one_faulty_tick_does_no_harm(name: str, task: str, mode: str) -> None:
     report = run(task, mode, name, lasting=False)
@@ -71,11 +74,9 @@ def test_a_lasting_fault_is_named_and_harmless_to_the_drives(name: str, task: st
         assert report.upright or math.isfinite(report.named), "fell without a word"
 
 
-@pytest.mark.parametrize("mode", ["position", pytest.param("torque", marks=pytest.mark.slow)])
-@pytest.mark.parametrize(
-    "name",
-    ["gyroscope off by 0.1 rad/s", pytest.param("angular_velocity opposite sign", marks=pytest.mark.slow)],
-)
+@pytest.mark.slow
+@pytest.mark.parametrize("mode", ["position", "torque"])
+@pytest.mark.parametrize("name", ["gyroscope off by 0.1 rad/s", "angular_velocity opposite sign"])
 def test_a_wrong_gyroscope_is_named_while_walking(name: str, mode: str) -> None:
     report = run("walk", mode, name, lasting=True)
     assert report.named <= 0.2 and "gyroscope" in report.status
@@ -171,41 +172,6 @@ def test_no_garbage_gets_a_command_beyond_the_limits_or_an_exception(data: st.Da
     logging.disable(logging.NOTSET)
 
 
-def test_a_clock_that_jumps_for_good_is_adopted_again() -> None:
-    description = load("hrp4_class")
-    plant = Plant(description)
-    control = PositionControl(balance_controller(description.robot(), plant.control_period))
-    states = []
-    for i in range(60):
-        measurement = plant.measure()
-        if i >= 20:
-            measurement = replace(measurement, time=measurement.time + 1000.0)
-        plant.step(control.command(measurement))
-        states.append(control.status())
-    assert "time stamp" in states[20] and states[-1] == "ok" and not control.stopped
-    assert np.abs(control.observer.robot.v).max() < 0.1  # no gravity of a thousand seconds
-
-
-def test_an_encoder_is_predicted_over_a_gap_while_the_joint_moves() -> None:
-    """A glitch of a joint that moves at constant speed is bridged by its velocity."""
-    robot = load("hrp4_class").robot()
-    plausibility = PositionControl(balance_controller(robot, 0.005)).plausibility
-    base = Plant(load("hrp4_class")).measure()
-    speed = 0.5
-    for i in range(30):
-        position, velocity = np.array(base.joint_position), np.array(base.joint_velocity)
-        position[3] += speed * 0.005 * i
-        velocity[3] = speed
-        truth = position[3]
-        if 20 <= i < 25:
-            position[3] = 1e3
-        used, _ = plausibility.check(
-            replace(base, time=0.005 * i, joint_position=position, joint_velocity=velocity)
-        )
-        assert used.joint_position[3] == pytest.approx(truth, abs=1e-9)
-    assert plausibility.refused == 5 and not plausibility.faults
-
-
 @pytest.mark.parametrize("value", by_default([math.nan, math.inf, 1e5], math.nan))
 def test_impossible_torques_of_drives_are_named_and_the_commanded_ones_count(value: float) -> None:
     """A robot whose feet have no force sensors stands on; it has the torques of its commands."""
@@ -228,68 +194,10 @@ def test_impossible_torques_of_drives_are_named_and_the_commanded_ones_count(val
 
 
 @pytest.mark.parametrize(
-    ("change", "words"),
-    [
-        ({"joint_torque": np.zeros(3)}, "joint_torque must have shape"),
-        ({"joint_torque": "weak"}, "joint_torque must be numbers"),
-        ({"hand_wrenches": np.zeros((6, 2))}, "hand_wrenches must have shape (2, 6)"),
-        ({"hand_wrenches": [[None] * 6] * 2}, "hand_wrenches must be numbers"),
-    ],
-)
-def test_optional_signals_of_another_shape_are_named(change: dict[str, Any], words: str) -> None:
-    (position, _), measurement = controls()
-    position.reset()
-    position.command(replace(measurement, **change))
-    assert position.failing and words in position.status()
-    position.reset()
-
-
-@pytest.mark.parametrize("size", [1.0, 1e3, 1e200, math.inf, math.nan])
-def test_the_gate_lets_nothing_beyond_the_limits_out(size: float) -> None:
-    robot, rng = load("hrp4_class").robot(), np.random.default_rng(0)
-    gate, last = CommandGate(robot, 0.005), np.array(robot.q[7:])
-    for _ in range(20):
-        torque, position, velocity = (size * rng.normal(size=robot.na) for _ in range(3))
-        command = gate.pass_on(torque * robot.torque_limit, position, velocity)
-        assert command.joint_position is not None and command.joint_velocity is not None
-        assert (np.abs(command.joint_torque) <= robot.torque_limit).all()
-        assert (np.abs(command.joint_velocity) <= 2.0 * robot.velocity_limit).all()
-        assert (command.joint_position >= robot.position_lower).all()
-        assert (command.joint_position <= robot.position_upper).all()
-        step = np.abs(command.joint_position - last)
-        assert (step <= 2.0 * robot.velocity_limit * 0.005 + 1e-12).all()
-        last = command.joint_position
-    assert gate.clipped == 20 and gate.faults
-
-
-@pytest.mark.parametrize("speed", [1.0, 57.3, 1e3, 1e9])
-def test_the_gate_of_hybrid_control_counts_what_the_servos_do(speed: float) -> None:
-    """Feed-forward and total stay within the torque limit, whatever velocity is measured."""
-    robot, rng = load("hrp4_class").robot(), np.random.default_rng(0)
-    gate, kd = CommandGate(robot, 0.005), np.full(robot.na, 5.0)
-    limit, kp = robot.torque_limit, 20.0 * kd
-    for _ in range(20):
-        position, measured = (robot.half_sitting[7:] + 0.1 * rng.normal(size=robot.na) for _ in range(2))
-        velocity, torque = speed * rng.normal(size=robot.na), 1.5 * limit * rng.normal(size=robot.na)
-        sent = gate.pass_on_with_gains(torque, position, np.zeros(robot.na), (kp, kd), (measured, velocity))
-        assert sent.joint_position is not None and sent.joint_velocity is not None
-        assert sent.kp is not None and sent.kd is not None
-        servo = sent.kp * (sent.joint_position - measured) + sent.kd * (sent.joint_velocity - velocity)
-        assert (np.abs(sent.joint_torque) <= limit * (1.0 + 1e-6)).all()
-        assert (np.abs(sent.joint_torque + servo) <= limit * (1.0 + 1e-9)).all()
-        assert (
-            (sent.kp >= 0.0).all()
-            and (sent.kp <= kp).all()
-            and (sent.kd >= 0.0).all()
-            and (sent.kd <= kd).all()
-        )
-
-
-@pytest.mark.parametrize(
     ("robot", "change"),
     [
         ("hrp4_class", lambda f: np.roll(f, 1)),
-        ("g1", lambda f: f + [6.0, 0.0, 0.0]),
+        pytest.param("g1", lambda f: f + [6.0, 0.0, 0.0], marks=pytest.mark.slow),
         pytest.param("g1", lambda f: np.roll(f, 1), marks=pytest.mark.slow),
         pytest.param("hrp4_class", lambda f: f + [0.0, -6.0, 0.0], marks=pytest.mark.slow),
         pytest.param("talos", lambda f: f + [6.0, 0.0, 0.0], marks=pytest.mark.slow),
@@ -341,13 +249,10 @@ class Said(TrialHook):
             self.time = min(self.time, tick.plant.time)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("law", "mode", "direction"),
-    [
-        ("lipm", "position", 1.8),
-        pytest.param("lipm", "torque", -1.0, marks=pytest.mark.slow),
-        pytest.param("stepping", "torque", 1.1, marks=pytest.mark.slow),
-    ],
+    [("lipm", "position", 1.8), ("lipm", "torque", -1.0), ("stepping", "torque", 1.1)],
 )
 def test_a_walk_that_a_push_fells_says_so_before_and_one_on_rough_ground_does_not(
     law: Any, mode: Any, direction: float

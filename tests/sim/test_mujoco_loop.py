@@ -39,7 +39,7 @@ def stand(loop: MujocoLoop, seconds: float, mode: str) -> float:
 @pytest.mark.parametrize("kind", KINDS)
 def test_a_robot_stands_on_actuators_of_any_kind(kind: str, mode: str) -> None:
     loop = MujocoLoop(DESCRIPTION, foreign_model(DESCRIPTION, kind), prefix=PREFIX)
-    assert stand(loop, 0.2, mode) < 1.0
+    assert stand(loop, 0.1, mode) < 1.0
     weight = loop.measure().sole_wrench[:, 2].sum()
     assert weight == pytest.approx(9.80665 * loop.robot.mass, rel=0.02)
     ball = loop.data.qpos[:3]

@@ -124,22 +124,22 @@ def test_killed_anywhere_it_goes_on_with_the_same_walks(batch: int) -> None:
     """Whatever the journal has is found again: nothing is walked twice, and the end is the same."""
     spec = OptimisationSpec(ground="stones", bounds=BOUNDS["wide"], distance=0.3, batch=batch)
     whole, cut = MadeUpWalks(), MadeUpWalks()
-    first = optimise(spec, 18, whole)
+    first = optimise(spec, 14, whole)
 
     class KilledError(Exception):
         pass
 
     def killed(specs: list[WalkSpec]) -> Mapping[str, Entry]:
-        if cut.run >= 14:
+        if cut.run >= 12:
             raise KilledError
         return cut(specs)
 
     with pytest.raises(KilledError):
-        optimise(spec, 18, killed)
-    again = optimise(spec, 18, cut)
-    assert [w.unit for w in again] == [w.unit for w in first] and cut.run == 18
+        optimise(spec, 14, killed)
+    again = optimise(spec, 14, cut)
+    assert [w.unit for w in again] == [w.unit for w in first] and cut.run == 14
     seeds = [e.spec["seed"] for e in cut.entries.values()]
-    assert sorted(seeds) == list(range(OPTIMISATION_SEED, OPTIMISATION_SEED + 18))
+    assert sorted(seeds) == list(range(OPTIMISATION_SEED, OPTIMISATION_SEED + 14))
 
 
 def test_walks_without_a_result_are_left_out() -> None:
@@ -151,7 +151,7 @@ def test_walks_without_a_result_are_left_out() -> None:
                 walks.entries[key] = Entry(entry.spec, "diverged", None, None, "…", entry.version)
         return walks.entries
 
-    assert len(optimise(SPEC, 15, some_diverge)) == 12
+    assert len(optimise(SPEC, 12, some_diverge)) == 9
 
 
 def test_bounds_are_the_papers_or_wide() -> None:
@@ -160,15 +160,16 @@ def test_bounds_are_the_papers_or_wide() -> None:
     assert paper.values((0.5, 0.5, 0.5))["k"] == 40.0
     assert wide.values((0.5, 0.5, 0.5))["k"] == pytest.approx(math.sqrt(2000.0), rel=1e-5)
     point = (0.123, 0.456, 0.789)
-    for bounds in (paper, wide):
+    for bounds in (paper, wide, Bounds(k=(10.0, 1000.0))):
         assert bounds.unit(bounds.values(point)) == pytest.approx(point, abs=1e-5)
-    with pytest.raises(InputError, match="bounds of k must be two numbers, the lower one first .* got 80 1"):
-        Bounds(k=(80.0, 1.0))
         corner = {name: getattr(bounds, name)[1] for name in ("k", "kP", "kD")}
         assert within(bounds, corner) and within(bounds, bounds.values((0.0, 0.0, 0.0)))
         for name, highest in corner.items():
             for outside in (1.01 * highest, getattr(bounds, name)[0] - 0.01):
                 assert not within(bounds, corner | {name: outside})
+    assert Bounds(k=(10.0, 1000.0)).values((0.25, 0.0, 0.0))["k"] == pytest.approx(31.6228)
+    with pytest.raises(InputError, match="bounds of k must be two numbers, the lower one first .* got 80 1"):
+        Bounds(k=(80.0, 1.0))
     with pytest.raises(InputError, match="no logarithm"):
         Bounds(k=(0.0, 80.0))
 
@@ -195,7 +196,7 @@ def test_a_journal_of_something_else_or_of_other_code_is_refused() -> None:
 
 def test_a_journal_gives_the_points_in_the_order_of_asking() -> None:
     walks = MadeUpWalks()
-    known = optimise(SPEC, 15, walks)
+    known = optimise(SPEC, 12, walks)
     other = OptimisationSpec(ground="boards", bounds=BOUNDS["wide"], distance=0.3)
     optimise(other, 3, walks)
     again = walked_points(SPEC, dict(reversed(walks.entries.items())))
@@ -205,7 +206,7 @@ def test_a_journal_gives_the_points_in_the_order_of_asking() -> None:
 
 
 def test_the_optimum_is_judged_on_seeds_it_has_not_seen_and_printed_beside_the_papers() -> None:
-    found = optimum(optimise(SPEC, 20, MadeUpWalks()), SPEC.bounds)
+    found = optimum(optimise(SPEC, 12, MadeUpWalks()), SPEC.bounds)
     boards = OptimisationSpec(ground="boards", bounds=BOUNDS["wide"], distance=0.3)
     study = validation({SPEC: found, boards: found}, 20)
     assert set(study.seeds) == set(range(100, 120))

@@ -195,7 +195,7 @@ def test_a_push_gives_its_impulse(duration: float) -> None:
     plant.push("torso", 0.75 * force, duration)
     plant.push(plant.robot.base_frame, other, 2.0 * duration, at=[0.1, 0.0, 0.05])
     for _ in range(20):
-        plant.step(plant.hold(q))
+        plant.step(plant.hold())
     momentum = plant.robot.mass * plant.truth().com_velocity
     # 1e-4: moving joints exchange momentum with an error of the first order in the physics step.
     np.testing.assert_allclose(momentum, (force + 2.0 * other) * duration, rtol=1e-4)

@@ -30,11 +30,11 @@ def run(plant: SharedPlant, seconds: float, kind: type = wbc.PositionControl) ->
 @pytest.mark.parametrize("kind", by_default([wbc.PositionControl, wbc.HybridControl], wbc.HybridControl))
 def test_robots_apart_from_each_other_stand_as_each_would_alone(kind: type) -> None:
     plant = SharedPlant({"one": HRP4, "two": G1}, places={"two": (1.0, 0.5, np.pi / 2)}, control_period=0.002)
-    run(plant, 0.3, kind)
+    run(plant, 0.15, kind)
     for name, loop in plant.loops.items():
         alone = MujocoLoop(loop.description, Plant(loop.description).model, control_period=0.002)
         control = kind(wbc.balance_controller(loop.description.robot(), 0.002))
-        while alone.time < 0.3 - 1e-9:
+        while alone.time < 0.15 - 1e-9:
             alone.step(control.command(alone.measure()))
         np.testing.assert_allclose(loop.truth().com, plant.in_world(name, alone.truth().com), atol=1e-4)
         weight = loop.truth().contact_force[:, 2].sum()
@@ -44,11 +44,11 @@ def test_robots_apart_from_each_other_stand_as_each_would_alone(kind: type) -> N
 def test_robots_begin_again_where_they_began() -> None:
     plant = SharedPlant({"one": HRP4, "two": G1}, places={"two": (1.0, 0.0, 0.0)}, noise="realistic")
     first = plant.data.qpos.copy()
-    run(plant, 0.2)
+    run(plant, 0.1)
     after = plant.data.qpos.copy()
     plant.reset()
     np.testing.assert_array_equal(plant.data.qpos, first)
-    run(plant, 0.2)
+    run(plant, 0.1)
     np.testing.assert_array_equal(plant.data.qpos, after)
 
 
@@ -58,7 +58,7 @@ def test_a_robot_that_is_pushed_into_another_moves_it() -> None:
     for scene in (None, WALL):  # without a scene robots touch the ground alone
         plant = SharedPlant({"one": HRP4, "two": HRP4}, places=places, scene=scene)
         plant.loops["one"].push("torso", [200.0, 0.0, 0.0], duration=0.2)
-        run(plant, 0.8)
+        run(plant, 0.6)
         moved.append(plant.loops["two"].truth().com[0] - 0.45)
     assert abs(moved[0]) < 1e-3 and moved[1] > 0.01
 

@@ -52,9 +52,9 @@ def without_clock(result: StandResult) -> dict[str, Any]:
     + [("hrp4_class", "position", "soft")],
 )
 def test_every_robot_stands_still_and_one_in_every_mode(robot: str, mode: Mode, foot: str) -> None:
-    result = stand(StandSpec(robot=robot, mode=mode, foot=foot, seconds=1.0 if foot == "flat" else 1.5))
+    result = stand(StandSpec(robot=robot, mode=mode, foot=foot, seconds=0.6 if foot == "flat" else 1.2))
     assert result.upright and result.failures == 0
-    assert result.seconds == pytest.approx(1.0 if foot == "flat" else 1.5)
+    assert result.seconds == pytest.approx(0.6 if foot == "flat" else 1.2)
     assert result.com_error_mm < (3.0 if foot == "flat" else 5.0)
     assert result.zmp_noise_mm < 0.5 or foot == "soft"
 
@@ -62,7 +62,7 @@ def test_every_robot_stands_still_and_one_in_every_mode(robot: str, mode: Mode, 
 @pytest.mark.parametrize(
     "options",
     [
-        StandSpec(mode="torque", noise="realistic", seconds=0.5),
+        StandSpec(mode="torque", noise="realistic", seconds=0.3),
         pytest.param(
             StandSpec(mode="position", feedback="closed", noise="realistic", seconds=0.5),
             marks=pytest.mark.slow,
@@ -124,8 +124,8 @@ def test_a_robots_own_soles_are_left_alone() -> None:
 
 
 def test_pressure_of_a_robot_at_rest_is_under_its_centre_of_mass() -> None:
-    trial = StandTrial(StandSpec(robot="g1", seconds=1.0))
-    trial.advance(1.0)
+    trial = StandTrial(StandSpec(robot="g1"))
+    trial.advance(0.6)
     truth = trial.plant.truth()
     np.testing.assert_allclose(centre_of_pressure(truth), truth.com[:2], atol=1e-4)
     flying = replace(truth, contact_force=np.zeros((0, 3)), contact_position=np.zeros((0, 3)))
@@ -180,10 +180,10 @@ def test_fallen_depends_neither_on_the_axes_of_the_base_nor_on_the_level_of_the_
 
 
 def test_a_weak_push_is_recovered_and_a_strong_one_is_not() -> None:
-    weak = push_standing(StandPushSpec(impulse=0.2, after=2.0))
+    weak = push_standing(StandPushSpec(impulse=0.2, before=0.2, after=1.3))
     assert weak.recovered and weak.fell_at is None and 0.005 < weak.com_offset < 0.1
-    strong = push_standing(StandPushSpec(impulse=0.8, after=2.0))
-    assert not strong.recovered and strong.fell_at is not None and 0.6 < strong.fell_at < 2.0
+    strong = push_standing(StandPushSpec(impulse=0.8, before=0.2, after=1.3))
+    assert not strong.recovered and strong.fell_at is not None and 0.3 < strong.fell_at < 1.6
 
 
 @pytest.mark.slow
@@ -194,7 +194,7 @@ def test_a_robot_that_may_step_takes_a_push_that_its_feet_in_place_do_not() -> N
 
 
 def test_a_robot_that_may_step_stands_still_where_nothing_pushes_it() -> None:
-    result = stand(StandSpec(steps="allowed", seconds=1.2, noise="realistic"))
+    result = stand(StandSpec(steps="allowed", seconds=0.6, noise="realistic"))
     assert result.mode == "torque" and result.upright and result.steps_taken == 0
     assert result.com_error_mm < 15.0
 

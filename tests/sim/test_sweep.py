@@ -4,11 +4,15 @@ from __future__ import annotations
 
 import contextlib
 import json
+import logging
 import math
+import multiprocessing
 import os
+import queue
 import signal
 import subprocess
 import sys
+import threading
 import time
 from collections import Counter
 from concurrent.futures import Future, ThreadPoolExecutor
@@ -19,8 +23,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from processes import alive
-from sweep_trials import MadeUpTrial, killed_at_start
+from sweep_trials import MadeUpTrial
 
 from wbc.core.errors import InputError, UnknownNameError
 from wbc.sim.studies import trials
@@ -138,11 +141,24 @@ def test_own_processes_survive_a_trial_that_kills_one(tmp_path: Path) -> None:
     assert dict(os.environ) == before
 
 
+def test_a_worker_ends_with_the_process_that_has_started_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    gone, codes = threading.Event(), queue.SimpleQueue[int]()
+    monkeypatch.setattr(multiprocessing, "parent_process", lambda: SimpleNamespace(join=gone.wait))
+    monkeypatch.setattr(os, "_exit", codes.put)
+    level = logging.getLogger().level
+    sweep_module._start_worker()
+    assert logging.getLogger().level == logging.ERROR
+    logging.getLogger().setLevel(level)
+    with pytest.raises(queue.Empty):
+        codes.get(timeout=0.05)
+    gone.set()
+    assert codes.get(timeout=60.0) == 1
+
+
 @pytest.mark.slow
 def test_workers_that_never_start_end_a_sweep(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(sweep_module, "_start_worker", killed_at_start)
+    monkeypatch.setattr(sweep_module, "_start_worker", os.abort)
     monkeypatch.setattr(sweep_module, "STARTS", 2)
-    monkeypatch.setenv("WBC_TEST_STARTS", f"99 {tmp_path / 'starts'}")
     with Journal(tmp_path / "journal.jsonl") as journal:
         with pytest.raises(SweepError, match="ended 2 times before one began.*__main__"):
             sweep([MadeUpTrial(0)], journal)
@@ -233,46 +249,6 @@ def test_a_trial_that_its_executor_cancels_has_not_crashed(tmp_path: Path) -> No
     with ThreadPoolExecutor(1) as pool, Journal(path) as journal:
         sweep(trials, journal, executor=pool)
     assert {entry.status for entry in by_number(path).values()} == {"done"} and len(by_number(path)) == 3
-
-
-def test_killed_in_the_middle_a_sweep_loses_what_was_in_flight_and_goes_on(tmp_path: Path) -> None:
-    marks, path = tmp_path / "marks", tmp_path / "journal.jsonl"
-    count, workers = 8, 1
-    code = f"import sys; sys.path.insert(0, {SUPPORT!r}); import sweep_trials; sweep_trials.main()"
-    words = [str(path), str(marks), str(count), "0.15", str(workers)]
-    process = subprocess.Popen([sys.executable, "-c", code, *words])
-    try:
-        give_up = time.monotonic() + 300.0
-        while len(read_journal(path)) < 2 and time.monotonic() < give_up and process.poll() is None:
-            time.sleep(0.02)
-    finally:
-        process.send_signal(signal.SIGKILL)
-        process.wait()
-    done = by_number(path)
-    run = marks_of(marks)
-    assert 2 <= len(done) < count
-    assert sum(run.values()) - len(done) <= workers, "more was lost than was in flight"
-    pids = {int(line.split()[1]) for line in marks.read_text().splitlines()}
-    _wait_until_gone(pids)
-    with (
-        ThreadPoolExecutor(2) as pool,
-        Journal(path, any_code=True) as journal,
-    ):  # whoever edits meanwhile may do so
-        trials = [MadeUpTrial(number, seconds=0.15, marks=str(marks)) for number in range(count)]
-        summary = sweep(trials, journal, executor=pool)
-    assert summary.found == len(done) and summary.run == count - len(done)
-    again = marks_of(marks)
-    assert all(again[number] == 1 for number in done), "a trial that was written down was run again"
-    assert set(by_number(path)) == set(range(count))
-
-
-def _wait_until_gone(pids: set[int]) -> None:
-    """Processes of a sweep end with it."""
-    give_up = time.monotonic() + 60.0
-    while pids and time.monotonic() < give_up:
-        pids = {pid for pid in pids if alive(pid)}
-        time.sleep(0.05)
-    assert not pids, "processes outlive their sweep"
 
 
 @pytest.mark.slow
@@ -560,23 +536,9 @@ def test_refuses_bad_studies(make: Any, message: str) -> None:
         make()
 
 
-def test_intervals_cover_the_mean_as_often_as_they_say() -> None:
-    """On skewed samples of 20; the bootstrap is known to fall a little short of its 95 % there."""
-    rng = np.random.default_rng(1)
-    hits = 0
-    for _ in range(100):
-        estimate = mean_interval(rng.exponential(2.0, 20).tolist())
-        assert estimate.low is not None and estimate.high is not None
-        hits += estimate.low <= 2.0 <= estimate.high
-    assert 85 <= hits <= 99
-
-
-@pytest.mark.parametrize("slow", [False, pytest.param(True, marks=pytest.mark.slow)])
-def test_of_many_layouts_the_normal_limit_is_the_bootstrap(
-    slow: bool, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Ends of the interval within 3 % of its width, p-values within 0.02; trials are spread unevenly over layouts."""
-    rng, many = np.random.default_rng(5), 2000 if slow else 200
+def test_of_many_layouts_the_normal_limit_is_the_bootstrap(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Ends of the interval within 7 % of its width, p-values within 0.02; trials are spread unevenly over layouts."""
+    rng, many = np.random.default_rng(5), 200
     values = (rng.exponential(size=2 * many) - 1.0 + 0.8 / math.sqrt(many)).tolist()
     layouts = [*range(many), *rng.integers(0, many, many).tolist()]
     monkeypatch.setattr("wbc.sim.studies.intervals.MANY", many)
@@ -584,10 +546,10 @@ def test_of_many_layouts_the_normal_limit_is_the_bootstrap(
     monkeypatch.setattr("wbc.sim.studies.intervals.MANY", many + 1)
     drawn, drawn_p = mean_interval(values, layouts), sign_flip_p(values, layouts)
     assert quick.low is not None and quick.high is not None and drawn.low is not None
-    width, loose = quick.high - quick.low, 1.0 if slow else 2.5
+    width = quick.high - quick.low
     assert quick.mean == drawn.mean == pytest.approx(np.mean(values)) and quick.layouts == many
-    assert quick.low == pytest.approx(drawn.low, abs=0.03 * loose * width)
-    assert quick.high == pytest.approx(drawn.high, abs=0.03 * loose * width)
+    assert quick.low == pytest.approx(drawn.low, abs=0.075 * width)
+    assert quick.high == pytest.approx(drawn.high, abs=0.075 * width)
     assert quick_p == pytest.approx(drawn_p, abs=0.02) and 0.0 < quick_p < 0.9
 
 

@@ -163,28 +163,6 @@ def test_a_push_has_its_impulse_at_its_phase_and_a_hard_one_is_a_fall() -> None:
     assert result.fall.step == 1 and result.fall.phase == "single support"
 
 
-class LiftOffs(TrialHook):
-    """Keeps the times of all lift-offs, s."""
-
-    def __init__(self) -> None:
-        self.times: list[float] = []
-
-    def tick(self, tick: TrialTick) -> None:
-        assert tick.walking.reference is not None
-        if Event.LIFT_OFF in tick.walking.reference.events:
-            self.times.append(tick.plant.time)
-
-
-@pytest.mark.slow
-def test_a_push_on_a_robot_that_is_steered_comes_at_its_phase_of_the_quicker_step() -> None:
-    hook, lift_offs = Impulse(), LiftOffs()
-    plan = WalkPlan(drive=((0.0, 0.4, 0.0, 0.0), (4.5, 0.0, 0.0, 0.0)))
-    push = WalkPush(impulse=0.01, step=4, phase=0.5)
-    WalkTrial(WalkSpec(plan=plan, noise="none", pushes=(push,))).run([hook, lift_offs])
-    begin, end = lift_offs.times[3:5]
-    assert end - begin < 0.8 and hook.first == pytest.approx(0.5 * (begin + end), abs=0.02)
-
-
 def test_who_lies_has_fallen_whatever_the_controller_believes() -> None:
     trial = WalkTrial(WalkSpec(plan=TWO_STEPS, noise="none"))
     plant, look = trial.plant, trial.true_fall
@@ -282,15 +260,6 @@ def test_a_fall_before_any_good_measurement_is_a_fall(caplog: pytest.LogCaptureF
     result = walk(WalkSpec(plan=TWO_STEPS, pushes=(push,)), hooks=[Blind()])
     assert result.outcome == "fell" and result.fall is not None
     assert result.fall.onset == result.fall.time == result.seconds
-
-
-def test_who_is_to_walk_lower_has_not_fallen() -> None:
-    low = WalkSpec(plan=TWO_STEPS, gait=QUICK, changes={"com_height": 0.6})
-    trial = WalkTrial(low)
-    result = trial.run()
-    assert result.outcome == "completed"
-    com = trial.plant.truth().com
-    assert com[2] == pytest.approx(0.6, abs=0.02)
 
 
 def test_a_control_that_has_stopped_walks_no_more(caplog: pytest.LogCaptureFixture) -> None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import signal
 import sys
 import time
 from collections.abc import Mapping
@@ -12,7 +11,6 @@ from pathlib import Path
 from typing import Any, ClassVar
 
 from wbc.sim.studies.journal import Journal
-from wbc.sim.studies.sweep import _start_worker as start_worker
 from wbc.sim.studies.sweep import sweep
 from wbc.sim.studies.trials import Check, Outcome, TrialKind, register_trial
 
@@ -60,21 +58,6 @@ def run_test_trial(spec: MadeUpTrial, check: Check) -> Outcome:
     return Outcome(
         status, {"square": spec.number**2, "threads": os.environ.get("OMP_NUM_THREADS")}, {"wall_s": 1.0}
     )
-
-
-def killed_at_start(begun: Any) -> None:
-    """Prepare a local process, unless it is one of the first so many, which are killed.
-
-    Their number is in WBC_TEST_STARTS, followed by a file for a line of each start.
-    """
-    number, _, path = os.environ["WBC_TEST_STARTS"].partition(" ")
-    with Path(path).open("a+") as file:
-        file.write(f"{os.getpid()}\n")
-        file.flush()
-        file.seek(0)
-        if len(file.readlines()) <= int(number):
-            os.kill(os.getpid(), signal.SIGKILL)
-    start_worker(begun)
 
 
 register_trial("test", TrialKind(MadeUpTrial.from_json, run_test_trial))
