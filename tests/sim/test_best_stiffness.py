@@ -310,11 +310,7 @@ def test_the_model_of_the_library_is_the_model_of_its_table(
     [
         (["stiffness", "train", "nowhere.csv", "--out", "m.json"], "no stiffness table"),
         (["stiffness", "train", "--out", "m.txt"], ".json"),
-        (["stiffness", "judge", "--features", "pretty"], 'Choose from: "paper", "window", "select"'),
-        (["stiffness", "train"], "--out"),
-        (["stiffness", "judge", "--out", "m.json"], "no option of 'stiffness judge'"),
         (["study", "table", "dataset", "--journal", "j.jsonl", "--of", "best", "--table", "t.txt"], ".csv"),
-        (["stiffness", "train", "/bin/ls", "--out", "m.json"], "no text"),
     ],
 )
 def test_bad_input(words: list[str], message: str, capfd: pytest.CaptureFixture[str], tmp_path: Path) -> None:

