@@ -17,7 +17,6 @@ import mujoco
 import numpy as np
 import pytest
 from PIL import Image
-from properties import by_default
 
 from wbc.app import cli
 from wbc.app.arguments import attribute_docs
@@ -27,9 +26,7 @@ from wbc.core.errors import InputError
 from wbc.feet import SoftFoot, foot
 from wbc.feet.soles.catalog import foot_names
 from wbc.feet.soles.soft import VariableStiffnessFoot
-from wbc.robots import load, names
-from wbc.sim.plant.fitting import with_feet
-from wbc.sim.plant.plant import Plant
+from wbc.robots import names
 from wbc.sim.terrain.families.base import terrain_families
 from wbc.sim.walks.trial import WalkTrial
 
@@ -165,31 +162,6 @@ def test_parameters_that_change_together_are_checked_together() -> None:
             assert (design.phalanges, design.loop_phalanx) == tuple(values.values())
     with pytest.raises(InputError, match="loop_phalanx"):
         changed(SoftFoot(), {"loop_phalanx": 11})
-
-
-@pytest.mark.parametrize("name", ["rigid", "soft"])
-@pytest.mark.parametrize("robot", by_default(names(), "g1"))
-def test_a_controller_knows_the_mass_of_the_feet_if_told(robot: str, name: str) -> None:
-    description, design = load(robot), foot(name)
-    plant = Plant(description, foot=design)
-    ignored, told = (with_feet(description, design, mass=mass).robot() for mass in (False, True))
-    total = float(plant.model.body_mass.sum())
-    assert told.mass == pytest.approx(total, abs=1e-9)
-    assert ignored.mass == pytest.approx(total - 2 * 0.34, abs=1e-9)
-    q, v = plant.truth().q, np.zeros(told.nv)
-    told.update(q, v)
-    np.testing.assert_allclose(told.com, plant.truth().com, atol=1e-9)
-    # Rotational inertia as well: that of the whole robot about its base, from both models.
-    reference = np.zeros((plant.model.nv, plant.model.nv))
-    mujoco.mj_fullM(plant.model, plant.data, reference)
-    np.testing.assert_allclose(
-        np.linalg.eigvalsh(told.mass_matrix[3:6, 3:6]), np.linalg.eigvalsh(reference[3:6, 3:6]), rtol=1e-6
-    )
-    again = with_feet(with_feet(description, design, mass=True), design, mass=True).robot()
-    assert again.mass == pytest.approx(told.mass, abs=1e-12)
-    heavy = changed(design, {"mass" if name == "rigid" else "phalanx_mass": 0.5})
-    with pytest.raises(InputError, match="wears other feet already, .* give one without them"):
-        with_feet(with_feet(description, design, mass=True), heavy, mass=True)
 
 
 # --- rig -------------------------------------------------------------------------------------------------------------

@@ -9,6 +9,7 @@ import matplotlib
 import numpy as np
 import pytest
 from foreign import foreign_model
+from recorded import recorded_stand
 
 import wbc
 from wbc.app import Log, MeshcatView, Recorder, Replay, draw, replay_page
@@ -105,14 +106,7 @@ def test_the_view_shows_any_loop() -> None:
 def test_furniture_is_drawn_and_rebuilt(tmp_path: Path) -> None:
     ball = '<body name="cup" pos=".4 .3 .05"><freejoint/><geom size=".05"/></body>'
     cup = f"<mujoco><worldbody>{ball}</worldbody></mujoco>"
-    plant = wbc.Plant(DESCRIPTION, scene=cup)
-    control = wbc.PositionControl(wbc.balance_controller(DESCRIPTION.robot(), plant.control_period))
-    with Recorder(tmp_path / "cup.arrow") as recorder:
-        for _ in range(3):
-            measurement = plant.measure()
-            recorder(plant, control, measurement, control.command(measurement))
-            plant.step(plant.hold())
-    replay = Replay(Log.open(tmp_path / "cup.arrow"))
+    replay = Replay(recorded_stand(tmp_path / "cup.arrow", scene=cup))
     assert "foot/scene/cup" in replay.scene.bodies
     place = replay.snapshot(2).poses[replay.scene.bodies.index("foot/scene/cup"), :3, 3]
     np.testing.assert_allclose(place, [0.4, 0.3, 0.05], atol=1e-6)
@@ -139,15 +133,8 @@ def test_a_start_of_its_own_is_rebuilt_and_wrists_and_gains_are_logged(tmp_path:
 
 
 def test_a_loop_that_does_not_know_the_truth_is_recorded_and_not_viewed(tmp_path: Path) -> None:
-    plant = wbc.Plant(DESCRIPTION)
-    loop = types.SimpleNamespace(description=DESCRIPTION, control_period=plant.control_period)
-    control = wbc.PositionControl(wbc.balance_controller(DESCRIPTION.robot(), plant.control_period))
-    with Recorder(tmp_path / "own.arrow") as recorder:
-        for _ in range(3):
-            measurement = plant.measure()
-            command = control.command(measurement)
-            recorder(loop, control, measurement, command)  # type: ignore[arg-type]
-            plant.step(command)
-    assert len(Log.open(tmp_path / "own.arrow")["com/estimated"]) == 3
+    loop = types.SimpleNamespace(description=DESCRIPTION, control_period=0.005)
+    log = recorded_stand(tmp_path / "own.arrow", shown=lambda plant: loop)
+    assert len(log["com/estimated"]) == 3
     with pytest.raises(InputError, match=r"needs its truth\(\); give the description"):
         MeshcatView(loop, port=0)  # type: ignore[arg-type]

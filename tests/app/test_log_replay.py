@@ -307,7 +307,7 @@ def test_film_sizes_are_checked(replay: Replay, tmp_path: Path, size: tuple[int,
 
 def test_logs_that_cannot_be_replayed_say_why(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="recorded without a plant"):
-        Replay(recorded_stand(tmp_path / "a.arrow", plant=False))
+        Replay(recorded_stand(tmp_path / "a.arrow", shown=lambda plant: None))
     empty = recorded_stand(tmp_path / "b.arrow")
     empty._table = empty._table.slice(0, 0)
     with pytest.raises(InputError, match="no ticks"):

@@ -29,7 +29,7 @@ from wbc.app.log.stances import (
 from wbc.app.plot.figures import FIGURES, draw, missing
 from wbc.app.plot.output import save
 from wbc.app.plot.signals import draw_signals, select
-from wbc.app.replay.caption import caption
+from wbc.app.replay.overlays import caption
 from wbc.core.errors import InputError, UnknownNameError
 from wbc.tasks import Behaviour, Program, StateMachine, after
 from wbc.tasks.balance import balance_controller
@@ -115,20 +115,13 @@ def test_several_logs_share_a_figure(log: Log, tmp_path: Path) -> None:
 
 
 def test_torques_of_robots_with_other_joints_are_drawn_by_name(log: Log, tmp_path: Path) -> None:
-    plant = wbc.Plant(wbc.load_robot("g1"))
-    control = wbc.PositionControl(wbc.balance_controller(plant.description.robot(), plant.control_period))
-    with Recorder(tmp_path / "g1.arrow") as recorder:
-        for _ in range(3):
-            measurement = plant.measure()
-            recorder(plant, control, measurement, control.command(measurement))
-            plant.step(plant.hold())
-    both = [log, Log.open(tmp_path / "g1.arrow")]
+    both = [log, recorded_stand(tmp_path / "g1.arrow", "g1")]
     axes = draw("torque", both).axes[0]
     bars = np.array([bar.get_width() for bar in axes.patches])
     for each in both:
         assert np.isin(np.abs(each["truth/joint/torque_ratio"]).max(axis=0), bars).all()
     names = [text.get_text() for text in axes.get_yticklabels()]
-    assert len(names) == len(set(names)) == len(set(names) | set(plant.description.joint_names))
+    assert len(names) == len(set(names)) == len(set(names) | set(wbc.load_robot("g1").joint_names))
 
 
 def test_support_region_is_that_of_the_feet_on_the_ground(log: Log) -> None:

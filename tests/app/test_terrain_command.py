@@ -13,7 +13,7 @@ def test_descriptions_are_json_and_complete() -> None:
     for name in set(terrain_families()) - {"image"}:
         report = describe_terrain(name, given={"seed": 1})
         assert json.loads(json.dumps(report, allow_nan=False))["terrain"] == name
-    listed = {entry["name"]: entry for entry in json.loads(json.dumps(list_terrains()))}
+    listed = {entry["name"]: entry for entry in json.loads(json.dumps(list_terrains()))["terrains"]}
     assert {"flat", "stones", "random", "image"} <= listed.keys()
     assert all(p["about"] and p["unit"] for entry in listed.values() for p in entry["parameters"])
 

@@ -12,13 +12,13 @@ from pathlib import Path
 import numpy as np
 from mjcf_biped import biped
 from PIL import Image
+from recorded import recorded_stand
 
 import wbc
-from wbc.app.log.recorder import Recorder
 from wbc.feet.stiffness.model import DEFAULT_MODEL, DEFAULT_TABLE
 from wbc.motion import write_motion
 from wbc.motion.clip import MotionClip
-from wbc.sim import Plant, WalkPlan, WalkSpec
+from wbc.sim import WalkPlan, WalkSpec
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -171,14 +171,7 @@ def write_valid(folder: Path) -> None:
     )
     urdf = wbc.RobotDescription.from_mjcf(xml).urdf.replace("</robot>", f"{soles}</robot>")
     (folder / "robot.urdf").write_text(urdf.replace("><", ">\n<"))
-    plant = Plant(wbc.load_robot("hrp4_class"))
-    control = wbc.PositionControl(wbc.balance_controller(plant.description.robot(), plant.control_period))
-    with Recorder(folder / "log.arrow") as record:
-        for _ in range(10):
-            measurement = plant.measure()
-            command = control.command(measurement)
-            record(plant, control, measurement, command)
-            plant.step(command)
+    recorded_stand(folder / "log.arrow", ticks=10)
     (folder / "plot.arrow").write_bytes((folder / "log.arrow").read_bytes())
     study = {
         "name": "small",

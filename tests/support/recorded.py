@@ -6,6 +6,7 @@ import functools
 import tempfile
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -52,16 +53,24 @@ def run(plant: wbc.Plant, walk: WalkingControl, seconds: float, *hooks: Hook) ->
         plant.step(command)
 
 
-def recorded_stand(path: Path, robot: str = "hrp4_class", ticks: int = 3, *, plant: bool = True) -> Log:
-    """The log of a stand, also without a word of its plant."""
-    there = wbc.Plant(wbc.load_robot(robot))
-    control = wbc.PositionControl(wbc.balance_controller(there.description.robot(), there.control_period))
+def recorded_stand(
+    path: Path,
+    robot: str = "hrp4_class",
+    ticks: int = 3,
+    *,
+    control: type[wbc.PositionControl | wbc.TorqueControl] = wbc.PositionControl,
+    shown: Callable[[wbc.Plant], Any] = lambda plant: plant,
+    **options: Any,
+) -> Log:
+    """The log of a stand of a plant of some options, with what is shown of it to the recorder."""
+    plant = wbc.Plant(wbc.load_robot(robot), **options)
+    whole = control(wbc.balance_controller(plant.description.robot(), plant.control_period))
     with Recorder(path) as record:
         for _ in range(ticks):
-            measurement = there.measure()
-            command = control.command(measurement)
-            record(there if plant else None, control, measurement, command)
-            there.step(command)
+            measurement = plant.measure()
+            command = whole.command(measurement)
+            record(shown(plant), whole, measurement, command)
+            plant.step(command)
     return Log.open(path)
 
 

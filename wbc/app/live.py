@@ -39,7 +39,7 @@ class LiveView:
     @property
     def watched(self) -> bool:
         """True if there is a page."""
-        return self.view or self.workbench
+        return any(getattr(self, name, False) for name in ("view", "workbench", "drive"))
 
     def __post_init__(self) -> None:
         if not self.watched and (self.port is not None or self.host != "127.0.0.1"):
@@ -71,11 +71,6 @@ class LiveDrive(LiveView):
     """
 
     drive: bool = False
-
-    @property
-    def watched(self) -> bool:
-        """True if there is a page."""
-        return self.view or self.workbench or self.drive
 
 
 LiveOptions = Annotated[LiveView, Parameter(name="*")]

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import importlib
 import runpy
-from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -48,26 +47,22 @@ def check_plant(
 
 
 def _made(name: str) -> Any:
-    """Return the loop that a function returns."""
-    function = _function(name)
-    try:
-        return function()
-    except WbcError:
-        raise
-    except Exception as error:  # of the user's own program
-        raise InputError(f"'{name}' returns no loop: {type(error).__name__}: {error}") from error
-
-
-def _function(name: str) -> Callable[[], Any]:
-    """Return the function with a name such as module:name or file.py:name."""
+    """Return the loop that a function with a name such as module:name or file.py:name returns."""
     module, _, function = name.rpartition(":")
     if not module:
         raise InputError(f"a loop is given as module:name or file.py:name of a function, got '{name}'")
     try:
         if module.endswith(".py"):
-            return runpy.run_path(str(Path(module).expanduser()))[function]  # type: ignore[no-any-return]
-        return getattr(importlib.import_module(module), function)  # type: ignore[no-any-return]
+            make = runpy.run_path(str(Path(module).expanduser()))[function]
+        else:
+            make = getattr(importlib.import_module(module), function)
     except Exception as error:  # whatever the user's own file raises
         raise InputError(
             f"there is no function '{name}' that returns a loop: {type(error).__name__}: {error}"
         ) from error
+    try:
+        return make()
+    except WbcError:
+        raise
+    except Exception as error:  # of the user's own program
+        raise InputError(f"'{name}' returns no loop: {type(error).__name__}: {error}") from error

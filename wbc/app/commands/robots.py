@@ -171,11 +171,7 @@ def _table(facts: list[dict[str, Any]]) -> str:
         f"{'robot':<18}" + "".join(f"{heading:>10}" for heading in COLUMNS.values()) + f"{'sole mm':>12}"
     ]
     for each in facts:
-        values = "".join(f"{_number(each[key]):>10}" for key in COLUMNS)
+        values = "".join(f"{'?' if each[key] is None else f'{each[key]:.4g}':>10}" for key in COLUMNS)
         length, width = next(iter(each["soles"].values()))["size_m"]
         lines.append(f"{each['name']:<18}{values}{f'{1e3 * length:.0f} x {1e3 * width:.0f}':>12}")
     return "\n".join(lines)
-
-
-def _number(value: Any) -> str:
-    return "?" if value is None else f"{value:.4g}"

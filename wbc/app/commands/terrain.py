@@ -67,19 +67,17 @@ def terrain(
     ]
     if of_one:
         raise InputError(f"--{of_one[0].replace('_', '-')} belongs to one ground; name its family")
-    families = list_terrains(options.plot)
-    scenes = [
-        {"name": name, "summary": kind.summary(), "parameters": _parameters(kind)}
-        for name, kind in scene_kinds().items()
-    ]
-    facts = {"terrains": families, "scenes": scenes}
-    if options.plot is not None:
-        facts["plot"] = str(options.plot)
-    lines = _listing(families)
-    lines += [
-        "Scenes:",
-        *(line for scene in scenes for line in (f"{scene['name']:<8} {scene['summary']}", *_rows(scene))),
-    ]
+    target = check_picture(options.plot)
+    facts = list_terrains()
+    if target is not None:
+        plot_families(target)
+        facts["plot"] = str(target)
+    lines = []
+    for each in facts["terrains"]:
+        lines += [f"{each['name']:<18} {each['summary']} (amplitude {each['amplitude_m']:g} m)", *_rows(each)]
+    lines.append("Scenes:")
+    for each in facts["scenes"]:
+        lines += [f"{each['name']:<8} {each['summary']}", *_rows(each)]
     return output.report(facts, "\n".join(lines))
 
 
@@ -101,52 +99,29 @@ def describe_terrain(
     return facts
 
 
-def list_terrains(plot: Path | None = None) -> list[dict[str, Any]]:
-    """Return name, summary, usual amplitude (m) and parameters of all families; draw them if asked to."""
-    target = check_picture(plot)
-    families = [
-        {
-            "name": name,
-            "summary": family.summary(),
-            "amplitude_m": family.default_amplitude,
-            "parameters": _parameters(family),
-        }
+def list_terrains() -> dict[str, Any]:
+    """Return name, summary, parameters and, of grounds, usual amplitude (m) of all families and scenes."""
+    grounds = [
+        {**_described(name, family), "amplitude_m": family.default_amplitude}
         for name, family in terrain_families().items()
     ]
-    if target is not None:
-        plot_families(target)
-    return families
+    return {"terrains": grounds, "scenes": [_described(*scene) for scene in scene_kinds().items()]}
 
 
-def _parameters(kind: type) -> list[dict[str, Any]]:
-    """Return the parameters of a family of grounds or a scene: name, default, unit, meaning, choices."""
+def _described(name: str, kind: Any) -> dict[str, Any]:
+    """Return name, summary and parameters of a family of grounds or a scene."""
     found = []
     for field in fields(kind):
         unit, choices = unit_and_choices(kind, field.name)
-        found.append(
-            {
-                "name": field.name,
-                "default": field.default,
-                "unit": unit or "1",
-                "about": field.metadata["about"],
-                "choices": choices,
-            }
-        )
-    return found
+        row = {"name": field.name, "default": field.default, "unit": unit or "1"}
+        found.append(row | {"about": field.metadata["about"], "choices": choices})
+    return {"name": name, "summary": kind.summary(), "parameters": found}
 
 
 def _named_roughness(ground: Terrain) -> dict[str, float]:
     """Return the roughness parameters along y = 0 by name, with their units in the names."""
     names = [f"{name}_{unit}" if unit else name for name, unit in zip(PARAMETERS, UNITS, strict=True)]
     return dict(zip(names, ground.roughness().values.tolist(), strict=True))
-
-
-def _listing(families: list[dict[str, Any]]) -> list[str]:
-    lines = []
-    for family in families:
-        lines.append(f"{family['name']:<18} {family['summary']} (amplitude {family['amplitude_m']:g} m)")
-        lines += _rows(family)
-    return lines
 
 
 def _rows(family: dict[str, Any]) -> list[str]:

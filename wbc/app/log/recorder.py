@@ -212,11 +212,6 @@ class Recorder(TrialHook):
         self._writer.begin(signals, make_header(tick, self._spec, self._title, self._seed))
         return signals
 
-    @property
-    def ticks(self) -> int:
-        """Ticks recorded so far."""
-        return self._writer.rows
-
     def close(self) -> None:
         """Write the last batch and end the file."""
         self._writer.close()

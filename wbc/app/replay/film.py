@@ -18,8 +18,8 @@ from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
 
 from wbc.app.files import FILMS, check_target
-from wbc.app.replay.caption import caption
 from wbc.app.replay.mujoco_scene import MujocoScene
+from wbc.app.replay.overlays import caption
 from wbc.app.replay.replay import Replay
 from wbc.app.scene.colours import ARROW_COLOURS
 from wbc.core.arguments import checked

@@ -1,4 +1,4 @@
-"""Overlays of a replayed walk: footsteps, planned and real, support region, scans and DCM."""
+"""Overlays of a replayed walk: footsteps, planned and real, support region, scans and DCM; and the caption."""
 
 from __future__ import annotations
 
@@ -17,10 +17,15 @@ from wbc.app.scene.colours import (
     translucent,
 )
 from wbc.app.scene.layer import Layer
+from wbc.app.scene.layers import stiffness_text
 from wbc.app.scene.marks import LIFT, LINE, outline, polygon, ribbon, ribbon_edges, translation
 from wbc.app.scene.shapes import HIDDEN, Colour, Surface, disc
 from wbc.core.errors import Array
 from wbc.core.hull import convex_hull
+from wbc.core.robot import SIDES
+
+EVENT_TIME = 2.0
+"""Time for which an event is shown, s."""
 
 
 class Overlays(Layer):
@@ -99,3 +104,26 @@ def _scans(log: Log) -> list[tuple[int, Array]]:
             points = drift(np.stack([c * x - s * y, s * x + c * y, z], axis=1), tick)
             scans.append((tick, points + (0.0, 0.0, LIFT)))
     return scans
+
+
+def caption(log: Log, tick: int, drift: Drift | None = None) -> str:
+    """Return program, phase, step, stiffness of the soles, drift and last event, one line each, as far as logged."""
+    lines = []
+    if "program/state" in log:
+        lines.append(str(log.texts("program/state")[tick]))
+    if "walk/phase" in log:
+        phase, side = log.texts("walk/phase")[tick], log.texts("step/side")[tick]
+        swing = f", {side} foot swings" if phase == "single support" and side else ""
+        lines.append(f"{phase or ''}{swing}, {log['walk/steps_done'][tick]:.0f} steps done")
+    stiffness = [
+        float(log[f"foot/{side}/stiffness"][tick]) for side in SIDES if f"foot/{side}/stiffness" in log
+    ]
+    if stiffness and all(math.isfinite(value) for value in stiffness):
+        lines.append(stiffness_text(stiffness))
+    if drift is not None and "truth/com/x" in log and "foot/left/contact" in log:
+        lines.append(drift.text(tick))
+    now = float(log.time[tick])
+    past = [text for time, text in log.events if now - EVENT_TIME <= time <= now]
+    if past:
+        lines.append(past[-1])
+    return "\n".join(lines)

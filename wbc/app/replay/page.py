@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from wbc.app.replay.caption import caption
+from wbc.app.replay.overlays import caption
 from wbc.app.replay.replay import Replay
 from wbc.app.view.page import Page
 from wbc.app.view.viewer_commands import empty_scene, object_commands, transform_command

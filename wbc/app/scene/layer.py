@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from wbc.app.scene.shapes import ROOT, Colour, Legend, SceneObject, Shape
 from wbc.core.errors import Array
+
+if TYPE_CHECKING:
+    from wbc.core.signals import Measurement
 
 
 @dataclass(eq=False)
@@ -46,7 +49,10 @@ class Layer:
         objects: Its objects.
         moving: Paths that it moves.
         legend: Meaning of its colours.
+        measurement: The latest measurement; None without one.
     """
+
+    measurement: Measurement | None = None
 
     def __init__(self) -> None:
         """Make a layer without objects."""

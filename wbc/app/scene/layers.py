@@ -43,7 +43,6 @@ from wbc.tasks.stabilizer.pendulum import natural_frequency
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
-    from wbc.core.signals import Measurement
     from wbc.feet import FootParts
     from wbc.sim import Plant
     from wbc.walking.control import ReferenceControl
@@ -170,15 +169,11 @@ class RangeLayer(Layer):
 
     After the landing, the profile on which the stiffness was decided replaces the scanned points. Without measurements
     of a range sensor nothing is shown.
-
-    Attributes:
-        measurement: The latest measurement.
     """
 
     def __init__(self, plant: Plant, walking: ReferenceControl | None) -> None:
         """Find the sensors."""
         super().__init__()
-        self.measurement: Measurement | None = None
         self._plant, self._walking = plant, walking
         self._sites = [plant.model.site(foot.range_site).id for foot in plant.feet]
         self._ray: list[int] = []

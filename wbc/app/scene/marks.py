@@ -85,14 +85,19 @@ def ribbon_edges(points: Array, width: float, count: int) -> Array:
 
 def segment(start: Array, end: Array) -> Array:
     """Return the matrix that stretches a rod of length 1 along z, centred at the origin, between two points (m)."""
-    along = end - start
+    return stretched(end - start, 0.5 * (start + end))
+
+
+def stretched(along: Array, place: Array, thickness: float = 1.0) -> Array:
+    """Return the matrix that brings a shape of length 1 along z to a place, turned and as long as a vector, m."""
     length = float(np.linalg.norm(along))
-    if not length > 1e-6:
+    if not length > 1e-3:
         return HIDDEN
+    z = along / length
+    x = np.cross(z, (0.0, 1.0, 0.0) if abs(z[1]) < 0.9 else (1.0, 0.0, 0.0))
+    x /= np.linalg.norm(x)
     matrix = np.eye(4)
-    x, y, z = upright_axes(along / length)
-    matrix[:3, 0], matrix[:3, 1], matrix[:3, 2] = x, y, length * z
-    matrix[:3, 3] = 0.5 * (start + end)
+    matrix[:3] = np.column_stack([thickness * x, thickness * np.cross(z, x), along, place])
     return matrix
 
 
@@ -101,19 +106,6 @@ def translation(x: float, y: float, z: float) -> Array:
     matrix = np.eye(4)
     matrix[:3, 3] = x, y, z
     return matrix
-
-
-def upright_axes(direction: Array) -> tuple[Array, Array, Array]:
-    """Return the axes of a right-handed frame whose z axis is a direction, a unit vector of shape (3,)."""
-    a, b, c = direction.tolist()
-    if abs(b) < 0.9:  # z × y, level
-        norm = math.hypot(a, c)
-        x = np.array((-c / norm, 0.0, a / norm))
-    else:
-        norm = math.hypot(b, c)
-        x = np.array((0.0, c / norm, -b / norm))
-    u, v, w = x.tolist()
-    return x, np.array((b * w - c * v, c * u - a * w, a * v - b * u)), direction
 
 
 def _thinned(points: Array, count: int) -> Array:

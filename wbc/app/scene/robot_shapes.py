@@ -13,6 +13,7 @@ from wbc.app.scene.colours import PLAIN
 from wbc.app.scene.shapes import Colour, MeshFile, Part, Shape, box, cylinder, sphere
 from wbc.core.errors import Array
 from wbc.robots import RobotDescription
+from wbc.robots.derivation.soles import numbers, origin_of
 from wbc.robots.frames import carrier_link
 from wbc.robots.urdf import moving_link_of
 
@@ -65,12 +66,12 @@ def _parts(
     colour = PLAIN
     if material is not None:
         colour = _colour(material) or colours.get(str(material.get("name")), PLAIN)
-    return [Part(link, shape, colour, _origin(element))]
+    return [Part(link, shape, colour, np.array(origin_of(element).homogeneous))]
 
 
 def _shape(element: ElementTree.Element, directories: tuple[Path, ...]) -> Shape | None:
     if element.tag == "box":
-        x, y, z = _numbers(element.get("size", "0 0 0"))
+        x, y, z = numbers(element.get("size", "0 0 0"))
         return box(x, y, z)
     if element.tag == "sphere":
         return sphere(float(element.get("radius", "0")))
@@ -80,7 +81,7 @@ def _shape(element: ElementTree.Element, directories: tuple[Path, ...]) -> Shape
     if element.tag == "mesh":
         path = _find(element.get("filename", ""), directories)
         if path is not None and path.suffix.lower() in MESH_FORMATS:
-            x, y, z = _numbers(element.get("scale", "1 1 1"))
+            x, y, z = numbers(element.get("scale", "1 1 1"))
             return MeshFile(str(path), (x, y, z))
     return None
 
@@ -107,20 +108,8 @@ def _colour(material: ElementTree.Element) -> Colour | None:
     element = material.find("color")
     if element is None:
         return None
-    values = [min(max(value, 0.0), 1.0) for value in _numbers(element.get("rgba", ""))]
+    values = [min(max(value, 0.0), 1.0) for value in numbers(element.get("rgba", ""))]
     return (values[0], values[1], values[2], values[3]) if len(values) == 4 else None
-
-
-def _origin(element: ElementTree.Element) -> Array:
-    origin = element.find("origin")
-    if origin is None:
-        return np.eye(4)
-    rotation = pin.rpy.rpyToMatrix(*_numbers(origin.get("rpy", "0 0 0")))
-    return np.array(pin.SE3(rotation, np.array(_numbers(origin.get("xyz", "0 0 0")))).homogeneous)
-
-
-def _numbers(text: str) -> list[float]:
-    return [float(part) for part in text.split()]
 
 
 def _sticks(description: RobotDescription) -> dict[str, list[Part]]:

@@ -13,7 +13,7 @@ import numpy as np
 
 from wbc.app.scene.colours import ARROW_COLOURS, COM_COLOUR, LEGEND, ZMP_COLOUR
 from wbc.app.scene.ground import ground_objects
-from wbc.app.scene.marks import translation, upright_axes
+from wbc.app.scene.marks import stretched, translation
 from wbc.app.scene.shapes import (
     HIDDEN,
     MARK,
@@ -135,15 +135,7 @@ class Scene:
     def _arrow(self, kind: str, point: Array, force: Array) -> Array:
         """Return the matrix that scales the unit arrow to a force; pushes end at their point."""
         reach = self.reach(force)
-        length = float(np.linalg.norm(reach))
-        if length < 1e-3:
-            return HIDDEN
-        x, y, z = upright_axes(reach / length)
-        thickness = 0.025 * self.com_height
-        matrix = np.eye(4)
-        matrix[:3, 0], matrix[:3, 1], matrix[:3, 2] = thickness * x, thickness * y, length * z
-        matrix[:3, 3] = point - length * z if kind == "push" else point
-        return matrix
+        return stretched(reach, point - reach if kind == "push" else point, 0.025 * self.com_height)
 
 
 def make_scene(

@@ -18,7 +18,7 @@ import numpy as np
 
 from wbc.app.address import Address, ViewError
 from wbc.app.scene.layer import Annotations, Layer
-from wbc.app.scene.layers import RangeLayer, make_layers
+from wbc.app.scene.layers import make_layers
 from wbc.app.scene.scene import Scene, Snapshot
 from wbc.app.scene.shapes import HIDDEN
 from wbc.app.scene.sources import PlantSource, RobotSource
@@ -246,8 +246,7 @@ class View(ABC):
         matrices[:place] = robot
         annotations = Annotations(target=tuple(snapshot.com.tolist()))
         for layer in self._layers:
-            if isinstance(layer, RangeLayer):
-                layer.measurement = self._measurement
+            layer.measurement = self._measurement
             layer.fill(matrices[place : place + len(layer.moving)], annotations)
             place += len(layer.moving)
         if self._program is not None:

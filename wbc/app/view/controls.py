@@ -100,8 +100,11 @@ class LiveControls:
             controller: Controller whose tasks may be changed; that of the walk when None.
             repeat: Interventions of a former run, carried out again at their times; see `interventions_of`.
         """
-        self._plant, self._walking = plant, walking
-        self.controller = walking.controller if controller is None and walking is not None else controller
+        self._plant: Any = plant
+        self._walking: Any = walking
+        self.controller: Any = (
+            walking.controller if controller is None and walking is not None else controller
+        )
         self.interventions: list[dict[str, Any]] = []
         self.message = ""
         self._orders: deque[dict[str, Any]] = deque(maxlen=MAX_ORDERS)  # of pages, until the next tick
@@ -173,17 +176,16 @@ class LiveControls:
             controls["push"] = {"impulse": IMPULSE, "largest": MAX_IMPULSE, "directions": list(DIRECTIONS)}
         if "stop" in self._actions:
             controls["stop"] = True
-        if "drive" in self._actions and walking is not None:
+        if "drive" in self._actions:
             forward, back, aside, turn = walking.velocity_limits
             controls["drive"] = {"forward": forward, "back": back, "left": aside, "turn": turn}
-        if "gain" in self._actions and walking is not None and walking.stabilizer is not None:
+        if "gain" in self._actions:
             gains = walking.stabilizer.gains
             controls["gains"] = [
                 {"name": name, "unit": unit, "largest": LIMITS[name], "value": _first(getattr(gains, name))}
                 for name, unit in GAINS.items()
             ]
-        if "stiffness" in self._actions and plant is not None:
-            assert isinstance(plant.foot, VariableStiffnessFoot)
+        if "stiffness" in self._actions:
             actuator = plant.foot.actuator
             value = float(plant.foot.stiffness)
             controls["stiffness"] = {"low": actuator.low, "high": actuator.high, "value": value}
@@ -218,7 +220,6 @@ class LiveControls:
         return {"name": name, "value": request.get("value")}
 
     def _set_task(self, request: dict[str, Any]) -> dict[str, Any]:
-        assert self.controller is not None
         task: Any = self.controller.task(str(request.get("task")))
         facts: dict[str, Any] = {key: request[key] for key in TASK_ORDERS if key in request}
         if len(facts) != 1:
@@ -241,7 +242,6 @@ class LiveControls:
         return {"task": task.name, **facts}
 
     def _hold(self, request: dict[str, Any]) -> dict[str, Any]:
-        assert self._plant is not None
         body = str(request.get("body"))
         force = finite_array("force of a pull (N)", request.get("force", math.nan), (3,))
         weight = self._plant.robot.mass * GRAVITY
@@ -254,7 +254,6 @@ class LiveControls:
         return {"body": body, "force": force.tolist()}
 
     def _push(self, request: dict[str, Any]) -> dict[str, Any]:
-        assert self._plant is not None
         side = choose("direction of a push", str(request.get("direction")), DIRECTIONS)
         impulse = finite_scalar(
             "impulse of a push (Ns/kg)", request.get("impulse"), low=0.0, high=MAX_IMPULSE
@@ -267,13 +266,10 @@ class LiveControls:
         return {"direction": side, "impulse": impulse}
 
     def _stop(self, request: dict[str, Any]) -> dict[str, Any]:
-        del request
-        assert self._walking is not None
         self._walking.stop()
         return {}
 
     def _drive(self, request: dict[str, Any]) -> dict[str, Any]:
-        assert self._walking is not None
         velocity = tuple(
             finite_scalar(f"{name} of a velocity", request.get(name), low=-MAX_SPEED, high=MAX_SPEED)
             for name in ("forward", "left", "turn")
@@ -290,11 +286,9 @@ class LiveControls:
             self.apply({"do": "drive", "forward": 0.0, "left": 0.0, "turn": 0.0})
 
     def _set_gain(self, request: dict[str, Any]) -> dict[str, Any]:
-        assert self._walking is not None
         name = choose("gain", str(request.get("name")), GAINS)
         value = finite_scalar(f"gain '{name}'", request.get("value"), low=0.0)
         stabilizer = self._walking.stabilizer
-        assert stabilizer is not None
         stabilizer.gains = replace(stabilizer.gains, **{name: value})
         return {"name": name, "value": _first(getattr(stabilizer.gains, name))}
 
@@ -302,9 +296,7 @@ class LiveControls:
         from wbc.tasks.scheduling.policies import FixedPolicy  # noqa: PLC0415
         from wbc.tasks.scheduling.stiffness import StiffnessScheduler  # noqa: PLC0415 - few runs need it
 
-        assert self._walking is not None and self._plant is not None
         foot = self._plant.foot
-        assert isinstance(foot, VariableStiffnessFoot)
         value = foot.actuator.check(finite_scalar("stiffness (Nm/rad)", request.get("value"), low=0.0))
         if self._walking.stiffness is None:
             robot = self._walking.controller.robot

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 import time as clock
 from collections import deque
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 from typing import Any, Generic, TypeVar
@@ -315,14 +315,14 @@ class Workbench(View):
         """Make the folders of tasks and contacts that have come, as with a state, and remove those of what has gone."""
         controller = self.controls.controller
         present: list[Any] = [] if controller is None else [*controller.tasks, *controller.contacts]
-        for thing, folder, live in [made for made in self._made if not _among(made[0], present)]:
+        for thing, folder, live in [made for made in self._made if made[0] not in present]:
             self._made.remove((thing, folder, live))
             for show in live:
                 show(math.nan)  # takes its plots and gizmo away
                 self._live.remove(show)
             folder.remove()
         for thing in present:
-            if not _among(thing, [made[0] for made in self._made]):
+            if thing not in [made[0] for made in self._made]:
                 before, task = len(self._live), isinstance(thing, Task)
                 with self._rooms[Task if task else Contact]:
                     folder = self._task_folder(thing) if task else self._contact_folder(thing)
@@ -331,7 +331,7 @@ class Workbench(View):
     def _there(self, thing: object) -> bool:
         """Return true while the controller has a task or contact."""
         controller = self.controls.controller
-        return controller is not None and _among(thing, (*controller.tasks, *controller.contacts))
+        return controller is not None and thing in (*controller.tasks, *controller.contacts)
 
     def _folder(self) -> Any:
         """Folder of the program's own controls."""
@@ -663,11 +663,6 @@ def _without_noise(values: Array) -> Array:
     """Return values to seven digits of the largest, and to 1e-9: uPlot cannot draw an axis with finer ticks."""
     largest = float(np.nanmax(np.abs(values), initial=0.0))
     return values if largest == 0.0 else np.round(np.round(values / largest, 7) * largest, 9)
-
-
-def _among(thing: object, others: Iterable[object]) -> bool:
-    """Return true if one of some objects is this one."""
-    return any(thing is each for each in others)
 
 
 def _has_place(task: Any) -> bool:

@@ -75,10 +75,6 @@ def rerun_text(found: list[dict[str, Any]]) -> str:
     return "".join(lines)
 
 
-def _short(value: Any) -> bool:
-    return isinstance(value, (bool, int, float, str))
-
-
 @settings(kw_only=True)
 class RunOptions:
     """Options of a sweep over the trials of a study.
@@ -175,7 +171,11 @@ def _rerun(options: RunOrRerunOptions, key: str, output: Output) -> Report:
     if other:
         lines.append(f"  the journal's is of another version of the code: {', '.join(other)}")
     lines += [f"  {line}" for line in (outcome.error or "").splitlines()]
-    lines += [f"  {name:<12} {value}" for name, value in (outcome.result or {}).items() if _short(value)]
+    lines += [
+        f"  {name:<12} {value}"
+        for name, value in (outcome.result or {}).items()
+        if isinstance(value, (bool, int, float, str))
+    ]
     return output.report(facts, "\n".join(lines))
 
 
