@@ -419,32 +419,3 @@ def test_bad_values_are_refused() -> None:
         SoleContact("pelvis").bind(robot)
     with pytest.raises(UnknownNameError, match="frame"):
         PointContact("left_hant").bind(robot)
-
-
-def test_residuals_of_several_selections_are_those_of_their_own_joints() -> None:
-    controller = standing("hrp4_class", posture=False)
-    robot = controller.robot
-    controller.add(CoMTask())
-    tasks = [
-        controller.add(PostureTask(joints=robot.joint_names[first:last], name=name, weight=1e-2))
-        for name, first, last in (("legs", 0, 6), ("rest", 6, robot.na))
-    ]
-    for task in tasks:
-        task.target = task.target + 0.02
-    solution = controller.solve()
-    for task, columns in zip(tasks, (slice(6, 12), slice(12, None)), strict=True):
-        wanted = 0.02 * task.stiffness
-        np.testing.assert_allclose(
-            solution.residuals[task.name], solution.accelerations[columns] - wanted, atol=1e-9
-        )
-
-
-def test_an_error_beyond_its_bound_acts_like_one_at_the_bound() -> None:
-    controller = standing("hrp4_class")
-    com = controller.add(CoMTask(error_bound=0.01, stiffness=1.0))
-    place, found = np.array(com.target), []
-    for height in (0.005, 0.01, 0.2):
-        com.target = place - [0.0, 0.0, height]
-        found.append(controller.solve().accelerations)
-    np.testing.assert_allclose(found[2], found[1], atol=1e-9)
-    assert np.abs(found[1] - found[0]).max() > 1e-3

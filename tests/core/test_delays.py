@@ -220,15 +220,14 @@ def test_a_foot_meets_the_ground_at_a_greater_force_than_it_leaves_it() -> None:
     robot = G1.robot()
     estimator = WrenchEstimator(robot, DT)
     for share in (0.06, 0.0, 0.06, 0.1, 0.06):
+        torque = carried(share)[2]
         for _ in range(50):
-            estimator.update(robot.half_sitting, np.zeros(robot.nv), carried(share)[2])
+            estimator.update(robot.half_sitting, np.zeros(robot.nv), torque)
         found.append(estimator.contact[1])
     assert found == [True, False, False, True, True] and estimator.contact[0]
 
 
-@pytest.mark.parametrize(
-    ("passed", "periods"), [(None, 1.0), (1.005, 1.0), (1.5, 1.5), (3.0, 3.0), (9.0, 4.0), (0.1, 0.25)]
-)
+@pytest.mark.parametrize(("passed", "periods"), [(None, 1.0), (1.5, 1.5), (9.0, 4.0), (0.1, 0.25)])
 def test_an_estimate_follows_torques_and_momentum_as_a_first_order_lag(
     passed: float | None, periods: float
 ) -> None:
@@ -238,10 +237,10 @@ def test_an_estimate_follows_torques_and_momentum_as_a_first_order_lag(
     q = robot.half_sitting
     first = estimator.update(q, still, torque).copy()
     np.testing.assert_allclose(first[:, 2], normal, rtol=1e-2)
-    known = WrenchEstimator(robot, DT)
-    last = known.update(q, still, carried(0.3)[2]).copy()
+    shifted = carried(0.3)[2]
+    last = WrenchEstimator(robot, DT).update(q, still, shifted).copy()
     for tick in range(1, 6):
-        wrench = estimator.update(q, still, carried(0.3)[2], None if passed is None else passed * DT)
+        wrench = estimator.update(q, still, shifted, None if passed is None else passed * DT)
         share = -np.expm1(-80.0 * periods * DT * tick)
         np.testing.assert_allclose(wrench, first + share * (last - first), rtol=1e-6, atol=1e-6)
     known = WrenchEstimator(robot, periods * DT)

@@ -166,7 +166,7 @@ def with_contacts(name: str, *contacts: Contact, limited: bool = True) -> Contro
     return controller
 
 
-@examples(40)
+@examples(20)
 @given(st.sampled_from(ROBOTS), st.integers(0, 10_000), st.floats(0.0, 3.0), st.booleans(), st.booleans())
 def test_footholds_make_no_qp_infeasible(name: str, seed: int, speed: float, left: bool, right: bool) -> None:
     """Joints within their limits, any velocity, loads that must be carried; another solver finds the same."""

@@ -89,7 +89,7 @@ def test_gains_that_no_servo_has_are_refused(gains: dict[str, float]) -> None:
         HybridControl(balance_controller(robot, DT), **wrong)
 
 
-@pytest.mark.parametrize("seed", range(5))
+@pytest.mark.parametrize("seed", range(2))
 def test_feedforward_and_servos_together_keep_the_torque_limits(seed: int) -> None:
     """Each stays within, and their sum; the sum is kept where the feed-forward's own limit lets it."""
     robot, rng = G1.robot(), np.random.default_rng(seed)

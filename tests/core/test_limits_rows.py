@@ -324,10 +324,9 @@ def test_com_is_pulled_out_of_its_polygon_in_vain(name: str) -> None:
     assert np.abs(path - here).max() > 0.04
 
 
-@pytest.mark.parametrize("dt", [0.001, 0.005])
-def test_com_stays_over_the_soles_by_default(dt: float) -> None:
+def test_com_stays_over_the_soles_by_default() -> None:
     limit = CoMPolygonLimit()
-    controller, path = sway("hrp4_class", limit, np.array([0.4, 0.1]), 2.0, dt)
+    controller, path = sway("hrp4_class", limit, np.array([0.4, 0.1]), 2.0, 0.005)
     corners = limit.polygon
     assert len(corners) == 4 or len(corners) == 6
     edges = np.roll(corners, -1, axis=0) - corners
@@ -379,7 +378,7 @@ def test_polygon_demands_no_more_than_it_says() -> None:
 def test_polygon_never_contradicts_itself() -> None:
     """Whatever polygon, place and velocity: some acceleration of the CoM keeps all rows."""
     robot, rng = make_robot("g1"), np.random.default_rng(5)
-    for _ in range(100):
+    for _ in range(40):
         points = rng.normal(size=(5, 2)) * [0.3, 0.02] + rng.normal(size=2)
         limit = CoMPolygonLimit(points, margin=0.0, recovery=float(rng.uniform(0, 2)))
         limit.bind(robot)

@@ -195,7 +195,7 @@ def test_a_foot_that_stands_under_a_turning_base_is_at_rest() -> None:
 
 
 def test_a_wrong_initial_tilt_and_a_gyro_bias_fade() -> None:
-    sensors, qs, vs = sway(seconds=20.0)
+    sensors, qs, vs = sway(dt=0.01, seconds=20.0)
     robot = biped()
     observer = Observer(robot, ObserverSettings())
     q = np.array(qs[0])
@@ -274,8 +274,7 @@ def rolling(radius: float, axis: int = 0) -> tuple[list[Measurement], np.ndarray
     return sensors, qs[1:-1], vs
 
 
-@pytest.mark.parametrize("axis", [0, 1], ids=["sideways", "forwards"])
-@pytest.mark.parametrize("radius", [0.0, 0.3])
+@pytest.mark.parametrize(("radius", "axis"), [(0.0, 1), (0.3, 0)], ids=["forwards", "sideways"])
 def test_a_rolling_foot_is_followed_when_anchored_at_its_centre_of_pressure(radius: float, axis: int) -> None:
     sensors, qs, vs = rolling(radius, axis)
     worst = {}
@@ -304,8 +303,8 @@ def spinning(seconds: float) -> tuple[list[Measurement], np.ndarray, np.ndarray]
 
 
 def test_a_foot_that_spins_does_not_turn_the_estimate_and_holds_it_when_it_rests() -> None:
-    sensors, qs, _ = spinning(21.0)
-    bias = np.array([0.0, 0.0, 0.002])  # rad/s, 0.04 rad over the whole time
+    sensors, qs, _ = spinning(11.0)
+    bias = np.array([0.0, 0.0, 0.004])  # rad/s, 0.04 rad over the whole time
     sensors = [replace(s, angular_velocity=s.angular_velocity + bias) for s in noisy(sensors, 1)]
     yaws = {}
     for spin in (ObserverSettings().spin, 100.0):
@@ -318,8 +317,7 @@ def test_a_foot_that_spins_does_not_turn_the_estimate_and_holds_it_when_it_rests
     assert abs(trusting[-1]) > 0.2, "without the rule the turn of the foot is taken for one of the body"
 
 
-@pytest.mark.parametrize("axis", [0, 1], ids=["sideways", "forwards"])
-@pytest.mark.parametrize("radius", [0.0, 0.3])
+@pytest.mark.parametrize(("radius", "axis"), [(0.0, 1), (0.3, 0)], ids=["forwards", "sideways"])
 def test_a_gyroscope_that_is_wrong_is_told_from_a_foot_that_turns(radius: float, axis: int) -> None:
     """Both turn the foot, by encoders and gyroscope; but only the foot moves the accelerometer."""
     sensors, qs, _ = rolling(radius, axis)

@@ -68,13 +68,9 @@ def test_each_reading_is_refused_from_its_bound_on() -> None:
                     continue
                 assert bool(plausibility.faults) == (abs(share) > 1.0) and (optional or abs(share) < 1.0)
                 if name == "hand_wrenches" and abs(share) > 1.0:
-                    assert plausibility.faults == (
-                        f"force sensor of {('left_hand', 'right_hand')[place[0]]}",
-                    )
-                    assert (
-                        np.isnan(used.hand_wrenches[place[0]]).all()
-                        and not used.hand_wrenches[1 - place[0]].any()
-                    )
+                    side = place[0]
+                    assert plausibility.faults == (f"force sensor of {('left_hand', 'right_hand')[side]}",)
+                    assert np.isnan(used.hand_wrenches[side]).all() and not used.hand_wrenches[1 - side].any()
                     assert used.joint_torque is not None and plausibility.refused == 1
 
 

@@ -18,9 +18,7 @@ from wbc.core.errors import InputError, UnknownNameError
 from wbc.feet import Foot, RangeSensor, SoftFoot, StiffnessActuator, foot, register_foot
 from wbc.feet.sensing.range_sensor import RangeSampler
 from wbc.feet.soles import catalog
-from wbc.feet.soles.contact import (
-    ContactSpheres,
-)
+from wbc.feet.soles.contact import ContactSpheres
 from wbc.feet.soles.rigid import RigidFoot
 from wbc.feet.soles.sole import SoleGeometry, bar_inertia
 
@@ -138,9 +136,8 @@ def test_the_flat_foot_is_the_robots_own_sole() -> None:
 
 
 @pytest.mark.parametrize("name", FITTING)
-@pytest.mark.parametrize("seed", range(5))
-def test_ankle_sits_where_the_design_says_whatever_the_axes_of_its_link(name: str, seed: int) -> None:
-    own = tilted_sole(seed)
+def test_ankle_sits_where_the_design_says_whatever_the_axes_of_its_link(name: str) -> None:
+    own = tilted_sole(1)
     fit = foot(name).fit(own)
     np.testing.assert_allclose(fit.sole.ankle, [-0.03, own.ankle[1], own.ankle[2]], atol=1e-12)
     np.testing.assert_allclose(fit.sole.rotation_matrix, own.rotation_matrix, atol=1e-12)
@@ -218,7 +215,7 @@ stiffness = st.floats(1.0, 2000.0)
 
 
 @given(actuators, stiffness, stiffness, st.lists(st.floats(0.0, 0.3), min_size=1, max_size=6))
-@examples(200)
+@examples(50)
 def test_actuator_does_not_depend_on_how_time_is_cut(
     actuator: StiffnessActuator, start: float, command: float, pieces: list[float]
 ) -> None:
@@ -270,11 +267,11 @@ def test_a_perfect_range_sensor_reads_the_truth() -> None:
 def test_range_noise_dropouts_and_resolution_have_the_asked_size() -> None:
     sensor = RangeSensor(noise=0.003, relative_noise=0.02, dropout=0.1)
     sampler = RangeSampler(sensor, seed=1)
-    readings = np.array([sampler.sample(0.01 * i, 0.2) for i in range(20_000)])
+    readings = np.array([sampler.sample(0.01 * i, 0.2) for i in range(5_000)])
     seen = readings[np.isfinite(readings)]
-    assert seen.size / readings.size == pytest.approx(0.9, abs=0.01)
-    assert seen.mean() == pytest.approx(0.2, abs=2e-4)
-    assert seen.std() == pytest.approx(math.hypot(0.003, 0.004), rel=0.03)
+    assert seen.size / readings.size == pytest.approx(0.9, abs=0.02)
+    assert seen.mean() == pytest.approx(0.2, abs=4e-4)
+    assert seen.std() == pytest.approx(math.hypot(0.003, 0.004), rel=0.05)
     coarse = RangeSampler(RangeSensor(resolution=0.01))
     assert coarse.sample(0.0, 0.1234) == pytest.approx(0.12)
     with pytest.raises(InputError, match="seed must be an integer of at least 0"):

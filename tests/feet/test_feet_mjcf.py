@@ -213,8 +213,9 @@ def test_a_foot_goes_under_its_own_ankle_only() -> None:
 # --- standing --------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("name", DESIGNS)
-@pytest.mark.parametrize("ground", ["plane", "field"])
+@pytest.mark.parametrize(
+    ("name", "ground"), [*((name, "plane") for name in DESIGNS), ("flat", "field"), ("soft", "field")]
+)
 def test_under_a_free_ankle_the_centre_of_pressure_is_under_the_ankle(name: str, ground: str) -> None:
     stand = Stand(DESIGNS[name], terrain("flat") if ground == "plane" else "flat field")
     stand.settle(1.5)
@@ -262,7 +263,7 @@ def test_encoders_read_the_shape_of_the_sole() -> None:
 # --- stiffness at run time -------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(("before", "after"), [(0.0, 42.0), (42.0, 0.0), (5.0, 80.0)])
+@pytest.mark.parametrize(("before", "after"), [(0.0, 42.0), (42.0, 0.0)])
 def test_a_stiffness_set_at_run_time_equals_one_compiled_in(before: float, after: float) -> None:
     ground = terrain("stones", 0.03, 2)
     compiled = Stand(foot("soft", stiffness=after), ground, x=1.5, drop=0.1)

@@ -149,8 +149,13 @@ def test_urdf_and_sole_links_are_enough(tmp_path: Path) -> None:
         '<collision><origin xyz="0.03 0 -0.05"/><geometry><cylinder radius="0.09" length="0.02"/></geometry>'
         "</collision>" + FOOT_BOX,
         FOOT_BOX + '<collision><geometry><box size="0.30 0.30 0.10"/></geometry></collision>',
+        "".join(
+            f'<collision><origin xyz="0.03 {y} -0.05" rpy="0 1.5707963267948966 0"/>'
+            '<geometry><capsule radius="0.01" length="0.2"/></geometry></collision>'
+            for y in (-0.045, 0.045)
+        ),
     ],
-    ids=["visual", "turned box", "four spheres", "cylinder around a box", "wide shape above"],
+    ids=["visual", "turned box", "four spheres", "cylinder around a box", "wide shape above", "two capsules"],
 )  # fmt: skip
 def test_sole_rectangle_from_any_shape(shape: str) -> None:
     description = RobotDescription.from_urdf(biped(geometry=shape), **FEET)
@@ -185,17 +190,6 @@ def test_sole_rectangle_from_a_mesh(tmp_path: Path) -> None:
     assert lost.soles[0].length == pytest.approx(0.152 / 0.530 * (THIGH + SHIN + ANKLE))
     assert "no usable geometry" in "\n".join(lost.derived)
     assert [sole.frame for sole in lost.soles] == ["left_foot_sole", "right_foot_sole"]
-
-
-def test_capsules_of_a_foot_are_its_sole() -> None:
-    shape = "".join(
-        f'<collision><origin xyz="0.03 {y} -0.05" rpy="0 1.5707963267948966 0"/>'
-        '<geometry><capsule radius="0.01" length="0.2"/></geometry></collision>'
-        for y in (-0.04, 0.04)
-    )
-    description = RobotDescription.from_urdf(biped(geometry=shape), **FEET)
-    assert (description.soles[0].length, description.soles[0].width) == pytest.approx((0.20, 0.08))
-    np.testing.assert_allclose(description.ankle("left_foot"), [-0.03, 0.0, 0.06], atol=1e-9)
 
 
 def test_shapes_of_links_are_those_of_their_geometry(tmp_path: Path) -> None:
@@ -556,7 +550,7 @@ def test_random_inertias_are_judged_as_mujoco_judges_them() -> None:
     """MuJoCo compiles the inertias that we accept, and those that we repair."""
     rng = np.random.default_rng(3)
     accepted = 0
-    for _ in range(40):
+    for _ in range(12):
         axes = np.linalg.qr(rng.normal(size=(3, 3)))[0]
         inertia = axes @ np.diag(rng.uniform(0.001, 0.02, 3)) @ axes.T
         numbers = " ".join(
@@ -572,7 +566,7 @@ def test_random_inertias_are_judged_as_mujoco_judges_them() -> None:
             with pytest.raises(ModelError, match="A \\+ B > C"):
                 RobotDescription.from_urdf(xml, **FEET)
         mujoco_mass_matrix(RobotDescription.from_urdf(xml, **FEET, repair=not fine))
-    assert 10 < accepted < 30
+    assert 2 < accepted < 10
 
 
 def legs(**angles: float) -> dict[str, float]:

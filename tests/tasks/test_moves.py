@@ -82,7 +82,7 @@ def step(controller: Controller) -> None:
 # ---- trajectories -----------------------------------------------------------------------------------------------
 
 
-@examples(30)
+@examples(12)
 @given(POINTS, st.floats(0.1, 2.0), st.floats(0.5, 5.0))
 def test_a_trajectory_passes_its_points_from_rest_to_rest_within_its_limits(
     points: list[tuple[float, float, float]], speed: float, acceleration: float
@@ -207,7 +207,7 @@ def test_a_trajectory_that_cannot_be_is_refused(make: Callable[[], Trajectory], 
         make()
 
 
-@pytest.mark.parametrize("turned", [0.0, 1e-9, 0.3, 2.0, np.pi - 1e-9, np.pi])
+@pytest.mark.parametrize("turned", [0.0, 0.3, np.pi - 1e-9, np.pi])
 def test_the_least_turn_brings_an_axis_to_a_direction(turned: float) -> None:
     down, ahead = (0.0, 0.0, -1.0), (1.0, 0.0, 0.0)
     for axis, across in ((ahead, (0.0, 1.0, 0.0)), (down, ahead), ((0.48, 0.6, 0.64), (0.8, 0.0, -0.6))):

@@ -48,9 +48,9 @@ def run(plant: wbc.Plant, control: wbc.PositionControl | wbc.TorqueControl, seco
 def test_a_pushed_robot_comes_back_to_its_target(mode: str) -> None:
     """A force of 60 N for 0.1 s, ahead and to the left; the desired wrenches carry the weight."""
     plant, control, task = standing(mode)
-    run(plant, control, 0.3)
+    run(plant, control, 0.2)
     plant.push("torso", [42.0, 42.0, 0.0], 0.1)
-    run(plant, control, 2.2)
+    run(plant, control, 1.8)
     assert task.output is not None and control.failures == 0
     assert np.linalg.norm((plant.truth().com - task.target)[:2]) < 0.012
     assert task.output.feet.wrenches[:, 2].sum() == pytest.approx(plant.robot.mass * GRAVITY, rel=0.05)

@@ -227,8 +227,7 @@ def model() -> StiffnessModel:
 # --- timing -----------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("decide_at", [0.4, 0.75, 0.9])
-@pytest.mark.parametrize("side", ["left", "right"])
+@pytest.mark.parametrize(("decide_at", "side"), [(0.4, "left"), (0.9, "right")])
 def test_the_stiffness_changes_at_its_time_and_on_the_swinging_foot_alone(
     decide_at: float, side: str
 ) -> None:
@@ -435,11 +434,8 @@ def test_what_is_commanded_is_reached_even_by_an_early_landing() -> None:
 # --- fallbacks --------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("fallback", [None, 12.0])
 @pytest.mark.parametrize("cause", ["short", "blind", "thin", "strange", "silent", "error", "nan"])
-def test_without_a_decision_the_fallback_is_commanded(
-    cause: str, fallback: float | None, model: StiffnessModel
-) -> None:
+def test_without_a_decision_the_fallback_is_commanded(cause: str, model: StiffnessModel) -> None:
     def broken(swing: SwingScan) -> float:
         raise WbcError("out of order")
 
@@ -462,6 +458,7 @@ def test_without_a_decision_the_fallback_is_commanded(
         "error": (broken, lambda p, r: r, 0.29, "the policy failed: out of order"),
         "nan": (lambda s: math.nan, lambda p, r: r, 0.29, "the policy failed: stiffness that a policy wants"),
     }[cause]
+    fallback = None if cause == "short" else 12.0
     rig = Rig(make_task(policy, fallback=fallback, min_coverage=0.8), tamper=tamper)
     record = rig.step(stride=stride)
     assert record.fallback is not None and reason in record.fallback
@@ -498,7 +495,7 @@ def test_an_early_landing_is_written_down() -> None:
     lag=st.floats(0.0, 0.1),
     decide_at=st.sampled_from([0.5, 0.75, 0.9]),
 )
-@examples(25)
+@examples(10)
 def test_what_is_commanded_is_reached(wanted: float, rate: float, lag: float, decide_at: float) -> None:
     """Whatever rate and lag: the command is what the actuator can settle to, so it is reached when the foot lands."""
     foot = VariableStiffnessFoot(stiffness=40.0, actuator=StiffnessActuator(rate, lag))
@@ -524,20 +521,6 @@ def test_wishes_beyond_the_actuator_are_cut() -> None:
     assert (record.requested, record.commanded) == (500.0, 80.0)
     record = Rig(make_task(lambda swing: -3.0, QUICK)).step()
     assert (record.requested, record.commanded) == (-3.0, 0.0)
-
-
-def test_the_last_quarter_is_enough_for_the_whole_range_at_the_default_rate() -> None:
-    """With a lag of 20 ms; 10 decades per second get less than two decades far, and are asked for no more."""
-    for rate, enough in ((StiffnessActuator().rate_limit, True), (10.0, False)):
-        values = iter([2000.0, 1.0, 2000.0, 2.0, 1500.0])
-        foot = VariableStiffnessFoot(stiffness=5.0, actuator=StiffnessActuator(rate, 0.02))
-        task = make_task(lambda swing, values=values: next(values), foot)
-        rig = Rig(task)
-        for _ in range(5):
-            rig.step()
-        assert all(r.reached for r in task.steps)
-        assert all(r.requested == r.commanded for r in task.steps) == enough
-        assert enough or task.steps[0].commanded > 50.0
 
 
 # --- records and bad input --------------------------------------------------------------------------------------------

@@ -354,18 +354,6 @@ def test_posture_moves_the_selected_joints_alone(name: str) -> None:
     np.testing.assert_allclose(controller.solve().accelerations[chosen], expected, atol=1e-6)
 
 
-@robots
-def test_momentum_drift_is_that_of_the_centroidal_map(name: str) -> None:
-    robot, rng = make_robot(name), np.random.default_rng(9)
-    task = MomentumTask()
-    task.bind(robot)
-    q, v = random_state(robot, rng)
-    robot.update(q, v)
-    data = robot.model.createData()
-    pin.dccrba(robot.model, data, q, v)
-    np.testing.assert_allclose(rows_of(task, robot)[2], data.dAg @ v, atol=1e-8)
-
-
 def test_drift_follows_the_gravity_of_the_model() -> None:
     description = make_robot("g1")
     model = description.model.copy()

@@ -116,10 +116,9 @@ def test_low_pass_makes_the_loop_of_second_order() -> None:
     np.testing.assert_allclose(felt / TARGET, np.tile(expected[:, None], 6), atol=0.04)
 
 
-@pytest.mark.parametrize("mass", [(0.0, 0.0), (10.0, 1.0)])
-def test_impedance_settles_where_both_springs_balance(mass: tuple[float, float]) -> None:
+def test_impedance_settles_where_both_springs_balance() -> None:
     own = (5e3, 100.0)
-    options = {"mass": mass, "spring": own, "damper": (2000.0, 30.0), "target_wrench": TARGET}
+    options = {"mass": (0.0, 1.0), "spring": own, "damper": (2000.0, 30.0), "target_wrench": TARGET}
     task, _, felt = press(lambda r: ImpedanceTask("palm", **options), 1.5, 0.002)
     outer = np.repeat([FORCE_STIFFNESS, MOMENT_STIFFNESS], 3)
     inner = np.repeat(own, 3)
@@ -177,7 +176,7 @@ def test_feed_forward_acceleration_is_the_slope_of_the_velocity_while_it_yields(
     task = LAWS[law](time_constant=time_constant, velocity_bound=(10.0, 10.0))
     task.bind(robot)
     velocity, acceleration = [], []
-    for tick in range(3000):
+    for tick in range(1000):
         force = 10.0 + (50.0 * tick * dt if time_constant > 0.0 else 0.0)
         task.measured_wrench = [0.0, force, 0.0, 0.0, 0.0, 0.0]
         task.advance(dt)
@@ -202,8 +201,8 @@ def test_no_spring_or_damper_is_too_stiff_for_the_period(spring: float, damper: 
     )
     task.bind(robot_with_palm())
     task.measured_wrench = [force, 0.0, 0.0, 0.0, 0.0, 0.0]
-    furthest = max(force * 2000 * dt / damper if spring == 0.0 else force / spring, 1e-9)
-    for _ in range(2000):
+    furthest = max(force * 400 * dt / damper if spring == 0.0 else force / spring, 1e-9)
+    for _ in range(400):
         task.advance(dt)
         assert 0.0 <= task.offset_vector()[0] <= 2.0 * furthest + 1e-9
     if spring == 1e6:
@@ -248,7 +247,7 @@ def test_offset_is_kept_within_its_bound_and_velocity_within_its_clamp() -> None
     task.bind(robot)
     for wrench in (np.full(6, 500.0), np.full(6, -500.0)):
         task.measured_wrench = wrench
-        for _ in range(2000):
+        for _ in range(800):
             task.advance(0.001)
             assert np.all(np.abs(task.compliance_velocity) <= np.repeat([0.05, 0.2], 3) + 1e-12)
             assert np.all(np.abs(task.offset_vector()) <= np.repeat([0.01, 0.02], 3) * 1.01)
@@ -281,7 +280,7 @@ def test_feed_forward_is_that_of_the_user_plus_that_of_the_compliance() -> None:
 
 def test_a_constant_wrench_moves_the_reference_along_a_screw() -> None:
     """Velocities are along the axes of the reference, which turn with it."""
-    robot, seconds, dt = robot_with_palm(), 1.0, 1e-4
+    robot, seconds, dt = robot_with_palm(), 1.0, 1e-3
     task = AdmittanceTask("palm", admittance=(1e-3, 1e-3), velocity_bound=(10, 10), time_constant=0.0)
     task.bind(robot)
     task.measured_wrench = wrench = np.array([200.0, -100.0, 50.0, 300.0, 500.0, -700.0])

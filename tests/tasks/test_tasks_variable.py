@@ -138,15 +138,6 @@ def test_wrench_is_tracked_along_the_chosen_axes(name: str) -> None:
     )
 
 
-def test_hard_wrench_is_met() -> None:
-    controller = standing("talos")
-    target = [2.0, -3.0, 380.0, 1.0, -2.0, 0.5]
-    controller.add(WrenchTask("left_foot", target, hard=True))
-    solution = controller.solve()
-    assert solution.ok
-    np.testing.assert_allclose(solution.wrenches["left_foot"], target, atol=1e-5)
-
-
 def test_force_of_a_point_contact_is_tracked() -> None:
     controller = standing("hrp4_class")
     hand = PointContact(left_hand(controller.robot), ramp=0.0)
