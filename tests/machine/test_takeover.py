@@ -206,35 +206,23 @@ BAD: dict[str, Callable[[np.ndarray], Any]] = {
 SIGNALS = ("joint_position", "joint_velocity", "angular_velocity", "specific_force", "joint_torque")
 
 
-def test_no_measurement_of_any_phase_gets_an_exception_or_a_wild_command() -> None:
-    """Every kind of bad signal for a tick in each phase; the robot is let down and taken over all the same."""
-    faults = list(itertools.product(SIGNALS, BAD))
-    told: dict[Phase, int] = dict.fromkeys(Phase, 0)
-    where: list[Runner] = []
+def test_no_bad_signal_gets_past_the_inlet() -> None:
+    """It is refused with its reason, or made good: the phases see finite numbers of the right shape."""
+    robot, rng = wbc.load_robot("g1").robot(), np.random.default_rng(0)
 
-    class Faulty(HangingMachine):
-        def read(self, timeout: float) -> Any:
-            measurement = super().read(timeout)
-            phase = where[0].phase if where else Phase.START
-            if measurement is None or not where or self.time < 0.2:
-                return measurement
-            told[phase] += 1
-            which, tick = divmod(told[phase], 4)  # one tick in four
-            if tick or which >= len(faults):
-                return measurement
-            name, kind = faults[which]
-            value = getattr(measurement, name)
-            return replace(measurement, **{name: BAD[kind](value)})
+    def measurement(tick: int) -> Measurement:
+        joints = robot.half_sitting[7:], 1e-3 * rng.normal(size=robot.na), 1e-3 * rng.normal(size=3)
+        torque = rng.normal(size=robot.na)
+        return Measurement(0.004 * tick, *joints, np.array([0.0, 0.0, 9.81]), None, joint_torque=torque)
 
-    got = take_over(
-        *("hybrid", 250.0, 0.5),
-        seconds=0.7,
-        hang=1.5,
-        script=lambda m, r, t: where or where.append(r),
-        kind=Faulty,
-    )
-    assert got.stood and got.wild == 0 and got.report.reason == "stopped"
-    assert all(told[phase] > 4 * len(faults) for phase in Phase if phase is not Phase.DAMPED)
+    inlet = Inlet(robot, 0.004)
+    for tick, (name, bad) in enumerate(itertools.product(SIGNALS, BAD.values())):
+        assert inlet.take(measurement(2 * tick), 0.0) and not inlet.refused and inlet.since == np.inf
+        before, good = inlet.good, measurement(2 * tick + 1)
+        assert inlet.take(replace(good, **{name: bad(getattr(good, name))}), 1.0) and inlet.good is not None
+        assert (inlet.good is before) == bool(inlet.refused) == (inlet.since == 1.0), name
+        for signal in SIGNALS[:-1]:
+            assert np.isfinite(getattr(inlet.good, signal)).all(), (name, signal)
 
 
 def test_measurements_that_stay_bad_end_in_damping() -> None:

@@ -202,7 +202,7 @@ class Bus:
         return SimpleNamespace(take=take, read=read, send=send, write=send)
 
     def message(self, topic: str, head: tuple[Any, ...], text: str, binary: list[int]) -> Any:
-        assert binary == [] and [len(part) for part in head] == ([2, 1, 2] if "request" in topic else [2, 1])
+        assert binary == [] and (head[1:] == ((0,), (0, False)) if "request" in topic else len(head[1]) == 1)
         identity, status = SimpleNamespace(id=head[0][0], api_id=head[0][1]), SimpleNamespace(code=head[1][0])
         return SimpleNamespace(
             header=SimpleNamespace(identity=identity, status=status), parameter=text, data=text
@@ -211,75 +211,55 @@ class Bus:
 
 def test_states_and_commands_come_through_as_they_were_sent(monkeypatch: pytest.MonkeyPatch) -> None:
     """To the precision of the wire; what a machine would ignore is ignored and counted."""
-    bus, rng = Bus(monkeypatch), np.random.default_rng(0)
-    end, mine = UnitreeRobot(DESCRIPTION), UnitreeDriver(DESCRIPTION)
-    sent = Measurement(
-        1.0, *rng.normal(size=(2, 29)), *rng.normal(size=(2, 3)), None, joint_torque=rng.normal(size=29)
+    bus, rng, parts = (
+        Bus(monkeypatch),
+        np.random.default_rng(0),
+        ("joint_torque", "joint_position", "kp", "kd"),
     )
+    end, mine = UnitreeRobot(DESCRIPTION), UnitreeDriver(DESCRIPTION)
+    drawn = rng.normal(size=(3, 29)), rng.normal(size=(2, 3))
+    sent = Measurement(2**32 * 1e-3 + 1.002, *drawn[0][:2], *drawn[1], None, joint_torque=drawn[0][2])
     mine.write(Command(np.zeros(29)))
     assert not bus.sent["rt/lowcmd"], "nothing is sent before a state has come"
-    end.send(
-        Measurement(
-            2**32 * 1e-3 + 1.002,
-            *sent.joint_position[None],
-            sent.joint_velocity,
-            np.zeros(3),
-            np.zeros(3),
-            None,
-        )
-    )
-    (record,) = bus.sent["rt/lowstate"]
-    assert (record["mode_machine"], record["tick"]) == (5, 1002) and record["imu_state"][
-        "quaternion"
-    ].tolist() == [1, 0, 0, 0]
-    assert (
-        record["motor_state"]["mode"].tolist() == [1] * 29 + [0] * 6
-        and not record["motor_state"]["tau_est"].any()
-    )
     end.send(sent)
+    (record,) = bus.sent["rt/lowstate"]
+    assert (record["mode_machine"], record["tick"]) == (5, 1002)
+    assert record["imu_state"]["quaternion"].tolist() == [1, 0, 0, 0]
+    assert record["motor_state"]["mode"].tolist() == [1] * 29 + [0] * 6
     got = mine.read(0.0)
-    assert got is not None and got.time == 1.0 and got.sole_wrench is None
+    assert got is not None and got.time == 1.002 and got.sole_wrench is None
     for name in ("joint_position", "joint_velocity", "angular_velocity", "specific_force", "joint_torque"):
         np.testing.assert_allclose(getattr(got, name), getattr(sent, name), rtol=1e-6, err_msg=name)
-    index = [G1_MOTORS.index(name) for name in DESCRIPTION.joint_names]
-    torque, to, rate = 0.01 * rng.normal(size=(3, 29))
-    command = Command(
-        torque, got.joint_position + to, rate, kp=rng.uniform(1, 2, 29), kd=rng.uniform(1, 2, 29)
-    )
-    parts = ("joint_torque", "joint_position", "joint_velocity", "kp", "kd")
-    mine.write(command)
-    assert bus.sent["rt/lowcmd"][0]["mode_machine"] == 5
-    damping, found = end.receive()
-    assert damping is False and found is not None and end.refused == 0
-    for name in parts:
-        np.testing.assert_allclose(getattr(found, name), getattr(command, name), rtol=1e-6, err_msg=name)
-    mine.damp()
-    _, damped = end.receive()
-    assert (
-        damped is not None and (damped.kd == 3.0).all() and not (damped.kp.any() or damped.joint_torque.any())
-    )
-    np.testing.assert_allclose(damped.joint_position, got.joint_position, rtol=1e-6)
-    assert end.receive() == (False, None) and end.refused == 0
+    torque, to, rate, kp, kd = 0.01 * rng.uniform(1.0, 2.0, (5, 29))
+    command = Command(torque, got.joint_position + to, rate, kp=100.0 * kp, kd=100.0 * kd)
 
-    def wrong(change: Callable[[Any], object], seal: bool = True) -> Command | None:
+    def received(change: Callable[[Any], object] = lambda _: None, seal: bool = True) -> Command | None:
         mine.write(command)
         change(bus.sent["rt/lowcmd"][0])
         if seal:
             sealed(bus.sent["rt/lowcmd"][0])
-        return end.receive()[1]
+        damping, found = end.receive()
+        assert damping is False
+        return found
 
-    for change, seal in (
-        (lambda r: r.__setitem__("crc", 1), False),
-        (lambda r: r.__setitem__("mode_machine", 6), True),
-    ):
-        assert wrong(change, seal) is None
+    found = received()
+    for name in (*parts, "joint_velocity"):
+        np.testing.assert_allclose(getattr(found, name), getattr(command, name), rtol=1e-6, err_msg=name)
+    off = received(
+        lambda r: r["motor_cmd"]["mode"].__setitem__(G1_MOTORS.index(DESCRIPTION.joint_names[3]), 0)
+    )
+    for name in ("joint_torque", "kp", "kd"):
+        assert getattr(off, name)[3] == 0.0 and np.count_nonzero(getattr(off, name)) == 28, name
+    mine.damp()
+    _, damped = end.receive()
+    assert damped is not None and (damped.kd == 3.0).all()
+    assert not (damped.kp.any() or damped.joint_torque.any())
+    np.testing.assert_allclose(damped.joint_position, got.joint_position, rtol=1e-6)
+    assert end.receive() == (False, None) and end.refused == 0
+    assert received(lambda r: r.__setitem__("crc", 1), seal=False) is None
+    assert received(lambda r: r.__setitem__("mode_machine", 6)) is None
     end.mode = "ai"
-    assert wrong(lambda r: None) is None and end.refused == 3
-    end.mode = ""
-    off = wrong(lambda r: r["motor_cmd"]["mode"].__setitem__(index[3], 0))
-    assert off is not None and end.refused == 3
-    for name, value in ((name, getattr(off, name)) for name in ("joint_torque", "kp", "kd")):
-        assert value[3] == 0.0 and np.count_nonzero(value) == 28, name
+    assert received() is None and end.refused == 3
 
 
 def test_a_switcher_asks_again_until_it_is_answered_or_refused(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -57,8 +57,10 @@ def test_a_hand_without_a_target_adds_nothing_and_one_that_is_let_go_costs_nothi
     assert not hand.active and hand.target is None and np.isnan(hand.error).all()
     hand.reach([0.3, 0.2, 1.0])
     assert hand.active and rows == walking.controller.problem.n_soft
-    update(walking, 100)
-    assert walking.controller.task("left_hand").weight[0] == pytest.approx(walking.arms.settings.weight)
+    for share in (0.25, 0.5, 1.0):  # of 0.3 s, in which the weight rises
+        update(walking, 15 if share < 1.0 else 70)
+        full = share * share * (3.0 - 2.0 * share) * walking.arms.settings.weight
+        assert walking.controller.task("left_hand").weight[0] == pytest.approx(full)
     assert not walking.controller.task("left_hand").weight[3:].any(), "a point has no rotation"
     hand.release()
     assert not hand.moving and not hand.reached and hand.target is None and np.isnan(hand.error).all()
@@ -197,8 +199,13 @@ def test_arms_swing_with_the_opposite_foot() -> None:
     walking = control(swing=0.5)
     robot, posture = walking.controller.robot, walking.tasks.posture
     rest = posture.target.copy()
-    ahead = FootMotion(pin.SE3(np.eye(3), np.array([0.2, -0.1, 0.0])), np.full(6, 0.3), np.zeros(6))
-    walking.arms.update((FootMotion.at_rest(pin.SE3(np.eye(3), np.array([0.0, 0.1, 0.0]))), ahead), 0.0)
+    yaw = 0.6
+    turn = pin.utils.rotate("z", yaw)
+    left, right, speed = (
+        turn @ np.array(way) for way in ((0.0, 0.1, 0.0), (0.2, -0.1, 0.0), (0.3, 0.5, 0.3))
+    )
+    ahead = FootMotion(pin.SE3(turn, right), np.array([*speed, 0.0, 0.0, 0.0]), np.zeros(6))
+    walking.arms.update((FootMotion.at_rest(pin.SE3(turn, left)), ahead), yaw)
     moved = posture.target - rest
     assert (moved != 0.0).sum() == 2, "one joint of each arm"
     places = []

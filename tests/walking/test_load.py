@@ -31,7 +31,7 @@ def handed_over(share: float, noise: str) -> tuple[Trial, float]:
     trial.advance(2.0)
     for frame in robot.frames.values():
         plant.load(frame, 0.5 * share * plant.robot.mass, over=1.0)
-    trial.advance(4.0)
+    trial.advance(3.0)
     return trial, share * plant.robot.mass
 
 

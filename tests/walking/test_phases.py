@@ -111,10 +111,6 @@ def test_early_ground_ends_the_swing_but_a_stumble_does_not() -> None:
     assert until(w, lambda w: (0.3, 0.7), Event.EARLY_TOUCH_DOWN) == pytest.approx(0.03, abs=0.011)
     assert w.phase is Phase.DOUBLE and w.contact == (True, True) and w.step == 1
     assert w.duration == pytest.approx(0.3 + 0.32, abs=0.011)  # the rhythm is kept
-    w = walking(settings=PhaseSettings(early_credit=0.0))
-    until(w, ideal, Event.LIFT_OFF)
-    until(w, lambda w: (0.3, 0.7) if w.elapsed > 0.6 else (0.0, 1.0), Event.EARLY_TOUCH_DOWN)
-    assert w.duration == pytest.approx(0.3)
 
 
 def test_a_spike_is_no_touch_down() -> None:

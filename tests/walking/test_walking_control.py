@@ -83,8 +83,7 @@ def test_a_fall_has_its_reason_and_keeps_it() -> None:
     assert np.cos(FallSettings().tilt) == pytest.approx(0.8, abs=1e-4)
 
 
-@pytest.mark.parametrize(("depth", "reason"), [(0.03, None), (0.07, FallReason.HEIGHT)])
-def test_a_robot_that_sinks_below_its_target_has_fallen(depth: float, reason: FallReason | None) -> None:
+def test_a_robot_that_sinks_below_its_target_has_fallen() -> None:
     """Its knees give way while it stands; 50 mm are allowed."""
     robot, walking = standing(WalkingControlSettings(falls=FallSettings(drop=0.05)))
     stand, bend, q = float(robot.com[2]), 0.0, np.array(robot.half_sitting)
@@ -93,16 +92,16 @@ def test_a_robot_that_sinks_below_its_target_has_fallen(depth: float, reason: Fa
         for side in ("left", "right")
         for joint, sign in (("hip_pitch", -1.0), ("knee_pitch", 2.0), ("ankle_pitch", -1.0))
     ]
-    for tick in range(200):
-        if stand - robot.com[2] < depth:
+    for tick in range(100):
+        assert walking.fallen is None or stand - robot.com[2] > 0.045
+        if stand - robot.com[2] < 0.07:
             bend += 0.003
         q = robot.configuration(
             {j: robot.half_sitting[7 + robot.joint_index(j)] + sign * bend for j, sign in legs}
         )
         robot.update(q, np.zeros(robot.nv))
         walking.command(sensors(robot, tick, q))
-    assert stand - robot.com[2] == pytest.approx(depth, abs=5e-3)
-    assert walking.fallen is reason
+    assert walking.fallen is FallReason.HEIGHT
 
 
 def test_feed_forward_is_the_inverse_dynamics_of_the_motion_under_the_desired_wrenches() -> None:

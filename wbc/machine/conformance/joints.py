@@ -107,10 +107,7 @@ def joints(s: Session) -> str:
     found = f"{share:.2f} of the step" + (f"; odd: {s.some(turned or odd)}" if turned or odd else "")
     s.check("joint motion", found, turned, odd and abs(share / UNIT - 1.0) < 0.15, odd)
     # Integral of each joint's velocity over its way, where it has gone one.
-    integral = [
-        move["joint_velocity"][:, i].sum() - 0.5 * move["joint_velocity"][-1, i]
-        for i, move in enumerate(moves)
-    ]
+    integral = [move["joint_velocity"][:, i].sum() for i, move in enumerate(moves)]
     travelled = np.array([move["joint_position"][-1, i] - before[i, i] for i, move in enumerate(moves)])
     rates = s.period * np.array(integral) / np.where(np.abs(travelled) > 1e-4, travelled, np.nan)
     if dead or np.isnan(rates).all():
@@ -248,7 +245,7 @@ def commanded_gains(s: Session) -> str:
         return f"the loop takes none: {error}"
     stiffness = middle(pushed, softly_pushed)
     shares = {"kp": stiffness, "kd": stiffness * middle(softly_dragged, dragged)}
-    bad = " and ".join(name for name in judged if not 0.1 < shares[name] < 0.8)
+    bad = " and ".join(name for name in judged if not abs(shares[name] - 0.5) < 0.3)
     found = "commanded halves: kp acts with {kp:.2f}, kd with {kd:.2f} of the machine's own".format_map(
         shares
     )

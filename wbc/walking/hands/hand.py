@@ -49,8 +49,8 @@ LOSS, LOSS_TIME, LOSS_RAMP, SILENCE = 0.3, 0.02, 0.15, 0.05
 """Ratio of measured to planned force below which, and time after which, a contact is lost; time over which a lost force
 is faded out of the balance; time without a reading after which a pressing hand has lost its contact, s."""
 
-STIFFNESS = 100.0
-"""Stiffness of position and orientation of a hand, 1/s²."""
+STIFFNESS, COMPLIANCE = 100.0, 3e-4
+"""Stiffness of position and orientation of a hand, 1/s²; compliance at the hand of servos without gains, m/N."""
 
 SMOOTHING = 0.04
 """Time constant of the low-pass on the force error to which a hand yields, s: with half of it the acceleration that is
@@ -85,7 +85,6 @@ class HandSettings:
         touch: Force above which the hand has touched the surface, N.
         ramp: Time over which a force is built up, reduced or changed, s.
         lag: Delay T of force sensor and servos together, s; the admittance is 1 / (4 T K).
-        compliance: Compliance of the arm's servos at the hand where the robot has no servo gains, m/N.
         edge: Ratio of the distance to the edge of the soles that the ZMP of the feet moves for planned forces before
             the CoM does: less lean, and less margin against disturbances.
         help: Ratio of the moment missing at the feet that pressing hands take over; 0 leaves it to the trunk.
@@ -99,7 +98,6 @@ class HandSettings:
     touch: Annotated[Positive, "N"] = 4.0
     ramp: Annotated[Positive, "s"] = 2.0
     lag: Annotated[Positive, "s"] = 0.02
-    compliance: Annotated[Positive, "m/N"] = 3e-4
     edge: Share = 0.0
     help: Share = 0.0
     share: Share = 0.9
@@ -134,7 +132,7 @@ class Hand:
         self._controller, self._robot = controller, controller.robot
         frame = self._robot.frames[name]
         self.arm = HandArm(self._robot, frame)
-        compliance = self.arm.compliance() or settings.compliance
+        compliance = self.arm.compliance() or COMPLIANCE
         self.task = AdmittanceTask(
             frame,
             name=f"{name} force",

@@ -133,12 +133,8 @@ class SwingFoot:
         )
 
     def _plan(self, now: float) -> None:
-        """Plan all coordinates from now to the landing."""
-        self._plan_travel(now)
+        """Plan all coordinates from now to the landing: the foot travels between rise and descent."""
         self._plan_height(now)
-
-    def _plan_travel(self, now: float) -> None:
-        """Plan place and rotation: the foot travels between rise and descent."""
         gait, landing, end = self._gait, self.landing, self.duration
         step = landing.z - self._origin
         share = EDGE_SHARE * end * min(1.0, abs(step) / gait.swing_height)
@@ -166,10 +162,7 @@ class SwingFoot:
         # A late change, or a short swing, leaves no time to be slow.
         if height > 0.0 and end - max(now, self.apex_time) > height / max(speed, 1e-9) + SHORTEST:
             down.insert(0, (end - height / speed, (landing.z + height, -speed, 0.0)))
-        if gait.search_depth > 0.0:
-            down.append((end + gait.search_time, (landing.z - gait.search_depth, 0.0, 0.0)))
-        elif speed > 0.0:
-            down.append((end + gait.search_time, (landing.z - 0.5 * speed * gait.search_time, 0.0, 0.0)))
+        down.append((end + gait.search_time, (landing.z - gait.search_depth, 0.0, 0.0)))
         top = max(self._origin, landing.z) + gait.swing_height
         if now < self.apex_time - SHORTEST and end - self.apex_time >= SHORTEST:
             self._c["z"].follow(now, (self.apex_time, (top, 0.0, 0.0)), *down)

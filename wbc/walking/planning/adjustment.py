@@ -37,8 +37,6 @@ from wbc.walking.planning.schedule import SoleSizes, ZmpTarget
 SAME_TIME = 0.05
 """Relative change of e^{ωT} below which the time of touch-down counts as unchanged."""
 
-_CENTRE = ZmpTarget()
-
 
 @settings
 class AdjustmentSettings:
@@ -106,20 +104,20 @@ class StepAdjuster:
         stance: Footstep,
         remaining: float,
         transfer: float,
-        target: ZmpTarget | None = None,
+        target: ZmpTarget,
     ) -> tuple[Footstep, float]:
         """Return landing and time from now to touch-down, s, of the step that swings.
 
         They are as planned where a ZMP within the stance foot is enough, or too little time is left. The DCM is
         measured, and planned, now and `at_landing`, when the new foot has taken over, each in the world, shape (2,), m;
         `remaining` is the planned time to touch-down, `transfer` that from there until the new foot has taken over, s;
-        `target` is the planned ZMP under the stance foot, the sole centre when None.
+        `target` is the planned ZMP under the stance foot.
         """
         s, omega = self.settings, self._omega
         if remaining <= s.freeze:
             return step, remaining
         c, sn = math.cos(stance.yaw), math.sin(stance.yaw)
-        ahead, left = (target or _CENTRE).in_sole(stance.side)
+        ahead, left = target.in_sole(stance.side)
         length, width = self._half[SIDES.index(stance.side)]
         shift_low = (min(0.0, max(-length - ahead, -s.backward)), min(0.0, -width - left))
         shift_high = (max(0.0, length - ahead), max(0.0, width - left))

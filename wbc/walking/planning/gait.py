@@ -97,7 +97,7 @@ class Gait:
     landing_time: Annotated[SizeOrZero, "s"] = 0.1
     landing_speed: Annotated[SizeOrZero, "m/s"] = 0.1
     landing_height: Annotated[SizeOrZero, "m"] = 0.02
-    search_depth: Annotated[SizeOrZero, "m"] = 0.04
+    search_depth: Annotated[Size, "m"] = 0.04
     search_time: Annotated[Size, "s"] = 0.3
 
     def __post_init__(self) -> None:

@@ -54,8 +54,6 @@ class PhaseSettings:
         stance: Least load of the foot that stays.
         max_wait: Longest time that lift-off waits for these two loads, s; then the foot lifts all the same.
         max_late: Longest time that a foot searches for ground, s; then it is taken to stand where it is.
-        early_credit: Ratio of the time saved by an early touch-down that the double support gets: 1 keeps
-            the rhythm of the plan, 0 steps on earlier.
         hold: Remaining time that the pattern plans with while a phase waits for a foot, s.
     """
 
@@ -66,7 +64,6 @@ class PhaseSettings:
     stance: Share = 0.5
     max_wait: Annotated[NonNegative, "s"] = 0.3
     max_late: Annotated[NonNegative, "s"] = 0.5
-    early_credit: Share = 1.0
     hold: Annotated[Positive, "s"] = 0.05
 
 
@@ -211,7 +208,10 @@ class WalkPhases:
         if left > 1e-9:
             if not (touched and self.elapsed >= s.early * self.duration):
                 return ()
-            event, credit = Event.EARLY_TOUCH_DOWN, s.early_credit * left
+            event, credit = (
+                Event.EARLY_TOUCH_DOWN,
+                left,
+            )  # of time, for the double support: the rhythm is kept
         elif touched:
             event, credit = (Event.TOUCH_DOWN if left > -0.5 * s.hold else Event.LATE_TOUCH_DOWN), 0.0
         elif left <= -s.max_late + 1e-9:
