@@ -19,7 +19,7 @@ from wbc.walking.source import Reference
 from wbc.walking.stepping.gait import BodyState, SteppingGait
 from wbc.walking.stepping.settings import Scale, SteppingSettings
 
-SCALE = Scale(height=0.6, leg=0.62, mass=33.0, sole=(0.085, 0.03), ankle=0.035, spacing=0.22)
+SCALE = Scale(height=0.6, leg=0.62, mass=33.0, sole=(0.085, 0.03), ankle=0.035)
 """Size of the robot g1, in round numbers."""
 
 Frames = tuple[pin.SE3, pin.SE3]
@@ -37,9 +37,7 @@ class Tick(NamedTuple):
 def scaled(k: float) -> Scale:
     """Return the size of a robot k times as large, of the same material."""
     s = SCALE
-    return Scale(
-        k * s.height, k * s.leg, k**3 * s.mass, (k * s.sole[0], k * s.sole[1]), k * s.ankle, k * s.spacing
-    )
+    return Scale(k * s.height, k * s.leg, k**3 * s.mass, (k * s.sole[0], k * s.sole[1]), k * s.ankle)
 
 
 class PointMass:
@@ -66,7 +64,7 @@ class PointMass:
         self.ticks: list[Tick] = []
         self.ground = [0.0, 0.0]
         self._feet = [
-            pin.SE3(np.eye(3), np.array([0.0, side * 0.5 * scale.spacing, 0.0])) for side in (1, -1)
+            pin.SE3(np.eye(3), np.array([0.0, side * scale.height * 0.11 / 0.6, 0.0])) for side in (1, -1)
         ]
         self._load = [0.5, 0.5]
 

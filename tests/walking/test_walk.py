@@ -22,13 +22,12 @@ from wbc.walking.control import WalkingControl
 from wbc.walking.planning.adjustment import AdjustmentSettings, StepAdjuster
 from wbc.walking.planning.footsteps import Footstep, FootstepPlan
 from wbc.walking.planning.gait import Gait
-from wbc.walking.planning.ground import GroundEstimate
 from wbc.walking.planning.phases import Event, Phase
 from wbc.walking.planning.planners import climb_stairs, walk_distance, walk_velocity
 from wbc.walking.planning.reach import Reach
 from wbc.walking.planning.schedule import ZmpTarget, schedule, support_area
 from wbc.walking.source import Reference
-from wbc.walking.walk import TOUCH_DOWNS, Walk, WalkSettings
+from wbc.walking.walk import TOUCH_DOWNS, GroundEstimate, Walk, WalkSettings
 
 ROBOT = load("hrp4_class").robot()
 START = FootstepPlan.standing(ROBOT)

@@ -229,14 +229,9 @@ class Body(FixedAttributes):
         setattr(tried, name, value)
 
     @property
-    def moving(self) -> bool:
-        """True while height or trunk move to their set-points."""
-        return bool(np.abs(self._goal - self._now).max() > ARRIVED)
-
-    @property
     def reached(self) -> bool:
         """True once height and trunk are where they were set to."""
-        return not self.moving
+        return bool(np.abs(self._goal - self._now).max() <= ARRIVED)
 
     @property
     def looking(self) -> bool:

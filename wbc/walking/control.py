@@ -164,7 +164,6 @@ class ReferenceControl:
         if reference.body is not None:  # a robot that bends as its source does is upright
             up = reference.body.trunk[-1][0][2]
         self.falls.update(
-            self.time,
             self.dt,
             q=estimate.q,
             v=estimate.v,

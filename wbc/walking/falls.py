@@ -55,13 +55,11 @@ class FallDetector:
         settings: Limits.
         topples: True while the torso tilts so far that the walk cannot be saved.
         reason: Reason of the fall; None before a fall.
-        time: Time of the fall, s; None before a fall.
     """
 
     def __init__(self, settings: FallSettings | None = None) -> None:
         self.settings = settings or FallSettings()
         self.reason: FallReason | None = None
-        self.time: float | None = None
         self.topples = False
         self._toppling = math.cos(TOPPLING * self.settings.tilt)
         self._away = 0.0
@@ -69,7 +67,6 @@ class FallDetector:
 
     def update(
         self,
-        time: float,
         dt: float,
         *,
         q: Array,
@@ -79,7 +76,7 @@ class FallDetector:
         dcm_distance: float = 0.0,
         solved: bool = True,
     ) -> FallReason | None:
-        """Check one tick, at `time` after `dt` seconds, and return the reason of a fall, or None.
+        """Check one tick, after `dt` seconds, and return the reason of a fall, or None.
 
         Configuration and velocity count for divergence; `drop` is that of the CoM, or of the pelvis, below its target,
         m, `torso_up` the vertical axis of the torso in the world, shape (3,), `dcm_distance` that of the DCM beyond an
@@ -103,6 +100,4 @@ class FallDetector:
             self.reason = FallReason.TILT
         elif self._away > s.dcm_time + 1e-9:
             self.reason = FallReason.DCM
-        if self.reason is not None:
-            self.time = time
         return self.reason

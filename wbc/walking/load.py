@@ -106,11 +106,6 @@ class HeldLoad:
         return self.middle + (offset.real, offset.imag, 0.0)
 
     @property
-    def offset(self) -> Array:
-        """Horizontal place of the load from the middle of the hands, in the heading of the robot, shape (2,), m."""
-        return np.array((self._offset.real, self._offset.imag))
-
-    @property
     def _offset(self) -> complex:
         return self._applied_moment / self.applied if self.applied > 0.0 else 0j
 

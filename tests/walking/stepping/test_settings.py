@@ -13,7 +13,7 @@ from wbc.core.errors import InputError
 from wbc.core.robot import GRAVITY
 from wbc.walking.stepping.settings import Scale, SteppingSettings
 
-SCALE = Scale(height=0.6, leg=0.62, mass=33.0, sole=(0.105, 0.03), ankle=0.03, spacing=0.2)
+SCALE = Scale(height=0.6, leg=0.62, mass=33.0, sole=(0.105, 0.03), ankle=0.03)
 
 
 def test_lengths_times_and_forces_are_those_of_the_robot() -> None:
@@ -100,8 +100,6 @@ def test_the_size_of_a_robot_is_measured_and_its_state_stays(name: str) -> None:
     assert scale.sole == pytest.approx((0.5 * robot.soles[0].length, 0.5 * robot.soles[0].width))
     assert 0.5 < scale.leg / scale.height < 1.5
     assert scale.omega == pytest.approx(np.sqrt(GRAVITY / scale.height))
-    left, right = (robot.placement(sole.frame).translation[1] for sole in robot.soles)
-    assert scale.spacing == pytest.approx(left - right)
     lower = Scale.of(robot, 0.262)
     assert scale.height - lower.height == pytest.approx(0.1 * scale.leg)
     assert Scale.of(robot, 0.162, 0.5).height == 0.5

@@ -72,8 +72,6 @@ class PreviewController:
     Attributes:
         settings: Settings.
         status: Status of the last QP.
-        slack: DCM that the last plan could not reach, in the world, shape (2,), m; zero unless the supports are
-            too small for it.
     """
 
     def __init__(self, sizes: SoleSizes, height: float, settings: PreviewSettings | None = None) -> None:
@@ -108,7 +106,6 @@ class PreviewController:
         ] * free  # normals of the support area of each knot, as written
         self._solver = QpSolver(p)
         self.status = Status.SOLVED
-        self.slack = np.zeros(2)
 
     def plan(self, supports: Sequence[SupportPhase], start: Pendulum) -> Pattern:
         """Plan from a state of the pendulum, planned or measured, through a schedule from now to rest.
@@ -132,10 +129,8 @@ class PreviewController:
         self._fill(times, reference, areas, end_dcm, dcm)
         self.status = self._solver.solve()
         knots = reference.copy()
-        self.slack = np.zeros(2)
         if self.status.ok:
             knots[1:-1] += self._solver.x[:-2].reshape(-1, 2)
-            self.slack = self._solver.x[-2:].copy()
         return Pattern(
             np.concatenate([times, tail_times]),
             np.concatenate([knots, tail_points]),

@@ -77,6 +77,7 @@ class SteppingGait:
         settings: Settings in SI units.
         scale: Size of the robot.
         steering: Velocity, goal and heading.
+        stance: Foot that carries, or carried last: 0 left, 1 right.
         steps_done: Steps that have ended.
         ground: Height of the ground, low-passed, m.
     """
@@ -92,7 +93,7 @@ class SteppingGait:
         self.ground = 0.0
         self._swing = SwingReference(self.settings, dt)
         self._mode = _Mode.STANDING
-        self._stance = 1
+        self.stance = 1
         self._elapsed = 0.0  # in this mode, or since lift-off
         self._time = self.settings.step_time  # of the step
         self._contact: tuple[float, float, float] | None = None  # low-passed centre of pressure, in the world
@@ -110,11 +111,6 @@ class SteppingGait:
     def stands(self) -> bool:
         """True once the robot has stood for as long as a step takes."""
         return self._mode is _Mode.STANDING and self._elapsed >= self.settings.step_time
-
-    @property
-    def stance(self) -> int:
-        """Foot that carries, or carried last: 0 left, 1 right."""
-        return self._stance
 
     def update(self, state: BodyState, frames: tuple[pin.SE3, pin.SE3]) -> Reference:
         """Compute one tick; feet that stand keep the placements of left and right sole."""
@@ -149,7 +145,7 @@ class SteppingGait:
     def _contact_point(self, state: BodyState) -> tuple[float, float, float]:
         """Return the measured centre of pressure of the stance foot, of both feet in a stand, in the world, m."""
         if self._mode is _Mode.STEPPING:
-            return self._centre_of_pressure(state, self._stance)
+            return self._centre_of_pressure(state, self.stance)
         (ax, ay, az), (bx, by, bz) = (self._centre_of_pressure(state, side) for side in (0, 1))
         left, right = (max(row[2], 0.0) for row in state.wrenches)
         share = left / (left + right) if left + right > self.settings.least_force else 0.5
@@ -179,7 +175,7 @@ class SteppingGait:
             return (Event.STARTED,)
         if self._outside(state, dcm, 1.0) > 0.0:
             left, right = (abs(self._along(dcm.x - place[0], dcm.y - place[1])[1]) for place in state.places)
-            self._stance = 0 if left > right else 1
+            self.stance = 0 if left > right else 1
             return self._begin(state)
         return ()
 
@@ -191,7 +187,7 @@ class SteppingGait:
 
     def _begin(self, state: BodyState) -> tuple[Event, ...]:
         """Begin to step from a stand."""
-        self.ground = state.places[self._stance][2]
+        self.ground = state.places[self.stance][2]
         self._since_stand, self._pace = 0, self.settings.step_time
         self.steering.rest(self._middle(state))
         self._lift(state)
@@ -214,7 +210,7 @@ class SteppingGait:
             share = min(1.0, self._elapsed / s.shift_time)
             rise = share * share * (3.0 - 2.0 * share)
             rise_speed = 6.0 * (share - share * share) / s.shift_time
-            stance, side = feet[self._stance], 1.0 if self._stance == 1 else -1.0
+            stance, side = feet[self.stance], 1.0 if self.stance == 1 else -1.0
             inside = side * s.shift * s.width / (1.0 + math.exp(omega * s.step_time))
             cos, sin = self._direction
             goal = stance[0] - sin * inside, stance[1] + cos * inside
@@ -251,7 +247,7 @@ class SteppingGait:
         s, dt = self.settings, self._dt
         assert self._contact is not None
         steps = self.steering.update((state.com[0], state.com[1]), (state.velocity[0], state.velocity[1]))
-        stance, swing = self._stance, 1 - self._stance
+        stance, swing = self.stance, 1 - self.stance
         side = 1.0 if swing == 0 else -1.0
         contact = (self._contact[0], self._contact[1])
         # The feet of a robot that walks sideways come apart and together: so far apart that they do not touch.
@@ -284,7 +280,7 @@ class SteppingGait:
             events = (*events, *self._change_feet(state, dcm, steps.go))
             if self._mode is _Mode.STANDING:
                 return self._on_both_feet(state, self._pendulum(state), frames, events)
-            stance, swing = self._stance, 1 - self._stance
+            stance, swing = self.stance, 1 - self.stance
         loads = self._most_forces(state)
         foot = Footstep(SIDES[swing], landing[0], landing[1], self.ground, turn)
         return self._reference(
@@ -306,7 +302,7 @@ class SteppingGait:
         s, (cos, sin) = self.settings, self._direction
         ahead, aside = orbit.ahead, -side * orbit.inwards
         place = foothold(contact, dcm, left, (cos * ahead - sin * aside, sin * ahead + cos * aside))
-        stance = self._foothold(state, self._stance)
+        stance = self._foothold(state, self.stance)
         dx, dy = place[0] - stance[0], place[1] - stance[1]
         forward = min(max(cos * dx + sin * dy, -s.reach), s.reach)
         lateral = side * min(max(side * (cos * dy - sin * dx), s.gap), s.widest)
@@ -327,7 +323,7 @@ class SteppingGait:
         elif (
             force < s.lost
             and self._elapsed - self._met > s.lost_time
-            and state.wrenches[self._stance][2] > s.held
+            and state.wrenches[self.stance][2] > s.held
         ):
             self._met = None
             self._swing.hold(_tuple(state.places[swing]))
@@ -357,7 +353,7 @@ class SteppingGait:
         s, (left, right) = self.settings, state.places
         self._uneven = max(abs(left[2] - right[2]), self.settings.memory * self._uneven)
         self._pace += PACE_GAIN * (min(self._elapsed, s.longest) - self._pace)
-        self._stance = 1 - self._stance
+        self.stance = 1 - self.stance
         self._contact = None
         self.steps_done += 1
         self._since_stand += 1
@@ -374,14 +370,14 @@ class SteppingGait:
     def _lift(self, state: BodyState) -> None:
         self._enter(_Mode.STEPPING)
         self._time, self._met = self.settings.step_time, None
-        self._swing.lift(_tuple(state.places[1 - self._stance]))
+        self._swing.lift(_tuple(state.places[1 - self.stance]))
 
     def _enter(self, mode: _Mode) -> None:
         self._mode, self._elapsed, self._contact = mode, 0.0, None
 
     def _most_forces(self, state: BodyState) -> tuple[float, float]:
         """Return the greatest normal force of each foot, N: the old stance foot unloads, one that waits has `share`."""
-        s, swing = self.settings, 1 - self._stance
+        s, swing = self.settings, 1 - self.stance
         most = [s.most_force, s.most_force]
         most[swing] = 0.0
         if self._met is not None:
@@ -447,7 +443,7 @@ class SteppingGait:
         feet = [FootMotion.at_rest(pin.SE3(frame)) for frame in frames]
         swing = None
         if landing is not None and self._met is None:
-            swing = 1 - self._stance
+            swing = 1 - self.stance
             feet[swing] = self._swing_motion(landing.yaw)
         return Reference(
             pendulum,
@@ -461,7 +457,7 @@ class SteppingGait:
             landing,
             self._elapsed,
             duration,
-            Support(self._stance, swing, most_force, acceleration is not None, dcm),
+            Support(self.stance, swing, most_force, acceleration is not None, dcm),
         )
 
     def _swing_motion(self, yaw: float) -> FootMotion:

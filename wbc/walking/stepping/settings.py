@@ -29,7 +29,6 @@ class Scale:
         mass: Mass, kg.
         sole: Half length and half width of a sole, m.
         ankle: Place of the ankle ahead of the centre of the sole, m.
-        spacing: Distance between the soles in the robot's half-sitting, m.
     """
 
     height: float
@@ -37,7 +36,6 @@ class Scale:
     mass: float
     sole: tuple[float, float]
     ankle: float
-    spacing: float
 
     @property
     def omega(self) -> float:
@@ -63,22 +61,18 @@ class Scale:
         straight = np.array(robot.half_sitting)
         straight[[7 + joint for leg in legs for joint in leg]] = 0.0
         pin.framesForwardKinematics(model, data, straight)
-        frames = [robot.frame_id(sole.frame) for sole in robot.soles]
-        sole = data.oMf[frames[0]]
+        sole = data.oMf[robot.frame_id(robot.soles[0].frame)]
         com = float(pin.centerOfMass(model, data, straight)[2] - sole.translation[2])
         joints = [data.oMi[joint + 2].translation for joint in legs[0]]  # 0 is the world, 1 the base
         heights = [float(at[2]) for at in joints]
         leg_length = max(heights) - min(heights)
         ankle = float(sole.actInv(data.oMi[legs[0][-1] + 2]).translation[0])
-        pin.framesForwardKinematics(model, data, robot.half_sitting)
-        left, right = (data.oMf[frame].translation for frame in frames)
         return Scale(
             height=com - bend * leg_length if height is None else height,
             leg=leg_length,
             mass=robot.mass,
             sole=(0.5 * robot.soles[0].length, 0.5 * robot.soles[0].width),
             ankle=ankle,
-            spacing=float(abs(left[1] - right[1])),
         )
 
 
