@@ -236,16 +236,6 @@ def test_a_centre_of_mass_beyond_the_toes_is_brought_back_over_the_middle_of_the
     assert check_motion(g1, clip).zmp_worst > 0.5 and off.max() < 1e-3
 
 
-@pytest.mark.slow
-def test_a_trunk_that_the_waist_cannot_hold_is_straightened(g1: Robot) -> None:
-    clip = reaching_bow(g1)
-    assert check_motion(g1, clip).joint_torque.keys() == {"waist_pitch_joint"}
-    result = make_feasible(g1, clip)
-    assert result.after.feasible and not result.after.joint_torque
-    tilt = np.degrees(np.arccos(rotation_of(result.clip.base[100, 3:])[2, 2]))
-    assert 5.0 < tilt < 45.0, "it bends as far as the waist holds, and no further"
-
-
 def test_the_command_tracks_a_clip_that_is_feasible_as_it_is(
     g1: Robot, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

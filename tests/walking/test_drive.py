@@ -22,7 +22,7 @@ from wbc.walking import (
     walk_distance,
 )
 from wbc.walking.lipm import LipmWalk
-from wbc.walking.planning.phases import Event, Phase
+from wbc.walking.planning.phases import Phase
 from wbc.walking.planning.reach import Reach, bent_height, check_plan
 from wbc.walking.planning.sources import (
     AT_REST,
@@ -464,18 +464,13 @@ def test_gait_for_a_speed() -> None:
     slow = Gait.for_speed((0.4, 0.0, 0.0), Gait(single_support=0.9))
     assert slow.single_support == 0.9 and slow.double_support < 0.3
     assert Gait.for_speed((0.15, 0.0, 0.0)) == Gait()
-    shorter = (
-        "single_support",
-        "double_support",
-        "takeoff_time",
-        "landing_time",
-        "swing_height",
-        "landing_height",
-    )
-    gaits = [Gait.for_speed((speed, 0.0, 0.0)) for speed in (0.15, 0.3, 0.4)]
+    gaits = [Gait.for_speed((speed, 0.0, 0.0)) for speed in (0.15, 0.3, 0.4, 0.5, 0.6)]
     for slower, quicker in zip(gaits, gaits[1:], strict=False):
-        assert all(getattr(quicker, name) < getattr(slower, name) for name in shorter)
-        assert quicker.landing_speed > slower.landing_speed and quicker.apex > slower.apex
+        assert quicker.single_support < slower.single_support
+        assert quicker.double_support < slower.double_support
+        for name in ("takeoff_time", "landing_time", "swing_height", "landing_height"):
+            assert getattr(quicker, name) <= getattr(slower, name)
+        assert quicker.landing_speed >= slower.landing_speed and quicker.apex >= slower.apex
 
 
 @pytest.mark.parametrize(("name", "least"), [("hrp4_class", 0.4), ("talos", 0.4), ("g1", 0.4)])
@@ -514,39 +509,6 @@ def test_quick_steps_close_up_quickly() -> None:
             if stage.walk.phases.phase is Phase.SINGLE:
                 swings.add(round(stage.walk.phases.duration, 3))
         assert max(swings) == pytest.approx(0.47 if quick else 0.8)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("mode", ["position", "torque"])
-def test_commands_do_not_jump_between_standing_and_walking(mode: str) -> None:
-    """At the change-over, both ways: no command changes by more than 1 % of its limit."""
-    description = load("hrp4_class")
-    dt = 0.005 if mode == "position" else 0.002
-    plant = wbc.Plant(description, control_period=dt)
-    robot = description.robot()
-    walking = WalkingControl(
-        robot,
-        FootstepPlan.standing(robot),
-        dt,
-        wbc.walking.WalkingControlSettings(mode=mode),  # type: ignore[arg-type]
-    )
-    span = robot.position_upper - robot.position_lower
-    last = None
-    jumps = []
-    while plant.time < 9.0:
-        walking.velocity = (0.15, 0.0, 0.0) if 1.0 <= plant.time < 4.0 else None
-        command = walking.command(plant.measure())
-        values = [command.joint_torque / robot.torque_limit]
-        if command.joint_position is not None:
-            values.append(command.joint_position / span)
-        now = np.concatenate(values)
-        events = () if walking.reference is None else walking.reference.events
-        if last is not None and (Event.STARTED in events or Event.STOPPED in events):
-            jumps.append(float(np.abs(now - last).max()))
-        last = now
-        plant.step(command)
-    assert len(jumps) == 2 and max(jumps) < 0.01, jumps
-    assert walking.fallen is None and walking.walk.phases.phase is Phase.STANDING and walking.steps_done >= 2
 
 
 def test_a_standing_robot_is_not_done_once_it_has_somewhere_to_go() -> None:

@@ -24,7 +24,6 @@ from wbc.walking import (
     SteppingControl,
     WalkingControl,
     WalkingControlSettings,
-    walk_distance,
 )
 from wbc.walking.hands.hand import GAP, Hand, HandState
 from wbc.walking.hands.hands import FILTER_TIME, HELP_FROM, HELP_LEAK, HELP_TIME, RELAX, SLOW_TIME, Hands
@@ -185,32 +184,6 @@ def test_hands_whose_force_is_not_measured_neither_press_nor_grip() -> None:
         hands.grip("left_hand", hands.point("left_hand", 0.5, 0.5), AHEAD, 10.0)
 
 
-@pytest.mark.slow
-def test_impossible_readings_of_a_wrist_are_refused_and_a_dead_sensor_lets_go() -> None:
-    trial, hands = pressing()
-    control, plant = trial.walking.control, trial.plant
-    shift, felt = hands.shift.copy(), hands.outside.copy()
-
-    def tick(value: float, ticks: int) -> None:
-        for _ in range(ticks):
-            measured = plant.measure()
-            wrenches = np.array(measured.hand_wrenches)
-            wrenches[0, 2] = value
-            plant.step(trial.walking.command(replace(measured, hand_wrenches=wrenches)))
-
-    for value in (1e5, np.inf, -1e9):
-        tick(value, 3)
-        assert control.status() == "refused: force sensor of left_hand"
-        trial.advance(0.02)
-        assert control.status() == "ok"
-    assert hands.there
-    assert hands.shift == pytest.approx(shift, abs=1e-3) and hands.outside == pytest.approx(felt, abs=3.0)
-    tick(1e5, 15)
-    assert hands.lost == ("left_hand",) and control.failures == 0
-    trial.advance(1.0)
-    assert hands.all["right_hand"].state is HandState.HOLD
-
-
 def test_a_hand_that_finds_no_surface_stops() -> None:
     walking, hands = standing(approach=0.2)
     trial = Trial(Plant(load("hrp4_class"), scene=make_scene("table", distance=3.0)), walking)
@@ -222,27 +195,6 @@ def test_a_hand_that_finds_no_surface_stops() -> None:
     assert np.linalg.norm(site.xpos - start) < 0.6
     hands.release("left_hand")
     assert hands.all["left_hand"].state is HandState.FREE
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(("robot", "height"), [("hrp4_class", 0.9), ("g1", 0.85)])
-def test_a_cart_is_pushed_and_no_force_on_the_hands_moves_a_landing(robot: str, height: float) -> None:
-    walking, hands = standing(robot)
-    scene = make_scene("cart", distance=0.37, handle=height, resistance=15.0)
-    trial = Trial(Plant(load(robot), scene=scene, noise="realistic"), walking)
-    cart, model = trial.plant.data.body("scene/cart").xpos, walking.controller.robot
-    for side, y in (("left", 0.2), ("right", -0.2)):
-        hands.grip(f"{side}_hand", (0.37, y, height), AHEAD, limit=13.0)
-    trial.until(lambda: hands.there, 4.0)
-    for side in ("left", "right"):
-        trial.plant.grip(f"{side}_hand", f"{side} handle")
-    trial.advance(1.0)
-    before, plan, pushed = cart.copy(), walk_distance(FootstepPlan.standing(model), 0.4), []
-    trial.follow(plan, 4.0, lambda: pushed.append(float(np.linalg.norm(hands.outside[:2]))))
-    assert cart - before == pytest.approx([0.4, 0.0, 0.0], abs=0.03)
-    for foot, planned in zip(model.soles, plan.steps[-2:], strict=True):
-        assert abs(model.placement(foot.frame).translation[1]) == pytest.approx(abs(planned.y), abs=0.01)
-    assert np.linalg.norm(hands.outside[:2]) < 0.5 * max(pushed), "and it fades at rest"
 
 
 @pytest.mark.parametrize(

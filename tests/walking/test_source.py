@@ -21,7 +21,7 @@ from wbc.robots import load
 from wbc.walking import FootstepPlan, Reference, Stand, State, WalkingControl, WalkingControlSettings
 from wbc.walking.falls import FallSettings
 from wbc.walking.planning.phases import Phase
-from wbc.walking.source import WholeBody
+from wbc.walking.source import Progress, WholeBody
 from wbc.walking.stepping.walk import SteppingWalk
 
 DESCRIPTION = load("hrp4_class")
@@ -50,7 +50,7 @@ class Fails(Stand):
 def test_a_source_of_ones_own_is_followed_logged_and_shown(tmp_path: Path) -> None:
     plant, robot = wbc.Plant(DESCRIPTION), DESCRIPTION.robot()
     walking = WalkingControl(robot, Sway(robot), plant.control_period)
-    assert walking.progress.phase is Phase.STANDING and walking.progress.steps_done == 0
+    assert walking.progress == Progress(Phase.STANDING, None, 0, 0, 0.0, 0.0, (), 1.0)
     scene, sides, error = PlantSource(plant).scene, [], 0.0
     layers = make_layers(plant, scene, walking)
     with Recorder(tmp_path / "own.arrow") as record:

@@ -75,21 +75,6 @@ def test_other_robots_walk_by_the_same_numbers(robot: str) -> None:
     assert 0.4 < walk_ahead("torque", robot=robot) < 1.6
 
 
-@pytest.mark.slow
-def test_a_brisk_walk_keeps_its_speed() -> None:
-    """Feet that took over by the centre of pressure of their first load walked 0.5 m/s at any higher command."""
-    description = wbc.load_robot("g1")
-    settings = SteppingControlSettings(gait=SteppingSettings(fastest=0.3))
-    plant = wbc.Plant(description, noise="realistic", seed=3, control_period=PERIOD)
-    walking = SteppingControl(description.robot(), PERIOD, settings)
-    run(plant, walking, 0.3)
-    walking.velocity = (0.7, 0.0, 0.0)
-    run(plant, walking, 7.0)
-    before = plant.truth().com[0]
-    run(plant, walking, 10.0)
-    assert (plant.truth().com[0] - before) / 3.0 > 0.63
-
-
 def test_a_velocity_that_is_no_number_is_refused_and_changes_nothing() -> None:
     _, walking = standing()
     walking.velocity = (0.2, 0.0, 0.1)
@@ -129,33 +114,6 @@ def test_a_walk_that_has_not_begun_stands_and_has_its_settings_checked() -> None
         SteppingControl(
             DESCRIPTION.robot(), PERIOD, SteppingControlSettings(gait=SteppingSettings(shortest=2.0))
         )
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("goal", [(1.0, 0.3, 0.4), (-0.3, 0.0, 0.0)])
-def test_a_goal_is_walked_to_and_stood_at(goal: tuple[float, float, float]) -> None:
-    plant, walking = standing()
-    start = plant.truth().com[:2].copy()
-    run(plant, walking, 0.3)
-    walking.go_to(start[0] + goal[0], start[1] + goal[1], goal[2])
-    while not walking.done and plant.time < 20.0:
-        plant.step(walking.command(plant.measure()))
-    assert walking.finished and walking.fallen is None
-    assert math.dist(plant.truth().com[:2] - start, goal[:2]) < 0.2
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("impulse", [0.5, 0.6])
-@pytest.mark.parametrize("direction", [1.0, -1.0])
-def test_a_push_of_a_stand_is_stepped_out_of(direction: float, impulse: float) -> None:
-    """To the side, from the least that needs a step: the robot closes up before it stands again."""
-    plant, walking = standing()
-    run(plant, walking, 0.6)
-    plant.push("torso", [0.0, direction * impulse * DESCRIPTION.robot().mass / 0.1, 0.0], 0.1)
-    run(plant, walking, 1.2)
-    while not walking.done and plant.time < 5.0:
-        plant.step(walking.command(plant.measure()))
-    assert walking.steps_done >= 2 and walking.finished and walking.fallen is None
 
 
 @pytest.mark.slow

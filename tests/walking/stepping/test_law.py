@@ -166,17 +166,6 @@ def test_no_step_is_longer_than_its_orbit_and_a_stretch_and_the_next_one_starts_
     assert [landing.time for landing in landings[1:]] == pytest.approx([TIME] * 3, abs=1e-9)
 
 
-@examples(50)
-@given(velocities, offsets, offsets)
-def test_steps_ahead_and_back_take_the_same_time(
-    velocity: tuple[float, float], ahead: float, aside: float
-) -> None:
-    there = walk(3, velocity, (ahead, aside), stretch=0.03)
-    back = walk(3, (-velocity[0], velocity[1]), (-ahead, aside), stretch=0.03)
-    for a, b in zip(there, back, strict=True):
-        assert (b.time, b.foot[0], b.foot[1]) == pytest.approx((a.time, -a.foot[0], a.foot[1]), abs=1e-12)
-
-
 def test_a_dcm_over_the_stance_foot_waits_and_one_beyond_it_lands_at_once() -> None:
     orbit, over, stretch = Orbit.of((0.2, 0.0), 1.0, WIDTH, TIME, TIME, OMEGA), 0.005, 0.05
     for aside in (0.0, -0.0049, NEAR):

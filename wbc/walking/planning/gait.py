@@ -23,32 +23,22 @@ SizeOrZero = Annotated[float, Field(ge=0.0, le=60.0)]
 """A length or a time of a gait that may be zero, m or s."""
 
 
-_BY_SPEED = (
-    "single_support",
-    "double_support",
-    "initial_double_support",
-    "takeoff_time",
-    "landing_time",
-    "swing_height",
-    "landing_height",
-    "landing_speed",
-    "apex",
+BY_SPEED = (
+    *("single_support", "double_support", "initial_double_support", "takeoff_time", "landing_time"),
+    *("swing_height", "landing_height", "landing_speed", "apex"),
 )
+"""Values of a gait in the order of `SPEEDS`."""
 
-SPEEDS: dict[float, dict[str, float]] = {
-    speed: dict(zip(_BY_SPEED, values, strict=True))
-    for speed, values in {
-        0.0: (0.8, 0.3, 0.8, 0.05, 0.1, 0.06, 0.02, 0.1, 0.4),
-        0.15: (0.8, 0.3, 0.8, 0.05, 0.1, 0.06, 0.02, 0.1, 0.4),
-        0.3: (0.57, 0.15, 0.6, 0.03, 0.08, 0.05, 0.01, 0.12, 0.42),
-        0.4: (0.47, 0.1, 0.6, 0.02, 0.05, 0.04, 0.005, 0.15, 0.45),
-        0.5: (0.42, 0.08, 0.6, 0.02, 0.05, 0.04, 0.005, 0.15, 0.45),
-        0.6: (0.36, 0.06, 0.6, 0.02, 0.05, 0.04, 0.005, 0.15, 0.45),
-    }.items()
+SPEEDS = {
+    0.15: (0.8, 0.3, 0.8, 0.05, 0.1, 0.06, 0.02, 0.1, 0.4),
+    0.3: (0.57, 0.15, 0.6, 0.03, 0.08, 0.05, 0.01, 0.12, 0.42),
+    0.4: (0.47, 0.1, 0.6, 0.02, 0.05, 0.04, 0.005, 0.15, 0.45),
+    0.5: (0.42, 0.08, 0.6, 0.02, 0.05, 0.04, 0.005, 0.15, 0.45),
+    0.6: (0.36, 0.06, 0.6, 0.02, 0.05, 0.04, 0.005, 0.15, 0.45),
 }
-"""Timings (s), heights (m) and shape of the swing by speed (m/s): the greatest of forward speed, twice the sideways
-speed and 0.6 m of the turning one. Quick swings are low and land without slowing down first: a knee's greatest speed
-is needed to lift the foot."""
+"""Timings (s), heights (m) and shape of the swing by speed (m/s), below the first as there: the greatest of forward
+speed, twice the sideways speed and 0.6 m of the turning one. Quick swings are low and land without slowing down first:
+a knee's greatest speed is needed to lift the foot."""
 
 SLOW = 0.3
 """Speed up to which the feet hold the reaction to the swing of a leg, m/s; from `QUICK` on the CoM yields to it."""
@@ -173,11 +163,9 @@ def reaction(speed: float) -> float:
 @lru_cache(maxsize=256)
 def _at_speed(speed: float, gait: Gait) -> Gait:
     """Gait for a speed (m/s) with the explicit values of another one."""
-    speeds, default = sorted(SPEEDS), Gait()
-    rows = [SPEEDS[key] for key in speeds]
-    values = {}
-    for name in rows[0]:
-        value = float(np.interp(speed, speeds, [row[name] for row in rows]))
+    default, values = Gait(), {}
+    for name, column in zip(BY_SPEED, zip(*SPEEDS.values(), strict=True), strict=True):
+        value = float(np.interp(speed, list(SPEEDS), column))
         if getattr(gait, name) == getattr(default, name):
             grid = GRID.get(name, 0.001)
             values[name] = round(value / grid) * grid
