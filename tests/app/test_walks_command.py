@@ -192,17 +192,6 @@ def test_the_command_refuses(
     assert re.search(message, captured.err) and captured.err.count("\n") == 1 and not captured.out
 
 
-def test_a_study_that_names_a_cell_twice_is_refused(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    """Of two values of one name JSON's reader keeps the last: a cell, and its walks, would be missing in silence."""
-    path = tmp_path / "study.json"
-    cells = '{"a": {"terrain": "flat"}, "a": {"terrain": "stones"}}'
-    path.write_text(f'{{"name": "s", "cells": {cells}, "arms": {{"b": {{}}}}, "seeds": [1]}}')
-    assert main(["study", "show", str(path)]) == BAD_INPUT
-    assert "'a' is given twice" in capsys.readouterr().err
-
-
 @pytest.mark.slow
 def test_a_study_from_the_command_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     study, journal = tmp_path / "study.json", tmp_path / "journal.jsonl"

@@ -93,13 +93,10 @@ class ServedAddress:
         return f"http://{_bracketed(host)}:{self.port}/"
 
     def admits(self, host: str) -> bool:
-        """Return true if a request's `Host` header names this address.
+        """Return true if a request's `Host` header, name or address with the port unless it is 80, names this address.
 
         A name of another site that resolves to this machine (DNS rebinding) does not. A page that is served to all
         networks is also asked for by this machine's name and by any address: an address is not resolved.
-
-        Args:
-            host: The header: name or address, with the port unless it is 80.
         """
         name, _, port = host.lower().rpartition(":")
         if not port.isdecimal():

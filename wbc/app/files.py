@@ -18,16 +18,10 @@ FILMS = (".mp4", ".gif")
 def check_target(
     what: str, path: str | Path, endings: tuple[str, ...], inputs: Iterable[str | Path | None] = ()
 ) -> Path:
-    """Return the path of a file to write after a check; an existing file stays unchanged.
+    """Return the path of a file to write, `what` in messages, after a check; an existing file stays unchanged.
 
-    Args:
-        what: Noun for the messages: "a figure".
-        path: The file.
-        endings: Endings that its name may have, such as (".png", ".svg").
-        inputs: Files that the new one is made from: paths, or texts such as source=ground.png; None is skipped.
-
-    Raises:
-        InputError: Another ending, a folder that does not exist, a file that is not writable, or one of the inputs.
+    `InputError` for an ending that is none of `endings`, a folder that does not exist, a file that is not writable, or
+    one of the inputs that it is made from: paths, or texts such as source=ground.png; None is skipped.
     """
     target = Path(path)
     if target.suffix.lower() not in endings:

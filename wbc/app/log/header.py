@@ -37,14 +37,7 @@ _DISTRIBUTIONS = ("numpy", "scipy", "pin", "proxsuite", "daqp", "mujoco", "pyarr
 
 
 def make_header(tick: Tick, spec: Any = None, title: str = "", seed: int | None = None) -> dict[str, Any]:
-    """Return the header of a run, from its first tick.
-
-    Args:
-        tick: The tick.
-        spec: Specification of the run: a dataclass, or plain values.
-        title: Title of the log; the robot's name when empty.
-        seed: Seed of the run; the plant's when None.
-    """
+    """Return the header of a run, from its first tick; see `Recorder` for the others, seed is the plant's when None."""
     robot, plant = tick.robot, tick.plant if isinstance(tick.plant, Plant) else None
     if seed is None and plant is not None:
         seed = plant.seed
@@ -74,15 +67,7 @@ def encode(header: dict[str, Any]) -> bytes:
 
 
 def decode(where: str, stored: dict[bytes, bytes] | None) -> dict[str, Any]:
-    """Return the header in a file's metadata.
-
-    Args:
-        where: Name of the file, for messages.
-        stored: Metadata of the file.
-
-    Raises:
-        InputError: Not a log of wbc, or one of another format.
-    """
+    """Return the header in the metadata of a file with a name; `InputError` for no log of wbc, or another format."""
     if not stored or KEY not in stored:
         raise InputError(f"{where} is an Arrow file but no log of wbc: it has no metadata '{KEY.decode()}'")
     try:

@@ -28,9 +28,8 @@ ROOMS = ("wbc.robots", "wbc.feet", "wbc.sim")
 def to_plain(value: Any) -> Any:
     """Return a value as objects, lists, numbers and texts; keys with a `$` name its type.
 
-    Args:
-        value: Numbers, texts, arrays, paths, enumerations, dataclasses, and tuples, lists and mappings of these.
-            Anything else is written as its `repr` and cannot be read back.
+    What is no number, text, array, path, enumeration or dataclass, nor a tuple, list or mapping of these, is written as
+    its `repr` and cannot be read back.
     """
     if value is None or isinstance(value, (bool, str)):
         return value

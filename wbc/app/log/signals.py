@@ -139,11 +139,7 @@ class Signals:
         self._groups: set[str] = set()
 
     def one(self, name: str, unit: str, about: str, read: Read, kind: Kind = "number") -> None:
-        """Describe a signal of a single value.
-
-        Raises:
-            InputError: The name is taken or malformed.
-        """
+        """Describe a signal of a single value; `InputError` for a name that is taken or malformed."""
         if kind in ("text", "list"):
             self._add(Signal(name, unit, about, kind), len(self._objects))
             self._objects.append(read)
@@ -153,11 +149,7 @@ class Signals:
             self.width += 1
 
     def each(self, names: Sequence[str], units: str | Sequence[str], about: str, read: Read) -> None:
-        """Describe signals whose values are one array; units are one for all, or one each.
-
-        Raises:
-            InputError: A name is taken or malformed.
-        """
+        """Describe signals whose values are one array; units are one for all, or one each. Errors as in `one`."""
         start = self.width - len(self._numbers)
         units = [units] * len(names) if isinstance(units, str) else units
         for i, (name, unit) in enumerate(zip(names, units, strict=True)):

@@ -93,11 +93,9 @@ class Drift:
         return size
 
     def __call__(self, points: Array, tick: int | slice = slice(None)) -> Array:
-        """Return points of the world of the estimate where they are in the true one.
+        """Return points of the estimate's world where they are in the true one, shape (ticks, 2) or (ticks, 3), m.
 
-        Args:
-            points: Shape (ticks, 2) or (ticks, 3), m; of one tick any number of points.
-            tick: The tick; all when left out.
+        Of one tick, any number of points.
         """
         turn, size = self.turn[tick], points.shape[-1]
         c, s, (x, y) = np.cos(turn), np.sin(turn), (points - self._from[tick, :size]).T[:2]

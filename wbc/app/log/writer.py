@@ -58,13 +58,9 @@ class LogWriter:
     """
 
     def __init__(self, path: str | Path) -> None:
-        """Open the file.
+        """Open the file; an existing log is replaced by a complete one.
 
-        Args:
-            path: The file; an existing log is replaced by a complete one.
-
-        Raises:
-            InputError: The file cannot be written, exists and is not a log, or is being written by another recording.
+        `InputError` if it cannot be written, exists and is not a log, or is being written by another recording.
         """
         self.path = check_path(path)
         self.part = check_path(part_path(self.path))

@@ -22,18 +22,10 @@ MAX_SIGNALS = 40
 
 
 def select(logs: Sequence[Log], words: Sequence[str]) -> list[str]:
-    """Return the signals that words stand for.
+    """Return the signals that words stand for, without repetitions, in the order of the words.
 
-    Args:
-        logs: The logs.
-        words: Each a signal, a group ("com/estimated", "joint/torque_command"), or a pattern with * and ?.
-
-    Returns:
-        Names without repetitions, in the order of the words.
-
-    Raises:
-        UnknownNameError: A word that matches no signal; the nearest names are given.
-        InputError: A signal of lists, or too many signals.
+    A word is a signal, a group ("com/estimated", "joint/torque_command"), or a pattern with * and ?; one that matches
+    none is an `UnknownNameError`, a signal of lists, or too many, an `InputError`.
     """
     kinds = {name: signal.kind for log in logs for name, signal in log.signals.items()}
     chosen: dict[str, None] = {}
@@ -60,7 +52,7 @@ def draw_signals(logs: Sequence[Log], words: Sequence[str]) -> Figure:
 
     Args:
         logs: One or several.
-        words: Signals, see `select`.
+        words: Signals, groups of signals, or patterns with * and ?.
 
     Raises:
         UnknownNameError: A word that matches no signal.

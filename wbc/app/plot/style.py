@@ -75,12 +75,9 @@ def band(axes: Axes, time: Array, low: Array, high: Array, label: str) -> None:
 
 
 def mark_states(axes: Axes, log: Log, *, names: bool) -> None:
-    """Shade every other state of a program over the height of the axes; with the names of the states at the top.
+    """Shade every other state of a program over the height of axes over time, with the names of the states at the top.
 
-    Args:
-        axes: Axes over time.
-        log: The log; without a program nothing is drawn.
-        names: Write the names of the states, without that of their machine.
+    Names are without that of their machine. Of a log without a program nothing is drawn.
     """
     if "program/state" not in log:
         return

@@ -32,15 +32,7 @@ READABLE = (".stl", ".obj", ".glb", ".gltf")
 
 
 def check_conversion(path: str | Path, inputs: Iterable[str | Path] = ()) -> Path:
-    """Return the path of a file to convert to, after a check that it can be written here.
-
-    Args:
-        path: File to write.
-        inputs: Files that it is made from.
-
-    Raises:
-        InputError: Another file type, no such folder, not writable, one of the inputs, or rerun is not installed.
-    """
+    """Return the path of a file to convert to after a check by `check_target`; `InputError` without rerun, too."""
     target = check_target("a converted log", path, (".rrd",), inputs)
     if importlib.util.find_spec("rerun") is None:
         raise InputError(f'{target.name} needs the extra "rerun": pip install -e ".[rerun]" in the clone')
@@ -67,7 +59,7 @@ def convert_log(
         Reason why the file holds the signals alone; None if it holds the scene, too.
 
     Raises:
-        InputError: As `check_conversion` raises it, a rate that is not above zero, or an empty log.
+        InputError: A path that cannot be written, no rerun, a rate that is not above zero, or an empty log.
     """
     target = check_conversion(path, [log.path])
     import rerun as rr  # noqa: PLC0415 - an extra

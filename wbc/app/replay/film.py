@@ -45,15 +45,9 @@ class RenderError(WbcError):
 
 
 def check_film(path: str | Path, inputs: Iterable[str | Path] = ()) -> Path:
-    """Return the path of a film to be written, after a check that it can be made here.
+    """Return the path of a film to be written, after a check by `check_target` and one that it can be made here.
 
-    Args:
-        path: File to write.
-        inputs: Files that it is made from.
-
-    Raises:
-        InputError: Another file type, no such folder, not writable, or one of the inputs.
-        RenderError: No ffmpeg for MP4, or no offscreen rendering; the message says what to install.
+    `RenderError` for no ffmpeg for MP4, or no offscreen rendering; the message says what to install.
     """
     target = check_target("a film", path, FILMS, inputs)
     if target.suffix.lower() == ".mp4":

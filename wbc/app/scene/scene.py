@@ -85,14 +85,7 @@ class Scene:
     _frame_size: int = 0
 
     def frame(self, snapshot: Snapshot) -> Array:
-        """Return one matrix for each path of the robot, its markers and its forces.
-
-        Args:
-            snapshot: The instant.
-
-        Returns:
-            Homogeneous matrices, scale included, shape (number of these paths, 4, 4).
-        """
+        """Return one matrix, scale included, for each path of robot, markers and forces, shape (paths, 4, 4), m."""
         matrices = np.tile(HIDDEN, (self._frame_size, 1, 1))
         place = len(self.bodies)
         matrices[:place] = snapshot.poses
@@ -113,13 +106,7 @@ class Scene:
         return matrices
 
     def extended(self, objects: Sequence[SceneObject], moving: Sequence[str], legend: Legend) -> Scene:
-        """Return the scene with further objects.
-
-        Args:
-            objects: The objects.
-            moving: Their moving paths, which come after those of `frame`.
-            legend: Meaning of their colours.
-        """
+        """Return the scene with further objects; their moving paths come after those of `frame`."""
         return replace(
             self,
             objects=(*self.objects, *objects),
@@ -141,14 +128,9 @@ class Scene:
 def make_scene(
     title: str, parts: Sequence[Part], terrain: Terrain | None, com_height: float, weight: float
 ) -> Scene:
-    """Return the scene of a robot on its ground.
+    """Return the scene of a robot on its ground, flat at z = 0 when None.
 
-    Args:
-        title: Name of the robot.
-        parts: Shapes of its bodies.
-        terrain: The ground; flat at z = 0 when None.
-        com_height: Height of the centre of mass, m.
-        weight: Weight of the robot, N: an arrow of this force is as long as `com_height`.
+    An arrow of the robot's weight, N, is as long as its centre of mass is high, m.
     """
     bodies = tuple(dict.fromkeys(part.body for part in parts))
     paths = {body: body_path(body) for body in bodies}

@@ -100,16 +100,10 @@ class RobotSource:
         self._ids = [self._robot.frame_id(body) for body in self.scene.bodies]
 
     def snapshot(self, state: Robot | Array, sole_wrench: Array | None, time: float) -> Snapshot:
-        """Return a state.
+        """Return a state: a robot of the same model, up to date, or a configuration, shape (nq,), at a time, s.
 
-        Args:
-            state: A robot of the same model, up to date, or a configuration of shape (nq,).
-            sole_wrench: Contact wrench of each sole, [force; moment] in the sole frame, shape (number of soles, 6),
-                N and Nm.
-            time: s.
-
-        Raises:
-            InputError: Another robot, or a value of the wrong shape or not finite.
+        Contact wrenches are [force; moment] in the sole frame, shape (soles, 6), N and Nm. Another robot, or a value of
+        the wrong shape or not finite, is an `InputError`.
         """
         robot = self._robot
         if isinstance(state, Robot):

@@ -92,13 +92,10 @@ class LiveControls:
         *,
         repeat: Iterable[dict[str, Any]] = (),
     ) -> None:
-        """Find the controls that the run has.
+        """Find the controls that the run has: without a plant it cannot be pushed.
 
-        Args:
-            plant: The plant; None for a run that cannot be pushed.
-            walking: The controller of a walk.
-            controller: Controller whose tasks may be changed; that of the walk when None.
-            repeat: Interventions of a former run, carried out again at their times; see `interventions_of`.
+        `controller` is the one whose tasks may be changed, that of the walk when None; `repeat` are interventions of a
+        former run, carried out again at their times.
         """
         self._plant: Any = plant
         self._walking: Any = walking

@@ -91,12 +91,7 @@ class GuardedHandler(tornado.web.RequestHandler):
         self.finish(f"{status_code} {self._reason}{hint}\n")
 
     async def answer(self, body: bytes | str, nonce: str | None = None) -> None:
-        """Send a body; drop a client that does not take it.
-
-        Args:
-            body: The body.
-            nonce: Number that the scripts of a page carry; None for anything else than a page.
-        """
+        """Send a body, of a page with the number that its scripts carry; drop a client that does not take it."""
         if nonce is not None:
             policy = PAGE_POLICY.format(nonce=nonce, host=self.request.host)
             if self.settings["framed"]:
@@ -139,11 +134,7 @@ class PageServer:
     """
 
     def __init__(self, what: str, address: Address) -> None:
-        """Take the port; `what` is served there, for messages.
-
-        Raises:
-            PortError: The port is in use.
-        """
+        """Take the port; `what` is served there, for messages. `PortError` if it is in use."""
         try:
             self._socket, self.served = listen(address)
         except OSError as error:

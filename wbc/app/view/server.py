@@ -85,12 +85,8 @@ class Broadcast:
     ) -> None:
         """Pack the fixed part of the scene.
 
-        Args:
-            scene: The scene.
-            pace: Pace of the run, which pages set.
-            order: Called with each order of a page.
-            offered: Controls of the run, see `LiveControls.available`.
-            token: Secret that a page shows to be allowed to change the run, or to pause it.
+        Pages set the pace; `order` is called with each of their orders. `offered` are the controls of the run, see
+        `LiveControls.available`; who shows the token may change it, or pause it.
         """
         self.scene, self.page = scene, Page(scene.title, scene.legend, scene.com_height)
         self.pages = self.drivers = 0

@@ -151,7 +151,7 @@ class Workbench(View):
         self._add_own(name, take, call)
         with self._folder():
             label = f"{name} ({unit})" if unit else name
-            self._slider(label, low, high, value, "", lambda new: {"do": "own", "name": name, "value": new})
+            self._slider(label, low, high, value, "", {"do": "own", "name": name})
         return setting
 
     def plot(self, name: str, function: Callable[[], Any], unit: str = "") -> None:
@@ -249,16 +249,12 @@ class Workbench(View):
         """Make all controls."""
         gui, offered = self._server.gui, self.controls.available()
         self._text(lambda: "  \n".join(self._said))
-        pause = gui.add_checkbox("pause", False)
+        self._checkbox("pause", False, lambda on: setattr(self._pace, "paused", on))
         speed = next((name for name, value in SPEEDS.items() if value == self._pace.speed), "1")
         chosen = gui.add_dropdown("speed", tuple(SPEEDS), initial_value=speed)
-        follow = gui.add_checkbox("camera follows", True)
-
-        when(pause.on_update, lambda _: setattr(self._pace, "paused", pause.value))
         when(chosen.on_update, lambda _: setattr(self._pace, "speed", SPEEDS[chosen.value]))
-        when(follow.on_update, lambda _: setattr(self._drawn, "follows", follow.value))
-        clear = gui.add_checkbox("see through the robot", False)
-        when(clear.on_update, lambda _: self._drawn.see_through(clear.value))
+        self._checkbox("camera follows", True, lambda on: setattr(self._drawn, "follows", on))
+        self._checkbox("see through the robot", False, self._drawn.see_through)
         with gui.add_folder("meaning of the colours", expand_by_default=False):
             lines = (
                 f'<span style="color: rgb{tuple(round(255 * part) for part in colour[:3])}">⬤</span> {text}'
@@ -280,26 +276,17 @@ class Workbench(View):
             with gui.add_folder("stabilizer gains", expand_by_default=False):
                 for gain in offered["gains"]:
                     name, unit, most = gain["name"], gain["unit"], gain["largest"]
-                    self._slider(
-                        f"{name} ({unit})" if unit else name,
-                        0.0,
-                        most,
-                        min(gain["value"], most),
-                        docs[name],
-                        partial(_gain, name),
-                    )
+                    label, order = f"{name} ({unit})" if unit else name, {"do": "gain", "name": name}
+                    self._slider(label, 0.0, most, min(gain["value"], most), docs[name], order)
         if "stiffness" in offered:
             soles = offered["stiffness"]
             with gui.add_folder("soles", expand_by_default=False):
-                top = max(100.0, 2.0 * soles["value"])
-                self._slider(
-                    "stiffness (Nm/rad)",
-                    soles["low"],
-                    min(soles["high"], top),
-                    soles["value"],
+                low, value = soles["low"], soles["value"]
+                high, hint = (
+                    min(soles["high"], max(100.0, 2.0 * value)),
                     "each foot takes it in its next swing",
-                    lambda new: {"do": "stiffness", "value": new},
                 )
+                self._slider("stiffness (Nm/rad)", low, high, value, hint, {"do": "stiffness"})
         controller = self.controls.controller
         if controller is None:
             return
@@ -382,13 +369,13 @@ class Workbench(View):
             gui.add_markdown("Ctrl and the mouse pull at a link.")
 
     def _task_folder(self, task: Task) -> Any:
-        gui, name = self._server.gui, task.name
+        gui, name, order = self._server.gui, task.name, {"do": "task", "task": task.name}
         with (folder := gui.add_folder(name, expand_by_default=False)):
             if task.hard:
                 gui.add_markdown("hard: a constraint")
             else:
                 weight = float(task.weight.max())
-                self._switch("on", weight > 0.0, partial(_task_order, name, "on"))
+                self._checkbox("on", weight > 0.0, lambda on: self.controls.order(order | {"on": on}))
                 power = math.log10(weight) if weight > 0.0 else 0.0
                 self._slider(
                     "weight, power of ten",
@@ -396,13 +383,14 @@ class Workbench(View):
                     math.ceil(power) + 3.0,
                     power,
                     f"cost per squared residual, ({task.residual_unit})²; all rows get the same",
-                    lambda new: {"do": "task", "task": name, "weight": 10.0**new},
+                    order,
+                    "weight",
+                    lambda power: 10.0**power,
                 )
             for gain, unit, about in GAINS:
                 value = float(getattr(task, gain).max())
                 if value > 0.0:
-                    order = partial(_task_order, name, gain)
-                    self._slider(f"{gain} ({unit})", 0.0, 4.0 * value, value, about, order)
+                    self._slider(f"{gain} ({unit})", 0.0, 4.0 * value, value, about, order, gain)
             if task.held_by is not None:
                 gui.add_markdown(f"Target set at every tick: use {task.held_by}")
             elif _has_place(task):
@@ -484,10 +472,9 @@ class Workbench(View):
 
         when(button.on_click, lambda _: self.controls.order(order()))
 
-    def _switch(self, label: str, value: bool, order: Callable[[bool], dict[str, Any]]) -> None:
-        switch = self._server.gui.add_checkbox(label, value)
-
-        when(switch.on_update, lambda _: self.controls.order(order(bool(switch.value))))
+    def _checkbox(self, label: str, value: bool, call: Callable[[bool], object]) -> None:
+        box = self._server.gui.add_checkbox(label, value)
+        when(box.on_update, lambda _: call(bool(box.value)))
 
     def _slider(
         self,
@@ -496,12 +483,14 @@ class Workbench(View):
         high: float,
         value: float,
         hint: str,
-        order: Callable[[float], dict[str, Any]],
+        order: dict[str, Any],
+        key: str = "value",
+        taken: Callable[[float], float] = float,
     ) -> None:
         step = 10.0 ** math.floor(math.log10((high - low) / 200.0))
         slider = self._server.gui.add_slider(label, low, high, step, float(value), hint=hint or None)
 
-        when(slider.on_update, lambda _: self.controls.order(order(float(slider.value))))
+        when(slider.on_update, lambda _: self.controls.order(order | {key: taken(slider.value)}))
 
     def _plot(self, asked: Callable[[], bool], curves: dict[str, Callable[[], Any]]) -> None:
         """Add plots under each other, which are there while they are asked for."""
@@ -647,16 +636,6 @@ def cone_margin(contact: Contact, wrench: Array) -> float:
     used = contact.cone @ wrench + allowed
     bounds = allowed > 0.0
     return float(1.0 - (used[bounds] / allowed[bounds]).max())
-
-
-def _gain(name: str, value: float) -> dict[str, Any]:
-    """Return the order of a gain."""
-    return {"do": "gain", "name": name, "value": value}
-
-
-def _task_order(task: str, what: str, value: float) -> dict[str, Any]:
-    """Return an order to a task."""
-    return {"do": "task", "task": task, what: value}
 
 
 def _without_noise(values: Array) -> Array:

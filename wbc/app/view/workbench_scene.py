@@ -30,7 +30,7 @@ class WorkbenchScene:
 
     def __init__(self, server: viser.ViserServer, scene: Scene, pull: Callable[[str, Any], None]) -> None:
         """Make all nodes; `pull` gets link and displacement of the mouse (m, world) while one is dragged with Ctrl."""
-        self._server, self._scene, self.follows = server, scene, True
+        self._server, self.follows = server, True
         height = scene.com_height
         server.initial_camera.position = (2.6 * height, -2.0 * height, 1.7 * height)
         server.initial_camera.look_at = (0.0, 0.0, 0.8 * height)
