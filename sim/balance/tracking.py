@@ -85,15 +85,10 @@ class TrackTrial(Trial):
     walking: WalkingControl
 
     def __init__(self, clip: MotionClip, spec: TrackSpec | None = None) -> None:
-        """Build robot, plant and controller; the robot stands as the clip begins.
+        """Build robot, plant and controller; the robot stands as the feasible clip begins.
 
-        Args:
-            clip: Feasible clip (`wbc.motion.make_feasible`).
-            spec: The simulation; the defaults when None.
-
-        Raises:
-            UnknownNameError: The clip is of another robot.
-            InputError: The robot leaves the ground in the clip, a foot that does not fit.
+        `UnknownNameError`: a clip of another robot; `InputError`: one in which it leaves the ground, or a foot that
+        does not fit.
         """
         self.spec = spec = spec or TrackSpec()
         robot, plant, observer = spec.build()

@@ -232,14 +232,9 @@ class MujocoLoop(SimulatedRobot):
 
 
 def step_together(loops: Sequence[MujocoLoop], commands: Sequence[Command]) -> None:
-    """Advance robots in one simulation by one control period, each under its command.
+    """Advance robots in one simulation, loops of one model, data and period, by it, each under its command.
 
-    Args:
-        loops: Loops of one model and data, with one control period.
-        commands: A command each.
-
-    Raises:
-        InputError: A command of the wrong shape or not finite, or negative gains; the simulation has not moved.
+    `InputError`: a command of the wrong shape or not finite, or negative gains; the simulation has not moved.
     """
     for loop, command in zip(loops, commands, strict=True):
         loop.actuators.check(command)

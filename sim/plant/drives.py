@@ -70,9 +70,8 @@ class Drives:
     def read(self, command: Command) -> Array:
         """Check a command and return its targets, shape (na,), valid until the next call; nothing else changes.
 
-        Raises:
-            InputError: No command, a reference of the wrong shape or not finite, a velocity or gains without a
-                position, gains that are negative or not finite.
+        `InputError`: no command, a reference of the wrong shape or not finite, a velocity or gains without a position,
+        gains that are negative or not finite.
         """
         if not isinstance(command, Command):
             raise InputError(f"a plant takes a Command, got {shown(command)}")

@@ -53,19 +53,11 @@ class RobotPlaces:
         prefix: str = "",
         feet: Sequence[str] = (),
     ) -> None:
-        """Find a robot in half-sitting.
+        """Find a robot in half-sitting; `names` is joint of the robot → joint of the model where they differ.
 
-        Args:
-            model: The model.
-            robot: The robot.
-            names: Joint of the robot → joint of the model where they differ.
-            prefix: What the model puts before all other names.
-            feet: Bodies whose frames are the sole frames; those that carry the description's soles when empty.
-
-        Raises:
-            UnknownNameError: A joint that the model has not.
-            ModelError: No free joint above the joints, or a joint elsewhere or about another axis than in the
-                description.
+        `feet` are bodies whose frames are the sole frames; those that carry the description's soles when empty. Raises
+        `UnknownNameError` for a joint that the model has not, `ModelError` without a free joint above the joints, or
+        for a joint elsewhere or about another axis than in the description.
         """
         names = names or {}
         for name in names:
@@ -108,11 +100,7 @@ class RobotPlaces:
         self.imu_body, self.imu = self._carrier(robot.imu_frame)
 
     def carrier(self, name: str) -> tuple[int, pin.SE3]:
-        """Return the body that carries a link or frame, "torso" or "base", and the frame's placement in it.
-
-        Raises:
-            UnknownNameError: Neither a link nor a frame of the robot.
-        """
+        """Return the body that carries a link or frame (see `body_frame`), and the frame's placement in it."""
         name = body_frame(name, self._robot)
         body, place = self._carrier(name)
         own = mujoco.mj_name2id(self.model, mujoco.mjtObj.mjOBJ_BODY, self.prefix + name)
@@ -170,12 +158,8 @@ class RobotPlaces:
     def sensor(self, what: str, kind: mujoco.mjtSensor, name: str | None) -> tuple[int, Array | None] | None:
         """Return a sensor of the IMU: the one named, else the nearest that is fixed to the same body; None if none is.
 
-        Returns:
-            First place in `sensordata`, and rotation from the sensor's site to the IMU frame, None where they agree.
-
-        Raises:
-            UnknownNameError: No such sensor.
-            InputError: One of another kind or on another body.
+        Returned are its first place in `sensordata`, and the rotation from its site to the IMU frame, None for none.
+        `UnknownNameError`: no such sensor; `InputError`: one of another kind or on another body.
         """
         model = self.model
         sensors = {model.sensor(i).name: i for i in range(model.nsensor)}
@@ -211,8 +195,7 @@ class RobotPlaces:
 def body_frame(name: str, robot: Robot) -> str:
     """Return the link or frame of a robot by its name; "torso" and "base" stand for its torso and base frames.
 
-    Raises:
-        UnknownNameError: Neither a link nor a frame of the robot.
+    `UnknownNameError`: neither a link nor a frame of the robot.
     """
     if robot.model.existFrame(name):
         return name

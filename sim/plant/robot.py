@@ -77,12 +77,7 @@ class SimulatedRobot:
         soles: Sequence[str] = (),
         hands: Sequence[HandSensor] = (),
     ) -> None:
-        """Connect the sensors; see `wbc.sim.plant.signals.TrueSignals`.
-
-        Raises:
-            UnknownNameError: No such noise preset.
-            InputError: A control period that is no multiple of the physics step, a seed that is no whole number.
-        """
+        """Connect the sensors; see `wbc.sim.plant.signals.TrueSignals`."""
         self.description, self.robot, self.places = description, robot, places
         self.model = places.model
         self.data = mujoco.MjData(self.model)

@@ -67,18 +67,16 @@ class SensorNoise:
 NO_NOISE = SensorNoise()
 """Perfect sensors."""
 
-_ENCODER = SignalNoise(std=2e-4, bias_std=1e-3, quantum=2.0 * math.pi / 2**18, latency=0.001)
-_DRIVE = SignalNoise(std=0.0125, latency=0.001)
-_GYROSCOPE = SignalNoise(std=0.002, bias_std=5e-4, latency=0.001)
-_ACCELEROMETER = SignalNoise(std=0.04, bias_std=0.05, latency=0.001)
-_FORCE = SignalNoise(std=1.0, bias_std=2.0, latency=0.001)
-_MOMENT = SignalNoise(std=0.05, bias_std=0.1, latency=0.001)
-_TORQUE = SignalNoise(std=0.2, bias_std=0.2, latency=0.001)
-_HAND_FORCE = SignalNoise(std=0.3, bias_std=0.5, latency=0.001)
-_HAND_MOMENT = SignalNoise(std=0.01, bias_std=0.02, latency=0.001)
-
 REALISTIC = SensorNoise(
-    _ENCODER, _DRIVE, _GYROSCOPE, _ACCELEROMETER, _FORCE, _MOMENT, _TORQUE, _HAND_FORCE, _HAND_MOMENT
+    joint_position=SignalNoise(std=2e-4, bias_std=1e-3, quantum=2.0 * math.pi / 2**18, latency=0.001),
+    joint_velocity=SignalNoise(std=0.0125, latency=0.001),
+    angular_velocity=SignalNoise(std=0.002, bias_std=5e-4, latency=0.001),
+    specific_force=SignalNoise(std=0.04, bias_std=0.05, latency=0.001),
+    sole_force=SignalNoise(std=1.0, bias_std=2.0, latency=0.001),
+    sole_moment=SignalNoise(std=0.05, bias_std=0.1, latency=0.001),
+    joint_torque=SignalNoise(std=0.2, bias_std=0.2, latency=0.001),
+    hand_force=SignalNoise(std=0.3, bias_std=0.5, latency=0.001),
+    hand_moment=SignalNoise(std=0.01, bias_std=0.02, latency=0.001),
 )
 """Sensors of a good research humanoid.
 

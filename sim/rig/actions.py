@@ -61,13 +61,8 @@ def pitch(
 ) -> PitchResult:
     """Pitch the ankle of a loaded foot toe down, toe up and back, and follow the centre of pressure.
 
-    Args:
-        test: Foot, ground and load, with an ankle servo.
-        amplitude: Largest commanded pitch, rad.
-        rate: Speed of the command, rad/s.
-
-    Raises:
-        InputError: The ankle of the test is free.
+    `amplitude` is the largest commanded pitch, rad, `rate` the speed of the command, rad/s. `InputError`: an ankle
+    without a servo.
     """
     if test.ankle_stiffness == 0.0:
         raise InputError("pitching needs an ankle servo: ankle_stiffness must be above 0 Nm/rad")

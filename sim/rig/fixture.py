@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 import math
+from typing import Any
 
 import mujoco
 import numpy as np
@@ -86,12 +87,11 @@ class Rig:
         self.probe = SoleProbe(self.model, self.foot)
         self.mass = float(self.model.body_mass.sum())
         self._dof = {name: int(self.model.joint(name).dofadr[0]) for name in ("lift", "pitch")}
-        soft = [self.model.joint(name) for name in self.foot.sole_joints]
-        self._sole_joints = np.array([joint.id for joint in soft], dtype=int)
-        self._sole_qpos = np.array([joint.qposadr[0] for joint in soft], dtype=int)
-        self._sole_dof = np.array([joint.dofadr[0] for joint in soft], dtype=int)
-        arch = self.foot.arch_joint
-        self._arch = -1 if arch is None else int(self.model.joint(arch).id)
+        arch = () if self.foot.arch_joint is None else (self.foot.arch_joint,)
+        self._sole_joints, self._arch_joint = (
+            np.array([self.model.joint(name).id for name in names], dtype=int)
+            for names in (self.foot.sole_joints, arch)
+        )
         mujoco.mj_forward(self.model, self.data)
 
     def step(self, count: int = 1) -> None:
@@ -154,29 +154,28 @@ class Rig:
     @property
     def sole_rates(self) -> Array:
         """Rates of all sole hinges, rad/s."""
-        return np.asarray(self.data.qvel[self._sole_dof])
+        return np.asarray(self.data.qvel[self.model.jnt_dofadr[self._sole_joints]])
 
     @property
     def sole_power(self) -> float:
         """Power that the dampers of the sole turn into heat, W."""
-        return float(self.model.dof_damping[self._sole_dof] @ self.sole_rates**2)
+        return self._heat(self._sole_joints)
 
     @property
     def arch_power(self) -> float:
         """Power that the damper of the frontal arch turns into heat, W."""
-        if self._arch < 0:
-            return 0.0
-        dof = self.model.jnt_dofadr[self._arch]
-        return float(self.model.dof_damping[dof] * self.data.qvel[dof] ** 2)
+        return self._heat(self._arch_joint)
+
+    def _heat(self, joints: np.ndarray[Any, Any]) -> float:
+        dof = self.model.jnt_dofadr[joints]
+        return float(self.model.dof_damping[dof] @ self.data.qvel[dof] ** 2)
 
     @property
     def spring_energy(self) -> float:
         """Energy stored in the springs of sole and arch, J."""
-        stored = 0.5 * self.model.jnt_stiffness[self._sole_joints] @ self.data.qpos[self._sole_qpos] ** 2
-        if self._arch >= 0:
-            angle = self.data.qpos[self.model.jnt_qposadr[self._arch]]
-            stored += 0.5 * self.model.jnt_stiffness[self._arch] * angle**2
-        return float(stored)
+        model, q = self.model, self.data.qpos
+        parts = (self._sole_joints, self._arch_joint)
+        return float(sum(0.5 * model.jnt_stiffness[j] @ q[model.jnt_qposadr[j]] ** 2 for j in parts))
 
     def contacts(self, min_force: float = 0.0) -> GroundContacts:
         """Return the contacts that carry more than a normal force (N), in the world."""
@@ -204,10 +203,7 @@ class Rig:
         """Return the centre of pressure of the contacts that push up enough to count as support, in plan, (2,), m.
 
         A contact on the flank of a stone may push sideways and down: with a negative weight it would move the centre
-        out of the sole.
-
-        Args:
-            least: Least vertical force of these contacts together, as a share of the weight; NaN below it.
+        out of the sole. It is NaN where these contacts together bear less than a share of the weight.
         """
         contacts = self.contacts()
         lift = np.where(contacts.forces[:, 2] >= self.min_contact_force, contacts.forces[:, 2], 0.0)

@@ -26,15 +26,9 @@ _SOLE, _CONTACT, _SUPPORT, _GROUND = "#d98d40", "#c22f2f", "#2f6fc2", "#8a8178"
 
 
 def plot_press(test: FootTest, result: PressResult, path: str | Path) -> None:
-    """Draw a pressed foot from the side and from above.
+    """Draw a pressed foot from the side and from above; the ending of the file is the format.
 
-    Args:
-        test: Foot, ground and load.
-        result: Result of `press`.
-        path: Picture file; its ending chooses the format.
-
-    Raises:
-        InputError: The simulation diverged, so there is nothing to draw.
+    A simulation that diverged is an `InputError`.
     """
     if result.hold is None:
         raise InputError("nothing to draw: the simulation diverged")
@@ -57,16 +51,7 @@ def plot_press(test: FootTest, result: PressResult, path: str | Path) -> None:
 
 
 def plot_pitch(test: FootTest, result: PitchResult, path: str | Path) -> None:
-    """Draw centre of pressure, ankle moment and ankle height over the pitch of the ankle.
-
-    Args:
-        test: Foot, ground and load.
-        result: Result of `pitch`.
-        path: Picture file; its ending chooses the format.
-
-    Raises:
-        InputError: The simulation diverged, so there is nothing to draw.
-    """
+    """Draw centre of pressure, ankle moment and ankle height over the pitch of the ankle; see `plot_press`."""
     if result.diverged:
         raise InputError("nothing to draw: the simulation diverged")
     figure = _figure(9.0, 3.4)

@@ -152,11 +152,6 @@ def make_scene(name: str, **parameters: Any) -> Scene:
     return call_checked(f"scene '{name}'", _SCENES[name], parameters)
 
 
-def about_z(angle: float) -> list[float]:
-    """Return the quaternion, w first, of a turn about the vertical by an angle (rad)."""
-    return [math.cos(0.5 * angle), 0.0, 0.0, math.sin(0.5 * angle)]
-
-
 ALONG_Y = [math.sqrt(0.5), math.sqrt(0.5), 0.0, 0.0]
 """Quaternion, w first, that turns the axis of a capsule from z to y."""
 

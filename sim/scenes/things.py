@@ -12,7 +12,7 @@ from pydantic import Field
 from wbc.core.errors import InputError
 from wbc.core.robot import GRAVITY
 from wbc.core.settings import NonNegative, Positive
-from wbc.sim.scenes.base import ALONG_X, ALONG_Y, METAL, Place, Scene, Size, about_z, scene_kind
+from wbc.sim.scenes.base import ALONG_X, ALONG_Y, METAL, Place, Scene, Size, scene_kind
 from wbc.sim.terrain.families.base import param
 
 HANDLE_RADIUS = 0.015
@@ -47,7 +47,7 @@ class Wall(Scene):
         body = spec.worldbody.add_body(
             name="wall",
             pos=[middle * math.cos(angle), middle * math.sin(angle), 0.5 * self.height],
-            quat=about_z(angle),
+            quat=[math.cos(0.5 * angle), 0.0, 0.0, math.sin(0.5 * angle)],
         )
         self.solid(body, "box", (0.5 * thickness, 0.5 * self.width, 0.5 * self.height))
 

@@ -162,9 +162,5 @@ STUDIES: Registry[Callable[[], Study]] = Registry(
 
 
 def study_by_name(name: str) -> Study:
-    """Return one of `STUDIES`.
-
-    Raises:
-        UnknownNameError: No such study.
-    """
+    """Return one of `STUDIES`; `UnknownNameError` if there is none of the name."""
     return STUDIES[name]()

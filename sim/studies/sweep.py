@@ -251,9 +251,6 @@ def local_executor(workers: int) -> Iterator[Executor]:
     """Make an executor of local processes for many small sweeps, which take over its processes from one another.
 
     Each has one thread for linear algebra, and ends when this process does, however it ends.
-
-    Args:
-        workers: Number of processes.
     """
     context = multiprocessing.get_context("spawn")
     with _one_thread():

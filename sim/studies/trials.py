@@ -98,9 +98,7 @@ def register_trial(name: str, kind: TrialKind) -> None:
 def trial_from_json(data: Mapping[str, Any]) -> Any:
     """Return the spec that its `to_json` wrote, of any kind; a walk without a kind.
 
-    Raises:
-        UnknownNameError: An unknown kind.
-        InputError: A value that cannot be used.
+    `UnknownNameError`: an unknown kind; `InputError`: a value that cannot be used.
     """
     return KINDS[data.get("kind", WalkSpec.kind)].read(data)
 

@@ -26,12 +26,7 @@ COLUMNS = 4
 
 
 def plot_terrain(ground: Terrain, path: str | Path) -> None:
-    """Draw the map, a profile and the roughness parameters of a terrain.
-
-    Args:
-        ground: The terrain.
-        path: Picture file; its ending chooses the format.
-    """
+    """Draw the map, a profile and the roughness parameters of a terrain; the file's ending is the format."""
     x0, x1, *_ = ground.extent
     figure = _figure(11.0, 5.2)
     top, below = figure.subplots(2, 1, height_ratios=(2.0, 1.0))

@@ -303,12 +303,7 @@ _PLACES = ("position", "start", "end", "apex")
 
 
 def lowered(shape: Shape, drop: float) -> Shape:
-    """Return a solid at a lower place.
-
-    Args:
-        shape: A solid that is a dataclass with its place in fields such as "position".
-        drop: Distance down, m; up where it is negative.
-    """
+    """Return a solid lower by a drop, m: a dataclass with its place in fields such as "position"."""
     down = np.array([0.0, 0.0, drop])
     moved = {name: getattr(shape, name) - down for name in _PLACES if hasattr(shape, name)}
     if isinstance(shape, Pyramid):

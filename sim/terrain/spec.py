@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import math
+import warnings
 from collections import Counter
 from dataclasses import fields, replace
 from functools import cached_property
@@ -15,13 +16,12 @@ from numpy.typing import ArrayLike
 from pydantic import Field
 
 from wbc.core.arguments import checked
-from wbc.core.errors import Array, InputError, finite_scalar, positive
+from wbc.core.errors import Array, InputError, finite_scalar, non_negative, positive
 from wbc.core.settings import NonNegative, Positive, Seed, settings
 from wbc.feet.sensing.scan import PROFILE_STEP
 from wbc.feet.stiffness.roughness import LEAST_SAMPLES, Roughness, RoughnessSettings, roughness
 from wbc.sim.terrain.families.base import LATERAL_CELLS, Family, FieldFamily, ShapeFamily, make_family
-from wbc.sim.terrain.families.draws import Draws
-from wbc.sim.terrain.families.site import Site, cells
+from wbc.sim.terrain.families.site import Draws, Site, cells
 from wbc.sim.terrain.ground import FLOOR_GAP, Ground, strip
 from wbc.sim.terrain.heightmap import HeightMap
 from wbc.sim.terrain.shapes import Box, Shape, lowered
@@ -205,11 +205,7 @@ class Terrain:
 
     @property
     def cell(self) -> float:
-        """Greatest cell of the height field, m.
-
-        Raises:
-            InputError: The resolution asked for is too coarse; the message names the one needed.
-        """
+        """Greatest cell of the height field, m; `InputError` if the resolution asked for is too coarse."""
         needed = self.resolution_needed
         if self.resolution is None:
             if not isinstance(self.parameters, FieldFamily):
@@ -345,6 +341,20 @@ class Terrain:
             )
         x = np.asarray(a + spacing * np.arange(math.floor((b - a) / spacing + 1e-9) + 1))
         return x, self.height(x, finite_scalar("profile y (m)", y))
+
+    def clears(self, clearance: float) -> bool:
+        """Return True if a foot whose sole is lifted by a clearance, m, passes over the ground; warn where it does not.
+
+        The obstacle of one step is the amplitude, or one riser. A negative clearance is an `InputError`.
+        """
+        height, rise = non_negative("foot clearance (m)", clearance), self.parameters.rise_at(self.amplitude)
+        if rise > height:
+            warnings.warn(
+                f"terrain '{self.name}' rises by {1e3 * rise:.3g} mm, more than the foot clearance of "
+                f"{1e3 * height:.3g} mm: the swing foot will hit it; lift the foot higher or lower the amplitude",
+                stacklevel=2,
+            )
+        return rise <= height
 
     def roughness(self) -> Roughness:
         """Return the roughness of the rough part along y = 0, without any filter."""

@@ -95,14 +95,7 @@ class TrialSpec:
         return CONTROL_PERIOD[self.chosen]
 
     def build(self, observer: ObserverSettings | None = None) -> tuple[Robot, Plant, Observer]:
-        """Return the controller's robot, the plant, and an observer that knows the delays.
-
-        Args:
-            observer: Settings of the observer but its delays; the defaults when None.
-
-        Raises:
-            InputError: A foot that does not fit the robot.
-        """
+        """Return the controller's robot, the plant, and an observer with some settings that knows the delays."""
         foot = foot_by_name(self.foot)
         description = with_feet(load(self.robot).with_servos(self.servo), foot)
         plant = Plant(

@@ -14,7 +14,7 @@ FRIZZA: Mapping[str, Any] = {
     "foot": "paper",
     "terrain": "random",
     "gains": "frizza",
-    "gait": {"single_support": 0.8, "double_support": 0.3, "swing_height": 0.06, **FAST_LANDING},
+    "gait": FAST_LANDING,
     "plan": {"distance": 3.0},
     "changes": {
         "stiffness.decide_at": 0.75,
@@ -25,8 +25,8 @@ FRIZZA: Mapping[str, Any] = {
 """The paper's walk: its law and gains, its foot (0 to 80 Nm/rad, set at once), the scan evaluated at 75 % of the single
 support, over a unidirectional ground as in its experiment 1.
 
-Source: gains, foot and time of the decision from the paper, sections II, IV-B and IV-C; phases and swing height from
-the public configuration of its authors' controller (22 steps of 0.145 m are the paper's 3 m)."""
+Source: gains, foot and time of the decision from the paper, sections II, IV-B and IV-C; phases and swing height, from
+the public configuration of its authors' controller, are the usual ones (22 steps of 0.145 m are the paper's 3 m)."""
 
 WALK_PRESETS: Registry[Mapping[str, Any]] = Registry("preset of walks", {"frizza": FRIZZA})
 """Presets by name, each as parts of a `WalkSpec` in plain values."""

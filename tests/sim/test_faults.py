@@ -14,7 +14,7 @@ import pytest
 from faults import CHANGES, MODES, faults, run
 from hypothesis import given
 from hypothesis import strategies as st
-from properties import by_default, examples
+from properties import examples
 
 from wbc import Measurement, Plant, PositionControl, TorqueControl, balance_controller
 from wbc.core.estimation.plausibility import OPTIONAL, SIGNALS
@@ -170,27 +170,6 @@ def test_no_garbage_gets_a_command_beyond_the_limits_or_an_exception(data: st.Da
             step = np.abs(command.joint_position - robot.half_sitting[7:])
             assert (step <= 4.0 * robot.velocity_limit * control.controller.dt + 1e-12).all()
     logging.disable(logging.NOTSET)
-
-
-@pytest.mark.parametrize("value", by_default([math.nan, math.inf, 1e5], math.nan))
-def test_impossible_torques_of_drives_are_named_and_the_commanded_ones_count(value: float) -> None:
-    """A robot whose feet have no force sensors stands on; it has the torques of its commands."""
-    description = load("hrp4_class")
-    plant = Plant(description, machine=Machine(force_sensors=False, torque_sensors=True))
-    control = PositionControl(balance_controller(description.robot(), plant.control_period))
-    for tick in range(200):
-        measurement = plant.measure()
-        assert measurement.joint_torque is not None
-        if tick >= 100:
-            torque = np.array(measurement.joint_torque)
-            torque[3] = value
-            measurement = replace(measurement, joint_torque=torque)
-        plant.step(control.command(measurement))
-        assert control.status() == ("ok" if tick < 100 else "refused: joint torques")
-        assert control.measurement is not None
-        source = "measured torques" if tick < 100 else "commanded torques"
-        assert control.measurement.wrench_source == source
-    assert control.failures == 0 and not TrueFallDetector(plant.robot).fallen(plant.truth().q)
 
 
 @pytest.mark.parametrize(

@@ -209,7 +209,7 @@ def test_impossible_actions_are_refused() -> None:
     with pytest.raises(InputError, match="servo"):
         pitch(FootTest(ankle_stiffness=0.0))
     with pytest.raises(InputError, match="move faster"):
-        pitch(FootTest(), rate=1e-3)
+        pitch(FootTest(), rate=0.0057)  # for 61 s
     with pytest.raises(InputError, match="pitch amplitude .* got 1.6"):
         pitch(FootTest(), amplitude=1.6)
     with pytest.raises(InputError, match="less than two samples"):

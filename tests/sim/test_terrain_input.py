@@ -8,7 +8,6 @@ import pytest
 from PIL import Image as Picture
 
 from wbc.core.errors import InputError, UnknownNameError, WbcError
-from wbc.sim.terrain.clearance import check_clearance
 from wbc.sim.terrain.families import base
 from wbc.sim.terrain.families.base import ShapeFamily, family
 from wbc.sim.terrain.families.solids import dome
@@ -95,15 +94,15 @@ def test_a_family_that_misses_its_amplitude_or_its_place_is_stopped(monkeypatch:
 def test_ground_higher_than_the_foot_is_lifted_warns() -> None:
     high = terrain("stones", 0.05)
     with pytest.warns(UserWarning, match="by 50 mm, more than the foot clearance of 40 mm"):
-        assert not check_clearance(high, 0.04)
-    assert check_clearance(high, 0.05)
+        assert not high.clears(0.04)
+    assert high.clears(0.05)
     # Of a climb only one riser has to be stepped over, and nothing of a ramp.
-    assert check_clearance(terrain("steps", 0.09, riser=0.03), 0.03)
-    assert check_clearance(terrain("slope", 0.3), 0.01)
+    assert terrain("steps", 0.09, riser=0.03).clears(0.03)
+    assert terrain("slope", 0.3).clears(0.01)
     with pytest.warns(UserWarning, match="by 45 mm"):
-        assert not check_clearance(terrain("steps", 0.09, riser=0.05), 0.04)
+        assert not terrain("steps", 0.09, riser=0.05).clears(0.04)
     with pytest.raises(InputError, match="clearance"):
-        check_clearance(high, -0.1)
+        high.clears(-0.1)
 
 
 def _picture(path: Path, mode: str, array: np.ndarray) -> Path:

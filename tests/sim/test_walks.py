@@ -11,9 +11,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from wbc.core.changes import changed, read_changes
-from wbc.core.errors import InputError, UnknownNameError
+from wbc.core.errors import InputError
 from wbc.core.signals import Measurement
+from wbc.sim.plant.settings import Machine
 from wbc.sim.trial.loop import TrialHook, TrialTick
 from wbc.sim.trial.push import WalkPush
 from wbc.sim.walks.plans import WalkPlan
@@ -82,7 +82,7 @@ def test_a_walk_takes_fields_of_spec_and_plan_by_name(monkeypatch: pytest.Monkey
 
 def test_walks_the_plan(plain: WalkResult) -> None:
     assert plain.outcome == "completed" and not plain.fell and plain.fall is None
-    assert plain.steps_done == plain.steps_planned == 2
+    assert plain.steps_done == plain.steps_planned == 2 and -1.0 < plain.J < 0.0
     assert plain.distance == pytest.approx(0.1, abs=0.02)
     assert abs(plain.yaw_error) < 0.05 and abs(plain.drift) < 0.03
     assert (
@@ -282,6 +282,7 @@ def test_specs_are_values() -> None:
         changes={"dcm_p": 5, "walk.phases.lift_off": 0.2},  # type: ignore[arg-type]
         plan=WalkPlan(velocity=(0.1, 0, 0), steps=3),
         pushes=(WalkPush(impulse=0.1, time=1),),
+        machine=Machine(friction=2),
     )
     other = WalkSpec(
         foot="soft",
@@ -292,11 +293,12 @@ def test_specs_are_values() -> None:
         changes=(("walk.phases.lift_off", 0.2), ("gains.dcm_p", (5.0, 5.0))),
         plan=WalkPlan(velocity=(0.1, 0.0, 0.0), steps=3),
         pushes=(WalkPush(impulse=0.1, time=1.0),),
+        machine=Machine(friction=2.0),
     )
     assert same == other and hash(same) == hash(other)
     assert json.dumps(same.to_json()) == json.dumps(other.to_json())
     assert WalkSpec.from_json(json.loads(json.dumps(same.to_json()))) == same
-    assert same != WalkSpec()
+    assert same != WalkSpec() and "machine" not in WalkSpec().to_json()
 
 
 @pytest.mark.parametrize(
@@ -461,16 +463,6 @@ def test_refuses_bad_specs(values: dict[str, Any], message: str) -> None:
 def test_refuses_bad_parts(make: Any, message: str) -> None:
     with pytest.raises(InputError, match=message):
         make()
-
-
-def test_changes_read_from_text_are_those_in_the_settings() -> None:
-    changes = read_changes(["dcm-p=4,5", "feedforward=false", "walk.adjustment=none", "com_height=0.78"])
-    settings = changed(TrialSettings(), changes)
-    assert settings.gains.dcm_p == (4.0, 5.0)
-    assert settings.feedforward is False and settings.walk.adjustment is None
-    assert settings.com_height == 0.78
-    with pytest.raises(UnknownNameError, match="dcm_p"):
-        changed(TrialSettings(), {"dcmp": 1.0})
 
 
 # The world

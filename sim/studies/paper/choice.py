@@ -271,11 +271,7 @@ def _folds(grounds: Sequence[_Ground]) -> list[list[Mask]]:
 
 
 def _others(study: Study, grounds: Sequence[_Ground], chosen_by: int) -> list[Mask]:
-    """Return the layouts after the first ones, a mask for each ground.
-
-    Raises:
-        InputError: Less than two layouts of a ground among the first, or none after them.
-    """
+    """Return the layouts after the first ones, a mask a ground; `InputError` for less than two first or none after."""
     first = study.seeds[: whole_number("chosen_by", chosen_by, low=1)]
     masks = [~np.isin(ground.seeds, first) for ground in grounds]
     for ground, mask in zip(grounds, masks, strict=True):

@@ -167,7 +167,7 @@ class OptimisationSpec:
         spec = {**with_ramp(spec), "gains": NO_BIAS.get(spec["gains"], spec["gains"])}
         if any(spec.get(name) != value for name, value in _shared_by_walks(self).items()):
             return False
-        return spec.get("seed", 0) < OPTIMISATION_SEED or within(self.bounds, parameters(spec))
+        return spec["seed"] < OPTIMISATION_SEED or within(self.bounds, parameters(spec))
 
 
 @lru_cache(64)

@@ -88,7 +88,7 @@ def walked_points(spec: OptimisationSpec, entries: Mapping[str, Entry]) -> list[
     for entry in entries.values():
         if entry.status != "done" or entry.result is None:
             continue
-        if entry.spec.get("seed", 0) >= OPTIMISATION_SEED and spec.owns(entry.spec):
+        if entry.spec["seed"] >= OPTIMISATION_SEED and spec.owns(entry.spec):
             point = tuple(spec.bounds.unit(parameters(entry.spec)))
             found[entry.spec["seed"]] = Walked(point, float(entry.result["J"]), entry.result)
     return [found[seed] for seed in sorted(found)]

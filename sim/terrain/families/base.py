@@ -44,6 +44,9 @@ DEFAULT_CELL = 0.007
 """Widest cell of a height field by default, m: the radius of the sole's spheres and the grid of the public profiles of
 the paper's authors (429 samples on 3 m)."""
 
+BLEND = 0.1
+"""Length over which a ground that varies both ways rises from its flat strips, m."""
+
 PositiveShare = Annotated[float, Field(gt=0.0, le=1.0)]
 """A number above zero, up to one."""
 
@@ -113,11 +116,7 @@ class Family(ABC):
         return {} if self.ramps else {"ramp": 0.0}
 
     def check_track(self, length: float, width: float) -> None:
-        """Check that the family can fill a rough part of this size (m).
-
-        Raises:
-            InputError: It cannot; the message names what is possible.
-        """
+        """Raise `InputError`, which says what is possible, if the family cannot fill a rough part of this size (m)."""
         del length, width
 
     def facts(self, site: Site) -> dict[str, Any]:
@@ -169,11 +168,6 @@ class FieldFamily(Family):
         return True
 
     @property
-    def blend(self) -> float:
-        """Length over which a ground that varies both ways rises from its flat strips, m."""
-        return 0.1
-
-    @property
     def grid(self) -> float:
         """Default cell, m: eight cells a feature keep a sine to 2 % of its height."""
         return min(DEFAULT_CELL, self.smallest_feature / 8.0)
@@ -196,11 +190,8 @@ class FieldFamily(Family):
             raw = raw - raw[:, :1]
             return raw, 0.0, float(raw[0, -1])
         raw = raw - raw.mean()
-        if self.blend > 0.0:
-            near = np.minimum(x - site.x0, site.x1 - x) / self.blend
-            t = np.clip(near, 0.0, 1.0)
-            raw = raw * t * t * (3.0 - 2.0 * t)
-        return raw, 0.0, 0.0
+        t = np.clip(np.minimum(x - site.x0, site.x1 - x) / BLEND, 0.0, 1.0)
+        return raw * t * t * (3.0 - 2.0 * t), 0.0, 0.0
 
     def sample(self, site: Site, step: float) -> tuple[Array, Array, float, float]:
         """Sample the raw heights in cells of at most `step` (m).
@@ -277,10 +268,5 @@ def terrain_families() -> dict[str, type[Family]]:
 
 
 def make_family(name: str, params: Mapping[str, Any]) -> Family:
-    """Return the parameters of a family by its name, some of them changed.
-
-    Raises:
-        UnknownNameError: No such family, or it has no such parameter.
-        InputError: A parameter is out of range.
-    """
+    """Return the parameters of a family by its name, some of them changed; raises as `call_checked`."""
     return call_checked(f"terrain '{name}'", _FAMILIES[name], params)

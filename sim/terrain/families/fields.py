@@ -56,11 +56,9 @@ class Random(FieldFamily):
 
 
 def low_pass(signal: Array, cutoff: float) -> Array:
-    """Filter a signal with a first-order Butterworth low-pass, from rest.
+    """Filter a signal, shape (n,), with a first-order Butterworth low-pass, from rest.
 
-    Args:
-        signal: Samples, shape (n,).
-        cutoff: Half-power frequency over the Nyquist frequency, below 1.
+    The cut-off is the half-power frequency over the Nyquist frequency, below 1.
 
     Source: bilinear transform of 1/(s + 1) with the frequency warped to K = tan(π w / 2).
     """

@@ -55,8 +55,7 @@ class GreyMap:
     def of(source: Any) -> GreyMap:
         """Read a grey map from an array, or from the path of an image, a .npy or a .csv file.
 
-        Raises:
-            InputError: Not there, not readable, not grey, not finite, too small or of one brightness.
+        `InputError`: not there, not readable, not grey, not finite, too small or of one brightness.
         """
         if isinstance(source, GreyMap):
             return source

@@ -2,14 +2,35 @@
 
 from __future__ import annotations
 
+import hashlib
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
 
-from wbc.core.errors import Array, InputError
-from wbc.sim.terrain.families.draws import Draws
+from wbc.core.errors import Array, InputError, whole_number
+
+
+class Draws:
+    """One stream of uniform numbers, fixed by a seed and a key; another key is an independent stream.
+
+    NumPy promises stable streams for its bit generators alone (NEP 19: `Generator` methods may change between
+    releases), so the raw 64-bit words of PCG64 are turned into doubles here.
+    """
+
+    def __init__(self, seed: int, key: str) -> None:
+        """Start the stream of a seed, 0 or above, and a key, which tells a ground from all others of the seed."""
+        words = np.frombuffer(hashlib.sha256(key.encode()).digest(), dtype="<u4")
+        self._bits = np.random.PCG64(
+            np.random.SeedSequence([whole_number("seed", seed, low=0), *words.tolist()])
+        )
+
+    def uniform(self, low: float, high: float, count: int) -> Array:
+        """Draw `count` numbers from [low, high), shape (count,)."""
+        words = self._bits.random_raw(count)
+        unit = (np.asarray(words, dtype=np.uint64) >> np.uint64(11)) * 2.0**-53
+        return np.asarray(low + (high - low) * unit, dtype=np.float64)
 
 
 @dataclass(frozen=True)
@@ -55,15 +76,9 @@ class Site:
         return zip(x.tolist(), y.tolist(), strict=True)
 
     def hexagons(self, pitch: float, jitter: float, margin: float) -> Array:
-        """Lay a hexagonal lattice, each point moved by up to `jitter` pitches along x and y.
+        """Return points of a hexagonal lattice, shape (n, 2), m, some pitches (m) of jitter off along x and y.
 
-        Args:
-            pitch: Distance between neighbours, m.
-            jitter: Greatest displacement over the pitch, 0 to 0.5.
-            margin: Distance kept from the edges, m.
-
-        Returns:
-            Points, shape (n, 2), m.
+        The jitter is drawn, 0 to 0.5 at most; the margin (m) is kept from the edges.
         """
         keep = margin + jitter * pitch
         self.require(2.0 * keep, 2.0 * keep + pitch / 2.0)
@@ -74,11 +89,7 @@ class Site:
         return np.asarray(points + moves.reshape(-1, 2))
 
     def require(self, length: float, width: float) -> None:
-        """Check that the rough part is at least this long and wide (m).
-
-        Raises:
-            InputError: It is not; the message names what is needed.
-        """
+        """Raise `InputError`, which says what is needed, if the rough part is not at least this long and wide (m)."""
         if self.length < length or self.width < width:
             raise InputError(
                 f"the rough part is {self.length:g} m x {self.width:g} m (length x width); with these parameters "

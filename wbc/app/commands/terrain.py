@@ -18,7 +18,6 @@ from wbc.core.errors import InputError
 from wbc.core.settings import settings, unit_and_choices
 from wbc.feet.stiffness.roughness import PARAMETERS, UNITS
 from wbc.sim.scenes.base import scene_kinds
-from wbc.sim.terrain.clearance import check_clearance
 from wbc.sim.terrain.families.base import make_family, terrain_families
 from wbc.sim.terrain.plot import plot_families, plot_terrain
 from wbc.sim.terrain.spec import Terrain
@@ -91,8 +90,10 @@ def describe_terrain(
     """
     ground = make_terrain(make_family(name, read_changes(options.param)), **given)
     target = check_picture(options.plot, options.param)
-    clears = check_clearance(ground, options.clearance)
-    facts = ground.describe() | {"roughness": _named_roughness(ground), "clears": clears}
+    facts = ground.describe() | {
+        "roughness": _named_roughness(ground),
+        "clears": ground.clears(options.clearance),
+    }
     if target is not None:
         plot_terrain(ground, target)
         facts["plot"] = str(target)

@@ -19,7 +19,6 @@ from wbc.core.changes import read_changes, setting_names
 from wbc.core.errors import InputError, finite_scalar, shown, unknown_name
 from wbc.core.files import read_toml
 from wbc.core.settings import Positive, nested_settings, settings, to_json
-from wbc.sim.terrain.clearance import check_clearance
 from wbc.sim.trial.loop import TrialHook
 from wbc.sim.walks.plans import KINDS
 from wbc.sim.walks.presets import WALK_PRESETS
@@ -98,7 +97,7 @@ def walk(
         target = check_target("a log", options.record, (".arrow",), [options.spec, *map(str, named)])
     spec = walk_spec(given, options, live.drive)
     if spec.plan.stairs is None:  # a swing over stairs counts its height from the higher end
-        check_clearance(spec.ground(), spec.gait.swing_height)
+        spec.ground().clears(spec.gait.swing_height)
     hooks: list[TrialHook] = []
     record: Recorder | None = None
     with ExitStack() as stack:
