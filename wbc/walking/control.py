@@ -14,11 +14,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
 from wbc.core.arguments import checked
-from wbc.core.control import FEET_AS_PLANNED, FEET_STEP, State
+from wbc.core.control import FEET_AS_PLANNED, FEET_STEP, Mode, SafetySettings, State
 from wbc.core.drive.hybrid import HybridControl
 from wbc.core.drive.position import PositionControl
 from wbc.core.drive.torque import TorqueControl
@@ -300,6 +301,16 @@ class ReferenceControl:
         self.source.stop()
 
 
+def drive_control(
+    mode: Mode, controller: Controller, observer: Observer, safety: SafetySettings, **position: Any
+) -> PositionControl | TorqueControl:
+    """Return the control of a mode, with the options of position control."""
+    if mode == "position":
+        return PositionControl(controller, observer, safety=safety, **position)
+    kind = HybridControl if mode == "hybrid" else TorqueControl
+    return kind(controller, observer, safety=safety)
+
+
 class WalkingControl(ReferenceControl):
     """Control by the stabilizer of a robot that stands, walks along a plan or where it is steered, and stands for ever.
 
@@ -360,13 +371,7 @@ class WalkingControl(ReferenceControl):
         tasks = WalkTasks(controller, s.tasks, s.gains, s.distribution, observer.robot, torque=torque)
         arms = Arms(controller, tasks.com, tasks.posture, dt, s.arms)
         body = Body(controller, height, dt, waist=True)
-        control: PositionControl | TorqueControl
-        if s.mode == "hybrid":
-            control = HybridControl(controller, observer, safety=s.safety)
-        elif torque:
-            control = TorqueControl(controller, observer, safety=s.safety)
-        else:
-            control = PositionControl(controller, observer, feedforward=s.feedforward, safety=s.safety)
+        control = drive_control(s.mode, controller, observer, s.safety, feedforward=s.feedforward)
         balance = Balance(control, tasks, arms, s, height)
         super().__init__(source, control, tasks, arms, body, balance, s.falls, stiffness)
 

@@ -52,7 +52,6 @@ class FallDetector:
     """Fall detector of one walk.
 
     Attributes:
-        settings: Limits.
         topples: True while the torso tilts so far that the walk cannot be saved.
         reason: Reason of the fall; None before a fall.
     """

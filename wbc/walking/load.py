@@ -61,7 +61,6 @@ class HeldLoad:
     Horizontal vectors in the heading of the robot are complex numbers: forward + i left.
 
     Attributes:
-        settings: Settings.
         frames: Names of the frames that hold the load.
         mass: Mass of the load as estimated, kg.
         applied: Mass of the load in the models, kg.

@@ -129,7 +129,6 @@ class Walk:
 
     Attributes:
         phases: State machine, with the plan as it is now.
-        settings: Settings.
         notes: One message for each timing of the plan that was rounded to the control period.
         period: Control period, s.
         reach: Reach of the robot's legs.

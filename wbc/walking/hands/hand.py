@@ -108,13 +108,10 @@ class Hand:
     """One hand.
 
     Attributes:
-        name: Role of the hand.
         index: Its place in `Measurement.hand_wrenches`.
         task: The hand's motion; without weight while the hand is free.
         contact: What it presses on; active while it holds.
         grasp: What it grips; active while it does.
-        arm: Its arm.
-        state: State.
         direction: Direction in which the hand presses, in the world, shape (3,).
         pressed: Force with which it presses, as measured, along that direction, N.
         force: Force that is asked for now, N.

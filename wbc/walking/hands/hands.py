@@ -66,7 +66,6 @@ class Hands:
     """Hands of one robot.
 
     Attributes:
-        settings: Settings.
         all: Role → hand.
         outside: Wrench of the surroundings on all hands, measured and smoothed, [force; moment] at the world origin,
             shape (6,), N and Nm.

@@ -341,7 +341,6 @@ class Arms:
         walking.arms["right_hand"].reach([0.0, -0.1, 0.0], "box")
 
     Attributes:
-        settings: Settings.
         occupied: Hands that may press or grip, role → hand; one that does is given no target.
     """
 

@@ -70,7 +70,6 @@ class PreviewController:
     """Planner of the pendulum over a horizon.
 
     Attributes:
-        settings: Settings.
         status: Status of the last QP.
     """
 

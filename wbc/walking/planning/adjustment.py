@@ -71,11 +71,7 @@ class AdjustmentSettings:
 
 
 class StepAdjuster:
-    """QP of step adjustment for one robot.
-
-    Attributes:
-        settings: Costs and limits.
-    """
+    """QP of step adjustment for one robot."""
 
     def __init__(
         self, omega: float, reach: Reach, sizes: SoleSizes, settings: AdjustmentSettings | None = None

@@ -155,7 +155,6 @@ class VelocitySource(FootstepSource):
         granted: Velocity of the present plan: the commanded one, limited in change, by the settings and by the reach of
             the legs.
         pace: Speed of the gait (`SPEEDS`), m/s: that of the velocity, or more where the legs reach less far.
-        settings: Settings.
     """
 
     target: Velocity
@@ -382,9 +381,6 @@ class PlanSource(FootstepSource):
 
     The steps stay where they are planned, at the height at which the last landing has found the ground: the estimate of
     the height drifts by millimetres a step.
-
-    Attributes:
-        plan: The plan, in the world.
     """
 
     def __init__(self, plan: FootstepPlan) -> None:

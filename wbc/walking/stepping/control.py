@@ -12,9 +12,6 @@ from typing import Annotated
 
 from wbc.core.arguments import checked
 from wbc.core.control import Mode, SafetySettings
-from wbc.core.drive.hybrid import HybridControl
-from wbc.core.drive.position import PositionControl
-from wbc.core.drive.torque import TorqueControl
 from wbc.core.errors import as_period
 from wbc.core.estimation.inertial import InertialSettings
 from wbc.core.estimation.observer import Observer, ObserverSettings
@@ -24,7 +21,7 @@ from wbc.core.robot import Robot
 from wbc.core.settings import Positive, settings
 from wbc.tasks.scheduling.stiffness import StiffnessScheduler
 from wbc.walking.body import Body
-from wbc.walking.control import ReferenceControl
+from wbc.walking.control import ReferenceControl, drive_control
 from wbc.walking.falls import FallSettings
 from wbc.walking.hands.reaching import Arms, ArmSettings
 from wbc.walking.stepping.settings import SteppingSettings
@@ -101,15 +98,8 @@ class SteppingControl(ReferenceControl):
         tasks = SteppingTasks(controller, gait.settings, gait.scale)
         arms = Arms(controller, tasks.com, tasks.posture, dt, s.arms)
         body = Body(controller, gait.scale.height, dt, waist=False)
-        control: PositionControl | TorqueControl
-        if s.mode == "position":
-            observer = observer or Observer(robot, OBSERVER)
-            # References that lag behind the estimate hold ankles and soles against the ground that they stand on.
-            control = PositionControl(
-                controller, observer, feedback="closed", reference_time=dt, safety=s.safety
-            )
-        else:
-            observer = observer or Observer(robot, OBSERVER, adopt=True)
-            kind = HybridControl if s.mode == "hybrid" else TorqueControl
-            control = kind(controller, observer, safety=s.safety)
+        observer = observer or Observer(robot, OBSERVER, adopt=s.mode != "position")
+        # References that lag behind the estimate hold ankles and soles against the ground that they stand on.
+        servos = {"feedback": "closed", "reference_time": dt}
+        control = drive_control(s.mode, controller, observer, s.safety, **servos)
         super().__init__(source, control, tasks, arms, body, None, s.falls, stiffness)
