@@ -15,7 +15,6 @@ from tornado.websocket import websocket_connect
 
 import wbc
 from wbc.app.address import ViewError
-from wbc.app.cli import BAD_INPUT, main
 from wbc.app.view.controls import LiveControls
 from wbc.app.view.meshcat_view import MeshcatView
 from wbc.app.view.pace import Pace
@@ -59,24 +58,6 @@ def test_bad_velocities_of_a_page_change_nothing(request_: dict[str, Any], messa
     controls.apply(request_)
     assert controls.message.startswith("refused") and message in controls.message
     assert walking.velocity is None and not controls.interventions
-
-
-@pytest.mark.parametrize(
-    ("rows", "message"),
-    [
-        ("[0, 0, 0]", "drive"),
-        ("[1, 0.1, 0, 0], [0.5, 0, 0, 0]", "times of a drive increase"),
-        ("[1, 0.1, 0, 0]", "ends with a stand"),
-        ("[1, nan, 0, 0], [2, 0, 0, 0]", "finite"),
-    ],
-)
-def test_velocities_in_a_file_that_are_refused(
-    rows: str, message: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    path = tmp_path / "drive.toml"
-    path.write_text(f"plan.drive = [{rows}]")
-    assert main(["walk", "--spec", str(path)]) == BAD_INPUT
-    assert message in capsys.readouterr().err
 
 
 @pytest.mark.slow

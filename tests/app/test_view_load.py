@@ -128,7 +128,7 @@ def test_clients_that_never_read_do_not_make_the_server_grow(plant: wbc.Plant, v
             time.sleep(0.01)
         run(50)
         first = memory(os.getpid())
-        run(250)
+        run(150)
         assert memory(os.getpid()) - first < 3.0
     finally:
         plant.data.xpos[:] = before

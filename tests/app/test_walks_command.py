@@ -128,6 +128,7 @@ def test_another_value_drops_what_belonged_to_the_one_of_the_file(
         ("a.json", "[1]", "must hold a JSON object"),
         ("a.json", '{"seed": 1, "seed": 2}', "'seed' is given twice"),
         ("a.json", '{"spec": [1]}', "must be an object"),
+        ("a.toml", "plan.drive = [[1, 0.1, 0, 0]]", "ends with a stand"),
     ],
 )
 def test_files_that_hold_no_walk_are_refused(

@@ -185,11 +185,7 @@ class Recorder(TrialHook):
         self._writer.commit(self._signals.read(tick, self._writer.row))
 
     def start(self, trial: WalkTrial) -> None:
-        """Take specification and seed of the walk; see `TrialHook`.
-
-        Raises:
-            InputError: The recording has ended: a recorder is for one walk.
-        """
+        """Take specification and seed of the walk, see `TrialHook`; `InputError` if the recording has ended."""
         self._refuse_more()
         self._spec = self._spec or trial.spec
         self._seed = trial.spec.seed

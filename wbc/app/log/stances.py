@@ -42,10 +42,9 @@ def sole_sizes(log: Log) -> list[tuple[float, float]]:
 
 
 def support_box(log: Log) -> tuple[Array, Array]:
-    """Return the bounding box of the support in every tick: the planned one of a walk, else that of the loaded feet.
+    """Return lower and upper x and y of the support in every tick, shape (ticks, 2), m; NaN where no foot stands.
 
-    Returns:
-        Lower and upper x and y, each of shape (ticks, 2), m; NaN without a foot on the ground.
+    The support is the planned one of a walk, else that of the loaded feet.
     """
     low = np.full((len(log), 2), np.inf)
     high = np.full((len(log), 2), -np.inf)

@@ -85,13 +85,11 @@ def draw_plan(logs: Sequence[Log]) -> Figure:
 
 def _span(log: Log) -> tuple[float, float, float, float]:
     """Return the bounds of the footsteps with a margin: lower and upper x, lower and upper y, m."""
-    shapes = [stance.corners for which in _KINDS[: 1 + _true(log)] for stance in stances(log, which)]
+    kinds = ("reference", "truth")[: 1 + _true(log)]
+    shapes = [stance.corners for which in kinds for stance in stances(log, which)]
     (x0, y0, _), (x1, y1, _) = np.min(shapes, axis=(0, 1)), np.max(shapes, axis=(0, 1))
     room = 0.04 + 0.02 * max(x1 - x0, y1 - y0)
     return float(x0 - room), float(x1 + room), float(y0 - room), float(y1 + room)
-
-
-_KINDS = ("reference", "truth")
 
 
 def _true(log: Log) -> bool:

@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from wbc.app.plot.style import COLOURS, grid, new_figure
 from wbc.core.errors import InputError
 from wbc.sim.studies.intervals import Estimate
-from wbc.sim.studies.study_table import StudyTable, TableCell
+from wbc.sim.studies.study_table import StudyTable
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -34,7 +34,7 @@ def study_figure(table: StudyTable) -> Figure:
             f"their specs, such as 'terrain'"
         )
     cells = table.by_name
-    means = {row: [_estimate(cells, row, arm, False) for arm in arms] for row in rows}
+    means = {row: [getattr(cells.get((row, arm)), "estimate", None) for arm in arms] for row in rows}
     if not any(e is not None and e.mean is not None for row in means.values() for e in row):
         raise InputError(f"there is nothing to draw: no trial of '{table.study.name}' has a {table.metric}")
     others = [arm for arm in arms if arm != table.reference]
@@ -44,22 +44,14 @@ def study_figure(table: StudyTable) -> Figure:
     _draw(axes[0], arms, means)
     axes[0].set_ylabel(table.metric.replace("_", " ").replace(".", ", "))
     if others:
-        _draw(axes[1], others, {row: [_estimate(cells, row, arm, True) for arm in others] for row in rows})
+        more = {row: [getattr(cells.get((row, arm)), "difference", None) for arm in others] for row in rows}
+        _draw(axes[1], others, more)
         axes[1].axhline(0.0, color="0.3", linewidth=0.8)
         axes[1].set_ylabel(f"difference to {table.reference}")
     figure.legend(
         *axes[0].get_legend_handles_labels(), loc="outside upper left", ncols=4, fontsize=8, frameon=False
     )
     return figure
-
-
-def _estimate(
-    cells: dict[tuple[str, str], TableCell], row: str, arm: str, difference: bool
-) -> Estimate | None:
-    cell = cells.get((row, arm))
-    if cell is None:
-        return None
-    return cell.difference if difference else cell.estimate
 
 
 def _draw(axes: Axes, arms: list[str], rows: dict[str, list[Estimate | None]]) -> None:

@@ -117,11 +117,7 @@ class FootstepsLayer(Layer):
 
 
 def drift_of(plant: Plant, walking: ReferenceControl) -> Array:
-    """Return where the estimate's world, in which steps are planned, lies: by the feet and the heading of the base.
-
-    Returns:
-        Homogeneous, shape (4, 4), m.
-    """
+    """Return where the world of the estimate and the plans lies, shape (4, 4), m: by feet and heading of the base."""
     robot, data = walking.control.observer.robot, plant.data
     base = robot.placement(robot.base_frame).rotation
     turn = heading(data.xmat[plant.model.jnt_bodyid[0]].reshape(3, 3)) - heading(base)

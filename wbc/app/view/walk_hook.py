@@ -32,18 +32,9 @@ class WatchWalk(TrialHook):
         speed: float | None = 1.0,
         wait: Annotated[NonNegative, "s"] = 0.0,
     ) -> None:
-        """Store the options of the view.
+        """Store the options of a `MeshcatView`, or of a `Workbench` instead; both say what they are.
 
-        Args:
-            workbench: Show a `Workbench` instead of a `MeshcatView`.
-            host: See `MeshcatView`.
-            port: See `MeshcatView`.
-            rate: See `MeshcatView`.
-            speed: See `MeshcatView`.
-            wait: Longest time that the walk waits for a page to be opened, s.
-
-        Raises:
-            InputError: A negative time to wait.
+        `wait` is the longest time that the trial waits for a page to be opened, s; a negative one is an `InputError`.
         """
         self._wait = wait
         self._workbench = workbench

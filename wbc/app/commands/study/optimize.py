@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -20,7 +21,6 @@ from wbc.sim.studies.paper.experiments import authority_heights
 from wbc.sim.studies.paper.optimization import (
     BOUNDS,
     FIRST_DESIGN,
-    Bounds,
     OptimisationSpec,
     Walked,
     check_journal,
@@ -73,11 +73,6 @@ class OptimizeOptions(RunOptions):
     figures: Path | None = None
     any_code: bool = False
 
-    def chosen_bounds(self) -> Bounds:
-        """Return the bounds."""
-        preset = BOUNDS[self.bounds]
-        return Bounds(k=self.k or preset.k, kP=self.kp or preset.kP, kD=self.kd or preset.kD, log=preset.log)
-
     def specs(self, grounds: tuple[str, ...]) -> list[OptimisationSpec]:
         """Return the optimisations of different families of grounds; "table2" stands for the paper's Table II."""
         names, heights = grounds, {}
@@ -87,12 +82,14 @@ class OptimizeOptions(RunOptions):
             choose("terrain", name, terrain_families())
         if len(set(names)) < len(names) or not names:
             raise InputError(f"an optimisation needs different grounds, got {' '.join(names) or 'none'}")
+        preset = BOUNDS[self.bounds]
+        bounds = replace(preset, k=self.k or preset.k, kP=self.kp or preset.kP, kD=self.kd or preset.kD)
         return [
             OptimisationSpec(
                 ground=name,
                 amplitude=None if name == "flat" else self.amplitude or heights.get(name),
                 law=self.law,
-                bounds=self.chosen_bounds(),
+                bounds=bounds,
                 distance=self.distance,
                 seed=self.seed,
                 batch=self.batch or self.workers,
