@@ -319,39 +319,25 @@ class Plant(SimulatedRobot):
         """Advance by one control period under the targets of the drives.
 
         The first half of a physics step, in which MuJoCo computes positions, velocities and contacts, is done at the
-        end of the step before: sensors are read there.
+        end of the step before where sensors are read there, or pushes act.
         """
-        if self._pushes or self._chain.oldest or self._late is not None:
-            self._advance_singly()
-            return
-        model, data, signals = self.model, self.data, self._signals
-        data.ctrl[:] = self._drives.target
-        step = mujoco.mj_step2
-        for row in signals.window:
-            step(model, data)
-            signals.record(data, row)
-            step = mujoco.mj_step
-        self._contacts.capture(data)
-        mujoco.mj_step1(model, data)
-
-    def _advance_singly(self) -> None:
-        """Advance by one control period with a look at each step: for pushes, delays and latencies."""
         model, data, drives, signals, late = self.model, self.data, self._drives, self._signals, self._late
         newest, oldest = self._chain.newest, self._chain.oldest
         data.ctrl[:] = drives.target
-        begun = True  # the first half of the coming step is done
+        pushing, begun = bool(self._pushes), True  # begun: the first half of the coming step is done
         for row, left in zip(signals.window, range(self.steps - 1, -1, -1), strict=True):
             if late is not None and (due := late.advance()) is not None:
                 drives.follow(drives.read(due))
                 data.ctrl[:] = drives.target
-            if self._pushes:
+            if pushing:
                 self._pushes.apply(data, model.opt.timestep)
+                pushing = bool(self._pushes)
             (mujoco.mj_step2 if begun else mujoco.mj_step)(model, data)
             signals.record(data, row)
             if left == 0:
                 self._contacts.capture(data)
             read = newest <= left <= oldest
-            begun = left == 0 or read or bool(self._pushes)
+            begun = left == 0 or read or pushing
             if begun:
                 mujoco.mj_step1(model, data)
             if read and oldest > 0:
