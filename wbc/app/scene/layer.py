@@ -46,7 +46,6 @@ class Layer:
     colours and deformed shapes to the annotations. It reads plant and controller and never writes to them.
 
     Attributes:
-        objects: Its objects.
         moving: Paths that it moves.
         legend: Meaning of its colours.
         measurement: The latest measurement; None without one.

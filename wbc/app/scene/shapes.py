@@ -53,8 +53,6 @@ class Part:
 
     Attributes:
         body: Link (or body of the simulator) that carries it.
-        shape: The shape.
-        colour: Its colour.
         placement: Pose in the frame of the body, homogeneous, shape (4, 4), m.
     """
 
@@ -70,8 +68,6 @@ class SceneObject:
 
     Attributes:
         path: Place in the tree; frames move a path above it.
-        shape: The shape.
-        colour: Its colour.
         placement: Pose relative to the path above, shape (4, 4), m.
         on_top: Drawn in front of everything else.
         shaded: Lit by the lamps; in its plain colour when False.

@@ -72,7 +72,7 @@ class Broadcast:
         page: The page.
         time: Simulated time of the present picture, s.
         pages: Number of open pages.
-        drivers: Number of those that may change the run.
+        drivers: Number of those that may change the run: they show the token.
     """
 
     def __init__(
@@ -90,7 +90,7 @@ class Broadcast:
         """
         self.scene, self.page = scene, Page(scene.title, scene.legend, scene.com_height)
         self.pages = self.drivers = 0
-        self._pace, self._order, self._token = pace, order, token
+        self._pace, self._order, self.token = pace, order, token
         self._controls = {name: offered[name] for name in ("stop", "drive") if name in offered}
         self._driver: PageConnection | None = None  # the page that has given the last velocity
         self._waiting: tuple[float, Array, Annotations] | None = None
@@ -206,10 +206,6 @@ class Broadcast:
             connection.end()
         await asyncio.sleep(0)
 
-    def may_change(self, token: str) -> bool:
-        """Return true for the token of the link that the run has printed."""
-        return secrets.compare_digest(token.encode(), self._token.encode())
-
     def _moves(self, matrices: Array, places: range | list[int]) -> list[bytes]:
         return [self._heads[i] + transform_tail(matrices[i]) for i in places]
 
@@ -252,7 +248,8 @@ class PageConnection(GuardedHandler, tornado.websocket.WebSocketHandler):
 
     def open(self, *_: str, **__: str) -> None:
         """Add the page, and begin to send."""
-        self.may_change = self._broadcast.may_change(self.get_query_argument("token", ""))
+        token = self.get_query_argument("token", "")
+        self.may_change = secrets.compare_digest(token.encode(), self._broadcast.token.encode())
         if not self._broadcast.add(self):
             self.close(TRY_LATER, "too many pages are open")
             return

@@ -38,16 +38,6 @@ PRINTED = 5
 """Number of commands that are printed in a text; JSON has all."""
 
 
-def entry_by_key(entries: Mapping[str, Entry], key: str) -> Entry:
-    """Return the one entry whose key begins with a text."""
-    found = [entry for name, entry in entries.items() if key and name.startswith(key)]
-    if not found:
-        unknown_name("key of the journal", key, entries)
-    if len(found) > 1:
-        raise InputError(f"{len(found)} keys of the journal begin with '{key}'; give more of it")
-    return found[0]
-
-
 def reruns(study: Study, entries: Mapping[str, Entry], journal: Path) -> list[dict[str, Any]]:
     """Return the trials of a study that have ended without a result, each with the command that runs it again."""
     return [
@@ -62,17 +52,6 @@ def reruns(study: Study, entries: Mapping[str, Entry], journal: Path) -> list[di
         for trial, entry in study_entries(study, entries)
         if entry is not None and entry.status != "done"
     ]
-
-
-def rerun_text(found: list[dict[str, Any]]) -> str:
-    """Return the commands as text, each on a line of its own with the trial in a comment."""
-    lines = [
-        f"\n  {one['command']}  # {one['status']}: {one['cell']}, {one['arm']}, seed {one['seed']}"
-        for one in found[:PRINTED]
-    ]
-    if len(found) > PRINTED:
-        lines.append(f"\n  and {len(found) - PRINTED} more, which --json names")
-    return "".join(lines)
 
 
 @settings(kw_only=True)
@@ -139,7 +118,20 @@ def run(
         **summary.to_json(),
         "without_result": failed,
     }
-    return output.report(data, summary_text(chosen, options, summary) + rerun_text(failed))
+    counts = ", ".join(f"{n} {status}" for status, n in sorted(summary.counts.items()))
+    rate = "" if summary.per_hour is None else f" ({summary.per_hour:.0f} an hour)"
+    lines = [
+        f"{chosen.name}: {summary.total} trials, {summary.found} were in {options.journal}, {summary.run} run in "
+        f"{summary.seconds:.0f} s{rate}",
+        counts,
+        *(
+            f"{one['command']}  # {one['status']}: {one['cell']}, {one['arm']}, seed {one['seed']}"
+            for one in failed[:PRINTED]
+        ),
+    ]
+    if len(failed) > PRINTED:
+        lines.append(f"and {len(failed) - PRINTED} more, which --json names")
+    return output.report(data, "\n  ".join(lines))
 
 
 def _rerun(options: RunOrRerunOptions, key: str, output: Output) -> Report:
@@ -147,7 +139,13 @@ def _rerun(options: RunOrRerunOptions, key: str, output: Output) -> Report:
     target = None
     if options.out is not None:
         target = check_target("a spec", options.out, (".json",), [options.journal])
-    entry = entry_by_key(entries_of(options.journal), key)
+    entries = entries_of(options.journal)
+    found = [entry for name, entry in entries.items() if key and name.startswith(key)]
+    if not found:
+        unknown_name("key of the journal", key, entries)
+    if len(found) > 1:
+        raise InputError(f"{len(found)} keys of the journal begin with '{key}'; give more of it")
+    entry = found[0]
     spec = trial_from_json(entry.spec)
     if target is not None:
         write_text(target, json.dumps(entry.spec, indent=2) + "\n")
@@ -214,16 +212,6 @@ def run_trials(study: Study, options: RunOptions, *, any_code: bool = False) -> 
             retry=options.retry,
             progress=progress,
         )
-
-
-def summary_text(study: Study, options: RunOptions, summary: SweepSummary) -> str:
-    """Return the text of a summary."""
-    counts = ", ".join(f"{n} {status}" for status, n in sorted(summary.counts.items()))
-    rate = "" if summary.per_hour is None else f" ({summary.per_hour:.0f} an hour)"
-    return (
-        f"{study.name}: {summary.total} trials, {summary.found} were in {options.journal}, {summary.run} run in "
-        f"{summary.seconds:.0f} s{rate}\n  {counts}"
-    )
 
 
 def progress_bar() -> Progress:
