@@ -211,12 +211,23 @@ def test_a_program_runs_on_a_machine_without_force_sensors() -> None:
     assert control.observer.robot.com[2] == pytest.approx(height - 0.03, abs=0.005)
 
 
-def test_a_control_in_position_mode_stands_on_the_servos_until_it_takes_over() -> None:
+def test_a_control_in_position_mode_stands_on_the_servos_until_it_takes_over_and_hangs_when_lifted() -> None:
     machine = SimulatedMachine(SimulatedTime(), bent())
-    runner = make(machine, wbc.PositionControl(wbc.balance_controller(DESCRIPTION.robot(), PERIOD)))
+    runner, read = (
+        make(machine, wbc.PositionControl(wbc.balance_controller(DESCRIPTION.robot(), PERIOD))),
+        machine.read,
+    )
+
+    def lifted(timeout: float) -> Measurement | None:
+        """From 1.6 s on the soles feel nothing."""
+        measurement = read(timeout)
+        late = measurement is not None and machine.clock.time > 101.6
+        return replace(measurement, sole_wrench=np.zeros((2, 6))) if late else measurement
+
+    machine.read = lifted  # type: ignore[method-assign]
     sent = commands_by_phase(machine, runner)
     phases = [phase.name for phase, _ in runner.run(2.0).phases]
-    assert phases == ["START", "HANG", "STAND", "RUN", "STOP", "DAMPED"]
+    assert phases == ["START", "HANG", "STAND", "RUN", "HANG", "STOP", "DAMPED"]
     assert all((command.kp == DESCRIPTION.kp).all() for command in sent[Phase.STAND])
 
 

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pinocchio as pin
@@ -296,18 +298,11 @@ def test_sources_are_exchanged_while_it_walks() -> None:
     assert stage.walk.finished and stage.source.reason == ""
     assert stage.middle[0][0] == pytest.approx(ahead + 0.5, abs=0.02)
 
-    class Own(FootstepSource):
-        asked = 0
+    def three(now: Standing) -> FootstepPlan:
+        more = now.begun < done + 3
+        return walk_distance(now.start, 0.2, first=now.first or "right") if more else now.start
 
-        def footsteps(self, now: Standing) -> FootstepPlan:
-            self.asked += 1
-            return (
-                walk_distance(now.start, 0.2, first=now.first or "right")
-                if now.begun < done + 3
-                else now.start
-            )
-
-    done, own = stage.walk.steps_done, Own()
+    done, own = stage.walk.steps_done, Own(three)
     stage.source.follow(own)
     stage.run(10.0)
     assert own.asked > 3 and stage.walk.finished and stage.walk.steps_done - done >= 3
@@ -372,42 +367,42 @@ def test_timings_that_are_rounded_while_a_robot_is_steered_are_not_logged(
     )
 
 
-class _Raises(FootstepSource):
+class Own(FootstepSource):
+    """A planner that is a function."""
+
+    def __init__(self, plan: Callable[[Standing], Any]) -> None:
+        self.asked, self._plan = 0, plan
+
     def footsteps(self, now: Standing) -> FootstepPlan:
-        raise RuntimeError("no map")
+        self.asked += 1
+        return self._plan(now)  # type: ignore[no-any-return]
 
 
-class _Far(FootstepSource):
-    def footsteps(self, now: Standing) -> FootstepPlan:
-        return walk_distance(replace(now.start, gait=Gait(step_length=1.0)), 1.0, first=now.first or "left")
+def far(now: Standing) -> FootstepPlan:
+    return walk_distance(replace(now.start, gait=Gait(step_length=1.0)), 1.0, first=now.first or "left")
 
 
-class _SameSide(FootstepSource):
-    def footsteps(self, now: Standing) -> FootstepPlan:
-        side = "right" if now.first == "left" else "left"
-        return walk_distance(now.start, 0.2, first=side)
-
-
-class _Nothing(FootstepSource):
-    def footsteps(self, now: Standing) -> FootstepPlan:
-        return None  # type: ignore[return-value]
+def same_side(now: Standing) -> FootstepPlan:
+    return walk_distance(now.start, 0.2, first="right" if now.first == "left" else "left")
 
 
 @pytest.mark.parametrize(
-    ("source", "reason"),
+    ("plan", "reason"),
     [
-        (_Raises(), "Error: no map"),
-        (_Far(), "within reach"),
-        (_SameSide(), "steps next"),
-        (_Nothing(), "FootstepPlan"),
+        (lambda _: {}["map"], "KeyError: 'map'"),
+        (far, "within reach"),
+        (same_side, "steps next"),
+        (lambda _: None, "FootstepPlan"),
     ],
 )
-def test_a_planner_that_fails_brings_the_robot_to_a_stand(source: FootstepSource, reason: str) -> None:
+def test_a_planner_that_fails_brings_the_robot_to_a_stand(
+    plan: Callable[[Standing], Any], reason: str
+) -> None:
     stage = Stage()
     stage.steer((0.15, 0.0, 0.0))
     stage.run(5.0)
     done = stage.walk.steps_done
-    stage.source.follow(source)
+    stage.source.follow(Own(plan))
     stage.run(5.0)
     assert stage.walk.finished and reason in stage.source.reason and stage.walk.steps_done - done <= 3
 

@@ -115,19 +115,6 @@ def test_ground_that_comes_early_is_met_as_gently_as_ground_that_comes_in_time()
     assert quick.at(0.6).velocity[2] < -1.5 * GAIT.landing_speed
 
 
-@pytest.mark.parametrize("rise", [0.1, -0.1])
-def test_it_clears_the_edge_of_a_stair(rise: float) -> None:
-    foot = swing(Footstep("left", 0.3, 0.0875, rise))
-    edge = 0.15
-    for t in np.linspace(0.0, 0.8, 161):
-        x, _, z = foot.at(t).placement.translation
-        for corner in (x - 0.08, x, x + 0.08):
-            ground = rise if corner > edge else 0.0
-            assert z > ground - 1e-9
-            if abs(corner - edge) < 0.005:
-                assert z > max(0.0, rise) + 0.015  # the edge itself is passed with room to spare
-
-
 @pytest.mark.parametrize("now", [0.02, 0.2, 0.39, 0.41, 0.6, 0.74, 0.79])
 def test_a_new_landing_and_time_cause_no_jump(now: float) -> None:
     foot = swing(replace(THERE, yaw=3.0), replace(HERE, yaw=3.0))

@@ -128,25 +128,6 @@ def test_a_velocity_to_the_side_that_feet_cannot_give_crosses_no_feet() -> None:
             assert 0.0 < orbit.outwards + orbit.inwards < 2.0 * WIDTH
 
 
-@examples(50)
-@given(offsets, st.floats(0.02, 0.1), st.floats(0.0, TIME))
-def test_the_landing_stays_where_it_is_while_nothing_disturbs_the_pendulum(
-    ahead: float, aside: float, elapsed: float
-) -> None:
-    """Place and time are decided at every tick, from the DCM then."""
-    orbit = Orbit.of((0.3, 0.0), 1.0, WIDTH, TIME, TIME, OMEGA)
-    dcm = np.array([ahead, aside])
-    first = remaining_time(*dcm, orbit, OMEGA, 0.005, 0.05)
-    elapsed = min(elapsed, first)
-    later = dcm * math.exp(OMEGA * elapsed)
-    assert remaining_time(*later, orbit, OMEGA, 0.005, 0.05) == pytest.approx(first - elapsed, abs=1e-9)
-    places = [
-        foothold((0.0, 0.0), Divergent(*state, OMEGA), left, (orbit.ahead, -orbit.inwards))
-        for state, left in ((dcm, first), (later, first - elapsed))
-    ]
-    assert places[1] == pytest.approx(places[0], abs=1e-9)
-
-
 @examples(100)
 @given(velocities, st.floats(-0.1, 0.1), st.floats(-0.033, 0.03), st.floats(0.01, 0.1))
 def test_no_step_is_longer_than_its_orbit_and_a_stretch_and_the_next_one_starts_on_its_orbit(

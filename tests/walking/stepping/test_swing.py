@@ -59,16 +59,6 @@ def test_the_foot_arrives_where_it_is_to_land_also_if_the_landing_moves(move: fl
     assert np.abs(motion[-1, 1, :2]).max() < 0.15
 
 
-def test_towards_a_landing_that_stays_the_foot_moves_with_minimum_jerk() -> None:
-    """As in Flash and Hogan's closed form, until it follows its landing."""
-    motion = swing((0.3, -0.1), seconds=TIME)
-    times = DT * np.arange(1, len(motion) + 1)
-    share = times / (SETTINGS.settle * TIME)
-    planned = share < 0.8
-    way = (share**3 * (10.0 - 15.0 * share + 6.0 * share**2))[planned]
-    np.testing.assert_allclose(motion[planned, 0, :2], way[:, None] * [0.3, -0.1], atol=3e-3)
-
-
 @pytest.mark.parametrize("speed", [SPEED, SETTINGS.hardest])
 def test_the_foot_rises_over_the_higher_ground_and_meets_it_in_time_with_its_speed(speed: float) -> None:
     for ground in (0.0, 0.04, -0.04):
