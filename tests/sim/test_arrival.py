@@ -90,23 +90,13 @@ class Carry(TrialHook):
             tick.plant.data.qpos[1] += self._moves.pop(0)[1]
 
 
-@pytest.mark.parametrize(
-    ("aside", "back", "outcome"),
-    [
-        pytest.param(0.4, math.inf, "completed", marks=pytest.mark.slow),
-        (0.6, 1.4, "strayed"),
-    ],
-)
-def test_a_robot_that_does_its_steps_elsewhere_has_strayed(aside: float, back: float, outcome: str) -> None:
+def test_a_robot_that_does_its_steps_elsewhere_has_strayed() -> None:
     quick = Gait(single_support=0.5, double_support=0.2, initial_double_support=0.5, final_double_support=0.5)
     spec = WalkSpec(plan=WalkPlan(distance=0.1), noise="none", gait=quick)
-    result = WalkTrial(spec).run([Carry(aside, 0.7, back)])
-    assert result.outcome == outcome and not result.fell and result.steps_done == result.steps_planned
-    assert result.goal_error == pytest.approx(aside if math.isinf(back) else 0.0, abs=0.03)
-    assert result.track_error == pytest.approx(aside, abs=0.03)
-    text = walk_text(result, spec)
-    assert ("STRAYED   2 of 2 steps" in text) == (outcome == "strayed")
-    assert ("walked    2 of 2 steps" in text) == (outcome == "completed")
+    result = WalkTrial(spec).run([Carry(0.6, 0.7, back=1.4)])
+    assert result.outcome == "strayed" and not result.fell and result.steps_done == result.steps_planned
+    assert (result.goal_error, result.track_error) == pytest.approx((0.0, 0.6), abs=0.03)
+    assert "STRAYED   2 of 2 steps" in walk_text(result, spec)
 
 
 @pytest.mark.slow

@@ -107,17 +107,14 @@ def test_results_of_other_code_count_only_if_wanted(tmp_path: Path) -> None:
     assert own.version == provenance() and marks_of(marks) == {1: 1}
 
 
-@pytest.mark.parametrize("own", [pytest.param(True, marks=pytest.mark.slow), False])
-def test_processes_with_other_code_end_a_sweep(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, own: bool
-) -> None:
+def test_processes_with_other_code_end_a_sweep(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """A cluster may have it, or a process that starts again after an edit: the journal would name the wrong code."""
     marks, path = tmp_path / "marks", tmp_path / "journal.jsonl"
     monkeypatch.setattr(sweep_module, "provenance", lambda: {**provenance(), "code": "another"})
     trials = [MadeUpTrial(number, marks=str(marks)) for number in range(3)]
     with Journal(path) as journal, ThreadPoolExecutor(1) as pool:
         with pytest.raises(SweepError, match=f"other code .* code another instead of {provenance()['code']}"):
-            sweep(trials, journal, executor=None if own else pool)
+            sweep(trials, journal, executor=pool)
         assert not journal.entries and not marks.exists()
 
 
