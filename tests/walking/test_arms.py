@@ -168,19 +168,31 @@ def test_the_reference_of_a_hand_moves_as_its_feed_forwards_say(how: str) -> Non
 
 
 def test_the_reference_of_a_hand_that_cannot_follow_waits() -> None:
-    for options in ({}, {"duration": 2.0}):
+    """Its way, or its turn, has then braked from the speed that it had, and nothing is fed forward."""
+    for turn, least, most, options in (
+        (False, 0.98 * LEAD, 1.1 * LEAD, {}),
+        (False, 0.98 * LEAD, 1.1 * LEAD, {"duration": 2.0}),
+        (True, 1.2 * LEAD, 1.5 * LEAD, {}),
+    ):
         walking = control()
         hand = walking.arms["left_hand"]
-        start = np.array(hand.position)
-        hand.reach(start + [0.3, 0.4, 0.0], **options)
+        start = pin.SE3(walking.controller.robot.placement(hand.frame))
+        way = np.array([0.3, 0.4, 0.0])
+        turned = pin.SE3(pin.exp3(2.0 * way) @ start.rotation, start.translation)
+        hand.reach(turned if turn else start.translation + way, **options)
         for _ in range(300):
             walking.controller.solve()
             update(walking)
-        ahead = walking.controller.task("left_hand").target.translation - start
+        task = walking.controller.task("left_hand")
+        ahead = (
+            pin.log3(task.target.rotation @ start.rotation.T)
+            if turn
+            else task.target.translation - start.translation
+        )
         far = float(np.linalg.norm(ahead))
         np.testing.assert_allclose(ahead / far, (0.6, 0.8, 0.0), atol=1e-6)
-        assert 0.98 * LEAD < far < 1.1 * LEAD, "where it has braked"
-        assert hand.moving and not hand.reached
+        assert least < far < most and hand.moving and not hand.reached
+        assert np.abs(task.feedforward_acceleration).max() < 0.01
 
 
 def test_bad_targets_are_refused_with_the_choices() -> None:
