@@ -400,7 +400,8 @@ def test_stiffness_by_the_phase_of_the_step_gains_nothing() -> None:
 def test_an_arch_under_the_toe_takes_the_forward_falls_away() -> None:
     """The table of the study 'design' and what is said of its rule."""
     arms = hypotheses()
-    soles = ("long arch, 5", "long arch, 80", "soft, 5", "soft, 80", "rigid")
+    arch = [f"long arch, {k}" for k in (1, 5, 20, 80)]
+    soles = (*arch, "soft, 5", "soft, 80", "rigid")
     for arm in soles:
         says(row(arm))
     done = {arm: sum(map(arrived, arms[arm].values())) for arm in soles}
@@ -413,27 +414,41 @@ def test_an_arch_under_the_toe_takes_the_forward_falls_away() -> None:
         falls, low, high = rate(arm, cause)
         return low, high, f"{falls:.1f} [{low:.1f}, {high:.1f}]"
 
-    arch, soft = rated("long arch, 5", "forward"), rated("soft, 5", "forward")
-    assert arch[1] < soft[0]
-    says(f"{arch[2]} forward falls per 1,000 steps against {soft[2]} of the soft")
-    arch, rigid = rated("long arch, 5", "sideways"), rated("rigid", "sideways")
-    assert arch[1] < rigid[0]
-    says(f"and {arch[2]} sideways ones against {rigid[2]} of the rigid sole")
+    for k, forward, sideways in (
+        (
+            5,
+            "forward falls per 1,000 steps against {} of the soft",
+            "sideways ones against {} of the rigid sole",
+        ),
+        (20, "against {}, and", ""),
+    ):
+        ours, soft = rated(f"long arch, {k}", "forward"), rated(f"soft, {k}", "forward")
+        assert ours[1] < soft[0]
+        says(f"{ours[2]} {forward.format(soft[2])}")
+        ours, rigid = rated(f"long arch, {k}", "sideways"), rated("rigid", "sideways")
+        assert ours[1] < rigid[0]
+        says(f"and {ours[2]} {sideways.format(rigid[2])}".strip())
 
-    text, p = gain("long arch, 5", "soft, 80", steps)
-    says(f"{text}, p = {p:.2f}")
-    text, p = gain("long arch, 5", "rigid", steps)
-    says(f"Against the rigid sole it does {text} more (p = {p:.3f})")
-    text, p = gain("long arch, 5", "rigid", lambda result: 100.0 * arrived(result), 0)
-    says(f"lets {text} % more of the walks arrive (p = {p:.3f})")
-    text, p = gain("long arch, 5", "soft, 5", steps)
-    says(f"{text} steps more (p = {p:.2f})")
+    def gains(k: str, other: str, part: Callable[[Result], float] = steps, digits: int = 1) -> str:
+        return gain(f"long arch, {k}", other, part, digits)[0]
+
+    pairs = [(arm, other) for arm in arch for other in ("soft, 80", "rigid")]
+    p = dict(zip(pairs, holm([gain(*pair, steps)[1] for pair in pairs]), strict=True))
+    assert {pair for pair in pairs if p[pair] < 0.05} == {(arm, "rigid") for arm in arch[1:3]}
+    says(
+        f"do {gains('5', 'rigid')} and {gains('20', 'rigid')} steps more than the rigid sole "
+        f"(p = {p[arch[1], 'rigid']:.2f} and {p[arch[2], 'rigid']:.2f} after Holm's"
+    )
+    says(f"have p = {p[arch[1], 'soft, 80']:.2f} and {p[arch[2], 'soft, 80']:.2f}")
+    more = [gains(k, "rigid", lambda result: 100.0 * arrived(result), 0) for k in ("5", "20")]
+    says("let {} % and {} % more of the walks arrive".format(*more))
+    says(f"they do {gains('5', 'soft, 5')} and {gains('20', 'soft, 20')} steps more")
 
     def mean(arm: str, part: Callable[[Result], float]) -> float:
         return float(np.mean([part(result) for result in arms[arm].values() if arrived(result)]))
 
     peaks = (f"{mean(arm, lambda r: r['impact']):.2f}" for arm in ("long arch, 5", "soft, 5", "rigid"))
-    says("({} of the weight; {}; rigid {})".format(*peaks))
+    says("(with 5, {} of the weight; {}; rigid {})".format(*peaks))
     area = [mean(arm, lambda r: r["contact_area"]["mean"]) for arm in ("long arch, 5", "soft, 5")]
     says(
         f"the contact area of the stance sole is {100.0 * (area[0] / area[1] - 1.0):.0f} % larger than with soft 5"
