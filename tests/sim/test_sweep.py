@@ -9,8 +9,11 @@ import math
 import multiprocessing
 import os
 import queue
+import signal
+import subprocess
 import sys
 import threading
+import time
 from collections import Counter
 from collections.abc import Iterator
 from concurrent.futures import BrokenExecutor, Executor, Future, ThreadPoolExecutor
@@ -21,6 +24,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from processes import alive
 from sweep_trials import MadeUpTrial
 
 from wbc.core.errors import InputError, UnknownNameError
@@ -209,6 +213,36 @@ def test_a_trial_that_its_executor_cancels_has_not_crashed(tmp_path: Path) -> No
     with ThreadPoolExecutor(1) as pool, Journal(path) as journal:
         sweep(trials, journal, executor=pool)
     assert {entry.status for entry in by_number(path).values()} == {"done"} and len(by_number(path)) == 3
+
+
+@pytest.mark.slow
+def test_killed_in_the_middle_a_sweep_loses_what_was_in_flight_and_goes_on(tmp_path: Path) -> None:
+    marks, path, count = tmp_path / "marks", tmp_path / "journal.jsonl", 8
+    support = str(Path(__file__).parents[1] / "support")
+    code = f"import sys; sys.path.insert(0, {support!r}); import sweep_trials; sweep_trials.main()"
+    process = subprocess.Popen([sys.executable, "-c", code, str(path), str(marks), str(count)])
+    try:
+        give_up = time.monotonic() + 300.0
+        while len(read_journal(path)) < 2 and time.monotonic() < give_up and process.poll() is None:
+            time.sleep(0.02)
+    finally:
+        process.send_signal(signal.SIGKILL)
+        process.wait()
+    done, run = by_number(path), marks_of(marks)
+    assert 2 <= len(done) < count
+    assert sum(run.values()) - len(done) <= 1, "more was lost than was in flight"
+    pids = {int(line.split()[1]) for line in marks.read_text().splitlines()}
+    give_up = time.monotonic() + 60.0
+    while any(map(alive, pids)) and time.monotonic() < give_up:
+        time.sleep(0.05)
+    assert not any(map(alive, pids)), "processes outlive their sweep"
+    trials = [MadeUpTrial(number, seconds=0.15, marks=str(marks)) for number in range(count)]
+    with ThreadPoolExecutor(2) as pool, Journal(path, any_code=True) as journal:  # whoever edits may do so
+        summary = sweep(trials, journal, executor=pool)
+    assert summary.found == len(done) and summary.run == count - len(done)
+    again = marks_of(marks)
+    assert all(again[number] == 1 for number in done), "a trial that was written down was run again"
+    assert set(by_number(path)) == set(range(count))
 
 
 @pytest.mark.slow

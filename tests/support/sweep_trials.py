@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import os
+import sys
 import time
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, ClassVar
 
+from wbc.sim.studies.journal import Journal
+from wbc.sim.studies.sweep import sweep
 from wbc.sim.studies.trials import Check, Outcome, TrialKind, register_trial
 
 
@@ -58,3 +61,11 @@ def run_test_trial(spec: MadeUpTrial, check: Check) -> Outcome:
 
 
 register_trial("test", TrialKind(MadeUpTrial.from_json, run_test_trial))
+
+
+def main() -> None:
+    """Run a sweep in a program of its own: journal, file of marks, number of trials."""
+    journal, marks, count = sys.argv[1:4]
+    trials = [MadeUpTrial(number, seconds=0.15, marks=marks) for number in range(int(count))]
+    with Journal(journal) as book:
+        sweep(trials, book, workers=1)
