@@ -87,7 +87,8 @@ def test_a_part_of_a_walk_from_a_file_and_what_is_given_comes_first(
 
 
 def test_a_policy_alone_brings_the_sole_that_it_sets(spec_of: Callable[..., Any]) -> None:
-    assert [spec_of(*words)["foot"] for words in ((), ("--policy", "model"))] == ["long_arch", "variable"]
+    given = ((), ("--policy", "model"), ("--gait", "stepping"), ("--gait", "stepping", "--foot", "soft"))
+    assert [spec_of(*words)["foot"] for words in given] == ["long_arch", "variable", "rigid", "soft"]
     assert main(["walk", "--policy", "model", "--foot", "rigid"]) == BAD_INPUT
 
 

@@ -158,11 +158,24 @@ def test_robots_of_wheels_are_read_where_these_are_and_else_say_how_to_install_t
         InputError, match=f"^the installed 'jvrc_description' has no file '.*jvrc1.urdf': {how}$"
     ):
         jvrc()
-    file = tmp_path / "jvrc_description/urdf/jvrc1.urdf"
-    file.parent.mkdir(parents=True)
-    file.touch()
-    monkeypatch.setattr(RobotDescription, "from_urdf", lambda path, **options: (path, options))
-    path, options = jvrc()
-    fixed = options["lock"]
-    assert path == file and options["package_dirs"] == (tmp_path,)
+    taken: dict[str, dict[str, Any]] = {}
+
+    def take(path: Path, **options: Any) -> None:
+        taken[options["name"]] = options | {"path": path}
+
+    for kind in ("from_urdf", "from_mjcf"):
+        monkeypatch.setattr(RobotDescription, kind, take)
+    files = {
+        "jvrc1": "jvrc_description/urdf/jvrc1.urdf",
+        "t1": "mujoco_playground/_src/locomotion/t1/xmls/t1_mjx_feetonly.xml",
+        "apollo": "mujoco_playground/_src/locomotion/apollo/xmls/scene_mjx_feetonly_flat_terrain.xml",
+    }
+    for name, relative in files.items():
+        (tmp_path / relative).parent.mkdir(parents=True)
+        (tmp_path / relative).touch()
+        jvrc() if name == "jvrc1" else other_wheels.playground.__wrapped__(name)
+        assert taken[name]["path"] == tmp_path / relative
+    fixed = taken["jvrc1"]["lock"]
     assert len(fixed) == 12 and {"L_UTHUMB", "R_LLITTLE"} < set(fixed) and set(fixed.values()) == {0.0}
+    assert taken["jvrc1"]["package_dirs"] == (tmp_path,)
+    assert taken["t1"]["use_gains"] is taken["apollo"]["meshes"] is False

@@ -30,7 +30,10 @@ if TYPE_CHECKING:
     from wbc.app.log.recorder import Recorder
 
 DEFAULTS = {"foot": "long_arch", "terrain": "stones", "amplitude": 0.02}
-"""Defaults of the command line: an unknown ground, and the sole that most walks arrive on."""
+"""Defaults of the command line: an unknown ground, and the sole that most LIPM walks arrive on."""
+
+STEPPING_FOOT = "rigid"
+"""The sole that most stepping walks arrive on."""
 
 FOLLOWERS = {
     "foot": ("stiffness", "foot_changes", "policy", "policy_params"),
@@ -53,6 +56,7 @@ OPTIONS = Fields(
     "steps=plan.steps turn=plan.turn stairs=plan.stairs mode servo push=pushes",
     defaults=DEFAULTS,
     help={
+        "foot": f"Foot under both ankles; flat is the robot's own sole. {STEPPING_FOOT} with --gait stepping.",
         "turn": "On the spot to the left, degrees.",
         "push": "A push such as impulse=0.2,direction=90,step=5,phase=0.5: Ns/kg, degrees (90 is left), at a share of "
         "a step.",
@@ -155,7 +159,8 @@ def walk_spec(given: Mapping[str, Any], options: WalkOptions, drive: bool = Fals
         *groups, last = place_of(name, law).split(".", 1)
         place = upper.setdefault(groups[0], {}) if groups else upper
         place[last] = value
-    spec = WalkSpec.from_json(_over(upper, _over(lower, DEFAULTS)))
+    foot = {"foot": STEPPING_FOOT} if law == "stepping" else {}
+    spec = WalkSpec.from_json(_over(upper, _over(lower, DEFAULTS | foot)))
     return spec if drive or spec.plan.drive is None else _bounded(spec, spec.plan.drive, options.seconds)
 
 
