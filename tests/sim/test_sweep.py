@@ -265,6 +265,14 @@ def test_a_cluster_without_its_extra_is_explained(monkeypatch: pytest.MonkeyPatc
         pass
 
 
+@pytest.mark.parametrize("outcome", ["completed", "fell", "diverged"])
+def test_a_walk_is_done_unless_its_simulation_diverged(outcome: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    result = SimpleNamespace(outcome=outcome, record=lambda: {"outcome": outcome}, clock={})
+    monkeypatch.setattr(trials, "walk", lambda spec, hooks: result)
+    found = trials.walk_outcome(WalkSpec(), lambda: None)
+    assert found.result == {"outcome": outcome} and (found.status == "diverged") == (outcome == "diverged")
+
+
 def test_refuses_what_is_no_trial(tmp_path: Path) -> None:
     no_trial = pytest.raises(InputError, match="a trial must have kind and to_json")
     with Journal(tmp_path / "journal.jsonl") as journal, no_trial:
@@ -605,7 +613,7 @@ def test_sign_flips_and_equivalence_keep_their_level() -> None:
     assert sign_flip_p([0.0] * 20) == 1.0
     assert sign_flip_p([1.0]) is None and equivalence([1.0], 1.0).p is None
     # Equal pairs alone say little: of nine, three tenths of all may still differ.
-    assert equivalence([0.0] * 20, 0.5).p == 0.0 and not equivalence([0.0] * 9, 0.5).equivalent
+    assert equivalence([0.0] * 20, 0.5).p == 0.0 and equivalence([0.0] * 9, 0.5).p == 1.0
     assert not equivalence([0.0] * 6 + [0.01], 0.5).equivalent  # nor do seven that nearly are
     rounded = [0.1 * (i + 1) - 0.1 * i for i in range(20)]  # all 0.1 but for rounding
     assert len(set(rounded)) > 1 and equivalence(rounded, 0.5).p == 0.0

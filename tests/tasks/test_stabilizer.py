@@ -33,7 +33,7 @@ from wbc.tasks.stabilizer.filters import Average, HighPass, LeakyIntegral, LowPa
 from wbc.tasks.stabilizer.gains import LIMITS, StabilizerGains
 from wbc.tasks.stabilizer.pendulum import Pendulum, natural_frequency
 from wbc.tasks.stabilizer.stabilizer import Stabilizer
-from wbc.tasks.stabilizer.zmp import cop, zmp
+from wbc.tasks.stabilizer.zmp import cop, level_zmp, zmp, zmp_offset
 
 MASS = 62.4  # JVRC-1
 HEIGHT = 0.85
@@ -559,3 +559,14 @@ def test_heavier_robots_yield_slower_unless_told_otherwise() -> None:
         assert stabilizer.gains.cop_admittance == (0.03, 0.03)
     with pytest.raises(InputError, match="mass"):
         StabilizerGains().for_mass(0.0)
+
+
+def test_a_wrench_turns_nothing_level_about_its_zmp_and_moves_that_of_the_feet() -> None:
+    rng = np.random.default_rng(8)
+    for force, moment, point in rng.uniform(-1.0, 1.0, (6, 3, 3)):
+        wrench = np.concatenate([100.0 * force + (0.0, 0.0, 300.0), 40.0 * moment])
+        there = level_zmp(wrench, point)
+        assert there[2] == point[2]
+        np.testing.assert_allclose((wrench[3:] - np.cross(there, wrench[:3]))[:2], 0.0, atol=1e-12)
+        about = wrench[3:] - np.cross(point, wrench[:3])
+        np.testing.assert_allclose(zmp_offset(wrench, point, 500.0), (about[1] / 500.0, -about[0] / 500.0))
