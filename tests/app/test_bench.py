@@ -101,7 +101,7 @@ def test_random_streams_are_hard_and_repeat_themselves() -> None:
 
 def test_random_problems_are_solved_within_tolerance() -> None:
     reported: list[int] = []
-    options = BenchSolverOptions(ticks=100, stream=25, sample=10, scattered=0.5, repeat=1)
+    options = BenchSolverOptions(ticks=100, stream=25, sample=10, scattered=0.5)
     result = bench_solver(options, progress=reported.append)
     assert result["ticks"] == 100 and result["compared_with_proxqp"] == 10
     assert result["unsolved"] == result["above_tolerance"] == result["slow_ticks"] == 0
