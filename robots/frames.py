@@ -9,7 +9,7 @@ import numpy as np
 import pinocchio as pin
 from pydantic import Field
 
-from wbc.core.errors import InputError, choose
+from wbc.core.errors import ROUNDING, InputError, choose
 from wbc.core.settings import settings
 
 Triple: TypeAlias = tuple[float, float, float]
@@ -71,7 +71,7 @@ def same_place(model: pin.Model, description: FrameDescription) -> bool:
     link = body_frame(model, description.link)
     placement = link.placement * description.placement
     return all(
-        frame.parentJoint == link.parentJoint and frame.placement.isApprox(placement, 1e-9)
+        frame.parentJoint == link.parentJoint and frame.placement.isApprox(placement, ROUNDING)
         for frame in model.frames
         if frame.name == description.frame
     )

@@ -18,7 +18,7 @@ import pinocchio as pin
 from numpy.typing import ArrayLike
 
 from wbc.core.arguments import checked
-from wbc.core.errors import Array, InputError, choose, finite_array
+from wbc.core.errors import ROUNDING, Array, InputError, choose, finite_array
 from wbc.core.estimation.observer import Observer
 from wbc.core.robot import GRAVITY
 from wbc.core.settings import Positive
@@ -153,7 +153,7 @@ class WbcEnv(gymnasium.Env[Array, Array]):  # type: ignore[misc]
             self._observation(),
             float(reward) - (not alive),
             not alive,
-            alive and trial.plant.time >= self._seconds - 1e-9,
+            alive and trial.plant.time >= self._seconds - ROUNDING,
             info,
         )
 

@@ -21,7 +21,7 @@ from typing import Annotated, Any
 import numpy as np
 
 from wbc.core.arguments import checked
-from wbc.core.errors import InputError, WbcError, positive, shown, unknown_name
+from wbc.core.errors import ROUNDING, InputError, WbcError, positive, shown, unknown_name
 from wbc.core.qp.controller import Controller, Item, ItemT
 from wbc.core.settings import Positive
 from wbc.core.signals import Command, Measurement
@@ -102,7 +102,7 @@ Condition = Callable[[Scope], bool]
 @checked
 def after(seconds: Annotated[Positive, "s"]) -> Condition:
     """Return a condition that holds from a time after the start of the state on, s."""
-    return lambda now: now.elapsed >= seconds - 1e-9
+    return lambda now: now.elapsed >= seconds - ROUNDING
 
 
 @checked
@@ -217,7 +217,7 @@ class Behaviour:
         for name, condition in self.outcomes.items():
             if condition(now):
                 return name
-        return "timeout" if self.timeout is not None and now.elapsed >= self.timeout - 1e-9 else None
+        return "timeout" if self.timeout is not None and now.elapsed >= self.timeout - ROUNDING else None
 
     @property
     def possible(self) -> frozenset[str]:
@@ -330,7 +330,7 @@ class StateMachine(Behaviour):
 
     def outcome(self, now: Scope) -> str | None:
         """Look whether the present state has ended, and go on to the next; return the outcome of the machine."""
-        if self.timeout is not None and now.elapsed >= self.timeout - 1e-9:
+        if self.timeout is not None and now.elapsed >= self.timeout - ROUNDING:
             return "timeout"
         assert self._name is not None
         result = self._guarded(now, self.states[self._name].outcome)
@@ -482,7 +482,7 @@ class Program:
                 f"machine '{self.machine.name}' has no end: give one of its states a condition that leads there, or "
                 "run it for a number of seconds"
             )
-        while self.outcome is None and (seconds is None or self.time < seconds - 1e-9):
+        while self.outcome is None and (seconds is None or self.time < seconds - ROUNDING):
             measurement = plant.measure()
             command = self.command(measurement)
             if record is not None:

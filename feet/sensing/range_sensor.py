@@ -7,7 +7,7 @@ from typing import Annotated
 
 import numpy as np
 
-from wbc.core.errors import InputError, whole_number
+from wbc.core.errors import ROUNDING, InputError, whole_number
 from wbc.core.settings import NonNegative, Positive, Share, settings
 
 
@@ -65,7 +65,7 @@ class RangeSampler:
 
     def due(self, time: float) -> bool:
         """Return True if `sample` takes a new reading at this time (s) and needs the true distance."""
-        return time >= self._due - 1e-9
+        return time >= self._due - ROUNDING
 
     def sample(self, time: float, distance: float) -> float:
         """Return the reading at a time, s, that does not decrease, m; NaN if it was lost or out of range.
@@ -79,7 +79,7 @@ class RangeSampler:
         s = self.sensor
         if s.rate > 0.0:
             first = math.isinf(self._due)
-            missed = 0.0 if first else math.floor((time - self._due) * s.rate + 1e-9)
+            missed = 0.0 if first else math.floor((time - self._due) * s.rate + ROUNDING)
             self._due = (time if first else self._due + missed / s.rate) + 1.0 / s.rate
         # Both draws are made for every reading, so that its noise does not depend on the readings before it.
         normal, uniform = self._random.standard_normal(), self._random.random()

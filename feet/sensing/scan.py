@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from pydantic import Field
 
 from wbc.core.arguments import checked
-from wbc.core.errors import Array, InputError, finite_array, positive, shown
+from wbc.core.errors import ROUNDING, Array, InputError, finite_array, positive, shown
 from wbc.core.settings import Positive, settings
 
 PROFILE_STEP = 0.007
@@ -131,7 +131,7 @@ class GroundScan:
         """
         given = finite_array("walking direction", forward, (2,))
         norm = math.hypot(*given)
-        if norm < 1e-9:
+        if norm < ROUNDING:
             raise InputError(f"walking direction must not be zero, got {given}")
         self._c, self._s = float(given[0]) / norm, float(given[1]) / norm
         self._sums[:] = 0.0
@@ -203,13 +203,13 @@ def _broken_line(cell: NDArray[np.intp], mean: Array, forward: Array, settings: 
     """
     step = settings.step
     x = cell * step + mean[0]
-    cuts = np.flatnonzero(np.diff(x) > settings.max_gap + 1e-9) + 1
+    cuts = np.flatnonzero(np.diff(x) > settings.max_gap + ROUNDING) + 1
     begins, ends = np.append(0, cuts), np.append(cuts, x.size)
     lengths = cell[ends - 1] - cell[begins]  # in cells, to compare without rounding
     best = lengths.size - 1 - int(np.argmax(lengths[::-1]))
     piece = slice(int(begins[best]), int(ends[best]))
     x, cell = x[piece], cell[piece]
-    nodes = np.arange(math.ceil(x[0] / step - 1e-9), math.floor(x[-1] / step + 1e-9) + 1)
+    nodes = np.arange(math.ceil(x[0] / step - ROUNDING), math.floor(x[-1] / step + ROUNDING) + 1)
     if nodes.size < 2:
         raise InputError(f"no profile: the longest piece without a gap is {x[-1] - x[0]:.4f} m long")
     at = nodes * step

@@ -9,7 +9,7 @@ from typing import Annotated
 import pinocchio as pin
 from pydantic import Field
 
-from wbc.core.errors import Array, InputError
+from wbc.core.errors import ROUNDING, Array, InputError
 from wbc.core.settings import Count, NonNegative, Positive, settings
 from wbc.feet.soles.foot import Foot, fitted_sole
 from wbc.feet.soles.rigid import SOFT_ANKLE_BEHIND, SOFT_LENGTH, SOFT_WIDTH
@@ -118,7 +118,7 @@ class SoftDesign(Foot):
                 f"hinge_height (m), the height of the sole hinges, must be at most the thickness, {self.thickness:g}, "
                 f"got {self.hinge_height:g}"
             )
-        if 2.0 * self.contact.radius > self.thickness + 1e-9:
+        if 2.0 * self.contact.radius > self.thickness + ROUNDING:
             raise InputError(
                 f"sole spheres of radius {self.contact.radius:g} m do not fit into phalanges "
                 f"{self.thickness:g} m thick"

@@ -10,7 +10,7 @@ from typing import Any, Unpack
 import numpy as np
 import pinocchio as pin
 
-from wbc.core.errors import ModelError, choose, finite_scalar, non_negative, positive
+from wbc.core.errors import ROUNDING, ModelError, choose, finite_scalar, non_negative, positive
 from wbc.core.robot import GRAVITY, joints_to
 from wbc.robots import frames, urdf
 from wbc.robots.derivation import defaults, inertia, posture
@@ -233,7 +233,7 @@ def heading(model: pin.Model, soles: defaults.Soles, feet_found: bool) -> float:
     ankles = [np.array(data.oMi[model.frames[i].parentJoint].translation) for i in ids]
     toes = 0.5 * sum(place - ankle for place, ankle in zip(places, ankles, strict=True))
     left = places[0] - places[1]
-    ahead = np.array([left[1], -left[0], 0.0]) / max(1e-9, float(np.hypot(left[0], left[1])))
+    ahead = np.array([left[1], -left[0], 0.0]) / max(ROUNDING, float(np.hypot(left[0], left[1])))
     angle = float(np.arctan2(ahead[1], ahead[0]))
     turns = round(angle / (0.5 * np.pi))
     pointing = float(toes @ ahead)

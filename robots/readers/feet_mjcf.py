@@ -9,7 +9,7 @@ import numpy as np
 import pinocchio as pin
 from scipy.spatial import ConvexHull, QhullError
 
-from wbc.core.errors import Array, ModelError, unknown_name
+from wbc.core.errors import ROUNDING, Array, ModelError, unknown_name
 from wbc.robots.derivation.soles import PLAUSIBLE, SLICE
 from wbc.robots.frames import SoleDescription, SoleName, frame_at
 from wbc.robots.readers.tree_mjcf import Tree
@@ -231,7 +231,7 @@ def _flat_side(points: Array, up: Array) -> Array | None:
         return None
     centred = points - points.mean(axis=0)
     _, sizes, axes = np.linalg.svd(centred)
-    if sizes[1] < 1e-3 * max(sizes[0], 1e-9):
+    if sizes[1] < 1e-3 * max(sizes[0], ROUNDING):
         return None  # a line
     if len(points) == 3 or sizes[2] < 1e-3 * sizes[0]:
         normal = axes[2] * np.sign(axes[2] @ up or 1.0)

@@ -8,7 +8,7 @@ from xml.etree.ElementTree import Element, SubElement
 import pinocchio as pin
 
 from wbc.core.arguments import checked
-from wbc.core.errors import InputError
+from wbc.core.errors import ROUNDING, InputError
 from wbc.feet import Foot
 from wbc.robots import urdf
 from wbc.robots.description import RobotDescription
@@ -45,7 +45,7 @@ def with_feet(description: RobotDescription, foot: Foot, *, mass: bool = False) 
         if mass and fit.mass > 0.0:
             _add_mass(tree, f"{sole.name}{MASS_SUFFIX}", geometry.ankle_link, fit.added_inertia)
         fitted = fit.sole
-        unchanged = fitted.placement.isApprox(geometry.placement, 1e-9)
+        unchanged = fitted.placement.isApprox(geometry.placement, ROUNDING)
         if unchanged and (fitted.length, fitted.width) == (sole.length, sole.width):
             soles.append(sole)
             continue
@@ -77,7 +77,7 @@ def _add_mass(robot: Element, name: str, ankle: str, inertia: pin.Inertia) -> No
         if link.get("name") == name:
             worn = link.find("inertial/mass")
             has = 0.0 if worn is None else float(worn.get("value", "0"))
-            if abs(has - inertia.mass) > 1e-9:
+            if abs(has - inertia.mass) > ROUNDING:
                 raise InputError(
                     f"the description wears other feet already, '{name}' has {has:g} kg, not {inertia.mass:g} kg; "
                     "give one without them"

@@ -8,7 +8,7 @@ import mujoco
 import numpy as np
 import pinocchio as pin
 
-from wbc.core.errors import InputError, ModelError
+from wbc.core.errors import ROUNDING, InputError, ModelError
 from wbc.core.hull import convex_hull
 from wbc.core.robot import SIDES, Robot
 from wbc.feet import Foot, FootParts
@@ -247,11 +247,13 @@ def _thin_flat_soles(model: mujoco.MjModel) -> None:
         mine = spheres[model.geom_bodyid[spheres] == body]
         places, sizes = model.geom_pos[mine], model.geom_size[mine, 0]
         corners = convex_hull(places[:, :2])
-        if np.ptp(places[:, 2]) > 1e-9 or np.ptp(sizes) > 0.0 or len(corners) < 3:
+        if np.ptp(places[:, 2]) > ROUNDING or np.ptp(sizes) > 0.0 or len(corners) < 3:
             continue
         outside = np.linalg.norm(places[:, None, :2] - corners, axis=2).min(axis=1) > 0.0
         distance = np.linalg.norm(places[:, :2] - corners.mean(axis=0), axis=1)
-        furthest = np.sort(distance)[min(len(corners), len(mine)) - 1] + 1e-9  # all of that distance are kept
+        furthest = (
+            np.sort(distance)[min(len(corners), len(mine)) - 1] + ROUNDING
+        )  # all of that distance are kept
         model.geom_conaffinity[mine[outside & (distance > furthest)]] = 0
 
 

@@ -10,7 +10,7 @@ import numpy as np
 import pinocchio as pin
 
 from wbc.core.conventions import Index, configuration_to_mujoco
-from wbc.core.errors import Array, InputError, ModelError, choose, unknown_name
+from wbc.core.errors import ROUNDING, Array, InputError, ModelError, choose, unknown_name
 from wbc.core.robot import Robot
 
 SAME_PLACE = 2e-3
@@ -91,7 +91,7 @@ class RobotPlaces:
         self._links = []  # body of each joint of the robot, and the joint's frame in it
         for body, there in zip(bodies, list(robot.data.oMi)[1:], strict=True):
             place = self._pose(body).actInv(there)
-            exact = place.isApprox(pin.SE3.Identity(), 1e-9)
+            exact = place.isApprox(pin.SE3.Identity(), ROUNDING)
             self._links.append((body, pin.SE3.Identity() if exact else place))
         carried = [self._carrier(sole.frame) for sole in robot.soles]
         if feet:
@@ -187,7 +187,9 @@ class RobotPlaces:
             place = imu.actInv(self._pose(body) * pin.SE3(pin.Quaternion(w, x, y, z), model.site_pos[site]))
             distance = float(np.linalg.norm(place.translation))
             if best is None or distance < best[0]:
-                turn = None if np.allclose(place.rotation, np.eye(3), atol=1e-9) else place.rotation.copy()
+                turn = (
+                    None if np.allclose(place.rotation, np.eye(3), atol=ROUNDING) else place.rotation.copy()
+                )
                 best = (distance, int(model.sensor_adr[sensor]), turn)
         return None if best is None else best[1:]
 

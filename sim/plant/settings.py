@@ -8,7 +8,7 @@ from typing import Annotated
 import mujoco
 from pydantic import Field
 
-from wbc.core.errors import LONGEST_PERIOD, InputError, finite_scalar
+from wbc.core.errors import LONGEST_PERIOD, ROUNDING, InputError, finite_scalar
 from wbc.core.robot import GRAVITY
 from wbc.core.settings import NonNegative, Positive, settings
 
@@ -90,7 +90,7 @@ class Machine:
 
 def whole_steps(time: float, timestep: float) -> int:
     """Return a time, s, as whole physics steps, rounded up: 3 steps of 0.001 s are 3 steps, not 4."""
-    return math.ceil(time / timestep - 1e-9)
+    return math.ceil(time / timestep - ROUNDING)
 
 
 def steps_per_tick(control_period: float, timestep: float) -> int:

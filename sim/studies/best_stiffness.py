@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from wbc.core.errors import Array, InputError, finite_array, whole_number
+from wbc.core.errors import ROUNDING, Array, InputError, finite_array, whole_number
 from wbc.feet.stiffness.dataset import ProfileRecipe, StiffnessTable
 from wbc.feet.stiffness.roughness import PARAMETERS, roughness
 from wbc.sim.studies.journal import Entry
@@ -92,7 +92,7 @@ def best_stiffness(
     level = float(offsets.mean())
     spread = float(left.std())
     mean, covariance = np.zeros(GRID), np.zeros((GRID, GRID))
-    if spread > 1e-9:
+    if spread > ROUNDING:
         model = _fitted(np.log10(k), left / spread, noisy=True)
         mean, covariance = model.predict(at[:, None], return_cov=True)
         # The model predicts another noisy walk; without the noise it is the mean.
@@ -101,12 +101,12 @@ def best_stiffness(
     draws = rng.multivariate_normal(mean, covariance, size=DRAWS, method="eigh", check_valid="ignore")
     curve, draws = expected + spread * mean, expected + spread * draws
     best = int(np.argmax(curve))
-    if np.ptp(curve) < 1e-9:  # whatever the stiffness, the same
+    if np.ptp(curve) < ROUNDING:  # whatever the stiffness, the same
         best = GRID // 2
     far = np.flatnonzero(curve[best] - curve > NEARLY)
     low, high = far[far < best].max(initial=-1) + 1, far[far > best].min(initial=GRID) - 1
     likely = np.percentile(at[np.argmax(draws, axis=1)], (10.0, 90.0))
-    if np.ptp(draws) < 1e-9:
+    if np.ptp(draws) < ROUNDING:
         likely = at[[0, -1]]
     return Label(
         stiffness=float(10.0 ** at[best]),
@@ -181,7 +181,7 @@ def pooled_curve(stiffness: Array, J: Array, ground: Array) -> Curve:
     mean = np.bincount(which, left) / count
     freedom = max(k.size - tried.size - int(places.max()), 1)
     error = np.sqrt(((left - mean[which]) ** 2).sum() / freedom / count)
-    scale = max(float(mean.std()), float(error.mean()), 1e-9)
+    scale = max(float(mean.std()), float(error.mean()), ROUNDING)
     model = _fitted(np.log10(tried), mean / scale, alpha=np.maximum(error / scale, 1e-3) ** 2)
 
     def curve(at: Array) -> Array:

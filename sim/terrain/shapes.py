@@ -14,7 +14,7 @@ from functools import cached_property
 
 import numpy as np
 
-from wbc.core.errors import Array
+from wbc.core.errors import ROUNDING, Array
 
 _OUTSIDE = -np.inf
 
@@ -205,7 +205,7 @@ class Cylinder(_Rod):
 
     def _disc(self, end: Array, x: Array, y: Array) -> Array:
         """Return the height where vertical lines cross the flat end, m; -inf beside it or when the end is vertical."""
-        if abs(self.axis[2]) < 1e-9:
+        if abs(self.axis[2]) < ROUNDING:
             return np.full(x.shape, _OUTSIDE)
         dx, dy = x - end[0], y - end[1]
         dz = -(self.axis[0] * dx + self.axis[1] * dy) / self.axis[2]

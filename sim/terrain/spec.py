@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike
 from pydantic import Field
 
 from wbc.core.arguments import checked
-from wbc.core.errors import Array, InputError, finite_scalar, non_negative, positive
+from wbc.core.errors import ROUNDING, Array, InputError, finite_scalar, non_negative, positive
 from wbc.core.settings import NonNegative, Positive, Seed, settings
 from wbc.feet.sensing.scan import PROFILE_STEP
 from wbc.feet.stiffness.roughness import LEAST_SAMPLES, Roughness, RoughnessSettings, roughness
@@ -212,8 +212,8 @@ class Terrain:
                 return needed
             # A whole number of cells per cell of the family keeps its samples where they are.
             grid = self.parameters.grid
-            return grid / max(1, math.ceil(grid / needed - 1e-9))
-        if self.resolution > needed * (1.0 + 1e-9):
+            return grid / max(1, math.ceil(grid / needed - ROUNDING))
+        if self.resolution > needed * (1.0 + ROUNDING):
             raise InputError(
                 f"resolution {self.resolution:g} m is too coarse for terrain '{self.name}': at most {needed:.3g} m is "
                 f"needed (sole spheres of {self.sole_radius:g} m, smallest feature {self._feature:.3g} m in "
@@ -339,7 +339,7 @@ class Terrain:
                 f"profile step (m) must be at least {(b - a) / MAX_NODES:.3g}, for {MAX_NODES:.3g} samples between "
                 f"{a:g} and {b:g} m, got {spacing:g}"
             )
-        x = np.asarray(a + spacing * np.arange(math.floor((b - a) / spacing + 1e-9) + 1))
+        x = np.asarray(a + spacing * np.arange(math.floor((b - a) / spacing + ROUNDING) + 1))
         return x, self.height(x, finite_scalar("profile y (m)", y))
 
     def clears(self, clearance: float) -> bool:

@@ -8,7 +8,7 @@ from typing import Annotated
 
 import numpy as np
 
-from wbc.core.errors import InputError
+from wbc.core.errors import ROUNDING, InputError
 from wbc.core.settings import Count, NonNegative, Positive, Share, settings
 from wbc.sim.trial.loop import TrialHook, TrialTick
 from wbc.walking.planning.phases import Event
@@ -64,7 +64,7 @@ class PushSchedule(TrialHook):
         if reference is not None and any(event in LIFT_OFFS for event in reference.events):
             progress = tick.walking.progress
             self._lift_off.setdefault(progress.steps_done + 1, (now, progress.cycle))
-        for push in [push for push in self._pending if now >= self._due(push) - 1e-9]:
+        for push in [push for push in self._pending if now >= self._due(push) - ROUNDING]:
             self._pending.remove(push)
             force = push.impulse * plant.robot.mass / push.duration
             along = np.array([math.cos(push.direction), math.sin(push.direction), 0.0])

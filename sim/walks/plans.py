@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import Annotated, Literal
 
-from wbc.core.errors import InputError
+from wbc.core.errors import ROUNDING, InputError
 from wbc.core.settings import Count, settings
 from wbc.sim.terrain.families.stairs import Steps
 from wbc.sim.terrain.spec import Terrain
@@ -150,7 +150,7 @@ class Drive(TrialHook):
 
     def before(self, trial: Trial) -> None:
         """Command the velocity that is due."""
-        while self._pending and trial.plant.time >= self._pending[0][0] - 1e-9:
+        while self._pending and trial.plant.time >= self._pending[0][0] - ROUNDING:
             self._walking.velocity = self._pending.pop(0)[1:]
 
     @property

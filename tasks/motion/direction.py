@@ -10,7 +10,7 @@ import pinocchio as pin
 from numpy.typing import ArrayLike
 
 from wbc.core.arguments import checked
-from wbc.core.errors import Array, InputError, finite_array
+from wbc.core.errors import ROUNDING, Array, InputError, finite_array
 from wbc.core.qp.task import read_only
 from wbc.core.robot import Robot
 from wbc.tasks.motion.axes import ROTATION_AXES, other_columns
@@ -38,7 +38,7 @@ def unit_vector(what: str, value: ArrayLike) -> Array:
     """Return a vector of length 1, shape (3,); `InputError` for what is not three finite numbers, or all zero."""
     vector = finite_array(what, value, (3,))
     length = float(np.linalg.norm(vector))
-    if length < 1e-9:
+    if length < ROUNDING:
         raise InputError(f"{what} must not be zero, got {vector}")
     return vector / length
 
@@ -164,7 +164,7 @@ class GazeTask(DirectionTask):
 
     def _direction(self) -> Array:
         way = self._way()
-        return np.asarray(way / max(float(np.linalg.norm(way)), 1e-9))
+        return np.asarray(way / max(float(np.linalg.norm(way)), ROUNDING))
 
     def _distance(self) -> float:
         return max(float(np.linalg.norm(self._way())), NEAREST)

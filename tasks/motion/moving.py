@@ -9,7 +9,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
-from wbc.core.errors import Array, InputError
+from wbc.core.errors import ROUNDING, Array, InputError
 from wbc.core.qp.controller import Controller
 from wbc.core.qp.task import MotionTask, SelectionTask, Task, evaluated
 from wbc.tasks.trajectories import Trajectory
@@ -62,7 +62,7 @@ class Turning(Course):
         """Return the rotation vector to a rotation, shape (3,): of those that are the same turn, the nearest."""
         vector = np.asarray(pin.log3(self._check(target) @ self._base.T))
         angle = float(np.linalg.norm(vector))
-        if angle < 1e-9:
+        if angle < ROUNDING:
             return vector
         axis = vector / angle
         turns = round((float(axis @ before) - angle) / (2.0 * np.pi))
@@ -242,7 +242,7 @@ class MovingTask(Task):
         trajectory = self._trajectory
         if trajectory is None:
             return False
-        arrived = self._elapsed >= trajectory.duration - 1e-9
+        arrived = self._elapsed >= trajectory.duration - ROUNDING
         self._put(*self._on.motion(*trajectory.at(self._elapsed)))
         self._elapsed += dt
         if arrived:

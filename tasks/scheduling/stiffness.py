@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from wbc.core.arguments import checked
-from wbc.core.errors import Array, InputError, choose
+from wbc.core.errors import ROUNDING, Array, InputError, choose
 from wbc.core.robot import SIDES, Robot
 from wbc.core.signals import Measurement
 from wbc.feet.sensing.scan import GroundScan, Profile
@@ -180,7 +180,7 @@ class StiffnessScheduler:
         reading = _of_sole(measurement.sole_range, side)
         if self.timing.sensor_rate > 0.0:
             held = reading == self._last_reading or (math.isnan(reading) and math.isnan(self._last_reading))
-            if held and measurement.time < self._last_time + 1.0 / self.timing.sensor_rate - 1e-9:
+            if held and measurement.time < self._last_time + 1.0 / self.timing.sensor_rate - ROUNDING:
                 return
             self._last_reading, self._last_time = reading, measurement.time
         placement = robot.placement(self._frames[side])
@@ -239,7 +239,7 @@ class StiffnessScheduler:
             profile = self._scan.profile()
         except InputError as error:
             return None, f"scan too short: {error}"
-        if profile.length < self.timing.min_length - 1e-9:
+        if profile.length < self.timing.min_length - ROUNDING:
             return profile, f"scan too short: {profile.length:.3f} m, {self.timing.min_length:g} m are needed"
         if profile.coverage < self.timing.min_coverage:
             return (

@@ -103,7 +103,7 @@ def test_measurements_of_another_period_than_the_controllers_are_named(period: f
     controller = standing("hrp4_class", DT)
     control, rng = PositionControl(controller), np.random.default_rng(0)
     for tick in range(60):
-        m = at_rest(controller.robot, tick * period)
+        m = at_rest(controller.robot, 3.0 + tick * period)
         control.command(
             replace(m, joint_position=m.joint_position + rng.normal(scale=1e-6, size=controller.robot.na))
         )

@@ -289,3 +289,13 @@ def test_a_velocity_that_is_not_its_encoders_is_named() -> None:
         doubts = [each for each in monitor.doubts if "frozen" not in each]
         named = [f"velocity of {ROBOT.joint_names[i]} contradicts its encoder" for i in (2, 5)]
         assert doubts == (named if tick >= 18 + 15 else []), tick
+
+
+def test_encoders_are_not_differentiated_between_stamps_that_are_too_close() -> None:
+    names, na = Plausibility(ROBOT, DT).names, ROBOT.na
+    monitor, rng = ConsistencyMonitor(ROBOT, DT, names), np.random.default_rng(0)
+    for tick in range(80):
+        values = rng.normal(size=len(names))
+        values[:na], values[na : 2 * na] = 1e-3 * tick, 0.0  # 1 mrad in a tenth of a step: 2 rad/s
+        monitor.update(values, at_rest(ROBOT, 0.1 * DT * tick), GRAVITY, 0.0, STILL, 0j)
+        assert not any("encoder" in doubt for doubt in monitor.doubts)

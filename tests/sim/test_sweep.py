@@ -391,6 +391,15 @@ def test_a_table_pairs_what_was_tried_on_the_same_seeds() -> None:
     json.dumps(table.to_json(), allow_nan=False)
 
 
+def test_a_table_marks_differences_and_equal_arms() -> None:
+    study = small_study(reference="flat", seeds=tuple(range(1, 31)))
+    entries = journal_of(
+        study, {"flat": [20, 21] * 15, "soft": [10, 11, 12] * 10, "rigid": [21, 20] * 10 + [20, 21] * 5}
+    )
+    text = study_table(study, entries, margin=0.5).markdown()
+    assert "| flat | -9.5 [-9.83, -9.17] (30) * | 0 [-0.3, 0.3] (30) = |" in text
+
+
 def test_a_table_of_another_part_of_the_results() -> None:
     study = small_study()
     entries = journal_of(study, {"flat": [22, 22, 5, 22]})

@@ -1,15 +1,19 @@
-"""The public surface: what `wbc` and its rooms export, with signatures.
+"""The public surface: what `wbc` and its rooms export, with signatures and the default of every setting.
 
 `python tests/support/public_api.py > tests/house/public_api.txt` writes the list that the test compares with.
 """
 
 from __future__ import annotations
 
+import dataclasses
 import importlib
 import inspect
 import re
 from collections.abc import Iterator
 from typing import Any
+
+from wbc import InputError
+from wbc.core.settings import to_json
 
 SURFACES = (
     "wbc",
@@ -43,13 +47,31 @@ def described(package: str, name: str, value: Any) -> str:
     return f"{package}.{name}{re.sub(r' at 0x[0-9a-f]+', '', signature)}"
 
 
+def flat(name: str, value: Any) -> Iterator[str]:
+    """Yield a line for each setting in nested settings."""
+    if not isinstance(value, dict):
+        yield f"{name} = {value!r}"
+        return
+    for key, inner in value.items():
+        yield from flat(f"{name}.{key}", inner)
+
+
+def defaults(package: str, name: str, value: Any) -> list[str]:
+    """Return the default of each setting of a class that can be made without arguments."""
+    if not dataclasses.is_dataclass(value) or inspect.isabstract(value):
+        return []
+    try:
+        return list(flat(f"{package}.{name}", to_json(value())))
+    except (InputError, TypeError):  # some of its values have no default
+        return []
+
+
 def surface() -> str:
-    """Return the whole list, a line for each name, in the order of the packages and the alphabet."""
-    lines = sorted(
-        (SURFACES.index(package), name, described(package, name, value))
-        for package, name, value in exported()
-    )
-    return "".join(f"{line}\n" for _, _, line in lines)
+    """Return the whole list, names in the order of the packages and the alphabet, then defaults."""
+    names = sorted(exported(), key=lambda entry: (SURFACES.index(entry[0]), entry[1]))
+    lines = [described(*entry) for entry in names]
+    lines += [line for entry in names for line in defaults(*entry)]
+    return "".join(f"{line}\n" for line in lines)
 
 
 if __name__ == "__main__":

@@ -18,6 +18,9 @@ from numpy.typing import ArrayLike, NDArray
 Array = NDArray[np.float64]
 """Every array in the library: float64, in SI units."""
 
+ROUNDING = 1e-9
+"""What sums and comparisons of times, lengths and forces may be off by rounding (s, m, N); also the least divisor."""
+
 
 class WbcError(Exception):
     """Root of every exception that the library raises on purpose."""

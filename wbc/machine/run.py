@@ -20,7 +20,7 @@ from wbc.core.arguments import checked
 from wbc.core.control import DriveControl
 from wbc.core.drive.position import PositionControl
 from wbc.core.drive.torque import TorqueControl
-from wbc.core.errors import InputError, check_parts, non_negative, positive
+from wbc.core.errors import ROUNDING, InputError, check_parts, non_negative, positive
 from wbc.core.gate import CommandGate
 from wbc.core.robot import GRAVITY
 from wbc.core.settings import NonNegative, Positive, Share, settings
@@ -109,7 +109,7 @@ class Runner:
         check_parts("a controller", control, "command")
         self.period = 1.0 / positive("rate (1/s)", rate)
         controller: Any = getattr(control, "controller", None)
-        if controller is not None and abs(controller.dt - self.period) > 1e-9:
+        if controller is not None and abs(controller.dt - self.period) > ROUNDING:
             raise InputError(
                 f"rate must be that of the controller, {1.0 / controller.dt:g} Hz, got {rate:g} Hz"
             )

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from wbc.core.errors import Array, InputError
+from wbc.core.errors import ROUNDING, Array, InputError
 from wbc.core.robot import Robot
 from wbc.motion.clip import MotionClip
 from wbc.motion.kinematics import BodyMotion
@@ -46,7 +46,7 @@ def find_contacts(
     ground, standing = _contacts(motion, known)
     for first, last in runs(~standing.any(axis=1)):
         begin, end = first / motion.rate, last / motion.rate
-        if end - begin > FLIGHT + 1e-9:
+        if end - begin > FLIGHT + ROUNDING:
             raise InputError(
                 f"a motion must have a foot on the ground at all times: no sole stands from {begin:.2f} s to "
                 f"{end:.2f} s, {end - begin:.2f} s, at most {FLIGHT:g} s are let pass"

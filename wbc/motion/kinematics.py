@@ -9,7 +9,7 @@ import numpy as np
 import pinocchio as pin
 from scipy.ndimage import gaussian_filter1d
 
-from wbc.core.errors import Array
+from wbc.core.errors import ROUNDING, Array
 from wbc.core.qp.contact import mean_distance
 from wbc.core.robot import BASE_DOF, GRAVITY, Robot
 
@@ -101,7 +101,7 @@ class BodyMotion:
         )
         force, soles = acceleration[:, :2], self.centres[..., :2]
         between = soles[:, 0] - soles[:, 1]
-        left = ((zmp - soles[:, 1]) * between).sum(axis=1) / np.maximum((between**2).sum(axis=1), 1e-9)
+        left = ((zmp - soles[:, 1]) * between).sum(axis=1) / np.maximum((between**2).sum(axis=1), ROUNDING)
         left = np.where(standing.all(axis=1), np.clip(left, 0.0, 1.0), standing[:, 0])
         loads = least_lift(acceleration) * np.column_stack([left, 1.0 - left])
         arms = soles - self.com[:, None, :2]
@@ -115,7 +115,7 @@ class BodyMotion:
             inertia = (stiffness * ((from_centre**2).sum(axis=-1) + distance**2)).sum(axis=1)
             speed, rate = force / total[:, None], moment / inertia
             slip = speed[:, None] + rate[:, None, None] * from_centre[..., ::-1] * (-1.0, 1.0)
-            size = np.sqrt((slip**2).sum(axis=-1) + (distance * rate[:, None]) ** 2) + 1e-9
+            size = np.sqrt((slip**2).sum(axis=-1) + (distance * rate[:, None]) ** 2) + ROUNDING
             stiffness = loads * size.max(axis=1, keepdims=True) / size
         power = (force * speed).sum(axis=1) + moment * rate
         return np.asarray(power / (loads * size).sum(axis=1))

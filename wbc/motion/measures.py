@@ -9,7 +9,7 @@ from typing import Annotated, Any
 import numpy as np
 
 from wbc.core.arguments import checked
-from wbc.core.errors import Array
+from wbc.core.errors import ROUNDING, Array
 from wbc.core.hull import convex_hull
 from wbc.core.robot import BASE_DOF, Robot
 from wbc.core.settings import Positive, Share
@@ -101,7 +101,7 @@ def measure(robot: Robot, motion: BodyMotion, stands: Array, share: float, frict
         joint_excess=by_joint(robot, excess),
         joint_speed=by_joint(robot, speed.max(axis=0), allowed),
         joint_torque=by_joint(robot, torque.max(axis=0), allowed),
-        foot_slide=1e3 * float(path[both].sum()) / max(float(both.sum()) / motion.rate, 1e-9),
+        foot_slide=1e3 * float(path[both].sum()) / max(float(both.sum()) / motion.rate, ROUNDING),
         penetration=1e3 * max(0.0, -float(motion.corners[..., 2].min())),
         zmp_worst=1e3 * float(outside.max()),
         friction=float(needed.max()),

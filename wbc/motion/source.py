@@ -28,7 +28,7 @@ from scipy.spatial.transform import Rotation, RotationSpline
 
 from wbc.core.arguments import checked
 from wbc.core.control import State
-from wbc.core.errors import Array, InputError, as_period
+from wbc.core.errors import ROUNDING, Array, InputError, as_period
 from wbc.core.robot import GRAVITY, Robot
 from wbc.motion.clip import MotionClip
 from wbc.motion.contacts import find_contacts
@@ -244,7 +244,7 @@ def clip_references(
 def splines(robot: Robot, clip: MotionClip, dt: float) -> tuple[Array, Array, Array]:
     """Return configurations, velocities and accelerations of a clip at the ticks of a period, s."""
     frames = clip.configurations(robot)
-    count = math.ceil(clip.duration / dt - 1e-9) + 1
+    count = math.ceil(clip.duration / dt - ROUNDING) + 1
     t = np.minimum(np.arange(count) * dt, clip.duration)
     columns = CubicSpline(clip.times, np.delete(frames, range(3, 7), axis=1), bc_type="clamped")
     turn = RotationSpline(clip.times, Rotation.from_quat(frames[:, 3:7]))

@@ -8,7 +8,7 @@ from typing import Annotated
 
 import numpy as np
 
-from wbc.core.errors import Array
+from wbc.core.errors import ROUNDING, Array
 from wbc.core.settings import Count, Positive, settings
 
 
@@ -97,6 +97,6 @@ class FallDetector:
             self.reason = FallReason.HEIGHT
         elif float(torso_up[2]) < math.cos(s.tilt):
             self.reason = FallReason.TILT
-        elif self._away > s.dcm_time + 1e-9:
+        elif self._away > s.dcm_time + ROUNDING:
             self.reason = FallReason.DCM
         return self.reason

@@ -17,7 +17,7 @@ from typing import Annotated
 import numpy as np
 import pinocchio as pin
 
-from wbc.core.errors import Array, InputError, as_period
+from wbc.core.errors import ROUNDING, Array, InputError, as_period
 from wbc.core.robot import GRAVITY, SIDES, Robot
 from wbc.core.settings import Positive, Share, settings
 from wbc.tasks.stabilizer.pendulum import Pendulum
@@ -295,7 +295,7 @@ class Walk:
                 self._land(placements)
         overdue = self.phases.overdue
         interval = 0.5 * self.settings.phases.hold if overdue else self.settings.replan
-        if self._rest is None and (events or self._time >= interval - 1e-9):
+        if self._rest is None and (events or self._time >= interval - ROUNDING):
             if self._time > 0.0:  # a swing that begins has planned already
                 self._replan()
         elif dcm is not None and self._adjuster and self._swing is not None and not overdue:

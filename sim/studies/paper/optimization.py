@@ -18,7 +18,7 @@ from typing import Annotated, Any
 import numpy as np
 from pydantic import Field
 
-from wbc.core.errors import Array, InputError
+from wbc.core.errors import ROUNDING, Array, InputError
 from wbc.core.registry import Registry
 from wbc.core.settings import Count, NonNegative, Positive, Seed, settings
 from wbc.feet.soles.actuator import PAPER_STIFFEST, SOFTEST, STIFFEST
@@ -185,7 +185,7 @@ def parameters(spec: Mapping[str, Any]) -> dict[str, float]:
 
 def within(bounds: Bounds, values: Mapping[str, float]) -> bool:
     """Return True if parameters lie within the bounds."""
-    return all(-1e-9 <= share <= 1.0 + 1e-9 for share in bounds.unit(values))
+    return all(-ROUNDING <= share <= 1.0 + ROUNDING for share in bounds.unit(values))
 
 
 @dataclass(frozen=True)

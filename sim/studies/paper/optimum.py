@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from wbc.core.errors import Array, InputError
+from wbc.core.errors import ROUNDING, Array, InputError
 from wbc.feet.soles.actuator import PAPER_STIFFEST
 from wbc.sim.studies.journal import Entry
 from wbc.sim.studies.paper.optimization import (
@@ -127,7 +127,7 @@ def optimum(known: Sequence[Walked], bounds: Bounds, *, seed: int = 0) -> Optimu
         if name == "k":
             spread = np.sqrt(np.maximum(np.diag(cov) + cov[GRID, GRID] - 2.0 * cov[GRID], 0.0))
             bounded = np.minimum(mean, BEST_J)  # the model does not know that walks cannot be better
-            same = bounded[GRID] - bounded <= 1.645 * spread + 1e-9
+            same = bounded[GRID] - bounded <= 1.645 * spread + ROUNDING
             ranges = _ranges(values, same[:GRID])
             expected = float(bounded[GRID]), float(std[GRID])
     k, mean, std = slices.pop("k")

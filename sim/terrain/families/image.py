@@ -12,7 +12,7 @@ from typing import Annotated, Any
 
 import numpy as np
 
-from wbc.core.errors import Array, InputError, finite_array
+from wbc.core.errors import ROUNDING, Array, InputError, finite_array
 from wbc.core.files import decoding
 from wbc.core.settings import Positive
 from wbc.sim.terrain.families.base import FieldFamily, family, param
@@ -134,7 +134,7 @@ class Image(FieldFamily):
         return dict(zip(("length", "width"), self._size, strict=True)) | {"ramp": 0.0}
 
     def check_track(self, length: float, width: float) -> None:
-        if length > self._size[0] + 1e-9 or width > self._size[1] + 1e-9:
+        if length > self._size[0] + ROUNDING or width > self._size[1] + ROUNDING:
             raise InputError(
                 f"the image covers {self._size[0]:g} m x {self._size[1]:g} m (length x width) at {self._pixel:g} m per "
                 f"pixel; the rough part of {length:g} m x {width:g} m does not fit"

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
 
-from wbc.core.errors import InputError, finite_scalar
+from wbc.core.errors import ROUNDING, InputError, finite_scalar
 from wbc.core.settings import Positive
 from wbc.sim.terrain.families.base import ShapeFamily, family, make_family, param
 from wbc.sim.terrain.families.site import Site
@@ -78,7 +78,7 @@ class Patchwork(ShapeFamily):
 
     def stretches(self, site: Site) -> list[tuple[str, float, float]]:
         """Return family, begin and end (m) of each stretch; the last one may be longer than the others."""
-        count = max(1, math.floor(site.length / self.stretch + 1e-9))
+        count = max(1, math.floor(site.length / self.stretch + ROUNDING))
         edges = [*(site.x0 + self.stretch * np.arange(count)), site.x1]
         names = list(self._parts)
         draws = site.draws.uniform(0.0, 1.0, count)

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from wbc.core.errors import Array, InputError, whole_number
+from wbc.core.errors import ROUNDING, Array, InputError, whole_number
 
 
 class Draws:
@@ -99,10 +99,10 @@ class Site:
 
 def centred(low: float, high: float, pitch: float) -> Array:
     """Place as many points `pitch` apart as fit between low and high, centred, shape (n,)."""
-    count = max(1, math.floor((high - low) / pitch + 1e-9) + 1)
+    count = max(1, math.floor((high - low) / pitch + ROUNDING) + 1)
     return np.asarray((low + high) / 2.0 + pitch * (np.arange(count) - (count - 1) / 2.0))
 
 
 def cells(extent: float, step: float) -> int:
     """Count the cells no wider than `step` that divide `extent` evenly."""
-    return max(1, math.ceil(extent / step - 1e-9))
+    return max(1, math.ceil(extent / step - ROUNDING))

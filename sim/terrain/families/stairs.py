@@ -9,7 +9,7 @@ from typing import Annotated, Any, Literal
 
 import numpy as np
 
-from wbc.core.errors import InputError
+from wbc.core.errors import ROUNDING, InputError
 from wbc.core.settings import Positive
 from wbc.sim.terrain.families.base import ShapeFamily, family, param
 from wbc.sim.terrain.families.site import Site
@@ -82,7 +82,7 @@ class Steps(_Climb):
 
     def risers(self, amplitude: float) -> int:
         """Return the number of steps of one flight."""
-        return max(1, math.ceil(amplitude / self.riser - 1e-9))
+        return max(1, math.ceil(amplitude / self.riser - ROUNDING))
 
     def rise_at(self, amplitude: float) -> float:
         return amplitude / self.risers(amplitude)
@@ -95,7 +95,7 @@ class Steps(_Climb):
         n = self.risers(site.amplitude)
         flight = (n - 1) * self.tread
         needed = 2.0 * flight + self.landing if self.direction == "up_down" else flight
-        if needed > site.length + 1e-9:
+        if needed > site.length + ROUNDING:
             raise InputError(
                 f"stairs of {n} risers and {self.tread:g} m treads need a rough part of {needed:g} m, "
                 f"got {site.length:g} m"

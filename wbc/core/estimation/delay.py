@@ -12,7 +12,7 @@ from collections import deque
 import numpy as np
 import pinocchio as pin
 
-from wbc.core.errors import Array
+from wbc.core.errors import ROUNDING, Array
 from wbc.core.signals import Command, Measurement
 
 
@@ -35,7 +35,7 @@ class DelayPredictor:
         """Take over the acceleration, shape (nv,), of the command that is sent now and valid for dt, s."""
         self._sent.append((acceleration, dt))
         self._covered += dt
-        while self._covered - self._sent[0][1] >= self._delay - 1e-9:
+        while self._covered - self._sent[0][1] >= self._delay - ROUNDING:
             self._covered -= self._sent.popleft()[1]
 
     def ahead(self, q: Array, v: Array) -> tuple[Array, Array]:
@@ -65,7 +65,7 @@ class SentCommands:
         Gains are kp and kd for commands that bring none, each of shape (na,), zero when None; the delay is the sum of
         those of measurement and command, s.
         """
-        whole = int(delay / dt + 1e-9)
+        whole = int(delay / dt + ROUNDING)
         self._part = max(delay / dt - whole, 0.0)  # of a period, in which an older command still acted
         self._commands: deque[Command] = deque(maxlen=whole + 2)
         none = np.zeros_like(torque_limit)

@@ -16,7 +16,7 @@ from typing import Annotated, Any
 import numpy as np
 from pydantic import Field
 
-from wbc.core.errors import Array, MeasurementError, shown
+from wbc.core.errors import ROUNDING, Array, MeasurementError, shown
 from wbc.core.robot import GRAVITY, Robot
 from wbc.core.settings import Count, NonNegative, Positive, settings
 from wbc.core.signals import Measurement
@@ -326,7 +326,7 @@ class Plausibility:
             return m
         self.refused += 1
         lasting = float(self._lasting.max())
-        if last is None or lasting > self.settings.hold + 1e-9:
+        if last is None or lasting > self.settings.hold + ROUNDING:
             raise MeasurementError(f"{', '.join(names[:4])} refused for {lasting:.3f} s")
         repaired = values.copy()
         replaced = bad[self._groups]

@@ -13,7 +13,7 @@ import numpy as np
 import pinocchio as pin
 
 from wbc.core.arguments import checked
-from wbc.core.errors import Array, InputError, shown
+from wbc.core.errors import ROUNDING, Array, InputError, shown
 from wbc.core.limits.rows import RowLimit, limit_time_constant
 from wbc.core.robot import Robot
 from wbc.core.settings import NonNegative, Positive, settings
@@ -49,7 +49,7 @@ class CollisionCapsule:
     end: Annotated[Point, "m"]
 
     def __post_init__(self) -> None:
-        if math.dist(self.start, self.end) < 1e-9:
+        if math.dist(self.start, self.end) < ROUNDING:
             raise InputError(
                 f"a capsule needs two different ends, got {self.start} twice; use a CollisionSphere"
             )

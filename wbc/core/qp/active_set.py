@@ -12,7 +12,7 @@ import math
 import numpy as np
 from scipy.linalg.lapack import dposv, dpotrs
 
-from wbc.core.errors import Array, scalar
+from wbc.core.errors import ROUNDING, Array, scalar
 from wbc.core.qp.problem import Problem
 from wbc.core.vectors import largest
 
@@ -144,7 +144,7 @@ class ActiveSet:
             force = self._force[self._n_linear :]
             forces = np.where(self._upper_side, -force, force)
             wrong = forces < 0.0
-            wrong &= p.upper[active] - p.lower[active] > 1e-9
+            wrong &= p.upper[active] - p.lower[active] > ROUNDING
             if not (violated or wrong.any()):
                 self.multipliers.fill(0.0)
                 self.multipliers[active] = -force

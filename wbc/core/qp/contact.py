@@ -17,6 +17,7 @@ from numpy.typing import ArrayLike
 
 from wbc.core.arguments import checked, checked_on_failure
 from wbc.core.errors import (
+    ROUNDING,
     Array,
     InputError,
     finite_array,
@@ -610,7 +611,7 @@ class PointContact(Contact):
     def normal(self, value: ArrayLike) -> None:
         axis = finite_array(f"normal of contact '{self.name}'", value, (3,))
         length = float(np.linalg.norm(axis))
-        if length < 1e-9:
+        if length < ROUNDING:
             raise InputError(f"normal of contact '{self.name}' must not be zero")
         turn = pin.Quaternion.FromTwoVectors(axis / length, np.array([0.0, 0.0, 1.0])).matrix()
         self._world_to_contact = np.ascontiguousarray(turn)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pinocchio as pin
 
-from wbc.core.errors import Array
+from wbc.core.errors import ROUNDING, Array
 from wbc.core.robot import GRAVITY
 from wbc.machine.conformance.session import UNIT, Causes, Record, Session, settled
 
@@ -61,7 +61,7 @@ def imu(s: Session) -> str:
     s.soles()
     frame, force = np.array(s.robot.placement(s.robot.imu_frame).rotation), settled(s.rest["specific_force"])
     size = float(np.linalg.norm(force))
-    along = float(frame[2] @ force) / max(size, 1e-9)
+    along = float(frame[2] @ force) / max(size, ROUNDING)
     s.check(
         "accelerometer",
         f"{size:.2f} m/s² at rest",
@@ -90,7 +90,7 @@ def imu(s: Session) -> str:
     if not s.good("accelerometer", "gyroscope"):
         return "gyroscope or accelerometer has another unit"
     # seen ≈ R turns for each of three turns: R is what lies between the gyroscope and the IMU frame.
-    between = seen.T @ np.linalg.pinv(turns.T) / max(size, 1e-9)
+    between = seen.T @ np.linalg.pinv(turns.T) / max(size, ROUNDING)
     u, _, vt = np.linalg.svd(between)
     angle = np.degrees(np.linalg.norm(pin.log3(u @ np.diag([1.0, 1.0, np.linalg.det(u @ vt)]) @ vt)))
     agree, tilt = np.trace(between) / 3.0, (tilts * felt)[:2].sum() / (tilts * tilts)[:2].sum()

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pinocchio as pin
 
-from wbc.core.errors import Array, InputError
+from wbc.core.errors import ROUNDING, Array, InputError
 from wbc.machine.conformance.session import UNIT, Causes, Record, Session, settled
 
 STEP, TIME = 0.02, 0.1
@@ -184,7 +184,7 @@ def torques(s: Session) -> str:
         return "no joint beside the legs"
     # Torques and velocity references that move free joints by 20 mrad.
     tau[free] = np.clip(0.02 * kp[free], 0.0, 1.5 * s.jolt[free])
-    rate[free] = np.clip(0.02 * kp[free] / np.maximum(kd[free], 1e-9), 0.0, 1.0)
+    rate[free] = np.clip(0.02 * kp[free] / np.maximum(kd[free], ROUNDING), 0.0, 1.0)
     s.push = tau, rate
     pushed, dragged = s.answer = _answer(s)
     if s.confused:

@@ -25,7 +25,7 @@ from typing import Annotated
 import numpy as np
 import pinocchio as pin
 
-from wbc.core.errors import Array
+from wbc.core.errors import ROUNDING, Array
 from wbc.core.qp.contact import ContactOptions, FixedContact, PointContact
 from wbc.core.qp.controller import Controller, Item
 from wbc.core.settings import NonNegative, Positive, Share, settings
@@ -295,7 +295,7 @@ class Hand:
             self._most = float(given[2]) if self.bounded else math.inf
             self.force.advance(dt)
             if self.force.goal == 0.0:  # the force for the balance fades with it
-                self.extra *= self.force.value / max(before, 1e-9)
+                self.extra *= self.force.value / max(before, ROUNDING)
             self._watch(dt)
             if self.force.goal == 0.0 and self.force.value == 0.0:
                 self._free()
@@ -356,7 +356,7 @@ class Hand:
     def _approach(self, dt: float) -> None:
         settings, task = self._settings, self.task
         self._felt = self._felt + dt if self.pressed > settings.touch else 0.0
-        if self._felt >= 2.0 * dt - 1e-9:
+        if self._felt >= 2.0 * dt - ROUNDING:
             self.state, self._short = HandState.HOLD, 0.0
             self.contact.normal, self.contact.active = -self.direction, True
             task.weight = (*[WEIGHT] * 3, *[HOLD_WEIGHT] * 3)
@@ -379,7 +379,7 @@ class Hand:
         least = min(self.planned, self.target)
         short = self.pressed < LOSS * least and least > 2.0 * self._settings.touch
         self._short = self._short + dt if short else 0.0
-        if self._short > LOSS_TIME + 1e-9:
+        if self._short > LOSS_TIME + ROUNDING:
             self._lose()
 
     def _fade(self, duration: float) -> None:

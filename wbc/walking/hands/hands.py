@@ -24,7 +24,7 @@ import pinocchio as pin
 from numpy.typing import ArrayLike
 
 from wbc.core.arguments import checked
-from wbc.core.errors import Array, InputError, choose, finite_array, finite_scalar
+from wbc.core.errors import ROUNDING, Array, InputError, choose, finite_array, finite_scalar
 from wbc.core.estimation.turn import GyroTurn
 from wbc.core.qp.controller import Controller
 from wbc.core.robot import GRAVITY, Robot
@@ -313,7 +313,7 @@ class Hands:
         ahead = np.array(((c, s), (-s, c)))
         held, own = ahead @ held, ahead @ own
         room = np.subtract(self._edges, self.settings.margin)  # to toes and side
-        most = float(np.min((room - np.sign(own) * held) / np.maximum(np.abs(own), 1e-9)))
+        most = float(np.min((room - np.sign(own) * held) / np.maximum(np.abs(own), ROUNDING)))
         if force > most:
             moved = 1e3 * math.hypot(*(held + force * own))
             raise InputError(
@@ -394,7 +394,7 @@ class Hands:
         forces = self._felt[[hand.index for hand in gripping], :3]
         mean = forces.mean(axis=0)
         size, limit = len(gripping) * float(np.linalg.norm(mean)), sum(hand.force.goal for hand in gripping)
-        excess = np.tile((max(0.0, size - limit) / max(size, 1e-9)) * mean, (len(gripping), 1))
+        excess = np.tile((max(0.0, size - limit) / max(size, ROUNDING)) * mean, (len(gripping), 1))
         if len(gripping) == 2:
             first, second = (self._place(hand.name).translation for hand in gripping)
             line = (second - first) / max(float(np.linalg.norm(second - first)), 1e-6)
@@ -411,12 +411,12 @@ class Hands:
         x, y = float(direction[0]), float(direction[1])
         size = math.hypot(x, y)
         ahead, aside = abs(c * x + s * y) / size, abs(c * y - s * x) / size
-        return min(self._edges[0] / max(ahead, 1e-9), self._edges[1] / max(aside, 1e-9))
+        return min(self._edges[0] / max(ahead, ROUNDING), self._edges[1] / max(aside, ROUNDING))
 
     def _lean(self, goal: Array, yaw: float) -> Array:
         """Return the shift of the CoM that remains once the ZMP of the feet has moved by `edge` of the distance."""
         size = math.hypot(goal[0], goal[1])
-        if self.settings.edge == 0.0 or size < 1e-9:
+        if self.settings.edge == 0.0 or size < ROUNDING:
             return goal
         borne = self.settings.edge * self._to_edge(goal, yaw)  # by the ZMP, m
         rest: Array = goal * max(0.0, 1.0 - borne / size)

@@ -10,6 +10,7 @@ from __future__ import annotations
 from bisect import bisect_right
 from collections.abc import Sequence
 
+from wbc.core.errors import ROUNDING
 from wbc.tasks.stabilizer.pendulum import Pendulum
 from wbc.tasks.trajectories import Quintic
 from wbc.walking.planning.schedule import SupportPhase
@@ -29,7 +30,7 @@ class HeightProfile:
         self._pieces = [Quintic(state, (events[0][1], 0.0, 0.0), max(SHORTEST, events[0][2]))]
         goal = events[0][1]
         for time, level, deadline in events[1:]:
-            if abs(level - goal) < 1e-9:
+            if abs(level - goal) < ROUNDING:
                 continue
             state = self.at(time)
             self._starts.append(time)
@@ -57,11 +58,11 @@ def _events(supports: Sequence[SupportPhase]) -> list[tuple[float, float, float]
             level = support.feet[0].z
             middle = max(time, end - 0.5 * support.total)
             events.append((time, level, middle))
-            if following is not None and _level(supports, i + 1) < level - 1e-9:
+            if following is not None and _level(supports, i + 1) < level - ROUNDING:
                 events.append((middle, _level(supports, i + 1), end + following.duration))
         else:
             extra = 0.5 * following.total if following is not None else 0.0
-            rising = _level(supports, i) > support.feet[0].z + 1e-9
+            rising = _level(supports, i) > support.feet[0].z + ROUNDING
             events.append((time, _level(supports, i), end + (extra if rising else 0.0)))
         time = end
     return events

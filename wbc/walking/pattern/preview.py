@@ -27,7 +27,7 @@ from typing import Annotated
 import numpy as np
 from pydantic import Field
 
-from wbc.core.errors import Array, InputError, positive
+from wbc.core.errors import ROUNDING, Array, InputError, positive
 from wbc.core.qp.problem import Problem
 from wbc.core.qp.solver import QpSolver, Status
 from wbc.core.settings import NonNegative, Positive, settings
@@ -119,7 +119,7 @@ class PreviewController:
         reference = np.zeros((times.size, 2))
         for axis in (0, 1):
             reference[:, axis] = np.interp(times, ref_times, ref_points[:, axis])
-        tail = ref_times > times[-1] + 1e-9
+        tail = ref_times > times[-1] + ROUNDING
         tail_times, tail_points = ref_times[tail], ref_points[tail]
         after = np.concatenate((times[-1:], tail_times)), np.concatenate((reference[-1:], tail_points))
         end_dcm = dcm_backwards(*after, self.omega)[0]
@@ -148,7 +148,7 @@ class PreviewController:
         for support in supports:
             if len(times) > s.knots + 1:
                 break  # beyond the horizon the plan is the analytic one
-            if support.duration <= 1e-9:
+            if support.duration <= ROUNDING:
                 continue
             parts = max(1, math.ceil(support.duration / s.interval - 1e-6))
             area = support_area(support.feet, self._sizes, s.margin)

@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 import pinocchio as pin
 
-from wbc.core.errors import Array, InputError, positive
+from wbc.core.errors import ROUNDING, Array, InputError, positive
 from wbc.core.vectors import Vector
 from wbc.tasks.trajectories import Quintic
 from wbc.walking.planning.footsteps import Footstep
@@ -160,7 +160,7 @@ class SwingFoot:
         speed, height = gait.landing_speed, gait.landing_height
         down = [(end, (landing.z, -speed, 0.0))]
         # A late change, or a short swing, leaves no time to be slow.
-        if height > 0.0 and end - max(now, self.apex_time) > height / max(speed, 1e-9) + SHORTEST:
+        if height > 0.0 and end - max(now, self.apex_time) > height / max(speed, ROUNDING) + SHORTEST:
             down.insert(0, (end - height / speed, (landing.z + height, -speed, 0.0)))
         down.append((end + gait.search_time, (landing.z - gait.search_depth, 0.0, 0.0)))
         top = max(self._origin, landing.z) + gait.swing_height

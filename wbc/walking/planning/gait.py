@@ -10,7 +10,7 @@ from typing import Annotated
 import numpy as np
 from pydantic import Field
 
-from wbc.core.errors import InputError, as_period, finite_array
+from wbc.core.errors import ROUNDING, InputError, as_period, finite_array
 from wbc.core.settings import Positive, settings
 
 TIMINGS = ("single_support", "double_support", "initial_double_support", "final_double_support")
@@ -141,7 +141,7 @@ class Gait:
                 raise InputError(
                     f"{name} of {value:g} s must span two control periods of {period:g} s or more"
                 )
-            if abs(ticks * period - value) > 1e-9:
+            if abs(ticks * period - value) > ROUNDING:
                 changed[name] = ticks * period
                 notes.append(
                     f"{name} of {value:g} s rounded to {ticks * period:g} s, a multiple of the control period"

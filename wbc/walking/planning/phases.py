@@ -13,7 +13,7 @@ import enum
 from collections.abc import Sequence
 from typing import Annotated
 
-from wbc.core.errors import InputError, non_negative, positive
+from wbc.core.errors import ROUNDING, InputError, non_negative, positive
 from wbc.core.robot import SIDES
 from wbc.core.settings import NonNegative, Positive, Share, settings
 from wbc.walking.planning.footsteps import Footstep, FootstepPlan
@@ -118,7 +118,7 @@ class WalkPhases:
     @property
     def overdue(self) -> bool:
         """True while lift-off or touch-down is late."""
-        return self._waits and self.elapsed >= self.duration - 1e-9
+        return self._waits and self.elapsed >= self.duration - ROUNDING
 
     @property
     def _waits(self) -> bool:
@@ -203,9 +203,9 @@ class WalkPhases:
         side = SIDES.index(self.plan.steps[self.step].side)
         loaded = loads[side] >= s.touch_down * self.weight
         self._loaded = self._loaded + dt if loaded else 0.0
-        touched = loaded and self._loaded >= s.debounce - 1e-9
+        touched = loaded and self._loaded >= s.debounce - ROUNDING
         left = self.duration - self.elapsed
-        if left > 1e-9:
+        if left > ROUNDING:
             if not (touched and self.elapsed >= s.early * self.duration):
                 return ()
             event, credit = (
@@ -214,7 +214,7 @@ class WalkPhases:
             )  # of time, for the double support: the rhythm is kept
         elif touched:
             event, credit = (Event.TOUCH_DOWN if left > -0.5 * s.hold else Event.LATE_TOUCH_DOWN), 0.0
-        elif left <= -s.max_late + 1e-9:
+        elif left <= -s.max_late + ROUNDING:
             event, credit = (Event.NO_TOUCH_DOWN if s.max_late > 0.0 else Event.TOUCH_DOWN), 0.0
         else:
             return ()
@@ -226,7 +226,7 @@ class WalkPhases:
         return (event,)
 
     def _double(self, loads: Sequence[float]) -> tuple[Event, ...]:
-        if self.elapsed < self.duration - 1e-9:
+        if self.elapsed < self.duration - ROUNDING:
             return ()
         if self.step >= len(self.plan):
             self._enter(Phase.STANDING, 0.0)
@@ -234,7 +234,7 @@ class WalkPhases:
         s = self.settings
         leaving = SIDES.index(self.plan.steps[self.step].side)
         free = loads[leaving] <= s.lift_off * self.weight and loads[1 - leaving] >= s.stance * self.weight
-        if not free and self.elapsed < self.duration + s.max_wait - 1e-9:
+        if not free and self.elapsed < self.duration + s.max_wait - ROUNDING:
             return ()
         self._enter(Phase.SINGLE, self.plan.gait.single_support)
         return (Event.LIFT_OFF if free else Event.FORCED_LIFT_OFF,)

@@ -12,7 +12,7 @@ import pinocchio as pin
 from pydantic import Field
 
 from wbc.core.arguments import checked
-from wbc.core.errors import InputError, choose, finite_array
+from wbc.core.errors import ROUNDING, InputError, choose, finite_array
 from wbc.core.robot import SIDES
 from wbc.core.settings import Positive
 from wbc.walking.planning.footsteps import Footstep, FootstepPlan, mean_heading, other
@@ -38,7 +38,7 @@ def walk_distance(start: FootstepPlan, distance: float, *, first: str = "left") 
     """
     if abs(distance) < 1e-6:
         raise InputError("distance (m) must not be zero; a plan without steps stands")
-    count = max(1, math.ceil(abs(distance) / start.gait.step_length - 1e-9))
+    count = max(1, math.ceil(abs(distance) / start.gait.step_length - ROUNDING))
     _check_count("distance (m)", distance, count)
     return walk_path(start, [(distance / count, 0.0, 0.0)] * count, first=first)
 
@@ -96,7 +96,7 @@ def turn_in_place(
     """
     if angle == 0.0:
         raise InputError("angle (rad) must not be zero")
-    pairs = max(1, math.ceil(abs(angle) / per_step - 1e-9))
+    pairs = max(1, math.ceil(abs(angle) / per_step - ROUNDING))
     _check_count("angle (rad)", angle, 2 * pairs)
     turn, leader = angle / (2 * pairs), "left" if angle > 0.0 else "right"
     if ahead > 0.0:  # the foot that goes aside: were the turn a step later, hands would pull at a cart
@@ -180,7 +180,7 @@ def climb_stairs(
     ground = 0.5 * (start.left.z + start.right.z)
     # Centre of the tread of each stair, after an approach that ends half a tread before the edge.
     approach = first_edge - 0.5 * tread
-    if approach < -1e-9:
+    if approach < -ROUNDING:
         raise InputError(
             f"the feet must stand half a tread, {0.5 * tread:g} m, before the edge, got {first_edge:g} m"
         )

@@ -9,7 +9,7 @@ from typing import Annotated
 import numpy as np
 import pinocchio as pin
 
-from wbc.core.errors import Array, InputError, finite_scalar
+from wbc.core.errors import ROUNDING, Array, InputError, finite_scalar
 from wbc.core.robot import BASE_DOF, SIDES, Robot, joints_to
 from wbc.core.settings import Positive, settings
 from wbc.walking.planning.footsteps import Footstep, FootstepPlan
@@ -231,7 +231,7 @@ def _check_step(what: str, stance: Footstep, step: Footstep, reach: Reach) -> No
         ("rolls by", step.roll, -MAX_SLOPE, MAX_SLOPE, "rad"),
     )
     for verb, value, low, high, unit in limits:
-        if not low - 1e-9 <= value <= high + 1e-9:
+        if not low - ROUNDING <= value <= high + ROUNDING:
             raise InputError(
                 f"{what} {verb} {value:.3f} {unit}; within reach is {low:.3f} to {high:.3f} {unit}"
             )

@@ -10,7 +10,7 @@ from typing import Annotated
 
 import numpy as np
 
-from wbc.core.errors import Array, InputError
+from wbc.core.errors import ROUNDING, Array, InputError
 from wbc.core.hull import convex_hull
 from wbc.core.settings import settings
 from wbc.walking.planning.footsteps import Footstep, FootstepPlan
@@ -120,7 +120,7 @@ def support_area(feet: tuple[Footstep, ...], sizes: SoleSizes, margin: float = 0
             x, y = fx * (0.5 * length - margin), fy * (0.5 * width - margin)
             corners.append((foot.x + c * x - s * y, foot.y + s * x + c * y))
     # 1e-9 m² drops corners on an edge, such as those of parallel feet side by side.
-    hull = convex_hull(corners, tolerance=1e-9)
+    hull = convex_hull(corners, tolerance=ROUNDING)
     normals, offsets = np.zeros((EDGES, 2)), np.ones(EDGES)
     for row, (a, b) in enumerate(zip(hull, np.roll(hull, -1, axis=0), strict=True)):
         edge = np.array([b[0] - a[0], b[1] - a[1]])

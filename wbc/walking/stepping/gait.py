@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 import pinocchio as pin
 
-from wbc.core.errors import Array
+from wbc.core.errors import ROUNDING, Array
 from wbc.core.lag import lag_gain
 from wbc.core.robot import GRAVITY, SIDES
 from wbc.core.vectors import Rows, Vector
@@ -411,7 +411,7 @@ class SteppingGait:
         s, (left, right) = self.settings, state.places
         half_length, half_width = (0.5 * share * size for size in s.standing_box)
         across = left[0] - right[0], left[1] - right[1]
-        spacing = math.hypot(*across) + 1e-9
+        spacing = math.hypot(*across) + ROUNDING
         ux, uy = across[0] / spacing, across[1] / spacing
         dx, dy = dcm.x - 0.5 * (left[0] + right[0]), dcm.y - 0.5 * (left[1] + right[1])
         return max(abs(dx * uy - dy * ux) - half_length, abs(dx * ux + dy * uy) - 0.5 * spacing - half_width)
