@@ -22,6 +22,7 @@ from dataclasses import asdict, fields
 from importlib import metadata
 from pathlib import Path
 from typing import Any
+from unittest.mock import patch
 
 import numpy as np
 
@@ -93,19 +94,30 @@ def runs() -> dict[str, Callable[[], Any]]:
         "walk legacy": functools.partial(walk, **soft, **STONES, gains="no_bias", distance=0.4),
         "stand pushed": lambda: push_standing(StandPushSpec(impulse=0.2, direction=0.5, seconds=2.0)),
         "carry": _carry,
+        "press": lambda: _example("press", "--on", "rail", "--force", "40", "--hold", "0.5"),
+        "cart": lambda: _example(
+            "cart", "--forward", "0.1", "--turn", "10", "--back", "0", "--corrections", "0"
+        ),
         "motion": _motion,
+        **{f"clip {name}": functools.partial(_clip, name) for name in ("squat", "one_leg", "steps", "waist")},
         "foot pressed": lambda: press(FootTest()),
         "stand torque": functools.partial(stand, mode="torque", seconds=1.0, seed=3, noise="realistic"),
     }
 
 
+def _example(name: str, *arguments: str) -> Any:
+    """Run an example of hands."""
+    sys.path.insert(0, str(Path(__file__).parents[2] / "examples" / "hands"))
+    return importlib.import_module(name).main(arguments)
+
+
 def _carry() -> Any:
     """Run the example that is handed a load, for a step."""
     sys.path.insert(0, str(Path(__file__).parents[2] / "examples" / "hands"))
-    example, common = (importlib.import_module(name) for name in ("carry", "_hands"))
     angles = (-0.7816186898784364, 0.13222536818187688, -0.013848294512559645, -0.829715253239616)
-    common.ARMS["hrp4_class"] = (*angles, -9.911958910933055e-18), (1, -1, -1, 1, -1)
-    return example.main(["--share", "0.1", "--over", "0.5", "--steps", "1", "--end", "keep"])
+    arms = {"hrp4_class": ((*angles, -9.911958910933055e-18), (1, -1, -1, 1, -1))}
+    with patch.dict(importlib.import_module("_hands").ARMS, arms):
+        return _example("carry", "--share", "0.1", "--over", "0.5", "--steps", "1", "--end", "keep")
 
 
 def _motion() -> Any:
@@ -113,6 +125,11 @@ def _motion() -> Any:
     robot = load_robot("g1").robot()
     clip = make_feasible(robot, make_motion(robot, "steps", 1)).clip
     return track_motion(clip.sampled(clip.times[:180], clip.rate), TrackSpec(after=0.2))
+
+
+def _clip(name: str) -> list[Command]:
+    """Make a clip; its frames stand for commands."""
+    return [Command(frame) for frame in make_motion(load_robot("g1").robot(), name, 1).joints[::5]]
 
 
 def stream(commands: list[Command]) -> dict[str, Any]:
@@ -160,8 +177,8 @@ def run(name: str) -> dict[str, Any]:
     """Return the stream of a run."""
     with recorded() as commands:
         result = runs()[name]()
-    if commands:
-        return stream(commands)
+    if commands or isinstance(result, list):
+        return stream(commands or result)
     numbers = list(_numbers(asdict(result)))  # a rig has no commands: its figures instead
     return stream([Command(np.array(numbers))])
 

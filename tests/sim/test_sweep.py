@@ -547,6 +547,14 @@ def test_refuses_bad_studies(make: Any, message: str) -> None:
         make()
 
 
+def test_the_normal_limit_has_the_standard_error_of_the_mean(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("wbc.sim.studies.intervals.MANY", 2)
+    values = [1.0, 2.0, 4.0, 8.0]
+    half = 1.959964 * np.std(values, ddof=1) / 2.0
+    found = mean_interval(values)
+    assert (found.low, found.high) == pytest.approx((3.75 - half, 3.75 + half))
+
+
 def test_of_many_layouts_the_normal_limit_is_the_bootstrap(monkeypatch: pytest.MonkeyPatch) -> None:
     """Ends of the interval within 7 % of its width, p-values within 0.02; trials are spread unevenly over layouts."""
     rng, many = np.random.default_rng(5), 200

@@ -1,4 +1,4 @@
-"""The public surface: what `wbc` and its rooms export, with signatures and the default of every setting.
+"""The public surface: what `wbc` and its rooms export, with signatures, the default of every setting, and studies.
 
 `python tests/support/public_api.py > tests/house/public_api.txt` writes the list that the test compares with.
 """
@@ -10,10 +10,13 @@ import importlib
 import inspect
 import re
 from collections.abc import Iterator
+from hashlib import sha256
 from typing import Any
 
 from wbc import InputError
 from wbc.core.settings import to_json
+from wbc.sim.studies.catalog import STUDIES
+from wbc.sim.studies.journal import canonical
 
 SURFACES = (
     "wbc",
@@ -67,10 +70,14 @@ def defaults(package: str, name: str, value: Any) -> list[str]:
 
 
 def surface() -> str:
-    """Return the whole list, names in the order of the packages and the alphabet, then defaults."""
+    """Return the whole list, names in the order of the packages and the alphabet, then defaults and studies."""
     names = sorted(exported(), key=lambda entry: (SURFACES.index(entry[0]), entry[1]))
     lines = [described(*entry) for entry in names]
     lines += [line for entry in names for line in defaults(*entry)]
+    for name, make in STUDIES.items():
+        study = make()
+        digest = sha256(canonical(study.to_json()).encode()).hexdigest()
+        lines.append(f"study {name}: {study.size} trials, {digest[:12]}")
     return "".join(f"{line}\n" for line in lines)
 
 
