@@ -127,8 +127,6 @@ class FootFit:
 def box_inertia(mass: float, size: ArrayLike, centre: ArrayLike) -> pin.Inertia:
     """Return the inertia of a uniform box, kg, with full extents `size`, shape (3,), m, in the frame of its centre."""
     x, y, z = finite_array("box size (m)", size, (3,))
-    if mass == 0.0:
-        return pin.Inertia.Zero()
     return pin.Inertia(
         mass,
         finite_array("box centre (m)", centre, (3,)),

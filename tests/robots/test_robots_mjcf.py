@@ -220,10 +220,14 @@ def test_a_file_is_read_without_its_meshes_where_no_mass_is_theirs(tmp_path: Pat
     hat = '<geom type="mesh" mesh="hat" material="skin" contype="0" conaffinity="0"/>'
     file = tmp_path / "biped.xml"
     xml = biped(extra=assets.format('<mesh name="hat" file="gone.obj"/>'))
-    file.write_text(xml.replace('<joint name="waist"', f'{hat}<joint name="waist"'))
+    hats = xml.replace("<freejoint name=", f"{hat}<freejoint name=").replace(
+        '<joint name="waist"', f'{hat}<joint name="waist"'
+    )
+    file.write_text(hats)
     plain = RobotDescription.from_mjcf(biped())
     without = RobotDescription.from_mjcf(file, meshes=False)
     np.testing.assert_allclose(without.robot().mass_matrix, plain.robot().mass_matrix, atol=1e-12)
+    assert set(plain.robot().velocity_limit) == {20.0, 1.0}, "of hinges and of a slide: an MJCF gives none"
     with pytest.raises(ModelError, match="gone"):
         RobotDescription.from_mjcf(file)
     file.write_text(xml.replace('<joint name="left_shoulder"', f'{hat}<joint name="left_shoulder"'))

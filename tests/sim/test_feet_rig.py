@@ -16,7 +16,7 @@ from wbc.core.settings import to_json
 from wbc.feet import Foot, foot
 from wbc.feet.soles.contact import ConstraintLaw, ContactSpheres
 from wbc.sim.plant.settings import PhysicsSettings
-from wbc.sim.rig.actions import pitch, press
+from wbc.sim.rig.actions import land, pitch, press
 from wbc.sim.rig.fixture import Rig
 from wbc.sim.rig.spec import FootTest
 from wbc.sim.terrain.spec import Terrain, terrain
@@ -45,6 +45,15 @@ def test_a_pressed_foot_carries_its_load_and_is_quiet(design: Foot, ground: Terr
     assert hold.force_std < 5.0  # the medians over many grounds are far lower: see the slow test
     assert hold.loop_gap < 0.001
     assert hold.penetration < 0.0005
+
+
+def test_a_support_that_bears_too_little_has_no_centre() -> None:
+    rig = Rig(FootTest(foot("flat"), FLAT))
+    assert land(rig) is not None
+    for _ in range(rig.steps(1.0)):
+        rig.step()
+    np.testing.assert_allclose(rig.supporting_centre(0.99), rig.centre_of_pressure(), atol=1e-9)
+    assert np.isnan(rig.supporting_centre(1.01)).all()
 
 
 def test_a_press_turns_with_the_foot_on_flat_ground() -> None:

@@ -66,6 +66,7 @@ def test_tracks_too_small_for_their_family() -> None:
         terrain("slope", length=0.5)
     with pytest.raises(InputError, match="no whole wave"):
         terrain("iso8608", low=0.1, high=0.2)
+    assert terrain("iso8608", low=0.1, high=0.2, length=5.1, start=0.0).length == 5.1
 
 
 def test_a_family_that_misses_its_amplitude_or_its_place_is_stopped(monkeypatch: pytest.MonkeyPatch) -> None:

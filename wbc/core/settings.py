@@ -250,14 +250,9 @@ def _locate(kind: Any, loc: Sequence[str | int]) -> tuple[str, Any, str]:
         inside = _class_of(hint)
         if isinstance(part, int):
             path += f"[{part}]"
-            items = next(
-                (typing.get_args(h) for h in _alternatives(hint) if typing.get_origin(h) is tuple), ()
-            )
-            hint = (
-                items[0 if len(items) == 2 and items[1] is ... else min(part, len(items) - 1)]
-                if items
-                else Any
-            )
+            tuples = (typing.get_args(h) for h in _alternatives(hint) if typing.get_origin(h) is tuple)
+            items = [item for item in next(tuples, ()) if item is not ...]
+            hint = items[min(part, len(items) - 1)] if items else Any
             unit = unit_of(hint) or unit
         elif inside is not None and part in (hints := _hints(inside)):
             path += f".{part}" if path else part

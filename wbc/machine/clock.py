@@ -7,7 +7,6 @@ import ctypes
 import gc
 import os
 import resource
-import sys
 import time
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -66,9 +65,8 @@ def ask_priority(priority: int) -> int:
 
 def keep_timers_sharp() -> None:
     """Have the kernel wake this process as soon as a sleep ends, where it can be asked."""
-    with contextlib.suppress(OSError, AttributeError):
-        if sys.platform == "linux":
-            ctypes.CDLL(None, use_errno=True).prctl(TIMER_SLACK, 1, 0, 0, 0)
+    with contextlib.suppress(OSError, AttributeError):  # there is none but on Linux
+        ctypes.CDLL(None, use_errno=True).prctl(TIMER_SLACK, 1, 0, 0, 0)
 
 
 @contextlib.contextmanager
