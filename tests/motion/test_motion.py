@@ -434,6 +434,11 @@ def test_feet_leave_and_reach_their_places_from_above(
     assert lowest.max() == pytest.approx(given.max() - given[0], abs=1e-3), (
         "as high over its place as it is given"
     )
+    tip = pin.SE3(pin.utils.rotate("y", 0.8), np.zeros(3))
+    middle = (lift_off + landing) // 2
+    tipped = [(left, right * tip if i == middle else right) for i, (left, right) in enumerate(motion.soles)]
+    steps, *_ = footsteps(g1, replace(motion, soles=tipped), standing)
+    assert corners_of(g1, steps[middle : middle + 1])[0, 1, :, 2].min() == pytest.approx(0.01, abs=1e-9)
 
 
 def test_limits_are_kept_that_a_clip_exceeds(g1: Robot, arms: MotionClip) -> None:
