@@ -77,7 +77,7 @@ class ServoRule:
         Returns:
             kp in Nm/rad and kd in Nms/rad, each of shape (na,); kd/kp is the same everywhere.
         """
-        omega = 2.0 * math.pi * self.frequency
+        omega = math.tau * self.frequency
         kp = np.minimum(omega**2 * inertia, bound)
         return kp, kp * (2.0 * self.damping_ratio / omega)
 

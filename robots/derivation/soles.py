@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import math
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -84,7 +85,7 @@ def _points(
         yield _move(origin, ends - radius * down)
     elif shape.tag == "cylinder":
         radius, half_length = float(shape.get("radius", "0")), 0.5 * float(shape.get("length", "0"))
-        angle = np.linspace(0.0, 2.0 * np.pi, 32, endpoint=False)
+        angle = np.linspace(0.0, math.tau, 32, endpoint=False)
         rim = np.stack([radius * np.cos(angle), radius * np.sin(angle), np.full(32, half_length)], axis=1)
         yield _move(origin, np.concatenate([rim, rim * [1.0, 1.0, -1.0]]))
     elif shape.tag == "mesh":

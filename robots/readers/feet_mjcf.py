@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import mujoco
@@ -275,7 +276,7 @@ def _points(model: mujoco.MjModel, data: mujoco.MjData, geom: int, up: Array) ->
         ends = place + np.outer([-size[1], size[1]], rotation[:, 2])
         return np.asarray(ends - size[0] * up)
     elif kind == kinds.mjGEOM_CYLINDER:
-        angle = np.linspace(0.0, 2.0 * np.pi, 32, endpoint=False)
+        angle = np.linspace(0.0, math.tau, 32, endpoint=False)
         rim = np.stack([size[0] * np.cos(angle), size[0] * np.sin(angle), np.full(32, size[1])], axis=1)
         local = np.concatenate([rim, rim * [1.0, 1.0, -1.0]])
     elif kind == kinds.mjGEOM_ELLIPSOID:

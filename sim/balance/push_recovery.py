@@ -152,7 +152,7 @@ class PushTableSpec:
         same = ("duration", "after", "foot", "noise", "seed", "feedback", "steps")
         common = {name: getattr(self, name) for name in same}
         return [
-            StandPushSpec(robot=robot, mode=mode, direction=2.0 * math.pi * i / self.directions, **common)
+            StandPushSpec(robot=robot, mode=mode, direction=math.tau * i / self.directions, **common)
             for robot in self.robot
             for mode in self.mode
             for i in range(self.directions)

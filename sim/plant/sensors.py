@@ -68,7 +68,7 @@ NO_NOISE = SensorNoise()
 """Perfect sensors."""
 
 REALISTIC = SensorNoise(
-    joint_position=SignalNoise(std=2e-4, bias_std=1e-3, quantum=2.0 * math.pi / 2**18, latency=0.001),
+    joint_position=SignalNoise(std=2e-4, bias_std=1e-3, quantum=math.tau / 2**18, latency=0.001),
     joint_velocity=SignalNoise(std=0.0125, latency=0.001),
     angular_velocity=SignalNoise(std=0.002, bias_std=5e-4, latency=0.001),
     specific_force=SignalNoise(std=0.04, bias_std=0.05, latency=0.001),

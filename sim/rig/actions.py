@@ -175,7 +175,7 @@ def _support(rig: Rig) -> SupportPolygon | None:
     yielding = rig.mass * rig.test.physics.gravity * rig.foot.fit.sole.length / rig.test.ankle_stiffness
     for k in range(SUPPORT_DIRECTIONS):
         twin = rig.fork()
-        direction = 2.0 * math.pi * k / SUPPORT_DIRECTIONS
+        direction = math.tau * k / SUPPORT_DIRECTIONS
         for step in range(1, count + 1):
             angle = (SUPPORT_TILT + yielding) * step / count
             twin.set_tilt(angle * math.sin(direction), angle * math.cos(direction))

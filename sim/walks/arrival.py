@@ -58,7 +58,7 @@ class Arrival(TrialHook):
 
     def arrived(self, middle: Array, heading: float) -> bool:
         """Return true if a robot that stands there (m, rad) is at its goal and has kept to its track."""
-        turned = abs(math.remainder(heading - self.goal[2], 2.0 * math.pi))
+        turned = abs(math.remainder(heading - self.goal[2], math.tau))
         return max(self.error(middle), self.track_error) <= GOAL_DISTANCE and turned <= GOAL_TURN
 
 

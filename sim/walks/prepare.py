@@ -148,7 +148,7 @@ def _orders(
         return orders, orders[-1][0] + pause
     left, right = way.final
     length = math.dist(0.5 * (left.position + right.position), 0.5 * (way.left.position + way.right.position))
-    turn = abs(math.remainder(mean_heading(left.yaw, right.yaw) - way.left.yaw, 2.0 * math.pi))
+    turn = abs(math.remainder(mean_heading(left.yaw, right.yaw) - way.left.yaw, math.tau))
     return None, length / (0.7 * s.cruise) + 2.0 * turn / s.fastest_turn + pause
 
 

@@ -218,7 +218,7 @@ class WalkTrial(Trial):
         return {
             "distance": c * dx + s * dy,
             "drift": c * dy - s * dx,
-            "yaw_error": math.remainder(self._heading() - desired, 2.0 * math.pi),
+            "yaw_error": math.remainder(self._heading() - desired, math.tau),
             "goal_error": None if arrival is None else arrival.error(middle(self.plant)),
             "cost_of_transport": self.meter.work / (weight * way)
             if (way := math.hypot(dx, dy)) >= LEAST_WAY

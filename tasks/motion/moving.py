@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from typing import Any
 
@@ -65,8 +66,8 @@ class Turning(Course):
         if angle < ROUNDING:
             return vector
         axis = vector / angle
-        turns = round((float(axis @ before) - angle) / (2.0 * np.pi))
-        return np.asarray(vector + 2.0 * np.pi * turns * axis)
+        turns = round((float(axis @ before) - angle) / math.tau)
+        return np.asarray(vector + math.tau * turns * axis)
 
     def motion(self, place: Array, velocity: Array, acceleration: Array) -> tuple[Any, Array, Array]:
         """Return rotation, angular velocity and angular acceleration of a rotation vector that changes.

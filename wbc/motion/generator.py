@@ -5,6 +5,7 @@ They are kinematic, as motion capture is: `wbc.motion.make_feasible` decides on 
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 
 import numpy as np
@@ -65,7 +66,7 @@ def _squat(robot: Robot, rng: np.random.Generator) -> Array:
     """Two squats of random depth, with the arms held forward."""
     q, t, path = _rest(robot, 6.0)
     depth = rng.uniform(0.08, 0.16) * float(robot.com[2])
-    q[:, 2] -= depth * 0.5 * (1.0 - np.cos(2.0 * np.pi * t / 3.0))
+    q[:, 2] -= depth * 0.5 * (1.0 - np.cos(math.tau * t / 3.0))
     _sway(robot, q, _arm_joints(robot, 1), 0.3, 1.0 / 3.0, rng)
     return _solve(robot, q, path)
 
@@ -144,8 +145,8 @@ def _sway(
         centre = float(q[0, 7 + joint])
         up, down = min(most, upper - centre), min(most, centre - lower)
         reach, middle = max(0.0, 0.5 * (up + down)), 0.5 * (up - down)
-        phase = rng.uniform(0.0, 2.0 * np.pi)
-        q[:, 7 + joint] += fade * (middle + reach * np.sin(2.0 * np.pi * rate * t + phase))
+        phase = rng.uniform(0.0, math.tau)
+        q[:, 7 + joint] += fade * (middle + reach * np.sin(math.tau * rate * t + phase))
 
 
 def _bump(t: Array, rise: float, high: float, fall: float, low: float) -> Array:

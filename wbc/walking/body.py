@@ -284,7 +284,7 @@ class Body(FixedAttributes):
         x, y, _ = point - self._robot.com
         if math.hypot(x, y) < NEAREST:
             return
-        angle, most = math.remainder(math.atan2(y, x) - heading, 2.0 * math.pi), self._most_look
+        angle, most = math.remainder(math.atan2(y, x) - heading, math.tau), self._most_look
         before = self._goal[self._look]
         self._goal[self._look] = angle if abs(angle) <= most else math.copysign(most, before or angle)
         self._off = abs(angle - float(self._now[self._look]))

@@ -118,13 +118,11 @@ class Iso8608(FieldFamily):
         n = self.low + width * (np.arange(self.waves) + 0.5)
         # Amplitudes for Gd(n0) = 1 m³: each wave carries the variance Gd dn.
         size = np.sqrt(2.0 * (n / ISO_REFERENCE) ** -self.waviness * width)
-        phase = site.draws.uniform(0.0, 2.0 * math.pi, self.waves)
-        heading = (
-            site.draws.uniform(0.0, 2.0 * math.pi, self.waves) if self.isotropic else np.zeros(self.waves)
-        )
+        phase = site.draws.uniform(0.0, math.tau, self.waves)
+        heading = site.draws.uniform(0.0, math.tau, self.waves) if self.isotropic else np.zeros(self.waves)
         z = np.zeros(np.broadcast_shapes(x.shape, y.shape))
         for ni, ai, pi, hi in zip(n, size, phase, heading, strict=True):
-            z += ai * np.cos(2.0 * math.pi * ni * (x * math.cos(hi) + y * math.sin(hi)) + pi)
+            z += ai * np.cos(math.tau * ni * (x * math.cos(hi) + y * math.sin(hi)) + pi)
         return z
 
 
@@ -142,5 +140,5 @@ class MetalSheets(FieldFamily):
 
     def heights(self, site: Site, x: Array, y: Array) -> Array:
         del y
-        phase = float(site.draws.uniform(0.0, 2.0 * math.pi, 1)[0])
-        return np.sin(2.0 * math.pi * (x - site.x0) / self.period + phase)
+        phase = float(site.draws.uniform(0.0, math.tau, 1)[0])
+        return np.sin(math.tau * (x - site.x0) / self.period + phase)

@@ -86,7 +86,7 @@ class ProblemStream:
         self._start = np.array(robot.com)
         self._sway = np.array([rng.uniform(0.0, 0.06), rng.uniform(0.0, 0.12), rng.uniform(0.0, 0.03)])
         self._frequency = rng.uniform(0.2, 1.0, 3)
-        self._offset = rng.uniform(0.0, 2.0 * math.pi, 3)
+        self._offset = rng.uniform(0.0, math.tau, 3)
         self._plan = self._phases()
         self._phase = next(self._plan)
         self._time = 0.0
@@ -174,7 +174,7 @@ class ProblemStream:
             self._phase = next(self._plan)
         _, stance, lift = self._phase
         robot, rng = self._robot, self._rng
-        w = 2.0 * math.pi * self._frequency
+        w = math.tau * self._frequency
         angle = w * self._time + self._offset
         target = self._start + self._sway * np.sin(angle)
         acceleration = -self._sway * w * w * np.sin(angle)

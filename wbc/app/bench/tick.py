@@ -72,7 +72,7 @@ class BenchTickOptions:
 
 def sway(time: float) -> tuple[Array, Array, Array]:
     """Return offset (m), velocity (m/s) and acceleration (m/s²) of the centre of mass at a time (s)."""
-    w = 2.0 * math.pi * np.array([TASK["sagittal_frequency"], TASK["lateral_frequency"], 0.0])
+    w = math.tau * np.array([TASK["sagittal_frequency"], TASK["lateral_frequency"], 0.0])
     size = np.array([TASK["sagittal_amplitude"], TASK["lateral_amplitude"], 0.0])
     sine, cosine = np.sin(w * time), np.cos(w * time)
     return size * sine, size * w * cosine, -size * w * w * sine

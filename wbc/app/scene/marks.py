@@ -38,7 +38,7 @@ def outline(corners: Array) -> Surface:
 def ring(radius: float, line: float) -> Surface:
     """Return a ring around the origin, `line` (m) wide to the inside."""
     sides = 24
-    angle = 2.0 * math.pi * np.arange(sides) / sides
+    angle = math.tau * np.arange(sides) / sides
     circle = np.stack([np.cos(angle), np.sin(angle), np.zeros(sides)], axis=1)
     return two_sided(np.concatenate([radius * circle, (radius - line) * circle]), _band(sides))
 

@@ -114,7 +114,7 @@ def cylinder(radius: float, length: float, *, round_ends: bool = False) -> Surfa
 
 def lathe(profile: Sequence[tuple[float, float]], sides: int = 24) -> Surface:
     """Return what a profile, radius and height (m) of each point from below, makes around z; edges are points twice."""
-    angle = 2.0 * np.pi * np.arange(sides) / sides
+    angle = math.tau * np.arange(sides) / sides
     circle = np.stack([np.cos(angle), np.sin(angle), np.ones(sides)], axis=1)
     vertices = np.concatenate([circle * (r, r, z) for r, z in profile])
     i = np.arange(sides)

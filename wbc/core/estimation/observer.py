@@ -500,4 +500,4 @@ def _yaw(axis: Vector) -> float:
 
 
 def _wrap(angle: float) -> float:
-    return math.remainder(angle, 2.0 * math.pi)
+    return math.remainder(angle, math.tau)

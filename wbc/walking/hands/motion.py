@@ -78,7 +78,7 @@ class MovingFrame:
     def update(self, feet: Sequence[Array], yaw: float, dt: float) -> None:
         """Follow the planned places of both feet, each of shape (3,), m, and the heading, rad."""
         self._point.follow(0.5 * (feet[0] + feet[1]) - self._point.value, dt)
-        self._yaw.follow(math.remainder(yaw - self._yaw.value, 2.0 * math.pi), dt)
+        self._yaw.follow(math.remainder(yaw - self._yaw.value, math.tau), dt)
 
     @property
     def placement(self) -> pin.SE3:

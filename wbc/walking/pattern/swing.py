@@ -149,7 +149,7 @@ class SwingFoot:
             "y": landing.y,
             "roll": landing.roll,
             "pitch": landing.pitch,
-            "yaw": yaw + math.remainder(landing.yaw - yaw, 2.0 * math.pi),
+            "yaw": yaw + math.remainder(landing.yaw - yaw, math.tau),
         }
         for name, goal in goals.items():
             self._c[name].follow(start, (arrive, (goal, 0.0, 0.0)))

@@ -78,7 +78,7 @@ class Footstep:
         """Return forward, left, up (m) and turn (rad) from another footstep, in the frame of its heading."""
         c, s = math.cos(stance.yaw), math.sin(stance.yaw)
         dx, dy = self.x - stance.x, self.y - stance.y
-        turn = math.remainder(self.yaw - stance.yaw, 2.0 * math.pi)
+        turn = math.remainder(self.yaw - stance.yaw, math.tau)
         return c * dx + s * dy, c * dy - s * dx, self.z - stance.z, turn
 
 
@@ -89,7 +89,7 @@ def heading(rotation: Array) -> float:
 
 def mean_heading(left: float, right: float) -> float:
     """Return the heading half way between those of two feet, the short way round, rad."""
-    return right + 0.5 * math.remainder(left - right, 2.0 * math.pi)
+    return right + 0.5 * math.remainder(left - right, math.tau)
 
 
 @dataclass(frozen=True)
@@ -195,7 +195,7 @@ class FootstepPlan:
             raise InputError(f"step {index} is of the {old.side} foot, got a landing of the {step.side} foot")
         later = self.steps[index + 1 :]
         if carry:
-            turn = math.remainder(step.yaw - old.yaw, 2.0 * math.pi)
+            turn = math.remainder(step.yaw - old.yaw, math.tau)
             move = pin.SE3(pin.rpy.rpyToMatrix(0.0, 0.0, turn), np.zeros(3))
             move.translation = step.position - move.rotation @ old.position
             later = tuple(Footstep.of(s.side, move * s.placement) for s in later)

@@ -355,7 +355,7 @@ class GoalSource(FootstepSource):
             stance = start.right if now.first == "left" else start.left
             px, py, heading = _middle(stance, start.spacing)
         away = math.hypot(x - px, y - py)
-        turn = math.remainder(yaw - heading, 2.0 * math.pi)
+        turn = math.remainder(yaw - heading, math.tau)
         # Feet that close up may stay where they are by as much as `CLOSED`: a stand is no worse for that.
         more = CLOSED if self._stops and now.first is None else (0.0, 0.0)
         near, missed = s.goal[0] + more[0], max(self._missed.values())
@@ -368,7 +368,7 @@ class GoalSource(FootstepSource):
         gait = Gait.for_speed(self._drive.granted, start.gait)
         two = 2.0 * (gait.single_support + gait.double_support)
         if away > s.far:
-            turn = math.remainder(math.atan2(y - py, x - px) - heading, 2.0 * math.pi)
+            turn = math.remainder(math.atan2(y - py, x - px) - heading, math.tau)
             slow = max(0.0, 1.0 - abs(turn) / 0.5)
             return slow * min(s.fastest[0], away / two), 0.0, turn / two
         c, sn = math.cos(heading), math.sin(heading)

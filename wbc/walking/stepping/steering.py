@@ -109,10 +109,10 @@ class Steering:
         if distance > s.near:
             if self._line is None:
                 self._line = place, math.atan2(dy, dx)
-            off = math.remainder(self._line[1] - self.heading, 2.0 * math.pi)
+            off = math.remainder(self._line[1] - self.heading, math.tau)
             return self.limited((s.cruise * max(0.0, math.cos(off)) ** 4, 0.0, off / s.goal_time))
         self._line, self._path = None, place  # a near goal is walked to as one stands
-        off = math.remainder(yaw - self.heading, 2.0 * math.pi)
+        off = math.remainder(yaw - self.heading, math.tau)
         if distance < s.arrived and abs(off) < s.arrived_turn:
             self.goal = None
             return (0.0, 0.0, 0.0)
