@@ -38,3 +38,9 @@ def test_hull_and_area() -> None:
     assert nothing == 0.0
     np.testing.assert_allclose(sorted(ends.tolist()), [[0.0, 0.0], [1.0, 1.0]])
     assert hull_and_area(np.zeros((0, 2)))[1] == hull_and_area(np.array([[1.0, 2.0]]))[1] == 0.0
+
+
+def test_flat_corners_in_a_row_all_go() -> None:
+    bulge = [(0.2, -1e-7), (0.4, -1.5e-7), (0.6, -1.5e-7), (0.8, -1e-7)]
+    square = [(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)]
+    np.testing.assert_array_equal(convex_hull(square + bulge, tolerance=1e-5), square)
