@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from wbc.core.errors import Array, InputError, finite_array, positive, whole_number
+from wbc.core.errors import ROUNDING, Array, InputError, finite_array, positive, whole_number
 
 CONFIDENCE = 0.95
 """Confidence of every interval."""
@@ -34,9 +34,6 @@ EQUAL = 20
 
 STAKES = (0.5, 1.0)
 """Stakes of the test of equivalence of bounded differences: 1 is best where few differ, 0.5 survives the largest."""
-
-ROUNDING = 1e-9
-"""Standard error, as a share of a margin, up to which differences are the same: rounding leaves 1e-16 of their size."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -222,7 +219,7 @@ def equivalence(
     error = _standard_error(sums, counts)
     if reach is not None:
         p = max(_bounded_p(sums, counts, margin, reach), _bounded_p(-sums, counts, margin, reach))
-    elif error <= ROUNDING * margin:
+    elif error <= ROUNDING * margin:  # the same but for rounding, which leaves 1e-16 of their size
         p = 0.0 if abs(mean) < margin and sums.size >= EQUAL else 1.0
     else:
         p = float(t.sf((margin - abs(mean)) / error, sums.size - 1))

@@ -94,9 +94,9 @@ def runs() -> dict[str, Callable[[], Any]]:
         "walk legacy": functools.partial(walk, **soft, **STONES, gains="no_bias", distance=0.4),
         "stand pushed": lambda: push_standing(StandPushSpec(impulse=0.2, direction=0.5, seconds=2.0)),
         "carry": _carry,
-        "press": lambda: _example("press", "--on", "rail", "--force", "40", "--hold", "0.5"),
-        "cart": lambda: _example(
-            "cart", "--forward", "0.1", "--turn", "10", "--back", "0", "--corrections", "0"
+        "press": lambda: _of_hands("press").main(["--on", "rail", "--force", "40", "--hold", "0.5"]),
+        "cart": lambda: _of_hands("cart").main(
+            ["--forward", "0.1", "--turn", "10", "--back", "0", "--corrections", "0"]
         ),
         "motion": _motion,
         **{f"clip {name}": functools.partial(_clip, name) for name in ("squat", "one_leg", "steps", "waist")},
@@ -105,19 +105,18 @@ def runs() -> dict[str, Callable[[], Any]]:
     }
 
 
-def _example(name: str, *arguments: str) -> Any:
-    """Run an example of hands."""
+def _of_hands(name: str) -> Any:
+    """Return a module of the examples of hands."""
     sys.path.insert(0, str(Path(__file__).parents[2] / "examples" / "hands"))
-    return importlib.import_module(name).main(arguments)
+    return importlib.import_module(name)
 
 
 def _carry() -> Any:
     """Run the example that is handed a load, for a step."""
-    sys.path.insert(0, str(Path(__file__).parents[2] / "examples" / "hands"))
     angles = (-0.7816186898784364, 0.13222536818187688, -0.013848294512559645, -0.829715253239616)
     arms = {"hrp4_class": ((*angles, -9.911958910933055e-18), (1, -1, -1, 1, -1))}
-    with patch.dict(importlib.import_module("_hands").ARMS, arms):
-        return _example("carry", "--share", "0.1", "--over", "0.5", "--steps", "1", "--end", "keep")
+    with patch.dict(_of_hands("_hands").ARMS, arms):
+        return _of_hands("carry").main(["--share", "0.1", "--over", "0.5", "--steps", "1", "--end", "keep"])
 
 
 def _motion() -> Any:

@@ -11,9 +11,11 @@ import inspect
 import re
 from collections.abc import Iterator
 from hashlib import sha256
+from operator import attrgetter
 from typing import Any
 
 from wbc import InputError
+from wbc.core.changes import setting_names
 from wbc.core.settings import to_json
 from wbc.sim.studies.catalog import STUDIES
 from wbc.sim.studies.journal import canonical
@@ -50,23 +52,15 @@ def described(package: str, name: str, value: Any) -> str:
     return f"{package}.{name}{re.sub(r' at 0x[0-9a-f]+', '', signature)}"
 
 
-def flat(name: str, value: Any) -> Iterator[str]:
-    """Yield a line for each setting in nested settings."""
-    if not isinstance(value, dict):
-        yield f"{name} = {value!r}"
-        return
-    for key, inner in value.items():
-        yield from flat(f"{name}.{key}", inner)
-
-
 def defaults(package: str, name: str, value: Any) -> list[str]:
     """Return the default of each setting of a class that can be made without arguments."""
     if not dataclasses.is_dataclass(value) or inspect.isabstract(value):
         return []
     try:
-        return list(flat(f"{package}.{name}", to_json(value())))
+        made = value()
     except (InputError, TypeError):  # some of its values have no default
         return []
+    return [f"{package}.{name}.{path} = {to_json(attrgetter(path)(made))!r}" for path in setting_names(made)]
 
 
 def surface() -> str:

@@ -162,7 +162,7 @@ def test_any_offset_of_a_wrist_is_tared_on_the_way_to_a_surface(offset: float) -
     hand, middle = hands.all["left_hand"], MovingFrame([np.zeros(3)] * 2, 0.0)
     place = hands._place("left_hand")
     hand.press(np.array(AHEAD), 20.0, place.translation + 0.3 * np.array(AHEAD))
-    for more in (0.0, 0.1, -0.4, 0.7, 50.0):
+    for more in (0.0, 0.1, -0.4, 0.7, 50.0, 0.1, 0.1):
         reading = np.array([0.0, 0.0, offset + more, 0.0, 0.0, 0.0])
         hand.update(reading - hand.tare, place.rotation, None, middle, 0.005)
     assert hand.state is HandState.REACH

@@ -19,7 +19,7 @@ Array = NDArray[np.float64]
 """Every array in the library: float64, in SI units."""
 
 ROUNDING = 1e-9
-"""What sums and comparisons of times, lengths and forces may be off by rounding (s, m, N); also the least divisor."""
+"""Rounding allowed in sums and comparisons of times, lengths, forces and ratios, SI units; also the least divisor."""
 
 
 class WbcError(Exception):

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from wbc.core.errors import Array
+from wbc.core.errors import ROUNDING, Array
 from wbc.core.robot import Robot
 from wbc.core.signals import Command
 from wbc.core.vectors import largest
@@ -21,7 +21,7 @@ UNLIMITED = 1e6
 SPEED_MARGIN = 2.0
 """Multiple of a joint's speed limit by which a position reference may change; a velocity reference is clipped there."""
 
-ROUNDING = 1.0 + 1e-6
+SLACK = 1.0 + 1e-6
 """Share of a limit up to which a command is clipped without being reported: the QP meets its limits to 1e-6."""
 
 
@@ -77,7 +77,7 @@ class CommandGate:
         total = torque + servo
         most = np.maximum(np.abs(total), np.abs(torque))
         if not (most <= self._torque).all():
-            self._report(~(most <= ROUNDING * self._torque), faults)
+            self._report(~(most <= SLACK * self._torque), faults)
             torque, kp, kd = self._give_way(total, servo, kp, kd)
         return Command(torque, sent.joint_position, sent.joint_velocity, kp=kp, kd=kd)
 
@@ -93,7 +93,7 @@ class CommandGate:
             velocity = 0.0 if command.joint_velocity is None else command.joint_velocity
             servo = kp * (command.joint_position - measured[0]) + kd * (velocity - measured[1])
             total = total + servo
-        limit = ROUNDING * self._torque
+        limit = SLACK * self._torque
         if (np.abs(total) <= limit).all() and (np.abs(torque) <= limit).all():
             return command
         if servo is None or kp is None or kd is None:
@@ -107,7 +107,7 @@ class CommandGate:
         torque = np.clip(np.nan_to_num(total, nan=0.0), -limit, limit) - servo
         if (np.abs(torque) > limit).any():  # servos ask for more, as on a wrong velocity
             torque = np.clip(torque, -limit, limit)
-            share = np.minimum(1.0, 2.0 * limit / np.maximum(np.abs(servo), 1e-9))
+            share = np.minimum(1.0, 2.0 * limit / np.maximum(np.abs(servo), ROUNDING))
             kp, kd = share * kp, share * kd
         return torque, kp, kd
 
@@ -136,14 +136,14 @@ class CommandGate:
         return Command(torque, position, velocity)
 
     def _clip(self, torque: Array, position: Array | None, velocity: Array | None) -> Command:
-        wrong = ~(np.abs(torque) <= ROUNDING * self._torque)
+        wrong = ~(np.abs(torque) <= SLACK * self._torque)
         torque = np.clip(np.nan_to_num(torque, nan=0.0), -self._torque, self._torque)
         if position is not None and velocity is not None:
             last = self._position
             # The reference that was sent last may itself be out of range, at the start of a run.
             near = np.clip(np.where(np.isnan(position), last, position), last - self._step, last + self._step)
             sent = np.clip(near, np.minimum(self._lower, last), np.maximum(self._upper, last))
-            wrong |= ~(np.abs(sent - position) <= 1e-6) | ~(np.abs(velocity) <= ROUNDING * self._speed)
+            wrong |= ~(np.abs(sent - position) <= 1e-6) | ~(np.abs(velocity) <= SLACK * self._speed)
             velocity = np.clip(np.nan_to_num(velocity, nan=0.0), -self._speed, self._speed)
             self._position = position = sent
         self._report(wrong)
