@@ -4,7 +4,7 @@
     python tests/mutations.py --only core/estimation   # of the files whose path holds a text
 
 Each changes one operator or one number in a copy of the tree; the tests of the folder run there until the first that
-fails, then, if none does, those of the whole package: frozen streams of commands, the public surface with its defaults.
+fails, then, if none does, the frozen streams of commands.
 The same seed draws the same errors.
 """
 
@@ -24,7 +24,7 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
 ROOMS = ("wbc/core", "wbc/walking", "wbc/motion", "wbc/machine", "robots", "feet", "tasks", "sim")
-WHOLE = ["tests/house/test_public_api.py", "tests/frozen"]
+WHOLE = ["tests/frozen"]
 SLOWEST = 300  # s of CPU; tests that hang have noticed, too
 
 SWAPS = {
@@ -131,7 +131,7 @@ def main() -> None:
             print(f"{word:<9}{file.relative_to(ROOT)}:{line}  {old!r} => {new!r}  in  {where}", flush=True)
     print(
         f"{counts['noticed']} of {len(drawn)} noticed by the tests of their folder, {counts['later']} more by "
-        f"streams and surface; {counts['survived']} survived"
+        f"streams; {counts['survived']} survived"
     )
 
 

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import importlib
-import inspect
 import re
 import shlex
 from collections.abc import Iterator
@@ -12,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from wbc.app.cli import make_app
-from wbc.app.commands import COMMANDS, GROUPS, summary
+from wbc.app.commands import GROUPS
 
 ROOT = Path(__file__).resolve().parents[2]
 PAGES = [
@@ -70,17 +68,3 @@ def test_commands_in_the_text_exist_with_their_options(page: Path) -> None:
         if options:
             known = {name for argument in app.assemble_argument_collection() for name in argument.names}
             assert options <= known, f"{page.name}: `{line}`"
-
-
-def test_what_is_no_command_is_noticed() -> None:
-    with pytest.raises(Exception, match="(?i)unknown|unused|did you mean"):
-        understood(["walk", "--distnace", "1"])
-    assert any("walk" in line for page in PAGES for line in named_in_text(page))
-    assert sum(len(lines_of(page)) for page in PAGES) > 30
-
-
-@pytest.mark.parametrize("words", COMMANDS)
-def test_the_list_says_what_the_command_says(words: str) -> None:
-    module, _, function = COMMANDS[words].partition(":")
-    command = getattr(importlib.import_module(f"wbc.app.commands.{module}"), function)
-    assert (inspect.getdoc(command) or "").splitlines()[0] == summary(words)
