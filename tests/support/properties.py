@@ -2,7 +2,7 @@
 
 The default profile draws the same examples in every run, on every machine: a run that is red stays red. The profile
 `long` draws new ones at random, ten times as many: `HYPOTHESIS_PROFILE=long pytest tests/feet`. No phase explains
-failures: it would trace every example, which takes a quarter of the time and has crashed Python 3.11 (`sys.settrace`).
+failures: it would trace every example, which takes a quarter of the time.
 """
 
 from __future__ import annotations
