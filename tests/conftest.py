@@ -17,7 +17,7 @@ def pytest_cmdline_main(config: pytest.Config) -> None:
 
 
 def pytest_collection_finish() -> None:
-    """Leave what has been collected alone when garbage is looked for; plants in circles reserve memory, so look often."""
+    """Leave what has been collected alone when garbage is looked for; plants in circles reserve memory: look often."""
     gc.freeze()
     gc.set_threshold(2_000)
     gc.enable()
