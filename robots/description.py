@@ -47,6 +47,9 @@ class RobotDescription:
         gains: Joint → (kp, kd) where the rule does not apply, Nm/rad and Nms/rad.
         damping: Joint → passive damping where there is any, Nms/rad; the plant has it, the controller's model not.
         frictionloss: Joint → dry friction where there is any, Nm; likewise.
+        springs: Joint → (stiffness, rest position) of a spring beside its drive, Nm/rad and rad; plant and controller
+            have it.
+        torque_ranges: Joint → (least, greatest) torque where they are not ± the same, Nm.
         sensors: Role → sensor of the file: "gyroscope", "accelerometer", "<body> force", "<body> torque".
         package_dirs: Folders for `package://` in the URDF, for viewers.
         height: Standing height with straight legs, m; None when unknown.
@@ -67,6 +70,8 @@ class RobotDescription:
     gains: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     damping: Mapping[str, float] = field(default_factory=dict)
     frictionloss: Mapping[str, float] = field(default_factory=dict)
+    springs: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    torque_ranges: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     sensors: Mapping[str, str] = field(default_factory=dict)
     package_dirs: tuple[str, ...] = ()
     height: float | None = None
@@ -76,7 +81,17 @@ class RobotDescription:
 
     def __post_init__(self) -> None:
         check_fields(self)
-        for mapping in ("half_sitting", "armature", "hands", "gains", "damping", "frictionloss", "sensors"):
+        for mapping in (
+            "half_sitting",
+            "armature",
+            "hands",
+            "gains",
+            "damping",
+            "frictionloss",
+            "springs",
+            "torque_ranges",
+            "sensors",
+        ):
             object.__setattr__(self, mapping, MappingProxyType(dict(getattr(self, mapping))))
         if self.soles and tuple(sole.name for sole in self.soles) != frames.SOLE_NAMES:
             raise InputError(
@@ -90,6 +105,8 @@ class RobotDescription:
         check_values(
             names, self._model, self.half_sitting, self.armature, self.damping, self.frictionloss, self.gains
         )
+        for name in self.springs:
+            choose("joint", name, names)
         q = self._half_sitting_configuration()
         if self.soles:
             posture.check_posture(self._model, self._sole_frames, q)
@@ -289,6 +306,7 @@ class RobotDescription:
             imu_frame=self.imu.frame,
             frames=self.hands,
             servos=self.servos,
+            springs=self._springs,
         )
 
     def needs_feet(self, what: str) -> None:
@@ -356,7 +374,10 @@ class RobotDescription:
                 sorted(values.items())
                 for values in (self.half_sitting, self.armature, self.hands, self.gains)
             ),
-            *(sorted(values.items()) for values in (self.damping, self.frictionloss)),
+            *(
+                sorted(values.items())
+                for values in (self.damping, self.frictionloss, self.springs, self.torque_ranges)
+            ),
         )
         return hashlib.sha256(repr(content).encode()).hexdigest()[:12]
 
@@ -407,8 +428,8 @@ class RobotDescription:
 
     @cached_property
     def torque_limit(self) -> Array:
-        """Largest torque of each joint, shape (na,), Nm."""
-        return _frozen(self._model.upperEffortLimit[6:])
+        """Largest torque of each joint in either direction, shape (na,), Nm."""
+        return _frozen(self.robot().torque_limit)
 
     @cached_property
     def velocity_limit(self) -> Array:
@@ -459,8 +480,19 @@ class RobotDescription:
         model = urdf.pinocchio_model(self.urdf, self.name)
         for description in (*self.soles, self.imu):
             frames.add_frame(model, description)
+        for joint, (least, most) in self.torque_ranges.items():
+            choose("joint", joint, list(model.names)[2:])
+            v = model.joints[model.getJointId(joint)].idx_v
+            model.lowerEffortLimit[v], model.upperEffortLimit[v] = least, most
         model.armature[6:] = [self.armature.get(name, 0.0) for name in list(model.names)[2:]]
         return model
+
+    @property
+    def _springs(self) -> tuple[Array, Array] | None:
+        if not self.springs:
+            return None
+        stiffness, rest = np.transpose([self.springs.get(name, (0.0, 0.0)) for name in self.joint_names])
+        return stiffness.copy(), rest.copy()
 
     @property
     def _sole_frames(self) -> tuple[str, ...]:

@@ -22,6 +22,9 @@ UNLIKE = 0.01
 MOST_RANGE = 4.0 * math.pi
 """Range of a joint from which on its limits may be in degrees, rad."""
 
+UNMODELLED = "not in the controller's model: "
+"""Beginning of a note on a force that the controller does not know of."""
+
 FULL_LEG = 6
 """Joints of a leg that can put its sole anywhere."""
 
@@ -111,8 +114,12 @@ def report(facts: Mapping[str, Any]) -> str:
 
 def doubts(robot: Any) -> tuple[str, ...]:
     """Return what of a description is doubtful, one line each."""
-    found = _drives(robot) + _legs(robot)
-    tight = [f"{name} {share:.0%}" for name, share in standing_torques(robot).items() if share > NEAR_LIMIT]
+    found = _drives(robot) + _legs(robot) + [line for line in robot.derived if line.startswith(UNMODELLED)]
+    tight = [
+        f"{name} {share:.0%}" if math.isfinite(share) else f"{name}, which is driven the other way alone"
+        for name, share in standing_torques(robot).items()
+        if share > NEAR_LIMIT
+    ]
     if tight:
         found.append(
             f"standing still takes more than {NEAR_LIMIT:.0%} of the torque limit of: {', '.join(tight)}"
@@ -123,9 +130,9 @@ def doubts(robot: Any) -> tuple[str, ...]:
         )
     limits = [*zip(robot.joint_names, *robot.position_limits, strict=True)]
     if wide := [name for name, low, high in limits if _is_taken(low, high)]:
-        found.append(f"no position limits (±π taken): {_listed(wide)}")
+        found.append(f"no position limits (±π taken): {listed(wide)}")
     if turns := [name for name, low, high in limits if high - low > MOST_RANGE]:
-        found.append(f"position limits of more than two turns, in degrees? {_listed(turns)}")
+        found.append(f"position limits of more than two turns, in degrees? {listed(turns)}")
     return tuple(found)
 
 
@@ -134,7 +141,7 @@ def standing_torques(robot: Any) -> dict[str, float]:
     model = robot.robot()
     if not model.soles:
         return {}
-    gravity = pin.computeGeneralizedGravity(model.model, model.data, model.q)
+    gravity = model.bias  # and springs
     jacobian = np.concatenate(
         [
             pin.computeFrameJacobian(model.model, model.data, model.q, model.frame_id(sole.frame), pin.LOCAL)
@@ -143,7 +150,8 @@ def standing_torques(robot: Any) -> dict[str, float]:
     )
     wrench = np.linalg.lstsq(jacobian[:, :6].T, gravity[:6], rcond=None)[0]
     torque = gravity[6:] - jacobian[:, 6:].T @ wrench
-    shares = np.abs(torque) / model.torque_limit
+    bound = np.where(torque < 0.0, -model.torque_lower, model.torque_upper)
+    shares = np.divide(np.abs(torque), bound, out=np.full(model.na, np.inf), where=bound > 0.0)
     return dict(zip(robot.joint_names, shares.tolist(), strict=True))
 
 
@@ -168,10 +176,10 @@ def _drives(robot: Any) -> list[str]:
         if kp > 0.0 and kd + robot.damping.get(name, 0.0) == 0.0
     ]
     if undamped:
-        found.append(f"given servo gains without damping: {_listed(undamped)}")
+        found.append(f"given servo gains without damping: {listed(undamped)}")
     bare = [name for name in robot.joint_names if robot.armature[name] == 0.0]
     if bare:
-        found.append(f"no rotor inertia (armature); real drives have some: {_listed(bare)}")
+        found.append(f"no rotor inertia (armature); real drives have some: {listed(bare)}")
     rubbing = {**robot.damping, **robot.frictionloss}
     if rubbing:
         found.append(
@@ -210,5 +218,6 @@ def _is_taken(low: float, high: float) -> bool:
     return bool(abs(low + CONTINUOUS_RANGE) < 1e-6 and abs(high - CONTINUOUS_RANGE) < 1e-6)
 
 
-def _listed(names: list[str]) -> str:
+def listed(names: list[str]) -> str:
+    """Return the first of some names, and how many more there are."""
     return ", ".join(names[:6]) + (f" and {len(names) - 6} more" if len(names) > 6 else "")

@@ -37,14 +37,17 @@ def sole_rectangle(
     without usable geometry.
     """
     sole = model.frames[model.getFrameId(frame)]
+    data = model.createData()
+    pin.framesForwardKinematics(model, data, pin.neutral(model))
     owner = moving_link_of(root)
     links = {str(link.get("name")): link for link in root.findall("link")}
-    moving = frames.carrier_link(model, sole.parentJoint)
+    below = {frames.carrier_link(model, joint) for joint in model.subtrees[sole.parentJoint]}  # toes, too
+    here = data.oMf[model.getFrameId(frame)]
     wide = None
     for tag, up_axis in itertools.product(("collision", "visual"), (False, True)):
         clouds = []
-        for name in (name for name, mover in owner.items() if mover == moving):
-            placement = sole.placement.actInv(frames.body_frame(model, name).placement)
+        for name in (name for name, mover in owner.items() if mover in below):
+            placement = here.actInv(data.oMf[model.getFrameId(name, pin.FrameType.BODY)])
             for element in links[name].findall(tag):
                 shapes = _points(element, package_dirs, base, placement, up_axis)
                 clouds += [_move(placement, cloud) for cloud in shapes]

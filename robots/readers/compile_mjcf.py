@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import re
 from collections.abc import Callable
 from pathlib import Path
@@ -103,9 +102,3 @@ def _drop_meshes(spec: mujoco.MjSpec) -> None:
         material.textures = [""] * len(material.textures)
     for texture in [each for each in spec.textures if each.file]:
         spec.delete(texture)
-
-
-def limited(low: float, high: float) -> float:
-    """Return the largest size that a range allows on both sides; infinite for an empty one."""
-    sides = [abs(side) for side in (low, high) if side != 0.0 and math.isfinite(side)]
-    return min(sides) if sides else math.inf

@@ -8,13 +8,17 @@ from dataclasses import dataclass, field
 import mujoco
 import numpy as np
 
-from wbc.core.errors import ModelError
+from wbc.core.errors import Array, ModelError
 from wbc.robots.frames import FrameDescription, frame_at
-from wbc.robots.readers.compile_mjcf import limited
+from wbc.robots.readers.forces_mjcf import pulls, unmodelled
 from wbc.robots.readers.tree_mjcf import Tree, placement_of
 
 HOME = ("half_sitting", "halfsitting", "half-sitting", "home", "stand", "knees_bent", "walk_pose")
 """Words in the names of keyframes that stand for a posture with bent knees, first choice first."""
+
+
+UNBOUNDED = (-math.inf, math.inf)
+"""Range of a drive without limits."""
 
 
 @dataclass
@@ -22,18 +26,20 @@ class Drives:
     """Drives of the joints that move.
 
     Attributes:
-        torque: Joint → tightest limit that the file gives, Nm or N.
+        torque: Joint → least and greatest torque by the tightest limits that the file gives, Nm or N.
         gains: Joint → (kp, kd) of its actuators, Nm/rad and Nms/rad.
         armature: Joint → rotor inertia, kg m².
         damping: Joint → passive damping, Nms/rad.
         frictionloss: Joint → dry friction, Nm.
+        springs: Joint → (stiffness, rest position), Nm/rad and rad.
     """
 
-    torque: dict[str, float] = field(default_factory=dict)
+    torque: dict[str, tuple[float, float]] = field(default_factory=dict)
     gains: dict[str, tuple[float, float]] = field(default_factory=dict)
     armature: dict[str, float] = field(default_factory=dict)
     damping: dict[str, float] = field(default_factory=dict)
     frictionloss: dict[str, float] = field(default_factory=dict)
+    springs: dict[str, tuple[float, float]] = field(default_factory=dict)
 
 
 def read_drives(tree: Tree) -> Drives:
@@ -43,48 +49,59 @@ def read_drives(tree: Tree) -> Drives:
     """
     model, drives = tree.model, Drives()
     names = {number: name for name, number in tree.joints.items()}
+    ranges: dict[str, tuple[float, float]] = {}
     for number, name in names.items():
         dof = int(model.jnt_dofadr[number])
         drives.armature[name] = float(model.dof_armature[dof])
         drives.damping[name] = float(model.dof_damping[dof])
         drives.frictionloss[name] = float(model.dof_frictionloss[dof])
         if model.jnt_actfrclimited[number]:
-            drives.torque[name] = limited(*model.jnt_actfrcrange[number].tolist())
-        if model.jnt_stiffness[number].any():
-            tree.notes.append(
-                f"joint '{name}': a spring of {model.jnt_stiffness[number].max():g} is left out"
-            )
-    tree.notes += _passive_tendons(tree)
-    if held := [tree.body_name(body) for body in tree.bodies if model.body_gravcomp[body] != 0.0]:
-        tree.notes.append(f"gravity compensation of {len(held)} bodies is left out: {listed(held)}")
-    sums: dict[str, float] = {}
+            ranges[name] = _range(model.jnt_actfrcrange[number])
+        if stiffness := float(model.jnt_stiffness[number]):
+            drives.springs[name] = stiffness, float(model.qpos_spring[model.jnt_qposadr[number]])
+    tree.notes += unmodelled(model, tree.bodies, names)
+    sums: dict[str, tuple[float, float]] = {}
     for i in range(model.nu):
         joint = _driven_joint(tree, i)
-        if joint not in names:
+        gear = float(model.actuator_gear[i, 0])
+        if joint not in names or gear == 0.0:
             continue
-        name, gear = names[joint], abs(float(model.actuator_gear[i, 0]))
-        sums[name] = sums.get(name, 0.0) + gear * _force_limit(model, i)
+        name = names[joint]
+        low, high = _force_range(model, i)
+        low, high = (gear * low, gear * high) if gear > 0.0 else (gear * high, gear * low)
+        before = sums.get(name, (0.0, 0.0))
+        sums[name] = before[0] + low, before[1] + high
         kp, kd = drives.gains.get(name, (0.0, 0.0))
         if int(model.actuator_biastype[i]) == mujoco.mjtBias.mjBIAS_AFFINE:
             kp -= float(model.actuator_biasprm[i, 1]) * gear**2
             kd -= float(model.actuator_biasprm[i, 2]) * gear**2
         drives.gains[name] = (kp, kd)
-    for name, limit in sums.items():
-        drives.torque[name] = min(limit, drives.torque.get(name, math.inf))
-    drives.torque = {
-        name: limit for name, limit in drives.torque.items() if math.isfinite(limit) and limit > 0.0
-    }
-    if bare := [name for name in tree.joints if name not in sums]:
-        tree.notes.append(f"no actuator in the file for {len(bare)} joints, taken as driven: {listed(bare)}")
+    for name in {**ranges, **sums}:
+        low, high = _inside(sums.get(name, UNBOUNDED), ranges.get(name, UNBOUNDED))
+        if math.isfinite(max(-low, high)) and max(-low, high) > 0.0:
+            drives.torque[name] = low, high
+    if not sums:
+        tree.notes.append("no actuators in the file: all joints are taken as driven")
     drives.gains = {name: (kp, kd) for name, (kp, kd) in drives.gains.items() if kp > 0.0}
     drives.damping = {name: value for name, value in drives.damping.items() if value > 0.0}
     drives.frictionloss = {name: value for name, value in drives.frictionloss.items() if value > 0.0}
     return drives
 
 
-def listed(names: list[str]) -> str:
-    """Return the first of some names, and how many more there are."""
-    return ", ".join(names[:6]) + (f" and {len(names) - 6} more" if len(names) > 6 else "")
+def passive_joints(tree: Tree) -> dict[str, float]:
+    """Return the joints without an actuator, joint → rest position (rad or m); none if no joint has one."""
+    model = tree.model
+    driven = {_driven_joint(tree, i) for i in range(model.nu) if model.actuator_gear[i, 0] != 0.0}
+    if not driven & set(tree.joints.values()):
+        return {}
+    rest = {}
+    for name, joint in tree.joints.items():
+        if joint not in driven:
+            at = int(model.jnt_qposadr[joint])
+            rest[name] = float((model.qpos_spring if model.jnt_stiffness[joint] else model.qpos0)[at])
+            if model.jnt_limited[joint]:
+                rest[name] = float(np.clip(rest[name], *model.jnt_range[joint]))
+    return rest
 
 
 def _driven_joint(tree: Tree, actuator: int) -> int:
@@ -95,7 +112,7 @@ def _driven_joint(tree: Tree, actuator: int) -> int:
     if kind in (kinds.mjTRN_JOINT, kinds.mjTRN_JOINTINPARENT):
         return target
     if kind == kinds.mjTRN_TENDON:
-        if not _pulls(tree, target):
+        if not pulls(model, target, tree.carrier, tree.joints.values()):
             return -1
         raise ModelError(
             f"actuator '{name}' drives tendon '{model.tendon(target).name}', no joint; joints need drives of their "
@@ -109,45 +126,26 @@ def _driven_joint(tree: Tree, actuator: int) -> int:
     return -1
 
 
-def _pulls(tree: Tree, tendon: int) -> bool:
-    """Return True if a tendon acts on joints that move or on bodies of the robot."""
-    model, kinds = tree.model, mujoco.mjtWrap
-    start = int(model.tendon_adr[tendon])
-    for wrap in range(start, start + int(model.tendon_num[tendon])):
-        kind, number = int(model.wrap_type[wrap]), int(model.wrap_objid[wrap])
-        if kind == kinds.mjWRAP_JOINT and number in tree.joints.values():
-            return True
-        if kind == kinds.mjWRAP_SITE and int(model.site_bodyid[number]) in tree.carrier:
-            return True
-    return False
+def _range(given: Array) -> tuple[float, float]:
+    """Return a range of the file; one of zero size is none."""
+    low, high = sorted(float(side) for side in given)
+    return (low, high) if low < high else UNBOUNDED
 
 
-def _passive_tendons(tree: Tree) -> list[str]:
-    """Return a note for each tendon of the robot that acts without an actuator."""
-    model, notes = tree.model, []
-    for i in range(model.ntendon):
-        parts = {
-            "spring": model.tendon_stiffness[i],
-            "damping": model.tendon_damping[i],
-            "dry friction": model.tendon_frictionloss[i],
-            "limits": model.tendon_limited[i],
-        }
-        acting = [part for part, value in parts.items() if np.any(value)]
-        if acting and _pulls(tree, i):
-            notes.append(f"tendon '{model.tendon(i).name or i}': {', '.join(acting)} left out")
-    return notes
+def _inside(one: tuple[float, float], other: tuple[float, float]) -> tuple[float, float]:
+    return max(one[0], other[0]), min(one[1], other[1])
 
 
-def _force_limit(model: mujoco.MjModel, actuator: int) -> float:
-    """Return the largest force of an actuator before its gear; infinite where the file gives none."""
-    limit = math.inf
+def _force_range(model: mujoco.MjModel, actuator: int) -> tuple[float, float]:
+    """Return least and greatest force of an actuator before its gear; infinite where the file gives none."""
+    limit = UNBOUNDED
     if model.actuator_forcelimited[actuator]:
-        limit = limited(*model.actuator_forcerange[actuator].tolist())
+        limit = _range(model.actuator_forcerange[actuator])
     plain = int(model.actuator_biastype[actuator]) == mujoco.mjtBias.mjBIAS_NONE
     fixed = int(model.actuator_gaintype[actuator]) == mujoco.mjtGain.mjGAIN_FIXED
     if plain and fixed and model.actuator_ctrllimited[actuator]:
-        gain = abs(float(model.actuator_gainprm[actuator, 0]))
-        limit = min(limit, gain * limited(*model.actuator_ctrlrange[actuator].tolist()))
+        gain = float(model.actuator_gainprm[actuator, 0])
+        limit = _inside(limit, _range(gain * model.actuator_ctrlrange[actuator]))
     return limit
 
 

@@ -97,8 +97,7 @@ def _named(tree: Tree, name: str) -> Foot:
 def _foot_of(tree: Tree, body: int, given: str | None) -> Foot:
     """Return a foot with its geoms that touch the ground, or, without any, those of group 3, or all."""
     model = tree.model
-    group = {b for b, carrier in tree.carrier.items() if carrier == tree.carrier[body]}
-    geoms = [g for g in range(model.ngeom) if int(model.geom_bodyid[g]) in group]
+    geoms = _geoms(tree, _below(tree, tree.carrier[body]))
     if touching := [g for g in geoms if _touches_ground(model, g)]:
         return Foot(body, given, touching)
     third = [g for g in geoms if int(model.geom_group[g]) == 3]
@@ -138,20 +137,55 @@ def _lowest(tree: Tree, data: mujoco.MjData, left: Array, taken: list[int]) -> l
         if b != tree.root and tree.carrier[b] == b
     }
     ends = [b for b in tree.bodies if tree.carrier[b] == b and b not in inner]
-    ends = [b for b in ends if b not in {tree.carrier[body] for body in taken}]
+    covered = {b for body in taken for b in _below(tree, tree.carrier[body])}
     missing = 2 - len(taken)
-    if not missing:
-        return []
-    if len(ends) < missing:
+    feet: list[int] = []
+    for end in sorted(ends, key=lambda body: float(data.xpos[body, 2])):
+        if end not in covered and len(feet) < missing:
+            feet.append(_whole_foot(tree, data, end))
+            covered |= _below(tree, feet[-1])
+    if len(feet) < missing:
         raise ModelError(
             "a humanoid needs two feet, but fewer than two limbs end in a body that moves; give left_sole and "
             "right_sole, or feet=False for a robot without"
         )
-    ends = sorted(ends, key=lambda body: float(data.xpos[body, 2]))[:missing]
-    ends.sort(key=lambda body: -float(data.xpos[body] @ left))
-    for body in ends:
+    feet.sort(key=lambda body: -float(data.xpos[body] @ left))
+    for body in feet:
         tree.notes.append(f"foot: body '{tree.body_name(body)}', the end of one of the two lowest limbs")
-    return [_foot_of(tree, body, None) for body in ends]
+    return [_foot_of(tree, body, None) for body in feet]
+
+
+def _below(tree: Tree, carrier: int) -> set[int]:
+    """Return a body that moves, what is fixed to it and everything that hangs on it."""
+    found = {carrier}
+    for body in tree.bodies:
+        if tree.carrier[body] == carrier or int(tree.model.body_parentid[body]) in found:
+            found.add(body)
+    return found
+
+
+def _geoms(tree: Tree, bodies: set[int]) -> list[int]:
+    return [g for g in range(tree.model.ngeom) if int(tree.model.geom_bodyid[g]) in bodies]
+
+
+def _whole_foot(tree: Tree, data: mujoco.MjData, end: int) -> int:
+    """Return the body that carries a foot: above the end of the limb, as long as its geoms share the sole's plane."""
+    model, up = tree.model, data.xmat[tree.root].reshape(3, 3)[:, 2]
+    while (above := tree.carrier[int(model.body_parentid[end])]) != tree.root:
+        toe = _below(tree, end)
+        parts = [
+            [_points(model, data, g, up) for g in _geoms(tree, bodies) if _touches_ground(model, g)]
+            for bodies in (_below(tree, above) - toe, toe)
+        ]
+        if not all(parts):
+            break
+        clouds = [np.concatenate(part) for part in parts]
+        normal = _flat_side(np.concatenate(clouds), up)
+        heights = [float((cloud @ (up if normal is None else normal)).min()) for cloud in clouds]
+        if abs(heights[0] - heights[1]) > SLICE:
+            break
+        end = above
+    return end
 
 
 def _sole(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Unpack
@@ -17,6 +18,7 @@ from wbc.robots.frames import FrameDescription, SoleDescription
 from wbc.robots.options import DescriptionOptions
 from wbc.robots.readers import drives_mjcf, feet_mjcf, shapes_mjcf, tree_mjcf
 from wbc.robots.readers.compile_mjcf import compiled_with_files
+from wbc.robots.report import UNMODELLED, listed
 
 
 def fields(
@@ -36,10 +38,25 @@ def fields(
     """Return the fields of the `RobotDescription` of an MJCF; see `RobotDescription.from_mjcf`."""
     model, files = compiled_with_files(source, meshes=meshes)
     _refuse_odd_inertias(model)
-    tree = tree_mjcf.find_tree(model, root, options.pop("lock", None) or {})
+    lock = options.pop("lock", None) or {}
+    tree = tree_mjcf.find_tree(model, root, lock)
+    if passive := drives_mjcf.passive_joints(tree):
+        tree = tree_mjcf.find_tree(model, root, {**lock, **passive})
+        tree.notes.append(
+            f"{UNMODELLED}{len(passive)} joints without an actuator, passive and taken as fixed: {listed([*passive])}"
+        )
+    tree_mjcf.refuse_loops(tree)
     drives = drives_mjcf.read_drives(tree)
     name = name or _model_name(model) or tree.body_name(tree.root)
-    writer = tree_mjcf.write(tree, name, drives.torque)
+    writer = tree_mjcf.write(
+        tree, name, {name: max(-low, high) for name, (low, high) in drives.torque.items()}
+    )
+    given_limits = options.get("torque_limits") or {}
+    one_sided = {
+        joint: (low, high)
+        for joint, (low, high) in drives.torque.items()
+        if not math.isclose(-low, high) and joint not in given_limits
+    }
     shapes_mjcf.add_visuals(writer.root, tree, files)
     site = {
         str(model.site(i).name): i for i in range(model.nsite) if int(model.site_bodyid[i]) in tree.carrier
@@ -89,7 +106,13 @@ def fields(
         notes=notes,
         postures=drives_mjcf.keyframes(tree),
         feet_found=left_sole is None and right_sole is None,
-        taken={"damping": drives.damping, "frictionloss": drives.frictionloss, "sensors": sensors},
+        taken={
+            "damping": drives.damping,
+            "frictionloss": drives.frictionloss,
+            "springs": drives.springs,
+            "torque_ranges": one_sided,
+            "sensors": sensors,
+        },
         **options,
     )
 

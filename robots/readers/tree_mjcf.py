@@ -102,7 +102,6 @@ def find_tree(model: mujoco.MjModel, root: str | None, lock: Mapping[str, float]
         )
     if not tree.joints:
         raise ModelError(f"the robot at body '{tree.body_name(number)}' has no joint that moves")
-    _refuse_loops(tree)
     return tree
 
 
@@ -140,24 +139,14 @@ def _root(model: mujoco.MjModel, root: str | None) -> int:
     raise ModelError("the MJCF holds no robot: no body has joints below it")
 
 
-def _refuse_loops(tree: Tree) -> None:
-    """Name closed chains, which cannot be simulated here, and note equalities and tendons that are left out.
-
-    An equality that is not active when the simulation begins closes no chain.
-    """
+def refuse_loops(tree: Tree) -> None:
+    """Refuse closed chains, which cannot be simulated here; one that is not active at the start closes none."""
     model = tree.model
     kinds = mujoco.mjtEq
     for i in range(model.neq):
         kind, one, two = int(model.eq_type[i]), int(model.eq_obj1id[i]), int(model.eq_obj2id[i])
         name = str(model.equality(i).name) or f"equality {i}"
-        if not model.eq_active0[i]:
-            continue
-        if kind == kinds.mjEQ_JOINT:
-            names = {number: joint for joint, number in tree.joints.items()}
-            if one in names:
-                other = f"'{tree.joint_name(two)}'" if two >= 0 else "a constant"
-                tree.notes.append(f"joint '{names[one]}': equality with {other}, now an independent joint")
-        elif kind in (kinds.mjEQ_CONNECT, kinds.mjEQ_WELD):
+        if model.eq_active0[i] and kind in (kinds.mjEQ_CONNECT, kinds.mjEQ_WELD):
             if int(model.eq_objtype[i]) == mujoco.mjtObj.mjOBJ_SITE:
                 one, two = int(model.site_bodyid[one]), int(model.site_bodyid[two])
             ends = [tree.carrier.get(body) for body in (one, two)]
@@ -166,12 +155,6 @@ def _refuse_loops(tree: Tree) -> None:
                     f"closed chain: '{name}' ties body '{tree.body_name(one)}' to '{tree.body_name(two)}'; give the "
                     "serial model, or lock the joints between them"
                 )
-            if (ends[0] is None) != (ends[1] is None):
-                own, outside = (one, two) if ends[1] is None else (two, one)
-                what = tree.body_name(outside)
-                tree.notes.append(f"'{name}' ties body '{tree.body_name(own)}' to '{what}', left out")
-        elif kind == kinds.mjEQ_TENDON:
-            tree.notes.append(f"'{name}': equality of tendons, left out")
 
 
 def placement_of(position: Array, quaternion: Array) -> pin.SE3:

@@ -10,6 +10,7 @@ Command and measurement are those of a real robot.
 from __future__ import annotations
 
 import logging
+import math
 from collections.abc import Callable, Mapping, Sequence
 
 import mujoco
@@ -21,6 +22,8 @@ from wbc.core.errors import Array, InputError, whole_number
 from wbc.core.robot import checked_configuration
 from wbc.core.signals import Command
 from wbc.robots import RobotDescription
+from wbc.robots.readers.forces_mjcf import unmodelled
+from wbc.robots.report import UNMODELLED, listed
 from wbc.sim.loop.actuators import JointActuators
 from wbc.sim.plant.hands import check_clear
 from wbc.sim.plant.places import RobotPlaces
@@ -199,12 +202,13 @@ class MujocoLoop(SimulatedRobot):
             some = ", ".join(bare[:3]) + (", …" if len(bare) > 3 else "")
             notes.append(f"{len(bare)} joints without an actuator get their torque directly: {some}")
         least, most = self.actuators.reach(self.robot.half_sitting[7:])
-        reach, limit = np.minimum(-least, most), self.description.torque_limit
-        if (short := reach < REACHED * limit).any():
-            worst = int(np.argmin(np.where(short, reach / limit, np.inf)))
+        low, high = self.robot.torque_lower, self.robot.torque_upper
+        if (short := np.maximum(least - REACHED * low, REACHED * high - most)).max() > 0.0:
+            worst = int(np.argmax(short / self.robot.torque_limit))
             notes.append(
-                f"at half-sitting the controls of {np.count_nonzero(short)} joints end (ctrlrange) before their torque "
-                f"limits, first {names[worst]}: {least[worst]:.4g} to {most[worst]:.4g} of ±{limit[worst]:.4g} Nm"
+                f"at half-sitting the controls of {np.count_nonzero(short > 0.0)} joints end (ctrlrange) before their "
+                f"torque limits, first {names[worst]}: {least[worst]:.4g} to {most[worst]:.4g} of {low[worst]:.4g} to "
+                f"{high[worst]:.4g} Nm"
             )
         mass = float(model.body_subtreemass[self.places.root])
         if abs(mass - self.robot.mass) > OTHER_MASS * self.robot.mass:
@@ -217,18 +221,42 @@ class MujocoLoop(SimulatedRobot):
                 f"at half-sitting the centre of mass of the link of '{displaced[0]}' is {1e3 * displaced[1]:.0f} mm "
                 "off in the model: the joint counts from another zero, or the mass is elsewhere"
             )
-        weightless = int(np.count_nonzero(model.body_gravcomp[self.places.of_robot]))
-        if weightless:
-            notes.append(
-                f"gravity of {weightless} bodies is compensated in the model (gravcomp), not in the description"
-            )
+        joints = dict(zip(self.places.joints, names, strict=True))
+        notes += unmodelled(model, np.flatnonzero(self.places.of_robot).tolist(), joints)
+        notes += self._other_joints()
         for what, sensor in (("gyroscope", imu.gyroscope), ("accelerometer", imu.accelerometer)):
             if sensor is None:
                 notes.append(f"no {what} on the IMU's body: computed from the motion")
-        gravity = float(np.linalg.norm(model.opt.gravity))
-        if abs(gravity - float(np.linalg.norm(self.robot.model.gravity.linear))) > 0.02:
-            notes.append(f"gravity is {gravity:.3f} m/s² in the model")
         return notes
+
+    def _other_joints(self) -> list[str]:
+        """Return notes on springs, damping and friction that the model has otherwise than the description."""
+        model, described, dof = self.model, self.description, self.places.joint_dof
+        springs = [described.springs.get(name, (0.0, 0.0))[0] for name in described.joint_names]
+        found = []
+        for what, own, theirs in (
+            ("springs", model.jnt_stiffness[self.places.joints], springs),
+            (
+                "damping",
+                model.dof_damping[dof],
+                [described.damping.get(n, 0.0) for n in described.joint_names],
+            ),
+            (
+                "dry friction",
+                model.dof_frictionloss[dof],
+                [described.frictionloss.get(n, 0.0) for n in described.joint_names],
+            ),
+        ):
+            other = [
+                f"{name} {mine:g}"
+                for name, mine, said in zip(described.joint_names, own.tolist(), theirs, strict=True)
+                if not math.isclose(mine, said, rel_tol=0.01, abs_tol=1e-9)
+            ]
+            if other:
+                found.append(
+                    f"{UNMODELLED}{what} of {len(other)} joints, other than described: {listed(other)}"
+                )
+        return found
 
 
 def step_together(loops: Sequence[MujocoLoop], commands: Sequence[Command]) -> None:

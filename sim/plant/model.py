@@ -210,7 +210,8 @@ def _add_servos(spec: mujoco.MjSpec, robot: RobotDescription) -> None:
         limited = limit < UNLIMITED_TORQUE
         joint.actfrclimited, actuator.forcelimited = limited, limited
         if limited:
-            joint.actfrcrange, actuator.forcerange = [-limit, limit], [-limit, limit]
+            least, most = robot.torque_ranges.get(name, (-limit, limit))
+            joint.actfrcrange, actuator.forcerange = [least, most], [least, most]
 
 
 def _add_feet(spec: mujoco.MjSpec, robot: Robot, foot: Foot) -> tuple[FootParts, ...]:
@@ -258,7 +259,7 @@ def _thin_flat_soles(model: mujoco.MjModel) -> None:
 
 
 def _add_flaws(spec: mujoco.MjSpec, description: RobotDescription, robot: Robot, machine: Machine) -> None:
-    """Add damping and dry friction to the joints, and a point mass at the centre of mass of the torso's link."""
+    """Add damping, dry friction and springs to the joints, and a point mass at the torso's centre of mass."""
     for name in robot.joint_names:
         friction = machine.friction + description.frictionloss.get(name, 0.0)
         damping = description.damping.get(name, 0.0)
@@ -266,6 +267,8 @@ def _add_flaws(spec: mujoco.MjSpec, description: RobotDescription, robot: Robot,
             spec.joint(name).frictionloss = friction
         if damping > 0.0:
             spec.joint(name).damping[0] = damping
+        if name in description.springs:
+            spec.joint(name).stiffness[0], spec.joint(name).springref = description.springs[name]
     if machine.payload > 0.0:
         spec.body(robot.torso_frame).mass += machine.payload
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from importlib import metadata
 from pathlib import Path
 from xml.etree import ElementTree
@@ -12,9 +13,12 @@ import pytest
 from mjcf_biped import CAPSULES, MOTORS, biped
 from mujoco_dynamics import assert_same_dynamics
 
+from wbc import TorqueControl, balance_controller
 from wbc.core.errors import InputError, ModelError, UnknownNameError
 from wbc.robots import RobotDescription, load, others
 from wbc.robots.readers.compile_mjcf import compiled_with_files
+from wbc.robots.report import UNMODELLED
+from wbc.sim import MujocoLoop, Plant
 
 
 @pytest.mark.parametrize("kind", ["text", "path", "spec", "model"])
@@ -191,28 +195,14 @@ def test_the_sole_of_a_foot_that_is_tilted_in_the_file_is_its_flat_side(tilt: fl
         assert sole.length == pytest.approx(0.2, abs=1e-3) if noted else sole.length > 0.1
 
 
-def test_parts_without_a_name_get_one_and_ties_of_joints_are_noted() -> None:
-    xml = biped().replace('<joint name="left_shoulder" ', "<joint ").replace('name="left_shoulder_out" ', "")
+def test_parts_without_a_name_get_one() -> None:
+    xml = re.sub("<actuator>.*</actuator>", "", biped(), flags=re.DOTALL)
+    xml = xml.replace('<joint name="left_shoulder" ', "<joint ").replace('name="left_shoulder_out" ', "")
     xml = xml.replace('<body name="right_arm"', "<body").replace('<joint name="right_shoulder" ', "<joint ")
     described = RobotDescription.from_mjcf(xml)
     model = mujoco.MjModel.from_xml_string(xml)
     arm = next(i for i in range(model.nbody) if not model.body(i).name)
     assert {"left_arm_joint", "left_arm_joint1", f"body_{arm}_joint"} < set(described.joint_names)
-    tendons = "".join(
-        f'<fixed name="{side}"><joint joint="{side}_shoulder" coef="1"/></fixed>'
-        for side in ("left", "right")
-    )
-    ties = '<joint joint1="left_knee" joint2="right_knee"/><joint joint1="waist"/>'
-    ties += '<tendon name="both" tendon1="left" tendon2="right"/>'
-    derived = RobotDescription.from_mjcf(
-        biped(extra=f"<tendon>{tendons}</tendon><equality>{ties}</equality>")
-    ).derived
-    for note in (
-        "joint 'left_knee': equality with 'right_knee', now an independent joint",
-        "joint 'waist': equality with a constant, now an independent joint",
-        "'both': equality of tendons, left out",
-    ):
-        assert note in derived
 
 
 def test_a_file_is_read_without_its_meshes_where_no_mass_is_theirs(tmp_path: Path) -> None:
@@ -373,23 +363,147 @@ def test_bad_files_are_named_in_one_line(what: str) -> None:
     assert "\n" not in str(caught.value)
 
 
-def test_what_ties_the_robot_is_noted_and_ties_that_are_not_active_are_none() -> None:
-    stand = '<equality><weld name="stand" body1="chest" body2="world"/></equality>'
-    leash = '<equality><connect name="leash" body1="ball" body2="left_arm" anchor="0 0 0"/></equality>'
-    spring = STRING.replace('name="string"', 'name="string" stiffness="5" damping="1"')
-    for extra, note in (
-        (stand, "'stand' ties body 'chest' to 'world', left out"),
-        (leash, "'leash' ties body 'left_arm' to 'ball', left out"),
-        (spring, "tendon 'string': spring, damping left out"),
-    ):
-        assert note in RobotDescription.from_mjcf(biped(extra=extra)).derived
+TENDONS = (
+    "<tendon>"
+    + "".join(
+        f'<fixed name="{side}" {{}}><joint joint="{side}_shoulder" coef="1"/></fixed>'
+        for side in ("left", "right")
+    )
+    + "</tendon>"
+)
+TIED = {
+    "weld": ('<equality><weld name="stand" body1="chest" body2="world"/></equality>', "'stand'"),
+    "leash": (
+        '<equality><connect name="leash" body1="ball" body2="left_arm" anchor="0 0 0"/></equality>',
+        "'leash'",
+    ),
+    "joints": ('<equality><joint name="gear" joint1="left_knee" joint2="right_knee"/></equality>', "'gear'"),
+    "constant": ('<equality><joint name="stop" joint1="waist"/></equality>', "'stop'"),
+    "tendons": (
+        TENDONS.format("", "") + '<equality><tendon name="both" tendon1="left" tendon2="right"/></equality>',
+        "'both'",
+    ),
+    "rope": (TENDONS.format('stiffness="5"', ""), "'left'"),
+    "damper": (TENDONS.format("", 'damping="1"'), "'right'"),
+    "gravity along y": ('<option gravity="0 -9.81 0"/>', "gravity"),
+    "tilted gravity": ('<option gravity="0.5 0 -9.79"/>', "gravity"),
+    "moon": ('<option gravity="0 0 -1.62"/>', "gravity"),
+    "wind": ('<option density="1.2" wind="10 0 0"/>', "wind"),
+    "water": ('<option viscosity="0.001"/>', "viscosity"),
+}
+
+
+@pytest.mark.parametrize("what", TIED)
+def test_forces_that_the_controller_does_not_know_are_named_at_the_start(what: str) -> None:
+    """By the description, and by the loop in that model with the description of another file."""
+    extra, name = TIED[what]
+    xml = biped(extra=extra)
+    doubts = [line for line in RobotDescription.from_mjcf(xml).doubts() if UNMODELLED in line]
+    assert len(doubts) == 1 and name in doubts[0]
+    plain = RobotDescription.from_mjcf(biped())
+    notes = [
+        line for line in MujocoLoop(plain, mujoco.MjModel.from_xml_string(xml)).notes if UNMODELLED in line
+    ]
+    assert notes == doubts
+
+
+def test_springs_beside_the_drives_are_forces_of_the_controllers_model() -> None:
+    """Those of MuJoCo, at rest where the file says; the plant has them as well."""
+    xml = biped().replace(
+        'range="-60 60"/>\n        <inertial',
+        'range="-60 60" stiffness="100" springref="-20"/>\n        <inertial',
+    )
+    xml = xml.replace('<joint name="waist"', '<joint name="waist" stiffness="30"')
+    description = RobotDescription.from_mjcf(xml)
+    assert description.springs == {
+        "waist": (30.0, 0.0),
+        "left_ankle_pitch": pytest.approx((100.0, np.radians(-20.0))),
+        "right_ankle_pitch": pytest.approx((100.0, np.radians(-20.0))),
+    }
+    plain, robot = RobotDescription.from_mjcf(biped()).robot(), description.robot()
+    q = np.array(robot.half_sitting)
+    q[7:] += 0.1
+    model = Plant(description).model
+    data = mujoco.MjData(model)
+    joints = [model.joint(name).id for name in description.joint_names]
+    data.qpos[model.jnt_qposadr[joints]] = q[7:]
+    mujoco.mj_fwdPosition(model, data)
+    mujoco.mj_passive(model, data)
+    for each in (robot, robot.clone(), plain):
+        each.update(q, np.zeros(robot.nv))
+    np.testing.assert_allclose(
+        (plain.bias - robot.bias)[6:], data.qfrc_spring[model.jnt_dofadr[joints]], atol=1e-9
+    )
+    loop = MujocoLoop(description, mujoco.MjModel.from_xml_string(xml), control_period=0.002)
+    control = TorqueControl(balance_controller(description.robot(), 0.002))
+    start = loop.truth().com
+    while loop.time < 0.5:
+        loop.step(control.command(loop.measure()))
+    assert control.failures == 0 and abs(loop.truth().com - start).max() < 5e-3
+
+
+@pytest.mark.parametrize("gear", [2.0, -2.0])
+def test_a_drive_of_one_direction_has_its_limits_in_controller_and_plant(gear: float) -> None:
+    knee = '<motor joint="left_knee" gear="2" ctrlrange="-40 40"/>'
+    xml = biped().replace(knee, f'<motor joint="left_knee" gear="{gear}" ctrlrange="0 30"/>')
+    xml = xml.replace('<joint name="waist"', '<joint name="waist" actuatorfrcrange="-60 20"')
+    description = RobotDescription.from_mjcf(xml)
+    expected = {"left_knee": (0.0, 60.0) if gear > 0.0 else (-60.0, 0.0), "waist": (-60.0, 20.0)}
+    assert description.torque_ranges == expected
+    robot, model = description.robot(), Plant(description).model
+    for name, (least, most) in expected.items():
+        i = robot.joint_index(name)
+        assert (robot.torque_lower[i], robot.torque_upper[i]) == (least, most)
+        np.testing.assert_array_equal(model.actuator(name).forcerange, (least, most))
+    cannot = [line for line in description.doubts() if "left_knee" in line]
+    assert bool(cannot) == (gear > 0.0), "standing takes a negative torque of the knee"
+    given = RobotDescription.from_mjcf(xml, torque_limits={"left_knee": 50.0})
+    assert set(given.torque_ranges) == {"waist"}
+
+
+TOE = """
+<geom class="foot" type="box" size="0.05 0.05 0.02" pos="-0.02 0 -0.05"/>
+<body name="{side}_toe" pos="0.06 0 -0.05"><joint name="{side}_toe" axis="0 1 0" range="-20 60"/>
+<inertial pos="0.03 0 0" mass="0.1" diaginertia="1e-4 1e-4 1e-4"/>
+<geom class="foot" type="box" size="0.04 0.05 0.02" pos="0.04 0 0"/></body>
+"""
+SPLIT = "".join(
+    TOE.replace("_toe", f"_toe{i}")
+    .replace('pos="0.06 0 ', f'pos="0.06 {y} ')
+    .replace("0.04 0.05", "0.04 0.02")
+    for i, y in enumerate((-0.03, 0.03))
+)
+
+
+@pytest.mark.parametrize("driven", [True, False])
+@pytest.mark.parametrize("foot", [TOE, SPLIT], ids=["one toe", "two toes"])
+def test_a_foot_of_several_bodies_is_what_touches_the_ground_under_the_ankle(foot: str, driven: bool) -> None:
+    """A toe that no actuator drives is no joint of the controller, and said to be none."""
+    feet = {side: foot.format(side=side) for side in ("left", "right")}
+    toes = re.findall(r'joint name="(\w+)"', "".join(feet.values()))
+    motors = MOTORS + "".join(f'<motor joint="{toe}" gear="5" ctrlrange="-1 1"/>' for toe in toes)
+    xml = biped("<site/>", drives=motors if driven else MOTORS)
+    for side, shapes in feet.items():
+        cell = f'<site name="{side}_load_cell" pos="0 0 -0.03"/>'
+        xml = xml.replace(cell, cell + shapes)
+    description = RobotDescription.from_mjcf(xml)
+    for sole in description.soles:
+        assert (sole.link, sole.length, sole.width) == (sole.name, pytest.approx(0.21), pytest.approx(0.1))
+        np.testing.assert_allclose(description.ankle(sole.name), [-0.035, 0.0, 0.07], atol=1e-9)
+    assert (set(toes) <= set(description.joint_names)) is driven
+    assert any("left_toe" in line for line in description.doubts()) is not driven
+    assert (
+        RobotDescription.from_mjcf(xml, left_sole="left_foot", right_sole="right_foot").soles
+        == description.soles
+    )
+
+
+def test_what_does_not_act_is_not_named() -> None:
+    off = '<equality><joint joint1="left_knee" joint2="right_knee" active="false"/></equality>'
+    for extra in (off, TENDONS.format("", ""), '<option wind="1 0 0"/>'):
+        assert not any(UNMODELLED in line for line in RobotDescription.from_mjcf(biped(extra=extra)).doubts())
     floating = biped().replace('<body name="chest"', '<body name="chest" gravcomp="1"')
-    note = "gravity compensation of 1 bodies is left out: chest"
-    assert note in RobotDescription.from_mjcf(floating).derived
-    off = CHAIN.replace('name="rod"', 'name="rod" active="false"')
-    for extra in (off, STRING):
-        derived = RobotDescription.from_mjcf(biped(extra=extra)).derived
-        assert not any("rod" in note or "string" in note for note in derived)
+    assert any("gravcomp" in line for line in RobotDescription.from_mjcf(floating).doubts())
 
 
 def test_a_winch_beside_the_robot_is_none_of_its_drives() -> None:

@@ -285,8 +285,7 @@ def test_a_robot_without_its_weight_is_noted() -> None:
     model.body_gravcomp[model.body("ball").id] = 1.0
     assert not any("gravcomp" in note for note in MujocoLoop(DESCRIPTION, model, prefix=PREFIX).notes)
     model.body_gravcomp[model.body(PREFIX + DESCRIPTION.robot().torso_frame).id] = 1.0
-    notes = MujocoLoop(DESCRIPTION, model, prefix=PREFIX).notes
-    assert any(note.startswith("gravity of 1 bodies is compensated in the model") for note in notes)
+    assert any("gravcomp" in note for note in MujocoLoop(DESCRIPTION, model, prefix=PREFIX).notes)
 
 
 def test_a_link_whose_mass_is_elsewhere_is_noted() -> None:
@@ -324,7 +323,7 @@ def test_controls_that_end_before_the_torque_limits_are_noted(kind: str) -> None
     assert note.startswith(
         "at half-sitting the controls of 1 joints end (ctrlrange) before their torque limits"
     )
-    assert f"left_knee_pitch: {reached[0]:.4g} to {reached[1]:.4g} of ±{limit:.4g} Nm" in note
+    assert f"left_knee_pitch: {reached[0]:.4g} to {reached[1]:.4g} of " in note
 
 
 def test_a_command_that_cannot_be_followed_is_refused_before_anything_moves() -> None:

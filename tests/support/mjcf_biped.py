@@ -86,6 +86,9 @@ MOTORS = "\n".join(
     f'<motor joint="{side}_{joint}" gear="2" ctrlrange="-40 40"/>'
     for side in ("right", "left")
     for joint in ("ankle_roll", "ankle_pitch", "knee", "hip_pitch", "hip_roll", "hip_yaw")
+) + "".join(
+    f'<motor joint="{joint}"/>'
+    for joint in ("left_shoulder", "left_shoulder_out", "right_shoulder", "right_reach")
 )
 
 

@@ -108,17 +108,21 @@ class Robot:
         mass: Total mass with everything that is carried (`carry`), kg; `total_mass` is the same as a live array of
             shape ().
         mass_matrix: M(q), shape (nv, nv); overwritten by the next update.
-        bias: Coriolis, centrifugal and gravity forces h(q, v), shape (nv,); overwritten by the next update.
+        bias: Coriolis, centrifugal, gravity and spring forces h(q, v), shape (nv,); overwritten by the next update.
         com: Centre of mass in the world, shape (3,), m; overwritten by the next update.
         com_velocity: Its velocity in the world, shape (3,), m/s; overwritten by the next update.
         com_jacobian: Jacobian of the centre of mass, shape (3, nv); overwritten by the next update.
         position_lower: Lower joint limits, shape (na,), rad (or m).
         position_upper: Upper joint limits, shape (na,), rad (or m).
         velocity_limit: Largest joint speed, shape (na,), rad/s (or m/s).
-        torque_limit: Largest joint torque, shape (na,), Nm (or N).
+        torque_limit: Largest joint torque in either direction, shape (na,), Nm (or N).
+        torque_lower: Least joint torque, shape (na,), Nm (or N): −torque_limit but for drives of one direction.
+        torque_upper: Greatest joint torque, shape (na,), Nm (or N).
         torso_frame: Frame of the chest.
         imu_frame: Frame of the inertial measurement unit.
         servos: Gains of the servos; None where they are not known.
+        springs: Stiffness (Nm/rad) and rest position (rad) of springs beside the drives, each of shape (na,); their
+            torques are part of `bias`. None without any.
     """
 
     @checked
@@ -132,6 +136,7 @@ class Robot:
         imu_frame: str | None = None,
         frames: Mapping[str, str] | None = None,
         servos: Servos | None = None,
+        springs: tuple[Array, Array] | None = None,
     ) -> None:
         """Make a robot of a complete model: limits, armature and sole frames are in it.
 
@@ -143,6 +148,7 @@ class Robot:
             imu_frame: Frame of the IMU; the root when None.
             frames: Further named frames of interest, role → frame, such as {"left_hand": "l_wrist"}.
             servos: Gains of the servos.
+            springs: Stiffness and rest position of springs beside the drives, each of shape (na,).
 
         Raises:
             ModelError: No free-flyer root, no frame of its body, a joint of several degrees of freedom, or limits that
@@ -182,7 +188,7 @@ class Robot:
                 f"servos must be of the {self.na} joints of robot '{self.name}', in their order, got "
                 f"{shown(servos.joint_names)}"
             )
-        self.servos = servos
+        self.servos, self.springs = servos, springs
         self.frames = dict(frames or {})
         for frame in (self.torso_frame, self.imu_frame, *self.frames.values()):
             self.frame_id(frame)
@@ -192,7 +198,11 @@ class Robot:
         self.position_lower = np.array(model.lowerPositionLimit[7:])
         self.position_upper = np.array(model.upperPositionLimit[7:])
         self.velocity_limit = np.array(model.upperVelocityLimit[BASE_DOF:])
-        self.torque_limit = np.array(model.upperEffortLimit[BASE_DOF:])
+        least, most = model.lowerEffortLimit[BASE_DOF:], np.array(model.upperEffortLimit[BASE_DOF:])
+        given = (least > -1e300) & (least < most)  # without a lower limit Pinocchio has the least number
+        self.torque_upper = most
+        self.torque_lower = np.where(given, least, -most)
+        self.torque_limit = np.maximum(-self.torque_lower, most)
         for name, lower, upper, *others in zip(
             self.joint_names,
             self.position_lower.tolist(),
@@ -270,6 +280,9 @@ class Robot:
         """
         self._take(q, v)
         pin.computeAllTerms(self.model, self.data, self.q, self.v)
+        if self.springs is not None:
+            stiffness, rest = self.springs
+            self.bias[BASE_DOF:] += stiffness * (self.q[7:] - rest)
         pin.updateFramePlacements(self.model, self.data)
 
     def update_kinematics(self, q: Array, v: Array) -> None:
@@ -310,6 +323,7 @@ class Robot:
             imu_frame=self.imu_frame,
             frames=self.frames,
             servos=self.servos,
+            springs=self.springs,
         )
         twin.total_mass, twin._carried, twin._own = self.total_mass, self._carried, self._own
         return twin

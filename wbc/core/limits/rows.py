@@ -207,7 +207,7 @@ class TorqueLimits:
         Raises:
             InputError: A rate that is not positive or of the wrong shape.
         """
-        self.limit = self._ratio * robot.torque_limit
+        self.least, self.most = self._ratio * robot.torque_lower, self._ratio * robot.torque_upper
         self.rate: Array | None = None
         if self._rate is not None:
             rate = finite_array("torque rate (Nm/s)", self._rate)
@@ -224,8 +224,8 @@ class TorqueLimits:
             lower: To fill, shape (na,), Nm.
             upper: To fill, shape (na,), Nm.
         """
-        upper[:] = self.limit
-        np.negative(self.limit, out=lower)
+        upper[:] = self.most
+        lower[:] = self.least
         if self.rate is not None and previous is not None:
             before = np.clip(previous, lower, upper)
             np.minimum(upper, before + self.rate * dt, out=upper)
