@@ -307,6 +307,7 @@ class RobotDescription:
             frames=self.hands,
             servos=self.servos,
             springs=self._springs,
+            torque_lower=self._torque_lower,
         )
 
     def needs_feet(self, what: str) -> None:
@@ -480,12 +481,18 @@ class RobotDescription:
         model = urdf.pinocchio_model(self.urdf, self.name)
         for description in (*self.soles, self.imu):
             frames.add_frame(model, description)
-        for joint, (least, most) in self.torque_ranges.items():
+        for joint, (_, most) in self.torque_ranges.items():
             choose("joint", joint, list(model.names)[2:])
-            v = model.joints[model.getJointId(joint)].idx_v
-            model.lowerEffortLimit[v], model.upperEffortLimit[v] = least, most
+            model.upperEffortLimit[model.joints[model.getJointId(joint)].idx_v] = most
         model.armature[6:] = [self.armature.get(name, 0.0) for name in list(model.names)[2:]]
         return model
+
+    @property
+    def _torque_lower(self) -> Array:
+        limit = -np.array(self._model.upperEffortLimit[6:])
+        for name, (least, _) in self.torque_ranges.items():
+            limit[self.joint_names.index(name)] = least
+        return limit
 
     @property
     def _springs(self) -> tuple[Array, Array] | None:

@@ -137,6 +137,7 @@ class Robot:
         frames: Mapping[str, str] | None = None,
         servos: Servos | None = None,
         springs: tuple[Array, Array] | None = None,
+        torque_lower: Array | None = None,
     ) -> None:
         """Make a robot of a complete model: limits, armature and sole frames are in it.
 
@@ -149,6 +150,7 @@ class Robot:
             frames: Further named frames of interest, role → frame, such as {"left_hand": "l_wrist"}.
             servos: Gains of the servos.
             springs: Stiffness and rest position of springs beside the drives, each of shape (na,).
+            torque_lower: Least joint torques, shape (na,), Nm; those of the model, negative, when None.
 
         Raises:
             ModelError: No free-flyer root, no frame of its body, a joint of several degrees of freedom, or limits that
@@ -198,11 +200,9 @@ class Robot:
         self.position_lower = np.array(model.lowerPositionLimit[7:])
         self.position_upper = np.array(model.upperPositionLimit[7:])
         self.velocity_limit = np.array(model.upperVelocityLimit[BASE_DOF:])
-        least, most = model.lowerEffortLimit[BASE_DOF:], np.array(model.upperEffortLimit[BASE_DOF:])
-        given = (least > -1e300) & (least < most)  # without a lower limit Pinocchio has the least number
-        self.torque_upper = most
-        self.torque_lower = np.where(given, least, -most)
-        self.torque_limit = np.maximum(-self.torque_lower, most)
+        self.torque_upper = np.array(model.upperEffortLimit[BASE_DOF:])
+        self.torque_lower = -self.torque_upper if torque_lower is None else np.array(torque_lower)
+        self.torque_limit = np.maximum(-self.torque_lower, self.torque_upper)
         for name, lower, upper, *others in zip(
             self.joint_names,
             self.position_lower.tolist(),
@@ -324,6 +324,7 @@ class Robot:
             frames=self.frames,
             servos=self.servos,
             springs=self.springs,
+            torque_lower=self.torque_lower,
         )
         twin.total_mass, twin._carried, twin._own = self.total_mass, self._carried, self._own
         return twin
