@@ -3,32 +3,22 @@
 from __future__ import annotations
 
 import json
-import logging
 import math
-import re
-import subprocess
-import sys
-import warnings
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-import mujoco
 import numpy as np
 import pytest
 from PIL import Image
 
 from wbc.app import cli
-from wbc.app.arguments import attribute_docs
-from wbc.app.commands.foot import parameters
-from wbc.core.changes import changed, setting_names
+from wbc.core.changes import changed
 from wbc.core.errors import InputError
-from wbc.feet import SoftFoot, foot
+from wbc.feet import SoftFoot
 from wbc.feet.soles.catalog import foot_names
-from wbc.feet.soles.soft import VariableStiffnessFoot
 from wbc.robots import names
 from wbc.sim.terrain.families.base import terrain_families
-from wbc.sim.walks.trial import WalkTrial
 
 Run = Callable[..., tuple[int, str, str]]
 
@@ -59,67 +49,6 @@ def grey(tmp_path: Path) -> Path:
     return path
 
 
-BAD: dict[str, tuple[str, str]] = {
-    "stiffness of a rigid foot": ("foot pitch --foot rigid --stiffness 5", "a rigid foot has no stiffness"),
-    "unknown foot": ("foot press --foot sotf", "did you mean 'soft'"),
-    "feet that overlap": ("foot press --robot g1 --foot-param width=0.3", "their centres are 0.2370 m apart"),
-    "unknown family": ("terrain stone", "did you mean 'stones'"),
-    "pitch of a free ankle": ("foot pitch --ankle-stiffness 0", "above 0 Nm/rad"),
-    "picture into no folder": ("foot press --plot no/folder/a.png", "no folder"),
-    "picture that is none": ("foot pitch --plot a.doc", "must end in"),
-    "sheet that is none": ("terrain --plot a.doc", "must end in"),
-    "option of another test": ("foot press --rate 100", "--rate is no option of 'foot press'"),
-    "option of one ground": ("terrain --amplitude 0.1", "belongs to one ground; name its family"),
-}  # fmt: skip
-
-
-@pytest.mark.parametrize("case", BAD)
-def test_bad_input_is_one_line_and_nothing_starts(
-    run: Run, case: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    line, message = BAD[case]
-
-    def started(*_: Any, **__: Any) -> None:
-        pytest.fail("a simulation was started")
-
-    monkeypatch.setattr(mujoco, "MjData", started)
-    code, out, err = run(*line.split())
-    assert code == cli.BAD_INPUT and out == ""
-    said = [part for part in err.splitlines() if part.startswith("wbc: ")]
-    assert len(said) == 1 and message in said[0], err
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(("clearance", "clears"), [((), "false"), (("--clearance", "0.1"), "true")])
-def test_ground_beyond_the_foot_clearance_is_a_warning(clearance: tuple[str, ...], clears: str) -> None:
-    # In a process of its own: here pytest catches warnings before anyone sees them.
-    words = [sys.executable, "-m", "wbc", "terrain", "stones", "--amplitude", "0.08", *clearance]
-    done = subprocess.run(words, capture_output=True, text=True, check=False)
-    assert done.returncode == cli.RAN
-    assert re.search(rf"^clears +{clears}$", done.stdout, flags=re.MULTILINE)
-    if clears == "true":
-        assert done.stderr == ""
-    else:
-        assert "rises by 80 mm, more than the foot clearance of 60 mm" in done.stderr
-        assert done.stderr.strip().count("\n") == 0 and "terrain.py" not in done.stderr
-
-
-def test_a_walk_over_ground_beyond_its_clearance_warns_first(
-    run: Run, caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    def walks(*_: Any) -> None:
-        raise InputError("it would walk now")
-
-    monkeypatch.setattr(WalkTrial, "run", walks)
-    words = "walk --terrain stones --amplitude 0.05 --set swing_height=0.04 --distance 0.05"
-    logging.captureWarnings(False)  # an earlier command may have left it on, with another test's hook
-    with warnings.catch_warnings():
-        warnings.simplefilter("always")
-        assert run(*words.split())[0] == cli.BAD_INPUT
-    logging.captureWarnings(False)
-    assert "by 50 mm, more than the foot clearance of 40 mm" in caplog.text
-
-
 # --- feet ------------------------------------------------------------------------------------------------------------
 
 
@@ -134,23 +63,6 @@ def test_feet_are_listed_under_every_robot(run: Run) -> None:
         assert soft["footprint_m"] == pytest.approx([0.2778, 0.1045], abs=1e-4)
     _, out, _ = run("foot", "--robot", "g1")
     assert "talos" not in out and "278 x 104 mm" in out and "0.34 kg more, 0 mm higher" in out
-
-
-@pytest.mark.parametrize("name", foot_names())
-def test_everything_about_a_foot_is_documented_and_can_be_changed(name: str) -> None:
-    design = foot(name)
-    found = {entry["name"]: entry for entry in parameters(design)}
-    assert set(found) == set(setting_names(design))
-    assert all(entry["about"].endswith((".", ")", "s")) for entry in found.values())
-    assert changed(design, {"contact.radius": 0.005}).contact.radius == 0.005
-
-
-def test_documentation_of_fields_is_read_with_what_it_derives_from() -> None:
-    found = attribute_docs(VariableStiffnessFoot)
-    assert found["actuator"] == "Rate limit, lag and range of the stiffness."
-    assert found["damping"].endswith("the public SoftFoot model has 0.04.")  # the second line of it
-    assert found["stiffness"].startswith("Stiffness at the start")  # its own word, not that of the soft foot
-    assert found["contact"] == "Contact spheres of the sole."
 
 
 def test_parameters_that_change_together_are_checked_together() -> None:

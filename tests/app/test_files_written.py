@@ -19,8 +19,6 @@ from full_disk import limited_file_size
 from log_writing import write
 
 from wbc.app.cli import BAD_INPUT, FAILED, RAN, main
-from wbc.app.log.reader import Log
-from wbc.app.log.writer import ROWS, part_path
 from wbc.feet.stiffness.model import DEFAULT_TABLE
 from wbc.sim.studies.journal import Entry, Journal, read_journal
 from wbc.sim.studies.provenance import provenance
@@ -143,24 +141,6 @@ def test_a_file_that_is_read_is_not_written(
     assert Path(read).read_bytes() == content
 
 
-@pytest.mark.slow
-def test_a_recording_that_lost_data_says_so(folder: Path, capsys: Captured) -> None:
-    old = Path("log.arrow").read_bytes()
-    words = ["walk", "--terrain", "flat", "--foot", "flat", "--distance", "0.05", "--record", "log.arrow"]
-    with limited_file_size(500_000):
-        assert main([*words, "--json"]) == FAILED
-    captured = capsys.readouterr()
-    last = captured.err.splitlines()[-1]
-    assert last.startswith("wbc: the recording log.arrow lost data: ") and "File too large" in last
-    result = json.loads(captured.out)
-    assert result["outcome"] == "completed" and f"wbc: {result['record_failure']}" == last
-    part = Log.open(part_path(Path("log.arrow")))
-    assert f" {len(part)} of " in last and len(part) % ROWS == 0 and Path("log.arrow").read_bytes() == old
-    assert main([*words, "--json"]) == RAN
-    assert json.loads(capsys.readouterr().out)["record_failure"] is None
-    assert Log.open("log.arrow").broken is None and not part_path(Path("log.arrow")).exists()
-
-
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="no /dev/full here")
 def test_a_result_that_cannot_be_printed_is_one_line() -> None:
     with Path("/dev/full").open("w") as full:
@@ -203,22 +183,6 @@ def test_entries_of_other_code_that_are_left_out_are_counted(folder: Path, capsy
     assert main(["study", "table", "study.json", "--journal", "journal.jsonl", "--any-code", "--json"]) == RAN
     left_out = json.loads(capsys.readouterr().out)["left_out"]
     assert (left_out["other_code"], left_out["other_trials"], left_out["entries"]) == (0, 1, 5)
-
-
-def test_left_out_entries_are_said(folder: Path, caplog: pytest.LogCaptureFixture) -> None:
-    entries = read_journal("journal.jsonl").values()
-    with Journal("older.jsonl") as journal:
-        for entry in entries:
-            journal.add(replace(entry, version={**provenance(), "wbc": "0.0.1"}))
-    words = ["study", "table", "study.json", "--journal", "older.jsonl"]
-    assert main(words) == RAN
-    (said,) = caplog.messages
-    assert said.startswith(
-        "4 of 4 entries are left out: 4 of another version of the code (4: wbc 0.0.1 instead of"
-    )
-    assert said.endswith("which --any-code takes")
-    caplog.clear()
-    assert main([*words, "--any-code"]) == RAN and not caplog.messages
 
 
 def test_a_trial_without_a_result_is_run_again_by_the_printed_command(folder: Path, capsys: Captured) -> None:

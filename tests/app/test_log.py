@@ -18,8 +18,6 @@ from full_disk import limited_file_size
 from log_writing import HEADER, signals, values, write
 from pyarrow import ipc
 
-import wbc.app.log as package
-from wbc import app
 from wbc.app.log.header import FORMAT, KEY, encode
 from wbc.app.log.reader import Log
 from wbc.app.log.writer import ROWS, LogWriter, part_path
@@ -79,15 +77,6 @@ def test_truncated_log_is_read_up_to_the_break(log_file: Path, share: float, gap
     assert (log["com/estimated"] == whole["com/estimated"][: len(log)]).all()
 
 
-def test_others_read_a_truncated_log_as_a_stream(log_file: Path) -> None:
-    data = log_file.read_bytes()
-    log_file.write_bytes(data[: int(0.8 * len(data))])
-    with log_file.open("rb") as file:
-        file.seek(8)
-        batch = ipc.open_stream(file).read_next_batch()
-    assert batch.column("time").to_pylist() == Log.open(log_file).time[:ROWS].tolist()
-
-
 @pytest.mark.parametrize(
     ("content", "words"),
     [
@@ -140,22 +129,6 @@ def test_unknown_signal_names_the_nearest_ones(log_file: Path) -> None:
         log.texts("time")
 
 
-def test_path_that_cannot_be_written_is_known_at_once(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    notes = tmp_path / "notes.txt"
-    notes.write_text("mine")
-    for path, words in (
-        (tmp_path / "none" / "log.arrow", "no folder"),
-        (tmp_path, "is a folder"),
-        (notes, "is no log"),
-        (Path("/proc/log.arrow"), "cannot write"),
-    ):
-        with pytest.raises(InputError, match=words):
-            LogWriter(path)
-    assert notes.read_text() == "mine"
-
-
 def test_log_without_ticks_is_a_log(tmp_path: Path) -> None:
     write(tmp_path / "log.arrow", 0).close()
     log = Log.open(tmp_path / "log.arrow")
@@ -188,16 +161,6 @@ def test_killed_program_leaves_what_was_written(tmp_path: Path) -> None:
     assert (log.time == [values(i)[0] for i in range(3 * ROWS)]).all()
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("end", ["", "raise RuntimeError('a bug')"])
-def test_program_that_ends_without_closing_leaves_everything(tmp_path: Path, end: str) -> None:
-    path = tmp_path / "log.arrow"
-    done = run_child(path, end)
-    assert b"log" not in done.stderr.replace(b"log_writing", b""), done.stderr
-    log = Log.open(path)
-    assert log.broken is None and len(log) == 3 * ROWS + 50
-
-
 def test_full_disk_at_any_moment_leaves_the_old_log(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
     """Full at the first byte, in the header, in a batch or in the last bytes of the file; the run goes on."""
     path = tmp_path / "log.arrow"
@@ -222,26 +185,3 @@ def test_recording_without_a_tick_leaves_the_old_log(log_file: Path) -> None:
     old = log_file.read_bytes()
     LogWriter(log_file).close()
     assert log_file.read_bytes() == old and not part_path(log_file).exists()
-
-
-def test_documented_ways_to_open_a_log_work(log_file: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Whatever the documentation shows is executed as it stands there."""
-    monkeypatch.chdir(log_file.parent)
-    log_file.rename("walk.arrow")
-    text = package.__doc__ or ""
-    for call in ('pandas.read_feather("walk.arrow")', 'polars.read_ipc("walk.arrow")'):
-        assert call in text
-        assert len(eval(call, {"pandas": pd, "polars": pl})) == 2 * ROWS + 100
-    stream = re.search(r"file = open\(.*", text)
-    assert stream
-    made: dict[str, object] = {"pyarrow": pa}
-    exec(stream.group(0), made)
-    made["file"].close()  # type: ignore[attr-defined]
-    assert made["reader"].schema.names[0] == "time"  # type: ignore[attr-defined]
-
-
-def test_the_parts_of_the_command_are_named_in_one_place() -> None:
-    for name in app.__all__:
-        assert getattr(app, name).__name__ == name
-    with pytest.raises(AttributeError, match="no attribute 'Logg'"):
-        _ = app.Logg

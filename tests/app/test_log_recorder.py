@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import logging
-import time
 from pathlib import Path
 from typing import Any
 
@@ -22,159 +21,55 @@ from wbc.core.qp.solution import Solution
 from wbc.core.signals import Command, Measurement
 from wbc.feet import foot
 from wbc.feet.soles.catalog import foot_names
-from wbc.sim import WalkPlan, WalkSpec, walk
 from wbc.sim.terrain.families.base import terrain_families
 from wbc.sim.terrain.spec import terrain
 from wbc.tasks.balance import balance_controller
-from wbc.tasks.stabilizer.admittance import FootCorrection
 from wbc.walking.control import WalkingControl
 from wbc.walking.planning.phases import Event
 
-EXACT = 2e-7
-"""Numbers are kept with 24 bits: half of the last one is 6e-8 of them."""
+
+def seen(
+    plant: wbc.Plant, walk: WalkingControl, measurement: Measurement, command: Command
+) -> dict[str, Any]:
+    """Return copies of what a tick knew, one of each source of signals."""
+    estimate, solution, reference, output = (
+        walk.control.observer.robot,
+        walk.control.solution,
+        walk.reference,
+        walk.output,
+    )
+    assert solution is not None and reference is not None and output is not None
+    return {
+        "time": measurement.time,
+        "joint/position": measurement.joint_position.copy(),
+        "foot/left/wrench_measured": measurement.sole_wrench[0].copy(),
+        "joint/torque_command": command.joint_torque.copy(),
+        "joint/position_reference": np.array(command.joint_position),
+        "com/estimated": np.array(estimate.com),
+        "com/reference": np.array(reference.pendulum.com),
+        "zmp/measured": np.array(output.measured_zmp),
+        "foot/right/wrench_solved": solution.wrenches["right_foot"].copy(),
+        "foot/left/contact": float(reference.contact[0]),
+        "foot/left/reference/position": reference.feet[0].placement.translation.copy(),
+        "truth/com": plant.truth().com.copy(),
+        "walk/phase": reference.phase.value,
+        "solver/status": solution.status.value,
+    }
 
 
-class Witness:
-    """Keeps copies of everything, so that nothing can change behind them."""
-
-    def __init__(self) -> None:
-        self.kept: dict[str, list[Any]] = {}
-
-    def __call__(
-        self, plant: wbc.Plant, walk: WalkingControl, measurement: Measurement, command: Command
-    ) -> None:
-        truth, estimate, solution = plant.truth(), walk.control.observer.robot, walk.control.solution
-        assert walk.reference is not None and walk.output is not None and solution is not None
-        pendulum, output = walk.reference.pendulum, walk.output
-        now = {
-            "time": measurement.time,
-            "joint/position": measurement.joint_position,
-            "joint/velocity": measurement.joint_velocity,
-            "imu/angular_velocity": measurement.angular_velocity,
-            "imu/specific_force": measurement.specific_force,
-            "foot/right/wrench_measured": measurement.sole_wrench[1],
-            "foot/left/stiffness": measurement.sole_stiffness[0],
-            "joint/torque_command": command.joint_torque,
-            "joint/position_reference": command.joint_position,
-            "joint/velocity_reference": command.joint_velocity,
-            "base/estimated/position": estimate.q[:3],
-            "base/estimated/orientation": estimate.q[3:7],
-            "base/estimated/linear_velocity": estimate.v[:3],
-            "base/estimated/angular_velocity": estimate.v[3:6],
-            "base/commanded/position": walk.control.q[:3],
-            "com/estimated": estimate.com,
-            "com/estimated_velocity": estimate.com_velocity,
-            "dcm/estimated": (estimate.com + estimate.com_velocity / pendulum.omega)[:2],
-            "foot/left/estimated/position": estimate.placement(estimate.soles[0].frame).translation,
-            "com/reference": pendulum.com,
-            "com/reference_velocity": pendulum.com_velocity,
-            "com/reference_acceleration": pendulum.com_acceleration,
-            "dcm/reference": pendulum.dcm[:2],
-            "zmp/reference": pendulum.zmp,
-            "zmp/desired": output.zmp,
-            "zmp/measured": output.measured_zmp,
-            "foot/left/wrench_desired": output.feet.wrenches[0],
-            "foot/right/wrench_solved": solution.wrenches["right_foot"],
-            "foot/right/wrench_desired": output.feet.wrenches[1],
-            "foot/left/wrench_solved": solution.wrenches["left_foot"],
-            "foot/left/wrench_measured": measurement.sole_wrench[0],
-            "foot/left/contact": walk.reference.contact[0],
-            "foot/right/contact": walk.reference.contact[1],
-            "foot/left/correction": correction(output.corrections[0]),
-            "foot/right/correction": correction(output.corrections[1]),
-            "foot/left/reference/position": walk.reference.feet[0].placement.translation,
-            "foot/left/reference/linear_velocity": walk.reference.feet[0].velocity[:3],
-            "foot/left/reference/angular_velocity": walk.reference.feet[0].velocity[3:],
-            "foot/right/estimated/position": estimate.placement(estimate.soles[1].frame).translation,
-            "truth/foot/left/position": site(plant, 0),
-            "truth/foot/right/position": site(plant, 1),
-            "step/landing": landing(walk),
-            "pendulum/omega": pendulum.omega,
-            "walk/heading": walk.reference.heading,
-            "walk/steps_done": walk.steps_done,
-            "walk/lean": [] if walk.lean is None else walk.lean.angle,
-            "stabilizer/bias": [] if walk.bias is None else walk.bias.bias,
-            "stabilizer/in_air": output.in_air,
-            "stabilizer/dcm_error_average": output.errors.average,
-            "stabilizer/dcm_error_rate": output.errors.rate,
-            "stabilizer/com_acceleration": output.com_acceleration,
-            "stabilizer/com_offset": output.com_offset,
-            "foot/right/reference/position": walk.reference.feet[1].placement.translation,
-            "stabilizer/dcm_error": output.errors.dcm,
-            "stabilizer/net_wrench": output.net_wrench,
-            "solver/iterations": solution.iterations,
-            "solver/residual/com": np.linalg.norm(solution.residuals["com"]),
-            "solver/residual/posture": np.linalg.norm(solution.residuals["posture"]),
-            "tick/solve": solution.timings.solve,
-            "walk/step": walk.reference.step,
-            "truth/base/position": truth.q[:3],
-            "truth/base/orientation": truth.q[3:7],
-            "truth/base/linear_velocity": truth.v[:3],
-            "truth/base/angular_velocity": truth.v[3:6],
-            "truth/com": truth.com,
-            "truth/com_velocity": truth.com_velocity,
-            "truth/dcm": (truth.com + truth.com_velocity / pendulum.omega)[:2],
-            "truth/joint/torque": truth.joint_torque,
-            "truth/joint/torque_ratio": truth.joint_torque / plant.description.torque_limit,
-            "truth/qpos": plant.data.qpos,
-            "text: step/side": walk.walk.phases.plan.steps[walk.reference.step].side,
-            "text: walk/phase": walk.reference.phase.value,
-            "text: walk/event": "; ".join(event.value for event in walk.reference.events) or None,
-            "text: solver/status": solution.status.value,
-            "text: solver/active_limits": "; ".join(solution.active_limits) or None,
-        }
-        for name, value in now.items():
-            self.kept.setdefault(name, []).append(value if name.startswith("text") else np.array(value))
-
-
-def correction(of: FootCorrection) -> list[float]:
-    return [of.roll, of.pitch, of.height]
-
-
-def site(plant: wbc.Plant, foot: int) -> np.ndarray:
-    return plant.data.site_xpos[plant.model.site(plant.feet[foot].wrench_site).id]
-
-
-def landing(walk: WalkingControl) -> list[float]:
-    assert walk.reference is not None
-    step = walk.walk.phases.plan.steps[walk.reference.step]
-    return [step.x, step.y, step.z, step.yaw]
-
-
-def test_log_holds_what_was_to_see_in_every_tick(tmp_path: Path) -> None:
+def test_a_log_holds_every_tick(tmp_path: Path) -> None:
     plant, walk = make_walk(velocity_ratio=0.25)  # so that limits push
-    witness = Witness()
+    ticks: list[dict[str, Any]] = []
     with Recorder(tmp_path / "walk.arrow") as record:
-        run(plant, walk, 1.5, record, witness)
+        run(plant, walk, 1.5, record, lambda *tick: ticks.append(seen(*tick)))
     log = Log.open(tmp_path / "walk.arrow")
-    assert len(log) == 300
-    for name, values in witness.kept.items():
-        if name == "truth/qpos":
-            continue
-        if name.startswith("text: "):
-            assert log.texts(name.removeprefix("text: ")).tolist() == values, name
-            assert len(set(values)) > 1 or "status" in name
-            continue
-        else:
-            expected = np.array(values)
-            scale = np.nanmax(np.abs(expected), initial=1e-3, axis=0)
-            np.testing.assert_array_less(
-                np.nan_to_num(np.abs(log[name] - expected)),
-                np.broadcast_to(EXACT * scale, expected.shape),
-                name,
-            )
-            assert (np.isnan(log[name]) == np.isnan(expected)).all()
-    positions = ("truth/joint/position/", "truth/sole/")
-    joints = [name for name in log if name.startswith(positions)]
-    assert len(joints) == plant.model.nq - 7
-    assert sum(name.startswith(positions[0]) for name in joints) == plant.robot.na
-    final = {plant.model.joint(i).name: plant.model.joint(i).qposadr[0] for i in range(1, plant.model.njnt)}
-    for prefix in positions:
-        for name in (each for each in joints if each.startswith(prefix)):
-            address = final.pop(name.removeprefix(prefix))
-            kept = np.array(witness.kept["truth/qpos"])[:, address]
-            np.testing.assert_allclose(log[name], kept, atol=EXACT)
-    assert not final
+    assert len(log) == len(ticks) == 300
+    for name in ticks[0]:
+        expected = [tick[name] for tick in ticks]
+        if isinstance(expected[0], str):
+            assert log.texts(name).tolist() == expected, name
+        else:  # numbers are kept with 24 bits
+            np.testing.assert_allclose(log[name], expected, rtol=2e-7, atol=1e-9, err_msg=name)
     assert log.events[0] == (0.0, Event.STARTED.value)
 
 
@@ -209,17 +104,6 @@ def test_header_says_where_the_numbers_come_from() -> None:
     assert header["robot"]["torque_limit_Nm"]["left_knee_pitch"] > 0.0
     assert log.time[-1] == pytest.approx(SECONDS - 0.005)
     assert (log["own/answer"] == 42.0).all() and log.units["own/answer"] == "m"
-
-
-def test_every_number_has_a_unit_and_every_signal_a_meaning() -> None:
-    known = {"1", "s", "1/s", "m", "m/s", "m/s²", "rad", "rad/s", "N", "Nm", "Nm/rad"}
-    signals = Log.open(recorded_walk()).signals
-    for name, signal in signals.items():
-        assert signal.about, name
-        if not name.startswith("solver/residual"):
-            assert signal.unit in known, name
-    for task, unit in {"com": "m/s²", "posture": "rad/s²", "left_foot swing": "m/s²|rad/s²"}.items():
-        assert signals[f"solver/residual/{task}"].unit == unit
 
 
 @pytest.mark.parametrize("torque", [False, True])
@@ -297,66 +181,6 @@ def test_own_signals_of_every_kind(tmp_path: Path) -> None:
     ]
     log = record_standing(path, 2, "own/height", lambda tick: tick.plant.truth().com[2], "m")
     assert log["own/height"] == pytest.approx(log["truth/com/z"])
-
-
-@pytest.mark.parametrize(
-    ("signal", "words"),
-    [
-        (("com/estimated/x", lambda: 1.0), "there is a signal 'com/estimated/x' already"),
-        (("a//b", lambda: 1.0), "parts separated by '/'"),
-        (("com/estimated", lambda: 1.0), "there is a group 'com/estimated' already"),
-        (("time/own", lambda: 1.0), "there is a signal 'time' already"),
-        (("a", 3.0), "needs a function that gives its value"),
-        (("a", lambda: slice(0)), "cannot keep"),
-        (("a", lambda: np.zeros((2, 2))), "one dimension"),
-    ],
-)
-def test_own_signals_that_cannot_be_kept_say_so(tmp_path: Path, signal: Any, words: str) -> None:
-    with pytest.raises(InputError, match=words):
-        record_standing(tmp_path / "own.arrow", 1, *signal)
-
-
-def test_own_signal_must_keep_its_length_and_come_in_time(tmp_path: Path) -> None:
-    lengths = iter([2, 2, 1])
-    with pytest.raises(InputError, match=r"'a' has changed from shape \(2,\) to \(1,\)"):
-        record_standing(tmp_path / "own.arrow", 3, "a", lambda: np.zeros(next(lengths)))
-    assert len(Log.open(tmp_path / "own.arrow")) == 2  # what was recorded before is there
-    plant = wbc.Plant(wbc.load_robot("hrp4_class"))
-    control = wbc.PositionControl(balance_controller(plant.description.robot(), plant.control_period))
-    with Recorder(tmp_path / "own.arrow") as record:
-        record.add("a", lambda: 1.0)
-        with pytest.raises(InputError, match="'a' already"):
-            record.add("a", lambda: 1.0)
-        record(plant, control, plant.measure(), plant.hold())
-        with pytest.raises(InputError, match="too late"):
-            record.add("b", lambda: 1.0)
-
-
-def test_own_signals_of_functions_with_defaults_and_of_c(tmp_path: Path) -> None:
-    with_default = record_standing(tmp_path / "one.arrow", 2, "a", lambda i=7: float(i))
-    assert with_default["a"].tolist() == [7.0, 7.0]
-    assert record_standing(tmp_path / "two.arrow", 2, "a", time.time)["a"][0] > 1e9
-
-
-def test_a_recording_that_has_ended_takes_no_more(tmp_path: Path) -> None:
-    plant = wbc.Plant(wbc.load_robot("hrp4_class"))
-    control = wbc.PositionControl(balance_controller(plant.description.robot(), plant.control_period))
-    with Recorder(tmp_path / "own.arrow") as record:
-        record(plant, control, plant.measure(), plant.hold())
-    with pytest.raises(InputError, match=r"own.arrow has ended; make another Recorder"):
-        record(plant, control, plant.measure(), plant.hold())
-    spec = WalkSpec(terrain="flat", plan=WalkPlan(distance=0.3))
-    with pytest.raises(InputError, match="has ended"):
-        walk(spec, hooks=[record])
-
-
-def test_two_recordings_of_one_name_are_refused(tmp_path: Path) -> None:
-    with (
-        Recorder(tmp_path / "own.arrow"),
-        pytest.raises(InputError, match=r"own.part.arrow is being written already"),
-    ):
-        Recorder(tmp_path / "own.arrow")
-    Recorder(tmp_path / "own.arrow").close()
 
 
 def test_run_that_breaks_off_leaves_its_log(tmp_path: Path) -> None:
@@ -449,23 +273,23 @@ def test_plain_values_come_back() -> None:
         assert (again.kp == robot.kp).all() and again.soles == robot.soles
 
 
-def test_classes_are_written_without_their_modules() -> None:
-    plain = to_plain(foot("soft"))
-    assert plain["$class"] == "wbc:SoftFoot" and plain["contact"]["$class"] == "wbc:ContactSpheres"
-    assert to_plain(Event.STARTED) == {"$enum": "wbc:Event", "name": "STARTED"}
-
-
 @pytest.mark.parametrize(
-    ("plain", "words"),
+    "plain",
     [
-        ({"$class": "somewhere.else:Thing"}, "import somewhere.else first"),
-        ({"$class": "wbc:SoftFeet"}, "no class of wbc .*did you mean 'SoftFoot'"),
-        ({"$class": "wbc:Plant"}, "no class of wbc"),
-        ({"$class": "subprocess:Popen", "args": "true"}, "cannot be made|only the text"),
-        ({"$class": "wbc.feet.soles.soft:SoftFoot", "stiffness": -1.0}, "stiffness"),
-        ({"$text": "<object>"}, "only the text"),
+        {"$class": "somewhere.else:Thing"},
+        {"$class": "wbc:SoftFeet"},
+        {"$class": "wbc:Plant"},
+        {"$class": "subprocess:Popen", "args": "true"},
+        {"$class": "wbc.feet.soles.soft:SoftFoot", "stiffness": -1.0},
+        {"$text": "<object>"},
     ],
 )
-def test_plain_values_that_cannot_be_trusted_are_refused(plain: Any, words: str) -> None:
-    with pytest.raises(InputError, match=words):
+def test_plain_values_that_cannot_be_trusted_are_refused(plain: Any) -> None:
+    with pytest.raises(InputError):
         from_plain(plain)
+
+
+@pytest.mark.parametrize("signal", [("com/estimated/x", lambda: 1.0), ("a//b", lambda: 1.0), ("a", 3.0)])
+def test_own_signals_that_cannot_be_kept_are_refused(tmp_path: Path, signal: Any) -> None:
+    with pytest.raises(InputError, match=signal[0]):
+        record_standing(tmp_path / "own.arrow", 1, *signal)

@@ -20,13 +20,11 @@ from wbc.app.log.recorder import Recorder
 from wbc.app.log.stances import (
     SIDES,
     Drift,
-    corners,
     sole_sizes,
     stances,
     support_box,
-    yaw_of,
 )
-from wbc.app.plot.figures import FIGURES, draw, missing
+from wbc.app.plot.figures import draw, missing
 from wbc.app.plot.output import save
 from wbc.app.plot.signals import draw_signals, select
 from wbc.app.replay.overlays import caption
@@ -57,16 +55,6 @@ def shows(figure: Figure, values: np.ndarray) -> bool:
     return any(c.shape == values.shape and np.array_equal(c, values, equal_nan=True) for c in curves(figure))
 
 
-@pytest.mark.parametrize("name", FIGURES)
-def test_every_axis_says_what_it_shows_and_in_which_unit(log: Log, name: str) -> None:
-    figure = draw(name, [log])
-    texts = {ax.get_ylabel() for ax in figure.axes} | {ax.get_xlabel() for ax in figure.axes}
-    assert texts - {""}
-    for text in texts - {"", "share of ticks that took longer"}:
-        assert re.search(r"\((s|m|mm|N|Nm|µs|Nm/rad)\)|µs$|/ limit", text), text
-    figure.canvas.draw()  # nothing warns
-
-
 def test_figures_show_the_numbers_of_the_log(log: Log) -> None:
     balance = draw("balance", [log])
     for group in ("zmp/measured", "zmp/reference", "dcm/estimated", "com/estimated", "com/reference"):
@@ -90,38 +78,6 @@ def test_figures_show_the_numbers_of_the_log(log: Log) -> None:
     assert set(ticks) == set(phases)
     drawn = np.asarray(own.axes[1].get_lines()[0].get_ydata())
     assert [ticks[int(level)] for level in drawn] == phases.tolist()
-
-
-def test_several_logs_share_a_figure(log: Log, tmp_path: Path) -> None:
-    other = tmp_path / "other.arrow"
-    data = log.path.read_bytes()
-    other.write_bytes(data[: int(0.7 * len(data))])
-    both = [log, Log.open(other)]
-    assert both[1].broken and len(both[1]) < len(log)
-    drawn = {name: draw(name, both) for name in FIGURES}
-    bars = np.array([bar.get_width() for bar in drawn["torque"].axes[0].patches])
-    for each in both:
-        assert shows(drawn["balance"], each["dcm/estimated"][:, 1])
-        assert shows(drawn["plan"], Drift(each)(each["com/estimated"])[:, 1])
-        assert shows(drawn["feet"], each["foot/left/wrench_measured/fz"])
-        assert shows(drawn["stiffness"], each["foot/left/stiffness"])
-        assert shows(drawn["timing"], each["tick/solve"])
-        assert np.isin(np.abs(each["truth/joint/torque_ratio"]).max(axis=0), bars).all()
-    figure = draw_signals(both, ["com/estimated/x"])
-    assert shows(figure, log["com/estimated/x"]) and shows(figure, both[1]["com/estimated/x"])
-    colours = {line.get_color() for line in figure.axes[0].get_lines()}
-    names = [text.get_text() for text in figure.axes[0].get_legend().get_texts()]
-    assert len(colours) == 2 and names == [log.path.stem, "other"]
-
-
-def test_torques_of_robots_with_other_joints_are_drawn_by_name(log: Log, tmp_path: Path) -> None:
-    both = [log, recorded_stand(tmp_path / "g1.arrow", "g1")]
-    axes = draw("torque", both).axes[0]
-    bars = np.array([bar.get_width() for bar in axes.patches])
-    for each in both:
-        assert np.isin(np.abs(each["truth/joint/torque_ratio"]).max(axis=0), bars).all()
-    names = [text.get_text() for text in axes.get_yticklabels()]
-    assert len(names) == len(set(names)) == len(set(names) | set(wbc.load_robot("g1").joint_names))
 
 
 def test_support_region_is_that_of_the_feet_on_the_ground(log: Log) -> None:
@@ -187,14 +143,6 @@ def test_planned_footsteps_lie_where_feet_really_landed(log: Log) -> None:
         np.testing.assert_allclose(planned.corners.mean(axis=0), real.corners.mean(axis=0), atol=6e-3)
 
 
-def test_corners_of_a_turned_sole() -> None:
-    quaternion = np.array([[0.0, 0.0, np.sin(0.25 * np.pi), np.cos(0.25 * np.pi)]])
-    assert yaw_of(quaternion) == pytest.approx(0.5 * np.pi)
-    points = corners(np.array([[1.0, 2.0, 9.0]]), yaw_of(quaternion), (0.2, 0.1))[0]
-    expected = np.array([[0.95, 2.1], [0.95, 1.9], [1.05, 1.9], [1.05, 2.1]])
-    np.testing.assert_allclose(points, expected, atol=1e-12)
-
-
 def test_logs_without_a_walk_are_refused_by_name(standing: Log) -> None:
     with pytest.raises(InputError, match=r"'plan' cannot be drawn: .*stand.arrow has no"):
         draw("plan", [standing])
@@ -257,22 +205,6 @@ def test_command_draws_lists_and_refuses(
     ]
     assert main(["plot", str(log.path), "--list"]) == 0
     assert re.search(r"^com/estimated/x +m +world$", capsys.readouterr().out, re.MULTILINE)
-
-
-@pytest.mark.parametrize(
-    ("words", "expected"),
-    [
-        ([], "a log is needed"),
-        (["none.arrow"], "cannot read the log none.arrow"),
-        (["{log}", "con/estimated"], "did you mean 'com/estimated'"),
-        (["{log}", "balanse"], "ready-made figures: balance"),
-    ],
-)
-def test_command_names_what_is_wrong(
-    log: Log, words: list[str], expected: str, capsys: pytest.CaptureFixture[str]
-) -> None:
-    assert main(["plot", *(word.replace("{log}", str(log.path)) for word in words)]) == 2
-    assert expected in capsys.readouterr().err
 
 
 def test_command_says_that_a_log_ends_early(

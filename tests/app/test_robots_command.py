@@ -86,28 +86,3 @@ def test_a_urdf_whose_feet_are_not_named_is_described_and_said_not_to_walk(capfd
     code, out, err = wbc_command(capfd, "robots", "check", "examples/biped.urdf")
     assert code == 0 and not err
     assert "no feet: it has a QP (docs/robots.md), but neither stands nor walks" in out
-
-
-BAD = {
-    "no file": (["check", "nowhere.xml"], "no robot file 'nowhere.xml'"),
-    "a lock without position": (
-        ["check", "{file}", "--lock", "waist"],
-        "must be joint=position, got 'waist'",
-    ),
-    "a lock that is no number": (["check", "{file}", "--lock", "waist=x"], "must be a number, got 'x'"),
-    "an unknown foot": (["check", "{file}", "--left", "lft_foot"], "did you mean 'left_foot'"),
-    "no name": (["add", "{file}"], "--name"),
-    "a name of the library": (["add", "{file}", "--name", "g1"], "'g1' is that of a robot of the library"),
-    "a name that is a path": (["add", "{file}", "--name", "a/b"], "must be letters, digits"),
-    "a name that is a command": (["add", "{file}", "--name", "check"], "must be letters, digits"),
-    "another figure": (["check", "{file}", "--plot", "soles.txt"], ".png"),
-}
-
-
-@pytest.mark.parametrize("case", BAD)
-def test_bad_input_is_named_in_one_line(capfd: Captured, file: Path, configuration: Path, case: str) -> None:
-    words, message = BAD[case]
-    code, out, err = wbc_command(capfd, "robots", *(word.format(file=file) for word in words))
-    assert code == cli.BAD_INPUT and not out
-    assert message in err and err.count("\n") == 1
-    assert not configuration.exists()

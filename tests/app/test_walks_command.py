@@ -5,7 +5,6 @@ from __future__ import annotations
 import csv
 import json
 import math
-import re
 import tomllib
 from collections.abc import Callable
 from pathlib import Path
@@ -86,12 +85,6 @@ def test_a_part_of_a_walk_from_a_file_and_what_is_given_comes_first(
     assert other["plan"] == {"velocity": [0.1, 0.0, 0.0], "steps": 22}
 
 
-def test_a_policy_alone_brings_the_sole_that_it_sets(spec_of: Callable[..., Any]) -> None:
-    given = ((), ("--policy", "model"), ("--gait", "stepping"), ("--gait", "stepping", "--foot", "soft"))
-    assert [spec_of(*words)["foot"] for words in given] == ["long_arch", "variable", "rigid", "soft"]
-    assert main(["walk", "--policy", "model", "--foot", "rigid"]) == BAD_INPUT
-
-
 def test_the_preset_is_the_papers_walk_and_what_is_given_comes_first(
     capsys: pytest.CaptureFixture[str], spec_of: Callable[..., Any]
 ) -> None:
@@ -107,91 +100,10 @@ def test_the_preset_is_the_papers_walk_and_what_is_given_comes_first(
     assert "did you mean 'frizza'" in capsys.readouterr().err
 
 
-def test_another_value_drops_what_belonged_to_the_one_of_the_file(
-    tmp_path: Path, spec_of: Callable[..., Any]
-) -> None:
-    file = tmp_path / "walk.json"
-    random = ("--terrain", "random", "--param", "cutoff=0.1", "--amplitude", "0.01", "--distance", "0.05")
-    whole = spec_of(*random, "--policy", "fixed", "--policy-param", "stiffness=5")
-    file.write_text(json.dumps(whole))
-    assert spec_of("--spec", str(file)) == whole
-    other = spec_of("--spec", str(file), "--terrain", "flat", "--foot", "flat")
-    assert "policy" not in other and set(other["terrain_params"]) == {"ramp"} and other["amplitude"] == 0.0
-
-
-@pytest.mark.parametrize(
-    ("name", "text", "message"),
-    [
-        ("a.toml", "swing = 0.1", "swing"),
-        ("a.toml", "[changes]\ndcm_q = 1", "dcm_p"),
-        ("a.toml", "step_length: 0.1", "not TOML"),
-        ("a.json", "step_length = 0.1", "not JSON"),
-        ("a.json", "[1]", "must hold a JSON object"),
-        ("a.json", '{"seed": 1, "seed": 2}', "'seed' is given twice"),
-        ("a.json", '{"spec": [1]}', "must be an object"),
-        ("a.toml", "plan.drive = [[1, 0.1, 0, 0]]", "ends with a stand"),
-    ],
-)
-def test_files_that_hold_no_walk_are_refused(
-    name: str, text: str, message: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    (tmp_path / name).write_text(text)
-    assert main(["walk", "--spec", str(tmp_path / name)]) == BAD_INPUT
-    assert re.search(message, capsys.readouterr().err)
-
-
 def test_a_fall_is_a_result(capsys: pytest.CaptureFixture[str]) -> None:
     push = "impulse=1.2,direction=90,step=1,phase=0.3"
     assert main(["walk", "--distance", "0.05", "--push", push]) == RAN
     assert "FELL" in capsys.readouterr().out
-
-
-@pytest.mark.parametrize(
-    ("words", "message"),
-    [
-        (["walk", "--spec", "nothing.json"], "cannot be read"),
-        (["walk", "--set", "swing_heigth=0.06"], "swing_height"),
-        (["walk", "--seconds", "5"], "give --drive"),
-        (["walk", "--seed", "1.5"], "--seed must be a whole number, got 1.5"),
-        (["walk", "--velocity", "0.1", "0", "0", "--steps", "2.5"], "--steps must be a whole number"),
-        (["walk", "--push", "impuls=0.1"], "impulse"),
-        (["walk", "--param", "foo=2"], "no parameter of the terrain 'stones' 'foo'"),
-        (["study", "run", "flat_floor", "--journal", "."], "folder"),
-        (["study", "run", "--journal", "j"], "give a study to run"),
-        (["study", "show", "flat_floor", "--set", "height=2"], "'dataset' alone has a size"),
-        (["study", "table", "flat_floor", "--journal", "j", "--separate"], "no option of --of arms"),
-        (["study", "run", "flat_flor", "--journal", "j"], "flat_floor"),
-        (["study", "table", "flat_floor", "--journal", "nothing.jsonl"], "no journal"),
-        (
-            ["study", "table", "flat_floor", "--journal", "empty.jsonl", "--by", "gait.hight"],
-            "gait.swing_height",
-        ),
-        (["study", "show", "flat_floor", "--arm", "hard"], "soft"),
-        (["study", "table", "flat_floor", "--journal", "empty.jsonl", "-o", "a.txt"], r"\.png"),
-        (["study", "table", "flat_floor", "--journal", "empty.jsonl", "-o", "a.png"], "nothing to draw"),
-        pytest.param(
-            ["study", "table", "authority", "--journal", "empty.jsonl", "-o", "a.png"],
-            "18 rows .* 7 at most",
-            marks=pytest.mark.slow,
-        ),
-        (
-            ["study", "table", "flat_floor", "--journal", "empty.jsonl", "--of", "swings"],
-            "no walk .* variable stiffness",
-        ),
-    ],
-)
-def test_the_command_refuses(
-    words: list[str],
-    message: str,
-    capsys: pytest.CaptureFixture[str],
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    monkeypatch.chdir(tmp_path)
-    Path("empty.jsonl").touch()
-    assert main(words) == BAD_INPUT
-    captured = capsys.readouterr()
-    assert re.search(message, captured.err) and captured.err.count("\n") == 1 and not captured.out
 
 
 @pytest.mark.slow

@@ -1,0 +1,102 @@
+"""Command lines that cannot be used: one line on standard error that names what is wrong, exit code 2, nothing else."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from mjcf_biped import biped
+
+from wbc.app.cli import BAD_INPUT, main
+from wbc.robots import saved
+
+REFUSED = {
+    "stnd": "stand",
+    "stand --robbot g1": "--robbot",
+    "stand --seconds long": "--seconds",
+    "stand --seconds": "--seconds",
+    "stand --mode velocity": "torque",
+    "stand --robot talso": "talos",
+    "stand --control-period 0.0015": "control period",
+    "stand --port 7000": "--view",
+    "view run.arrow --speed 2": "film",
+    "plot": "log",
+    "plot none.arrow": "none.arrow",
+    "plot empty.jsonl com/estimated": "empty.jsonl",
+    "walk --spec nothing.json": "nothing.json",
+    "walk --spec friza": "frizza",
+    "walk --policy model --foot rigid": "model",
+    "walk --set swing_heigth=0.06": "swing_height",
+    "walk --seconds 5": "--drive",
+    "walk --seed 1.5": "--seed",
+    "walk --push impuls=0.1": "impulse",
+    "walk --param foo=2": "foo",
+    "study run flat_floor --journal .": "folder",
+    "study run flat_flor --journal j": "flat_floor",
+    "study run --journal j": "study",
+    "study table flat_floor --journal j --separate": "separate",
+    "study table flat_floor --journal nothing.jsonl": "nothing.jsonl",
+    "study table flat_floor --journal empty.jsonl -o a.txt": ".png",
+    "study show flat_floor --arm hard": "soft",
+    "foot pitch --foot rigid --stiffness 5": "stiffness",
+    "foot press --foot sotf": "soft",
+    "foot press --robot g1 --foot-param width=0.3": "wide",
+    "foot pitch --ankle-stiffness 0": "ankle",
+    "foot press --plot no/folder/a.png": "no/folder",
+    "foot press --rate 100": "--rate",
+    "terrain stone": "stones",
+    "terrain stones --param density": "density",
+    "terrain iso8608 --param high=fast": "high",
+    "terrain iso8608 --param hihg=3": "high",
+    "terrain iso8608 --param high=3 --param high=4": "high",
+    "terrain --plot a.doc": "a.doc",
+    "terrain --amplitude 0.1": "family",
+    "robots check nowhere.xml": "nowhere.xml",
+    "robots check biped.xml --lock waist": "waist",
+    "robots check biped.xml --lock waist=x": "waist",
+    "robots check biped.xml --left lft_foot": "left_foot",
+    "robots check biped.xml --plot soles.txt": ".png",
+    "robots add biped.xml": "--name",
+    "robots add biped.xml --name g1": "g1",
+    "robots add biped.xml --name a/b": "a/b",
+}
+"""Command line → what its message names."""
+
+FILES = {
+    "walk.toml": ("swing = 0.1", "swing"),
+    "changes.toml": ("[changes]\ndcm_q = 1", "dcm_p"),
+    "colon.toml": ("step_length: 0.1", "TOML"),
+    "equals.json": ("step_length = 0.1", "JSON"),
+    "list.json": ("[1]", "object"),
+    "twice.json": ('{"seed": 1, "seed": 2}', "seed"),
+    "drive.toml": ("plan.drive = [[1, 0.1, 0, 0]]", "stand"),
+}
+"""Files that hold no walk → content, and what the message names."""
+
+
+def check_refused(words: list[str], named: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(words) == BAD_INPUT
+    said = capsys.readouterr()
+    lines = [line for line in said.err.splitlines() if line.startswith("wbc: ")]
+    assert len(lines) == 1 and named in lines[0] and not said.out and "Traceback" not in said.err
+
+
+@pytest.mark.parametrize("line", REFUSED)
+def test_a_command_line_is_refused_and_writes_nothing(
+    line: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(saved.platformdirs, "user_config_path", lambda name: tmp_path / "configuration")
+    Path("empty.jsonl").touch()
+    Path("biped.xml").write_text(biped())
+    check_refused(line.split(), REFUSED[line], capsys)
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["biped.xml", "empty.jsonl"]
+
+
+@pytest.mark.parametrize("name", FILES)
+def test_a_file_that_holds_no_walk_is_refused(
+    name: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    text, named = FILES[name]
+    (tmp_path / name).write_text(text)
+    check_refused(["walk", "--spec", str(tmp_path / name)], named, capsys)
