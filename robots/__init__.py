@@ -8,6 +8,9 @@ from wbc.robots.description import RobotDescription
 from wbc.robots.frames import FrameDescription, SoleDescription
 from wbc.robots.registry import load, names, others, register
 
+load_robot = load
+"""Name of `load` in `wbc`, where no room says what is loaded."""
+
 __all__ = [
     # Robots by name
     "load",
