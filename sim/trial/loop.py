@@ -96,6 +96,7 @@ class Trial:
         stage: Name of the present stage, which whoever advances the trial sets.
         fall: Reason of the fall; None before.
         diverged: Reason of a divergence of the simulation; None as a rule.
+        last: Time of the last tick of a trial that `stop` has ended, s; None for others.
         tick_times: Wall time of each tick, from measurement to command, s.
         physics_time: Wall time in the simulator, s.
         hook_time: Wall time in `hooks`, s.
@@ -126,6 +127,8 @@ class Trial:
         self.stage = "start"
         self.fall: FallReason | None = None
         self.diverged: str | None = None
+        self.last: float | None = None
+        self._stopping = False
         self.tick_times = array("d")
         self.physics_time = self.hook_time = self.loop_time = 0.0
         self._falls = TrueFallDetector(plant.robot, limits)
@@ -134,6 +137,11 @@ class Trial:
     def fallen(self) -> bool:
         """True once the robot has fallen."""
         return self.fall is not None
+
+    @property
+    def stopped(self) -> bool:
+        """True in the last tick of a trial that `stop` has ended, and after it."""
+        return self.last is not None
 
     @property
     def walker(self) -> ReferenceControl | None:
@@ -186,11 +194,17 @@ class Trial:
     def result(self) -> Any:
         """Return the result at the end; each kind of trial has its own."""
 
+    def stop(self) -> None:
+        """End the trial with the tick that begins next; may be called from a signal handler."""
+        self._stopping = True
+
     def step(self) -> bool:
-        """Advance by one control period; False once the robot has fallen or the simulation has diverged."""
+        """Advance by one control period; False after a fall, a divergence of the simulation, or in the last tick."""
         plant, walking = self.plant, self.walking
         for part in self.scenario:
             part.before(self)
+        if self._stopping:
+            self.last = plant.time
         try:
             measurement = plant.measure()
         except MeasurementError as error:
@@ -223,7 +237,7 @@ class Trial:
             with self._not_counted():
                 for hook in self.hooks:
                     hook.after(self)
-        return self.fall is None and self.diverged is None
+        return self.fall is None and self.diverged is None and not self.stopped
 
     def advance(self, seconds: float, look: Look | None = None) -> None:
         """Simulate for a time.
@@ -233,18 +247,20 @@ class Trial:
             look: Called after each control period.
 
         Raises:
-            StageError: The robot falls, or has fallen.
+            StageError: The robot falls, or has fallen, or the trial is stopped.
             DivergedError: The simulation has diverged: no fall, and no result.
         """
         plant = self.plant
         end = plant.time + seconds - 0.5 * plant.control_period
-        while not self.fallen and plant.time < end:
+        while not (self.fallen or self.stopped) and plant.time < end:
             if not self.step() and self.diverged is not None:
                 raise DivergedError(f"the simulation cannot go on: {self.diverged}; reset it")
             if look is not None:
                 look()
         if self.fall is not None:
             raise StageError(f"stage '{self.stage}' ended with a fall: {self.fall.value}")
+        if self.stopped:
+            raise StageError(f"stage '{self.stage}' was stopped")
 
     def until(self, what: Callable[[], bool], most: float, look: Look | None = None) -> None:
         """Simulate until something is true.

@@ -106,10 +106,11 @@ class WalkResult(TrialResult):
         policy: Stiffness policy of variable soles; None for others.
         terrain: Family of the ground.
         amplitude: Amplitude of the ground, m.
-        outcome: completed, strayed, fell, diverged or unfinished. A walk is completed by a robot that has done all its
-            steps, stands at its goal and has kept to its track (`wbc.sim.walks.arrival`); one that has done them and
-            is elsewhere has strayed. A simulation that diverged is no fall and no success; an unfinished walk neither
-            ended nor fell within its time limit. A driven walk has no goal and cannot stray.
+        outcome: completed, strayed, stopped, fell, diverged or unfinished. A walk is completed by a robot that has
+            done all its steps, stands at its goal and has kept to its track (`wbc.sim.walks.arrival`); one that has
+            done them and is elsewhere has strayed. A simulation that diverged is no fall and no
+            success; an unfinished walk neither ended nor fell within its time limit; a stopped one was told to stand
+            (`WalkingControl.stop`), or its trial was ended (`Trial.stop`). A driven walk has no goal and cannot stray.
         steps_planned: Number of steps of the plan.
         steps_done: Single supports that have ended; a foot that found no ground is taken to stand where it is.
         J: Objective of the paper's optimisation, see `objective`.

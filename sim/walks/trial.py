@@ -150,7 +150,7 @@ class WalkTrial(Trial):
         return _ground(self.plant)
 
     def simulate(self) -> None:
-        """Walk to the end, a fall or the time limit."""
+        """Walk to the end, a fall, a stop or the time limit."""
         plant, drive, limit = self.plant, self._drive, self._prepared.time_limit
         while not drive.over and plant.time < limit and self.step():
             pass
@@ -165,11 +165,14 @@ class WalkTrial(Trial):
             outcome = "diverged"
         elif fall is not None:
             outcome = "fell"
+        elif self.stopped:
+            outcome = "stopped"
         elif not self._drive.over:
             outcome = "unfinished"
+        elif arrival is None or arrival.arrived(middle(self.plant), self._heading()):
+            outcome = "completed"
         else:
-            there = arrival is None or arrival.arrived(middle(self.plant), self._heading())
-            outcome = "completed" if there else "strayed"
+            outcome = "stopped" if walking.stopped else "strayed"
         planned = len(self._prepared.plan) or walking.steps_done
         figures = self.meter.figures()
         return WalkResult(

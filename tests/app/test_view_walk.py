@@ -25,6 +25,7 @@ from tornado.websocket import websocket_connect
 import wbc
 from wbc.app import live
 from wbc.app.cli import BAD_INPUT, RAN, main
+from wbc.app.repeat import interventions_of
 from wbc.app.scene.colours import STIFFEST, stiffness_colour
 from wbc.app.scene.footsteps import FootstepsLayer, drift_of
 from wbc.app.scene.layer import Annotations, Layer
@@ -32,7 +33,7 @@ from wbc.app.scene.layers import CORNERS, RangeLayer, make_layers
 from wbc.app.scene.marks import LIFT
 from wbc.app.scene.shapes import HIDDEN, ROOT
 from wbc.app.scene.sources import PlantSource
-from wbc.app.view.controls import LiveControls, interventions_of
+from wbc.app.view.controls import LiveControls
 from wbc.app.view.guard import MAX_MESSAGE
 from wbc.app.view.meshcat_view import MeshcatView
 from wbc.app.view.pace import Pace

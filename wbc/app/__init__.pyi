@@ -3,12 +3,12 @@ from .log.recorder import Recorder as Recorder
 from .plot.figures import draw as draw
 from .plot.output import save as save
 from .plot.signals import draw_signals as draw_signals
+from .repeat import RepeatWalk as RepeatWalk
+from .repeat import interventions_of as interventions_of
 from .replay.convert import convert_log as convert_log
 from .replay.film import render_video as render_video
 from .replay.page import replay_page as replay_page
 from .replay.replay import Replay as Replay
-from .view.controls import RepeatWalk as RepeatWalk
-from .view.controls import interventions_of as interventions_of
 from .view.meshcat_view import MeshcatView as MeshcatView
 from .view.walk_hook import WatchWalk as WatchWalk
 from .view.workbench import Workbench as Workbench

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import signal
+import threading
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -13,6 +15,7 @@ from wbc.core.errors import InputError
 from wbc.core.settings import settings
 
 if TYPE_CHECKING:
+    from wbc.app.repeat import RepeatWalk
     from wbc.app.view.walk_hook import WatchWalk
     from wbc.sim.trial.loop import Trial
 
@@ -78,13 +81,41 @@ DriveOptions = Annotated[LiveDrive, Parameter(name="*")]
 """Types of the argument `live` of a command, and of one that can be driven."""
 
 
-def with_changes(watching: list[WatchWalk], result: dict[str, Any], text: str) -> tuple[dict[str, Any], str]:
-    """Return result and text with the changes made from the page: a run with changes is not that of its options."""
-    changes = [change for hook in watching for change in hook.interventions]
-    result = result | {"interactive": bool(changes)}
+def with_changes(
+    hooks: Sequence[WatchWalk | RepeatWalk], trial: Trial, result: dict[str, Any], text: str
+) -> tuple[dict[str, Any], str]:
+    """Return result and text with changes and end by Ctrl-C of a run, which then is not that of its options."""
+    changes = [change for hook in hooks for change in hook.interventions]
     if changes:
         from wbc.app.view.controls import intervention_text  # noqa: PLC0415 - most runs are not watched
 
-        result["interventions"] = changes
         text += "".join(f"\n  CHANGED   from the page at {intervention_text(each)}" for each in changes)
+    changes += ending(trial)
+    result = result | {"interactive": bool(changes)}
+    if changes:
+        result["interventions"] = changes
     return result, text
+
+
+def ending(trial: Trial) -> list[dict[str, Any]]:
+    """Return the end of a run by Ctrl-C as an intervention; empty before, and for a run that ends by itself."""
+    return [] if trial.last is None else [{"time": trial.last, "what": "end"}]
+
+
+@contextmanager
+def ended_by_interrupt(trial: Trial) -> Iterator[None]:
+    """Let Ctrl-C end a trial with its next tick, as an end like another; a second one interrupts."""
+
+    def stop(number: int, frame: object) -> None:
+        del number, frame
+        trial.stop()
+        signal.signal(signal.SIGINT, before)
+
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    before = signal.signal(signal.SIGINT, stop)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, before)

@@ -19,7 +19,16 @@ REASONS = {
 }
 """Reason of a fall → words."""
 
-ENDS = {"completed": "walked", "strayed": "STRAYED", "unfinished": "NOT DONE:"}
+CAUSES = {
+    "dropped": "downwards",
+    "forward": "forward",
+    "backward": "backward",
+    "left": "to the left",
+    "right": "to the right",
+}
+"""Cause of a fall → words."""
+
+ENDS = {"completed": "walked", "stopped": "stopped", "strayed": "STRAYED", "unfinished": "NOT DONE:"}
 """Outcome of a walk without a fall → word."""
 
 
@@ -41,9 +50,10 @@ def walk_text(result: WalkResult, spec: WalkSpec) -> str:
     if result.fall is not None:
         fall = result.fall
         lines.append(
-            f"  FELL      after {steps} and {result.seconds:.1f} s ({REASONS[fall.reason]}); it began "
-            f"{fall.cause} at {100 * fall.share:.0f} % of the {fall.phase} of step {fall.step}, the stance sole "
-            f"tilted by {math.degrees(fall.sole_roll):.1f}° roll, {math.degrees(fall.sole_pitch):.1f}° pitch"
+            f"  FELL      after {steps} and {result.seconds:.1f} s ({REASONS[fall.reason]}); the fall "
+            f"began {CAUSES[fall.cause]} at {100 * fall.share:.0f} % of the {fall.phase} of step {fall.step}, the "
+            f"stance sole tilted by {math.degrees(fall.sole_roll):.1f}° roll, "
+            f"{math.degrees(fall.sole_pitch):.1f}° pitch"
         )
     else:
         verb = ENDS[result.outcome]

@@ -250,7 +250,7 @@ class ReferenceControl:
     def velocity(self, velocity: Sequence[float] | None) -> None:
         if velocity is not None and np.count_nonzero(velocity):
             self.body.check_steps(self.source.swing_height)
-        self.source.velocity = velocity
+        self.source.velocity, self.stopped = velocity, False
 
     @property
     def granted_velocity(self) -> Velocity:
@@ -281,6 +281,7 @@ class ReferenceControl:
         """
         self.body.check_steps(self.source.swing_height)
         self.source.go_to(x, y, yaw)
+        self.stopped = False
 
     def follow(self, source: FootstepPlan | FootstepSource) -> None:
         """Take the footsteps from a plan, or from a planner of one's own, from the next tick on.
@@ -295,10 +296,12 @@ class ReferenceControl:
         """
         self.body.check_steps(self.source.swing_height)
         self.source.follow(source)
+        self.stopped = False
 
     def stop(self) -> None:
         """Come to a stand safely."""
         self.source.stop()
+        self.stopped = True
 
 
 def drive_control(

@@ -6,7 +6,7 @@ import logging
 
 from rich.progress import track
 
-from wbc.app.live import LiveOptions, LiveView, with_changes
+from wbc.app.live import LiveOptions, LiveView, ended_by_interrupt, with_changes
 from wbc.app.output import Flat, Output, OutputOptions, Report, progress_console, quiet, reports
 from wbc.core.settings import to_json
 from wbc.sim.balance.push_recovery import PushTableSpec, format_push_table, push_table
@@ -22,7 +22,7 @@ def stand(
 ) -> Report:
     """Let a robot stand in the simulator, and report how still it stands and how fast the controller is."""
     trial = StandTrial(options)
-    with live.watch(trial) as watching:
+    with ended_by_interrupt(trial), live.watch(trial) as watching:
         result = trial.run(watching)
     state = "stood" if result.upright else "FELL after"
     steps = f", {result.steps_taken} steps" if options.steps == "allowed" else ""
@@ -34,7 +34,7 @@ def stand(
         f"  {result.real_time_factor:.2f} x real time; a tick takes {result.tick_us['median']:.0f} us, "
         f"99 % take less than {result.tick_us['p99']:.0f} us; {result.failures} failed"
     )
-    return output.report(*with_changes(watching, to_json(result), text))
+    return output.report(*with_changes(watching, trial, to_json(result), text))
 
 
 @reports

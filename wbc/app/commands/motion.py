@@ -11,7 +11,7 @@ from cyclopts import Parameter
 
 from wbc import robots
 from wbc.app.files import check_picture, check_target
-from wbc.app.live import LiveOptions, LiveView, with_changes
+from wbc.app.live import LiveOptions, LiveView, ended_by_interrupt, with_changes
 from wbc.app.output import Flat, Output, OutputOptions, Report, reports
 from wbc.core.errors import InputError
 from wbc.core.files import save_figure
@@ -138,7 +138,7 @@ def _track(file: Path, options: MotionOptions, live: LiveView, output: Output) -
         data |= {"feasible": feasible.after.feasible, "stretched": feasible.stretched}
     spec = TrackSpec(**{each.name: getattr(options, each.name) for each in fields(TrackSpec)})
     trial = TrackTrial(clip, spec)
-    with live.watch(trial) as watching:
+    with ended_by_interrupt(trial), live.watch(trial) as watching:
         result = trial.run(watching)
     state = "tracked to its end" if result.completed else f"FELL after {result.seconds:.2f} s: {result.fall}"
     lines += [
@@ -151,7 +151,7 @@ def _track(file: Path, options: MotionOptions, live: LiveView, output: Output) -
         f"  a tick takes {result.tick_us['median']:.0f} us, 99 % less than {result.tick_us['p99']:.0f} us; "
         f"{result.failures} failed",
     ]
-    return output.report(*with_changes(watching, data | to_json(result), "\n".join(lines)))
+    return output.report(*with_changes(watching, trial, data | to_json(result), "\n".join(lines)))
 
 
 ROWS = (

@@ -2,18 +2,23 @@
 
 from __future__ import annotations
 
+import json
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import fields, replace
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Annotated, Any
 
 from wbc.app.arguments import NONE_GIVEN, Fields
 from wbc.app.bench.profile import ProfileRow, profile_text, profile_walk
 from wbc.app.files import check_target, read_object
-from wbc.app.live import DriveOptions, LiveDrive, with_changes
+from wbc.app.live import DriveOptions, LiveDrive, ended_by_interrupt, ending, with_changes
+from wbc.app.log.reader import Log
+from wbc.app.log.recorder import Recorder
 from wbc.app.output import Flat, Output, OutputOptions, Report, reports
+from wbc.app.repeat import RepeatWalk, differing_versions, first_difference, recorded_walk
 from wbc.app.walk_report import walk_text
 from wbc.core.changes import read_changes, setting_names
 from wbc.core.errors import InputError, finite_scalar, shown, unknown_name
@@ -27,7 +32,10 @@ from wbc.sim.walks.spec import WalkSpec
 from wbc.sim.walks.trial import WalkTrial
 
 if TYPE_CHECKING:
-    from wbc.app.log.recorder import Recorder
+    from wbc.app.view.walk_hook import WatchWalk
+
+CHANGE = "what was changed from the page since the tick before, and an end by Ctrl-C, JSON"
+"""Meaning of the signal that holds the interventions of a run."""
 
 DEFAULTS = {"foot": "long_arch", "terrain": "stones", "amplitude": 0.02}
 """Defaults of the command line: an unknown ground, and the sole that most LIPM walks arrive on."""
@@ -75,6 +83,7 @@ class WalkOptions:
             one).
         record: File to write every tick to (.arrow).
         profile: Divide the time of the walk, from physics to each task.
+        repeat: Log of a walk to repeat, with changes from its page and its end, and to compare with.
     """
 
     seconds: Positive | None = None
@@ -82,6 +91,7 @@ class WalkOptions:
     spec: str | None = None
     record: Path | None = None
     profile: bool = False
+    repeat: Path | None = None
 
 
 @reports
@@ -92,37 +102,52 @@ def walk(
     live: DriveOptions = LiveDrive(),
     output: OutputOptions = Output(),
 ) -> Report:
-    """Walk in the simulator, and report how far the robot came and how well. A fall is a result like any other."""
+    """Walk in the simulator, and report how far the robot came and how well; a fall or Ctrl-C is an end like any other."""
+    if options.repeat is not None and (
+        given or options != WalkOptions(repeat=options.repeat, record=options.record)
+    ):
+        raise InputError("a walk is repeated as its log says: --repeat takes --record and the views alone")
     target = None
     if options.record is not None:
         named = (
             each for name in ("terrain_params", "policy_params") for each in given.get(name, {}).values()
         )
-        target = check_target("a log", options.record, (".arrow",), [options.spec, *map(str, named)])
-    spec = walk_spec(given, options, live.drive)
+        target = check_target(
+            "a log", options.record, (".arrow",), [options.spec, options.repeat, *map(str, named)]
+        )
+    original: Log | None = None
+    changes: list[dict[str, Any]] = []
+    if options.repeat is None:
+        spec = walk_spec(given, options, live.drive)
+    else:
+        original = Log.open(options.repeat)
+        spec, changes = recorded_walk(original)
     if spec.plan.stairs is None:  # a swing over stairs counts its height from the higher end
         spec.ground().clears(spec.gait.swing_height)
     hooks: list[TrialHook] = []
+    acting: list[WatchWalk | RepeatWalk] = []
     record: Recorder | None = None
     with ExitStack() as stack:
         trial = WalkTrial(spec)
-        watching = stack.enter_context(live.watch(trial))
+        if original is not None:
+            acting.append(RepeatWalk(changes))
+            if target is None:
+                target = Path(stack.enter_context(TemporaryDirectory())) / "again.arrow"
+        acting += stack.enter_context(live.watch(trial))
         if target is not None:
-            from wbc.app.log.recorder import (  # noqa: PLC0415 - most walks are not recorded
-                Recorder as LogFile,
-            )
-
-            record = stack.enter_context(LogFile(target, spec=spec))
-            for watch in watching:
-                record.add("view/change", watch.news, about="orders of the page since the tick before, JSON")
+            record = stack.enter_context(Recorder(target, spec=spec))
+            record.add("view/change", lambda: _news(acting, trial), about=CHANGE)
             hooks.append(record)
-        hooks += watching
+        hooks += acting
         profile: tuple[ProfileRow, ...] = ()
-        if options.profile:
-            result, profile = profile_walk(trial, hooks)
-        else:
-            result = trial.run(hooks)
-    data, text = with_changes(watching, result.to_json(), walk_text(result, spec))
+        with ended_by_interrupt(trial):
+            if options.profile:
+                result, profile = profile_walk(trial, hooks)
+            else:
+                result = trial.run(hooks)
+        if original is not None and target is not None and record is not None and record.loss is None:
+            difference = first_difference(original, Log.open(target))
+    data, text = with_changes(acting, trial, result.to_json(), walk_text(result, spec))
     data["spec"] = spec.to_json()
     lost = None if record is None else record.loss
     if options.record is not None:
@@ -130,7 +155,22 @@ def walk(
     if options.profile:
         data |= {"profile": to_json(profile)}
         text += f"\n\n{profile_text(profile)}"
+    if original is not None and lost is None:
+        versions = differing_versions(original)
+        data |= {"same": difference is None, "difference": difference, "versions": versions}
+        text += (
+            f"\n  repeated  {'bit for bit the same' if difference is None else f'NOT THE SAME: {difference}'}"
+        )
+        if difference is not None and versions:
+            text += f"; it was recorded with {', '.join(versions)}"
     return output.report(data, text, lost)
+
+
+def _news(acting: Sequence[WatchWalk | RepeatWalk], trial: WalkTrial) -> str:
+    """Return the changes since the tick before, and an end by Ctrl-C, as JSON; empty text for nothing."""
+    texts = [hook.news() for hook in acting]
+    entries = [entry for text in texts if text for entry in json.loads(text)] + ending(trial)
+    return json.dumps(entries) if entries else ""
 
 
 def walk_spec(given: Mapping[str, Any], options: WalkOptions, drive: bool = False) -> WalkSpec:

@@ -44,7 +44,7 @@ def make_header(tick: Tick, spec: Any = None, title: str = "", seed: int | None 
     return {
         "format": FORMAT,
         "program": f"wbc {__version__}",
-        "versions": _versions(),
+        "versions": versions(),
         "created": datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds"),
         "title": title or robot.name,
         "seed": seed,
@@ -96,11 +96,12 @@ def _plant_parts(plant: Plant) -> dict[str, Any]:
     }
 
 
-def _versions() -> dict[str, str]:
-    versions = {"wbc": __version__, "python": platform.python_version(), "system": platform.platform()}
+def versions() -> dict[str, str]:
+    """Return the versions of the libraries that numbers depend on, by name."""
+    found = {"wbc": __version__, "python": platform.python_version(), "system": platform.platform()}
     for name in _DISTRIBUTIONS:
         try:
-            versions[name] = metadata.version(name)
+            found[name] = metadata.version(name)
         except metadata.PackageNotFoundError:
             continue
-    return versions
+    return found

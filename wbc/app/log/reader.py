@@ -126,6 +126,10 @@ class Log:
         values: Array = self._arrays[name]
         return values
 
+    def column(self, name: str) -> Any:
+        """Return a signal as the file holds it: a pyarrow column."""
+        return self._table.column(name)
+
     @checked_on_failure
     def parts(self, group: str) -> list[str]:
         """Return the names of the signals of a group that hold numbers.

@@ -25,7 +25,6 @@ import math
 from collections import deque
 from collections.abc import Callable, Iterable
 from dataclasses import replace
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -36,13 +35,10 @@ from wbc.core.qp.controller import Controller
 from wbc.core.qp.task import Task
 from wbc.core.robot import GRAVITY
 from wbc.feet.soles.soft import VariableStiffnessFoot
-from wbc.sim.trial.loop import TrialHook
 from wbc.tasks.stabilizer.gains import LIMITS
 
 if TYPE_CHECKING:
     from wbc.sim import Plant
-    from wbc.sim.trial.loop import TrialTick
-    from wbc.sim.walks.trial import WalkTrial
     from wbc.walking.control import ReferenceControl
 
 _log = logging.getLogger(__name__)
@@ -310,37 +306,6 @@ def target_of(task: Any, value: Any) -> Any:
     return finite_array(f"target of task '{task.name}'", value, np.shape(task.target))
 
 
-def interventions_of(log: Any) -> list[dict[str, Any]]:
-    """Return the interventions of a run that was watched, to repeat it, from its log or the path of it."""
-    from wbc.app.log.reader import Log  # noqa: PLC0415 - a repetition needs it, a view does not
-
-    opened = Log.open(log) if isinstance(log, (str, Path)) else log
-    found = opened.texts("view/change") if "view/change" in opened else []
-    return [entry for text in found if text for entry in json.loads(text)]
-
-
-class RepeatWalk(TrialHook):
-    """Repetition of the interventions of a walk: with the same spec, the walk is the same bit for bit.
-
-    Attributes:
-        controls: Controls that carry them out; None before the walk starts.
-    """
-
-    def __init__(self, interventions: Iterable[dict[str, Any]]) -> None:
-        """Store the interventions; see `interventions_of`."""
-        self._interventions = list(interventions)
-        self.controls: LiveControls | None = None
-
-    def start(self, trial: WalkTrial) -> None:
-        """See `TrialHook`."""
-        self.controls = LiveControls(trial.plant, trial.walking, repeat=self._interventions)
-
-    def tick(self, tick: TrialTick) -> None:
-        """See `TrialHook`."""
-        assert self.controls is not None
-        self.controls.update(tick.plant.time)
-
-
 def intervention_text(entry: dict[str, Any]) -> str:
     """Return an intervention as text."""
     what = {
@@ -352,6 +317,7 @@ def intervention_text(entry: dict[str, Any]) -> str:
         "pull": "pulled at {body} with ({force[0]:.0f}, {force[1]:.0f}, {force[2]:.0f}) N",
         "task": "task {task} changed",
         "own": "{name}",
+        "end": "ended",
     }[entry["what"]]
     return f"{entry['time']:.2f} s: {what.format(**entry)}"
 

@@ -1,0 +1,73 @@
+"""Ctrl-C ends a walk as its time would, and a recorded walk is repeated bit for bit, interventions and end included."""
+
+from __future__ import annotations
+
+import json
+import signal
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from wbc.app import Log, interventions_of
+from wbc.app.cli import RAN, main
+from wbc.app.repeat import first_difference
+from wbc.sim.trial.loop import Trial
+
+LEVEL = ["--terrain", "flat", "--foot", "flat", "--noise", "none"]
+
+
+@pytest.fixture
+def interrupted(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Ctrl-C in the 150th tick of a trial."""
+    step, ticks = Trial.step, [0]
+
+    def counted(trial: Trial) -> bool:
+        ticks[0] += 1
+        if ticks[0] == 150:
+            signal.raise_signal(signal.SIGINT)
+        return step(trial)
+
+    monkeypatch.setattr(Trial, "step", counted)
+
+
+def run(capsys: pytest.CaptureFixture[str], *words: str) -> Any:
+    assert main(["walk", *words, "--json"]) == RAN
+    return json.loads(capsys.readouterr().out)
+
+
+@pytest.mark.usefixtures("interrupted")
+@pytest.mark.parametrize(
+    "words", [["--distance", "0.5"], ["--gait", "stepping", "--seconds", "9", "--drive"]]
+)
+def test_an_end_by_interrupt_is_recorded_and_repeated(
+    words: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("wbc.app.live.LiveDrive.watched", False)  # no page
+    log, again = tmp_path / "log.arrow", tmp_path / "again.arrow"
+    first = run(capsys, *words, *LEVEL, "--record", str(log))
+    assert first["outcome"] == "stopped" and len(Log.open(log)) == 150
+    assert (
+        first["interventions"] == interventions_of(log) == [{"time": Log.open(log).time[-1], "what": "end"}]
+    )
+    second = run(capsys, "--repeat", str(log), "--record", str(again))
+    assert second["same"] and second["interventions"] == first["interventions"]
+    assert second["spec"] == first["spec"] and interventions_of(again) == interventions_of(log)
+
+
+def test_a_log_that_was_cut_off_is_repeated_as_far_as_it_goes(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    log, cut = tmp_path / "log.arrow", tmp_path / "cut.arrow"
+    run(capsys, "--distance", "0.05", *LEVEL, "--record", str(log))
+    data = log.read_bytes()
+    cut.write_bytes(data[: len(data) // 2])
+    again = run(capsys, "--repeat", str(cut))
+    assert again["same"], again["difference"]
+    assert again["outcome"] == "stopped"
+    assert again["seconds"] == pytest.approx(Log.open(cut).time[-1] + 0.005)
+    push = ["--push", "impulse=0.05,direction=90,step=1"]
+    other = run(capsys, "--distance", "0.05", *LEVEL, *push, "--record", str(cut))
+    assert other["outcome"] == "completed"
+    difference = first_difference(Log.open(log), Log.open(cut))
+    assert difference is not None and " s on" in difference

@@ -1,0 +1,133 @@
+"""Repetition of a recorded walk, with what was changed from its page and with its end, and comparison of two logs."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Iterable
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from wbc.app.log.header import versions
+from wbc.app.log.reader import Log
+from wbc.app.view.controls import LiveControls
+from wbc.core.errors import InputError
+from wbc.sim.trial.loop import TrialHook
+from wbc.sim.walks.spec import WalkSpec
+
+if TYPE_CHECKING:
+    from wbc.sim.trial.loop import Trial, TrialTick
+    from wbc.sim.walks.trial import WalkTrial
+
+END = "end"
+"""Intervention that ends a run: Ctrl-C."""
+
+NOT_COMPARED = ("tick/", "stiffness/computing", "view/change")
+"""Beginnings of the names of signals that hold wall-clock times, or what is repeated."""
+
+
+def interventions_of(log: Log | str | Path) -> list[dict[str, Any]]:
+    """Return the interventions of a run, to repeat it, from its log: what its page changed, and its end by Ctrl-C."""
+    opened = log if isinstance(log, Log) else Log.open(log)
+    found = opened.texts("view/change").tolist() if "view/change" in opened else []
+    return [entry for text in found if text for entry in json.loads(text)]
+
+
+def recorded_walk(log: Log) -> tuple[WalkSpec, list[dict[str, Any]]]:
+    """Return the spec of a walk and its interventions; a log that was cut off ends where it was.
+
+    Raises `InputError` for a log of something else.
+    """
+    plain = log.header["spec"]
+    if not isinstance(plain, dict) or "plan" not in plain:
+        raise InputError(f"{log.path} is no log of a walk: --repeat needs one of wbc walk --record")
+    changes = interventions_of(log)
+    if log.broken is not None:
+        changes.append({"time": float(log.time[-1]), "what": END})
+    return WalkSpec.from_json(plain), changes
+
+
+class RepeatWalk(TrialHook):
+    """Repetition of the interventions of a walk: with the same spec, the walk is the same bit for bit.
+
+    Attributes:
+        controls: Controls that carry them out; None before the walk starts.
+    """
+
+    def __init__(self, interventions: Iterable[dict[str, Any]]) -> None:
+        """Store the interventions; see `interventions_of`."""
+        entries = list(interventions)
+        self._changes = [entry for entry in entries if entry["what"] != END]
+        self._end = min((float(entry["time"]) for entry in entries if entry["what"] == END), default=math.inf)
+        self.controls: LiveControls | None = None
+
+    @property
+    def interventions(self) -> list[dict[str, Any]]:
+        """Changes that have been repeated."""
+        return [] if self.controls is None else self.controls.interventions
+
+    def news(self) -> str:
+        """Return the changes since the last call as JSON, for a log; empty if none."""
+        return "" if self.controls is None else self.controls.news()
+
+    def start(self, trial: WalkTrial) -> None:
+        """See `TrialHook`."""
+        self.controls = LiveControls(trial.plant, trial.walking, repeat=self._changes)
+        self.after(trial)
+
+    def tick(self, tick: TrialTick) -> None:
+        """See `TrialHook`."""
+        assert self.controls is not None
+        self.controls.update(tick.plant.time)
+
+    def after(self, trial: Trial) -> None:
+        """See `TrialHook`."""
+        if trial.plant.time > self._end - 0.5 * trial.plant.control_period:
+            trial.stop()
+
+
+def first_difference(log: Log, other: Log) -> str | None:
+    """Return where two logs of one run differ first, in words; None where they are the same bit for bit.
+
+    Wall-clock times are not compared, nor what comes after the end of a log that was cut off.
+    """
+    names = set(log.signals) ^ set(other.signals)
+    if names:
+        return f"signals that only one of them has: {', '.join(sorted(names)[:3])}"
+    ticks = min(len(log), len(other))
+    first, found = ticks, ""
+    for name in log:
+        if name.startswith(NOT_COMPARED):
+            continue
+        one, two = (each.column(name).slice(0, ticks) for each in (log, other))
+        if one.equals(two):
+            continue
+        tick = _first(one.to_pylist(), two.to_pylist())
+        if tick < first:
+            first, found = tick, name
+    if found:
+        return f"from {log.time[first]:.3f} s on, first in {found}"
+    if len(log) != len(other) and log.broken is None:
+        return f"{len(log)} ticks, and {len(other)} when repeated"
+    return None
+
+
+def differing_versions(log: Log) -> list[str]:
+    """Return the libraries of a log that are others here, with their versions there."""
+    return [
+        f"{name} {version}"
+        for name, version in log.header["versions"].items()
+        if versions().get(name) != version
+    ]
+
+
+def _first(one: list[Any], two: list[Any]) -> int:
+    """Return the first index at which two lists differ; NaN is NaN, also in lists."""
+    for i, (a, b) in enumerate(zip(one, two, strict=True)):
+        if a != b and not (
+            type(a) is type(b) and not isinstance(a, str) and np.array_equal(a, b, equal_nan=True)
+        ):
+            return i
+    return len(one)
