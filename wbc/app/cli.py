@@ -32,6 +32,7 @@ def make_app(words: Sequence[str] | None = ()) -> App:
     options = {
         "default_parameter": Parameter(negative=(), show_default=_shown_default),
         "help_format": "markdown",
+        "suppress_keyboard_interrupt": False,  # a command may say what is kept
     }
     app = App(
         name="wbc",
@@ -97,8 +98,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
             os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
         print(f"wbc: {_one_line(error)}", file=sys.stderr)
         return BAD_INPUT if error.errno == errno.ENAMETOOLONG else FAILED
-    except KeyboardInterrupt:
-        print("wbc: interrupted", file=sys.stderr)
+    except KeyboardInterrupt as error:
+        print(f"wbc: interrupted{f'; {error}' if error.args else ''}", file=sys.stderr)
         return INTERRUPTED
     except Exception:
         traceback.print_exc()

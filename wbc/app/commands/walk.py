@@ -102,7 +102,7 @@ def walk(
     live: DriveOptions = LiveDrive(),
     output: OutputOptions = Output(),
 ) -> Report:
-    """Walk in the simulator, and report how far the robot came and how well; a fall or Ctrl-C is an end like any other."""
+    """Walk in the simulator, and report how far the robot came, how well, and how it ended: by a fall, or by Ctrl-C."""
     if options.repeat is not None and (
         given or options != WalkOptions(repeat=options.repeat, record=options.record)
     ):

@@ -108,7 +108,14 @@ def run(
     if study is None or options.out is not None:
         raise InputError("give a study to run, or the --key of a trial of the journal (and -o for its spec)")
     chosen = part.part(study)
-    summary = run_trials(chosen, options, any_code=part.any_code)
+    try:
+        summary = run_trials(chosen, options, any_code=part.any_code)
+    except KeyboardInterrupt:
+        found = list(study_entries(chosen, read_journal(options.journal, any_code=True)))
+        kept = sum(entry is not None for _, entry in found)
+        raise KeyboardInterrupt(
+            f"{kept} of {len(found)} trials are kept in {options.journal}: the same command goes on from there"
+        ) from None
     failed = []
     if set(summary.counts) - {"done"}:
         failed = reruns(chosen, read_journal(options.journal, any_code=True), options.journal)
