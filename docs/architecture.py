@@ -13,7 +13,7 @@ from pathlib import Path
 
 FLOORS = (
     ("wbc.core",),
-    ("wbc.robots", "wbc.feet"),
+    ("wbc.robots", "wbc.feet", "wbc.ground"),
     ("wbc.tasks",),
     ("wbc.walking",),
     ("wbc.motion",),

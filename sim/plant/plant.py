@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import math
 from collections import deque
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -25,8 +26,11 @@ from wbc.core.robot import checked_configuration
 from wbc.core.signals import Command
 from wbc.feet import Foot, RangeSensor
 from wbc.feet import foot as foot_by_name
+from wbc.ground import PointCloud
 from wbc.robots.description import RobotDescription
 from wbc.sim.plant.drives import Drives
+from wbc.sim.plant.eyes import DepthCamera, ToeSensors
+from wbc.sim.plant.eyes.eyes import Eyes
 from wbc.sim.plant.foot_devices import FootDevices
 from wbc.sim.plant.hands import HandSensor, check_clear
 from wbc.sim.plant.model import build_model, furniture
@@ -82,6 +86,7 @@ class Plant(SimulatedRobot):
         physics: PhysicsSettings | None = None,
         machine: Machine | None = None,
         scene: str | Path | mujoco.MjSpec | Scene | None = None,
+        eyes: Sequence[DepthCamera | ToeSensors] = (),
     ) -> None:
         """Build the model and put the robot on the ground.
 
@@ -99,11 +104,12 @@ class Plant(SimulatedRobot):
             machine: Delays, friction, payload and which sensors there are.
             scene: What stands or lies about: a scene, the name of one, or MJCF, as a path, as XML or as a
                 specification. All of the robot touches it, and the ground; without a scene only the feet touch.
+            eyes: Depth cameras and range sensors at the toes, whose clouds `clouds` returns.
 
         Raises:
-            UnknownNameError: No such foot, terrain, scene or noise preset.
+            UnknownNameError: No such foot, terrain, scene, noise preset or link of a camera.
             InputError: A value out of range, a control period that is no multiple of the physics step, a foot that does
-                not fit, a scene that goes through the robot.
+                not fit, a scene that goes through the robot, a camera that sees no ground.
             ModelError: A robot that cannot be simulated.
         """
         description.needs_feet("the plant")
@@ -150,7 +156,11 @@ class Plant(SimulatedRobot):
         self._late_feet: deque[tuple[Array, Array]] = deque(
             maxlen=math.ceil(age / self.steps) + 1 if age else 0
         )
+        self._eyes: Eyes | None = None
         self.reset()
+        if eyes:
+            self._eyes = Eyes(self, eyes)
+            self._eyes.look(self.time)
 
     @property
     def time(self) -> float:
@@ -214,6 +224,9 @@ class Plant(SimulatedRobot):
         self.ticks = 0
         self._begin(sensor_seed)
         self._after_step()
+        if self._eyes is not None:
+            self._eyes.reset(self.seed)
+            self._eyes.look(self.time)
 
     def on_ground(self, configuration: ArrayLike) -> Array:
         """Return a configuration moved up or down until its lowest sole point touches the ground.
@@ -286,6 +299,12 @@ class Plant(SimulatedRobot):
         self._advance()
         self.ticks += 1
         self._after_step()
+        if self._eyes is not None:
+            self._eyes.look(self.time)
+
+    def clouds(self) -> list[PointCloud]:
+        """Return the clouds of all eyes that have come since the last call; empty without eyes."""
+        return [] if self._eyes is None else self._eyes.take(self.time)
 
     def hold(self) -> Command:
         """Return a command that holds the posture of the last reset with the servos."""

@@ -21,6 +21,7 @@ FOLDERS = {
     "wbc.core": ROOT / "wbc" / "core",
     "wbc.robots": ROOT / "robots",
     "wbc.feet": ROOT / "feet",
+    "wbc.ground": ROOT / "wbc" / "ground",
     "wbc.tasks": ROOT / "tasks",
     "wbc.walking": ROOT / "wbc" / "walking",
     "wbc.motion": ROOT / "wbc" / "motion",

@@ -1,0 +1,180 @@
+"""Depth camera on a link: rays against everything in the simulation, with the errors of a real camera."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Annotated
+
+import mujoco
+import numpy as np
+import pinocchio as pin
+from numpy.typing import NDArray
+from pydantic import Field
+
+from wbc.core.errors import InputError
+from wbc.core.robot import Robot
+from wbc.core.settings import NonNegative, Positive, Share, settings
+from wbc.ground import PointCloud
+from wbc.sim.plant.hands import SCENE_PREFIX
+from wbc.sim.plant.model import bare_spec, compiled, equip
+from wbc.sim.plant.places import RobotPlaces, body_frame
+from wbc.sim.terrain.render import add_to_spec
+
+if TYPE_CHECKING:
+    from wbc.sim.plant.plant import Plant
+
+SOLE_HEIGHT = 0.02
+"""Height of a sole as the camera sees it, m: that of the soft soles' phalanges, and a little more."""
+
+LEAST_STD = 5e-4
+"""Least standard deviation that a cloud states, m: that of a camera without errors."""
+
+
+@settings
+class DepthCamera:
+    """Depth camera that looks at the ground ahead of the feet.
+
+    Directions are x ahead, y left, z up of the robot in half-sitting, whatever the axes of its links.
+
+    Attributes:
+        link: Link or frame that carries it; the base when None.
+        at: Place of the camera from the origin of that link, m.
+        turn: Roll, pitch and yaw of the camera, whose axis is x, rad; a positive pitch looks down.
+        rays: Number of rays across and down.
+        view: Field of view across and down, rad.
+        nearest: Shortest distance seen, m.
+        furthest: Longest distance seen, m.
+        rate: Frames a second, Hz.
+        latency: Time from a frame until its cloud is delivered, s.
+        noise: Standard deviation of a distance, m.
+        relative_noise: Second part of it, per metre of distance.
+        dropout: Share of the rays that return nothing.
+        misplaced: Error of `at`, by which the camera truly is elsewhere, m.
+        end: Time at which the camera dies, s.
+    """
+
+    link: str | None = None
+    at: Annotated[tuple[float, float, float], "m"] = (0.075, 0.0, 0.05)
+    turn: Annotated[tuple[float, float, float], "rad"] = (0.0, 0.925, 0.0)
+    rays: tuple[Annotated[int, Field(ge=2, le=640)], Annotated[int, Field(ge=2, le=480)]] = (40, 28)
+    view: Annotated[tuple[Positive, Positive], "rad"] = (1.05, 0.84)
+    nearest: Annotated[NonNegative, "m"] = 0.2
+    furthest: Annotated[Positive, "m"] = 3.0
+    rate: Annotated[Positive, "Hz"] = 12.5
+    latency: Annotated[NonNegative, "s"] = 0.05
+    noise: Annotated[NonNegative, "m"] = 0.003
+    relative_noise: NonNegative = 0.005
+    dropout: Share = 0.01
+    misplaced: Annotated[tuple[float, float, float], "m"] = (0.0, 0.0, 0.0)
+    end: Annotated[NonNegative, "s"] | None = None
+
+    def __post_init__(self) -> None:
+        if max(self.view) >= math.pi:
+            raise InputError(f"view of a camera (rad) must be below {math.pi:.4g}, got {self.view}")
+        if self.nearest >= self.furthest:
+            raise InputError(f"furthest (m) must exceed nearest, {self.nearest:g}, got {self.furthest:g}")
+
+    def start(self, plant: Plant) -> DepthView:
+        """Return the camera on the robot of a plant.
+
+        Raises:
+            UnknownNameError: No such link.
+            InputError: A camera that sees nothing of the ground from where the robot stands.
+        """
+        model = visible_model(plant)
+        places = RobotPlaces(model, plant.robot, feet=[foot.body for foot in plant.feet])
+        view = DepthView(self, plant.robot, places, plant.data)
+        view.check()
+        return view
+
+
+def visible_model(plant: Plant) -> mujoco.MjModel:
+    """Return the model of a plant with the shapes of its links and soles, which hide the ground."""
+    spec = bare_spec(plant.description)
+    plant.physics.apply(spec)
+    add_to_spec(spec, plant.terrain)
+    feet = equip(spec, plant.description, plant.robot, plant.foot, plant.machine, hands=False, shapes=True)
+    for foot in feet:
+        site, sole = spec.site(foot.wrench_site), foot.fit.sole
+        site.parent.add_geom(
+            type=mujoco.mjtGeom.mjGEOM_BOX,
+            size=[0.5 * sole.length, 0.5 * sole.width, 0.5 * SOLE_HEIGHT],
+            pos=site.pos + [0.0, 0.0, 0.5 * SOLE_HEIGHT],
+            quat=site.quat,
+            mass=0.0,
+            contype=0,
+            conaffinity=0,
+        )
+    if plant.scene is not None:
+        things = mujoco.MjSpec.from_string(plant.scene)
+        spec.attach(things, prefix=SCENE_PREFIX, frame=spec.worldbody.add_frame())
+    return compiled(spec, plant.description.name)
+
+
+class DepthView:
+    """Depth camera on a robot in a MuJoCo model, which is what it sees."""
+
+    def __init__(self, camera: DepthCamera, robot: Robot, places: RobotPlaces, data: mujoco.MjData) -> None:
+        """Mount the camera on the robot in the model of `places`; positions are those of `data`, in the same order.
+
+        Raises `UnknownNameError` for a link that the robot has not.
+        """
+        self.camera, self.frame = camera, body_frame(camera.link or robot.base_frame, robot)
+        body, place = places.carrier(self.frame)
+        self._body, self._place = body, place
+        self._model, self._source, self._data = places.model, data, mujoco.MjData(places.model)
+        self._own = places.of_robot[places.model.geom_bodyid]
+        half_sitting = robot.model.createData()
+        pin.framesForwardKinematics(robot.model, half_sitting, robot.half_sitting)
+        axes = half_sitting.oMf[robot.frame_id(self.frame)].rotation.T  # of the robot, in the frame
+        (columns, rows), (across, down) = camera.rays, camera.view
+        a, b = np.meshgrid(np.linspace(0.5, -0.5, columns) * across, np.linspace(0.5, -0.5, rows) * down)
+        rays = np.stack([np.ones(a.size), np.tan(a).ravel(), np.tan(b).ravel()], axis=1)  # a pin-hole
+        rays /= np.linalg.norm(rays, axis=1)[:, None]
+        self._rays = rays @ (axes @ pin.rpy.rpyToMatrix(*camera.turn)).T
+        self._at = axes @ np.array(camera.at)
+        self._true = self._at + axes @ np.array(camera.misplaced)
+        self._hit, self._distance = np.zeros(len(rays), np.int32), np.zeros(len(rays))
+        self.reset(0)
+
+    def check(self) -> None:
+        """Raise an `InputError` if the camera sees nothing of the ground as the robot is now."""
+        c = self.camera
+        if not self._cast().any():
+            raise InputError(
+                f"the depth camera on '{self.frame}' sees no ground within {c.furthest:g} m: "
+                f"turn it (roll, pitch, yaw {c.turn} rad) or move it ({c.at} m)"
+            )
+
+    def reset(self, seed: int) -> None:
+        """Restart the errors with a seed."""
+        self._random = np.random.default_rng(seed)
+
+    def clouds(self, time: float) -> list[PointCloud]:
+        """Return the points of one frame at a time, s; none once the camera is dead."""
+        c = self.camera
+        if c.end is not None and time >= c.end:
+            return []
+        seen, distance = self._cast(), self._distance
+        std = c.noise + c.relative_noise * distance
+        seen &= self._random.random(len(seen)) >= c.dropout
+        measured = distance + std * self._random.standard_normal(len(seen))
+        points = self._at + self._rays[seen] * measured[seen, None]
+        return [PointCloud(points, time, self.frame, np.maximum(std[seen], LEAST_STD))]
+
+    def _cast(self) -> NDArray[np.bool_]:
+        """Cast all rays from the camera as it is now; True for those that meet the ground within range."""
+        model, data, c = self._model, self._data, self.camera
+        data.qpos[:] = self._source.qpos
+        mujoco.mj_kinematics(model, data)
+        link = data.xmat[self._body].reshape(3, 3)
+        rotation = link @ self._place.rotation
+        place = data.xpos[self._body] + link @ self._place.translation + rotation @ self._true
+        rays, hit, distance = (self._rays @ rotation.T).ravel(), self._hit, self._distance
+        mujoco.mj_multiRay(
+            model, data, place, rays, None, True, -1, hit, distance, None, hit.size, c.furthest
+        )
+        seen: NDArray[np.bool_] = (
+            (hit >= 0) & ~self._own[hit] & (distance > c.nearest) & (distance < c.furthest)
+        )
+        return seen

@@ -1,0 +1,95 @@
+"""Range sensors at the toes, which look down on the ground before the sole lands on it."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Annotated
+
+import mujoco
+import numpy as np
+
+from wbc.core.errors import Array
+from wbc.core.settings import Count, NonNegative, Positive, Share, settings
+from wbc.ground import PointCloud
+from wbc.sim.terrain.render import TERRAIN_GROUP
+
+if TYPE_CHECKING:
+    from wbc.sim.plant.plant import Plant
+
+HEIGHT = 0.02
+"""Height of the sensors over the sole, m."""
+
+
+@settings
+class ToeSensors:
+    """Range sensors in a row at the toe of each foot, spread over its width; the paper's is a single one.
+
+    Attributes:
+        sensors: Number of sensors of each foot.
+        nearest: Shortest distance to the ground under the sole that is read, m.
+        furthest: Longest distance, m.
+        rate: Readings a second, Hz.
+        latency: Time from a reading until it is delivered, s.
+        noise: Standard deviation of a reading, m.
+        dropout: Share of the readings that are lost.
+    """
+
+    sensors: Count = 3
+    nearest: Annotated[NonNegative, "m"] = 0.01
+    furthest: Annotated[Positive, "m"] = 0.4
+    rate: Annotated[Positive, "Hz"] = 200.0
+    latency: Annotated[NonNegative, "s"] = 0.0
+    noise: Annotated[NonNegative, "m"] = 0.002
+    dropout: Share = 0.01
+
+    def start(self, plant: Plant) -> ToeView:
+        """Return the sensors on the feet of a plant."""
+        return ToeView(self, plant)
+
+
+class ToeView:
+    """Range sensors at the toes of a plant."""
+
+    def __init__(self, sensors: ToeSensors, plant: Plant) -> None:
+        """Place the sensors on both feet."""
+        self.sensors, self._plant = sensors, plant
+        self._groups = np.zeros(mujoco.mjNGROUP, np.uint8)
+        self._groups[TERRAIN_GROUP] = 1
+        self._hit, self._distance = np.zeros(sensors.sensors, np.int32), np.zeros(sensors.sensors)
+        self._feet = []
+        for foot, site, sole in zip(plant.feet, plant.sole_sites, plant.description.soles, strict=True):
+            fit = foot.fit.sole
+            across = np.linspace(-0.5, 0.5, sensors.sensors) if sensors.sensors > 1 else np.zeros(1)
+            at = np.stack([np.full(across.shape, 0.5 * fit.length), across * fit.width, 0.0 * across], axis=1)
+            self._feet.append((site, plant.description.attachment(sole.frame)[0], fit.placement, at))
+        self.reset(0)
+
+    def reset(self, seed: int) -> None:
+        """Restart the errors with a seed."""
+        self._random = np.random.default_rng(seed)
+
+    def clouds(self, time: float) -> list[PointCloud]:
+        """Return the points under each foot at a time, s, in the frame of its ankle's link."""
+        s, clouds = self.sensors, []
+        for site, link, place, at in self._feet:
+            distance = self._ranges(site, at)
+            read = distance + s.noise * self._random.standard_normal(distance.size)
+            good = (distance > s.nearest) & (distance < s.furthest)
+            good &= self._random.random(distance.size) >= s.dropout
+            if good.any():
+                points = at[good] - read[good, None] * (0.0, 0.0, 1.0)
+                cloud = points @ place.rotation.T + place.translation
+                clouds.append(PointCloud(cloud, time, link, max(s.noise, 1e-3)))
+        return clouds
+
+    def _ranges(self, site: int, at: Array) -> Array:
+        """Return the true distances from the plane of a sole to the ground under its sensors, m; negative for none."""
+        model, data = self._plant.model, self._plant.data
+        place, rotation = data.site_xpos[site], data.site_xmat[site].reshape(3, 3)
+        distances = []
+        for point in at:
+            start = place + rotation @ (point + (0.0, 0.0, HEIGHT))
+            down = -rotation[:, 2]
+            distances.append(
+                mujoco.mj_ray(model, data, start, down, self._groups, True, -1, self._hit[:1], None)
+            )
+        return np.array(distances) - HEIGHT

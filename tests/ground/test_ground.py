@@ -1,0 +1,275 @@
+"""What is known of the ground is the ground, within its noise, wherever the world lies; what is wrong is not used."""
+
+from __future__ import annotations
+
+import math
+
+import mujoco
+import numpy as np
+import pinocchio as pin
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from wbc.core.errors import InputError
+from wbc.ground import (
+    ElevationMap,
+    Footprint,
+    FootprintSettings,
+    GroundSettings,
+    HeightMap,
+    KnownGround,
+    PointCloud,
+)
+from wbc.robots import load
+
+NOISE = 0.004
+
+
+def frame(height, seed, n=4000, low=(-0.6, -0.6), high=(0.6, 0.6)):
+    """Points of a ground z(x, y), m, seen with noise, and their standard deviations."""
+    random = np.random.default_rng(seed)
+    x, y = random.uniform(low, high, (n, 2)).T
+    return np.stack([x, y, height(x, y) + NOISE * random.standard_normal(n)], axis=1), np.full(n, NOISE)
+
+
+def mapped(height, frames=6, turn=None):
+    world = HeightMap(origin=(0.0, 0.0, 0.0) if turn is None else (*turn.translation[:2], _yaw(turn)))
+    for k in range(frames):
+        points, std = frame(height, k)
+        if turn is not None:
+            points = points @ turn.rotation.T + turn.translation
+        world.add(points, std, 0.08 * k)
+    return world
+
+
+def _yaw(placement):
+    return math.atan2(placement.rotation[1, 0], placement.rotation[0, 0])
+
+
+def known(robot=None):
+    robot = robot or load("hrp4_class").robot()
+    robot.update(robot.half_sitting, np.zeros(robot.nv))
+    ground = KnownGround(robot)
+    ground.update(robot, 0.0)
+    return robot, ground
+
+
+@given(st.floats(-0.2, 0.2), st.floats(-0.2, 0.2), st.floats(-0.5, 0.5))
+@settings(max_examples=20, deadline=None)
+def test_a_plane_is_mapped_within_noise(a, b, level):
+    world = mapped(lambda x, y: level + a * x + b * y)
+    points, std = world.known()
+    error = points[:, 2] - (level + a * points[:, 0] + b * points[:, 1])
+    assert len(points) > 3000
+    # Within a cell the points are not in its middle: the slope adds to the noise.
+    assert np.abs(error).max() < 6.0 * NOISE + 0.02 * math.hypot(a, b)
+    assert np.sqrt(np.mean(error**2)) < NOISE
+    assert (std < NOISE).mean() > 0.95
+
+
+@given(st.floats(0.02, 0.15), st.floats(-0.2, 0.2))
+@settings(max_examples=20, deadline=None)
+def test_a_step_is_where_it_is_and_as_high(rise, edge):
+    points, _ = mapped(lambda x, y: np.where(x > edge, rise, 0.0)).known()
+    beside = np.abs(points[:, 0] - edge) > 0.02
+    error = points[beside, 2] - np.where(points[beside, 0] > edge, rise, 0.0)
+    assert np.abs(error).max() < 6.0 * NOISE
+
+
+@given(st.floats(0.03, 0.08), st.floats(-0.1, 0.1), st.floats(-math.pi, math.pi))
+@settings(max_examples=20, deadline=None)
+def test_a_sole_meets_a_stone_at_its_top(rise, at, yaw):
+    def height(x, y):
+        return np.where(np.hypot(x - at, y) < 0.05, rise, 0.0)
+
+    support = Footprint(0.24, 0.1).support(mapped(height).at, at, 0.0, yaw)
+    assert support is not None
+    assert support.z == pytest.approx(rise, abs=2.0 * NOISE)
+    assert Footprint(0.24, 0.1).highest(mapped(height).at, np.array([at + 0j]), yaw) == pytest.approx(
+        rise, abs=3.0 * NOISE
+    )
+
+
+@given(st.floats(-50.0, 50.0), st.floats(-50.0, 50.0), st.floats(-math.pi, math.pi))
+@settings(max_examples=20, deadline=None)
+def test_a_moved_and_turned_world_has_the_same_map(dx, dy, yaw):
+    def height(x, y):
+        return 0.05 * np.sin(12.0 * x) + np.where(y > 0.1, 0.04, 0.0)
+
+    turn = pin.SE3(pin.rpy.rpyToMatrix(0.0, 0.0, yaw), np.array([dx, dy, 0.0]))
+    here, there = mapped(height), mapped(height, turn=turn)
+    foot = Footprint(0.24, 0.1)
+    for x, y, heading in ((0.0, 0.0, 0.0), (0.2, -0.1, 0.3), (-0.15, 0.1, -0.2)):
+        one = foot.best(here.at, x, y, heading, lambda x, y: True)
+        place = turn.act(np.array([x, y, 0.0]))
+        two = foot.best(there.at, *place[:2], heading + yaw, lambda x, y: True)
+        assert one is not None and two is not None
+        # A point on the very border of a cell may fall to either side of it in the turned world.
+        assert two.z == pytest.approx(one.z, abs=1e-3)
+        assert turn.actInv(np.array([two.x, two.y, 0.0]))[:2] == pytest.approx((one.x, one.y), abs=1e-6)
+
+
+def test_the_map_follows_an_estimate_that_climbs():
+    world = HeightMap()
+    for k in range(20):
+        points, std = frame(lambda x, y: 0.03 * np.sin(10.0 * x) + 0.004 * k, k)  # noqa: B023
+        world.add(points, std, 0.08 * k)
+    points, _ = world.known()
+    error = points[:, 2] - (0.03 * np.sin(10.0 * points[:, 0]) + 0.004 * 19)
+    assert np.abs(np.median(error)) < 0.002
+
+
+def test_what_disappears_is_forgotten_and_what_appears_is_there_at_once():
+    def stone(x, y):
+        return np.where(np.hypot(x, y) < 0.1, 0.06, 0.0)
+
+    world = mapped(stone)
+    flat = [frame(lambda x, y: 0.0 * x, 10 + k) for k in range(40)]
+    places = np.array([0.03 + 0.03j, -0.03 + 0.01j, 0.01 - 0.05j])
+    heights = []
+    for k, (points, std) in enumerate(flat):
+        world.add(points, std, 0.5 + 0.08 * k)
+        heights.append(world.at(places)[0])
+    assert heights[0] == pytest.approx([0.06] * 3, abs=0.01)
+    assert np.isnan(heights).any()  # doubted in between
+    assert heights[-1] == pytest.approx([0.0] * 3, abs=0.01)
+    world.add(*frame(stone, 99, n=40_000), 4.0)
+    assert world.at(places)[0] == pytest.approx([0.06] * 3, abs=0.01)
+
+
+def test_the_grid_rolls_with_the_robot():
+    world = HeightMap()
+    for k in range(40):
+        points, std = frame(lambda x, y: 0.1 * x, k, low=(0.1 * k - 0.5, -0.5), high=(0.1 * k + 0.5, 0.5))
+        world.add(points, std, 0.1 * k)
+    z, _ = world.at(np.array([3.9 + 0j, 0.0 + 0j]))
+    assert z[0] == pytest.approx(0.39, abs=0.01)
+    assert np.isnan(z[1])  # its cell belongs to another place now
+
+
+@pytest.mark.parametrize(
+    ("edge", "rise", "along"), [(0.05, 0.03, True), (-0.04, 0.02, True), (0.01, 0.02, False)]
+)
+def test_the_resting_plane_is_that_of_a_sole_pressed_down(edge, rise, along):
+    """A plate is pressed on a block that lies under a part of it, and tilts as the footprint says."""
+    length, width = 0.26, 0.11
+    side = (0.5, 0.5, 0.5 * rise)
+    at = (edge + 0.5, 0.0, 0.5 * rise) if along else (0.0, edge + 0.5, 0.5 * rise)
+    size, place = (" ".join(f"{v}" for v in values) for values in (side, at))
+    model = mujoco.MjModel.from_xml_string(
+        f"""<mujoco><option timestep="0.001" gravity="0 0 -9.81"/><worldbody>
+        <geom type="plane" size="2 2 0.1" friction="1"/>
+        <geom type="box" size="{size}" pos="{place}" friction="1"/>
+        <body pos="0 0 {rise + 0.012}"><freejoint/>
+        <geom type="box" size="{length / 2} {width / 2} 0.01" mass="1" friction="1"/></body>
+        </worldbody></mujoco>"""
+    )
+    data = mujoco.MjData(model)
+    for _ in range(3000):
+        data.xfrc_applied[1, 2] = -20.0
+        mujoco.mj_step(model, data)
+    normal = data.xmat[1].reshape(3, 3)[:, 2]
+    pressed = -normal[0] / normal[2], -normal[1] / normal[2]
+
+    def ground(places):
+        offset = places.real if along else places.imag
+        return np.where(offset > edge, rise, 0.0), np.zeros(places.size)
+
+    support = Footprint(length, width, FootprintSettings(tilt=0.4)).support(ground, 0.0, 0.0, 0.0)
+    assert support is not None
+    assert support.slope == pytest.approx(pressed, abs=0.06)  # spacing of planes and of nodes
+
+
+def test_a_quiet_place_is_chosen_and_only_where_it_is_allowed():
+    def ridge(places):
+        return np.where(np.abs(places.real - 0.02) < 0.011, 0.04, 0.0), np.full(places.size, 1e-3)
+
+    def edge(places):
+        return np.where(places.imag > 0.03, 0.05, 0.0), np.full(places.size, 1e-3)
+
+    foot = Footprint(0.26, 0.11)
+    quiet = foot.best(edge, 0.0, 0.0, 0.0, lambda x, y: True)
+    assert quiet is not None and abs(quiet.y) > 0.01
+    outer = foot.best(edge, 0.0, 0.0, 0.0, lambda x, y: y > -1e-9)
+    assert outer is not None and outer.y >= 0.0
+    stays = foot.best(edge, 0.0, 0.0, 0.0, lambda x, y: False)
+    assert stays is not None and (stays.x, stays.y) == (0.0, 0.0)
+    level = foot.best(lambda p: (np.zeros(p.size), np.zeros(p.size)), 0.3, 0.2, 0.4, lambda x, y: True)
+    assert level is not None and (level.x, level.y, level.z) == pytest.approx((0.3, 0.2, 0.0))
+    assert foot.highest(ridge, np.array([0.3 + 0j]), 0.0) < foot.highest(ridge, np.array([0j]), 0.0)
+
+
+def test_clouds_are_placed_by_the_pose_at_their_time():
+    robot, ground = known()
+    sole = robot.soles[0].frame
+    points, std = frame(lambda x, y: 0.0 * x, 0)
+    placement = robot.placement(robot.base_frame).copy()
+    q = robot.q.copy()
+    for k in range(1, 20):
+        q[0] = 0.01 * k
+        robot.update(q, np.zeros(robot.nv))
+        ground.update(robot, 0.005 * k)
+    ground.add(PointCloud((points - placement.translation) @ placement.rotation, 0.0, robot.base_frame, std))
+    ground.update(robot, 0.1)
+    assert ground.status == ""
+    seen, _ = ground.map.known()
+    assert np.abs(seen[:, 2]).max() < 6.0 * NOISE
+    low, high = seen[:, 0].min(), seen[:, 0].max()
+    assert (low, high) == pytest.approx(
+        (-0.59, 0.59), abs=0.03
+    )  # not moved by what the robot has walked since
+    assert sole in {each.frame for each in robot.soles}
+
+
+@pytest.mark.parametrize(
+    ("seen", "word"),
+    [
+        (lambda p: PointCloud(1e3 * p, 0.0, "world"), "reach"),
+        (lambda p: PointCloud(p, -3.0, "world"), "old"),
+        (lambda p: PointCloud(p, 0.0, "lidar"), "lidar"),
+        (lambda p: ElevationMap(np.full((60, 60), np.nan), 0.02, (-0.6, -0.6, 0.0)), "heights"),
+        (lambda p: ElevationMap(np.zeros((60, 60)), 0.02, (-0.6, -0.6, 0.0), frame="odom"), "odom"),
+        (lambda p: ElevationMap(np.zeros((60, 60)), 0.02, (-0.6, -0.6, 0.0), time=-9.0, max_age=1.0), "old"),
+        (lambda p: ElevationMap(np.full((60, 60), 40.0), 0.02, (-0.6, -0.6, 0.0)), "sole"),
+        (lambda p: PointCloud(p + (0.0, 0.0, 0.2), 0.0, "world"), "sole"),
+    ],
+)
+def test_what_cannot_be_right_is_not_used_and_is_named(seen, word):
+    robot, ground = known()
+    ground.add(seen(frame(lambda x, y: 0.0 * x, 0)[0]))
+    ground.update(robot, 0.005)
+    placement = robot.placement(robot.soles[0].frame)
+    ground.stand(0, placement)
+    assert word in ground.status
+    assert ground.support(1, 0.1, 0.0, 0.0) is None
+    assert ground.best(1, 0.1, 0.0, 0.0, lambda x, y: True) is None
+    assert ground.highest(1, np.zeros(2), np.ones(2), 0.0) == -math.inf
+
+
+def test_a_map_of_ones_own_is_used_where_nothing_else_is_known():
+    robot, ground = known()
+    ground.add(ElevationMap(np.full((300, 60), 0.02), 0.02, (-0.6, -0.6, 0.0)))
+    ground.update(robot, 0.005)
+    ground.stand(0, robot.placement(robot.soles[0].frame))
+    support = ground.support(1, 3.0, 0.0, 0.0)
+    assert support is not None and support.z == pytest.approx(0.02 - 0.7 * 0.02, abs=1e-9)
+    assert ground.support(1, 9.0, 0.0, 0.0) is None
+
+
+@pytest.mark.parametrize(
+    ("make", "name"),
+    [
+        (lambda: PointCloud(np.zeros((4, 2)), 0.0, "world"), "points"),
+        (lambda: PointCloud(np.zeros((4, 3)), math.nan, "world"), "time"),
+        (lambda: PointCloud(np.zeros((4, 3)), 0.0, "world", 0.0), "std"),
+        (lambda: ElevationMap(np.zeros(5), 0.02), "heights"),
+        (lambda: ElevationMap(np.zeros((5, 5)), 0.0), "cell"),
+        (lambda: known()[1].add(ElevationMap(np.zeros((5, 5)), 0.02)), "sole"),
+        (lambda: known()[1].add(np.zeros((5, 3))), "PointCloud"),
+        (lambda: GroundSettings(max_age=0.0), "max_age"),
+    ],
+)
+def test_bad_input_is_named(make, name):
+    with pytest.raises(InputError, match=name):
+        make()

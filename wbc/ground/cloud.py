@@ -1,0 +1,87 @@
+"""Inputs of what is known of the ground: clouds of points, and maps of the user's own."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from wbc.core.errors import Array, InputError, finite_array, finite_scalar, positive
+
+WORLD = "world"
+"""Frame of clouds and maps that are in the frame of the robot's estimate."""
+
+
+@dataclass(frozen=True, eq=False)
+class PointCloud:
+    """Points of the ground seen at one instant, by a depth camera, a lidar or range sensors.
+
+    Attributes:
+        points: Shape (n, 3), m, in `frame`; rows with NaN or infinity, lost returns, are left out.
+        time: Instant at which the points were seen, on the clock of `Measurement.time`, s.
+        frame: Frame of the robot's model in which the points are, usually that of the sensor; "world" for the frame of
+            the robot's estimate.
+        std: Standard deviation of a point along its ray, m, a number or shape (n,).
+    """
+
+    points: Array
+    time: float
+    frame: str
+    std: ArrayLike = 0.005
+
+    def __post_init__(self) -> None:
+        points = np.asarray(self.points, dtype=np.float64)
+        if points.ndim != 2 or points.shape[1] != 3:
+            raise InputError(f"points of a cloud must have shape (n, 3), got {points.shape}")
+        finite_scalar("time of a cloud (s)", self.time)
+        std = np.broadcast_to(np.asarray(self.std, dtype=np.float64), len(points))
+        good = np.isfinite(points).all(axis=1)
+        if not (std[good] > 0.0).all():
+            raise InputError("std of a cloud (m) must be above zero for every point")
+        object.__setattr__(self, "points", points[good])
+        object.__setattr__(self, "std", std[good])
+
+
+@dataclass(frozen=True, eq=False)
+class ElevationMap:
+    """Map of the user's own: heights of the ground on a grid.
+
+    Attributes:
+        heights: Height at the centre of each cell, shape (nx, ny), m; NaN where unknown.
+        cell: Size of a cell, m.
+        pose: Place (m) and heading (rad) in the world of the corner of cell (0, 0), where x and y of the map begin.
+        time: Instant at which the map was right, on the clock of `Measurement.time`, s.
+        frame: "world", the frame of the robot's estimate: maps in other frames are not used.
+        max_age: Time after which the map is no longer used, s.
+        unknown: True if no height is known.
+    """
+
+    heights: Array
+    cell: float
+    pose: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    time: float = 0.0
+    frame: str = WORLD
+    max_age: float = np.inf
+    unknown: bool = field(init=False)
+    _turn: complex = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        heights = np.asarray(self.heights, dtype=np.float64)
+        if heights.ndim != 2 or not heights.size:
+            raise InputError(f"heights of a map must have shape (nx, ny), got {heights.shape}")
+        cell = positive("cell of a map (m)", self.cell)
+        finite_scalar("time of a map (s)", self.time)
+        _, _, yaw = finite_array("pose of a map (m, m, rad)", self.pose, (3,)).tolist()
+        object.__setattr__(self, "heights", heights)
+        object.__setattr__(self, "unknown", bool(np.isnan(heights).all()))
+        object.__setattr__(self, "_turn", np.exp(-1j * yaw) / cell)
+
+    def at(self, places: NDArray[np.complex128]) -> Array:
+        """Return the heights at places x + iy, m, complex of any shape; NaN outside and where unknown."""
+        grid = (places - complex(self.pose[0], self.pose[1])) * self._turn
+        i, j = np.floor(grid.real), np.floor(grid.imag)
+        nx, ny = self.heights.shape
+        inside = (i >= 0) & (i < nx) & (j >= 0) & (j < ny)
+        i, j = np.where(inside, i, 0).astype(np.int64), np.where(inside, j, 0).astype(np.int64)
+        return np.where(inside, self.heights[i, j], np.nan)

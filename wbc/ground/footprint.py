@@ -1,0 +1,215 @@
+"""What a sole would meet at a place: the height of its first contact, how it would rest, and the ground on its way.
+
+The sole is a grid of nodes. It touches first at the highest of them; the height is taken as the mean over small errors
+of the place, because neither map nor landing is exact: a tip under the middle of the sole counts in full, an edge under
+its rim by half. Under a load a rigid sole comes to rest on the plane that carries it and is lowest at the load.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Annotated, NamedTuple
+
+import numpy as np
+
+from wbc.core.errors import Array
+from wbc.core.settings import NonNegative, Share, settings
+from wbc.ground.height_map import Places
+
+NODE = (0.02, 0.012)
+"""Distance between nodes along and across the sole, m."""
+
+MOVES = 2
+"""Number of nodes by which a place may be moved to either side: 40 mm along and 24 mm across."""
+
+SLOPES = np.array([-0.36, -0.26, -0.18, -0.11, -0.05, 0.0, 0.05, 0.11, 0.18, 0.26, 0.36])
+"""Slopes of resting planes along and across the sole."""
+
+LOADS = np.array([[0.0, 0.03, -0.03, 0.0, 0.0], [0.0, 0.0, 0.0, 0.02, -0.02]])
+"""Places of the loads under which a sole should rest quietly: at its centre and about it, along and across, m."""
+
+LOOSE = 0.003
+"""Height over that of the first contact up to which a single height counts for the resting plane, m."""
+
+ACROSS = 1.5
+"""Weight of a tilt across the sole over that of one along it: the sole is narrow."""
+
+NOTHING = -1e3
+"""Height of unknown ground for a resting plane, m: it carries nothing."""
+
+Heights = Callable[[Places], tuple[Array, Array]]
+"""Places x + iy, m → heights, NaN where unknown, and their standard deviations, m."""
+
+
+@settings
+class FootprintSettings:
+    """Settings of a footprint.
+
+    Attributes:
+        least_known: Least share of known ground under a sole; with less the ground is unknown.
+        trust: Number of standard deviations by which each height is lowered, so that noise does not raise the highest.
+        unrest: Cost of the tilt of resting planes, m/rad.
+        distance: Cost of moving a landing, m/m.
+        move: Cost of moving it at all, m.
+        tilt: Greatest tilt of a landing, rad; 0 keeps the sole level.
+    """
+
+    least_known: Share = 0.35
+    trust: Annotated[NonNegative, ""] = 1.5
+    unrest: Annotated[NonNegative, "m/rad"] = 0.1
+    distance: Annotated[NonNegative, "m/m"] = 0.15
+    move: Annotated[NonNegative, "m"] = 0.002
+    tilt: Annotated[NonNegative, "rad"] = 0.0
+
+
+class Support(NamedTuple):
+    """Ground under a sole.
+
+    Attributes:
+        x: Sole centre in the world, m.
+        y: Sole centre in the world, m.
+        z: Height of the centre of a level sole at the first contact, m.
+        slope: Slopes of the resting plane along and across the sole, within the greatest tilt.
+        known: Share of known ground.
+    """
+
+    x: float
+    y: float
+    z: float
+    slope: tuple[float, float]
+    known: float
+
+
+class _Lattice:
+    """Nodes about a sole, and those that it covers when it is moved by some of them.
+
+    Attributes:
+        nodes: Place of each node, row by row from the heel, as u + iv in the axes of the sole, m.
+        soles: Nodes under the sole at each of its places, shape ((2 n + 1)², nodes of the sole).
+        moves: Displacement of each place with all places about it, as u + iv, m.
+        inner: These places, as rows of `soles`.
+        around: The nine places within a node of each of them, itself in the middle, as rows of `soles`.
+    """
+
+    def __init__(self, size: tuple[int, int], step: tuple[float, float], n: int) -> None:
+        (nu, nv), (du, dv), side = size, step, 2 * n + 1
+        u = du * (np.arange(nu + 2 * n) - 0.5 * (nu - 1) - n)
+        v = dv * (np.arange(nv + 2 * n) - 0.5 * (nv - 1) - n)
+        self.nodes = (u[:, None] + 1j * v).ravel()
+        number = np.arange(self.nodes.size).reshape(u.size, v.size)
+        self.soles = np.array(
+            [number[i : i + nu, j : j + nv].ravel() for i in range(side) for j in range(side)]
+        )
+        places = np.arange(side * side).reshape(side, side)
+        self.inner = places[1:-1, 1:-1].ravel()
+        self.around = np.array(
+            [places[i : i + 3, j : j + 3].ravel() for i in range(side - 2) for j in range(side - 2)]
+        )
+        shifts = np.arange(-n + 1, n)
+        self.moves = (du * shifts[:, None] + 1j * dv * shifts).ravel()
+
+
+class Footprint:
+    """Questions about the ground under one sole."""
+
+    def __init__(self, length: float, width: float, settings: FootprintSettings | None = None) -> None:
+        """Lay nodes over a sole of a length and a width, m."""
+        self.settings = s = settings or FootprintSettings()
+        size = nu, nv = max(round(length / NODE[0]), 2) + 1, max(round(width / NODE[1]), 2) + 1
+        step = length / (nu - 1), width / (nv - 1)
+        self._near, self._wide = _Lattice(size, step, 1), _Lattice(size, step, MOVES + 1)
+        self._sole = _Lattice(size, step, 0).nodes
+        # Resting planes are found over blocks of two by two nodes, whose highest counts: a quarter of the work.
+        rows, columns = (np.minimum(np.arange(0, n, 2)[:, None] + (0, 1), n - 1) for n in size)
+        self._blocks = (rows[:, None, :, None] * nv + columns[None, :, None, :]).reshape(-1, 4)
+        middle = self._sole[self._blocks].mean(axis=1)
+        self._slopes = np.stack([a.ravel() for a in np.meshgrid(SLOPES, SLOPES)], axis=1)
+        self._planes = (self._slopes @ (middle.real, middle.imag)).astype(np.float32)
+        self._under_loads = (self._slopes @ LOADS).T.astype(np.float32)
+        moves = self._wide.moves
+        self._moving = s.distance * np.abs(moves) + s.move * (moves != 0.0)
+
+    def support(self, ground: Heights, x: float, y: float, yaw: float) -> Support | None:
+        """Return the ground under a sole at a place, m and rad, in the world; None where too little is known."""
+        low = self._low(ground, self._near.nodes, x, y, yaw)
+        return self._support(low[self._near.soles[4]], float(_first_contacts(low, self._near)[0]), x, y)
+
+    def best(
+        self, ground: Heights, x: float, y: float, yaw: float, allowed: Callable[[float, float], bool]
+    ) -> Support | None:
+        """Return the ground at the best place near a place: where the sole rests quietly, not far away.
+
+        `allowed` is asked with the coordinates of a place in the world, m.
+        """
+        lattice, s = self._wide, self.settings
+        low = self._low(ground, lattice.nodes, x, y, yaw)
+        soles, top = low[lattice.soles[lattice.inner]], _first_contacts(low, lattice)
+        known = (soles > NOTHING).mean(axis=1) >= s.least_known
+        cost = np.where(known, s.unrest * self._unrest(soles, top) + self._moving, np.inf)
+        turn, middle = complex(math.cos(yaw), math.sin(yaw)), len(cost) // 2
+        for k in np.argsort(cost, kind="stable").tolist():
+            if not known[k]:
+                break
+            place = complex(complex(x, y) + turn * lattice.moves[k])
+            if k == middle or allowed(place.real, place.imag):
+                return self._support(soles[k], float(top[k]), place.real, place.imag)
+        return None
+
+    def highest(self, ground: Heights, places: Places, yaw: float) -> float:
+        """Return the highest ground under a sole at any of some places x + iy, m; −inf where nothing is known."""
+        nodes = (places[:, None] + self._sole * complex(math.cos(yaw), math.sin(yaw))).ravel()
+        z, std = ground(nodes)
+        return float(np.fmax.reduce(z - self.settings.trust * std, initial=-math.inf))
+
+    def over(self, ground: Heights, place: Array, rotation: Array) -> float:
+        """Return the height of the ground over a sole that stands, m; NaN where too little is known.
+
+        The sole has a place, shape (3,), m, and a rotation to the world, shape (3, 3).
+        """
+        nodes = rotation[:, :2] @ (self._sole.real, self._sole.imag) + place[:, None]
+        z, std = ground(nodes[0] + 1j * nodes[1])
+        over = z - self.settings.trust * std - nodes[2]
+        if np.isnan(over).mean() > 1.0 - self.settings.least_known:
+            return math.nan
+        return float(np.fmax.reduce(over))
+
+    def _low(self, ground: Heights, nodes: Places, x: float, y: float, yaw: float) -> Array:
+        """Return lower bounds of the heights at nodes about a place; `NOTHING` where unknown."""
+        z, std = ground(complex(x, y) + nodes * complex(math.cos(yaw), math.sin(yaw)))
+        low = z - self.settings.trust * std
+        low[np.isnan(low)] = NOTHING
+        return low
+
+    def _support(self, low: Array, top: float, x: float, y: float) -> Support | None:
+        known = float((low > NOTHING).mean())
+        if known < self.settings.least_known:
+            return None
+        most, a, b = self.settings.tilt, 0.0, 0.0
+        if most > 0.0:
+            resting = self._resting(low[None], np.array([top]))[0]
+            a, b = self._slopes[int(np.argmin(resting))].tolist()
+        return Support(x, y, top, (min(max(a, -most), most), min(max(b, -most), most)), known)
+
+    def _resting(self, low: Array, top: Array) -> Array:
+        """Return the height of the centre of each plane that carries the sole, over its first contact, m.
+
+        Heights under the nodes have shape (places, nodes), those of the first contacts (places,), the result
+        (places, planes).
+        """
+        highest = low[:, self._blocks].max(axis=2)
+        z = np.minimum(highest - top[:, None], LOOSE).astype(np.float32)
+        return np.asarray((z[:, None] - self._planes).max(axis=2))
+
+    def _unrest(self, low: Array, top: Array) -> Array:
+        """Return the mean tilt of the planes on which a sole rests under the loads, shape (places,), rad."""
+        lowest = self._resting(low, top)
+        rest = np.argmin(lowest[:, None] + self._under_loads, axis=2)  # (places, loads)
+        return np.asarray(np.hypot(*(self._slopes[rest] * (1.0, ACROSS)).transpose(2, 0, 1)).mean(axis=1))
+
+
+def _first_contacts(low: Array, lattice: _Lattice) -> Array:
+    """Return the height of the first contact at each inner place, the mean over the nine about it, m."""
+    tops = low[lattice.soles].max(axis=1)
+    nine = tops[lattice.around]
+    return np.asarray(np.where(nine > NOTHING, nine, nine[:, 4:5]).mean(axis=1))

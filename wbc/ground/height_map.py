@@ -1,0 +1,174 @@
+"""Heights of the ground on square cells about the robot, fused from frames of points.
+
+Every cell holds one height with its variance, as a Kalman filter of one state. The grid rolls: a cell is found by its
+place modulo the size, and belongs to the place that was written last. Before a frame is fused, the whole map is shifted
+to it by the median difference of the cells that both know: on soft soles the estimated height climbs by up to 15 mm a
+step, and a map that keeps its old heights trips the feet.
+
+After P. Fankhauser, M. Bloesch, M. Hutter, "Probabilistic terrain mapping for mobile robots with uncertain
+localization", IEEE RA-L 3(4), 2018.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Annotated
+
+import numpy as np
+from numpy.typing import NDArray
+
+from wbc.core.errors import Array
+from wbc.core.settings import Count, NonNegative, Positive, settings
+
+Places = NDArray[np.complex128]
+"""Places x + iy in the world, m."""
+
+Index = NDArray[np.int64]
+
+BITS = 7
+"""Binary digits of the number of cells along each side: 128, 2.56 m with cells of 20 mm."""
+
+SIDE = 1 << BITS
+MASK = SIDE - 1
+STRIDE = 20
+"""Binary digits of the number of cells across, in the code of a cell."""
+
+FAR = float(1 << (STRIDE - 1))
+"""Number of cells by which the grid begins before the origin, so that all indices are positive: 10 km."""
+
+NOBODY = -1
+"""Code of a cell that nobody has written."""
+
+
+@settings
+class HeightMapSettings:
+    """Settings of a height map.
+
+    Attributes:
+        cell: Size of a cell, m.
+        gate: Difference in height beyond three standard deviations from which a cell holds another surface, m.
+        wander: Growth of the uncertainty of a height that is not seen again, m/√s.
+        known: Standard deviation from which on a height counts as unknown, m.
+        shared: Number of cells that map and frame must share for the map to be shifted to the frame.
+        follow: Share of that shift that is made.
+    """
+
+    cell: Annotated[Positive, "m"] = 0.02
+    gate: Annotated[NonNegative, "m"] = 0.006
+    wander: Annotated[NonNegative, "m/√s"] = 0.002
+    known: Annotated[Positive, "m"] = 0.015
+    shared: Count = 100
+    follow: Annotated[NonNegative, ""] = 1.0
+
+
+class HeightMap:
+    """Heights on cells about the robot.
+
+    Attributes:
+        settings: Settings.
+        origin: Place (m) and heading (rad) of the grid in the world: that of the robot at the start, so that a walk in
+            a turned world has the same map.
+        heights: Height of each cell in the world, shape (n,), m; NaN where unknown.
+        std: Standard deviation of each height, shape (n,), m.
+        version: Number of changes.
+    """
+
+    def __init__(
+        self, settings: HeightMapSettings | None = None, origin: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    ) -> None:
+        """Know nothing."""
+        self.settings = s = settings or HeightMapSettings()
+        self.origin = origin
+        x, y, yaw = origin
+        self._place, self._turn = complex(x, y), complex(math.cos(yaw), -math.sin(yaw)) / s.cell
+        self._z, self._seen = np.zeros(SIDE * SIDE), np.zeros(SIDE * SIDE)
+        self._var = np.full(SIDE * SIDE, np.inf)
+        self._code = np.full(SIDE * SIDE, NOBODY, np.int64)
+        self.heights, self.std = np.full(SIDE * SIDE, np.nan), np.full(SIDE * SIDE, np.inf)
+        self.version = 0
+
+    def add(self, points: Array, std: Array, time: float) -> float | None:
+        """Fuse the points of one frame, shape (n, 3), m, in the world, with their standard deviations, shape (n,), m.
+
+        Returned is the shift of the map to the frame, m; None where they share too little.
+        """
+        if not len(points):
+            return None
+        s = self.settings
+        slot, code, z, r = self._frame(points, std)
+        var = self._var[slot] + s.wander**2 * (time - self._seen[slot])
+        var[self._code[slot] != code] = np.inf
+        shift = self._register(slot, z, var)
+        old = self._z[slot]
+        step = z - old
+        # A higher surface replaces what is there at once; a lower one only when it has been seen again and again.
+        gate = 3.0 * np.sqrt(var + r) + s.gate
+        fresh = ~np.isfinite(var) | (step > gate)
+        below = ~fresh & (step < -gate)
+        var[fresh] = 0.0
+        gain = np.where(fresh, 1.0, np.where(below, 0.0, var / (var + r)))
+        self._z[slot] = old + gain * step
+        self._var[slot] = np.where(fresh, r, np.where(below, 1.5 * var + 1e-5, (1.0 - gain) * var))
+        self._code[slot], self._seen[slot] = code, time
+        self._refresh(time)
+        return shift
+
+    def shift(self, height: float) -> None:
+        """Move all heights up by a height, m."""
+        self._z += height
+        self.heights += height
+        self.version += 1
+
+    def at(self, places: Places) -> tuple[Array, Array]:
+        """Return heights, NaN where unknown, and their standard deviations, m, at places x + iy, complex, flat, m."""
+        slot, code = self._cells(places)
+        mine = self._code[slot] == code
+        return np.where(mine, self.heights[slot], np.nan), self.std[slot]
+
+    def known(self) -> tuple[Array, Array]:
+        """Return the centres of all known cells in the world, shape (n, 3), m, and their standard deviations."""
+        slot = np.flatnonzero(~np.isnan(self.heights))
+        code = self._code[slot]
+        i, j = (code >> STRIDE) - FAR + 0.5, (code & ((1 << STRIDE) - 1)) - FAR + 0.5
+        place = (i + 1j * j) / self._turn + self._place
+        return np.stack([place.real, place.imag, self.heights[slot]], axis=1), self.std[slot]
+
+    def _cells(self, places: Places) -> tuple[Index, Index]:
+        """Return where the cells of places are kept, and their codes, which no two places share."""
+        grid = ((places - self._place) * self._turn).view(np.float64) + FAR
+        index = grid.astype(np.int64)
+        code = (index[0::2] << STRIDE) + index[1::2]
+        return ((code >> (STRIDE - BITS)) & (MASK << BITS)) | (code & MASK), code
+
+    def _frame(self, points: Array, std: Array) -> tuple[Index, Index, Array, Array]:
+        """Return cells, codes, heights and variances of a frame, one for each cell that it sees."""
+        slot, code = self._cells(points[:, 0] + 1j * points[:, 1])
+        order = np.argsort(slot.astype(np.int16), kind="stable")
+        slot, code, z, variance = slot[order], code[order], points[order, 2], std[order] ** 2
+        first = np.flatnonzero(np.concatenate(([True], slot[1:] != slot[:-1])))
+        count = np.diff(np.append(first, slot.size))
+        mean = np.add.reduceat(z, first) / count
+        r = np.add.reduceat(variance, first) / count
+        spread = np.maximum.reduceat(z, first) - np.minimum.reduceat(z, first)
+        # Two surfaces in one cell, at an edge: the mean of the upper part.
+        upper = z >= np.repeat(mean, count)
+        tops = np.maximum(np.add.reduceat(upper.astype(np.float64), first), 1.0)
+        top = np.add.reduceat(np.where(upper, z, 0.0), first) / tops
+        two = spread > 4.0 * np.sqrt(r) + self.settings.gate
+        return slot[first], code[first], np.where(two, top, mean), r / np.where(two, tops, count)
+
+    def _register(self, slot: Index, z: Array, var: Array) -> float | None:
+        """Shift the map to a frame by the median difference of the cells that both know well."""
+        shared = np.flatnonzero(var < (1.4 * self.settings.known) ** 2)
+        if shared.size < self.settings.shared:
+            return None
+        shift = self.settings.follow * float(np.median(z[shared] - self._z[slot[shared]]))
+        self._z += shift
+        return shift
+
+    def _refresh(self, time: float) -> None:
+        """Compute what is known now."""
+        np.sqrt(self._var + self.settings.wander**2 * (time - self._seen), out=self.std)
+        np.copyto(self.heights, self._z)
+        self.heights[self.std >= self.settings.known] = np.nan
+        self.version += 1

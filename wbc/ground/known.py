@@ -1,0 +1,250 @@
+"""What one robot knows of the ground: clouds and maps placed by its estimate, and whether they are to be used.
+
+    ground.add(cloud)                    whenever one comes
+    ground.update(robot, time)           in every tick: the pose is remembered, what has come is fused
+    ground.stand(stance, placement)      at every lift-off: what is known is compared with the sole that stands
+    ground.support(swing, x, y, yaw)     None where nothing is known, or what is known is doubted
+
+Knowledge that is old, of another frame, or that contradicts the sole that stands is not used, and `status` says so: a
+walk is then as blind as without it.
+"""
+
+from __future__ import annotations
+
+import logging
+import math
+from collections.abc import Callable
+from dataclasses import field
+from typing import Annotated
+
+import numpy as np
+import pinocchio as pin
+
+from wbc.core.errors import Array, InputError, shown
+from wbc.core.robot import Robot
+from wbc.core.settings import NonNegative, Positive, Share, settings
+from wbc.ground.cloud import WORLD, ElevationMap, PointCloud
+from wbc.ground.footprint import Footprint, FootprintSettings, Support
+from wbc.ground.height_map import SIDE, HeightMap, HeightMapSettings, Places
+
+logger = logging.getLogger(__name__)
+
+POSES = 256
+"""Number of ticks whose poses are remembered: 0.5 s at 2 ms, 1.3 s at 5 ms."""
+
+AHEAD = 0.02
+"""Time by which a cloud may be ahead of the measurement, s: two clocks that nearly agree."""
+
+WAITING = 16
+"""Number of clouds that may wait for a tick; with more the oldest are dropped."""
+
+
+WAY = np.array([0.2, 0.4, 0.6, 0.8])
+"""Shares of the way of a swing at which the ground under the sole is looked at."""
+
+
+@settings
+class GroundSettings:
+    """Settings of what is known of the ground.
+
+    Attributes:
+        map: Heights on cells.
+        footprint: What a sole would meet.
+        max_age: Age of a cloud from which on it is not used, s.
+        contradiction: Difference between the sole that stands and the ground known there from which on nothing is used.
+        stance: Share of a smaller difference by which what is known is moved, where no frame of points has moved it.
+        stance_step: Greatest such move, m.
+    """
+
+    map: HeightMapSettings = field(default_factory=HeightMapSettings)
+    footprint: FootprintSettings = field(default_factory=FootprintSettings)
+    max_age: Annotated[Positive, "s"] = 0.5
+    contradiction: Annotated[Positive, "m"] = 0.06
+    stance: Share = 0.7
+    stance_step: Annotated[NonNegative, "m"] = 0.02
+
+
+class KnownGround:
+    """What one robot knows of the ground.
+
+    Attributes:
+        settings: Settings.
+        map: Heights about the robot, from clouds of points.
+        elevation: Map of the user's own, for what the robot has not seen itself; None without one.
+        doubts: Reasons for which something is not used: "cloud", "map" or "stance" → reason.
+        difference: Ground known under the sole that stands over that sole, at the last lift-off, m; NaN if unknown.
+    """
+
+    def __init__(self, robot: Robot, settings: GroundSettings | None = None) -> None:
+        """Know nothing; the robot stands where the walk begins, and its names and soles are used.
+
+        Raises:
+            InputError: A robot without soles.
+        """
+        if not robot.soles:
+            raise InputError(f"what is known of the ground is asked for soles; '{robot.name}' has none")
+        self.settings = s = settings or GroundSettings()
+        base = robot.placement(robot.base_frame)
+        yaw = math.atan2(base.rotation[1, 0], base.rotation[0, 0])
+        self.map = HeightMap(s.map, (float(base.translation[0]), float(base.translation[1]), yaw))
+        self.elevation: ElevationMap | None = None
+        self.doubts: dict[str, str] = {}
+        self.difference = math.nan
+        self._footprints = [Footprint(sole.length, sole.width, s.footprint) for sole in robot.soles]
+        self._soles = [robot.frame_id(sole.frame) for sole in robot.soles]
+        self._names = tuple(sole.name for sole in robot.soles)
+        self._longest = max(sole.length for sole in robot.soles)
+        low = min(float(robot.placement(sole.frame).translation[2]) for sole in robot.soles)
+        self._leg = float(robot.com[2]) - low  # no foot steps higher or lower
+        self._model, self._data = robot.model, robot.model.createData()
+        self._times, self._poses = np.full(POSES, -np.inf), np.zeros((POSES, robot.nq))
+        self._newest = -1
+        self._waiting: list[PointCloud] = []
+        self._raised = 0.0  # of the user's map, m
+        self._moved = False  # by a frame, since the last lift-off
+        self._time = -math.inf
+
+    @property
+    def status(self) -> str:
+        """What is not used, and why; empty if all is well."""
+        return "; ".join(self.doubts.values())
+
+    @property
+    def version(self) -> int:
+        """Number of changes of what is known."""
+        return self.map.version
+
+    def add(self, seen: PointCloud | ElevationMap) -> None:
+        """Take a cloud, which is fused in the next tick, or a map of the user's own in place of the last one.
+
+        Args:
+            seen: Cloud or map. What comes late, or is in an unknown frame, is not used, and `status` says so.
+
+        Raises:
+            InputError: Neither of both, or a map smaller than a sole.
+        """
+        if isinstance(seen, PointCloud):
+            self._waiting.append(seen)
+            del self._waiting[:-WAITING]
+        elif isinstance(seen, ElevationMap):
+            size = min(seen.heights.shape) * seen.cell
+            if size < self._longest:
+                raise InputError(
+                    f"a map of the ground must be larger than a sole, {self._longest:g} m, got one of {size:g} m"
+                )
+            self.elevation, self._raised = seen, 0.0
+            self.map.version += 1
+        else:
+            raise InputError(f"the ground is known by a PointCloud or an ElevationMap, got {shown(seen)}")
+
+    def update(self, robot: Robot, time: float) -> None:
+        """Remember the pose of the estimated robot at a time of its measurements, s, and fuse what has come."""
+        self._newest = (self._newest + 1) % POSES
+        self._times[self._newest], self._poses[self._newest] = time, robot.q
+        self._time = time
+        if self._waiting:
+            waiting, self._waiting = self._waiting, []
+            for cloud in waiting:
+                why = self._fuse(cloud)
+                self._doubt("cloud", why)
+        if self.elevation is not None:
+            self._doubt("map", self._why_not(self.elevation))
+
+    def stand(self, side: int, placement: pin.SE3) -> None:
+        """Compare what is known with the sole that stands, 0 left and 1 right, at its placement in the world.
+
+        It is not used until the next comparison if they contradict each other, and moved by a share of the difference
+        if no frame of points has moved it since the last one.
+        """
+        s = self.settings
+        self.difference = over = self._footprints[side].over(
+            self._at, placement.translation, placement.rotation
+        )
+        if abs(over) > s.contradiction:
+            self._doubt(
+                "stance", f"the ground known under the {self._names[side]} sole is {over:+.3f} m from it"
+            )
+            return
+        self._doubt("stance", "")
+        if not self._moved and math.isfinite(over):
+            shift = -s.stance * min(max(over, -s.stance_step), s.stance_step)
+            self.map.shift(shift)
+            self._raised += shift
+        self._moved = False
+
+    def support(self, side: int, x: float, y: float, yaw: float) -> Support | None:
+        """Return the ground under a sole, 0 left and 1 right, at a place in the world, m and rad; None if unknown."""
+        if "stance" in self.doubts:
+            return None
+        return self._footprints[side].support(self._at, x, y, yaw)
+
+    def best(
+        self, side: int, x: float, y: float, yaw: float, allowed: Callable[[float, float], bool]
+    ) -> Support | None:
+        """Return the ground at the best of the places near one that are `allowed` (x, y); None if unknown."""
+        if "stance" in self.doubts:
+            return None
+        return self._footprints[side].best(self._at, x, y, yaw, allowed)
+
+    def highest(self, side: int, start: Array, end: Array, yaw: float) -> float:
+        """Return the highest ground under a sole on its way between two places, m; −inf where nothing is known."""
+        if "stance" in self.doubts:
+            return -math.inf
+        a, b = complex(start[0], start[1]), complex(end[0], end[1])
+        return self._footprints[side].highest(self._at, a + (b - a) * WAY, yaw)
+
+    def _at(self, places: Places) -> tuple[Array, Array]:
+        """Return heights, NaN where unknown, and standard deviations, m, at places x + iy, m."""
+        z, std = self.map.at(places)
+        if self.elevation is not None and "map" not in self.doubts:
+            unknown = np.isnan(z)
+            z[unknown] = self.elevation.at(places[unknown]) + self._raised
+            std[unknown] = 0.0
+        return z, std
+
+    def _doubt(self, what: str, why: str) -> None:
+        if why:
+            if what not in self.doubts:
+                logger.warning("not used: %s", why)
+            self.doubts[what] = why
+        else:
+            self.doubts.pop(what, None)
+
+    def _fuse(self, cloud: PointCloud) -> str:
+        """Fuse a cloud and return an empty text, or return the reason for which it is not used."""
+        age = self._time - cloud.time
+        if not -AHEAD <= age <= self.settings.max_age:
+            return f"a cloud in '{cloud.frame}' is {age:.3f} s old"
+        points, std = cloud.points, np.asarray(cloud.std)
+        at = int(np.argmin(np.abs(self._times - cloud.time)))
+        pin.framesForwardKinematics(self._model, self._data, self._poses[at])
+        if cloud.frame != WORLD:
+            if not self._model.existFrame(cloud.frame):
+                return f"a cloud is in '{cloud.frame}', which is no frame of the robot"
+            sensor = self._data.oMf[self._model.getFrameId(cloud.frame)]
+            points = points @ sensor.rotation.T + sensor.translation
+        if not len(points):
+            return ""
+        soles = np.array([self._data.oMf[sole].translation for sole in self._soles])
+        half, middle = 0.45 * SIDE * self.settings.map.cell, soles.mean(axis=0)
+        near = (np.abs(points[:, :2] - middle[:2]) < half).all(axis=1)
+        near &= np.abs(points[:, 2] - middle[2]) < self._leg
+        if not near.any():
+            far = float(np.median(np.abs(points - middle).max(axis=1)))
+            return f"a cloud in '{cloud.frame}' is beyond the legs' reach, {far:.4g} m away (are its units metres?)"
+        shift = self.map.add(points[near], std[near], cloud.time)
+        if shift is not None:
+            self._moved = True
+            self._raised += shift
+        return ""
+
+    def _why_not(self, elevation: ElevationMap) -> str:
+        """Return the reason for which the user's map is not used; empty for one that is."""
+        age = self._time - elevation.time
+        if elevation.frame != WORLD:
+            return f"the map of the ground is in '{elevation.frame}', not in the frame of the estimate, '{WORLD}'"
+        if age > elevation.max_age:
+            return f"the map of the ground is {age:.1f} s old"
+        if elevation.unknown:
+            return "the map of the ground has no heights"
+        return ""
