@@ -8,7 +8,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from wbc import Command, HybridControl, InputError, Observer, Plant, PositionControl, balance_controller, walk
+from wbc import Command, HybridControl, Observer, Plant, balance_controller, walk
 from wbc.core.estimation.delay import DelayPredictor, SentCommands
 from wbc.core.estimation.observer import ObserverSettings
 from wbc.core.estimation.wrenches import WrenchEstimator, WrenchSettings
@@ -117,37 +117,6 @@ def test_touch_down_needs_more_force_than_lift_off() -> None:
     plant = Plant(G1, foot=FOOT, control_period=DT, machine=Machine(force_sensors=False))
     control.command(plant.measure())
     assert "lift_off must not exceed touch_down" in control.status()
-
-
-def test_position_control_on_soft_servos_is_refused_before_anything_moves() -> None:
-    soft = G1.with_servos(SOFT)
-    with pytest.raises(
-        InputError, match=r"kp of \d+ Nm/rad or more at each ankle .* has 40: use hybrid control"
-    ):
-        PositionControl(balance_controller(soft.robot(), DT))
-    with pytest.raises(InputError, match="use hybrid control"):
-        WalkSpec(robot="g1", servo=SOFT, mode="position")
-    assert WalkSpec(robot="g1", servo=SOFT).mode == StandSpec(robot="g1", servo=SOFT).mode == "hybrid"
-    assert WalkSpec(robot="g1").mode == StandSpec(robot="g1").mode == "position"
-    PositionControl(balance_controller(G1.with_servos(("*=500,20",)).robot(), DT))
-
-
-@pytest.mark.parametrize(
-    ("text", "message"), [("*nose*=1,2", "no joint fits"), ("*knee*=100", "pattern=kp,kd"), ("*=-1,2", "kp")]
-)
-def test_servo_gains_that_cannot_be_read_are_refused(text: str, message: str) -> None:
-    with pytest.raises(InputError, match=message):
-        G1.with_servos((text,))
-
-
-def test_a_spec_with_delays_states_them_to_the_observer_unless_told_otherwise() -> None:
-    machine = Machine(measurement_delay=0.003, command_delay=0.002)
-    assert WalkSpec(robot="g1", mode="hybrid", machine=machine).settings().observer.delay == pytest.approx(
-        0.005
-    )
-    told = WalkSpec(robot="g1", mode="hybrid", machine=machine, changes={"observer.command_delay": 0.0})  # type: ignore[arg-type]
-    assert told.settings().observer.delay == pytest.approx(0.003)
-    assert WalkSpec.from_json(told.to_json()) == told
 
 
 @pytest.mark.slow

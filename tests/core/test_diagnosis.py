@@ -10,10 +10,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from wbc.core.qp.diagnosis import groups_not_finite, status_table, violated_groups
+from wbc.core.qp.diagnosis import groups_not_finite, violated_groups
 from wbc.core.qp.problem import Problem
-from wbc.core.qp.solution import Layout, Solution, Timings
-from wbc.core.qp.solver import Status
 
 
 def contradictory() -> Problem:
@@ -74,67 +72,3 @@ def test_groups_and_tasks_with_numbers_that_are_not_finite_are_named() -> None:
     assert named(p.lower, 2, np.nan) == named(p.upper, 2, np.nan) == ["polygon"]
     assert named(tasks[2].error, 0, np.nan) == ["task 'wrench'"]
     assert not named(p.lower, 1, -np.inf) and not named(p.upper, 1, np.inf), "a limit may be without a bound"
-
-
-class Robot:
-    """A robot of the table."""
-
-    nv = 35
-
-    def __repr__(self) -> str:
-        return "Robot('g1')"
-
-
-SOLUTION = Solution(
-    Status.FALLBACK,
-    np.array([1.0, -2.0, 0.0, 3.04, 250.26]),
-    np.zeros(1),
-    7,
-    Timings(1e-5, 2e-5, 3e-5, 4e-5),
-    Layout(2, {"left": slice(2, 5)}, {"com": slice(0, 2), "hand": slice(2, 3)}, {"com": "m/s²", "hand": "N"}, ("a", "b", "a", "c")),
-    np.array([3.0, -4.0, 0.0]),
-    np.array([-200.0, 0.0, 100.0, 1e-4]),
-)  # fmt: skip
-
-
-def test_a_solution_reports_its_parts_by_name() -> None:
-    assert SOLUTION.timings.total == pytest.approx(1e-4)
-    assert SOLUTION.accelerations.tolist() == [1.0, -2.0] and SOLUTION.ok
-    assert SOLUTION.wrenches["left"].tolist() == [0.0, 3.04, 250.26] and SOLUTION.residuals[
-        "hand"
-    ].tolist() == [0.0]
-    assert SOLUTION.active_limits == ("a", "a"), "a ten-millionth of the greatest multiplier is rounding"
-    assert repr(SOLUTION) == "Solution(fallback, 2 active limits, 100 µs)"
-    html = SOLUTION._repr_html_()
-    for cell in ("residual of com (m/s²)</th><td>5</td>", "wrench of left (N, Nm)</th><td>[  0.    3.  250.3]</td>", "<td>a, a</td>"):  # fmt: skip
-        assert cell in html, html
-
-
-def test_the_table_of_a_tick_says_weights_errors_residuals_forces_and_limits() -> None:
-    tasks = [
-        SimpleNamespace(name="com", hard=False, weight=np.array([2.0, 30.0]), error=np.array([0.01, -0.0234]), unit="m", residual_unit="m/s²", dim=2),
-        SimpleNamespace(name="hand", hard=True, weight=np.ones(1), error=np.array([0.5]), unit="N", residual_unit="N", dim=1),
-        SimpleNamespace(name="late", hard=False, weight=np.ones(1), error=np.array([0.5]), unit="rad", residual_unit="rad/s²", dim=1),
-    ]  # fmt: skip
-    contacts = [
-        SimpleNamespace(name=name, active=active, engaged=engaged)
-        for name, active, engaged in (("left", True, True), ("right", False, True), ("hand", False, False))
-    ]
-    table = status_table(Robot(), 0.0025, tasks, contacts, 1e-6, SOLUTION)  # type: ignore[arg-type]
-    assert table.splitlines() == [
-        "Robot('g1')  period 2.5 ms",
-        "fallback in 7 iterations, 100 µs (model 10, assembly 20, solve 30, decode 40)",
-        "task                     rows     weight         error        residual",
-        "com                         2         30      0.0234 m          4 m/s²",
-        "hand                        1       hard         0.5 N             0 N",
-        "late                        1          1       0.5 rad               –",
-        "acceleration (all)         35      1e-06",
-        "contact left                active       0.0      3.0    250.3",
-        "contact right            unloading",
-        "contact hand                   off",
-        "active limits: a (×2)",
-    ]
-    unsolved = status_table(Robot(), 0.0025, [], contacts[:1], 1e-6, None)  # type: ignore[arg-type]
-    assert unsolved.splitlines()[1] == "not solved yet" and unsolved.endswith(
-        "contact left                active"
-    )

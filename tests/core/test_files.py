@@ -11,14 +11,11 @@ from pathlib import Path
 import pytest
 from full_disk import limited_file_size
 
-import wbc
 from wbc.core.errors import InputError
 from wbc.core.files import (
     BESIDE,
     FileError,
     check_hash,
-    check_writable,
-    csv_rows,
     decoding,
     file_hash,
     replacing,
@@ -98,51 +95,6 @@ def test_the_same_file_is_known_by_all_its_names(old: Path, monkeypatch: pytest.
     for path in (symbolic, hard, Path(old.name), Path("../") / old.parent.name / old.name):
         assert same_file(old, path) and same_file(path, old)
     assert not same_file(old, other) and not same_file(old, "missing") and not same_file(old, "a\0b")
-
-
-WRITES = re.compile(
-    r"\.savefig\(|\.write_text\(|\.write_bytes\(|open\([^)]*\"[wax]b?\"|\.save\(path|np\.save"
-)
-
-
-def test_nothing_is_written_in_another_way() -> None:
-    """Whatever writes a file does it to the `new` of `replacing`; a log and a journal have their own ways."""
-    root = Path(wbc.__file__).parent
-    linked = [folder for folder in root.iterdir() if folder.is_symlink()]  # these are not followed
-    paths = [path for folder in (root, *linked) for path in sorted(folder.rglob("*.py"))]
-    assert any("terrain" in path.parts for path in paths)
-    for path in paths:
-        if path.relative_to(root).as_posix() == "core/files.py":
-            continue
-        for number, line in enumerate(path.read_text(encoding="utf-8").splitlines(), 1):
-            if WRITES.search(line) and not re.search(r"\(new\b|\bnew\.", line):
-                doc = line.strip().startswith(("Path(", "with", "log", "figure")) and '"walk' in line
-                paged = "pages.savefig(figure)" in line or "first.save(path" in line  # into `new`, too
-                assert doc or paged, f"{path}:{number}: {line.strip()}"
-
-
-def test_blank_lines_of_a_csv_are_no_rows_and_a_cell_that_does_not_end_is_bad_input() -> None:
-    assert csv_rows("a,b\n\n , \n1,2\n", Path("table.csv")) == [["a", "b"], ["1", "2"]]
-    with pytest.raises(InputError, match=r"table\.csv is not a CSV: field larger than field limit"):
-        csv_rows(1_000_000 * "1", Path("table.csv"))
-
-
-def test_what_cannot_be_written_is_said_before_and_nothing_is_left(
-    old: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    fresh = old.with_name("fresh.csv")
-    for path in (old, fresh):
-        check_writable(path)
-    assert names(old.parent) == [old.name] and old.read_text() == OLD
-    os.mkfifo(old.with_name("pipe"))
-    for path, words in ((old.parent, "it is a folder"), (old.with_name("pipe"), "it is no regular file")):
-        with pytest.raises(OSError, match=f"^{words}$"):
-            check_writable(path)
-    with pytest.raises(FileNotFoundError):
-        check_writable(old.parent / "nowhere" / "a.csv")
-    monkeypatch.setattr(os, "access", lambda path, mode: mode != os.W_OK)
-    with pytest.raises(OSError, match="^it is write-protected$"):
-        check_writable(old)
 
 
 def test_what_is_read_is_a_file_of_a_size_and_what_was_meant(old: Path) -> None:

@@ -251,20 +251,3 @@ def test_a_foothold_that_is_switched_off_has_no_force_and_one_that_is_switched_o
             else:
                 np.testing.assert_allclose(force, 0.0, atol=1e-7)
             assert solution.wrenches["right_foot"][2] > 10.0
-
-
-def test_motion_weights_are_checked() -> None:
-    with pytest.raises(InputError, match="'left_foot' has a motion_weight.*got free_axes"):
-        SoleContact("left_foot", motion_weight=1.0, free_axes=("yaw",))
-    hard = SoleContact("left_foot")
-    assert hard.motion_weight is None
-    with pytest.raises(InputError, match="motion of contact 'left_foot' is a constraint"):
-        hard.motion_weight = 1.0
-    soft = SoleContact("left_foot", motion_weight=10.0)
-    np.testing.assert_array_equal(soft.motion_weight, np.full(6, 10.0))
-    soft.motion_weight = [1, 2, 3, 0, 0, 0]
-    np.testing.assert_array_equal(soft.motion_weight, [1, 2, 3, 0, 0, 0])
-    for value in (-1.0, [1.0, 2.0], np.nan, None):
-        with pytest.raises(InputError, match="motion weight of contact 'left_foot'"):
-            soft.motion_weight = value  # type: ignore[assignment]
-    np.testing.assert_array_equal(soft.motion_weight, [1, 2, 3, 0, 0, 0])

@@ -272,17 +272,17 @@ def test_the_plants_drives_apply_the_gains_of_the_command() -> None:
 
 
 @pytest.mark.parametrize(
-    ("change", "message"),
+    ("change", "named"),
     [
-        ({"kp": np.zeros(3)}, "kp of a command must be numbers of shape"),
-        ({"kd": np.full(29, np.nan)}, "kd of joint 'left_hip_pitch_joint' is not finite"),
-        ({"kp": np.full(29, -1.0)}, "not negative"),
-        ({"kp": np.zeros(29), "joint_position": None, "joint_velocity": None}, "needs a position reference"),
+        ({"kp": np.zeros(3)}, "kp"),
+        ({"kd": np.full(29, np.nan)}, "kd of joint 'left_hip_pitch_joint'"),
+        ({"kp": np.full(29, -1.0)}, "kp"),
+        ({"kp": np.zeros(29), "joint_position": None, "joint_velocity": None}, "position"),
     ],
 )
-def test_gains_of_a_command_that_cannot_be_used_are_refused(change: dict[str, object], message: str) -> None:
+def test_gains_of_a_command_that_cannot_be_used_are_refused(change: dict[str, object], named: str) -> None:
     simulated = plant()
-    with pytest.raises(InputError, match=message):
+    with pytest.raises(InputError, match=named):
         simulated.step(replace(simulated.hold(), **change))  # type: ignore[arg-type]
     assert simulated.time == 0.0
 

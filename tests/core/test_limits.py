@@ -7,10 +7,8 @@ import pytest
 from properties import by_default
 from task_factory import ROBOTS, integrate, make_robot, standing
 
-from wbc.core.errors import Array, InputError, ModelError
+from wbc.core.errors import Array
 from wbc.core.limits.rows import BrakingLaw, JointLimits, TorqueLimits
-from wbc.core.qp.contact import SoleContact
-from wbc.core.qp.controller import Controller
 from wbc.core.robot import Robot
 from wbc.tasks import CoMTask, PostureTask
 
@@ -228,49 +226,3 @@ def test_torques_stay_within_limit_and_rate(name: str) -> None:
             target = {robot.joint_names[knee]: robot.q[7 + knee] + 0.5}
             controller.add(PostureTask(target, joints=list(target), name="knee", weight=1.0, stiffness=200.0))
     assert limited > 0 and named
-
-
-def test_joints_without_position_limits_are_free_and_limits_that_cannot_be_kept_are_refused() -> None:
-    robot = make_robot("g1")
-
-    def with_limits(lower: float, upper: float, velocity: float = 3.0, torque: float = 10.0) -> Robot:
-        model = robot.model.copy()
-        names = ("lowerPositionLimit", "upperPositionLimit", "upperVelocityLimit", "upperEffortLimit")
-        for name, value in zip(names, (lower, upper, velocity, torque), strict=True):
-            limits = np.array(getattr(model, name))
-            limits[-1] = value
-            setattr(model, name, limits)
-        return Robot(model, robot.soles, robot.half_sitting)
-
-    free = with_limits(-np.inf, np.inf)
-    controller = Controller(free, 0.002)
-    controller.add(
-        PostureTask(), SoleContact("left_foot"), SoleContact("right_foot"), JointLimits(), TorqueLimits()
-    )
-    assert controller.solve().ok and not controller.solve().active_limits
-    narrow = JointLimits()
-    narrow.bind(with_limits(0.1, 0.101))
-    assert narrow.lower[-1] == pytest.approx(0.1005) == narrow.upper[-1]
-    for limits in ((1.0, 0.0), (np.nan, 1.0), (0.0, np.nan)):
-        with pytest.raises(
-            ModelError, match="needs a lower position limit that is not above its upper one, got"
-        ):
-            with_limits(*limits)
-    for limits in ((-1.0, 1.0), (np.nan, 1.0), (1.0, -1.0), (1.0, np.nan)):
-        with pytest.raises(
-            ModelError, match="needs limits of velocity and torque that are zero or above, got"
-        ):
-            with_limits(0.0, 1.0, *limits)
-
-
-def test_bad_values_are_refused() -> None:
-    for make in (
-        lambda: JointLimits(acceleration=-1.0).bind(make_robot("g1")),
-        lambda: JointLimits(acceleration=[1.0, 2.0]).bind(make_robot("g1")),
-        lambda: JointLimits(acceleration=5.0, braking=10.0).bind(make_robot("g1")),
-        lambda: TorqueLimits(rate=0.0).bind(make_robot("g1")),
-        lambda: standing("g1").add(JointLimits(), JointLimits()),
-        lambda: standing("g1").add(TorqueLimits(), TorqueLimits()),
-    ):
-        with pytest.raises(InputError):
-            make()

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -220,37 +218,6 @@ def test_primitive_geometry_of_the_urdf_is_used() -> None:
     assert controller.solve().ok
 
 
-def test_what_cannot_be_kept_apart_is_refused(tmp_path: Path) -> None:
-    robot = make_robot("hrp4_class")
-    ball = CollisionSphere(0.05)
-    with pytest.raises(UnknownNameError, match="did you mean 'left_hand'"):
-        SelfCollisionLimit([("left_hant", "chest")], shapes={"chest": ball}).bind(robot)
-    with pytest.raises(UnknownNameError, match="did you mean 'chest'"):
-        SelfCollisionLimit([("left_hand", "chest")], shapes={"left_hand": ball, "chets": ball}).bind(robot)
-    with pytest.raises(InputError, match="no shape for 'chest'"):
-        SelfCollisionLimit([("left_hand", "chest")], shapes={"left_hand": ball}).bind(robot)
-    with pytest.raises(InputError, match="inside each other in half-sitting"):
-        balls(robot, 0.6).bind(robot)
-    chest = robot.model.frames[robot.frame_id("chest")].parentJoint
-    fixed = next(f.name for f in robot.model.frames if f.parentJoint == chest and f.name != "chest")
-    with pytest.raises(InputError, match="one rigid body"):
-        SelfCollisionLimit([("chest", fixed)], shapes={"chest": ball, fixed: ball}).bind(robot)
-    for make in (
-        lambda: SelfCollisionLimit([]),
-        lambda: SelfCollisionLimit([("a", "a")]),
-        lambda: SelfCollisionLimit([("a", "b"), ("b", "a")]),
-        lambda: SelfCollisionLimit([("a", "b")], shapes={"a": "ball"}),
-        lambda: SelfCollisionLimit([("a", "b")], margin=0.2, influence=0.1),
-        lambda: SelfCollisionLimit([("a", "b")], time_constant=0.0),
-        lambda: SelfCollisionLimit([("left_hand", "chest")], urdf=tmp_path / "no.urdf").bind(robot),
-        lambda: SelfCollisionLimit([("left_hand", "chest")], urdf="<robot").bind(robot),
-        lambda: SelfCollisionLimit([("left_hand", "chest")], urdf=description("g1").urdf).bind(robot),
-        lambda: CollisionCapsule(0.1, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)),
-    ):
-        with pytest.raises(InputError):
-            make()
-
-
 # ---- centre of mass over a polygon --------------------------------------------------------------------------------
 
 
@@ -412,32 +379,3 @@ def test_polygon_follows_the_soles_on_request() -> None:
         limit.use_soles(["left_hand"])
     with pytest.raises(InputError, match="at least one sole"):
         limit.use_soles([])
-
-
-def test_polygons_that_cannot_hold_a_com_are_refused() -> None:
-    robot = make_robot("g1")
-    with pytest.raises(InputError, match="needs a polygon and a time constant: .* has no soles"):
-        CoMPolygonLimit().bind(Robot(robot.model, [], robot.half_sitting))
-    flat, line = [[0, 0], [1, 0]], [[0, 0], [1, 1], [2, 2]]
-    for points in (flat, line, [[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 0], [1, np.nan], [0, 1]]):
-        with pytest.raises(InputError):
-            CoMPolygonLimit(points)
-    with pytest.raises(InputError, match="leaves nothing inside its margin"):
-        CoMPolygonLimit([[0, 0], [1, 0], [1, 0.01], [0, 0.01]], margin=0.01)
-    wedge = [
-        [0, 0],
-        [1, 0],
-        [0, 0.1],
-    ]  # its largest circle has a radius of 47.5 mm, away from the mean of the corners
-    CoMPolygonLimit(wedge, margin=0.047)
-    with pytest.raises(InputError, match="leaves nothing inside its margin of 0.048 m"):
-        CoMPolygonLimit(wedge, margin=0.048)
-    with pytest.raises(InputError, match="3 to 4 corners"):
-        angles = np.linspace(0, 2 * np.pi, 6)[:-1]
-        CoMPolygonLimit(np.column_stack([np.cos(angles), np.sin(angles)]), max_edges=4)
-    for make in (
-        lambda: CoMPolygonLimit(time_constant=0.0),
-        lambda: CoMPolygonLimit(max_edges=2),
-    ):
-        with pytest.raises(InputError):
-            make()

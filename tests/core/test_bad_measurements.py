@@ -1,12 +1,8 @@
-"""Input that a controller cannot use: each message names the value, the rule and the choices, before anything moves.
-
-Robots from URDF, plants, tasks and terrains have tests of their own; these go through a whole controller.
-"""
+"""Measurements that a controller cannot use: refused, predicted over, and forgotten when good ones come again."""
 
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable
 from dataclasses import replace
 from functools import cache
 from typing import Any
@@ -19,9 +15,7 @@ import wbc
 from wbc.core.control import FailurePolicy
 from wbc.core.drive.position import PositionControl
 from wbc.core.drive.torque import TorqueControl
-from wbc.core.errors import InputError, UnknownNameError
 from wbc.core.qp.solver import Status
-from wbc.sim.balance.standing import StandSpec
 from wbc.tasks import AdmittanceTask, PositionTask
 from wbc.tasks.balance import balance_controller
 
@@ -36,25 +30,6 @@ def shared_robot() -> wbc.Robot:
 
 def controller() -> wbc.Controller:
     return balance_controller(shared_robot().clone(), DT)
-
-
-@pytest.mark.parametrize(
-    ("act", "error", "message"),
-    [
-        (lambda: controller().contact("left_fot"), UnknownNameError, "'left_foot'"),
-        (lambda: wbc.Controller(shared_robot(), 0.0), InputError, "control period"),
-        (
-            lambda: wbc.Controller(shared_robot(), 5.0),
-            InputError,
-            r"control period \(s\) must lie in \(0, 1\], got 5",
-        ),
-        (lambda: StandSpec(mode="position", steps="allowed"), InputError, "torque or hybrid"),
-        (lambda: StandSpec(noise="realist"), UnknownNameError, "realistic"),
-    ],
-)
-def test_is_refused_by_name(act: Callable[[], Any], error: type[Exception], message: str) -> None:
-    with pytest.raises(error, match=message):
-        act()
 
 
 def test_contradictory_hard_constraints_are_named() -> None:
