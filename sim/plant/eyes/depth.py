@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import mujoco
 import numpy as np
@@ -15,13 +15,11 @@ from wbc.core.errors import InputError
 from wbc.core.robot import Robot
 from wbc.core.settings import NonNegative, Positive, Share, settings
 from wbc.ground import PointCloud
+from wbc.sim.plant.eyes.carrier import Carrier
 from wbc.sim.plant.hands import SCENE_PREFIX
 from wbc.sim.plant.model import bare_spec, compiled, equip
 from wbc.sim.plant.places import RobotPlaces, body_frame
 from wbc.sim.terrain.render import add_to_spec
-
-if TYPE_CHECKING:
-    from wbc.sim.plant.plant import Plant
 
 SOLE_HEIGHT = 0.02
 """Height of a sole as the camera sees it, m: that of the soft soles' phalanges, and a little more."""
@@ -74,7 +72,7 @@ class DepthCamera:
         if self.nearest >= self.furthest:
             raise InputError(f"furthest (m) must exceed nearest, {self.nearest:g}, got {self.furthest:g}")
 
-    def start(self, plant: Plant) -> DepthView:
+    def start(self, plant: Carrier) -> DepthView:
         """Return the camera on the robot of a plant.
 
         Raises:
@@ -88,7 +86,7 @@ class DepthCamera:
         return view
 
 
-def visible_model(plant: Plant) -> mujoco.MjModel:
+def visible_model(plant: Carrier) -> mujoco.MjModel:
     """Return the model of a plant with the shapes of its links and soles, which hide the ground."""
     spec = bare_spec(plant.description)
     plant.physics.apply(spec)
