@@ -21,6 +21,7 @@ from wbc.core.robot import Robot, Sole, joints_to
 from wbc.robots import frames, urdf
 from wbc.robots.derivation import inertia, posture
 from wbc.robots.derivation.complete import check_values, complete, from_geometry
+from wbc.robots.derivation.defaults import feet_hint
 from wbc.robots.derivation.servo import ServoGains, ServoRule, effective_inertia, read_gains
 from wbc.robots.frames import FrameDescription, SoleDescription
 from wbc.robots.options import DescriptionOptions
@@ -320,12 +321,11 @@ class RobotDescription:
             InputError: The robot has no feet.
         """
         if not self.soles:
-            links = frames.link_names(self._model)
-            feet = [link for link in links if any(word in link.lower() for word in ("foot", "sole", "ankle"))]
-            raise InputError(
-                f"{what} needs two feet, robot '{self.name}' is described without: left_sole and right_sole "
-                f"(--left, --right) say which links they are, of {', '.join((feet or list(links))[:8])}"
+            hint = feet_hint(self._model) or (
+                "left_sole and right_sole (--left, --right) say which links they are, of "
+                + ", ".join(frames.link_names(self._model)[-8:])
             )
+            raise InputError(f"{what} needs two feet, robot '{self.name}' is described without: {hint}")
 
     def urdf_without_geometry(self) -> str:
         """Return the URDF without visuals, collisions and meshes: the same kinematics and inertias."""

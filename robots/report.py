@@ -11,6 +11,7 @@ import pinocchio as pin
 
 from wbc.core.drive.servos import ANKLE_SHARE
 from wbc.core.robot import GRAVITY, SIDES
+from wbc.robots.derivation.defaults import feet_hint
 from wbc.robots.urdf import CONTINUOUS_RANGE
 
 NEAR_LIMIT = 0.6
@@ -24,6 +25,24 @@ MOST_RANGE = 4.0 * math.pi
 
 UNMODELLED = "not in the controller's model: "
 """Beginning of a note on a force that the controller does not know of."""
+
+TALLEST = 3.0
+"""Height of the centre of mass from which on lengths may be in another unit, m."""
+
+DENSITY = (5.0, 2000.0)
+"""Range of mass over the height of the centre of mass cubed, kg/m³; Talos 134, a man 70, Robotis OP3 185."""
+
+GYRATION = (0.002, 0.8)
+"""Range of the radius of gyration of a link, heights of the centre of mass."""
+
+INERTIA_UNITS = {
+    "kg mm²": 1e-6,
+    "kg cm²": 1e-4,
+    "g m²": 1e-3,
+    "g cm²": 1e-7,
+    "g mm²": 1e-9,
+}
+"""Units of inertia that files have by mistake → in kg m²."""
 
 FULL_LEG = 6
 """Joints of a leg that can put its sole anywhere."""
@@ -114,7 +133,12 @@ def report(facts: Mapping[str, Any]) -> str:
 
 def doubts(robot: Any) -> tuple[str, ...]:
     """Return what of a description is doubtful, one line each."""
-    found = _drives(robot) + _legs(robot) + [line for line in robot.derived if line.startswith(UNMODELLED)]
+    found = (
+        _scale(robot)
+        + _drives(robot)
+        + _legs(robot)
+        + [line for line in robot.derived if line.startswith(UNMODELLED)]
+    )
     tight = [
         f"{name} {share:.0%}" if math.isfinite(share) else f"{name}, which is driven the other way alone"
         for name, share in standing_torques(robot).items()
@@ -190,6 +214,41 @@ def _drives(robot: Any) -> list[str]:
     return found
 
 
+def _scale(robot: Any) -> list[str]:
+    """Return doubts about the units of lengths, masses and inertias."""
+    model = robot.robot()
+    mass, height = model.mass, float(model.com[2])
+    if not robot.soles or height <= 0.0:
+        return []
+    found = []
+    if height > TALLEST:
+        unit, factor = ("centimetres", 1e-2) if height < 1e2 * TALLEST else ("millimetres", 1e-3)
+        found.append(
+            f"the centre of mass is {height:.4g} m high: lengths in {unit} ({factor * height:.4g} m)?"
+        )
+    elif not DENSITY[0] < mass / height**3 < DENSITY[1]:
+        unit, factor = ("grams", 1e-3) if mass / height**3 > DENSITY[1] else ("tonnes", 1e3)
+        found.append(
+            f"{mass:.4g} kg with the centre of mass {height:.2f} m high: masses in {unit} ({factor * mass:.4g} kg)?"
+        )
+    odd: dict[str, tuple[float, float, float]] = {}  # mass, greatest inertia, radius of gyration
+    for joint in range(1, model.model.njoints) if not found else ():
+        inertia = model.model.inertias[joint]
+        largest = float(np.linalg.eigvalsh(inertia.inertia)[-1])
+        radius = math.sqrt(largest / max(inertia.mass, 1e-12))
+        if inertia.mass > 0.01 * mass and not GYRATION[0] < radius / height < GYRATION[1]:
+            odd[str(model.model.names[joint])] = float(inertia.mass), largest, radius
+    if odd:
+        name, (own, largest, radius) = max(odd.items(), key=lambda item: item[1][2])
+        said = f"{largest:.4g} kg m² at {own:.4g} kg, a radius of gyration of {radius:.4g} m"
+        if radius > GYRATION[1] * height:
+            typical = 0.15 * height
+            unit = min(INERTIA_UNITS, key=lambda u: abs(math.log(radius * INERTIA_UNITS[u] ** 0.5 / typical)))
+            said += f": inertias in {unit}?"
+        found.append(f"inertias of {len(odd)} links do not fit their masses: that below '{name}' has {said}")
+    return found
+
+
 def _legs(robot: Any) -> list[str]:
     found = []
     for side, leg in zip(SIDES, robot.legs, strict=True):
@@ -198,7 +257,9 @@ def _legs(robot: Any) -> list[str]:
                 f"the {side} leg has {len(leg)} joints: it cannot shift the weight sideways on a flat sole"
             )
     if not robot.soles:
-        return ["no feet: it has a QP (docs/robots.md), but neither stands nor walks"]
+        hint = feet_hint(robot.pinocchio_model())
+        said = "no feet: it has a QP (docs/robots.md), but neither stands nor walks"
+        return [f"{said}; it has two lowest limbs: {hint}" if hint else said]
     left, right = robot.soles
     if max(abs(left.length - right.length), abs(left.width - right.width)) > 5e-3:
         sizes = [f"{1e3 * sole.length:.0f} x {1e3 * sole.width:.0f} mm" for sole in robot.soles]

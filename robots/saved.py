@@ -22,7 +22,7 @@ from typing import Any
 import platformdirs
 
 from wbc.core.errors import InputError, shown, shown_path
-from wbc.core.files import decoding, read_text, read_toml, write_text
+from wbc.core.files import decoding, read_toml, read_xml, write_text
 from wbc.core.registry import call_checked
 from wbc.core.settings import from_json
 from wbc.robots.derivation.servo import ServoRule
@@ -105,7 +105,7 @@ def save(name: str, path: str | Path, parameters: Mapping[str, Any]) -> Path:
 
 def _is_urdf(path: Path) -> bool:
     """Return True if the first element of a file is that of a URDF."""
-    text = re.sub(r"<!--.*?-->|<\?.*?\?>", "", read_text(path, "robot file"), flags=re.DOTALL)
+    text = re.sub(r"<!--.*?-->|<\?.*?\?>", "", read_xml(path, "robot file"), flags=re.DOTALL)
     return text.lstrip().startswith("<robot")
 
 

@@ -15,7 +15,7 @@ import numpy as np
 import pinocchio as pin
 
 from wbc.core.errors import Array, InputError, ModelError, choose, finite_scalar, shown, shown_path
-from wbc.core.files import read_text
+from wbc.core.files import read_xml
 from wbc.core.robot import GRAVITY
 
 Element = ElementTree.Element
@@ -31,6 +31,12 @@ LARGEST_COORDINATE = 1e4
 
 SHORTEST_AXIS = 1e-9
 """Length of an axis below which it is zero."""
+
+XACRO = "{http://www.ros.org/wiki/xacro}"
+"""Beginning of the tags of macros that no parser of URDF knows."""
+
+WORLD = "world"
+"""Name of MuJoCo's own ground, which no link may have."""
 
 MOVING = ("revolute", "prismatic")
 """Joint types that a robot may have after tidying; all others but "fixed" are refused."""
@@ -54,16 +60,24 @@ def read(source: str | Path) -> Element:
             known = False
         if not known:
             raise InputError(f"no URDF file {where}; give a path or the XML itself")
-        text = read_text(path, "URDF")
+        text = read_xml(path, "URDF")
     try:
         root = ElementTree.fromstring(text)
     except (ElementTree.ParseError, ValueError) as error:
+        if "<xacro:" in text:
+            raise ModelError(_xacro(where)) from error
         raise ModelError(f"{where} is not well-formed XML: {error}") from error
+    if any(str(element.tag).startswith(XACRO) for element in root.iter()):
+        raise ModelError(_xacro(where))
     if root.tag != "robot":
         raise ModelError(f"{where} must have a <robot> element at its root, got <{root.tag}>")
     if root.find("link") is None:
         raise ModelError(f"{where} has no links")
     return root
+
+
+def _xacro(where: str) -> str:
+    return f"{where} is a xacro that is not expanded: run `xacro FILE > robot.urdf`, and give that URDF"
 
 
 def triple(what: str, text: str) -> Array:
@@ -145,6 +159,7 @@ def tidy(root: Element) -> list[str]:
     """
     notes = _drop_world(root)
     _check_tree(root)
+    notes += _rename_world(root)
     for name, joint in joints(root).items():
         kind = joint.get("type")
         if kind == "continuous":
@@ -317,6 +332,18 @@ def _number(element: Element, attribute: str, joint: str) -> float:
     if math.isnan(value):
         raise ModelError(f"joint '{joint}': {attribute} is NaN")
     return value
+
+
+def _rename_world(root: Element) -> list[str]:
+    """Give a link that is called as MuJoCo's ground another name."""
+    if not any(link.get("name") == WORLD for link in root.findall("link")):
+        return []
+    for element in root.iter():
+        if element.tag == "link" and element.get("name") == WORLD:
+            element.set("name", f"{WORLD}_link")
+        elif element.tag in ("parent", "child") and element.get("link") == WORLD:
+            element.set("link", f"{WORLD}_link")
+    return [f"link '{WORLD}' has the name of MuJoCo's ground: now '{WORLD}_link'"]
 
 
 def _drop_world(root: Element) -> list[str]:

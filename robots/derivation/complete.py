@@ -111,7 +111,7 @@ def complete(
     notes += remarks
     if soles:
         defaults.check_sides(model, soles)
-        _refuse_at_ankle(model, soles)
+        _refuse_at_ankle(model, soles, notes)
 
     joints = defaults.complete_half_sitting(model, soles, options.get("half_sitting") or {}, notes, postures)
     q = posture.standing_configuration(model, tuple(sole.frame for sole in soles), joints)
@@ -120,7 +120,10 @@ def complete(
     mass = pin.computeTotalMass(model)
     missing = urdf.joints_without_torque_limit(root)
     if missing and not soles:
-        raise ModelError(f"joints without torque limits: {', '.join(missing)}; give torque_limits")
+        hint = defaults.feet_hint(model)
+        raise ModelError(
+            f"joints without torque limits: {', '.join(missing)}; give torque_limits{hint and f', or its feet: {hint}'}"
+        )
     if missing:
         torques = defaults.torque_limits(model, soles, missing, mass * GRAVITY * com_height)
         urdf.set_limits(root, torque=torques)
@@ -205,15 +208,19 @@ def _add_soles(
     return named[0], named[1]
 
 
-def _refuse_at_ankle(model: pin.Model, soles: defaults.Soles) -> None:
+def _refuse_at_ankle(model: pin.Model, soles: defaults.Soles, notes: list[str]) -> None:
     for sole in soles:
         placement = model.frames[model.getFrameId(sole.frame)].placement
         ankle = abs(float(placement.inverse().translation[2]))
         if ankle < LOWEST_ANKLE:
+            said = [
+                note.partition(": ")[2] for note in notes if note.startswith(sole.name) and "no sole" in note
+            ]
+            why = said[0] if said else f"link '{sole.link}' has no geometry that says where the ground is"
             raise ModelError(
                 f"{sole.name}: the sole would lie at the ankle, {1e3 * ankle:.1f} mm from the last joint of the leg; "
-                f"link '{sole.link}' has no geometry that says where the ground is: give a frame at the sole, a "
-                "SoleDescription, or package_dirs where its meshes are"
+                f"{why}: give a frame at the sole, a SoleDescription, or package_dirs where its meshes are; "
+                "sole_size tells geometry in a wrong unit"
             )
 
 

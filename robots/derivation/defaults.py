@@ -11,11 +11,12 @@ Torque limit     where the URDF has none: leg 0.25 m g h; others three times wha
 Armature         `wbc.robots.derivation.servo.ARMATURE_RATIO` times m h²
 Servo gains      8 Hz, critically damped, on the effective inertia, legs bounded (`wbc.robots.derivation.servo`)
 Torso            the link that the arms branch from, else the root
-IMU              a frame of the URDF called so, on the root rather than elsewhere; else the root
+IMU              a frame of the URDF called so, on root, torso or head, not on a limb; else the root
 """
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TypeAlias
@@ -27,7 +28,7 @@ from wbc.core.errors import InputError, ModelError, choose, non_negative
 from wbc.core.robot import GRAVITY, joints_to
 from wbc.robots import frames
 from wbc.robots.derivation import posture
-from wbc.robots.derivation.soles import sole_rectangle
+from wbc.robots.derivation.soles import UNITS, no_sole, plausible, sole_rectangle
 from wbc.robots.frames import FrameDescription, SoleDescription, SoleName
 from wbc.robots.urdf import Element
 
@@ -45,6 +46,15 @@ LIMB_FACTOR = 3.0
 
 ARM_JOINTS = 3
 """Smallest number of joints of an arm; a branch with fewer is a head or a finger."""
+
+LEVEL = 0.85
+"""Depth below the centre of mass over that of the lowest limb from which on a limb ends as low."""
+
+IMU = re.compile(r"(^|[^a-z])imu")
+"""Names of the frames of an inertial measurement unit."""
+
+ASIDE = 0.01
+"""Distance of a joint from the middle plane from which on it is in an arm or a leg, m."""
 
 ALIGNED = np.cos(np.radians(1.0))
 """Cosine of the tilt up to which a frame counts as aligned with the base."""
@@ -133,6 +143,11 @@ def complete_sole(
     frames.add_frame(probe, frames.frame_at("__probe__", link, placement))
     rectangle = sole_rectangle(root, probe, "__probe__", package_dirs, base)
     centre = np.zeros(3)
+    if rectangle is not None and not plausible(*rectangle[1:]):
+        notes.append(f"{name}: {no_sole(*rectangle[1:])}")
+        units = UNITS.values() if size is not None else ()  # the size says which one
+        scaled = (sole_rectangle(root, probe, "__probe__", package_dirs, base, factor) for factor in units)
+        rectangle = next((each for each in scaled if each is not None and plausible(*each[1:])), None)
     if size is not None:
         length, width = size
         if rectangle is not None and isinstance(given, str):
@@ -178,6 +193,29 @@ def check_sides(model: pin.Model, soles: Soles) -> None:
         )
     if com[2] <= max(left[2], right[2]):
         raise ModelError("the soles are above the centre of mass: the z axis of the root must point up")
+
+
+def feet_hint(model: pin.Model) -> str:
+    """Return how to name the feet of a robot that two lowest limbs say is a humanoid; "" for an arm or a quadruped."""
+    data = model.createData()
+    com = pin.centerOfMass(model, data, pin.neutral(model))
+    pin.updateFramePlacements(model, data)
+    ends = [
+        j
+        for j in range(2, model.njoints)
+        if not len(model.children[j]) and data.oMi[j].translation[2] < com[2]
+    ]
+    ends.sort(key=lambda joint: float(data.oMi[joint].translation[2]))
+    heights = [float(com[2] - data.oMi[joint].translation[2]) for joint in ends]
+    if len(ends) < 2 or heights[1] < LEVEL * heights[0] or len(ends) > 2 and heights[2] > LEVEL * heights[0]:
+        return ""
+    left, right = sorted(ends[:2], key=lambda joint: -float(data.oMi[joint].translation[1]))
+    names = []
+    for joint in (left, right):
+        fixed = [f for f in model.frames if f.parentJoint == joint and f.type == pin.FrameType.BODY]
+        soles = [f for f in fixed if "sole" in f.name.lower()]
+        names.append(str((soles or fixed)[0].name))
+    return f"left_sole='{names[0]}', right_sole='{names[1]}' (--left {names[0]} --right {names[1]})"
 
 
 def complete_armature(
@@ -234,9 +272,16 @@ def complete_imu(
         frames.body_frame(model, given.link)
         return given
     if given is None:
-        called = [f for f in model.frames if "imu" in f.name.lower() and f.type == pin.FrameType.BODY]
+        data = model.createData()
+        pin.forwardKinematics(model, data, pin.neutral(model))
+        called = [f for f in model.frames if IMU.search(f.name.lower()) and f.type == pin.FrameType.BODY]
         called.sort(key=lambda frame: int(frame.parentJoint))
-        given = str(called[0].name) if called else frames.carrier_link(model, 1)
-        notes.append(f"IMU: frame '{given}'")
+        aside = [f for f in called if abs(data.oMi[f.parentJoint].translation[1]) > ASIDE]
+        found = next((str(f.name) for f in called if f not in aside), None)
+        given = found or frames.carrier_link(model, 1)
+        limb = (
+            f"; '{aside[0].name}' is on a limb: imu='{aside[0].name}' takes it" if aside and not found else ""
+        )
+        notes.append(f"IMU: frame '{given}'{limb}")
     link, placement = frames.carrier(model, given)
     return frames.frame_at(given, link, placement)

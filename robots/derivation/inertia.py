@@ -143,7 +143,8 @@ def _mass_and_inertia(link: str, inertial: Element) -> tuple[float, Array]:
         raise ModelError(f"link '{link}': mass and inertia must be finite")
     if abs(kilograms) > HEAVIEST or np.abs(matrix).max() > HEAVIEST:
         raise ModelError(
-            f"link '{link}': mass (kg) and inertia (kg m²) must be at most {HEAVIEST:g}, got {kilograms:g}"
+            f"link '{link}': mass (kg) and inertia (kg m²) must be at most {HEAVIEST:g}, got {kilograms:g} and "
+            f"{np.abs(matrix).max():g}"
         )
     # The URDF parser drops the whole inertia if it cannot read the origin.
     origin = inertial.find("origin")

@@ -25,6 +25,9 @@ BENT = (math.radians(25.0), math.radians(70.0))
 FULL_LEG = 6
 """Joints of a leg that can put its sole anywhere, in any direction."""
 
+NARROW = 0.2
+"""Greatest range of the joints of a leg below which it seems to be in another unit, rad."""
+
 FLATNESS = 5e-3
 """Largest tilt of a sole in half-sitting, rad; a sole 0.2 m long is then off the ground by 1 mm at most."""
 
@@ -208,8 +211,22 @@ def _solve(
         raise ModelError(
             "no half-sitting within the joint limits has flat, level soles with the centre of mass above them "
             f"(largest residual {np.abs(error[:11]).max():.3g}); pass half_sitting with the leg joints"
+            + _unit_of_ranges(upper[free] - lower[free])
         )
     return np.array(q[7:])
+
+
+def _unit_of_ranges(ranges: Array) -> str:
+    """Return which unit the ranges of the leg joints (rad) seem to have, if it is not the one that was read."""
+    most = float(ranges.max())
+    if most < NARROW:
+        return (
+            f"; their joints turn by {math.degrees(most):.1f}° at most: an MJCF in radians must say so, "
+            '<compiler angle="radian"/>'
+        )
+    if most > 4.0 * math.pi:
+        return f"; their joints turn by up to {most:.0f} rad: are these degrees? A URDF has radians"
+    return ""
 
 
 def _bend(model: pin.Model, leg: list[int], frame: int, q: Array) -> float:

@@ -21,20 +21,27 @@ SLICE = 5e-3
 PLAUSIBLE = (0.03, 0.6)
 """Range of the sides of a sole, m; geometry outside it is not that of a foot."""
 
+UNITS = {"in millimetres": 1e-3, "in centimetres": 1e-2, "with one scale of 0.001 less": 1e3}
+"""Mistakes of unit → what mends them."""
 
 Y_UP = pin.rpy.rpyToMatrix(0.5 * np.pi, 0.0, 0.0)
 """Rotation of a mesh whose y axis points up."""
 
 
 def sole_rectangle(
-    root: Element, model: pin.Model, frame: str, package_dirs: tuple[str, ...], base: Path | None
+    root: Element,
+    model: pin.Model,
+    frame: str,
+    package_dirs: tuple[str, ...],
+    base: Path | None,
+    scale: float = 1.0,
 ) -> tuple[Array, float, float] | None:
     """Return the rectangle around the geometry of a foot within 5 mm of its lowest point.
 
     Collision geometry is used where there is any, visual geometry otherwise; z of the frame points away from the
     ground. A foot that is wider than long is read once more with the up axis that its COLLADA meshes name, which Gazebo
-    honours and Pinocchio does not. Returned are the centre in the frame (m, shape (3,)), length and width (m); None
-    without usable geometry.
+    honours and Pinocchio does not. Returned are the centre in the frame (m, shape (3,)), length and width (m), those of
+    a sole if any geometry has them; None without geometry. `scale` multiplies the sizes of shapes.
     """
     sole = model.frames[model.getFrameId(frame)]
     data = model.createData()
@@ -43,13 +50,13 @@ def sole_rectangle(
     links = {str(link.get("name")): link for link in root.findall("link")}
     below = {frames.carrier_link(model, joint) for joint in model.subtrees[sole.parentJoint]}  # toes, too
     here = data.oMf[model.getFrameId(frame)]
-    wide = None
+    wide = other = None
     for tag, up_axis in itertools.product(("collision", "visual"), (False, True)):
         clouds = []
         for name in (name for name, mover in owner.items() if mover in below):
             placement = here.actInv(data.oMf[model.getFrameId(name, pin.FrameType.BODY)])
             for element in links[name].findall(tag):
-                shapes = _points(element, package_dirs, base, placement, up_axis)
+                shapes = _points(element, package_dirs, base, placement, up_axis, scale)
                 clouds += [_move(placement, cloud) for cloud in shapes]
         if not clouds:
             continue
@@ -58,39 +65,61 @@ def sole_rectangle(
         touching = points[points[:, 2] < low + SLICE]
         lower, upper = touching.min(axis=0), touching.max(axis=0)
         length, width = (upper - lower)[:2].tolist()
-        if PLAUSIBLE[0] < width and PLAUSIBLE[0] < length < PLAUSIBLE[1] and width < PLAUSIBLE[1]:
-            centre = 0.5 * (lower + upper)
-            centre[2] = low
-            if width <= length:
-                return centre, length, width
+        centre = 0.5 * (lower + upper)
+        centre[2] = low
+        if not plausible(length, width):
+            other = other or (centre, length, width)
+        elif width <= length:
+            return centre, length, width
+        else:
             wide = wide or (centre, length, width)
-    return wide
+    return wide or other
+
+
+def plausible(length: float, width: float) -> bool:
+    """Return True for the sides of a sole, m."""
+    return all(PLAUSIBLE[0] <= side <= PLAUSIBLE[1] for side in (length, width))
+
+
+def no_sole(length: float, width: float) -> str:
+    """Return what is said of geometry that is no sole, m, with the mistake of unit that would make it one."""
+    said = f"the geometry touches the ground over {length:.4g} x {width:.4g} m, which is no sole"
+    for what, factor in UNITS.items():
+        if plausible(factor * length, factor * width):
+            said += f"; {what} it would be {1e3 * factor * length:.4g} x {1e3 * factor * width:.4g} mm"
+            break
+    return said
 
 
 def _points(
-    element: Element, package_dirs: tuple[str, ...], base: Path | None, placement: pin.SE3, up_axis: bool
+    element: Element,
+    package_dirs: tuple[str, ...],
+    base: Path | None,
+    placement: pin.SE3,
+    up_axis: bool,
+    scale: float,
 ) -> Iterator[Array]:
-    """Yield points of a shape, in the link frame, that include all extreme ones near the ground."""
+    """Yield points of a shape of scaled size, in the link frame, that include all extreme ones near the ground."""
     geometry = element.find("geometry")
     if geometry is None or not len(geometry):
         return
     shape, origin = geometry[0], origin_of(element)
     if shape.tag == "box":
         half = 0.5 * numbers(shape.get("size", "0 0 0"))
-        yield _move(origin, half * np.array(np.meshgrid(*[[-1.0, 1.0]] * 3)).reshape(3, -1).T)
+        yield _move(origin, scale * half * np.array(np.meshgrid(*[[-1.0, 1.0]] * 3)).reshape(3, -1).T)
     elif shape.tag == "sphere":
         down = (placement * origin).rotation[2]
-        yield _move(origin, -float(shape.get("radius", "0")) * down[None, :])
+        yield _move(origin, -scale * float(shape.get("radius", "0")) * down[None, :])
     elif shape.tag == "capsule":
         radius, half_length = float(shape.get("radius", "0")), 0.5 * float(shape.get("length", "0"))
         down = (placement * origin).rotation[2]
         ends = np.array([[0.0, 0.0, -half_length], [0.0, 0.0, half_length]])
-        yield _move(origin, ends - radius * down)
+        yield _move(origin, scale * (ends - radius * down))
     elif shape.tag == "cylinder":
         radius, half_length = float(shape.get("radius", "0")), 0.5 * float(shape.get("length", "0"))
         angle = np.linspace(0.0, math.tau, 32, endpoint=False)
         rim = np.stack([radius * np.cos(angle), radius * np.sin(angle), np.full(32, half_length)], axis=1)
-        yield _move(origin, np.concatenate([rim, rim * [1.0, 1.0, -1.0]]))
+        yield _move(origin, scale * np.concatenate([rim, rim * [1.0, 1.0, -1.0]]))
     elif shape.tag == "mesh":
         path = resolve(shape.get("filename", ""), package_dirs, base)
         if path is not None:
@@ -98,7 +127,7 @@ def _points(
             if vertices is not None:
                 if up_axis and path.suffix.lower() == ".dae" and b"<up_axis>Y_UP" in path.read_bytes():
                     vertices = vertices @ Y_UP.T
-                yield _move(origin, vertices * numbers(shape.get("scale", "1 1 1")))
+                yield _move(origin, scale * vertices * numbers(shape.get("scale", "1 1 1")))
 
 
 def mesh_vertices(path: Path) -> Array | None:

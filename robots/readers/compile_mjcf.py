@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import codecs
 import re
 from collections.abc import Callable
 from pathlib import Path
@@ -10,7 +11,7 @@ from typing import Any
 import mujoco
 
 from wbc.core.errors import InputError, ModelError, shown, shown_path
-from wbc.core.files import read_text
+from wbc.core.files import read_xml
 
 
 def compiled_with_files(source: Any, *, meshes: bool) -> tuple[mujoco.MjModel, dict[str, str]]:
@@ -39,7 +40,10 @@ def compiled_with_files(source: Any, *, meshes: bool) -> tuple[mujoco.MjModel, d
     except (ValueError, RuntimeError) as error:
         if isinstance(error, InputError):
             raise
-        raise ModelError(f"{where}: {one_line(error)}") from error
+        said = one_line(error)
+        if meshes and re.search(r"\.(stl|obj|msh|dae|ply|png)\b", said, re.IGNORECASE):
+            said += "; a file whose meshes are elsewhere is read without them: --without-meshes, meshes=False"
+        raise ModelError(f"{where}: {said}") from error
 
 
 def _mesh_files(spec: mujoco.MjSpec) -> dict[str, str]:
@@ -68,8 +72,33 @@ def _source(source: str | Path) -> tuple[str, Callable[[], mujoco.MjSpec]]:
         known = False
     if not known:
         raise InputError(f"no MJCF file {where}; give a path, the XML itself, an MjSpec or an MjModel")
-    _refuse_other_formats(where, read_text(path, "MJCF"))
-    return where, lambda: mujoco.MjSpec.from_file(str(path))
+    texts = _texts(path)
+    _refuse_other_formats(where, texts[path.name])
+    if all(
+        (path.parent / name).read_bytes().removeprefix(codecs.BOM_UTF8) == text.encode()
+        for name, text in texts.items()
+    ):
+        return where, lambda: mujoco.MjSpec.from_file(str(path))
+
+    def decoded() -> mujoco.MjSpec:
+        """Read what MuJoCo, which knows UTF-8 alone, does not."""
+        own, *others = texts
+        spec = mujoco.MjSpec.from_string(texts[own], include={name: texts[name].encode() for name in others})
+        spec.modelfiledir = str(path.parent)
+        return spec
+
+    return where, decoded
+
+
+def _texts(path: Path) -> dict[str, str]:
+    """Return the text of a file and of what it includes, by names relative to its folder, the file itself first."""
+    texts: dict[str, str] = {}
+    waiting = [path.name]
+    for name in waiting:
+        if name not in texts and (path.parent / name).is_file():
+            texts[name] = read_xml(path.parent / name, "MJCF")
+            waiting += re.findall(r"<include\s[^>]*?file\s*=\s*[\"']([^\"']+)", texts[name])
+    return texts
 
 
 def _refuse_other_formats(where: str, content: str) -> None:

@@ -9,6 +9,7 @@ import mujoco
 import numpy as np
 
 from wbc.core.errors import Array, ModelError
+from wbc.robots.derivation.defaults import ASIDE
 from wbc.robots.frames import FrameDescription, frame_at
 from wbc.robots.readers.forces_mjcf import pulls, unmodelled
 from wbc.robots.readers.tree_mjcf import Tree, placement_of
@@ -168,7 +169,7 @@ def sensors(tree: Tree) -> tuple[FrameDescription | None, dict[str, str]]:
     """Return the IMU, a frame at the site of a gyroscope and an accelerometer, and the sensors by their roles.
 
     Roles are "gyroscope", "accelerometer" and, for force and torque sensors, "<body> force" and "<body> torque".
-    Of several IMUs the one nearest to the root is taken.
+    Of several IMUs the one nearest to the root is taken, of those on limbs none.
     """
     model, kinds = tree.model, mujoco.mjtSensor
     places: dict[int, dict[int, int]] = {}
@@ -186,6 +187,14 @@ def sensors(tree: Tree) -> tuple[FrameDescription | None, dict[str, str]]:
         elif kind in (kinds.mjSENS_FORCE, kinds.mjSENS_TORQUE):
             what = "force" if kind == kinds.mjSENS_FORCE else "torque"
             roles[f"{tree.body_name(body)} {what}"] = name
+    data = mujoco.MjData(model)
+    mujoco.mj_kinematics(model, data)
+    for site in list(places):
+        body = tree.carrier[int(model.site_bodyid[site])]
+        joint = int(model.body_jntadr[body])
+        off = data.xanchor[joint] - data.xpos[tree.root]
+        if body != tree.root and abs(off @ data.xmat[tree.root].reshape(3, 3)[:, 1]) > ASIDE:
+            del places[site]
     if not places:
         return None, roles
     site = min(places, key=lambda s: (-len(places[s]), tree.carrier[int(model.site_bodyid[s])], s))

@@ -11,7 +11,7 @@ import pinocchio as pin
 from scipy.spatial import ConvexHull, QhullError
 
 from wbc.core.errors import ROUNDING, Array, ModelError, unknown_name
-from wbc.robots.derivation.soles import PLAUSIBLE, SLICE
+from wbc.robots.derivation.soles import SLICE, no_sole, plausible
 from wbc.robots.frames import SoleDescription, SoleName, frame_at
 from wbc.robots.readers.tree_mjcf import Tree
 
@@ -228,13 +228,10 @@ def _sole(
         middle = axes @ np.array([*(0.5 * (low + high))[:2], low[2]])
         if foot.origin is None:
             centre = middle
-        if size is None and not (
-            PLAUSIBLE[0] < width <= PLAUSIBLE[1] and PLAUSIBLE[0] < length <= PLAUSIBLE[1]
-        ):
+        if size is None and not plausible(length, width):
             raise ModelError(
-                f"{name}: the geoms of '{link}' touch the ground over {1e3 * length:.0f} x {1e3 * width:.0f} mm, "
-                f"which is no sole ({1e3 * PLAUSIBLE[0]:.0f} to {1e3 * PLAUSIBLE[1]:.0f} mm); give sole_size. "
-                "A humanoid needs two feet; feet=False describes a robot without, such as a quadruped"
+                f"{name}, body '{link}': {no_sole(length, width)}; give sole_size. A humanoid needs two feet; "
+                "feet=False describes a robot without, such as a quadruped"
             )
         if size is None:
             tree.notes.append(
