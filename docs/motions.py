@@ -1,6 +1,6 @@
 """Table of tracked motions, for docs/motion.md: clips made by rule, made feasible, tracked with noise.
 
-python docs/motions.py --modes position torque --journal motions.jsonl > table.md
+PYTHONPATH=tests/support python docs/motions.py --modes position torque --journal motions.jsonl > table.md
 
 Each trial is a line of the journal; trials that are in it are not run again.
 """
@@ -14,10 +14,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from made_motions import make_motion
 
 import wbc
 from wbc.core.settings import to_json
-from wbc.motion import make_feasible, make_motion
+from wbc.motion import make_feasible
 from wbc.sim.balance.tracking import TrackSpec, track_motion
 
 CLIPS = {"arms": 3, "dance": 3, "waist": 3, "squat": 3, "one_leg": 4, "steps": 4}

@@ -1,7 +1,7 @@
 """Films of tracked motions; on a machine without a display set MUJOCO_GL=egl.
 
-python docs/render_motion.py                                          # images/motion.webp
-python docs/render_motion.py --clip FILE --out docs/images/lift.webp  # a clip of g1, whole
+PYTHONPATH=tests/support python docs/render_motion.py                  # images/motion.webp
+PYTHONPATH=tests/support python docs/render_motion.py --clip FILE --out docs/images/lift.webp  # a clip of g1, whole
 """
 
 from __future__ import annotations
@@ -10,13 +10,14 @@ import argparse
 from pathlib import Path
 
 import mujoco
+from made_motions import make_motion
 from PIL import Image
 from render_walk import brighten
 
 import wbc
 from wbc.app.replay.mujoco_scene import MujocoScene
 from wbc.app.scene.sources import PlantSource
-from wbc.motion import make_feasible, make_motion, read_motion
+from wbc.motion import make_feasible, read_motion
 from wbc.sim import TrackSpec
 from wbc.sim.balance.tracking import TrackTrial
 from wbc.sim.trial.loop import TrialHook

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Annotated
 
@@ -186,7 +187,9 @@ class _TrackMeter(TrialHook):
 
 
 @checked
-def track_motion(clip: MotionClip, spec: TrackSpec | None = None) -> TrackResult:
+def track_motion(
+    clip: MotionClip, spec: TrackSpec | None = None, *, hooks: Sequence[TrialHook] = ()
+) -> TrackResult:
     """Track a clip in the simulator; see `TrackTrial`.
 
         result = track_motion(make_feasible(robot, clip).clip, TrackSpec(robot="talos"))
@@ -194,6 +197,7 @@ def track_motion(clip: MotionClip, spec: TrackSpec | None = None) -> TrackResult
     Args:
         clip: Feasible clip.
         spec: The simulation; the defaults when None.
+        hooks: Observers of every tick; they do not change the result.
     """
-    result: TrackResult = TrackTrial(clip, spec).run()
+    result: TrackResult = TrackTrial(clip, spec).run(hooks)
     return result

@@ -12,7 +12,7 @@ from foreign import foreign_model
 from recorded import recorded_stand
 
 import wbc
-from wbc.app import Log, MeshcatView, Recorder, Replay, draw, replay_page
+from wbc.app import Log, MeshcatView, Recorder, Replay, replay_page
 from wbc.core.errors import InputError
 from wbc.sim import MujocoLoop, make_scene
 
@@ -50,7 +50,6 @@ def test_a_log_of_any_loop_is_drawn_and_replayed(tmp_path: Path, how: str) -> No
     assert len(log) == 20 and np.isfinite(log["foot/left/wrench_solved/fz"]).all()
     assert np.isfinite(log["joint/torque_measured"]).all()
     assert ("truth/com/x" in log) is (how != "estimate")
-    draw("timing", [log])
     replay = Replay(log)
     com = DESCRIPTION.robot().com
     for tick in (0, 19):
@@ -61,8 +60,6 @@ def test_a_log_of_any_loop_is_drawn_and_replayed(tmp_path: Path, how: str) -> No
         assert len(snapshot.forces) == (2 if tick else len(snapshot.forces))
     np.testing.assert_allclose(replay.base_places, np.tile(DESCRIPTION.robot().q[:3], (20, 1)), atol=2e-3)
     assert "<html" in replay_page(replay, rate=30.0)
-    if how == "loop":
-        draw("torque", [log])
 
 
 def test_measurements_and_commands_alone_are_a_log_but_no_replay(tmp_path: Path) -> None:

@@ -61,12 +61,6 @@ def test_figures_show_the_numbers_of_the_log(log: Log) -> None:
         assert shows(balance, log[group][:, 0]) and shows(balance, log[group][:, 1]), group
     assert shows(balance, 1e3 * log["stabilizer/dcm_error/y"])
     assert shows(draw("plan", [log]), Drift(log)(log["com/estimated"])[:, 1])
-    feet = draw("feet", [log])
-    for side in SIDES:
-        assert shows(feet, log[f"foot/{side}/wrench_measured/fz"])
-        assert shows(feet, log[f"foot/{side}/wrench_desired/my"])
-    assert shows(draw("torque", [log]), np.abs(log["truth/joint/torque_ratio"]).T)
-    assert shows(draw("timing", [log]), log["tick/solve"])
     assert shows(draw("stiffness", [log]), log["foot/left/stiffness"])
     own = draw_signals([log], ["own/answer", "com/estimated", "walk/phase"])
     assert shows(own, log["own/answer"]) and shows(own, log["com/estimated/z"])
@@ -148,14 +142,11 @@ def test_logs_without_a_walk_are_refused_by_name(standing: Log) -> None:
         draw("plan", [standing])
     with pytest.raises(InputError, match="without a stiffness to set"):
         draw("stiffness", [standing])
-    for name in ("balance", "feet", "torque", "timing"):
-        assert missing(name, standing) is None  # the command draws them
-    with pytest.raises(UnknownNameError, match="did you mean 'torque'"):
-        draw("torques", [standing])
+    assert missing("balance", standing) is None  # the command draws it
+    with pytest.raises(UnknownNameError, match="balance"):
+        draw("balances", [standing])
     with pytest.raises(InputError, match="at least one log"):
-        draw("torque", [])
-    with pytest.raises(InputError, match="logs must be"):
-        draw("torque", standing)  # type: ignore[arg-type]
+        draw("balance", [])
 
 
 def test_signals_are_chosen_by_name_group_or_pattern(log: Log) -> None:
@@ -172,12 +163,12 @@ def test_signals_are_chosen_by_name_group_or_pattern(log: Log) -> None:
 
 
 def test_pictures_are_what_their_names_say(standing: Log, tmp_path: Path) -> None:
-    figures = {name: draw(name, [standing]) for name in ("feet", "timing")}
+    figures = {"balance": draw("balance", [standing]), "com": draw_signals([standing], ["com/estimated"])}
     png = save(figures, tmp_path / "walk.png")
-    assert [path.name for path in png] == ["walk-feet.png", "walk-timing.png"]
+    assert [path.name for path in png] == ["walk-balance.png", "walk-com.png"]
     with Image.open(png[0]) as picture:
         assert picture.format == "PNG" and picture.width > 800
-    (svg,) = save({"feet": figures["feet"]}, tmp_path / "feet.svg")
+    (svg,) = save({"com": figures["com"]}, tmp_path / "com.svg")
     assert ElementTree.parse(svg).getroot().tag.endswith("svg")
     (pdf,) = save(figures, tmp_path / "walk.pdf")
     assert pdf.read_bytes().count(b"/Type /Page ") == 2
@@ -193,9 +184,9 @@ def test_command_draws_lists_and_refuses(
     monkeypatch.chdir(tmp_path)
     assert main(["plot", str(standing.path), "--json"]) == 0
     facts = json.loads(capsys.readouterr().out)
-    assert facts["files"] == [f"stand-{name}.png" for name in ("balance", "feet", "torque", "timing")]
-    assert all(Path(file).is_file() for file in facts["files"]) and len(facts["notes"]) == 2
-    assert main(["plot", str(log.path), str(standing.path), "feet", "com/estimated", "-o", "two.pdf"]) == 0
+    assert facts["files"] == ["stand.png"] and Path("stand.png").is_file()
+    assert not facts["notes"]
+    assert main(["plot", str(log.path), str(standing.path), "balance", "com/estimated", "-o", "two.pdf"]) == 0
     assert capsys.readouterr().out.strip() == "two.pdf"
     assert main(["plot", str(log.path), "--list", "--json"]) == 0
     listed = json.loads(capsys.readouterr().out)

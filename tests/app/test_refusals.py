@@ -55,7 +55,6 @@ REFUSED = {
     "robots check biped.xml --lock waist": "waist",
     "robots check biped.xml --lock waist=x": "waist",
     "robots check biped.xml --left lft_foot": "left_foot",
-    "robots check biped.xml --plot soles.txt": ".png",
     "robots add biped.xml": "--name",
     "robots add biped.xml --name g1": "g1",
     "robots add biped.xml --name a/b": "a/b",

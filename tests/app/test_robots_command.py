@@ -37,10 +37,9 @@ def wbc_command(capfd: Captured, *arguments: str) -> tuple[int, str, str]:
     return code, out, err
 
 
-def test_check_reports_and_draws(capfd: Captured, file: Path, tmp_path: Path) -> None:
-    code, out, _ = wbc_command(capfd, "robots", "check", str(file), "--plot", str(tmp_path / "soles.png"))
+def test_check_reports(capfd: Captured, file: Path) -> None:
+    code, out, _ = wbc_command(capfd, "robots", "check", str(file))
     assert code == cli.RAN
-    assert (tmp_path / "soles.png").stat().st_size > 10_000
     assert "190 x 80 mm, from 2 capsules" in out and "doubtful:" in out
     assert "waist" in out and "given" in out and "derived" in out
     code, out, _ = wbc_command(capfd, "robots", "check", str(file), "--lock", "waist=0.2", "--json")

@@ -25,10 +25,11 @@ from typing import Any
 from unittest.mock import patch
 
 import numpy as np
+from made_motions import make_motion
 
 from wbc import Plant, __version__, load_robot
 from wbc.core.signals import Command
-from wbc.motion import make_feasible, make_motion
+from wbc.motion import make_feasible
 from wbc.sim import FootTest, Machine, TrackSpec, WalkPush, press, stand, track_motion, walk
 from wbc.sim.balance.push_recovery import StandPushSpec, push_standing
 

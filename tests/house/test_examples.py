@@ -33,7 +33,7 @@ SURFACES = (
 """The packages that users import from."""
 
 FOLDER = Path(__file__).parents[2] / "examples"
-STANDING = ("own_robot", "own_source", "push_recovery", "stand", "two_robots", "without_feet")
+STANDING = ("motion", "own_robot", "own_source", "push_recovery", "stand", "two_robots", "without_feet")
 WALKING = (
     "walk",
     "walk_push",
@@ -126,6 +126,11 @@ def test_own_robot_stands_though_pushed(load: Load, capsys: pytest.CaptureFixtur
     result = run(load("own_robot"))
     assert result["moved_mm"] < 1.0
     assert "half-sitting of the legs solved for" in capsys.readouterr().out
+
+
+def test_a_clip_becomes_feasible_and_is_tracked(load: Load) -> None:
+    result = run(load("motion"))
+    assert result["zmp_outside_mm"] < 5.0 and result["joints_rms_deg"] < 2.0
 
 
 @pytest.mark.parametrize("robot", ["panda", "go1"])

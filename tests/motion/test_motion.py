@@ -9,17 +9,17 @@ from pathlib import Path
 import numpy as np
 import pinocchio as pin
 import pytest
+from made_motions import MOTIONS, make_motion
 
 from wbc import load_robot
 from wbc.app.cli import main
 from wbc.core.errors import InputError, UnknownNameError
 from wbc.core.qp.contact import mean_distance
 from wbc.core.robot import GRAVITY, Robot
-from wbc.motion import MotionClip, check_motion, make_feasible, make_motion, read_motion, write_motion
+from wbc.motion import MotionClip, check_motion, make_feasible, read_motion, write_motion
 from wbc.motion.contacts import find_contacts, runs
 from wbc.motion.feasible import STRETCH, _slowed, centre_of_mass_shift, supports_on
 from wbc.motion.footsteps import footsteps
-from wbc.motion.generator import MOTIONS
 from wbc.motion.kinematics import BodyMotion, corners_of
 from wbc.motion.measures import measure, nearest_inside
 from wbc.walking.planning.reach import Reach
@@ -489,16 +489,15 @@ def test_a_motion_that_is_too_fast_takes_longer() -> None:
     assert not result.after.joint_speed and result.after.feasible and result.stretched > 1.5
 
 
-def test_commands_make_check_and_filter_a_clip(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_commands_check_and_filter_a_clip(
+    g1: Robot, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     clip, feasible = str(tmp_path / "clip.npz"), str(tmp_path / "feasible.npz")
-    assert main(["motion", "make", "dance", "-o", clip]) == 0
+    write_motion(make_motion(g1, "dance"), clip)
     assert main(["motion", "check", clip]) == 0
     assert "not feasible as it is" in capsys.readouterr().out
-    assert main(["motion", "filter", clip, "-o", feasible, "--plot", str(tmp_path / "what.png")]) == 0
-    assert (tmp_path / "what.png").stat().st_size > 10_000
+    assert main(["motion", "filter", clip, "-o", feasible]) == 0
     capsys.readouterr()
     assert main(["motion", "check", feasible, "--json"]) == 0
     assert json.loads(capsys.readouterr().out)["feasible"] is True
     assert main(["motion", "filter", clip, "-o", clip]) == 2
-    assert main(["motion", "make", "moonwalk", "-o", clip]) == 2
-    assert "no motion 'moonwalk'" in capsys.readouterr().err

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 import pytest
+from made_motions import make_motion
 
 from wbc import load_robot
 from wbc.app.cli import main
@@ -22,7 +23,6 @@ from wbc.motion import (
     MotionSource,
     check_motion,
     make_feasible,
-    make_motion,
     tracking_settings,
     write_motion,
 )

@@ -5,7 +5,6 @@ from __future__ import annotations
 import codecs
 import contextlib
 import csv
-import fcntl
 import hashlib
 import io
 import json
@@ -16,7 +15,7 @@ import tempfile
 import tomllib
 from collections.abc import Iterator
 from pathlib import Path
-from typing import IO, TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any
 
 from wbc.core.errors import InputError, WbcError, shown
 
@@ -209,22 +208,6 @@ def check_writable(path: Path) -> None:
             raise OSError("it is write-protected")
     with tempfile.TemporaryFile(dir=path.resolve().parent):
         pass
-
-
-def claimed(path: Path) -> IO[bytes]:
-    """Return a file that is locked against other programs until it is closed; it is made if there is none.
-
-    `InputError`: another program, or another part of this one, has claimed it. `OSError`: it cannot be written.
-    """
-    file = path.open("ab")
-    try:
-        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except BlockingIOError:
-        file.close()
-        raise InputError(f"{path} is being written already; choose another name, or wait") from None
-    except OSError:  # a file system without locks
-        pass
-    return file
 
 
 def same_file(one: str | Path, other: str | Path) -> bool:

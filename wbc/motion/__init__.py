@@ -3,7 +3,6 @@
 from wbc.motion.clip import MotionClip
 from wbc.motion.feasible import make_feasible
 from wbc.motion.files import read_motion, write_motion
-from wbc.motion.generator import make_motion
 from wbc.motion.measures import check_motion
 from wbc.motion.source import MotionSource, tracking_settings
 
@@ -12,8 +11,6 @@ __all__ = [
     "MotionClip",
     "read_motion",
     "write_motion",
-    # Made by rule
-    "make_motion",
     # Measured, and made feasible
     "check_motion",
     "make_feasible",

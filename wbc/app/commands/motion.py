@@ -10,14 +10,13 @@ import numpy as np
 from cyclopts import Parameter
 
 from wbc import robots
-from wbc.app.files import check_picture, check_target
+from wbc.app.files import check_target
 from wbc.app.live import LiveOptions, LiveView, ended_by_interrupt, with_changes
 from wbc.app.output import Flat, Output, OutputOptions, Report, reports
 from wbc.core.errors import InputError
-from wbc.core.files import save_figure
 from wbc.core.robot import Robot
 from wbc.core.settings import Positive, settings, to_json
-from wbc.motion import MotionClip, check_motion, make_feasible, make_motion, read_motion, write_motion
+from wbc.motion import MotionClip, check_motion, make_feasible, read_motion, write_motion
 from wbc.motion.feasible import FeasibleMotion
 from wbc.motion.measures import MotionMeasures
 from wbc.sim.balance.tracking import TrackSpec, TrackTrial
@@ -32,14 +31,12 @@ class MotionOptions(TrackSpec):
     Attributes:
         rate: Frames per second, Hz, of a file that does not say it.
         joint: Joint of the next column, of a file that does not name them; once for each.
-        out: Clip that make and filter write, .npz or .csv.
-        plot: Picture that filter writes of what it has changed.
+        out: Clip that filter writes, .npz or .csv.
     """
 
     rate: Annotated[Positive, "Hz"] | None = None
     joint: tuple[str, ...] = ()
     out: Annotated[Path | None, Parameter(alias="-o")] = None
-    plot: Path | None = None
 
     def read(self, file: Path) -> tuple[Robot, MotionClip]:
         """Return robot and clip."""
@@ -48,46 +45,34 @@ class MotionOptions(TrackSpec):
         clip.configurations(robot)  # refuses a clip of another robot
         return robot, clip
 
-    def target(self, *inputs: Path) -> Path:
+    def target(self, file: Path) -> Path:
         """Return the file of the clip to write."""
         if self.out is None:
             raise InputError("give the clip to write, .npz or .csv: --out or -o")
-        return check_target("a motion", self.out, CLIPS, inputs)
+        return check_target("a motion", self.out, CLIPS, [file])
 
 
 @reports
 def motion(
-    do: Annotated[Literal["make", "check", "filter", "track"], Parameter(help="What is done with it.")],
-    clip: Annotated[
-        str, Parameter(help="Clip, .npz or .csv; of make: arms, dance, waist, squat, one_leg or steps.")
-    ],
+    do: Annotated[Literal["check", "filter", "track"], Parameter(help="What is done with it.")],
+    clip: Annotated[Path, Parameter(help="Clip, .npz or .csv.")],
     /,
     *,
     options: Flat[MotionOptions] = MotionOptions(),
     live: LiveOptions = LiveView(),
     output: OutputOptions = Output(),
 ) -> Report:
-    """Make, check, filter or track a clip of joint positions.
+    """Check, filter or track a clip of joint positions.
 
-    Make writes one by rule. Check measures limits, speeds, feet on the ground and the ZMP in the supports. Filter
+    Check measures limits, speeds, feet on the ground and the ZMP in the supports. Filter
     changes what must change for them, and reports it. Track lets the robot follow it while it balances, on both feet,
     on one, and where it steps.
     """
-    for name, whose in (("out", ("make", "filter")), ("plot", ("filter",))):
-        if do not in whose and getattr(options, name):
-            raise InputError(f"--{name} is no option of 'motion {do}'")
-    if do == "make":
-        target = options.target()
-        made = make_motion(robots.load(options.robot).robot(), clip, options.seed)
-        write_motion(made, target)
-        data = {"motion": made.name, "robot": options.robot, "duration_s": made.duration, "file": str(target)}
-        return output.report(
-            data, f"{made.name} of {options.robot}: {made.duration:g} s, written to {target}"
-        )
-    file = Path(clip)
-    if do == "check":
-        return _check(file, options, output)
-    return _filter(file, options, output) if do == "filter" else _track(file, options, live, output)
+    if do == "filter":
+        return _filter(clip, options, output)
+    if options.out is not None:
+        raise InputError(f"--out is no option of 'motion {do}'")
+    return _check(clip, options, output) if do == "check" else _track(clip, options, live, output)
 
 
 def _check(file: Path, options: MotionOptions, output: Output) -> Report:
@@ -107,14 +92,9 @@ def _check(file: Path, options: MotionOptions, output: Output) -> Report:
 
 def _filter(file: Path, options: MotionOptions, output: Output) -> Report:
     target = options.target(file)
-    picture = check_picture(options.plot, [file, target])
     robot, given = options.read(file)
     result = make_feasible(robot, given)
     write_motion(result.clip, target)
-    if picture is not None:
-        from wbc.app.plot.motion import draw_changes  # noqa: PLC0415 - slow to import
-
-        save_figure(draw_changes(robot, given, result), picture, dpi=110.0)
     data = {
         "motion": given.name,
         "robot": options.robot,

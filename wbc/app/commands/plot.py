@@ -38,11 +38,11 @@ def plot(
     options: Flat[PlotOptions] = PlotOptions(),
     output: OutputOptions = Output(),
 ) -> Report:
-    """Draw figures from one log, or compare several: balance, plan, feet, torque, timing, stiffness, any signals.
+    """Draw figures from one log, or compare several: balance, plan, stiffness, any signals.
 
     Logs come first. Then come ready-made figures, or signals: a name, the beginning of names such as
-    `com/estimated`, or a pattern such as `"joint/torque_command/*knee*"`. Without any, all ready-made figures are
-    drawn.
+    `com/estimated`, or a pattern such as `"joint/torque_command/*knee*"`. Without any, the ready-made figures that
+    the logs have signals for are drawn.
     """
     paths, drawings = _logs_and_drawings(words)
     logs = [Log.open(path) for path in paths]
@@ -63,14 +63,9 @@ def plot(
         except LookupError as error:
             raise InputError(f"{error} (ready-made figures: {', '.join(FIGURES)})") from error
     if not drawings:
-        for name in FIGURES:
-            lacks = [f"{log.path} {lack}" for log in logs if (lack := missing(name, log)) is not None]
-            if lacks:
-                notes.append(f"no figure '{name}': {lacks[0]}")
-            else:
-                figures.append(name)
+        figures = [name for name in FIGURES if all(missing(name, log) is None for log in logs)]
         if not figures:
-            raise InputError(f"nothing can be drawn: {'; '.join(notes)}")
+            raise InputError("no ready-made figure can be drawn of these logs; --list names their signals")
     drawn = {name: draw(name, logs) for name in figures}
     if signals:
         drawn["signals"] = draw_signals(logs, signals)

@@ -7,7 +7,6 @@ from typing import Annotated, Any
 
 from cyclopts import Parameter
 
-from wbc.app.files import check_picture
 from wbc.app.output import Flat, Output, OutputOptions, Report, reports
 from wbc.core.errors import InputError, finite_scalar
 from wbc.core.settings import Positive, settings
@@ -32,7 +31,6 @@ class RobotFileOptions:
         repair: Clamp inertias that no body can have, and go on, instead of refusing them.
         package_dir: Folders in which package:// of a URDF is looked for.
         name: Name under which the robot is added.
-        plot: Picture of soles and posture that a check writes: png, svg, pdf.
     """
 
     left: str | None = None
@@ -45,7 +43,6 @@ class RobotFileOptions:
     repair: bool = False
     package_dir: tuple[Path, ...] = ()
     name: str | None = None
-    plot: Path | None = None
 
     def parameters(self) -> dict[str, Any]:
         """Return the parameters of the readers that differ from their defaults, as plain values."""
@@ -113,7 +110,6 @@ def _check(file: str, options: RobotFileOptions, output: Output) -> Report:
     """Report what is in the file of a robot, what was derived and what is doubtful."""
     if options.name is not None:
         raise InputError("--name is the name under which `wbc robots add` adds a robot")
-    plot = check_picture(options.plot, [file])
     description = _described(file, options)
     doubts = description.doubts()
     lines = [
@@ -121,12 +117,6 @@ def _check(file: str, options: RobotFileOptions, output: Output) -> Report:
         "  doubtful:" if doubts else "  nothing is doubtful",
         *(f"    {d}" for d in doubts),
     ]
-    if plot is not None:
-        from wbc.app.plot.output import save  # noqa: PLC0415
-        from wbc.app.plot.robot import draw_robot  # noqa: PLC0415
-
-        written = save({"robot": draw_robot(description)}, plot)
-        lines += [f"  wrote {path}" for path in written]
     return output.report({**description.summary(), "doubts": list(doubts)}, "\n".join(lines))
 
 
@@ -135,8 +125,6 @@ def _add(file: str, options: RobotFileOptions, output: Output) -> Report:
     name = options.name
     if name is None:
         raise InputError("a robot is added under a name: give --name")
-    if options.plot is not None:
-        raise InputError("--plot belongs to `wbc robots check`")
     if name in names() or name in others() and name not in saved.own_robots():
         raise InputError(f"the name '{name}' is that of a robot of the library; choose another")
     path = saved.save(name, file, options.parameters())

@@ -16,7 +16,7 @@ from pyarrow import ipc
 
 from wbc.app.log.header import decode
 from wbc.app.log.signals import Kind, Signal
-from wbc.app.log.writer import MAGIC, TYPES, part_path
+from wbc.app.log.writer import MAGIC, TYPES
 from wbc.core.arguments import checked, checked_on_failure
 from wbc.core.errors import Array, InputError, unknown_name
 from wbc.core.files import decoding
@@ -59,9 +59,7 @@ class Log:
         """
         place = Path(path)
         if not os.path.exists(place):  # False for a name that is too long, too
-            part = part_path(place)
-            hint = f"; {part} is a recording of that name that was not ended" if os.path.isfile(part) else ""
-            raise InputError(f"cannot read the log {place}: No such file{hint}")
+            raise InputError(f"cannot read the log {place}: No such file")
         with decoding(place, "log"):
             with place.open("rb") as file:
                 start = file.read(len(MAGIC))

@@ -40,7 +40,7 @@ class Recorder(TrialHook):
     """A log that is written tick by tick, in a `with` block or as a hook: `walk(spec, hooks=[record])`.
 
     Attributes:
-        path: The file; until the end, and after a failure, the name of what there is has ".part" in it.
+        path: The file.
     """
 
     @checked

@@ -48,6 +48,8 @@ def tick_signals(tick: Tick) -> Signals:
         _add_program(signals, tick.program)
     if tick.estimate is not None and tick.walking is not None:
         _add_walk(signals, tick)
+        if tick.walking.balance is not None:
+            _add_stabilizer(signals, tick)
     if tick.estimate is not None:
         _add_estimate(signals, tick)
     if tick.drives is not None and tick.drives.observer.outside is not None:
@@ -79,10 +81,10 @@ def _add_program(signals: Signals, program: Program) -> None:
 
 
 def _add_walk(signals: Signals, tick: Tick) -> None:
-    """Phase, references and stabilizer of a walk; NaN and null without a reference or a stabilizer."""
+    """Describe phase and references of a walk; NaN and null without a reference."""
     one, group, feet = signals.one, signals.group, foot_names(tick.robot)
     told: list[Any] = []
-    planned, stabilized = of(lambda t: t.reference), of(lambda t: t.output)
+    planned = of(lambda t: t.reference)
     of_walk = of(lambda t: None if t.reference is None else t.walking)
 
     def events(walk: ReferenceControl) -> str | None:
@@ -104,30 +106,35 @@ def _add_walk(signals: Signals, tick: Tick) -> None:
     landing = next_step(lambda s: (s.x, s.y, s.z, s.yaw))
     group("step/landing", parts, units, "planned landing, world", landing)
     one("pendulum/omega", "1/s", "natural frequency", planned(lambda r: r.pendulum.omega))
-    lean = of_walk(lambda w: (0.0, 0.0) if w.lean is None else w.lean.angle)
-    group("walk/lean", ("roll", "pitch"), "rad", "of the trunk, about x and y of the world", lean)
-    bias = of_walk(lambda w: (0.0, 0.0) if w.bias is None else w.bias.bias)
-    group("stabilizer/bias", XY, "m", "estimated in the measured DCM and subtracted, world", bias)
     commanded = of_walk(lambda w: w.velocity or None)
     group("drive/commanded", VELOCITY, VELOCITY_UNITS, "commanded velocity; NaN while none is", commanded)
     about = "velocity that the planned footsteps give"
     group("drive/granted", VELOCITY, VELOCITY_UNITS, about, of_walk(lambda w: w.granted_velocity))
-    one("stabilizer/in_air", "1", "neither foot has contact", stabilized(lambda o: o.in_air), "flag")
-    for i, foot in enumerate(feet):
-        contact = planned(lambda r, i=i: r.contact[i])  # type: ignore[misc]
-        one(f"foot/{foot}/contact", "1", "planned contact", contact, "flag")
-        correction = stabilized(lambda o, i=i: _tilts(o.corrections[i]))  # type: ignore[misc]
-        group(
-            f"foot/{foot}/correction",
-            ("roll", "pitch", "height"),
-            ("rad", "rad", "m"),
-            "added by the stabilizer",
-            correction,
-        )
     group("com/reference", XYZ, "m", "world", planned(lambda r: r.pendulum.com))
     group("com/reference_velocity", XYZ, "m/s", "world", planned(lambda r: r.pendulum.com_velocity))
     group("com/reference_acceleration", XYZ, "m/s²", "world", planned(lambda r: r.pendulum.com_acceleration))
     group("zmp/reference", XYZ, "m", "world", planned(lambda r: r.pendulum.zmp))
+    for i, foot in enumerate(feet):
+        contact = planned(lambda r, i=i: r.contact[i])  # type: ignore[misc]
+        one(f"foot/{foot}/contact", "1", "planned contact", contact, "flag")
+        pose = planned(lambda r, i=i: pin.SE3ToXYZQUAT(r.feet[i].placement))  # type: ignore[misc]
+        velocity = planned(lambda r, i=i: r.feet[i].velocity)  # type: ignore[misc]
+        _add_motion(signals, f"foot/{foot}/reference", "sole", "world", pose, velocity)
+    group("dcm/reference", XY, "m", "world", planned(lambda r: r.pendulum.dcm[:2]))
+    about = "of the estimated CoM, world"
+    group("dcm/estimated", XY, "m", about, lambda t: _dcm(t, t.estimate))
+
+
+def _add_stabilizer(signals: Signals, tick: Tick) -> None:
+    """Describe the stabilizer of a walk; NaN in ticks without its output."""
+    one, group = signals.one, signals.group
+    stabilized = of(lambda t: t.output)
+    of_walk = of(lambda t: None if t.reference is None else t.walking)
+    lean = of_walk(lambda w: (0.0, 0.0) if w.lean is None else w.lean.angle)
+    group("walk/lean", ("roll", "pitch"), "rad", "of the trunk, about x and y of the world", lean)
+    bias = of_walk(lambda w: (0.0, 0.0) if w.bias is None else w.bias.bias)
+    group("stabilizer/bias", XY, "m", "estimated in the measured DCM and subtracted, world", bias)
+    one("stabilizer/in_air", "1", "neither foot has contact", stabilized(lambda o: o.in_air), "flag")
     group("zmp/desired", XYZ, "m", "of the desired net wrench, world", stabilized(lambda o: o.zmp))
     about = "of the measured foot wrenches, world"
     group("zmp/measured", XYZ, "m", about, stabilized(lambda o: o.measured_zmp))
@@ -141,17 +148,13 @@ def _add_walk(signals: Signals, tick: Tick) -> None:
     group("stabilizer/net_wrench", WRENCH, WRENCH_UNITS, about, stabilized(lambda o: o.net_wrench))
     about = "added to the CoM target, world"
     group("stabilizer/com_offset", XY, "m", about, stabilized(lambda o: o.com_offset))
-    for i, foot in enumerate(feet):
+    for i, foot in enumerate(foot_names(tick.robot)):
         desired = stabilized(lambda o, i=i: o.feet.wrenches[i])  # type: ignore[misc]
         about = "desired by the stabilizer, sole frame"
         group(f"foot/{foot}/wrench_desired", WRENCH, WRENCH_UNITS, about, desired)
-    for i, foot in enumerate(feet):
-        pose = planned(lambda r, i=i: pin.SE3ToXYZQUAT(r.feet[i].placement))  # type: ignore[misc]
-        velocity = planned(lambda r, i=i: r.feet[i].velocity)  # type: ignore[misc]
-        _add_motion(signals, f"foot/{foot}/reference", "sole", "world", pose, velocity)
-    about = "of the estimated CoM, world"
-    group("dcm/reference", XY, "m", "world", planned(lambda r: r.pendulum.dcm[:2]))
-    group("dcm/estimated", XY, "m", about, lambda t: _dcm(t, t.estimate))
+        correction = stabilized(lambda o, i=i: _tilts(o.corrections[i]))  # type: ignore[misc]
+        parts, units = ("roll", "pitch", "height"), ("rad", "rad", "m")
+        group(f"foot/{foot}/correction", parts, units, "added by the stabilizer", correction)
 
 
 def _tilts(correction: FootCorrection) -> tuple[float, float, float]:
@@ -196,10 +199,11 @@ def _add_estimate(signals: Signals, tick: Tick) -> None:
         _add_motion(signals, f"foot/{foot}/estimated", "sole", "world", pose, None)
     if isinstance(tick.drives, PositionControl):
         base(lambda t: t.drives, "base/commanded")
-    if tick.walking is None and robot.soles:  # a walk has its own
+    if robot.soles and (tick.walking is None or tick.walking.balance is None):  # a stabilizer has its own
         balance = of(once(_balance))
         group("zmp/measured", XYZ, "m", "of the measured foot wrenches, world", balance(lambda b: b[0]))
-        group("dcm/estimated", XY, "m", "over the lower sole, world", balance(lambda b: b[1]))
+        if tick.walking is None:
+            group("dcm/estimated", XY, "m", "over the lower sole, world", balance(lambda b: b[1]))
 
 
 def _balance(tick: Tick) -> tuple[Array, Array] | None:

@@ -52,7 +52,7 @@ def _one_balance(axes: list[Axes], log: Log, name: str) -> None:
     for i, (ax, axis) in enumerate(zip(axes, "xy", strict=False)):
         band(ax, time, low[:, i], high[:, i], "support")
         for label, group, colour, style, width in LINES:
-            if f"{group}/x" in log:
+            if f"{group}/x" in log and np.isfinite(log[group]).any():
                 ax.plot(time, log[group][:, i], style, color=colour, linewidth=width, label=label)
         ax.set_ylabel(f"{axis} (m)")
         room = 0.15 * float(np.nanmax(high[:, i]) - np.nanmin(low[:, i]))
@@ -61,8 +61,13 @@ def _one_balance(axes: list[Axes], log: Log, name: str) -> None:
         mark_states(ax, log, names=ax is axes[0])
     legend(axes[0], columns=4)
     axes[0].set_title(name, loc="left", fontsize=10)
-    walk, com = "stabilizer/dcm_error/x" in log, log["com/estimated"]
-    errors = 1e3 * (log["stabilizer/dcm_error"] if walk else com - np.nanmean(com, axis=0))
+    walk, com = "dcm/reference/x" in log, log["com/estimated"]
+    if "stabilizer/dcm_error/x" in log:
+        errors = 1e3 * log["stabilizer/dcm_error"]
+    else:
+        errors = 1e3 * (
+            log["dcm/reference"] - log["dcm/estimated"] if walk else com - np.nanmean(com, axis=0)
+        )
     for i, (axis, colour) in enumerate((("x", BLUE), ("y", ORANGE))):
         axes[2].plot(time, errors[:, i], color=colour, linewidth=0.8, label=axis)
     axes[2].set_ylabel("DCM error (mm)" if walk else "CoM off its mean (mm)")

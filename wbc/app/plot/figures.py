@@ -3,23 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from functools import partial
 
 from matplotlib.figure import Figure
 
 from wbc.app.log.reader import Log
 from wbc.app.plot.balance import draw_balance, draw_plan
-from wbc.app.plot.signals import draw_signals
 from wbc.app.plot.stiffness import draw_stiffness
-from wbc.app.plot.torque import draw_torque
 from wbc.core.arguments import checked
 from wbc.core.errors import InputError, choose
 from wbc.core.robot import SIDES
 
 _LOADED_FEET = ("wrench_measured", "estimated/position")
 _FEET = ("foot/left/reference/position", "foot/right/reference/position", "foot/left/contact")
-_FORCES = ("foot/*/wrench_[md]e*/fz", "foot/*/wrench_[md]e*/m[xy]")
-_PARTS = tuple(f"tick/{part}" for part in ("model", "assembly", "solve", "decode"))
 
 FIGURES: dict[str, tuple[tuple[str, ...], Callable[[Sequence[Log]], Figure]]] = {
     "balance": (
@@ -31,12 +26,6 @@ FIGURES: dict[str, tuple[tuple[str, ...], Callable[[Sequence[Log]], Figure]]] = 
         draw_balance,
     ),
     "plan": (("com/reference", "zmp/measured", *_FEET), draw_plan),
-    "feet": (
-        ("foot/left/wrench_measured", "foot/right/wrench_measured"),
-        partial(draw_signals, words=_FORCES),
-    ),
-    "torque": (("truth/joint/torque_ratio",), draw_torque),
-    "timing": (("tick/solve",), partial(draw_signals, words=_PARTS)),
     "stiffness": (("foot/left/stiffness", "foot/right/stiffness"), draw_stiffness),
 }
 """Every ready-made figure: signals or groups that it requires, and the function that draws logs which have these."""

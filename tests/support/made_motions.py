@@ -1,4 +1,4 @@
-"""Motions made by rule for any robot: arms, waist, squats, poses on one leg, steps; for tests and as examples.
+"""Motions made by rule for any robot: arms, waist, squats, poses on one leg, steps.
 
 They are kinematic, as motion capture is: `wbc.motion.make_feasible` decides on balance.
 """
@@ -12,11 +12,8 @@ import numpy as np
 import pinocchio as pin
 from scipy.ndimage import convolve1d
 
-from wbc.core.arguments import checked
 from wbc.core.errors import Array
-from wbc.core.registry import Registry
 from wbc.core.robot import Robot
-from wbc.core.settings import Seed
 from wbc.motion.clip import MotionClip
 from wbc.motion.inverse_kinematics import inverse_kinematics
 from wbc.motion.kinematics import BodyMotion
@@ -34,17 +31,13 @@ Range = tuple[float, float]
 """Range from which a number is drawn."""
 
 
-@checked
-def make_motion(robot: Robot, name: str, seed: Seed = 0) -> MotionClip:
+def make_motion(robot: Robot, name: str, seed: int = 0) -> MotionClip:
     """Make a motion.
 
     Args:
         robot: The robot; it stands with its soles on z = 0 at the start.
         name: One of `MOTIONS`.
         seed: Fixes every random draw.
-
-    Raises:
-        UnknownNameError: No such motion.
     """
     make = MOTIONS[name]
     return MotionClip.of(robot, make(robot, np.random.default_rng(seed)), RATE, f"{name} {seed}")
@@ -163,15 +156,12 @@ def _solve(robot: Robot, q: Array, path: Array) -> Array:
     return inverse_kinematics(robot, LIMIT_MARGIN, q, soles, standing, com)
 
 
-MOTIONS: Registry[Generator] = Registry(
-    "motion",
-    {
-        "arms": _swayed((_arm_joints, (0.25, 0.5), (0.35, 0.65))),
-        "dance": _swayed((_arm_joints, 0.8, 1.5)),
-        "waist": _swayed((_waist_joints, (0.15, 0.35), (0.25, 0.5)), (_arm_joints, 0.2, (0.3, 0.6))),
-        "squat": _squat,
-        "one_leg": _one_leg,
-        "steps": _steps,
-    },
-)
+MOTIONS: dict[str, Generator] = {
+    "arms": _swayed((_arm_joints, (0.25, 0.5), (0.35, 0.65))),
+    "dance": _swayed((_arm_joints, 0.8, 1.5)),
+    "waist": _swayed((_waist_joints, (0.15, 0.35), (0.25, 0.5)), (_arm_joints, 0.2, (0.3, 0.6))),
+    "squat": _squat,
+    "one_leg": _one_leg,
+    "steps": _steps,
+}
 """Name → motion of a robot, drawn at random: configurations, shape (T, nq)."""
