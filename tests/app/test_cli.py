@@ -48,7 +48,6 @@ QUICK: dict[str, tuple[list[str], set[str]]] = {  # arguments with which it ends
         ["--ticks", "50", "--warm-up", "5"],
         {"robot", "nv", "median_us", "p99_us", "parts", "failures"},
     ),
-    "bench solver": (["--ticks", "40"], {"ticks", "unsolved", "above_tolerance", "slow_ticks", "solve_us"}),
     "foot": (["--robot", "g1"], {"feet"}),
     "foot press": (["--terrain", "stones", "--amplitude", "0.02"], {"foot", "hold", "support", "impact"}),
     "foot pitch": (["--foot", "rigid", "--rate", "60"], {"foot", "pitch", "centre_of_pressure"}),

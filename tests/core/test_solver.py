@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 import pytest
+from problem_streams import ProblemStream, least_violation
 from scipy.linalg.lapack import dposv
 
-from wbc.app.bench.streams import ProblemStream, least_violation
 from wbc.core.errors import InputError, UnknownNameError
 from wbc.core.qp import active_set
 from wbc.core.qp import solver as ladder

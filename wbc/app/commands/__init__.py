@@ -11,8 +11,8 @@ from pathlib import Path
 
 GROUPS = {
     "log": "Hand logs on to Rerun.",
-    "study": "Run many walks, continue where they stopped, and compare them.",
     "bench": "Measure the library itself.",
+    "study": "Run many walks, continue where they stopped, and compare them.",
 }
 """Commands that have commands of their own."""
 
@@ -34,8 +34,6 @@ COMMANDS = {
     "study optimize": "study.optimize:optimize",
     "check-plant": "check_plant:check_plant",
     "bench tick": "bench:tick",
-    "bench walk": "bench:walk",
-    "bench solver": "bench:solver",
 }
 """Words of a command → place of its function in this folder.
 

@@ -12,12 +12,12 @@ from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Annotated, Any
 
 from wbc.app.arguments import NONE_GIVEN, Fields
-from wbc.app.bench.profile import ProfileRow, profile_text, profile_walk
 from wbc.app.files import check_target, read_object
 from wbc.app.live import DriveOptions, LiveDrive, ended_by_interrupt, ending, with_changes
 from wbc.app.log.reader import Log
 from wbc.app.log.recorder import Recorder
 from wbc.app.output import Flat, Output, OutputOptions, Report, reports
+from wbc.app.profile import ProfileRow, profile_text, profile_walk
 from wbc.app.repeat import RepeatWalk, differing_versions, first_difference, recorded_walk
 from wbc.app.walk_report import walk_text
 from wbc.core.changes import read_changes, setting_names

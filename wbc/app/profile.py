@@ -1,4 +1,4 @@
-"""Time of a walk by part: `wbc walk --profile` and `wbc bench walk`.
+"""Time of a walk by part: `wbc walk --profile`.
 
 Methods are replaced on the objects of one walk while it is profiled, and put back; a walk that is not profiled runs
 the code as it stands.

@@ -1,10 +1,16 @@
-"""Reliability of the solver: ticks of random problems, every solution checked, a sample compared with ProxQP."""
+"""Reliability of the solver: ticks of random problems, every solution checked, a sample compared with ProxQP.
+
+python tests/benchmarks/solver_problems.py --ticks 100000
+"""
 
 from __future__ import annotations
 
+import argparse
 import gc
+import json
 import logging
 import math
+import sys
 from collections import Counter
 from collections.abc import Callable
 from time import thread_time
@@ -12,8 +18,8 @@ from typing import Any
 
 import numpy as np
 import qpsolvers
+from problem_streams import ProblemStream, least_violation
 
-from wbc.app.bench.streams import ProblemStream, least_violation
 from wbc.app.output import quiet
 from wbc.core.qp.other_solvers import standard_form
 from wbc.core.qp.problem import Problem
@@ -207,3 +213,21 @@ def _facts(tally: _Tally, first: np.ndarray[Any, Any]) -> dict[str, Any]:
 
 def _percentiles(values: np.ndarray[Any, Any], shares: tuple[float, ...]) -> dict[str, float]:
     return {f"{share:g}%": round(float(np.percentile(values, share)), 1) for share in shares}
+
+
+def main() -> None:
+    """Run the benchmark and print its facts as JSON."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    for name in ("ticks", "stream", "scattered", "sample", "seed", "repeat", "solver"):
+        default = getattr(BenchSolverOptions, name)
+        parser.add_argument(f"--{name}", type=type(default), default=default, help="default %(default)s")
+    options = BenchSolverOptions(**vars(parser.parse_args()))
+    print(
+        json.dumps(
+            bench_solver(options, progress=lambda done: print(done, "ticks", file=sys.stderr)), indent=1
+        )
+    )
+
+
+if __name__ == "__main__":
+    main()

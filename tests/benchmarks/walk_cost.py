@@ -1,7 +1,12 @@
-"""Wall time of a simulated walk, divided into parts."""
+"""Wall time of a simulated walk, divided into parts.
+
+python tests/benchmarks/walk_cost.py --repeats 3
+"""
 
 from __future__ import annotations
 
+import argparse
+import json
 import time
 from collections.abc import Iterator
 from dataclasses import replace
@@ -9,8 +14,8 @@ from typing import Annotated, Any
 
 import mujoco
 
-from wbc.app.bench.profile import profile_walk
-from wbc.core.settings import Count, Positive, Seed, settings
+from wbc.app.profile import profile_walk
+from wbc.core.settings import Count, Positive, Seed, settings, to_json
 from wbc.sim.walks.plans import WalkPlan
 from wbc.sim.walks.spec import WalkSpec
 from wbc.sim.walks.trial import WalkTrial, walk
@@ -94,3 +99,17 @@ def _physics_shares(spec: WalkSpec) -> tuple[float, float]:
         timer[kinds.mjTIMER_POS_COLLISION].duration / whole,
         timer[kinds.mjTIMER_CONSTRAINT].duration / whole,
     )
+
+
+def main() -> None:
+    """Run the benchmark and print a row of JSON for each case."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    for name in ("distance", "seed", "repeats"):
+        default = getattr(BenchWalkOptions, name)
+        parser.add_argument(f"--{name}", type=type(default), default=default, help="default %(default)s")
+    for row in bench_walk(BenchWalkOptions(**vars(parser.parse_args()))):
+        print(json.dumps(to_json(row)), flush=True)
+
+
+if __name__ == "__main__":
+    main()
