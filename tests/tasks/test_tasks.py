@@ -22,7 +22,7 @@ from task_factory import (
 from wbc.core.errors import Array, InputError
 from wbc.core.qp.controller import Controller
 from wbc.core.qp.task import MotionTask
-from wbc.core.robot import BASE_DOF, Robot
+from wbc.core.robot import Robot
 from wbc.tasks import (
     AdmittanceTask,
     CoMTask,
@@ -64,19 +64,6 @@ def test_selections_are_checked_as_well() -> None:
     robot = make_robot("hrp4_class")
     check_task(PostureTask(), robot)
     check_task(PostureTask(joints=arm(robot)), robot)
-
-
-def test_what_cannot_be_checked_is_refused() -> None:
-    controller = standing("hrp4_class")
-    robot, com = controller.robot, controller.add(CoMTask(axes=("x", "y")))
-    for task, frame, words in (
-        (CoMTask, None, "task must be MotionTask or SelectionTask"),
-        (com, None, "before it is added to a controller"),
-        (CoMTask(axes=("x", "y")), left_hand(robot), "must come in threes, task 'com' has 2"),
-        (CoMTask(), "nose", "no frame 'nose'"),
-    ):
-        with pytest.raises(InputError, match=words):
-            check_task(task, robot, frame=frame)  # type: ignore[arg-type]
 
 
 class Counts(PositionTask):
@@ -406,38 +393,3 @@ def test_an_error_beyond_its_bound_acts_as_one_of_that_size_in_its_direction() -
 
     np.testing.assert_allclose(acceleration(2.0), acceleration(0.1), atol=1e-6)
     np.testing.assert_allclose(acceleration(2.0), (5.0, 2.5, 0.0, 0.0, 0.0, 10.0), atol=0.01)
-
-
-def test_joints_are_bounded_one_by_one_and_any_bound_can_be_set() -> None:
-    posture = standing("hrp4_class").task("posture")
-    assert isinstance(posture, PostureTask) and (posture.error_bound == 1.0).all()
-    error = np.zeros(posture.dim)
-    error[:3] = 3.0, -3.0, 0.4
-    posture.saturate(error)
-    np.testing.assert_allclose(error[:3], (1.0, -1.0, 0.4))
-    posture.error_bound = np.inf
-    error[0] = 3.0
-    posture.saturate(error)
-    assert error[0] == 3.0
-    assert (CoMTask().error_bound == 0.3).all() and (PositionTask("f").error_bound == 0.1).all()
-    np.testing.assert_allclose(PoseTask("f", axes=("x", "roll", "yaw")).error_bound, (0.1, 1.0, 1.0))
-    assert np.isinf(MomentumTask().error_bound).all()
-
-
-def test_a_task_counts_joints_that_it_does_not_use() -> None:
-    """Columns of spared joints are zero, and what these joints do is in the drift and in the damping."""
-    robot, rng = make_robot("hrp4_class"), np.random.default_rng(0)
-    robot.update(robot.half_sitting, rng.normal(size=robot.nv))
-    com = Controller(robot, 0.005).add(CoMTask(stiffness=25.0))
-    whole = rows_of(com, robot)
-    com.spared = joints = np.array([robot.joint_index(joint) for joint in arm(robot)]) + BASE_DOF
-    com.spared_acceleration = rng.normal(size=joints.size)
-    sparing = rows_of(com, robot)
-    assert not sparing[0][:, joints].any()
-    acceleration = rng.normal(size=robot.nv)
-    acceleration[joints] = com.spared_acceleration
-    demands = [
-        25.0 * error - com.damping * (jacobian @ robot.v) - drift - jacobian @ acceleration
-        for jacobian, error, drift in (whole, sparing)
-    ]
-    np.testing.assert_allclose(*demands, atol=1e-9)

@@ -8,15 +8,13 @@ import pytest
 from properties import by_default
 from task_factory import ROBOTS, left_hand, make_robot, near_half_sitting, right_hand, standing
 
-from wbc.core.errors import Array
 from wbc.core.limits.collision import CollisionSphere, SelfCollisionLimit
 from wbc.core.limits.com_polygon import CoMPolygonLimit
-from wbc.core.limits.rows import JointLimits, RowLimit, TorqueLimits
+from wbc.core.limits.rows import JointLimits, TorqueLimits
 from wbc.core.qp.contact import SoleContact
 from wbc.core.qp.controller import Controller
 from wbc.core.qp.other_solvers import solve_by_qpsolvers
-from wbc.core.qp.solver import Status
-from wbc.core.robot import GRAVITY, Robot
+from wbc.core.robot import GRAVITY
 from wbc.tasks import (
     CoMTask,
     ImpedanceTask,
@@ -96,43 +94,6 @@ def test_diagnosis_names_a_hard_posture_against_joint_limits() -> None:
     controller.add(PostureTask({joint: beyond}, joints=[joint], hard=True, stiffness=100.0))
     assert not controller.solve().ok
     assert {"hard task 'posture'", "joint limits"} == set(controller.diagnose())
-
-
-class OwnLimit(RowLimit):
-    """A limit of the first joint's acceleration with a row and bounds that can be given."""
-
-    name, dim = "own", 1
-
-    def __init__(self) -> None:
-        self.row, self.lower, self.upper = 1.0, -1.0, 1.0
-
-    def bind(self, robot: Robot) -> None:
-        pass
-
-    def write(self, dt: float, rows: Array, lower: Array, upper: Array) -> None:
-        rows[0, 6], lower[:], upper[:] = self.row, self.lower, self.upper
-
-
-def test_diagnosis_names_bounds_that_cross_and_what_is_not_finite() -> None:
-    controller = everything("hrp4_class")
-    own = controller.add(OwnLimit())
-    assert controller.solve().ok and controller.diagnose() == {}
-    own.lower = 3.0  # above the upper bound
-    assert controller.solve().status is Status.INFEASIBLE
-    assert controller.diagnose() == {"own": pytest.approx(1.0, abs=1e-3)}
-    own.lower, own.row = -1.0, float("nan")
-    assert controller.solve().status is Status.REFUSED
-    assert list(controller.diagnose()) == ["own"]
-    own.row, own.upper = 1.0, float("nan")
-    assert controller.solve().status is Status.REFUSED
-    assert list(controller.diagnose()) == ["own"]
-    own.upper = 1.0
-    assert controller.solve().ok and controller.diagnose() == {}
-    posture = controller.task("posture")
-    assert isinstance(posture, PostureTask)
-    posture.follow(np.full(posture.dim, np.nan), np.zeros(posture.dim), np.zeros(posture.dim))
-    assert controller.solve().status is Status.REFUSED
-    assert list(controller.diagnose()) == ["task 'posture'"]
 
 
 def test_tasks_can_be_taken_out_and_put_back() -> None:

@@ -8,7 +8,7 @@ import pytest
 from properties import by_default
 from task_factory import ROBOTS, arm, left_hand, make_robot, near_half_sitting, standing
 
-from wbc.core.errors import Array, InputError, UnknownNameError
+from wbc.core.errors import Array
 from wbc.core.qp.contact import PointContact, SoleContact
 from wbc.core.qp.controller import Controller
 from wbc.core.qp.solution import Solution
@@ -109,16 +109,6 @@ def test_regularised_torques_are_smaller() -> None:
     np.testing.assert_allclose(solution.residuals[task.name], solution.torques, atol=1e-9)
 
 
-def test_torque_target_by_joint_name() -> None:
-    controller = standing("g1")
-    task = controller.add(JointTorqueTask({controller.robot.joint_names[2]: 3.0}))
-    expected = np.zeros(controller.robot.na)
-    expected[2] = 3.0
-    np.testing.assert_array_equal(task.target, expected)
-    with pytest.raises(UnknownNameError, match="joint"):
-        task.target = {"no_such_joint": 1.0}
-
-
 @robots
 def test_wrench_is_tracked_along_the_chosen_axes(name: str) -> None:
     controller = standing(name)
@@ -144,18 +134,6 @@ def test_force_of_a_point_contact_is_tracked() -> None:
     controller.add(hand)
     controller.add(WrenchTask(hand, [0.0, 0.0, 15.0], weight=1e3))
     np.testing.assert_allclose(controller.solve().wrenches[hand.name], [0.0, 0.0, 15.0], atol=1e-2)
-
-
-def test_wrench_task_refuses_contacts_that_do_not_fit() -> None:
-    controller = standing("hrp4_class")
-    with pytest.raises(UnknownNameError, match="left_foot"):
-        controller.add(WrenchTask("left_fot"))
-    hand = PointContact(left_hand(controller.robot))
-    with pytest.raises(InputError, match="3 force variables"):
-        controller.add(hand, WrenchTask(hand.name))
-    assert controller.solve().ok  # nothing of it was added
-    with pytest.raises(UnknownNameError, match="axis"):
-        WrenchTask(hand, axes=("roll",))
 
 
 def test_contact_may_be_added_after_the_task() -> None:
