@@ -7,8 +7,6 @@ import functools
 import re
 from collections.abc import Callable
 from dataclasses import replace
-from pathlib import Path
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -19,7 +17,6 @@ from properties import by_default
 
 import wbc
 from wbc import Command, Measurement
-from wbc.app.cli import main
 from wbc.core.errors import InputError, MeasurementError
 from wbc.core.robot import GRAVITY
 from wbc.feet import foot
@@ -301,60 +298,10 @@ def test_a_loop_that_refuses_gains_is_not_judged_by_them() -> None:
     assert report.ok and last.state == "unknown" and "gains of its own" in last.found, str(report)
 
 
-def test_the_command_takes_a_loop_of_ones_own(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    program = tmp_path / "mine.py"
-    program.write_text(
-        "from dataclasses import replace\nimport wbc\n"
-        "class Mine(wbc.Plant):\n"
-        "    def measure(self):\n"
-        "        m = super().measure()\n"
-        "        return replace(m, joint_position=m.joint_position[1:])\n"
-        "def make():\n    return Mine(wbc.load_robot('g1'))\n",
-        encoding="utf-8",
-    )
-    assert main(["check-plant", f"{program}:make"]) == 1
-    text = capsys.readouterr()
-    assert "joint_position has shape (28,), not (29,)" in text.out and "wrong: shapes" in text.err
-    for bad in ("mine", f"{program}:made", "nowhere.module:make"):
-        assert main(["check-plant", bad]) == 2, bad
-    capsys.readouterr()
-    for text, words in (
-        ("def make(:", "SyntaxError"),
-        ("def make():\n    return {}['x']\n", "returns no loop: KeyError"),
-    ):
-        program.write_text(text, encoding="utf-8")
-        assert main(["check-plant", f"{program}:make"]) == 2
-        assert words in capsys.readouterr().err
-
-
 def test_a_hand_without_a_reading_is_no_fault() -> None:
     none = np.full((len(DESCRIPTION.robot().frames), 6), np.nan)
     report = conformance(Recorded(lambda m, _: replace(m, hand_wrenches=none)))
     assert report.checks[0].name == "shapes" and report.checks[0].state == "ok", str(report)
-
-
-@pytest.mark.parametrize(
-    ("parts", "words"),
-    [
-        ({"measure": None}, "'measure' is missing"),
-        ({"description": "g1"}, "must be a RobotDescription, got 'g1'"),
-        ({"control_period": 2}, r"control period .* must lie in \(0, 0.025\], got 2"),
-        ({"delay": 5}, r"delay of the loop \(s\) must lie in \[0, 0.2\], got 5"),
-    ],
-)
-def test_something_else_than_a_loop_is_refused_before_anything_is_sent(
-    parts: dict[str, Any], words: str
-) -> None:
-    def step(command: Command) -> None:
-        raise AssertionError("something was sent")
-
-    delay = parts.pop("delay", 0.0)
-    loop = {"description": DESCRIPTION, "control_period": 0.01, "measure": plant().measure, "step": step}
-    kept = {name: value for name, value in (loop | parts).items() if value is not None or name != "measure"}
-    with pytest.raises(InputError, match=words):
-        conformance(SimpleNamespace(**kept), delay=delay)
-    with pytest.raises(InputError, match=r"must be an object, got the class .*Recorded"):
-        conformance(Recorded)  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize("tick", [0, 30])

@@ -5,7 +5,6 @@ from __future__ import annotations
 import importlib.util
 import itertools
 import pickle
-import struct
 import time
 from collections.abc import Callable
 from types import SimpleNamespace
@@ -18,10 +17,9 @@ from machine_process import Process
 import wbc
 from wbc import Command, Measurement
 from wbc.core.errors import InputError
-from wbc.machine import MotionSwitcher, Runner, RunSettings, UnitreeDriver, UnitreeRobot
+from wbc.machine import Runner, RunSettings, UnitreeDriver, UnitreeRobot
 from wbc.machine.report import Phase
 from wbc.machine.unitree import DdsError, driver, robot, switch
-from wbc.machine.unitree import dds as real
 from wbc.machine.unitree.wire import G1_MOTORS, LOW_CMD, LOW_STATE, checksum, from_cdr, intact, sealed, to_cdr
 
 DESCRIPTION = wbc.load_robot("g1")
@@ -260,80 +258,6 @@ def test_states_and_commands_come_through_as_they_were_sent(monkeypatch: pytest.
     assert received(lambda r: r.__setitem__("mode_machine", 6)) is None
     end.mode = "ai"
     assert received() is None and end.refused == 3
-
-
-def test_a_switcher_asks_again_until_it_is_answered_or_refused(monkeypatch: pytest.MonkeyPatch) -> None:
-    bus = Bus(monkeypatch)
-    end, switcher = UnitreeRobot(DESCRIPTION, mode="ai"), MotionSwitcher(timeout=0.9)
-    with pytest.raises(
-        DdsError, match="^no answer from a motion switcher within 0.9 s: interface and domain"
-    ):
-        switcher.mode()
-    asked = bus.sent["rt/api/motion_switcher/request"]
-    assert bus.time == pytest.approx(10.9) and bus.waits == len(asked) == 5, "every 0.2 s"
-    assert {(m.header.identity.id, m.header.identity.api_id, m.parameter) for m in asked} == {
-        (77, 1001, "{}")
-    }
-    asked.clear()
-    answers = bus.sent["rt/api/motion_switcher/response"]
-    answers += [
-        SimpleNamespace(),
-        bus.message("response", ((5, 1001), (9,)), "{}", []),
-    ]  # notes, and answers to others
-    bus.serve = end.receive
-    assert (
-        switcher.mode() == "ai"
-        and switcher.release() == "ai"
-        and end.mode == switcher.mode() == switcher.release() == ""
-    )
-    switcher.select("normal")
-    assert end.mode == switcher.mode() == "normal"
-    with pytest.raises(DdsError, match="refused request 1004: code 1"):
-        switcher._call(1004, {})
-    with pytest.raises(InputError, match="must not be empty"):
-        switcher.select("")
-    monkeypatch.setattr(robot, "RELEASE", 1)  # it answers, and does not let go
-    monkeypatch.setattr(robot, "UNKNOWN", 0)
-    start = bus.time
-    monkeypatch.setattr(switch, "time", SimpleNamespace(monotonic=lambda: bus.time))
-    with pytest.raises(DdsError, match="^the built-in controller 'normal' does not release the motors$"):
-        switcher.release()
-    assert bus.time - start == pytest.approx(1.4, abs=0.21)
-    monkeypatch.setattr(robot, "json", SimpleNamespace(dumps=lambda _: "[]"))
-    with pytest.raises(DdsError, match="answer is not understood: '\\[\\]'"):
-        switcher.mode()
-
-
-def test_the_newest_of_the_messages_is_read_and_waited_for_when_there_is_none() -> None:
-    topics, waits = object.__new__(real.Topics), []
-    rows = [state(q=value) for value in (1.0, 2.0)]
-    packed = [SimpleNamespace(payload=to_cdr(row)) for row in rows]
-    arrivals: list[list[Any]] = []
-    topics._reader = SimpleNamespace(take=lambda most: arrivals.pop(0)[:most])
-    topics._waiting = SimpleNamespace(wait=waits.append)
-    for coming, timeout, value, waited in (
-        ([[*packed, SimpleNamespace()]], 0.5, 2.0, []),
-        ([[], packed[:1]], 0.25, 1.0, [250_000_000]),
-        ([[]], 0.0, None, []),
-        ([[], [SimpleNamespace(payload=b"short")]], 0.1, None, [100_000_000]),
-    ):
-        arrivals[:], waits[:] = coming, []
-        found = topics.read(LOW_STATE, timeout)
-        assert waits == waited and not arrivals
-        assert (None if found is None else found["motor_state"]["q"][3]) == value
-
-
-@dds
-def test_requests_of_the_motion_switcher_are_laid_out_as_its_idl_says() -> None:
-    from wbc.machine.unitree.dds import REQUEST_TOPIC, message  # noqa: PLC0415 - needs the extra
-
-    packed = message(REQUEST_TOPIC, ((5, 1002), (0,), (0, False)), '{"name": "ai"}', []).serialize()
-    identity_lease_policy = struct.pack("<qqqi?3x", 5, 1002, 0, 0, False)
-    text = b'{"name": "ai"}\0'
-    assert packed[:4] == b"\x00\x01\x00\x00"
-    assert packed[4 : 4 + 32] == identity_lease_policy
-    assert packed[36 : 40 + len(text)] == struct.pack("<I", len(text)) + text
-    assert not any(packed[40 + len(text) :])  # an empty sequence
 
 
 @dds

@@ -16,14 +16,12 @@ from made_motions import make_motion
 from wbc import load_robot
 from wbc.app.cli import main
 from wbc.core.conventions import rotation_of
-from wbc.core.errors import InputError, UnknownNameError
 from wbc.core.robot import GRAVITY, Robot
 from wbc.motion import (
     MotionClip,
     MotionSource,
     check_motion,
     make_feasible,
-    tracking_settings,
     write_motion,
 )
 from wbc.motion.feasible import _balanced, _straightened, supports_on
@@ -32,7 +30,7 @@ from wbc.motion.kinematics import BodyMotion
 from wbc.motion.measures import nearest_inside
 from wbc.motion.source import clip_references, placed, splines
 from wbc.sim import Machine, TrackSpec, track_motion
-from wbc.walking import Reference, WalkingControl
+from wbc.walking import Reference
 from wbc.walking.planning.phases import Event
 
 DT = 0.005
@@ -97,34 +95,6 @@ def test_a_clip_is_put_where_the_robot_stands(g1: Robot, steps: MotionClip) -> N
         np.testing.assert_allclose(
             data.oMf[g1.frame_id(sole.frame)].homogeneous, place.homogeneous, atol=2e-3
         )
-
-
-def test_bad_clips_are_refused_before_anything_moves(g1: Robot, steps: MotionClip) -> None:
-    bent, elbow = g1.half_sitting.copy(), g1.joint_names.index("left_elbow_joint")
-    bent[7 + elbow] = 1.5
-    g1.update(bent, np.zeros(g1.nv))
-    moving = steps.joints.copy()
-    moving[:, elbow] = np.linspace(1.0, 0.5, len(steps))
-    with pytest.raises(InputError, match=r"'left_elbow_joint' is at 1\.500 rad, in the clip at 1\.000 rad"):
-        MotionSource(g1, replace(steps, joints=moving), DT)
-    g1.update(steps.configurations(g1)[0], np.zeros(g1.nv))
-    jump = steps.base.copy()
-    jump[300:360, 2] += 0.2
-    with pytest.raises(InputError, match=r"no sole stands from (2\.9|3\.0)"):
-        MotionSource(g1, replace(steps, base=jump, standing=None), DT)
-    with pytest.raises(UnknownNameError, match="no joint 'left_hip_pitch_joint'"):
-        track_motion(steps, TrackSpec(robot="talos"))
-    MotionSource(g1, steps, DT)
-
-
-def test_a_robot_that_tracks_a_clip_says_that_it_cannot_be_steered(g1: Robot, steps: MotionClip) -> None:
-    """Commands that nothing carries out are refused, and a page offers none."""
-    g1.update(steps.configurations(g1)[0], np.zeros(g1.nv))
-    control = WalkingControl(g1, MotionSource(g1, steps, DT), DT, tracking_settings())
-    for order in (control.stop, lambda: control.go_to(1.0, 0.0, 0.0)):
-        with pytest.raises(InputError, match="tracks a clip cannot be steered.*stands when the clip is over"):
-            order()
-    assert control.velocity is None and not control.steered
 
 
 def test_a_foot_goes_over_to_the_clip_from_where_it_was_lifted_and_may_land_early(steps: MotionClip) -> None:

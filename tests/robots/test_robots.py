@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import copy
 import dataclasses
-import json
 import pickle
 import re
 
@@ -15,11 +14,10 @@ import pytest
 from mujoco_dynamics import assert_same_dynamics
 from properties import by_default
 
-from wbc import PositionControl
 from wbc.core import conventions
-from wbc.core.errors import InputError, ModelError, UnknownNameError
+from wbc.core.errors import InputError, UnknownNameError
 from wbc.core.qp.controller import Controller
-from wbc.core.robot import GRAVITY, Robot
+from wbc.core.robot import GRAVITY
 from wbc.robots import RobotDescription, load, names, register, registry
 from wbc.robots.derivation.servo import ServoRule
 from wbc.robots.models import hrp4_class
@@ -63,19 +61,6 @@ def test_a_pinocchio_model_makes_the_same_robot(name: str) -> None:
         assert one[joint]["position"] == pytest.approx(other[joint]["position"])
         assert one[joint]["torque"] == pytest.approx(other[joint]["torque"])
         assert one[joint]["kp"] == pytest.approx(other[joint]["kp"])
-
-
-def test_pinocchio_models_that_are_refused() -> None:
-    fixed = pin.buildModelFromXML(without_geometry(load("g1").urdf))
-    soles = dict(zip(("left_sole", "right_sole"), load("g1").soles, strict=True))
-    with pytest.raises(ModelError, match="has no free-flyer as its first joint"):
-        RobotDescription.from_pinocchio(fixed, **soles)
-    ball = load("g1").pinocchio_model()
-    ball.addJoint(1, pin.JointModelSpherical(), pin.SE3.Identity(), "shoulder")
-    with pytest.raises(ModelError, match="joint 'shoulder' is a JointModelSpherical of 3 degrees of freedom"):
-        RobotDescription.from_pinocchio(ball, **soles)
-    with pytest.raises(ModelError, match="a pinocchio.Model is needed, got str"):
-        RobotDescription.from_pinocchio("g1.urdf", **soles)  # type: ignore[arg-type]
 
 
 def test_servo_gains_say_whether_they_were_given() -> None:
@@ -220,18 +205,6 @@ def test_geometry_alone_is_stripped(name: str) -> None:
     assert without_geometry(bare) == bare
 
 
-@pytest.mark.parametrize("name", BUILT_IN)
-def test_the_summary_is_json_and_the_report_readable(name: str) -> None:
-    description = load(name)
-    facts = json.loads(json.dumps(description.summary()))
-    assert facts["mass_kg"] == pytest.approx(description.robot().mass)
-    assert set(facts["joints"]) == set(description.joint_names)
-    report = description.report()
-    for line in (*description.derived, *description.joint_names, description.licence):
-        assert line in report
-    assert max(map(len, report.splitlines()[:12])) < 160
-
-
 @pytest.mark.parametrize("name", names())
 def test_kinematics_alone_are_those_of_the_whole_update(name: str) -> None:
     """To the last bit, but for the centre of mass, which is summed up in another order."""
@@ -283,33 +256,6 @@ def test_a_description_goes_to_another_process_and_a_robot_does_not(name: str) -
         for duplicate in (pickle.dumps, copy.deepcopy):
             with pytest.raises(InputError, match="clone"):
                 duplicate(item)
-
-
-def test_states_and_models_that_no_robot_has_are_refused() -> None:
-    known = load("g1")
-    robot, model = known.robot(), known.pinocchio_model()
-    q, v = np.array(robot.q), np.array(robot.v)
-    for update in (robot.update, robot.update_kinematics, Controller(robot, 0.005).update):
-        with pytest.raises(InputError, match=r"configuration must have shape \(36,\), got \(35,\)"):
-            update(q[1:], v)
-        with pytest.raises(InputError, match=r"velocity must have shape \(35,\), got \(36,\)"):
-            update(q, q)
-        with pytest.raises(InputError, match="configuration must be numbers, got 'half-sitting'"):
-            update("half-sitting", v)
-    lying = np.where(np.arange(q.size) == 6, 0.0, q)  # a quaternion of zeros
-    control = PositionControl(Controller(robot, 0.005))
-    for act in (lambda: Robot(model, robot.soles, lying), lambda: control.reset(lying)):
-        with pytest.raises(InputError, match="quaternion of the .*configuration must have length 1, got 0"):
-            act()
-    with pytest.raises(InputError, match="servos must be of the 29 joints of robot 'g1', in their order"):
-        Robot(model, robot.soles, q, servos=load("talos").servos)
-    with pytest.raises(InputError, match=r"gains must be a list, each item text, got '\*=40,1'"):
-        known.with_servos("*=40,1")
-    with pytest.raises(InputError, match="joints must be a mapping of text to a finite number"):
-        robot.configuration({robot.joint_names[0]: "bent"})  # type: ignore[dict-item]
-    bare = pin.buildSampleModelHumanoid()
-    with pytest.raises(ModelError, match="needs a frame of type BODY at its root joint"):
-        Robot(bare, [], pin.neutral(bare))
 
 
 def test_names_and_registration(monkeypatch: pytest.MonkeyPatch) -> None:

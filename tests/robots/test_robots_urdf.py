@@ -22,7 +22,7 @@ from wbc.robots import FrameDescription, RobotDescription, ServoRule, SoleDescri
 from wbc.robots.derivation.inertia import second_moments
 from wbc.robots.derivation.posture import knee_direction
 from wbc.robots.derivation.shapes import LinkShape, link_shapes
-from wbc.robots.report import report, standing_torques
+from wbc.robots.report import standing_torques
 
 THIGH, SHIN, ANKLE = 0.30, 0.28, 0.06
 LIMITS = 'lower="{low}" upper="{high}" effort="80" velocity="8"'
@@ -299,27 +299,6 @@ def test_locked_joints_are_fixed_at_their_position() -> None:
         RobotDescription.from_urdf(biped(), **FEET, lock={"l_elbow": -40.0})  # degrees
 
 
-CIRCLE = "".join(
-    f'<link name="{a}"/><joint name="{a}{b}" type="fixed"><parent link="{a}"/><child link="{b}"/></joint>'
-    for a, b in (("one", "two"), ("two", "one"))
-)
-
-
-def test_what_hung_or_lost_the_mass_is_named() -> None:
-    with pytest.raises(ModelError, match="link 'two' hangs on itself"):
-        RobotDescription.from_urdf(biped(after=CIRCLE), **FEET)
-    with pytest.raises(ModelError, match="two joints are called 'l_knee'"):
-        RobotDescription.from_urdf(biped().replace('"r_knee"', '"l_knee"'), **FEET)
-    with pytest.raises(ModelError, match="joint 'l_knee': its axis must not be zero, got '0 0 0'"):
-        RobotDescription.from_urdf(
-            re.sub(r'(name="l_knee".*?<axis xyz=)"[^"]*"', r'\1"0 0 0"', biped(), count=1, flags=re.DOTALL),
-            **FEET,
-        )
-    lost = biped().replace('<origin xyz="0.01 0 0.2"/>', '<origin xyz="nan 0 0.2"/>')
-    with pytest.raises(ModelError, match="link 'trunk': xyz of the inertial origin must be three numbers"):
-        RobotDescription.from_urdf(lost, **FEET)
-
-
 def test_a_turned_sole_link_gets_a_straight_sole_frame() -> None:
     """Some URDFs give the foot axes of its own; the sole must still look forward and up."""
     turned = "".join(
@@ -571,207 +550,6 @@ def test_random_inertias_are_judged_as_mujoco_judges_them() -> None:
     assert 2 < accepted < 10
 
 
-def legs(**angles: float) -> dict[str, float]:
-    """A posture of all leg joints, the same on both sides."""
-    rest = dict.fromkeys(("hip_yaw", "hip_roll", "hip_pitch", "knee", "ankle_pitch", "ankle_roll"), 0.0)
-    return {f"{side}_{name}": value for side in "lr" for name, value in (rest | angles).items()}
-
-
-def sole(frame: str, name: str) -> SoleDescription:
-    return SoleDescription(frame, "l_ankle_roll_link", name=name, length=0.1, width=0.1)
-
-
-REFUSED: list[tuple[type[Exception], str, dict[str, Any], str]] = [
-    (InputError, "nowhere/robot.urdf", {}, "no URDF file"),
-    (ModelError, biped()[:-20], {}, "well-formed"),
-    (ModelError, "<mujoco><worldbody/></mujoco>", {}, "<robot>"),
-    (ModelError, '<robot name="r"/>', {}, "no links"),
-    (ModelError, biped(before='<link name="stray"/>'), {}, "2 roots"),
-    (
-        ModelError,
-        biped().replace('<child link="l_knee_link"', '<child link="gone"'),
-        {},
-        "'gone', which does not exist",
-    ),
-    (
-        ModelError,
-        biped().replace('<link name="r_elbow_link"', '<link name="l_elbow_link"'),
-        {},
-        "l_elbow_link",
-    ),
-    (ModelError, biped(kind="planar"), {}, "is of type 'planar'"),
-    (ModelError, biped(limits='lower="1" upper="1" effort="1" velocity="1"'), {}, "empty"),
-    (ModelError, biped(shin='<mass value="heavy"/><inertia ixx="1"/>'), {}, "l_hip_pitch_link"),
-    (UnknownNameError, biped(), {"left_sole": "l_ankle_rol_link"}, "did you mean 'l_ankle_roll_link'"),
-    (UnknownNameError, biped(), {"left_sole": FrameDescription("sole", "l_foot")}, "no link 'l_foot'"),
-    (ModelError, biped(), {"right_sole": "l_ankle_roll_link"}, "same leg"),
-    (ModelError, biped(), {"left_sole": "trunk"}, "fixed to the root"),
-    (
-        ModelError,
-        biped(),
-        {"left_sole": "l_elbow_link", "right_sole": "r_elbow_link"},
-        "above the centre of mass|no knee|no half-sitting",
-    ),
-    (InputError, biped(), {"left_sole": sole("trunk", "left_foot")}, "exists already"),
-    (InputError, biped(), {"left_sole": sole("s", "right_foot")}, "is called 'right_foot'"),
-    (InputError, biped(), {"sole_size": (200, 100)}, r"length \(m\) must .*2.*, got 200"),
-    (UnknownNameError, biped(), {"half_sitting": {"l_kne": 0.1}}, "did you mean 'l_knee'"),
-    (InputError, biped(), {"half_sitting": {"l_knee": 3.0}}, r"l_knee.*\[0, 2.5\]"),
-    (InputError, biped(), {"half_sitting": legs(hip_pitch=-0.4, knee=0.8, ankle_pitch=-0.2)}, "tilts sole"),
-    (
-        InputError,
-        biped(),
-        {"half_sitting": legs() | {"l_hip_pitch": -0.4, "l_knee": 0.8, "l_ankle_pitch": -0.4}},
-        "above the other",
-    ),
-    (
-        InputError,
-        biped(),
-        {"half_sitting": legs(hip_pitch=0.5, knee=0.3, ankle_pitch=-0.8)},
-        "outside the soles",
-    ),
-    (ModelError, biped(), {"position_limits": {"l_ankle_pitch": (0.5, 0.8)}}, "no half-sitting"),
-    (UnknownNameError, biped(), {"torso": "chest"}, "no link 'chest'"),
-    (UnknownNameError, biped(), {"imu": "imu_link"}, "no frame 'imu_link'"),
-    (UnknownNameError, biped(), {"hands": {"left_hand": "l_hand"}}, "no frame 'l_hand'"),
-    (UnknownNameError, biped(), {"armature": {"knee": 0.1}}, "no joint 'knee'"),
-    (InputError, biped(), {"armature": -0.1}, "armature"),
-    (UnknownNameError, biped(), {"gains": {"knee": (1.0, 1.0)}}, "no joint 'knee'"),
-    (InputError, biped(), {"gains": {"l_knee": (1.0, -1.0)}}, "kd of joint 'l_knee'"),
-    (UnknownNameError, biped(), {"torque_limits": {"knee": 1.0}}, "no joint 'knee'"),
-    (InputError, biped(), {"torque_limits": {"l_knee": 0.0}}, "torque limit"),
-    (InputError, biped(), {"position_limits": {"l_knee": (1.0, 0.0)}}, "lower < upper"),
-]
-
-
-@pytest.mark.parametrize(("error", "source", "options", "said"), REFUSED, ids=[said for *_, said in REFUSED])
-def test_bad_input_is_refused_by_name(
-    error: type[Exception], source: str, options: dict[str, Any], said: str
-) -> None:
-    with pytest.raises(error, match=said):
-        RobotDescription.from_urdf(source, **{**FEET, **options})
-
-
-def test_a_description_built_by_hand_is_checked_too() -> None:
-    fine = RobotDescription.from_urdf(biped(geometry=FOOT_BOX), **FEET)
-    parts = {
-        name: getattr(fine, name)
-        for name in ("name", "urdf", "soles", "half_sitting", "armature", "imu", "torso")
-    }
-    assert np.array_equal(RobotDescription(**parts).kp, fine.kp)
-    short = dict(fine.half_sitting)
-    del short["l_knee"]
-    with pytest.raises(InputError, match="missing: l_knee"):
-        RobotDescription(**{**parts, "half_sitting": short})
-    with pytest.raises(InputError, match="half-sitting of joint 'l_knee'"):
-        RobotDescription(**{**parts, "half_sitting": {**fine.half_sitting, "l_knee": 9.0}})
-    with pytest.raises(UnknownNameError, match="no joint 'tail'"):
-        RobotDescription(**{**parts, "half_sitting": {**fine.half_sitting, "tail": 0.0}})
-    with pytest.raises(InputError, match="soles must be"):
-        RobotDescription(**{**parts, "soles": fine.soles[::-1]})
-    with pytest.raises(ModelError, match="from_urdf"):
-        RobotDescription(**{**parts, "urdf": biped(limits="")})
-    with pytest.raises(ModelError, match="A \\+ B > C"):
-        RobotDescription(**{**parts, "urdf": biped(shin=FLAT)})
-    with pytest.raises(UnknownNameError, match="no frame 'nose'"):
-        RobotDescription(**{**parts, "torso": "nose"})
-
-
-def test_a_sliding_joint_is_reported_in_millimetres_and_a_wide_range_is_no_missing_one() -> None:
-    """Two joints more: a lift of 0.2 m, and one that turns by ±3.3 rad."""
-    more = "".join(
-        f'<link name="{name}">{MASS}</link><joint name="{name}_joint" type="{kind}"><parent link="trunk"/>'
-        f'<child link="{name}"/><axis xyz="0 0 1"/>'
-        f'<limit lower="{low}" upper="{high}" effort="50" velocity="1"/></joint>'
-        for name, kind, low, high in (("lift", "prismatic", 0.0, 0.2), ("turn", "revolute", -3.3, 3.3))
-    )
-    description = RobotDescription.from_urdf(biped(after=more), **FEET)
-    lines = description.report().splitlines()
-    assert any("lift_joint" in line and "0 .. 200" in line for line in lines)
-    assert any("turn_joint" in line and "-189 .. 189" in line for line in lines)
-    assert "  sliding joints, in mm, m/s, N and kg: lift_joint" in lines
-    assert not any("position limits" in doubt for doubt in description.doubts())
-    assert description.summary()["joints"]["lift_joint"]["unit"] == "m"
-
-
-def test_a_report_says_the_facts_to_the_letter() -> None:
-    joint = {"unit": "rad", "position": [-0.5, 1.0], "velocity": 6.0, "torque": 80.0, "half_sitting": 0.25}
-    joint |= {"armature": 0.02, "kp": 1234.0, "kd": 56.78, "gains": "given"}
-    facts: dict[str, Any] = {
-        **{"name": "r", "mass_kg": 30.126, "height_m": 1.234, "com_height_m": 0.5678, "dof": 2},
-        **{"source": "a.urdf", "licence": "MIT", "torso": "trunk", "imu": "imu", "hands": {}},
-        "soles": {"left_foot": {"frame": "sole", "size_m": [0.2, 0.09], "ankle_m": [-0.03, 0.001, 0.06]}},
-        "joints": {"hip": joint, "lift": joint | {"unit": "m", "gains": "derived"}},
-        "derived": ["torso: link 'trunk'"],
-    }
-    assert report(facts).splitlines() == [
-        "r: 30.13 kg, height 1.23 m, centre of mass at 0.568 m in half-sitting, 2 joints",
-        "  source   a.urdf",
-        "  licence  MIT",
-        "  left_foot  sole: 200 x 90 mm, ankle at (-30, 1, 60) mm",
-        "  torso trunk, IMU imu, hands none",
-        "  joint                              range deg   rad/s      Nm  half-sitting deg    kg m²       kp      kd"
-        "  gains",
-        "  hip                                -29 .. 57    6.00    80.0             14.32   0.0200     1234    56.8"
-        "  given",
-        "  lift                            -500 .. 1000    6.00    80.0            250.00   0.0200     1234    56.8"
-        "  derived",
-        "  sliding joints, in mm, m/s, N and kg: lift",
-        "  derived from the model:",
-        "    torso: link 'trunk'",
-    ]
-    plain = report(
-        facts | {"height_m": None, "derived": [], "joints": {"hip": joint}, "hands": {"left_hand": "l"}}
-    )
-    assert (
-        "height unknown" in plain
-        and "sliding" not in plain
-        and "derived" not in plain
-        and "{'left_hand': 'l'}" in plain
-    )
-
-
-def test_what_is_doubtful_about_a_description_is_said_with_its_figures() -> None:
-    fine = RobotDescription.from_urdf(biped(), **FEET)
-    known = set(fine.doubts())
-
-    def new(description: RobotDescription) -> list[str]:
-        return [line for line in description.doubts() if line not in known]
-
-    left, right = fine.soles
-    for changes, doubt in (
-        ({"length": 0.204}, []),
-        ({"length": 0.206}, ["the soles differ: 200 x 90 mm and 206 x 90 mm"]),
-        ({"width": 0.084}, ["the soles differ: 200 x 90 mm and 200 x 84 mm"]),
-    ):
-        assert new(dataclasses.replace(fine, soles=(left, dataclasses.replace(right, **changes)))) == doubt
-    for mass, doubt in (("2.05", []), ("2.1", ["the legs differ in mass: 6.10 and 6.00 kg"])):
-        xml = biped().replace('<mass value="2"/>', f'<mass value="{mass}"/>', 1)
-        assert new(RobotDescription.from_urdf(xml, **FEET)) == doubt
-    names = fine.joint_names
-    bare = dataclasses.replace(fine, armature=fine.armature | dict.fromkeys(names[:7], 0.0))
-    listed = f"{', '.join(names[:6])} and 1 more"
-    assert new(bare) == [f"no rotor inertia (armature); real drives have some: {listed}"]
-    rubbing = dataclasses.replace(
-        fine, damping={"l_knee": 0.5, "r_knee": 1.5}, frictionloss={"l_elbow": 0.25}
-    )
-    text = "damping up to 1.5 Nms/rad and dry friction up to 0.25 Nm of 3 joints are not in the controller's model"
-    assert new(rubbing) == [text]
-    undamped = dataclasses.replace(
-        fine, gains={"l_elbow": (9.0, 0.0), "r_elbow": (9.0, 0.0)}, damping={"r_elbow": 1.0}
-    )
-    assert new(undamped)[0] == "given servo gains without damping: l_elbow"
-    tipping = fine.robot().mass * 9.80665 * fine.robot().com[2]
-    for share, soft in ((1.01, False), (0.99, True)):
-        kp = share * ANKLE_SHARE * tipping
-        text = (
-            f"given servo gains are soft: kp of 'l_ankle_roll' is {kp:.0f} Nm/rad, {share * ANKLE_SHARE:.2f} m g h; "
-            f"position control needs {ANKLE_SHARE:g} m g h, {ANKLE_SHARE * tipping:.0f} Nm/rad"
-        )
-        given = new(dataclasses.replace(fine, gains={"l_ankle_roll": (kp, 1.0), "l_knee": (1.0, 1.0)}))
-        assert given == soft * [text]
-
-
 def test_joints_that_only_stand_near_their_torque_limit_are_doubted() -> None:
     """Against the least contact wrenches that carry the floating base, by the pseudo-inverse."""
     fine = RobotDescription.from_urdf(biped(), **FEET)
@@ -800,3 +578,87 @@ def test_position_limits_in_degrees_are_doubted() -> None:
 
 
 MASS = '<inertial><mass value="1"/><inertia ixx="0.01" iyy="0.01" izz="0.01" ixy="0" ixz="0" iyz="0"/></inertial>'
+
+
+CIRCLE = "".join(
+    f'<link name="{a}"/><joint name="{a}{b}" type="fixed"><parent link="{a}"/><child link="{b}"/></joint>'
+    for a, b in (("one", "two"), ("two", "one"))
+)
+
+
+def first(pattern: str, by: str) -> str:
+    """Return the biped with the first match of a pattern replaced."""
+    return re.sub(pattern, by, biped(), count=1, flags=re.DOTALL)
+
+
+FILES: dict[str, tuple[str, str]] = {
+    "a missing file": ("nowhere/robot.urdf", "nowhere/robot.urdf"),
+    "half a file": (biped()[:-20], "well-formed"),
+    "an MJCF": ("<mujoco><worldbody/></mujoco>", "<robot>"),
+    "no links": ('<robot name="r"/>', "links"),
+    "two roots": (biped(before='<link name="stray"/>'), "stray"),
+    "a circle": (biped(after=CIRCLE), "two"),
+    "a child that is missing": (first('<child link="l_knee_link"', '<child link="gone"'), "gone"),
+    "two links of a name": (first('<link name="r_elbow_link"', '<link name="l_elbow_link"'), "l_elbow_link"),
+    "two joints of a name": (first('"r_knee"', '"l_knee"'), "l_knee"),
+    "an axis of zero": (first(r'(name="l_knee".*?<axis xyz=)"[^"]*"', r'\1"0 0 0"'), "l_knee"),
+    "no number": (first('<origin xyz="0.01 0 0.2"/>', '<origin xyz="nan 0 0.2"/>'), "trunk"),
+    "a planar joint": (biped(kind="planar"), "planar"),
+    "crossed limits": (biped(limits='lower="1" upper="1" effort="1" velocity="1"'), "hip_yaw"),
+    "a mass in words": (biped(shin='<mass value="heavy"/><inertia ixx="1"/>'), "l_hip_pitch_link"),
+}
+
+
+@pytest.mark.parametrize("what", FILES)
+def test_a_file_that_is_no_robot_is_refused(what: str) -> None:
+    source, named = FILES[what]
+    with pytest.raises((InputError, ModelError), match=named):
+        RobotDescription.from_urdf(source, **FEET)
+
+
+OPTIONS: list[tuple[dict[str, Any], type[Exception], str]] = [
+    ({"left_sole": "l_ankle_rol_link"}, UnknownNameError, "l_ankle_roll_link"),
+    ({"left_sole": FrameDescription("sole", "l_foot")}, UnknownNameError, "l_foot"),
+    ({"right_sole": "l_ankle_roll_link"}, ModelError, "leg"),
+    ({"left_sole": "trunk"}, ModelError, "root"),
+    ({"sole_size": (200, 100)}, InputError, "length"),
+    ({"half_sitting": {"l_kne": 0.1}}, UnknownNameError, "l_knee"),
+    ({"half_sitting": {"l_knee": 3.0}}, InputError, "l_knee"),
+    ({"position_limits": {"l_ankle_pitch": (0.5, 0.8)}}, ModelError, "half-sitting"),
+    ({"torso": "chest"}, UnknownNameError, "chest"),
+    ({"imu": "imu_link"}, UnknownNameError, "imu_link"),
+    ({"hands": {"left_hand": "l_hand"}}, UnknownNameError, "l_hand"),
+    ({"armature": {"knee": 0.1}}, UnknownNameError, "knee"),
+    ({"armature": -0.1}, InputError, "armature"),
+    ({"gains": {"l_knee": (1.0, -1.0)}}, InputError, "l_knee"),
+    ({"torque_limits": {"l_knee": 0.0}}, InputError, "torque"),
+    ({"position_limits": {"l_knee": (1.0, 0.0)}}, InputError, "l_knee"),
+]
+
+
+@pytest.mark.parametrize(("options", "error", "named"), OPTIONS)
+def test_an_option_that_does_not_fit_is_refused(
+    options: dict[str, Any], error: type[Exception], named: str
+) -> None:
+    with pytest.raises(error, match=named):
+        RobotDescription.from_urdf(biped(), **{**FEET, **options})
+
+
+def doubted(**changes: Any) -> str:
+    """Return what is doubted of the biped with other values that is not doubted of it as it is."""
+    fine = RobotDescription.from_urdf(biped(), **FEET)
+    return "\n".join(set(dataclasses.replace(fine, **changes).doubts()) - set(fine.doubts()))
+
+
+def test_what_is_doubtful_about_a_description_is_named() -> None:
+    fine = RobotDescription.from_urdf(biped(), **FEET)
+    left, right = fine.soles
+    assert "soles" in doubted(soles=(left, dataclasses.replace(right, length=0.25)))
+    assert "l_knee" in doubted(armature=fine.armature | {"l_knee": 0.0})
+    assert "friction" in doubted(damping={"l_knee": 0.5}, frictionloss={"l_elbow": 0.25})
+    assert "l_elbow" in doubted(gains={"l_elbow": (9.0, 0.0)})
+    tipping = fine.robot().mass * 9.80665 * fine.robot().com[2]
+    for share, soft in ((1.01, False), (0.99, True)):
+        assert (
+            "l_ankle_roll" in doubted(gains={"l_ankle_roll": (share * ANKLE_SHARE * tipping, 1.0)})
+        ) is soft

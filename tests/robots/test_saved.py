@@ -4,9 +4,7 @@ from __future__ import annotations
 
 import inspect
 import json
-from importlib import metadata
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -23,7 +21,6 @@ from wbc.robots import (
     registry,
     saved,
 )
-from wbc.robots.models import other_wheels
 
 SOLE = {"link": "left_foot", "translation": [0.03, 0.0, -0.07], "length": 0.2, "width": 0.1}
 
@@ -109,73 +106,3 @@ def test_a_changed_description_is_read_anew_and_a_stamp_is_of_its_content(file: 
     assert others()["mine"] == ""
     with pytest.raises(UnknownNameError, match="did you mean 'mine'"):
         load("mime")
-
-
-@pytest.mark.parametrize(
-    ("text", "message"),
-    [
-        ("left_sole = 'a'", 'must name the file of the robot: file = "my.xml"'),
-        ("file = 'biped.xml'\nleft_foot = 'a'", "no parameter of the MJCF reader 'left_foot'; did you mean"),
-        ("file = 'gone.xml'", "gone.xml"),
-        ("file = 3", "must name the file"),
-        ("file =", "is not TOML"),
-        ("file = 'biped.xml'\nservo = { frequncy = 3 }", "did you mean 'frequency'"),
-        ("file = 'biped.urdf'\nleft_foot = 'a'", "no parameter of the URDF reader 'left_foot'; did you mean"),
-    ],
-)
-def test_bad_descriptions_are_named(file: Path, text: str, message: str) -> None:
-    (file.parent / "biped.urdf").write_text("<!-- <mujoco> --><robot name='r'/>")
-    (file.parent / "bad.toml").write_text(text)
-    with pytest.raises(InputError) as caught:
-        load(str(file.parent / "bad.toml"))
-    assert message in str(caught.value)
-    with pytest.raises(
-        InputError, match="^no robot file 'gone.toml'; give an MJCF, a URDF or a TOML description$"
-    ):
-        saved.read("gone.toml")
-
-
-def test_robots_of_wheels_are_read_where_these_are_and_else_say_how_to_install_them(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    def missing(name: str) -> None:
-        raise metadata.PackageNotFoundError(name)
-
-    monkeypatch.setattr(metadata, "distribution", missing)
-    assert others()["h1"] == "pip install --no-deps playground==0.2.0"
-    jvrc, how = other_wheels.jvrc1.__wrapped__, "pip install --no-deps jvrc_description==1.1.1"
-    with pytest.raises(
-        InputError, match=f"^this robot is in the wheel 'jvrc_description', .* not installed: {how}$"
-    ):
-        jvrc()
-
-    def found(name: str) -> Any:
-        return SimpleNamespace(locate_file=lambda relative: tmp_path / relative)
-
-    monkeypatch.setattr(metadata, "distribution", found)
-    assert others()["h1"] == ""
-    with pytest.raises(
-        InputError, match=f"^the installed 'jvrc_description' has no file '.*jvrc1.urdf': {how}$"
-    ):
-        jvrc()
-    taken: dict[str, dict[str, Any]] = {}
-
-    def take(path: Path, **options: Any) -> None:
-        taken[options["name"]] = options | {"path": path}
-
-    for kind in ("from_urdf", "from_mjcf"):
-        monkeypatch.setattr(RobotDescription, kind, take)
-    files = {
-        "jvrc1": "jvrc_description/urdf/jvrc1.urdf",
-        "t1": "mujoco_playground/_src/locomotion/t1/xmls/t1_mjx_feetonly.xml",
-        "apollo": "mujoco_playground/_src/locomotion/apollo/xmls/scene_mjx_feetonly_flat_terrain.xml",
-    }
-    for name, relative in files.items():
-        (tmp_path / relative).parent.mkdir(parents=True)
-        (tmp_path / relative).touch()
-        jvrc() if name == "jvrc1" else other_wheels.playground.__wrapped__(name)
-        assert taken[name]["path"] == tmp_path / relative
-    fixed = taken["jvrc1"]["lock"]
-    assert len(fixed) == 12 and {"L_UTHUMB", "R_LLITTLE"} < set(fixed) and set(fixed.values()) == {0.0}
-    assert taken["jvrc1"]["package_dirs"] == (tmp_path,)
-    assert taken["t1"]["use_gains"] is taken["apollo"]["meshes"] is False
