@@ -6,8 +6,6 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from wbc.core.errors import InputError, UnknownNameError
-
 gymnasium = pytest.importorskip("gymnasium")
 
 from gymnasium.utils.env_checker import check_env  # noqa: E402 - an extra
@@ -78,18 +76,3 @@ def test_an_observation_is_the_same_wherever_the_robot_is_and_heads() -> None:
     parts = (robot.com - 0.5 * (feet[0] + feet[1]), robot.com_velocity, down, v[3:6], load, q[7:], v[6:])
     np.testing.assert_allclose(seen[0], np.concatenate(parts), atol=1e-9)
     assert 0.3 < load.sum() < 1.1
-
-
-def test_bad_input_is_named() -> None:
-    with pytest.raises(UnknownNameError, match="walk"):
-        WbcEnv("run")
-    with pytest.raises(InputError, match="seed is set by the environment"):
-        WbcEnv("walk", seed=3)
-    env = WbcEnv("walk")
-    with pytest.raises(InputError, match="reset the environment"):
-        env.step([0.0, 0.0, 0.0])
-    env.reset(seed=0)
-    with pytest.raises(InputError, match="action"):
-        env.step([0.0, np.nan, 0.0])
-    with pytest.raises(InputError, match="action"):
-        env.step([0.0])

@@ -11,7 +11,6 @@ import numpy as np
 import pytest
 from properties import by_default
 
-from wbc.core.errors import InputError
 from wbc.core.settings import to_json
 from wbc.feet import Foot, foot
 from wbc.feet.soles.contact import ConstraintLaw, ContactSpheres
@@ -70,15 +69,6 @@ def test_results_are_json() -> None:
     assert set(back) == {"diverged", "impact", "hold", "support"}
     assert len(back["hold"]["sole_angles"]) == 10
     assert back["hold"]["contacts"] == len(back["hold"]["contact_points"])
-
-
-def test_a_test_says_what_it_is() -> None:
-    test = FootTest(foot("variable", stiffness=7.0), STONES, load=300.0)
-    said = json.loads(json.dumps(test.describe(), allow_nan=False))
-    assert (said["foot"], said["terrain"], said["seed"], said["load_n"]) == ("variable", "stones", 1, 300.0)
-    assert said["foot_parameters"]["stiffness"] == 7.0
-    assert said["added_mass_kg"] == pytest.approx(0.34)
-    assert said["height_change_m"] == pytest.approx(0.0, abs=1e-12)
 
 
 # --- impact ----------------------------------------------------------------------------------------------------------
@@ -198,28 +188,3 @@ def test_pitching_the_toe_down_moves_the_centre_of_pressure_forward() -> None:
 
 
 # --- bad input -------------------------------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize(
-    ("parameters", "message"),
-    [
-        ({"hold": 1e-5}, "at least one physics step"),
-        ({"drop": 1.5}, "drop"),
-        ({"physics": PhysicsSettings(gravity=0.0)}, r"^gravity \(m/s²\) must be above 0 for a foot test"),
-        ({"foot": foot("soft", ankle_height=0.01)}, "does not fit"),
-    ],
-)
-def test_impossible_tests_are_refused(parameters: dict[str, object], message: str) -> None:
-    with pytest.raises(InputError, match=message):
-        FootTest(**parameters)  # type: ignore[arg-type]
-
-
-def test_impossible_actions_are_refused() -> None:
-    with pytest.raises(InputError, match="servo"):
-        pitch(FootTest(ankle_stiffness=0.0))
-    with pytest.raises(InputError, match="move faster"):
-        pitch(FootTest(), rate=0.0057)  # for 61 s
-    with pytest.raises(InputError, match="pitch amplitude .* got 1.6"):
-        pitch(FootTest(), amplitude=1.6)
-    with pytest.raises(InputError, match="less than two samples"):
-        pitch(FootTest(), rate=100.0)

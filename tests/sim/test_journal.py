@@ -15,7 +15,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from properties import examples
 
-from wbc.core.errors import InputError, UnknownNameError
+from wbc.core.errors import InputError
 from wbc.sim import WalkSpec
 from wbc.sim.studies.journal import (
     Entries,
@@ -92,18 +92,6 @@ def test_damaged_lines_are_passed_over_and_said(tmp_path: Path, caplog: pytest.L
     assert "line 2" in caplog.text
 
 
-def test_what_is_inside_a_line_is_not_taken_for_its_key_and_sum(tmp_path: Path) -> None:
-    path, one = tmp_path / "journal.jsonl", entry(1)
-    inside = Entry(
-        {"kind": "walk", "sum": "0" * 16, "key": "0" * 32}, "done", {"sum": 1}, None, None, VERSION
-    )
-    path.write_bytes(inside.line() + one.line())
-    assert read_journal(path) == {inside.key: inside, one.key: one}
-    quoted = Entry({"kind": "walk"}, "crashed", None, None, '","key":"' + "0" * 32 + '","result":', VERSION)
-    path.write_bytes(quoted.line())
-    assert read_journal(path) == {quoted.key: quoted}
-
-
 def test_one_writes_at_a_time_and_all_may_read(tmp_path: Path) -> None:
     path = tmp_path / "journal.jsonl"
     with Journal(path) as journal:
@@ -113,15 +101,6 @@ def test_one_writes_at_a_time_and_all_may_read(tmp_path: Path) -> None:
         assert len(read_journal(path)) == 1
     with Journal(path) as journal:
         assert len(journal) == 1
-
-
-@pytest.mark.parametrize("content", ["hello\nworld\n", '{"robot": "talos"}\n', "hello"])
-def test_leaves_other_files_alone(tmp_path: Path, content: str) -> None:
-    path = tmp_path / "notes.txt"
-    path.write_text(content)
-    with pytest.raises(JournalError, match="no journal"):
-        Journal(path)
-    assert path.read_text() == content
 
 
 def test_a_full_disk_leaves_no_part_of_a_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -137,15 +116,6 @@ def test_a_full_disk_leaves_no_part_of_a_line(tmp_path: Path, monkeypatch: pytes
         assert path.read_bytes() == before
         journal.add(entry(2))
     assert len(read_journal(path)) == 2
-
-
-def test_lines_are_forced_to_the_disk_once_a_second_and_at_the_end(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    calls: list[int] = []
-    monkeypatch.setattr(os, "fsync", calls.append)
-    written(tmp_path / "journal.jsonl", 3)
-    assert len(calls) == 2
 
 
 def test_keys_name_spec_and_code() -> None:
@@ -202,41 +172,8 @@ def test_canonical_json_is_json(value: object) -> None:
     assert canonical(json.loads(text)) == text
 
 
-def test_entries_that_this_code_cannot_read_are_counted(
-    tmp_path: Path, caplog: pytest.LogCaptureFixture
-) -> None:
-    path, old = tmp_path / "journal.jsonl", {"kind": "walk", "hat": "red"}
-    walks = [WalkSpec(seed=seed).to_json() for seed in range(2)]
-    with Journal(path) as journal:
-        for spec in (old, *walks, old | {"seed": 4}):
-            journal.add(Entry(spec, "done", {}, None, None, VERSION))
-    with caplog.at_level(logging.WARNING):
-        read = read_journal(path, any_code=True)
-    assert list(read) == [trial_key(walk) for walk in walks]
-    assert "2 entries whose spec this version cannot read are left out" in caplog.messages
-
-
 def test_what_is_no_number_is_null() -> None:
     assert canonical({"x": math.nan, "y": [math.inf, 1.0]}) == '{"x":null,"y":[null,1.0]}'
-
-
-def test_refuses(tmp_path: Path) -> None:
-    for opened in (check_journal_path, Journal):
-        with pytest.raises(InputError, match="folder"):
-            opened(tmp_path)
-        with pytest.raises(InputError, match="too long|cannot be the name of a file"):
-            opened(tmp_path / ("x" * 300))
-    (tmp_path / "file").touch()
-    with pytest.raises(JournalError, match="cannot be written"):
-        Journal(tmp_path / "file" / "a")
-    with pytest.raises(JournalError, match="cannot be read"):
-        read_journal(tmp_path)
-    with pytest.raises(UnknownNameError, match="crashed"):
-        entry(1, "crash")
-    journal = Journal(tmp_path / "b")
-    journal.close()
-    with pytest.raises(JournalError, match="closed"):
-        journal.add(entry(1))
 
 
 def test_a_compressed_journal_is_read_and_never_written(tmp_path: Path) -> None:

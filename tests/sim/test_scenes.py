@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-import re
-
 import mujoco
 import numpy as np
 import pinocchio as pin
 import pytest
 
 import wbc
-from wbc.core.errors import InputError, UnknownNameError
+from wbc.core.errors import InputError
 from wbc.core.robot import GRAVITY
 from wbc.feet import RangeSensor
 from wbc.robots import load
@@ -128,39 +126,6 @@ def test_the_cart_moves_above_its_resistance_and_not_below() -> None:
         moved.append(float(plant.data.qvel[plant.model.body_dofadr[cart]]))
     assert abs(moved[0]) < 0.005
     assert moved[1] == pytest.approx((20.0 - 15.0) / 10.0 * 0.2, rel=0.3)
-
-
-DRIVEN = """<mujoco><worldbody><body><joint name="j"/><geom size="1"/></body></worldbody>
-<actuator><motor joint="j"/></actuator></mujoco>"""
-BROKEN = '<mujoco><worldbody><body><geom type="box" size="0 1 1"/></body></worldbody></mujoco>'
-
-
-@pytest.mark.parametrize(
-    ("make", "message"),
-    [
-        (lambda: Plant(load("g1"), scene="wal"), "no scene 'wal'; did you mean 'wall'"),
-        (lambda: make_scene("wall", distence=1.0), "distence"),
-        (
-            lambda: make_scene("door", height=0.9),
-            "handle (m) of a door must be below the top of its leaf at 0.9 m",
-        ),
-        (lambda: make_scene("rail", height=0.01), "height (m) of a rail must be above its radius"),
-        (lambda: Plant(load("g1"), scene=BROKEN), "scene cannot be read: "),
-        (lambda: Plant(load("g1"), scene="<mujoco><worldbody><body/></mujoco>"), "scene cannot be read: "),
-        (lambda: Plant(load("g1"), scene="missing.xml"), "scene cannot be read: "),
-        (lambda: Plant(load("g1"), scene=DRIVEN), "furniture without actuators"),
-        (lambda: Plant(load("g1"), scene=make_scene("wall", distance=0.05)), "mm inside 'wall'"),
-        (lambda: Plant(load("g1")).grip("left_hand", "left handle"), "without a scene"),
-        (lambda: Plant(load("g1"), scene="rail").grip("left_hnd", "left handle"), "left_hand"),
-        (lambda: Plant(load("g1"), scene="rail").grip("left_hand", "lft handle"), "left handle"),
-        (lambda: wbc.WalkSpec(scene_params={"distance": 1.0}), "need a scene"),
-        (lambda: wbc.WalkSpec(scene="rale"), "no scene 'rale'"),
-    ],
-)
-def test_bad_scenes_are_refused(make: object, message: str) -> None:
-    assert callable(make)
-    with pytest.raises((InputError, UnknownNameError), match=re.escape(message)):
-        make()
 
 
 def test_a_reset_that_the_furniture_refuses_leaves_the_plant_as_it_is() -> None:

@@ -8,7 +8,6 @@ import pytest
 from properties import by_default
 
 import wbc
-from wbc.core.errors import InputError, UnknownNameError
 from wbc.sim import MujocoLoop, Plant, SharedPlant
 
 HRP4, G1 = wbc.load_robot("hrp4_class"), wbc.load_robot("g1")
@@ -69,19 +68,3 @@ def test_a_loop_that_begins_inside_the_ground_says_so(caplog: pytest.LogCaptureF
     assert not caplog.records
     loop = MujocoLoop(HRP4, model, mujoco.MjData(model), prefix="one/")
     assert "inside the ground" in loop.notes[-1] and "inside the ground" in caplog.text
-
-
-def test_what_cannot_be_is_refused_by_name() -> None:
-    with pytest.raises(InputError, match="stand clear"):
-        SharedPlant({"one": HRP4, "two": G1}, scene=WALL)
-    with pytest.raises(UnknownNameError, match="did you mean 'two'"):
-        SharedPlant({"one": HRP4, "two": G1}, places={"tow": (1.0, 0.0, 0.0)})
-    with pytest.raises(InputError, match="without '/'"):
-        SharedPlant({"a/b": HRP4})
-    plant = SharedPlant({"one": HRP4, "two": G1}, places={"two": (1.0, 0.0, 0.0)})
-    command = plant.loops["one"].hold()
-    with pytest.raises(InputError, match="two got none"):
-        plant.step({"one": command})
-    with pytest.raises(UnknownNameError, match="no robot 'three'"):
-        plant.step({"one": command, "three": command})
-    assert plant.time == 0.0

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 import json
 import logging
 import math
@@ -15,8 +14,7 @@ import sys
 import threading
 import time
 from collections import Counter
-from collections.abc import Iterator
-from concurrent.futures import BrokenExecutor, Executor, Future, ThreadPoolExecutor
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
@@ -29,7 +27,6 @@ from sweep_trials import MadeUpTrial
 
 from wbc.core.errors import InputError, UnknownNameError
 from wbc.sim.studies import trials
-from wbc.sim.studies.catalog import STUDIES, study_by_name
 from wbc.sim.studies.intervals import (
     equivalence,
     holm,
@@ -42,8 +39,8 @@ from wbc.sim.studies.journal import Entries, Entry, Journal, read_journal
 from wbc.sim.studies.provenance import provenance
 from wbc.sim.studies.study import Cell, LeftOut, Study, left_out, merged
 from wbc.sim.studies.study_table import reach_of, study_rows, study_table
-from wbc.sim.studies.sweep import SweepError, SweepSummary, cluster_executor, sweep
-from wbc.sim.studies.trials import WalkPushLimitSpec, register_trial, run_trial, trial_from_json, with_seed
+from wbc.sim.studies.sweep import SweepSummary, cluster_executor, sweep
+from wbc.sim.studies.trials import WalkPushLimitSpec, run_trial, trial_from_json, with_seed
 from wbc.sim.trial.push import WalkPush
 from wbc.sim.walks.plans import WalkPlan
 from wbc.sim.walks.spec import WalkSpec
@@ -111,17 +108,6 @@ def test_results_of_other_code_count_only_if_wanted(tmp_path: Path) -> None:
     assert own.version == provenance() and marks_of(marks) == {1: 1}
 
 
-def test_processes_with_other_code_end_a_sweep(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A cluster may have it, or a process that starts again after an edit: the journal would name the wrong code."""
-    marks, path = tmp_path / "marks", tmp_path / "journal.jsonl"
-    monkeypatch.setattr(sweep_module, "provenance", lambda: {**provenance(), "code": "another"})
-    trials = [MadeUpTrial(number, marks=str(marks)) for number in range(3)]
-    with Journal(path) as journal, ThreadPoolExecutor(1) as pool:
-        with pytest.raises(SweepError, match=f"other code .* code another instead of {provenance()['code']}"):
-            sweep(trials, journal, executor=pool)
-        assert not journal.entries and not marks.exists()
-
-
 def test_own_processes_survive_a_trial_that_kills_one(tmp_path: Path) -> None:
     marks, path = tmp_path / "marks", tmp_path / "journal.jsonl"
     kinds = ["work", "die"]
@@ -150,69 +136,6 @@ def test_a_worker_ends_with_the_process_that_has_started_it(monkeypatch: pytest.
         codes.get(timeout=0.05)
     gone.set()
     assert codes.get(timeout=60.0) == 1
-
-
-@pytest.mark.parametrize("killed", [4, 5])
-def test_a_process_may_be_killed_four_times_before_its_trial_has_begun(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, killed: int
-) -> None:
-    class Killed(Executor):
-        def submit(self, *arguments: Any) -> Any:
-            raise BrokenExecutor
-
-    pools = [Killed() for _ in range(1 + killed)]  # the first one is that of all trials
-
-    @contextlib.contextmanager
-    def made(workers: int) -> Iterator[Executor]:
-        with ThreadPoolExecutor(workers) as pool:
-            yield pools.pop() if pools else pool
-
-    monkeypatch.setattr(sweep_module, "local_executor", made)
-    with Journal(tmp_path / "journal.jsonl") as journal:
-        if killed == 4:
-            assert sweep([MadeUpTrial(0)], journal).counts == {"done": 1}
-            return
-        with pytest.raises(SweepError, match="ended 5 times before one began.*__main__"):
-            sweep([MadeUpTrial(0)], journal)
-        assert not journal.entries
-
-
-def test_a_process_that_is_stuck_is_given_twice_its_time_out_and_half_a_minute(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    calls: list[Any] = []
-    monkeypatch.setattr(
-        trials,
-        "faulthandler",
-        SimpleNamespace(
-            dump_traceback_later=lambda seconds, *, exit, file: calls.append((seconds, exit, file)),
-            cancel_dump_traceback_later=lambda: calls.append("cancelled"),
-        ),
-    )
-    assert run_trial(MadeUpTrial(1), 4.0, exit_when_stuck=True).status == "done"
-    assert calls == [(38.0, True, 2), "cancelled"]
-    run_trial(MadeUpTrial(1), exit_when_stuck=True)
-    assert len(calls) == 2, "without a time-out nothing is begun"
-
-
-def test_a_trial_that_its_executor_cancels_has_not_crashed(tmp_path: Path) -> None:
-    """A cluster whose scheduler is restarted cancels what it had; the next sweep runs it."""
-    path, trials = tmp_path / "journal.jsonl", [MadeUpTrial(number) for number in range(3)]
-
-    class Restarted(ThreadPoolExecutor):
-        def submit(self, run: Any, trial: Any, /, *arguments: Any) -> Any:  # type: ignore[override]
-            future: Any = Future() if trial.number == 1 else super().submit(run, trial, *arguments)
-            if trial.number == 1:
-                future.cancel()
-                future.set_running_or_notify_cancel()
-            return future
-
-    with Restarted(1) as pool, Journal(path) as journal, pytest.raises(SweepError, match="1 were lost"):
-        sweep(trials, journal, executor=pool)
-    assert 1 not in by_number(path)
-    with ThreadPoolExecutor(1) as pool, Journal(path) as journal:
-        sweep(trials, journal, executor=pool)
-    assert {entry.status for entry in by_number(path).values()} == {"done"} and len(by_number(path)) == 3
 
 
 @pytest.mark.slow
@@ -271,16 +194,6 @@ def test_a_walk_is_done_unless_its_simulation_diverged(outcome: str, monkeypatch
     monkeypatch.setattr(trials, "walk", lambda spec, hooks: result)
     found = trials.walk_outcome(WalkSpec(), lambda: None)
     assert found.result == {"outcome": outcome} and (found.status == "diverged") == (outcome == "diverged")
-
-
-def test_refuses_what_is_no_trial(tmp_path: Path) -> None:
-    no_trial = pytest.raises(InputError, match="a trial must have kind and to_json")
-    with Journal(tmp_path / "journal.jsonl") as journal, no_trial:
-        sweep([object()], journal)  # type: ignore[list-item]
-    with pytest.raises(InputError, match="registered already"):
-        register_trial("walk", None)  # type: ignore[arg-type]
-    with pytest.raises(UnknownNameError, match="walk"):
-        trial_from_json({"kind": "wlak"})
 
 
 # Walks as trials
@@ -482,69 +395,6 @@ def test_what_a_result_does_not_use_is_counted_by_reason() -> None:
     )
     assert LeftOut(entries=5, other_trials=3).text() is None, "a part of a study leaves out the rest of it"
     assert LeftOut(entries=3, other_trials=3).text() is not None, "but not all of a journal"
-
-
-def test_the_table_of_push_recovery_pushes_in_eight_directions_at_three_phases_of_a_walk() -> None:
-    study = study_by_name("push_recovery")
-    assert dict(study.arms) == {"lipm": {}, "stepping": {"law": "stepping"}}
-    walks = {trial.cell: trial.spec.walk for trial in study.narrowed(arms=["lipm"], seeds=1).trials()}
-    assert len(walks) == 8 * 4
-    for eighth in range(8):
-        standing = walks[f"standing, {45 * eighth}°"]
-        (push,), (row,) = standing.pushes, standing.plan.drive
-        assert push.direction == pytest.approx(math.radians(45 * eighth)) and row[1:] == (0.0, 0.0, 0.0)
-        assert 0.0 < push.time < row[0]
-        for phase in (0.1, 0.4, 0.7):
-            walking = walks[f"phase {phase}, {45 * eighth}°"]
-            (push,), (go, stop) = walking.pushes, walking.plan.drive
-            assert (push.phase, push.direction) == (phase, pytest.approx(math.radians(45 * eighth)))
-            assert go == (0.0, 0.3, 0.0, 0.0) and stop == (row[0], 0.0, 0.0, 0.0)
-            assert push.step % 2 == 1, "a step of the left foot"
-
-
-TRAINING = ("dataset", "halfway", "tuned_fixed")
-"""Studies that something is learnt from."""
-
-
-@pytest.mark.parametrize("name", STUDIES)
-def test_studies_of_the_project_can_be_run(name: str) -> None:
-    few = [study_by_name(name).cells[0].name]
-    study = study_by_name(name).narrowed(few, seeds=1)
-    specs = [trial.spec for trial in study.trials()]
-    assert len({json.dumps(spec.to_json()) for spec in specs}) == len(specs) == study.size
-    fresh = [seed >= 100 for seed in study_by_name(name).seeds]
-    assert all(fresh) != (name in TRAINING) and any(fresh) == all(fresh), (
-        "seeds below 100 are for tuning and training"
-    )
-
-
-@pytest.mark.parametrize(
-    ("make", "message"),
-    [
-        (lambda: small_study(cells=()), "at least one cell"),
-        (lambda: small_study(reference="hard"), "flat, rigid, soft"),
-        (lambda: small_study(kind="walc"), "walk"),
-        (lambda: small_study(cells=(Cell("a", {}), Cell("a", {}))), "twice"),
-        (lambda: small_study(cells=(Cell("a", {}), Cell("all", {}))), "no cell can be called 'all'"),
-        (lambda: small_study(seeds=(100, 101, 100)), "seed '100' twice"),
-        (lambda: small_study(cells=(Cell("a", {}, ("flat", "flat")),)), "cell 'a' with the arm 'flat' twice"),
-        (
-            lambda: small_study(cells=(Cell("a", {}, ()),)),
-            "cell 'a' of .* has no arms; leave arms out for all",
-        ),
-        (lambda: small_study(cells=(Cell("a", {}, ("hard",)),)), "arm"),
-        (lambda: list(small_study(base={"fot": "soft"}).trials()), "small.*flat.*foot"),
-        (lambda: small_study().narrowed(["stones"]), "flat, legacy"),
-        (lambda: small_study().narrowed(seeds=9), "from 1 to the 4"),
-        (lambda: Study.from_json({"name": "x", "cells": {}, "arms": {}}), "^seeds is missing: a list"),
-        (lambda: Study.from_json({"nam": "x"}), "no setting of Study 'nam'; did you mean 'name'"),
-        (lambda: Study.from_json({"name": "x", "cells": [], "arms": {}, "seeds": [1]}), "object"),
-        (lambda: study_by_name("flat_flor"), "flat_floor"),
-    ],
-)
-def test_refuses_bad_studies(make: Any, message: str) -> None:
-    with pytest.raises(InputError, match=message):
-        make()
 
 
 def test_the_normal_limit_has_the_standard_error_of_the_mean(monkeypatch: pytest.MonkeyPatch) -> None:

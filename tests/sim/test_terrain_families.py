@@ -285,24 +285,6 @@ def test_a_patchwork_is_what_its_stretches_say() -> None:
     assert stretches(terrain("stones", seed=1)) == [("stones", 0.3, 3.3)]
 
 
-@pytest.mark.parametrize(
-    ("families", "message"),
-    [
-        ("", "at least one family"),
-        ("stones stones", "twice"),
-        ("stone", "did you mean 'stones'"),
-        ("random", "of families of solids"),
-        ("patchwork", "of families of solids"),
-        ("boards:0.5", "must have the height 1"),
-        ("boards:2 stones", "must lie in"),
-        ("boards stones:0", "height of stones in a patchwork must be above 0, got 0"),
-    ],
-)
-def test_patchworks_that_cannot_be_laid(families: str, message: str) -> None:
-    with pytest.raises(InputError, match=message):
-        terrain("patchwork", families=families)
-
-
 def test_high_plates_do_not_lean_out_of_the_track() -> None:
     for seed in range(8):
         assert terrain("large_floor_tiles", 0.1, seed).shapes  # the ground is checked as it is built

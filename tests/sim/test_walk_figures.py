@@ -15,7 +15,7 @@ import pytest
 from wbc.core.errors import InputError
 from wbc.sim.terrain.spec import terrain
 from wbc.sim.walks.meter import WalkMeter
-from wbc.sim.walks.plans import Drive, WalkPlan, check_drive, stair_of
+from wbc.sim.walks.plans import Drive, WalkPlan, stair_of
 from wbc.sim.walks.spec import WalkSpec
 from wbc.sim.walks.trial import WalkTrial
 from wbc.walking.planning.footsteps import Footstep
@@ -267,22 +267,6 @@ def test_a_stepping_walk_has_orders_and_the_time_that_they_take() -> None:
     assert turn.nominal_time == pytest.approx(2.2 / s.fastest_turn + pause, rel=0.05)
     with pytest.raises(InputError, match="takes no footsteps: it decides each step .* choose the law 'lipm'"):
         prepared(footsteps=(Footstep("left", 0.05, 0.12),))
-
-
-@pytest.mark.parametrize(
-    ("rows", "message"),
-    [
-        ((), "at least one row"),
-        (((-0.1, 0, 0, 0),), "increase from 0 on, got -0.1 s in row 1$"),
-        (((0, 0.1, 0, 0), (0, 0, 0, 0)), "got 0 s in row 2 after 0 s"),
-        (((0, 0.1, 0, 0), (2, 0.1, 0, 0), (1, 0, 0, 0)), "got 1 s in row 3 after 2 s"),
-        (((0, 0.1, 0, 0), (1, math.nan, 0, 0)), "row 2 of a drive: "),
-        (((0, 0.1, 0, 0), (1, 0, 0, 0.2)), r"ends with a stand, got velocity \(0, 0, 0.2\)"),
-    ],
-)
-def test_drives_that_cannot_be_driven(rows: tuple[tuple[float, ...], ...], message: str) -> None:
-    with pytest.raises(InputError, match=message):
-        check_drive(rows)
 
 
 def test_a_drive_gives_each_row_when_it_is_due_and_is_over_with_the_last() -> None:

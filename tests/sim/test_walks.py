@@ -18,11 +18,10 @@ from wbc.sim.trial.loop import TrialHook, TrialTick
 from wbc.sim.trial.push import WalkPush
 from wbc.sim.walks.plans import WalkPlan
 from wbc.sim.walks.result import WalkResult
-from wbc.sim.walks.settings import TrialSettings
 from wbc.sim.walks.spec import WalkSpec
 from wbc.sim.walks.trial import WalkTrial, walk
 from wbc.walking.falls import FallReason
-from wbc.walking.planning.footsteps import Footstep, FootstepPlan
+from wbc.walking.planning.footsteps import FootstepPlan
 from wbc.walking.planning.gait import Gait
 from wbc.walking.planning.phases import Event
 from wbc.walking.planning.planners import walk_velocity
@@ -347,37 +346,6 @@ def test_changes_reach_the_controller() -> None:
     assert trial.plant.foot.stiffness == 7.0  # type: ignore[attr-defined]
 
 
-def test_the_law_without_bias_estimate_is_the_plain_one_and_can_be_changed() -> None:
-    settings = WalkSpec(plan=TWO_STEPS, gains="no_bias").settings()
-    assert not settings.feedforward and settings.walk.adjustment is None
-    assert settings.gains.cop_admittance == (0.01, 0.01)
-    spec = WalkSpec(plan=TWO_STEPS, gains="no_bias", changes={"walk.adjustment": True, "freeze": 0.2})  # type: ignore[arg-type]
-    adjustment = spec.settings().walk.adjustment
-    assert adjustment is not None and adjustment.freeze == 0.2
-
-
-def test_the_papers_law_is_as_printed() -> None:
-    """KI is zero because a bias estimator takes its place; stored specs had another name for the law without it."""
-    settings, plain = (WalkSpec(gains=name).settings() for name in ("frizza", "no_bias"))
-    assert isinstance(settings, TrialSettings) and isinstance(plain, TrialSettings)
-    assert settings.bias is not None and plain.bias is None and not settings.feedforward
-    assert [settings.gains.dcm_p[0], settings.gains.dcm_i[0], settings.gains.dcm_d[0]] == [3.4, 0.0, 2.1]  # type: ignore[index]
-    assert WalkSpec.from_json({"gains": "legacy"}) == WalkSpec(gains="no_bias")
-
-
-def test_a_stored_walk_keeps_its_sharp_edge() -> None:
-    spec = WalkSpec(terrain="stones", amplitude=0.02)
-    written = spec.to_json()
-    assert written["terrain_params"] == {"ramp": 0.5} and WalkSpec.from_json(written) == spec
-    stored = WalkSpec.from_json({**written, "terrain_params": {}})
-    assert stored.ground().ramp == 0.0 and stored != spec
-    assert WalkSpec.from_json(stored.to_json()) == stored
-    assert WalkSpec.from_json({"terrain": "stones", "amplitude": 0.02}) == spec
-    flat = WalkSpec().to_json()
-    assert WalkSpec.from_json({**flat, "terrain_params": {}}) == WalkSpec()
-    assert WalkSpec(terrain="stones", terrain_params={"ramp": 0.5}, amplitude=0.02) == spec  # type: ignore[arg-type]
-
-
 def test_stairs_of_the_ground_are_climbed() -> None:
     params = {"riser": 0.1, "direction": "up", "tread": 0.3, "length": 1.2}
     spec = WalkSpec(
@@ -398,71 +366,6 @@ def test_timings_are_rounded_and_said() -> None:
     prepared = WalkSpec(plan=TWO_STEPS, gait=Gait(single_support=0.8013)).prepare()
     assert prepared.plan.gait.single_support == pytest.approx(0.8)
     assert any("0.8013" in note for note in prepared.notes)
-
-
-@pytest.mark.parametrize(
-    ("values", "message"),
-    [
-        ({"robot": "hrp4_clas"}, "did you mean 'hrp4_class'"),
-        ({"stiffness": 5.0}, "flat foot has no stiffness"),
-        ({"foot": "soft", "foot_changes": {"dampin": 1.0}}, "damping"),
-        ({"foot": "soft", "foot_changes": {"stiffness": 1.0}}, "option of its own"),
-        ({"terrain": "stones", "terrain_params": {"seed": 1}}, "option of its own"),
-        ({"control_period": 0.0025}, "nearest is 0.002"),
-        ({"gains": "mine"}, "default, frizza, no_bias"),
-        ({"changes": {"dcm_q": 1.0}}, "dcm_p"),
-        ({"changes": {"margin": 0.01}}, "distribution.margin"),
-        ({"changes": {"mode": "torque"}}, "option 'mode'"),
-        ({"changes": {"timestep": 0.002}}, "option 'timestep'"),
-        ({"changes": {"walk": True}}, "no setting 'walk'|settings of its own"),
-        ({"changes": {"com_height": 1.5}}, "0.826"),
-        ({"changes": {"walk.preview.target.inward": 0.05}}, "at most 0.072 and 0.03 m"),
-        ({"plan": WalkPlan(distance=1e9)}, "at most 10000"),
-        ({"plan": WalkPlan(velocity=(0.0, 0.0, 5.712), steps=3)}, "half a turn is 3.74 rad/s"),
-        ({"gait": Gait(single_support=0.1, takeoff_time=0.01, landing_time=0.02)}, "at least 0.13 s"),
-        (
-            {"terrain": "steps", "plan": WalkPlan(stairs="together"), "start": (0.0, 0.0, 0.3)},
-            "must face the stairs",
-        ),
-        ({"gait": Gait(step_length=0.5)}, "within reach"),
-        ({"gait": Gait(swing_height=0.6)}, "out of reach"),
-        ({"terrain": "stones", "plan": WalkPlan(distance=5.0)}, "leaves the ground"),
-        ({"plan": WalkPlan(stairs="together")}, "no stairs"),
-        ({"plan": WalkPlan(footsteps=())}, "at least one footstep"),
-        ({"plan": WalkPlan(footsteps=(Footstep("left", 0.1, -0.09),))}, "within reach|overlap"),
-        ({"plan": TWO_STEPS, "pushes": (WalkPush(impulse=0.1, step=3),)}, "walk of 2 steps"),
-        (
-            {"pushes": (WalkPush(impulse=0.1, time=1.0, body="torzo"),)},
-            "no body 'torzo'; did you mean 'torso'",
-        ),
-        ({"changes": {"distribution.margin": 0.06}}, "leaves nothing"),
-        ({"changes": "dcm_p"}, "changes must be an object"),
-    ],
-)
-def test_refuses_bad_specs(values: dict[str, Any], message: str) -> None:
-    with pytest.raises(InputError, match=message):
-        WalkSpec(**values)
-
-
-@pytest.mark.parametrize(
-    ("make", "message"),
-    [
-        (lambda: WalkPlan(distance=1.0, turn=1.0), "distance and turn"),
-        (lambda: WalkPlan(distance=1.0, steps=3), "steps belong"),
-        (lambda: WalkPush(impulse=0.1), "one of them"),
-        (lambda: WalkPush(impulse=0.1, time=1.0, step=2), "one of them"),
-        (
-            lambda: walk(terrain="stones", density=9.0),
-            r"'density'; .* of the ground: terrain_params=\{'density'",
-        ),
-        (lambda: walk(foot="soft", phalanges=8), "'phalanges'; did you mean .*'foot_changes'"),
-        (lambda: walk(hooks=[3]), r"hooks must be a list, each item TrialHook, got \[3\]"),  # type: ignore[list-item]
-        (lambda: WalkSpec.from_json({"kind": "run"}), "walk"),
-    ],
-)
-def test_refuses_bad_parts(make: Any, message: str) -> None:
-    with pytest.raises(InputError, match=message):
-        make()
 
 
 # The world

@@ -1,0 +1,142 @@
+"""Options that plant, grounds, rig, walks, studies and journals refuse: the type of the error and what it names."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import cache, partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from wbc import Plant
+from wbc.core.errors import InputError, UnknownNameError
+from wbc.feet import foot
+from wbc.robots import load
+from wbc.sim import FootTest, Journal, Study, WalkPlan, WalkPush, WalkSpec, make_scene, walk
+from wbc.sim import make_terrain as ground
+from wbc.sim.plant.settings import PhysicsSettings
+from wbc.sim.rig.actions import pitch
+from wbc.sim.studies.catalog import study_by_name
+from wbc.sim.studies.study import Cell
+from wbc.sim.terrain.spec import terrain
+from wbc.walking import Footstep, Gait
+
+make = partial(Plant, load("hrp4_class"))
+soft = partial(WalkSpec, foot="soft")
+model = partial(WalkSpec, foot="variable", policy="model")
+fixed = partial(WalkSpec, foot="variable", policy="fixed")
+study = partial(Study, name="s", cells=(Cell("a", {}),), arms={"flat": {"foot": "flat"}}, seeds=(100, 101))
+image = partial(terrain, "image", 0.03, metres_per_pixel=0.01)
+
+
+@cache
+def plant() -> Plant:
+    return make()
+
+
+REFUSED: dict[str, list[tuple[Callable[[], object], str]]] = {
+    "plant": [
+        (lambda: make(foot="sof"), "soft"),
+        (lambda: make(terrain="stone"), "stones"),
+        (lambda: make(noise="realistik"), "realistic"),
+        (lambda: make(timestep=0.0), "timestep"),
+        (lambda: make(control_period=-0.005), "period"),
+        (lambda: make(control_period=0.0025), "period"),
+        (lambda: make(seed=-1), "seed"),
+        (lambda: make(initial_configuration=np.zeros(41)), "quaternion"),
+        (lambda: make(scene="wal"), "wall"),
+        (lambda: make(scene="<mujoco><worldbody><body/></mujoco>"), "scene"),
+        (lambda: make(scene=make_scene("wall", distance=0.05)), "wall"),
+        (lambda: make_scene("wall", distence=1.0), "distence"),
+        (lambda: make(scene="rail").grip("left_hand", "lft handle"), "left handle"),
+        (lambda: plant().push("torsso", [1, 0, 0], 0.1), "torso"),
+        (lambda: plant().push("torso", [1, 0], 0.1), "force"),
+        (lambda: plant().push("torso", [1, 0, 0], 0.0), "duration"),
+        (lambda: plant().reset(plant().robot.half_sitting[:-1]), "configuration"),
+        (lambda: plant().reset(2.0 * plant().robot.half_sitting), "quaternion"),
+    ],
+    "ground": [
+        (lambda: terrain("cobblestones"), "cobble_stones"),
+        (lambda: terrain("stones", densty=3.0), "density"),
+        (lambda: terrain("stones", smallest=0.2), "smallest"),
+        (lambda: terrain("stones", resolution=0.005), "resolution"),
+        (lambda: terrain("flat", 0.01), "amplitude"),
+        (lambda: terrain("floor_tiles", rendering="height_field", resolution=0.02), "0.00567"),
+        (lambda: terrain("random", rendering="geoms"), "random"),
+        (lambda: terrain("slope", length=0.5), "ramp"),
+        (lambda: terrain("iso8608", low=0.1, high=0.2), "wave"),
+        (lambda: terrain("flat", length=100.0, width=12.0), "1000 m²"),
+        (lambda: ground("stones", 1e9), "amplitude"),
+        (lambda: ground("stones", length=1e9), "length"),
+        (lambda: terrain("flat").profile(1.0, 0.5), "x1"),
+        (lambda: terrain("flat").profile(step=0.0), "step"),
+        (lambda: terrain("patchwork", families="stones stones"), "stones"),
+        (lambda: terrain("patchwork", families="random"), "random"),
+        (lambda: terrain("patchwork", families="boards:0.5"), "height"),
+        (lambda: image(source=np.zeros((5, 5, 3))), "grey"),
+        (lambda: image(source="none.png"), "none.png"),
+        (lambda: image(source=np.full((5, 5), 7.0)), "brightness"),
+        (lambda: image(source=np.array([[np.nan, 1.0], [2.0, 3.0]])), "finite"),
+        (lambda: terrain("image", source=np.eye(5)), "metres_per_pixel|scale"),
+    ],
+    "rig": [
+        (lambda: FootTest(hold=1e-5), "hold|step"),
+        (lambda: FootTest(drop=1.5), "drop"),
+        (lambda: FootTest(physics=PhysicsSettings(gravity=0.0)), "gravity"),
+        (lambda: FootTest(foot=foot("soft", ankle_height=0.01)), "foot"),
+        (lambda: pitch(FootTest(ankle_stiffness=0.0)), "servo"),
+        (lambda: pitch(FootTest(), amplitude=1.6), "amplitude"),
+    ],
+    "walk": [
+        (lambda: WalkSpec(robot="hrp4_clas"), "hrp4_class"),
+        (lambda: WalkSpec(foot="flat", stiffness=5.0), "stiffness"),
+        (lambda: soft(foot_changes={"dampin": 1.0}), "damping"),
+        (lambda: soft(foot_changes={"stiffness": 1.0}), "stiffness"),
+        (lambda: WalkSpec(control_period=0.0025), "0.002"),
+        (lambda: WalkSpec(gains="mine"), "frizza"),
+        (lambda: WalkSpec(changes={"dcm_q": 1.0}), "dcm_p"),
+        (lambda: WalkSpec(changes={"margin": 0.01}), "distribution.margin"),
+        (lambda: WalkSpec(changes={"timestep": 0.002}), "timestep"),
+        (lambda: WalkSpec(changes={"com_height": 1.5}), "CoM height"),
+        (lambda: WalkSpec(plan=WalkPlan(distance=1e9)), "distance|steps"),
+        (lambda: WalkSpec(gait=Gait(step_length=0.5)), "reach"),
+        (lambda: WalkSpec(gait=Gait(swing_height=0.6)), "reach"),
+        (lambda: WalkSpec(terrain="stones", plan=WalkPlan(distance=5.0)), "ground"),
+        (lambda: WalkSpec(plan=WalkPlan(stairs="together")), "stairs"),
+        (lambda: WalkSpec(plan=WalkPlan(footsteps=())), "footstep"),
+        (lambda: WalkSpec(plan=WalkPlan(footsteps=(Footstep("left", 0.1, -0.09),))), "reach|overlap"),
+        (lambda: WalkSpec(pushes=(WalkPush(impulse=0.1, time=1.0, body="torzo"),)), "torso"),
+        (lambda: WalkPlan(distance=1.0, turn=1.0), "distance and turn"),
+        (lambda: WalkPush(impulse=0.1), "time"),
+        (lambda: WalkPush(impulse=0.1, time=1.0, step=2), "time"),
+        (lambda: walk(terrain="stones", density=9.0), "density"),
+        (lambda: WalkSpec.from_json({"kind": "run"}), "walk"),
+        (lambda: soft(policy="model"), "variable"),
+        (lambda: WalkSpec(foot="variable", policy="modell"), "model"),
+        (lambda: model(policy_params=(("path", "nowhere.json"),)), "nowhere.json"),
+        (lambda: model(policy_params=(("sha256", "0123"),)), "0123"),
+        (lambda: fixed(policy_params=(("stiffness", 3000.0),)), "3000"),
+    ],
+    "study": [
+        (lambda: study(cells=()), "cell"),
+        (lambda: study(reference="hard"), "flat"),
+        (lambda: study(kind="walc"), "walk"),
+        (lambda: study(cells=(Cell("a", {}), Cell("a", {}))), "'a'"),
+        (lambda: study(seeds=(100, 101, 100)), "100"),
+        (lambda: study(cells=(Cell("a", {}, ("hard",)),)), "hard"),
+        (lambda: list(study(base={"fot": "soft"}).trials()), "foot"),
+        (lambda: study().narrowed(["stones"]), "stones"),
+        (lambda: study().narrowed(seeds=9), "seeds|from 1"),
+        (lambda: Study.from_json({"nam": "x"}), "name"),
+        (lambda: study_by_name("flat_flor"), "flat_floor"),
+        (lambda: Journal(Path("/")), "folder"),
+    ],
+}
+
+
+@pytest.mark.parametrize(("call", "named"), [(*row,) for rows in REFUSED.values() for row in rows])
+def test_an_option_that_cannot_be_used_is_refused(call: Callable[[], Any], named: str) -> None:
+    with pytest.raises((InputError, UnknownNameError), match=named):
+        call()
