@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import copy
 import math
-from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
@@ -13,9 +12,8 @@ from hypothesis import strategies as st
 from properties import examples
 from scipy.spatial.transform import Rotation
 
-from wbc.core.changes import changed
 from wbc.core.errors import InputError, UnknownNameError
-from wbc.feet import Foot, RangeSensor, SoftFoot, StiffnessActuator, foot, register_foot
+from wbc.feet import RangeSensor, SoftFoot, StiffnessActuator, foot, register_foot
 from wbc.feet.sensing.range_sensor import RangeSampler
 from wbc.feet.soles import catalog
 from wbc.feet.soles.contact import ContactSpheres
@@ -51,79 +49,9 @@ def test_own_foot_becomes_available_by_name(monkeypatch: pytest.MonkeyPatch) -> 
 
     register_foot("skate", Skate)
     assert isinstance(foot("skate", width=0.02), Skate)
-    for name in (3, None, " "):
-        with pytest.raises(InputError, match="the name of a foot must be text, got"):
-            register_foot(name, Skate)  # type: ignore[arg-type]
-    for kind in (None, Skate(), int):
-        with pytest.raises(InputError, match="registered by its class, derived from Foot, got"):
-            register_foot("skate", kind)  # type: ignore[arg-type]
+    with pytest.raises(InputError, match="Foot"):
+        register_foot("skate", int)  # type: ignore[arg-type]
     assert isinstance(foot("skate"), Skate)
-
-
-def test_a_design_made_with_dataclass_alone_is_checked_like_the_others() -> None:
-    @dataclass(frozen=True)
-    class LongToes(SoftFoot):
-        phalanges: int = 12
-        claws: int = 0
-
-    design = LongToes(claws=3)
-    assert (design.phalanges, design.claws) == (12, 3)
-    assert replace(design, stiffness=7).stiffness == 7.0
-    assert changed(design, {"contact.friction": 1, "phalanges": 8.0}).phalanges == 8
-    for values, said in (
-        ({"stiffness": -1.0}, r"stiffness \(Nm/rad\) must be .* at least 0, got -1"),
-        ({"phalanges": 1}, "phalanges must be an integer of at least 2 and of at most 100, got 1"),
-        ({"loop_phalanx": 12}, r"\[1, 11\]"),
-    ):
-        with pytest.raises(InputError, match=said):
-            LongToes(**values)  # type: ignore[arg-type]
-
-
-@pytest.mark.parametrize(
-    ("kind", "parameters", "said"),
-    [
-        ("soft", {"thickness": 0.01}, "do not fit"),
-        ("soft", {"hinge_height": 0.02}, "hinges"),
-        ("soft", {"loop_phalanx": 10}, r"\[1, 9\]"),
-        ("variable", {"stiffness": 2001.0}, r"\[1, 2000\], got 2001"),
-        ("paper", {"stiffness": 81.0}, r"\[0, 80\], got 81"),
-    ],
-)
-def test_impossible_designs_are_refused(kind: str, parameters: dict[str, float], said: str) -> None:
-    with pytest.raises(InputError, match=said):
-        foot(kind, **parameters)
-
-
-@pytest.mark.parametrize(
-    ("make", "said"),
-    [
-        (lambda: StiffnessActuator(low=10.0, high=10.0), "exceed"),
-        (lambda: StiffnessActuator(low=0.0), "low .* must be above 0 for an actuator with a rate limit"),
-        (lambda: StiffnessActuator().at_rest(-1.0), r"\[1, 2000\]"),
-        (lambda: StiffnessActuator().advance(StiffnessActuator().at_rest(5.0), 2100.0, 0.1), "2100"),
-        (lambda: RangeSensor(least=1.0, greatest=0.5), "exceed"),
-        (lambda: SoleGeometry("a", (0.0, 0.0, 0.1), (0.0, 0.0, 0.0, 1.0), 0.1, 0.1), "above its sole"),
-        (lambda: SoleGeometry("a", (0.0, 0.0, -0.1), (0.0, 0.0, 0.0, 2.0), 0.1, 0.1), "unit quaternion"),
-        (lambda: SoleGeometry("a", (0.0, 0.0, -0.1), -np.eye(3), 0.1, 0.1), "right-handed"),  # type: ignore[arg-type]
-    ],
-)
-def test_impossible_parts_are_refused(make: object, said: str) -> None:
-    with pytest.raises(InputError, match=said):
-        make()  # type: ignore[operator]
-
-
-@pytest.mark.parametrize(
-    ("design", "own", "said"),
-    [
-        (foot("soft", ankle_height=0.02), OWN, r"at least 0\.0340 m.*got 0\.0200 m.*own is 0\.0930 m"),
-        (foot("rigid", ankle_height=0.01), OWN, r"at least 0\.0140 m"),
-        (foot("soft", ankle_behind=0.15), OWN, r"0\.1500 m behind.*0\.2778 x 0\.1045 m"),
-        (foot("rigid", width=0.18), OWN, r"0\.1800 m wide overlap.*0\.1750 m apart"),
-    ],
-)
-def test_a_foot_that_does_not_fit_names_the_numbers(design: Foot, own: SoleGeometry, said: str) -> None:
-    with pytest.raises(InputError, match=said):
-        design.fit(own)
 
 
 # --- fit -------------------------------------------------------------------------------------------------------------
@@ -182,19 +110,6 @@ def test_contact_rows_cover_the_sole_evenly_and_lie_under_their_phalanx() -> Non
         for i, centre in enumerate(design.layout(design.fit(OWN).sole).centres):
             under = x[2 * i : 2 * i + 2]
             assert np.abs(under - centre).max() <= design.length / phalanges / 2.0 + 1e-12
-
-
-def test_the_soft_foot_is_the_published_one() -> None:
-    """Sections II-A and II-B of the paper; masses of the public SoftFoot model."""
-    paper = {
-        "phalanges": 10,
-        "damping": 2.0,
-        "arch_stiffness": 100.0,
-        "arch_damping": 80.0,
-        "loop_phalanx": 3,
-    }
-    masses = {"phalanx_mass": 0.02, "frontal_arch_mass": 0.07, "backward_arch_mass": 0.07}
-    assert {name: getattr(SoftFoot(), name) for name in paper | masses} == paper | masses
 
 
 def test_spheres_are_spread_evenly() -> None:

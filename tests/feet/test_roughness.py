@@ -191,26 +191,6 @@ def test_roughness_is_that_of_the_filtered_profile_about_its_line() -> None:
 # --- bad input --------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(
-    ("x", "z", "message"),
-    [
-        (grid(7), np.zeros(7), "at least 8 samples, got 7"),
-        (grid(20), np.r_[np.zeros(19), math.nan], "heights .* finite"),
-        (np.r_[grid(19), math.inf], np.zeros(20), "places .* finite"),
-        (grid(20)[::-1], np.zeros(20), r"must ascend, got x\[1\]"),
-        (np.r_[grid(10), grid(10)], np.zeros(20), r"must ascend, got x\[10\]"),
-        (grid(20) ** 2 + grid(20), np.zeros(20), "evenly spaced"),
-        (grid(20), np.zeros(19), "shape"),
-        (np.zeros((2, 20)), np.zeros(20), "shape"),
-        (grid(20), np.float64(3.0), "shape"),
-        (["a"] * 20, np.zeros(20), "must be numbers"),
-    ],
-)
-def test_profiles_that_cannot_be_used_are_refused(x: np.ndarray, z: np.ndarray, message: str) -> None:
-    with pytest.raises(InputError, match=message):
-        roughness(x, z)
-
-
 def test_a_parameter_is_looked_up_and_a_dictionary_is_of_one_profile() -> None:
     r = Roughness(np.zeros((2, 10)))
     with pytest.raises(UnknownNameError, match="roughness parameter 'Sx'"):

@@ -203,28 +203,3 @@ def test_the_toe_sensor_is_where_the_model_has_it(phalanges: int) -> None:
     inside = body.xmat.reshape(3, 3).T @ (site.xpos - body.xpos)
     np.testing.assert_allclose(inside, toe_sensor(design), atol=2e-6)  # type: ignore[arg-type]
     np.testing.assert_allclose(site.xmat.reshape(3, 3)[:, 2], DOWN, atol=1e-9)
-
-
-def test_bad_input_is_refused() -> None:
-    for options, message in (
-        ({"max_gap": 0.001}, "at least one step"),
-        ({"capacity": 4}, "capacity"),
-    ):
-        with pytest.raises(InputError, match=message):
-            ScanSettings(**options)  # type: ignore[arg-type]
-    scan = GroundScan()
-    for direction in ((0.0, 0.0), (1.0, math.nan), (1.0, 0.0, 0.0)):
-        with pytest.raises(InputError, match="walking direction"):
-            scan.start(direction)
-    scan.add((0.0, 0.0, 1.0), DOWN, 1.0)
-    assert not scan.add((math.nan, 0.0, 1.0), DOWN, 1.0), "a pose that is not finite is a lost reading"
-    with pytest.raises(InputError, match="1 hits in 1 cells"):
-        scan.profile()
-    for x, z, message in (
-        ([0.0, 1.0], [0.0], "same shape"),
-        ([0.0, math.nan], [0.0, 0.0], "finite"),
-        ([0.0, 0.01], [math.nan, 0.0], "two cells"),
-        ([0.0, 1.0], [0.0, 0.0], "longest piece"),
-    ):
-        with pytest.raises(InputError, match=message):
-            resample(x, z)
