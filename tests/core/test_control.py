@@ -155,20 +155,6 @@ def test_wrenches_of_a_stabilizer_take_the_place_of_the_solutions_in_the_torques
     np.testing.assert_allclose(change, -10.0 * jacobian[2], atol=1e-8)
 
 
-def test_the_commanded_robot_is_where_the_command_says_when_that_was_clipped() -> None:
-    control = PositionControl(standing("hrp4_class", DT))
-    robot = control.controller.robot
-    control.command(at_rest(robot, 0.0))
-    control.q[7:] += 3.0
-    control.v[6:] = 10.0 * robot.velocity_limit
-    before = np.array(control.gate._position)
-    command = control.command(at_rest(robot, DT))
-    np.testing.assert_array_equal(control.q[7:], command.joint_position)
-    np.testing.assert_array_equal(control.v[6:], command.joint_velocity)
-    assert (np.abs(command.joint_position - before) <= 2.0 * DT * robot.velocity_limit + 1e-12).all()
-    assert (np.abs(command.joint_velocity) <= 2.0 * robot.velocity_limit).all()
-
-
 def test_outside_forces_take_part_in_the_equations_of_motion_and_residuals_are_what_is_left_of_tasks() -> (
     None
 ):

@@ -24,12 +24,12 @@ from machine_process import Process
 import wbc
 from wbc import Command, Measurement
 from wbc.core.errors import InputError
-from wbc.core.robot import GRAVITY, Robot
+from wbc.core.robot import GRAVITY
 from wbc.machine import MachineError, Runner, RunSettings, guard
 from wbc.machine.clock import ask_priority
 from wbc.machine.loads import SoleLoads
 from wbc.machine.report import Phase
-from wbc.machine.start import Landing, SafeStart
+from wbc.machine.start import SafeStart
 from wbc.sim import Machine, MujocoLoop, Plant
 
 DESCRIPTION = wbc.load_robot("g1")
@@ -365,60 +365,6 @@ def loads_of(**loads: Any) -> SoleLoads:
     return found
 
 
-def test_loads_follow_the_force_sensors_as_lags_and_begin_anew_after_a_gap() -> None:
-    """Of 150 ms for what is fed forward, and of 20 ms for what tells a touch; what pulls is no load."""
-    loads, weight = loads_of(), DESCRIPTION.robot().mass * GRAVITY
-    wrench = np.zeros((2, 6))
-    wrench[:, 2] = 0.6 * weight, -0.2 * weight
-    pressed = np.array([0.6, 0.0]) * weight
-    for tick in range(1, 20):
-        told = replace(standing(), time=PERIOD * tick, sole_wrench=wrench)
-        np.testing.assert_array_equal(loads.wrenches(told), wrench)
-        np.testing.assert_array_equal(
-            loads.wrenches(replace(told, sole_wrench=0.0 * wrench)), wrench
-        )  # the same tick
-        np.testing.assert_allclose(loads.normal, -np.expm1(-PERIOD * tick / 0.15) * pressed)
-        assert loads.share == pytest.approx(-np.expm1(-PERIOD * tick / 0.02) * 0.6)
-    before = loads.normal.copy()
-    for now, moves in ((1.0, False), (1.02, False), (1.039, True), (1.0, False)):
-        loads.wrenches(replace(standing(), time=now, sole_wrench=wrench))
-        assert np.array_equal(loads.normal, before) is not moves
-        before = loads.normal.copy()
-
-
-def test_the_lean_follows_the_gyroscope_and_in_the_end_the_accelerometer() -> None:
-    """About an axis of the base; the accelerometer counts by the mean of all until 3 s, free fall and impacts not."""
-    rate, axis = 0.5, np.array([0.6, -0.8, 0.0])
-    for size in (GRAVITY, 0.4 * GRAVITY, 0.0):
-        loads, angle = loads_of(), 0.0
-        for tick in range(1, 51):
-            turn, angle = pin.exp3(axis * rate * PERIOD * tick), rate * PERIOD * tick
-            up = turn.T @ [0.0, 0.0, size]
-            back = loads._base_from_imu.T
-            told = replace(
-                standing(), time=PERIOD * tick, angular_velocity=back @ axis * rate, specific_force=back @ up
-            )
-            loads.wrenches(told)
-        q = loads.posture(told)
-        np.testing.assert_allclose(pin.log3(pin.Quaternion(q[3:7]).matrix()), axis * angle, atol=1e-9)
-        np.testing.assert_array_equal(q[7:], told.joint_position)
-        np.testing.assert_allclose(loads._speed, 0.0, atol=1e-9 if size == GRAVITY else 0.7 * GRAVITY)
-    loads, lean = loads_of(), 0.1
-    up = pin.exp3(axis * lean).T @ [0.0, 0.0, GRAVITY]
-    left = 1.0
-    for tick in range(1, 101):
-        told = replace(
-            standing(),
-            time=PERIOD * tick,
-            angular_velocity=np.zeros(3),
-            specific_force=loads._base_from_imu.T @ up,
-        )
-        loads.wrenches(told)
-        left *= np.exp(-PERIOD / max(PERIOD * tick, 0.1))
-    found = pin.log3(pin.Quaternion(loads.posture(told)[3:7]).matrix())
-    np.testing.assert_allclose(found, axis * lean * (1.0 - left), atol=1e-6)
-
-
 def test_a_start_holds_then_goes_along_a_quintic_and_then_lands() -> None:
     robot, gains = DESCRIPTION.robot(), (DESCRIPTION.kp, DESCRIPTION.kd)
     first = replace(standing(), time=0.0, joint_position=robot.half_sitting[7:] + np.linspace(-0.4, 0.2, NA))
@@ -445,36 +391,6 @@ def test_a_start_holds_then_goes_along_a_quintic_and_then_lands() -> None:
         np.testing.assert_array_equal(command.kd, DESCRIPTION.kd)
     held = SafeStart(robot, first, loads_of(), fade=0.0, speed=0.25, gains=gains)
     np.testing.assert_array_equal(held.command(first, 0.0).kp, DESCRIPTION.kp)
-
-
-def test_legs_of_a_robot_that_hangs_come_under_it_with_level_soles_and_stay_once_they_touch() -> None:
-    """However it leans: the soles keep their places about the centre of mass, at 0.3 rad/s at most."""
-    robot = DESCRIPTION.robot()
-    for lean in (np.eye(3), pin.rpy.rpyToMatrix(0.1, 0.15, 0.0)):
-        loads = loads_of(_attitude=lean, _quick=np.zeros(2))
-        landing, q = Landing(robot, loads), np.array(robot.half_sitting)
-        last = landing.reference(standing())
-        for tick in range(300):
-            reference = landing.reference(replace(standing(), time=1.0 + 0.019 * tick))
-            assert np.abs(reference - last).max() <= 0.3 * (0.019 if tick else 0.02) + 1e-12
-            last = reference
-        q[7:], q[3:7] = last, pin.Quaternion(lean).coeffs()
-        for end, start in zip(
-            soles_about_com(robot, q), soles_about_com(robot, robot.half_sitting), strict=True
-        ):
-            assert pin.log6(start.actInv(end)).vector == pytest.approx(0.0, abs=2e-3)
-        loads._quick[:] = 0.03 * robot.mass * GRAVITY, 0.03 * robot.mass * GRAVITY
-        loads._attitude = np.eye(3)
-        np.testing.assert_array_equal(landing.reference(replace(standing(), time=20.0)), last)
-
-
-def soles_about_com(robot: Robot, q: np.ndarray) -> list[pin.SE3]:
-    """Return the placements of the soles from the centre of mass."""
-    robot.update(q, np.zeros(robot.nv))
-    return [
-        pin.SE3(place.rotation, place.translation - robot.com)
-        for place in map(robot.placement, (sole.frame for sole in robot.soles))
-    ]
 
 
 @pytest.mark.parametrize("gone", [False, True])

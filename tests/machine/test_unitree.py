@@ -80,33 +80,6 @@ def test_states_whose_checksum_is_wrong_or_missing_are_passed_over(caplog: pytes
         assert f"domain {how.get('domain', 1)} are refused" in caplog.text
 
 
-def test_motors_that_are_off_hot_or_in_error_are_named(monkeypatch: pytest.MonkeyPatch) -> None:
-    knee = DESCRIPTION.joint_names[3]
-    other = state()
-    other["mode_machine"] = 6
-    for last, fault, warnings in (
-        (state(mode=0), f"motor off: {knee}", ()),
-        (sealed(other), "mode_machine changed from 5 to 6", ()),
-        (state(motorstate=3), "", (f"motor error 0x3: {knee}",)),
-        (state(temperature=(20, 91)), "", (f"motor above 90 °C: {knee}",)),
-        (state(), "", ()),
-    ):
-        driver = machine(state(), last)
-        driver.read(0.0)
-        assert (driver.fault, driver.warnings) == ("", ())
-        driver.read(0.0)
-        assert (driver.fault, driver.warnings) == (fault, warnings)
-    # Off from the beginning: a machine switches its motors on with the first commands, a simulator says nothing.
-    for seal in (True, False):
-        driver = machine(*(state(seal, mode=0) for _ in range(2)))
-        driver.read(0.0)
-        driver.write(Command(np.zeros(29)))
-        assert driver.fault == ""
-        monkeypatch.setattr(driver, "_begun", -1.0)
-        driver.read(0.0)
-        assert driver.fault == (f"motor off: {knee}" if seal else "")
-
-
 @pytest.mark.parametrize("found", [0.0, np.nan, 1e30])
 def test_no_wild_command_reaches_the_motors(found: float) -> None:
     """Neither what is not finite nor a torque beyond the limit with what the servos add, whatever the state says."""

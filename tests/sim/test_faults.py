@@ -74,14 +74,6 @@ def test_a_lasting_fault_is_named_and_harmless_to_the_drives(name: str, task: st
         assert report.upright or math.isfinite(report.named), "fell without a word"
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("mode", ["position", "torque"])
-@pytest.mark.parametrize("name", ["gyroscope off by 0.1 rad/s", "angular_velocity opposite sign"])
-def test_a_wrong_gyroscope_is_named_while_walking(name: str, mode: str) -> None:
-    report = run("walk", mode, name, lasting=True)
-    assert report.named <= 0.2 and "gyroscope" in report.status
-
-
 BLIND = Machine(force_sensors=False, torque_sensors=True)
 
 
@@ -206,15 +198,6 @@ def test_a_robot_that_cannot_be_caught_says_so_before_it_lies_on_the_ground() ->
         if "balance lost" in stand.control.status():
             said.append(stand.plant.time)
     assert stand.plant.time < 3.0 and said and 0.1 < said[0] < stand.plant.time - 0.1
-
-
-def test_a_torso_that_topples_is_a_balance_that_is_lost() -> None:
-    control = StandTrial(StandSpec(robot="g1", mode="torque", seconds=0.1)).control
-    assert "balance lost" not in control.status()
-    control.topples = True
-    assert "balance lost: the torso tilts" in control.status()
-    control.reset()
-    assert "balance lost" not in control.status()
 
 
 class Said(TrialHook):

@@ -27,7 +27,7 @@ from wbc.sim.studies.journal import (
     read_journal,
     trial_key,
 )
-from wbc.sim.studies.provenance import RENAMED, _computes, _hash, code_version, provenance, renamed
+from wbc.sim.studies.provenance import RENAMED, code_version, provenance, renamed
 
 VERSION = {"wbc": "1", "code": "abc"}
 
@@ -130,32 +130,6 @@ def test_keys_name_spec_and_code() -> None:
     edited = {"kind": "walk", "policy_params": {"path": "a.json", "sha256": "5678"}}
     assert trial_key(read, VERSION) == trial_key(renamed, VERSION) != trial_key(edited, VERSION)
     assert len(code_version()) == 12 and {"mujoco", "pin"} <= set(provenance()["libraries"])
-
-
-def test_the_hash_of_the_code_changes_when_the_computation_does(tmp_path: Path) -> None:
-    def hashed(source: str, name: str = "module.py") -> str:
-        path = tmp_path / name
-        path.write_text(source)
-        return _hash(path)
-
-    plain = hashed(
-        'class A:\n    """Text."""\n    x = [1.0]  # why\n    """More."""\n\ndef f(a):\n    return a + 1\n'
-    )
-    assert plain == hashed(
-        "class A: x = [1.0]\n\n\ndef f(a):\n    'Other.'\n    return (a + 1)\n", "other.py"
-    )
-    assert plain != hashed("class A: x = [1.0]\ndef f(a): return a + 2\n")
-    assert hashed("x = []\n") != hashed("x = None\n") and hashed("x = ''\n") != hashed("x = 'a'\n")
-    assert hashed("1, 2\n", "a.csv") != hashed("1,  2\n", "b.csv")
-    computes = ("core/robot.py", "robots/models/talos.srdf", "sim/studies/trials.py", "sim/plant/plant.py")
-    others = (
-        "README.md",
-        "sim/studies/sweep.py",
-        "feet/stiffness/data/model.json",
-        "core/__pycache__/robot.pyc",
-    )
-    for path in (*computes, *others):
-        assert _computes(tuple(path.split("/"))) == (path in computes), path
 
 
 def test_a_stored_journal_names_its_code_as_today() -> None:

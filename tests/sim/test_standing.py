@@ -17,16 +17,11 @@ from wbc.core.settings import to_json
 from wbc.feet import foot
 from wbc.feet.soles.rigid import RigidFoot
 from wbc.robots import load, names
-from wbc.sim.balance import push_recovery
 from wbc.sim.balance.push_recovery import (
     PushCell,
-    PushResult,
-    PushTableSpec,
     StandPushSpec,
     format_push_table,
-    largest_push,
     push_standing,
-    push_table,
 )
 from wbc.sim.balance.standing import (
     MODES,
@@ -39,7 +34,6 @@ from wbc.sim.balance.standing import (
 from wbc.sim.plant.falls import LARGEST_TILT, LOWEST_SHARE, TrueFallDetector
 from wbc.sim.plant.fitting import with_feet
 from wbc.sim.plant.plant import Plant
-from wbc.sim.trial.loop import StageError
 
 
 def without_clock(result: StandResult) -> dict[str, Any]:
@@ -190,53 +184,9 @@ def test_a_robot_that_may_step_stands_still_where_nothing_pushes_it() -> None:
     assert result.com_error_mm < 15.0
 
 
-@pytest.mark.parametrize("threshold", [0.0, 0.123, 0.5, 0.999, 2.0])
-def test_bisection_finds_any_threshold(monkeypatch: pytest.MonkeyPatch, threshold: float) -> None:
-    monkeypatch.setattr(
-        push_recovery, "push_standing", lambda spec: PushResult(spec.impulse <= threshold, None, 0.0, 0)
-    )
-    found = largest_push(StandPushSpec(), highest=1.0, resolution=0.01)
-    assert found <= threshold and found >= min(threshold, 1.0) - 0.01
-
-
 def test_table_has_a_line_for_each_robot_and_mode_and_the_least_of_each() -> None:
     cells = [PushCell(r, m, d, i) for r, m, d, i in [("a", "torque", 0.0, 0.3), ("a", "torque", 90.0, 0.4)]]
     cells += [PushCell("a", "position", 0.0, 0.2), PushCell("a", "position", 90.0, 0.1)]
     lines = format_push_table(cells).splitlines()
     assert lines[0] == "| robot | mode | 0° | 90° | least |"
     assert lines[2:] == ["| a | torque | 0.30 | 0.40 | 0.30 |", "| a | position | 0.20 | 0.10 | 0.10 |"]
-
-
-def test_a_table_is_filled_cell_by_cell(monkeypatch: pytest.MonkeyPatch) -> None:
-    asked: list[StandPushSpec] = []
-
-    def found(spec: StandPushSpec, *, highest: float, resolution: float) -> float:
-        assert (highest, resolution) == (0.9, 0.02)
-        asked.append(spec)
-        return 0.1 * len(asked) + 1e-6
-
-    monkeypatch.setattr(push_recovery, "largest_push", found)
-    table = PushTableSpec(
-        robot=("g1", "talos"), mode=("torque", "position"), directions=3, highest=0.9, resolution=0.02, seed=7
-    )
-    cells = list(push_table(table))
-    assert [(c.robot, c.mode) for c in cells[::3]] == [
-        ("g1", "torque"),
-        ("g1", "position"),
-        ("talos", "torque"),
-        ("talos", "position"),
-    ]
-    assert [c.direction_deg for c in cells] == [0.0, 120.0, 240.0] * 4
-    assert [c.impulse for c in cells] == pytest.approx([0.1 * (i + 1) for i in range(12)], abs=1e-9)
-    assert {spec.seed for spec in asked} == {7}
-
-
-def test_a_stage_waits_for_what_it_is_to_wait_for_and_not_for_ever() -> None:
-    trial = StandTrial(StandSpec())
-    looks: list[float] = []
-    trial.until(lambda: trial.plant.time >= 0.25, 1.0, lambda: looks.append(trial.plant.time))
-    assert trial.plant.time == pytest.approx(0.3) and looks[-1] == trial.plant.time, "it is asked every 0.1 s"
-    trial.stage = "wait"
-    with pytest.raises(StageError, match=r"stage 'wait' was not over after 0\.15 s"):
-        trial.until(lambda: False, 0.15)
-    assert trial.plant.time == pytest.approx(0.5) and trial.walker is None and trial.ground == 0.0

@@ -3,21 +3,16 @@
 from __future__ import annotations
 
 import json
-import logging
 import math
-import multiprocessing
 import os
-import queue
 import signal
 import subprocess
 import sys
-import threading
 import time
 from collections import Counter
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -26,7 +21,6 @@ from processes import alive
 from sweep_trials import MadeUpTrial
 
 from wbc.core.errors import InputError, UnknownNameError
-from wbc.sim.studies import trials
 from wbc.sim.studies.intervals import (
     equivalence,
     holm,
@@ -35,17 +29,14 @@ from wbc.sim.studies.intervals import (
     share_interval,
     sign_flip_p,
 )
-from wbc.sim.studies.journal import Entries, Entry, Journal, read_journal
+from wbc.sim.studies.journal import Entry, Journal, read_journal
 from wbc.sim.studies.provenance import provenance
-from wbc.sim.studies.study import Cell, LeftOut, Study, left_out, merged
-from wbc.sim.studies.study_table import reach_of, study_rows, study_table
+from wbc.sim.studies.study import Cell, Study, merged
+from wbc.sim.studies.study_table import study_rows, study_table
 from wbc.sim.studies.sweep import SweepSummary, cluster_executor, sweep
-from wbc.sim.studies.trials import WalkPushLimitSpec, run_trial, trial_from_json, with_seed
-from wbc.sim.trial.push import WalkPush
+from wbc.sim.studies.trials import run_trial
 from wbc.sim.walks.plans import WalkPlan
 from wbc.sim.walks.spec import WalkSpec
-
-sweep_module = sys.modules[sweep.__module__]  # the package has the function under the same name
 
 
 def marks_of(path: Path) -> Counter[int]:
@@ -124,20 +115,6 @@ def test_own_processes_survive_a_trial_that_kills_one(tmp_path: Path) -> None:
     assert dict(os.environ) == before
 
 
-def test_a_worker_ends_with_the_process_that_has_started_it(monkeypatch: pytest.MonkeyPatch) -> None:
-    gone, codes = threading.Event(), queue.SimpleQueue[int]()
-    monkeypatch.setattr(multiprocessing, "parent_process", lambda: SimpleNamespace(join=gone.wait))
-    monkeypatch.setattr(os, "_exit", codes.put)
-    level = logging.getLogger().level
-    sweep_module._start_worker()
-    assert logging.getLogger().level == logging.ERROR
-    logging.getLogger().setLevel(level)
-    with pytest.raises(queue.Empty):
-        codes.get(timeout=0.05)
-    gone.set()
-    assert codes.get(timeout=60.0) == 1
-
-
 @pytest.mark.slow
 def test_killed_in_the_middle_a_sweep_loses_what_was_in_flight_and_goes_on(tmp_path: Path) -> None:
     marks, path, count = tmp_path / "marks", tmp_path / "journal.jsonl", 8
@@ -182,49 +159,7 @@ def test_an_executor_of_a_cluster_will_do(tmp_path: Path) -> None:
     assert there.result == json.loads(json.dumps(here.result))
 
 
-def test_a_cluster_without_its_extra_is_explained(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(sys.modules, "distributed", None)
-    with pytest.raises(InputError, match=r"\.\[cluster\]"), cluster_executor("local"):
-        pass
-
-
-@pytest.mark.parametrize("outcome", ["completed", "fell", "diverged"])
-def test_a_walk_is_done_unless_its_simulation_diverged(outcome: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    result = SimpleNamespace(outcome=outcome, record=lambda: {"outcome": outcome}, clock={})
-    monkeypatch.setattr(trials, "walk", lambda spec, hooks: result)
-    found = trials.walk_outcome(WalkSpec(), lambda: None)
-    assert found.result == {"outcome": outcome} and (found.status == "diverged") == (outcome == "diverged")
-
-
 # Walks as trials
-
-
-@pytest.mark.parametrize(
-    ("outcomes", "status", "impulse", "tried"),
-    [
-        ({0.0: "fell"}, "done", None, [0.0]),
-        ({0.0: "completed", 0.8: "completed"}, "done", 0.8, [0.0, 0.8]),
-        ({0.0: "completed", 0.8: "fell", 0.4: "completed", 0.6: "fell"}, "done", 0.4, [0.0, 0.8, 0.4, 0.6]),
-        ({0.0: "completed", 0.8: "fell", 0.4: "diverged"}, "diverged", None, [0.0, 0.8, 0.4]),
-    ],
-)
-def test_the_search_for_a_push_limit_ends_with_its_last_interval_or_where_the_physics_diverges(
-    monkeypatch: pytest.MonkeyPatch,
-    outcomes: dict[float, str],
-    status: str,
-    impulse: float | None,
-    tried: list[float],
-) -> None:
-    def made_up(spec: WalkSpec, hooks: Any) -> SimpleNamespace:
-        del hooks
-        outcome = outcomes[round(spec.pushes[0].impulse, 9)]
-        return SimpleNamespace(outcome=outcome, seconds=1.0, steps_done=3, fall_reason=None)
-
-    monkeypatch.setattr(trials, "walk", made_up)
-    walk = WalkSpec(plan=WalkPlan(distance=0.05), pushes=(WalkPush(impulse=0.3, step=1),))
-    outcome = run_trial(WalkPushLimitSpec(walk=walk, highest=0.8, resolution=0.2))
-    assert outcome.result is not None and (outcome.status, outcome.result["impulse"]) == (status, impulse)
-    assert [one["impulse"] for one in outcome.result["tried"]] == pytest.approx(tried)
 
 
 def test_the_interval_of_a_rate_is_that_of_a_poisson_count() -> None:
@@ -293,24 +228,7 @@ def test_a_table_pairs_what_was_tried_on_the_same_seeds() -> None:
     assert rigid.difference is not None and rigid.difference.mean == pytest.approx(-19.0)
     assert rigid.statuses == {"done": 1, "missing": 3}
     assert ("legacy", "rigid") not in cells and cells["legacy", "flat"].statuses == {"missing": 4}
-    text = table.markdown()
-    assert (
-        text.startswith("Exploratory")
-        and "| flat | 2 of 3 [9, 99] % | ≤ 61.1 | 20.4 [0.517, 114] | ≤ 61.1 | ≤ 61.1 |" in text
-    )
-    assert "1 of 'flat' diverged" in text and "3 of 'rigid' missing" in text
-    decided = study_table(replace(study, decision="soft if it falls less"), entries).markdown()
-    assert decided.startswith("Decision: soft if it falls less\n")
     json.dumps(table.to_json(), allow_nan=False)
-
-
-def test_a_table_marks_differences_and_equal_arms() -> None:
-    study = small_study(reference="flat", seeds=tuple(range(1, 31)))
-    entries = journal_of(
-        study, {"flat": [20, 21] * 15, "soft": [10, 11, 12] * 10, "rigid": [21, 20] * 10 + [20, 21] * 5}
-    )
-    text = study_table(study, entries, margin=0.5).markdown()
-    assert "| flat | -9.5 [-9.83, -9.17] (30) * | 0 [-0.3, 0.3] (30) = |" in text
 
 
 def test_a_table_of_another_part_of_the_results() -> None:
@@ -321,7 +239,6 @@ def test_a_table_of_another_part_of_the_results() -> None:
     assert study_table(study, entries, by=np.zeros(0)) == study_table(study, entries)  # type: ignore[arg-type]
     with pytest.raises(UnknownNameError, match="zmp_error.mean"):
         study_table(study, entries, metric="zmp_error.men")
-    assert "; = smaller than 0.5 (two one-sided" in study_table(study, entries, margin=0.5).markdown()
     columns, rows = study_rows(study, entries)
     assert columns[:5] == ["cell", "arm", "seed", "status", "outcome"] and "zmp_error.mean" in columns
     assert (
@@ -378,33 +295,6 @@ def test_studies_are_data() -> None:
     assert merged({"a": {"b": 1, "c": 2}}, {"a": {"c": 3}}) == {"a": {"b": 1, "c": 3}}
 
 
-def test_what_a_result_does_not_use_is_counted_by_reason() -> None:
-    study = small_study()
-    entries = list(journal_of(study, {"flat": [22, 5, 22, 22], "soft": [22, 3, 4]}).values())
-    other, strange = {**provenance(), "code": "another"}, {"kind": "walk", "hat": "red"}
-    entries[0] = replace(entries[0], version=other)
-    entries[1] = replace(entries[1], version=other)
-    entries.append(Entry(WalkSpec(terrain="stones").to_json(), "done", {}, None, None, provenance()))
-    entries += [Entry({**strange, "seed": seed}, "done", {}, None, None, provenance()) for seed in range(3)]
-    found = left_out(study, Entries({each.key: each.line()[:-1] for each in entries}))
-    assert (found.entries, found.other_code, found.other_trials, found.unreadable) == (11, 2, 1, 3)
-    assert found.text() == (
-        f"6 of 11 entries are left out: 2 of another version of the code (2: code another instead of "
-        f"{provenance()['code']}), which --any-code takes, 1 of trials that are not part of it, 3 whose spec this "
-        "version cannot read"
-    )
-    assert LeftOut(entries=5, other_trials=3).text() is None, "a part of a study leaves out the rest of it"
-    assert LeftOut(entries=3, other_trials=3).text() is not None, "but not all of a journal"
-
-
-def test_the_normal_limit_has_the_standard_error_of_the_mean(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("wbc.sim.studies.intervals.MANY", 2)
-    values = [1.0, 2.0, 4.0, 8.0]
-    half = 1.959964 * np.std(values, ddof=1) / 2.0
-    found = mean_interval(values)
-    assert (found.low, found.high) == pytest.approx((3.75 - half, 3.75 + half))
-
-
 def test_of_many_layouts_the_normal_limit_is_the_bootstrap(monkeypatch: pytest.MonkeyPatch) -> None:
     """Ends of the interval within 7 % of its width, p-values within 0.02; trials are spread unevenly over layouts."""
     rng, many = np.random.default_rng(5), 200
@@ -420,30 +310,6 @@ def test_of_many_layouts_the_normal_limit_is_the_bootstrap(monkeypatch: pytest.M
     assert quick.low == pytest.approx(drawn.low, abs=0.075 * width)
     assert quick.high == pytest.approx(drawn.high, abs=0.075 * width)
     assert quick_p == pytest.approx(drawn_p, abs=0.02) and 0.0 < quick_p < 0.9
-
-
-def test_another_seed_is_the_spec_that_a_full_check_makes() -> None:
-    walk_spec = WalkSpec(foot="soft", terrain="stones", amplitude=0.01, seed=3)
-    push = WalkPushLimitSpec(walk=replace(walk_spec, pushes=(WalkPush(impulse=0.1, step=2),)))
-    for spec in (walk_spec, push):
-        twin = with_seed(spec, 8)
-        assert twin == trial_from_json({**spec.to_json(), "seed": 8})
-        assert twin.to_json() == {**spec.to_json(), "seed": 8}
-        assert spec.to_json()["seed"] == 3
-    with pytest.raises(InputError, match="seed"):
-        walk_spec.with_seed(2**63)
-
-
-def test_intervals_of_little() -> None:
-    assert mean_interval([]).mean is None
-    one = mean_interval([3.0])
-    assert (one.mean, one.low, one.high) == (3.0, None, None)
-    same = mean_interval([22.0] * 5)
-    assert (same.low, same.high) == (22.0, 22.0)
-    values = [1.0, 5.0, 2.0, 8.0]
-    assert mean_interval(values) == mean_interval(values[::-1])
-    with pytest.raises(InputError, match="finite"):
-        mean_interval([1.0, float("nan")])
 
 
 def test_trials_on_one_layout_are_not_counted_as_independent() -> None:
@@ -510,19 +376,6 @@ def test_equivalence_of_steps_counts_falls_that_are_rare() -> None:
     assert equivalence([1.0] * 154, 0.5, reach=22.0).p == 1.0
     with pytest.raises(InputError, match="must not exceed 22, got one of 23"):
         equivalence([0.0, -23.0], 0.5, reach=22.0)
-
-
-def test_results_have_a_reach_where_they_are_steps_or_answers() -> None:
-    def entries(*results: dict[str, Any] | None) -> list[Entry | None]:
-        return [None, *(Entry({}, "done" if r else "crashed", r, None, None, {}) for r in results)]
-
-    walk = {"steps_done": 3, "steps_planned": 22, "fell": True, "J": -1.5, "fall": None}
-    assert reach_of(entries(walk, None), "steps_done") == 22.0
-    assert reach_of(entries(walk, {**walk, "steps_done": 24}), "steps_done") == 24.0  # steps were added
-    assert reach_of(entries({"steps_done": 3}), "steps_done") is None
-    assert reach_of(entries(walk), "fell") == 1.0
-    assert reach_of(entries(walk), "J") is None and reach_of(entries(walk), "fall") is None
-    assert reach_of(entries(), "steps_done") is None
 
 
 def test_corrected_p_values_and_exact_shares() -> None:

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import math
-from types import SimpleNamespace
-from typing import Any
 
 import numpy as np
 import pinocchio as pin
@@ -12,7 +10,7 @@ import pytest
 
 from wbc.motion import MotionClip
 from wbc.robots import load
-from wbc.sim.balance.tracking import TrackSpec, TrackTrial, _TrackMeter
+from wbc.sim.balance.tracking import TrackSpec, TrackTrial
 from wbc.sim.trial.loop import TrialHook
 from wbc.walking.falls import FallReason
 
@@ -85,35 +83,3 @@ def test_a_robot_has_fallen_where_the_clip_does_not_have_it() -> None:
         assert trial.true_fall() is fallen
     trial.source.tick = 10**6
     assert trial.given == 4
-
-
-def test_a_foot_slides_while_it_bears_a_twentieth_of_the_weight_and_begins_anew_where_it_is_loaded_again() -> (
-    None
-):
-    meter, weight = _TrackMeter(200.0), 200.0
-    moved: list[float] = []
-    soles, wrench = np.zeros((2, 3)), np.zeros((2, 6))
-    truth = SimpleNamespace(q=np.zeros(9), com=np.zeros(3), sole_wrench=wrench)
-    plant = SimpleNamespace(
-        truth=lambda: truth, sole_sites=(1, 0), data=SimpleNamespace(site_xpos=soles[::-1])
-    )
-    motion = [SimpleNamespace(pendulum=SimpleNamespace(com=np.zeros(3)))]
-    source = SimpleNamespace(configurations=np.zeros((1, 9)), motion=motion)
-    trial: Any = SimpleNamespace(plant=plant, source=source, given=0)
-    for share, place in (
-        (0.0, (9.0, 9.0, 9.0)),  # in the air
-        (0.06, (1.0, 2.0, 3.0)),
-        (0.06, (1.003, 1.996, 3.5)),  # 5 mm
-        (0.04, (5.0, 5.0, 5.0)),
-        (0.5, (6.0, 6.0, 6.0)),
-        (0.5, (6.006, 6.008, 6.0)),  # 10 mm
-        (0.5, (6.0, 6.0, 6.0)),
-    ):
-        wrench[1, 2], soles[1] = share * weight, place
-        meter.after(trial)
-        moved.append(1e3 * meter.slide)
-    assert moved == pytest.approx([0.0, 0.0, 5.0, 5.0, 5.0, 10.0, 10.0])
-    meter.tick(SimpleNamespace(measurement=SimpleNamespace(sole_wrench=np.zeros((2, 6)))))  # type: ignore[arg-type]
-    soles[1] = 7.0
-    meter.after(trial)
-    assert 1e3 * meter.slide == pytest.approx(10.0), "what the sensors feel counts, where there are any"

@@ -3,24 +3,15 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
-import mujoco
 import numpy as np
 import pinocchio as pin
 import pytest
 
-from wbc.core.errors import InputError
-from wbc.sim.terrain.spec import terrain
 from wbc.sim.walks.meter import WalkMeter
-from wbc.sim.walks.plans import Drive, WalkPlan, stair_of
-from wbc.sim.walks.spec import WalkSpec
-from wbc.sim.walks.trial import WalkTrial
-from wbc.walking.planning.footsteps import Footstep
 from wbc.walking.planning.phases import Event, Phase
-from wbc.walking.stepping.control import SteppingControl
 
 
 class MadeUpWalk:
@@ -110,21 +101,6 @@ def test_a_fall_begins_where_the_dcm_left_for_good_and_is_told_from_the_stance_f
     assert walk.meter.fall("height").cause == "dropped"
 
 
-def test_a_fall_without_a_stabilizer_goes_where_the_pelvis_goes() -> None:
-    causes = {(0.3, 0.2): "forward", (-0.3, 0.2): "backward", (0.1, 0.2): "left", (0.1, -0.2): "right"}
-    for velocity, cause in causes.items():
-        walk = MadeUpWalk()
-        walk.data.qvel[:2] = velocity
-        walk.plant.time = 0.5
-        first = walk.meter.fall("tilt")  # before the first tick
-        assert (first.onset, first.step, first.phase, first.dcm_forward) == (0.5, 3, "double support", 0.0)
-        walk.tick(None, stance=1)
-        walk.tick(None, stance=1)
-        fall = walk.meter.fall("tilt")
-        assert fall.cause == cause and fall.dcm_forward is None and fall.dcm_outward is None
-        assert fall.onset == pytest.approx(0.51), "the fall itself"
-
-
 def test_errors_effort_and_work_are_means_and_sums_over_ticks() -> None:
     walk = MadeUpWalk()
     rows = (
@@ -212,83 +188,3 @@ def test_support_is_measured_in_the_middle_of_each_step_of_what_touches_the_stan
 
 
 # Travel, goal and orders
-
-
-def test_travel_is_told_along_the_heading_of_the_start() -> None:
-    """The robot is carried by 0.5 m, 0.4 rad to the left of its heading, and turned by 0.3 rad."""
-    yaw = 0.6
-    trial = WalkTrial(WalkSpec(plan=WalkPlan(distance=0.1), noise="none", start=(1.0, -2.0, yaw)))
-    trial.meter.work = 12.0
-    data, weight = trial.plant.data, trial.plant.robot.mass * 9.80665
-    assert trial.result().cost_of_transport is None
-    data.qpos[:2] += 0.5 * np.array([math.cos(yaw + 0.4), math.sin(yaw + 0.4)])
-    mujoco.mj_kinematics(trial.plant.model, data)
-    result = trial.result()
-    assert (result.distance, result.drift) == pytest.approx(
-        (0.5 * math.cos(0.4), 0.5 * math.sin(0.4)), abs=1e-6
-    )
-    assert result.cost_of_transport == pytest.approx(12.0 / (weight * 0.5), rel=1e-6)
-    left = math.hypot(0.5 * math.cos(0.4) - 0.1, 0.5 * math.sin(0.4))
-    assert result.goal_error == pytest.approx(left, abs=2e-3) and result.yaw_error == pytest.approx(
-        0.0, abs=1e-9
-    )
-    half, (w, x, y, z) = 0.15, data.qpos[3:7].tolist()
-    turned = [w * math.cos(half) - z * math.sin(half), w * math.sin(half) + z * math.cos(half)]
-    data.qpos[3:7] = [turned[0], x, y, turned[1]]
-    assert trial.result().yaw_error == pytest.approx(0.3)
-    data.qpos[0] = math.nan
-    lost = trial.result()
-    assert math.isnan(lost.distance) and math.isnan(lost.yaw_error) and lost.cost_of_transport is None
-
-
-def test_a_stepping_walk_has_orders_and_the_time_that_they_take() -> None:
-    def prepared(**plan: Any) -> Any:
-        return WalkSpec(robot="g1", law="stepping", plan=WalkPlan(**plan)).prepare()
-
-    driven = prepared(velocity=(0.2, 0.05, -0.1), steps=7)
-    assert driven.orders is not None
-    (first, (end, *stand)), s = (
-        driven.orders,
-        SteppingControl(driven.robot(), 0.002, driven.settings).source.gait.settings,
-    )
-    pause = s.shift_time + 8.0 * s.step_time
-    assert first == (0.0, 0.2, 0.05, -0.1) and stand == [0.0, 0.0, 0.0]
-    assert end == pytest.approx(s.shift_time + 7 * s.step_time) and driven.nominal_time == pytest.approx(
-        end + pause
-    )
-    assert driven.time_limit == math.ceil(1.5 * driven.nominal_time + 5.0) and driven.arrival() is None
-    rows = ((0.0, 0.3, 0.0, 0.0), (3.0, 0.0, 0.0, 0.0))
-    given = prepared(drive=rows)
-    assert given.orders == rows and given.nominal_time == pytest.approx(3.0 + pause)
-    straight, turn = prepared(distance=1.4), prepared(turn=1.1)
-    assert straight.orders is None and straight.nominal_time == pytest.approx(
-        1.4 / (0.7 * s.cruise) + pause, rel=1e-3
-    )
-    assert turn.nominal_time == pytest.approx(2.2 / s.fastest_turn + pause, rel=0.05)
-    with pytest.raises(InputError, match="takes no footsteps: it decides each step .* choose the law 'lipm'"):
-        prepared(footsteps=(Footstep("left", 0.05, 0.12),))
-
-
-def test_a_drive_gives_each_row_when_it_is_due_and_is_over_with_the_last() -> None:
-    walking: Any = SimpleNamespace(velocity=None, finished=True)
-    rows = ((0.0, 0.3, 0.1, 0.0), (0.01, 0.2, 0.0, 0.1), (0.015, 0.0, 0.0, 0.0))
-    drive, seen = Drive(rows, walking), []
-    for tick in range(5):
-        drive.before(SimpleNamespace(plant=SimpleNamespace(time=0.005 * tick)))  # type: ignore[arg-type]
-        seen.append((walking.velocity, drive.over))
-    assert seen == [(rows[i][1:], i == 2) for i in (0, 0, 1, 2, 2)]
-    walking.finished = False
-    assert not drive.over and Drive(None, walking).over is False
-
-
-def test_stairs_are_those_of_the_ground() -> None:
-    for direction, sign in (("up", 1.0), ("down", -1.0)):
-        ground = terrain("steps", 0.2, riser=0.05, direction=direction, tread=0.3, length=1.5, start=0.4)
-        rise, tread, count, edge = stair_of(ground)
-        assert (rise, tread, count) == (pytest.approx(sign * 0.05), 0.3, 4)
-        assert float(ground.height(edge - 1e-6, 0.0)) == 0.0
-        assert float(ground.height(edge + 1e-6, 0.0)) == pytest.approx(rise)
-    with pytest.raises(InputError, match="no stairs on terrain 'steps'"):
-        stair_of(replace(ground, amplitude=0.0))
-    with pytest.raises(InputError, match="one direction"):
-        stair_of(terrain("steps", 0.2, riser=0.05))

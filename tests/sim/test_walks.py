@@ -21,12 +21,8 @@ from wbc.sim.walks.result import WalkResult
 from wbc.sim.walks.spec import WalkSpec
 from wbc.sim.walks.trial import WalkTrial, walk
 from wbc.walking.falls import FallReason
-from wbc.walking.planning.footsteps import FootstepPlan
 from wbc.walking.planning.gait import Gait
 from wbc.walking.planning.phases import Event
-from wbc.walking.planning.planners import walk_velocity
-from wbc.walking.planning.reach import Reach
-from wbc.walking.planning.sources import DriveSettings, Standing, VelocitySource
 
 TWO_STEPS = WalkPlan(distance=0.1)
 QUICK = Gait(single_support=0.65, double_support=0.25, initial_double_support=0.5, final_double_support=0.5)
@@ -101,24 +97,6 @@ def _after_ticks(trial: WalkTrial, ticks: int) -> np.ndarray[Any, Any]:
     for _ in range(ticks):
         trial.plant.step(trial.walking.command(trial.plant.measure()))
     return np.array(trial.plant.data.qpos)
-
-
-def test_json_has_what_is_promised(plain: WalkResult) -> None:
-    data = json.loads(json.dumps(plain.to_json(), allow_nan=False))
-    promised = (
-        "robot foot terrain amplitude seed steps_planned steps_done fell fall_reason distance zmp_error "
-        "com_error dcm_error peak_torque_ratio real_time_factor tick_us wall_s"
-    )
-    assert set(promised.split()) <= set(data)
-    assert set(data["zmp_error"]) == {"mean", "std"} and set(data["tick_us"]) == {"median", "p99"}
-    shown = plain._repr_html_()
-    assert "2 of 2" in shown and f"{plain.distance:.2f} m in {plain.seconds:.1f} s" in shown
-    for each in (plain.zmp_error, plain.com_error, plain.dcm_error):
-        assert each.mean is not None and f"{1e3 * each.mean:.1f} mm" in shown
-    clock = plain.clock
-    assert clock is not None and 0.0 < clock.physics_share < 1.0 and clock.real_time_factor > 0.0
-    record = plain.record()
-    assert not set(record) & {"clock", "wall_s", "real_time_factor", "tick_us"}
 
 
 # Pushes and falls
@@ -215,36 +193,6 @@ class Blindness(TrialHook):
         plant.measure = blind  # type: ignore[method-assign]
 
 
-class Gaps(TrialHook):
-    """Loses the measurement after each that has an event."""
-
-    def start(self, trial: WalkTrial) -> None:
-        plant, measure = trial.plant, trial.plant.measure
-        self.lost: set[float] = set()
-
-        def patchy() -> Measurement:
-            seen, reference = measure(), trial.walking.reference
-            if reference is not None and reference.events and plant.time - 0.005 not in self.lost:
-                self.lost.add(plant.time)
-                return replace(seen, joint_position=seen.joint_position * np.nan)
-            return seen
-
-        plant.measure = patchy  # type: ignore[method-assign]
-
-
-def test_what_happened_once_is_counted_once_though_measurements_get_lost(
-    plain: WalkResult, caplog: pytest.LogCaptureFixture
-) -> None:
-    caplog.set_level(logging.CRITICAL)
-    gaps = Gaps()
-    result = walk(SPEC, hooks=[gaps])
-    assert len(gaps.lost) >= 4 and result.outcome == "completed"
-    counts = result.touchdowns
-    assert (
-        counts.early + counts.on_time + counts.late + counts.missed == result.steps_done == plain.steps_done
-    )
-
-
 def test_a_fall_before_any_good_measurement_is_a_fall(caplog: pytest.LogCaptureFixture) -> None:
     caplog.set_level(logging.CRITICAL)
 
@@ -298,37 +246,6 @@ def test_specs_are_values() -> None:
     assert json.dumps(same.to_json()) == json.dumps(other.to_json())
     assert WalkSpec.from_json(json.loads(json.dumps(same.to_json()))) == same
     assert same != WalkSpec() and "machine" not in WalkSpec().to_json()
-
-
-@pytest.mark.parametrize(
-    "velocity", [(0.1, 0.0, 0.0), (-0.15, 0.0, 0.0), (0.0, 0.075, 0.0), (0.05, 0.03, -0.2)]
-)
-def test_a_slow_walk_takes_the_steps_of_its_gait(velocity: tuple[float, float, float]) -> None:
-    for gait in (Gait(), Gait(single_support=0.7, swing_height=0.05)):
-        spec = WalkSpec(plan=WalkPlan(velocity=velocity, steps=4), gait=gait)
-        robot = spec.prepare().robot()
-        assert spec.prepare().plan == walk_velocity(FootstepPlan.standing(robot, gait), velocity, 4)
-
-
-@pytest.mark.parametrize("period", [0.005, 0.002])
-def test_a_quick_walk_takes_the_steps_of_a_driven_robot(period: float) -> None:
-    """A velocity of 0.4 m/s is out of reach in the time of slow steps."""
-    spec = WalkSpec(plan=WalkPlan(velocity=(0.4, 0.0, 0.0), steps=6), control_period=period)
-    prepared = spec.prepare()
-    robot = prepared.robot()
-    left, right = ((sole.length, sole.width) for sole in robot.soles)
-    source = VelocitySource(Reach.of(robot), (left, right), DriveSettings(acceleration=(9, 9, 9)))
-    source.target = (0.4, 0.0, 0.0)
-    start = FootstepPlan.standing(robot, Gait())
-    driven = source.footsteps(Standing(start, None, 0, False, 0.0))
-    gait = prepared.plan.gait
-    assert gait == driven.gait and gait.single_support < 0.5
-    ways = [b.x - a.x for a, b in zip(prepared.plan.steps[:6], prepared.plan.steps[1:6], strict=False)]
-    assert ways == pytest.approx([0.4 * (gait.single_support + gait.double_support)] * 5)
-    slow = WalkSpec(plan=WalkPlan(velocity=(0.1, 0.0, 0.0), steps=6), control_period=period).prepare()
-    assert prepared.nominal_time < 0.7 * slow.nominal_time
-    with pytest.raises(InputError, match="within reach"):  # explicit values win
-        replace(spec, gait=Gait(single_support=0.9, double_support=0.29))
 
 
 def test_changes_reach_the_controller() -> None:

@@ -2,11 +2,7 @@
 
 from __future__ import annotations
 
-from types import SimpleNamespace
-from typing import Any
-
 import numpy as np
-import pinocchio as pin
 import pytest
 from properties import by_default
 
@@ -15,8 +11,6 @@ from wbc.core.errors import InputError
 from wbc.core.robot import GRAVITY
 from wbc.robots import load
 from wbc.tasks import StabilizerTask
-from wbc.tasks.stabilizer.gains import StabilizerGains
-from wbc.tasks.stabilizer.pendulum import Pendulum
 
 CONTROLS = {"torque": wbc.TorqueControl, "hybrid": wbc.HybridControl, "position": wbc.PositionControl}
 
@@ -64,50 +58,6 @@ def test_the_com_follows_a_target_that_moves() -> None:
     run(plant, control, 1.8)
     np.testing.assert_allclose(task.target, goal, atol=1e-9)
     np.testing.assert_allclose(control.observer.robot.com, goal, atol=0.012)
-
-
-@pytest.mark.parametrize("contact", [(True, True), (True, False)])
-@pytest.mark.parametrize("drives", ["torque", "position"])
-def test_a_tick_hands_the_output_of_the_stabilizer_to_the_qp(drives: Any, contact: tuple[bool, bool]) -> None:
-    """On torques the feedback's acceleration and the wrenches, by load; on positions the shift and the feet."""
-    robot = load("hrp4_class").robot()
-    controller = wbc.Controller(robot, 0.005)
-    soles = controller.add(wbc.SoleContact("left_foot"), wbc.SoleContact("right_foot"))
-    gains = StabilizerGains(com_admittance=(0.5, 0.3))
-    task = controller.add(StabilizerTask(soles, drives=drives, gains=gains, moment_by_load=True))
-    task.target = goal = np.array(robot.com) + [0.02, -0.03, 0.01]
-    np.testing.assert_array_equal(task.target, goal)
-    weight = robot.mass * GRAVITY
-    wrenches = np.array([[3.0, 2.0, 0.7 * weight, 5.0, -4.0, 1.0], [1.0, -2.0, 0.3 * weight, -2.0, 3.0, 0.5]])
-    task.observe(SimpleNamespace(wrenches=wrenches), 0.005)  # type: ignore[arg-type]
-    rest = Pendulum.at_rest(goal)
-    pendulum = rest._replace(
-        com_velocity=np.array([0.2, -0.1, 0.05]), com_acceleration=np.array([0.3, 0.4, -0.2])
-    )
-    for _ in range(3):
-        out = task.update(pendulum, wrenches, contact, 0.3, 0.005)
-    places = [pin.SE3(robot.placement(sole.frame)) for sole in robot.soles]
-    task.apply(pendulum, contact, places, (0.6, -0.7))
-    com, velocity, push = goal.copy(), pendulum.com_velocity.copy(), pendulum.com_acceleration.copy()
-    if drives == "torque":
-        push[:2] = out.com_acceleration[:2]
-        loads = out.feet.wrenches[:, 2]
-        for side, part in enumerate(task.parts):
-            if contact[side]:
-                np.testing.assert_array_equal(part.target, out.feet.wrenches[side])
-                share = loads[side] / loads.sum() if all(contact) else 0.5
-                np.testing.assert_allclose(part.weight, 1e-3 * np.repeat((1.0, (0.5 / share) ** 2), 3))
-    else:
-        com[:2] += out.com_offset
-        velocity[:2] += out.com_velocity_offset
-        push[:2] += out.com_acceleration_offset
-        assert np.abs(out.com_offset).min() > 1e-6 or not all(contact)
-        for side, foot in enumerate(soles):
-            if contact[side]:
-                assert foot.target.isApprox(out.corrections[side].apply(places[side])[0], 1e-12)
-    np.testing.assert_allclose(task._target, com)
-    np.testing.assert_allclose(task.feedforward_velocity, velocity)
-    np.testing.assert_allclose(task.feedforward_acceleration, push + [0.6, -0.7, 0.0])
 
 
 def test_tasks_on_the_wrenches_come_and_go_with_it() -> None:

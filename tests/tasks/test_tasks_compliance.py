@@ -9,7 +9,7 @@ from functools import partial
 import numpy as np
 import pinocchio as pin
 import pytest
-from task_factory import integrate, left_hand, make_robot, near_half_sitting, random_state, rows_of
+from task_factory import integrate, left_hand, make_robot, near_half_sitting
 
 from wbc.core.errors import Array, MeasurementError
 from wbc.core.qp.contact import SoleContact
@@ -166,29 +166,6 @@ LAWS: dict[str, Callable[..., ComplianceTask]] = {
 }
 
 
-@pytest.mark.parametrize("law", LAWS)
-@pytest.mark.parametrize("time_constant", [0.0, 0.05])
-def test_feed_forward_acceleration_is_the_slope_of_the_velocity_while_it_yields(
-    law: str, time_constant: float
-) -> None:
-    """At a force that jumps and then grows: velocity and acceleration of all laws belong together."""
-    robot, dt = robot_with_palm(), 1e-4
-    task = LAWS[law](time_constant=time_constant, velocity_bound=(10.0, 10.0))
-    task.bind(robot)
-    velocity, acceleration = [], []
-    for tick in range(1000):
-        force = 10.0 + (50.0 * tick * dt if time_constant > 0.0 else 0.0)
-        task.measured_wrench = [0.0, force, 0.0, 0.0, 0.0, 0.0]
-        task.advance(dt)
-        rows_of(task, robot)
-        velocity.append(task._rows.velocity[1])
-        acceleration.append(task._rows.acceleration[1])
-    slope = np.gradient(velocity, dt)[10:-1]
-    told = np.array(acceleration)[10:-1]
-    assert np.abs(slope).max() > 1e-3 or law == "admittance"
-    np.testing.assert_allclose(told, slope, atol=2e-2 * np.abs(slope).max() + 1e-9)
-
-
 @pytest.mark.parametrize(("spring", "damper"), [(1e6, 1.0), (1e6, 1e5), (0.0, 1e5), (10.0, 1e-3)])
 @pytest.mark.parametrize("mass", [0.0, 1.0])
 def test_no_spring_or_damper_is_too_stiff_for_the_period(spring: float, damper: float, mass: float) -> None:
@@ -256,28 +233,6 @@ def test_offset_is_kept_within_its_bound_and_velocity_within_its_clamp() -> None
     np.testing.assert_array_equal(task.offset_vector(), 0.0)
 
 
-def test_feed_forward_is_that_of_the_user_plus_that_of_the_compliance() -> None:
-    robot, rng = robot_with_palm(), np.random.default_rng(2)
-    robot.update(*random_state(robot, rng))
-    task = AdmittanceTask("palm", admittance=(1e-3, 1e-1), velocity_bound=(10, 10))
-    task.bind(robot)
-    task.feedforward_velocity, task.feedforward_acceleration = np.arange(6.0), -np.arange(6.0)
-    task.measured_wrench = rng.normal(size=6)
-    for _ in range(3):
-        task.advance(0.002)
-    rows_of(task, robot)
-    np.testing.assert_array_equal(task.feedforward_velocity, np.arange(6.0))
-    turn = robot.placement(task.frame).rotation.T @ task.reference.rotation
-    yielding = np.concatenate([turn @ task.compliance_velocity[:3], turn @ task.compliance_velocity[3:]])
-    np.testing.assert_allclose(task._rows.velocity, np.arange(6.0) + yielding, atol=1e-12)
-    rate = (task.measured_wrench - task.wrench_error) / 0.02  # of a low-pass with its time constant
-    np.testing.assert_allclose(
-        task._rows.acceleration + np.arange(6.0),
-        np.concatenate([turn @ (1e-3 * rate[:3]), turn @ (0.1 * rate[3:])]),
-        atol=1e-9,
-    )
-
-
 def test_a_constant_wrench_moves_the_reference_along_a_screw() -> None:
     """Velocities are along the axes of the reference, which turn with it."""
     robot, seconds, dt = robot_with_palm(), 1.0, 1e-3
@@ -288,21 +243,6 @@ def test_a_constant_wrench_moves_the_reference_along_a_screw() -> None:
         task.advance(dt)
     screw = pin.exp6(pin.Motion(1e-3 * seconds * wrench))
     np.testing.assert_allclose(task.offset.homogeneous, screw.homogeneous, atol=1e-4)
-
-
-def test_a_velocity_at_its_bound_does_not_accelerate() -> None:
-    robot = robot_with_palm()
-    task = AdmittanceTask("palm", admittance=(1e-3, 1e-3), velocity_bound=(0.05, 10.0), time_constant=0.02)
-    task.bind(robot)
-    task.measured_wrench = np.full(6, 100.0)  # 0.1 m/s, of which 0.05 are allowed, and 0.1 rad/s
-    for _ in range(40):
-        task.advance(0.001)
-    rows_of(task, robot)
-    assert (np.abs(task.compliance_velocity[:3]) == 0.05).all()
-    turn = robot.placement(task.frame).rotation.T @ task.reference.rotation
-    acceleration = np.kron(np.eye(2), turn.T) @ task._rows.acceleration
-    np.testing.assert_allclose(acceleration[:3], 0.0, atol=1e-12)
-    assert (acceleration[3:] > 0.1).all()
 
 
 def test_measurement_with_nan_changes_nothing() -> None:
