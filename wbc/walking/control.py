@@ -67,6 +67,7 @@ class ReferenceControl:
         falls: Fall detector.
         stiffness: Scheduler that sets the soles while they swing; None leaves them alone.
         reference: References of the last tick with a good measurement; None before the first one.
+        stopped: True after `stop`, until it is told to walk on.
     """
 
     def __init__(
@@ -91,6 +92,7 @@ class ReferenceControl:
             self.lean, self.bias, self.load = balance.lean, balance.bias, balance.load
         self.falls, self.stiffness = FallDetector(falls), stiffness
         self.reference: Reference | None = None
+        self.stopped = False
         control.reach = FEET_STEP if balance is None else FEET_AS_PLANNED
         body.lift = lambda: 0.0 if source.finished else source.swing_height
         estimate = control.observer.robot
