@@ -210,7 +210,10 @@ class Trial:
         except MeasurementError as error:
             self.diverged = str(error)
             return False
+        clouds = plant.clouds()
         start = time.perf_counter()
+        for cloud in clouds:
+            walking.see(cloud)
         command = walking.command(measurement)
         self.tick_times.append(time.perf_counter() - start)
         tick = TrialTick(plant, walking, measurement, command)

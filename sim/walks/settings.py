@@ -11,6 +11,8 @@ from wbc.core.errors import InputError, choose
 from wbc.core.estimation.observer import ObserverSettings
 from wbc.core.settings import settings
 from wbc.feet.sensing.range_sensor import RangeSensor
+from wbc.ground import GroundSettings
+from wbc.sim.plant.eyes import DepthCamera, ToeSensors
 from wbc.sim.plant.settings import PhysicsSettings
 from wbc.tasks.scheduling.record import StiffnessTiming
 from wbc.tasks.stabilizer.bias import BiasSettings
@@ -33,6 +35,9 @@ PAPER_GAINS = {"dcm_p": 3.4, "dcm_i": 0.0, "dcm_d": 2.1}
 """Gains of the paper's stabilizer: kP (1/s) and kD of its data set, tuned on a flat floor, and kI = 0 because a bias
 estimator takes its place (sections II-C and IV-B, Table II)."""
 
+Eyes = Literal["none", "depth", "toes"]
+"""What a robot sees of the ground: nothing, by a depth camera, or by range sensors at the toes."""
+
 Law = Literal["lipm", "stepping"]
 """Law of the steps: "lipm" plans footsteps and holds them with a stabilizer, "stepping" decides each as it goes."""
 
@@ -53,12 +58,18 @@ class Surroundings:
         physics: Settings of the simulator.
         stiffness: Timing of the stiffness policy of variable soles: scan, decision, command.
         range_sensor: Range sensor under each toe of such soles; perfect with the sensor noise "none".
+        camera: Depth camera of a walk with eyes="depth".
+        toes: Range sensors at the toes of a walk with eyes="toes".
+        ground: What is made of what they see.
     """
 
     observer: ObserverSettings = field(default_factory=ObserverSettings)
     physics: PhysicsSettings = field(default_factory=PhysicsSettings)
     stiffness: StiffnessTiming = field(default_factory=StiffnessTiming)
     range_sensor: RangeSensor = field(default_factory=lambda: RangeSensor(noise=0.001, resolution=0.001))
+    camera: DepthCamera = field(default_factory=DepthCamera)
+    toes: ToeSensors = field(default_factory=ToeSensors)
+    ground: GroundSettings = field(default_factory=GroundSettings)
 
 
 @settings

@@ -29,6 +29,7 @@ from wbc.sim.walks.plans import WalkPlan
 from wbc.sim.walks.prepare import PreparedWalk, prepare
 from wbc.sim.walks.settings import (
     NO_BIAS,
+    Eyes,
     Law,
     SteppingTrialSettings,
     TrialSettings,
@@ -48,6 +49,9 @@ def _named_values(values: Any) -> Changes:
 
 NamedValues = Annotated[Changes, PlainValidator(_named_values)]
 """Names and values: a mapping when given, sorted pairs in the spec, an object in JSON."""
+
+TOE_GAIT = Gait(landing_time=0.25, apex=0.45)
+"""Gait of a robot that sees with its toes: a foot is over its landing before it sinks, so that it has been seen."""
 
 SEED_LIMIT = 2**63
 """Seeds are below it: they fit into a signed integer of 64 bits, as tables of results have them."""
@@ -87,6 +91,7 @@ class WalkSpec(TrialSpec):
         plan: Distance, velocity, turn, stairs, footsteps or velocities over time.
         gait: Sizes and timings of steps of a LIPM walk.
         law: lipm plans footsteps, stepping decides place and time of each as it goes, every 2 ms in any mode.
+        eyes: What the robot sees of the ground: none, depth (a camera) or toes (range sensors).
         gains: Preset of settings: default, frizza for the paper's law, no_bias for the same without bias estimate.
         changes: Settings that differ from the preset; see `wbc.sim.walks.settings.TrialSettings`.
         start: Place of the robot at the start: x (m), y (m) and heading (rad).
@@ -109,6 +114,7 @@ class WalkSpec(TrialSpec):
     plan: WalkPlan = field(default_factory=WalkPlan)
     gait: Gait = field(default_factory=Gait)
     law: Law = "lipm"
+    eyes: Eyes = "none"
     gains: str = "default"
     changes: NamedValues = ()
     start: Annotated[tuple[float, float, float], "m, m, rad"] = (0.0, 0.0, 0.0)
@@ -208,7 +214,7 @@ class WalkSpec(TrialSpec):
             self.servo,
             self.foot_design(),
             self.plan,
-            self.gait,
+            TOE_GAIT if self.eyes == "toes" and self.gait == Gait() else self.gait,
             self.settings(),
             self.period,
             self.start,
@@ -237,6 +243,8 @@ class WalkSpec(TrialSpec):
             del data["servo"]
         if self.law == "lipm":
             del data["law"]
+        if self.eyes == "none":
+            del data["eyes"]
         for name in ("foot_changes", "policy_params", "terrain_params", "scene_params", "changes"):
             data[name] = dict(data[name])
         data["terrain_params"][RAMP_NAME] = self.ground().ramp

@@ -20,6 +20,8 @@ from wbc.core.estimation.observer import Observer
 from wbc.core.robot import GRAVITY, Robot
 from wbc.feet import RangeSensor
 from wbc.feet.soles.soft import VariableStiffnessFoot
+from wbc.ground import KnownGround
+from wbc.sim.plant.eyes import DepthCamera, ToeSensors
 from wbc.sim.plant.falls import PelvisLimits
 from wbc.sim.plant.plant import Plant
 from wbc.sim.terrain.families.base import terrain_families
@@ -245,8 +247,11 @@ def _walking(
     observer = Observer(robot, settings.observer, adopt=spec.mode != "position", dynamics=stepping)
     observer.reset(prepared.configuration)
     robot.update(prepared.configuration, np.zeros(robot.nv))
+    ground = None if spec.eyes == "none" else KnownGround(robot, settings.ground)
     if isinstance(settings, SteppingTrialSettings):
-        walking = SteppingControl(robot, spec.period, settings, observer=observer, stiffness=scheduler)
+        walking = SteppingControl(
+            robot, spec.period, settings, observer=observer, stiffness=scheduler, ground=ground
+        )
         return walking, walking.source.gait.scale.height
     return WalkingControl(
         robot,
@@ -256,6 +261,7 @@ def _walking(
         observer=observer,
         stiffness=scheduler,
         extent=spec.extent,
+        ground=ground,
     ), settings.com_height
 
 
@@ -273,6 +279,7 @@ def _plant(spec: WalkSpec, prepared: PreparedWalk, robot: Robot) -> Plant:
         physics=prepared.settings.physics,
         machine=spec.machine,
         scene=spec.things(),
+        eyes=_eyes(spec, prepared.settings),
     )
     # The soles of the walk's feet may lie elsewhere under the ankles than the robot's own.
     plant_q, controller_q = plant.robot.half_sitting, robot.half_sitting
@@ -295,6 +302,19 @@ def _range_sensor(spec: WalkSpec, settings: TrialSettings | SteppingTrialSetting
     if spec.noise == "none":
         sensor = replace(sensor, noise=0.0, relative_noise=0.0, resolution=0.0, dropout=0.0)
     return sensor
+
+
+def _eyes(
+    spec: WalkSpec, settings: TrialSettings | SteppingTrialSettings
+) -> tuple[DepthCamera | ToeSensors, ...]:
+    """Return what sees the ground, perfectly with the sensor noise "none"."""
+    if spec.eyes == "none":
+        return ()
+    eye: DepthCamera | ToeSensors = settings.camera if spec.eyes == "depth" else settings.toes
+    if spec.noise == "none":
+        exact = {name: 0.0 for name in ("noise", "relative_noise", "dropout") if hasattr(eye, name)}
+        eye = replace(eye, **exact)
+    return (eye,)
 
 
 def _scheduler(

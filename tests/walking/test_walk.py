@@ -19,6 +19,7 @@ from wbc.tasks.stabilizer.gains import StabilizerGains
 from wbc.tasks.stabilizer.pendulum import Pendulum, natural_frequency
 from wbc.tasks.stabilizer.stabilizer import Stabilizer
 from wbc.walking.control import WalkingControl
+from wbc.walking.ground import Ground
 from wbc.walking.planning.adjustment import AdjustmentSettings, StepAdjuster
 from wbc.walking.planning.footsteps import Footstep, FootstepPlan
 from wbc.walking.planning.gait import Gait
@@ -27,7 +28,7 @@ from wbc.walking.planning.planners import climb_stairs, walk_distance, walk_velo
 from wbc.walking.planning.reach import Reach
 from wbc.walking.planning.schedule import ZmpTarget, schedule, support_area
 from wbc.walking.source import Reference
-from wbc.walking.walk import TOUCH_DOWNS, GroundEstimate, Walk, WalkSettings
+from wbc.walking.walk import TOUCH_DOWNS, Walk, WalkSettings
 
 ROBOT = load("hrp4_class").robot()
 START = FootstepPlan.standing(ROBOT)
@@ -242,7 +243,7 @@ def test_stones_bring_early_and_late_landings_and_the_walk_goes_on() -> None:
 
 
 def test_the_estimate_of_the_ground_learns_a_constant_slope() -> None:
-    ground, slope = GroundEstimate(0.5, 0.1), 0.02
+    ground, slope = Ground(0.5, 0.1), 0.02
     errors = []
     for step in range(60):
         expected = ground.expect(Footstep("left", 0.0, 0.0, 0.0, 0.0)).z
@@ -253,7 +254,7 @@ def test_the_estimate_of_the_ground_learns_a_constant_slope() -> None:
 
 
 def test_a_plan_from_feet_that_landed_high_steps_back_to_the_expected_ground() -> None:
-    ground = GroundEstimate(0.5, 0.1)
+    ground = Ground(0.5, 0.1)
     ground.land(0.04)
     steps = [Footstep("left", 0.2, 0.1, 0.04, 0.0)]
     assert ground.settled(steps, swings=True) is steps

@@ -36,6 +36,9 @@ STRIDE = 20
 FAR = float(1 << (STRIDE - 1))
 """Number of cells by which the grid begins before the origin, so that all indices are positive: 10 km."""
 
+REFRESH = 0.5
+"""Time after which the age of all cells is looked at again, s."""
+
 NOBODY = -1
 """Code of a cell that nobody has written."""
 
@@ -86,6 +89,7 @@ class HeightMap:
         self._code = np.full(SIDE * SIDE, NOBODY, np.int64)
         self.heights, self.std = np.full(SIDE * SIDE, np.nan), np.full(SIDE * SIDE, np.inf)
         self.version = 0
+        self._refreshed = -math.inf  # time at which all cells were, s
 
     def add(self, points: Array, std: Array, time: float) -> float | None:
         """Fuse the points of one frame, shape (n, 3), m, in the world, with their standard deviations, shape (n,), m.
@@ -110,7 +114,7 @@ class HeightMap:
         self._z[slot] = old + gain * step
         self._var[slot] = np.where(fresh, r, np.where(below, 1.5 * var + 1e-5, (1.0 - gain) * var))
         self._code[slot], self._seen[slot] = code, time
-        self._refresh(time)
+        self._refresh(time, slot, shift is not None)
         return shift
 
     def shift(self, height: float) -> None:
@@ -166,9 +170,14 @@ class HeightMap:
         self._z += shift
         return shift
 
-    def _refresh(self, time: float) -> None:
-        """Compute what is known now."""
-        np.sqrt(self._var + self.settings.wander**2 * (time - self._seen), out=self.std)
-        np.copyto(self.heights, self._z)
-        self.heights[self.std >= self.settings.known] = np.nan
+    def _refresh(self, time: float, slot: Index, moved: bool) -> None:
+        """Compute what is known now: of all cells when they have moved or grown old, else of those just seen."""
+        if moved or time >= self._refreshed + REFRESH:
+            self._refreshed = time
+            np.sqrt(self._var + self.settings.wander**2 * (time - self._seen), out=self.std)
+            np.copyto(self.heights, self._z)
+            self.heights[self.std >= self.settings.known] = np.nan
+        else:
+            self.std[slot] = std = np.sqrt(self._var[slot])
+            self.heights[slot] = np.where(std < self.settings.known, self._z[slot], np.nan)
         self.version += 1

@@ -28,6 +28,7 @@ from wbc.core.estimation.observer import Observer
 from wbc.core.qp.controller import Controller
 from wbc.core.robot import Robot
 from wbc.core.signals import Command, Measurement
+from wbc.ground import ElevationMap, KnownGround, PointCloud
 from wbc.tasks.scheduling.stiffness import StiffnessScheduler
 from wbc.tasks.stabilizer.bias import BiasEstimator
 from wbc.tasks.stabilizer.lean import UPRIGHT, Lean
@@ -66,6 +67,7 @@ class ReferenceControl:
         load: Load in the hands as estimated; None where none is expected.
         falls: Fall detector.
         stiffness: Scheduler that sets the soles while they swing; None leaves them alone.
+        ground: What is known of the ground, to which clouds of points are added at any time; None walks blind.
         reference: References of the last tick with a good measurement; None before the first one.
         stopped: True after `stop`, until it is told to walk on.
     """
@@ -80,6 +82,7 @@ class ReferenceControl:
         balance: Balance | None,
         falls: FallSettings,
         stiffness: StiffnessScheduler | None,
+        ground: KnownGround | None = None,
     ) -> None:
         """Put the parts together; see the attributes."""
         self.source, self.control, self.controller, self.tasks = source, control, control.controller, tasks
@@ -90,7 +93,9 @@ class ReferenceControl:
         self.load: HeldLoad | None = None
         if balance is not None:
             self.lean, self.bias, self.load = balance.lean, balance.bias, balance.load
-        self.falls, self.stiffness = FallDetector(falls), stiffness
+        self.falls, self.stiffness, self.ground = FallDetector(falls), stiffness, ground
+        if ground is not None:
+            source.see(ground)
         self.reference: Reference | None = None
         self.stopped = False
         control.reach = FEET_STEP if balance is None else FEET_AS_PLANNED
@@ -141,9 +146,23 @@ class ReferenceControl:
         self._detect_fall()
         return command if self.stiffness is None else self._with_stiffness(command, self.stiffness)
 
+    def see(self, seen: PointCloud | ElevationMap) -> None:
+        """Take a cloud of points, or a map, of the ground; a walk that is blind leaves it.
+
+        Args:
+            seen: Cloud or map.
+
+        Raises:
+            InputError: Neither of both, or a map smaller than a sole.
+        """
+        if self.ground is not None:
+            self.ground.add(seen)
+
     def _follow(self, state: State) -> None:
         """Set the targets of all tasks and contacts of this tick."""
         balance, body = self.balance, self.body
+        if self.ground is not None:
+            self.ground.update(state.robot, state.measurement.time)
         if balance is not None:
             state = balance.correct(state)
         self.reference = reference = self.source.update(state)
@@ -341,6 +360,7 @@ class WalkingControl(ReferenceControl):
         observer: Observer | None = None,
         stiffness: StiffnessScheduler | None = None,
         extent: tuple[float, float, float, float] | None = None,
+        ground: KnownGround | None = None,
     ) -> None:
         """Make all parts for a robot that stands at the start; the walk begins with the first tick.
 
@@ -353,6 +373,8 @@ class WalkingControl(ReferenceControl):
             observer: Estimates the robot's state; a new one when None.
             stiffness: Sets the soles while they swing; needs feet of variable stiffness.
             extent: Least and greatest x, least and greatest y of the ground, m; endless when None. For a plan alone.
+            ground: What is known of the ground, made with a robot of the same description that stands at the start;
+                None walks blind.
 
         Raises:
             InputError: A robot without exactly two soles, a plan that cannot be walked or begins elsewhere, bad
@@ -378,7 +400,7 @@ class WalkingControl(ReferenceControl):
         body = Body(controller, height, dt, waist=True)
         control = drive_control(s.mode, controller, observer, s.safety, feedforward=s.feedforward)
         balance = Balance(control, tasks, arms, s, height)
-        super().__init__(source, control, tasks, arms, body, balance, s.falls, stiffness)
+        super().__init__(source, control, tasks, arms, body, balance, s.falls, stiffness, ground)
 
     @property
     def walk(self) -> Walk:

@@ -19,6 +19,7 @@ from wbc.core.arguments import checked
 from wbc.core.control import State
 from wbc.core.errors import InputError, shown
 from wbc.core.robot import SIDES, Robot
+from wbc.ground import KnownGround
 from wbc.walking.planning.footsteps import FootstepPlan, check_start
 from wbc.walking.planning.gait import reaction
 from wbc.walking.planning.phases import Phase
@@ -193,6 +194,10 @@ class LipmWalk(ReferenceSource):
         """
         self.check_goal(x, y)
         self.follow(GoalSource((x, y, yaw), self.velocity_source()))
+
+    def see(self, ground: KnownGround) -> None:
+        """Put feet by what is known of the ground, from the next swing on."""
+        self.walk.ground.sight = ground
 
     def check_goal(self, x: float, y: float) -> None:
         """Refuse a place beyond the ground."""

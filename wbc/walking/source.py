@@ -18,6 +18,7 @@ from wbc.core.arguments import checked
 from wbc.core.control import State
 from wbc.core.errors import Array, InputError
 from wbc.core.robot import SIDES, Robot
+from wbc.ground import KnownGround
 from wbc.tasks.stabilizer.pendulum import Pendulum
 from wbc.walking.pattern.swing import FootMotion
 from wbc.walking.planning.footsteps import Footstep, FootstepPlan, heading
@@ -252,6 +253,17 @@ class ReferenceSource(ABC):
             InputError: The source cannot be steered.
         """
         raise InputError(self.unsteered)
+
+    def see(self, ground: KnownGround) -> None:
+        """Put feet by what is known of the ground, from the next swing on.
+
+        Args:
+            ground: What is known; the control keeps it up to date.
+
+        Raises:
+            InputError: The source puts no feet by it.
+        """
+        raise InputError(f"{type(self).__name__} puts no feet by what is known of the ground")
 
 
 class Stand(ReferenceSource):

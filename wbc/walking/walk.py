@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import logging
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Annotated
 
@@ -21,6 +21,7 @@ from wbc.core.errors import ROUNDING, Array, InputError, as_period
 from wbc.core.robot import GRAVITY, SIDES, Robot
 from wbc.core.settings import Positive, Share, settings
 from wbc.tasks.stabilizer.pendulum import Pendulum
+from wbc.walking.ground import LAST_LOOK, NOTICED, Ground
 from wbc.walking.pattern.pattern import Pattern
 from wbc.walking.pattern.preview import PreviewController, PreviewSettings
 from wbc.walking.pattern.reaction import SwingReaction, Travel, leg_share
@@ -80,50 +81,6 @@ class _PlannedSwing:
     dcm: Array  # when it has, shape (2,), m
 
 
-class GroundEstimate:
-    """Estimate of the height of the ground over the plan, as the landings find it.
-
-    A foot that lands e higher than expected moves the next landings up by a fraction of e, and by a smaller fraction
-    the rise that is expected from each step to the next: where the ground keeps rising, or the estimate drifts, feet
-    would otherwise always land too early.
-
-    Attributes:
-        height: Height of the ground over the plan, m; 0 once a plan from where the feet stand contains it.
-        rise: Growth of that height from step to step, m.
-    """
-
-    def __init__(self, height_share: float, rise_share: float) -> None:
-        """Expect the ground where the plan has it.
-
-        The ratio `height_share` of the unexpected height of a landing moves the next landings, `rise_share` changes the
-        rise.
-        """
-        self._height_share, self._rise_share = height_share, rise_share
-        self._unexpected = 0.0  # height of the last landing over the expected one, m
-        self.height = self.rise = 0.0
-
-    def expect(self, planned: Footstep) -> Footstep:
-        """Return the landing of a swing that begins, on the expected ground."""
-        self.height += self.rise
-        return replace(planned, z=planned.z + self.height)
-
-    def land(self, unexpected: float) -> None:
-        """Update the estimate with the height of a landing over the expected one, m."""
-        self._unexpected = unexpected
-        self.height += self._height_share * unexpected
-        self.rise += self._rise_share * unexpected
-
-    def settled(self, steps: Sequence[Footstep], *, swings: bool) -> Sequence[Footstep]:
-        """Return steps planned from where the feet stand now, on the expected ground; `height` is 0 for such a plan.
-
-        `steps` are landings at the height of the last one; a foot that `swings` is where the ground is expected.
-        """
-        if swings or not self._unexpected:
-            return steps
-        down = (1.0 - self._height_share) * self._unexpected
-        return [replace(step, z=step.z - down) for step in steps]
-
-
 class Walk:
     """A walk of one robot.
 
@@ -135,6 +92,7 @@ class Walk:
         sole_sizes: (length, width) of the left and of the right sole, m.
         omega: Natural frequency of the pendulum, 1/s.
         com_height: Height of the CoM over the support while walking, m.
+        ground: What is known of the ground.
         reaction: Ratio of the reaction to the swing of a leg that the CoM yields to, 0 to 1; the feet hold the
             rest.
     """
@@ -210,7 +168,7 @@ class Walk:
         self._pattern = self._preview.plan(self.phases.supports(), rest)
         self._pattern_status = self._preview.status
         self._time = 0.0  # since the pattern was planned, s
-        self._ground = GroundEstimate(s.ground_memory, s.rise_memory)
+        self.ground = Ground(s.ground_memory, s.rise_memory, self.reach.max_height)
 
     @property
     def finished(self) -> bool:
@@ -241,7 +199,7 @@ class Walk:
             # The step that closes up is at the height of the last landing, which contains that of the ground.
             closing = plan.steps[-1]
             self.phases.plan = plan.with_step(
-                len(plan) - 1, replace(closing, z=closing.z - self._ground.height)
+                len(plan) - 1, replace(closing, z=closing.z - self.ground.height)
             )
         self._replan()
         if self._swing is not None:
@@ -259,8 +217,8 @@ class Walk:
             raise InputError(
                 f"single_support must be at least {shortest_swing(gait):g} s, got {gait.single_support:g} s"
             )
-        phases.steer(self._ground.settled(steps, swings=self._swing is not None), gait)
-        self._ground.height = 0.0
+        phases.steer(self.ground.settled(steps, swings=self._swing is not None), gait)
+        self.ground.height = 0.0
         self._swing_gait = self._swing_gait if gait is None else gait
         if phases.phase is Phase.STANDING and steps:
             self._events = (phases.start(),)
@@ -301,6 +259,8 @@ class Walk:
         elif dcm is not None and self._adjuster and self._swing is not None and not overdue:
             self._adjust(dcm, self._steady if self.reaction > 0.0 else self._adjuster, self._swing)
         if self._swing is not None:
+            if self.ground.news:
+                self._look(self._swing)
             side = SIDES.index(self._swing.landing.side)
             self._feet[side] = motion = self._swing.at(self.phases.elapsed)
             self._yaws[side] = heading(motion.placement.rotation)
@@ -345,12 +305,49 @@ class Walk:
         """Start a swing from the foot's placement."""
         plan = self.phases.plan
         step = plan.steps[self.phases.step]
-        landing = self._ground.expect(step)
-        self.phases.land(landing, carry=False)
         side = SIDES.index(step.side)
-        self._swing = SwingFoot(placements[side], landing, self.phases.duration, self._swing_gait)
+        self.ground.lift(1 - side, placements[1 - side])
+        landing = self.ground.expect(step, self._near(step))
+        self.phases.land(landing, carry=False)
+        gait, high = self._swing_gait, max(float(placements[side].translation[2]), landing.z)
+        over = self.ground.way(placements[side], landing)
+        if over > high:
+            gait = replace(gait, swing_height=gait.swing_height + over - high)
+        self._swing = SwingFoot(placements[side], landing, self.phases.duration, gait)
         self._replan()
         self._plan_swing(landing)
+
+    def _near(self, step: Footstep) -> Callable[[float, float], bool] | None:
+        """Return which places near a step may be chosen, by the reach of the legs; None if it stays where it is.
+
+        The last two steps stay, so that the goal is met.
+        """
+        if step.place == "fixed" or self.phases.step >= len(self.phases.plan) - 2:
+            return None
+        stance, reach = self.phases.plan.stance(self.phases.step), self.reach
+        outwards = 1.0 if step.side == "left" else -1.0
+
+        def allowed(x: float, y: float) -> bool:
+            forward, left, _, _ = replace(step, x=x, y=y).seen_from(stance)
+            return (
+                abs(forward) <= reach.max_length and reach.min_spacing <= outwards * left <= reach.max_spacing
+            )
+
+        return allowed
+
+    def _look(self, swing: SwingFoot) -> None:
+        """Move the landing to the height that is seen under it, while the foot can follow."""
+        phases = self.phases
+        if phases.remaining < LAST_LOOK or phases.overdue:
+            return
+        now = phases.plan.steps[phases.step]
+        seen = self.ground.under(now)
+        if abs(seen.z - now.z) < NOTICED:
+            return
+        self.ground.height += seen.z - now.z
+        phases.land(seen, carry=False)
+        swing.retarget(phases.elapsed, seen, swing.duration)
+        self._replan()
 
     def _land(self, placements: list[pin.SE3]) -> None:
         """End a swing: the foot stands at its placement, and the plan goes on from there."""
@@ -361,7 +358,7 @@ class Walk:
         self._feet[side] = motion = FootMotion.at_rest(pin.SE3(placements[side]))
         self._yaws[side] = heading(motion.placement.rotation)
         landed = Footstep.of(planned.side, placements[side])
-        self._ground.land(landed.z - planned.z)
+        self.ground.land(landed.z - planned.z, landed.z - float(placements[1 - side].translation[2]))
         # Its tilt is that of a stone or of a correction: the pattern needs place and heading alone.
         self.phases.land(replace(landed, pitch=planned.pitch, roll=planned.roll), carry=False)
         self._swing = None
@@ -415,6 +412,8 @@ class Walk:
         moved = math.hypot(landing.x - now.x, landing.y - now.y)
         if moved < 0.5 * settings.threshold and abs(time - phases.remaining) < 2.5 * self.period:
             return
+        if self.ground.sight is not None:
+            landing = self.ground.under(replace(landing, z=now.z))
         phases.land(landing, carry=True)
         phases.retime(time)
         swing.retarget(elapsed, landing, elapsed + time)

@@ -21,6 +21,9 @@ from wbc.walking.planning.gait import Gait
 LEAST_STAIR = 0.02
 """Difference in height from which two footholds are on a stair, m."""
 
+PLACES = ("free", "fixed")
+"""Whether a walk that sees may choose another place nearby for a footstep."""
+
 CLOSED = (0.01, 0.05)
 """Distance (m) and turn (rad) up to which a foot that stands beside the other one need not close up."""
 
@@ -42,6 +45,7 @@ class Footstep:
         yaw: Heading, rad.
         pitch: Slope along the foot, toe down positive, rad.
         roll: Slope across the foot, rad.
+        place: "free": a walk that sees may put the foot on better ground nearby; "fixed": it lands here.
     """
 
     side: str
@@ -51,9 +55,11 @@ class Footstep:
     yaw: float = 0.0
     pitch: float = 0.0
     roll: float = 0.0
+    place: str = "free"
 
     def __post_init__(self) -> None:
         choose("side", self.side, SIDES)
+        choose("place of a footstep", self.place, PLACES)
         for name in ("x", "y", "z", "yaw", "pitch", "roll"):
             finite_scalar(f"{name} of a footstep", getattr(self, name))
 
@@ -73,6 +79,10 @@ class Footstep:
         roll, pitch, yaw = pin.rpy.matrixToRpy(placement.rotation)
         x, y, z = placement.translation
         return Footstep(side, float(x), float(y), float(z), float(yaw), float(pitch), float(roll))
+
+    def moved(self, world: pin.SE3) -> Footstep:
+        """Return the footstep after a motion from its old place to the new one."""
+        return replace(Footstep.of(self.side, world * self.placement), place=self.place)
 
     def seen_from(self, stance: Footstep) -> tuple[float, float, float, float]:
         """Return forward, left, up (m) and turn (rad) from another footstep, in the frame of its heading."""
@@ -161,7 +171,7 @@ class FootstepPlan:
         Args:
             world: Motion from the old places to the new ones, for example a turn and a shift.
         """
-        return self._mapped(lambda step: Footstep.of(step.side, world * step.placement))
+        return self._mapped(lambda step: step.moved(world))
 
     def on(self, height: Callable[[float, float], float]) -> FootstepPlan:
         """Return the plan with every sole centre on a ground that is known.
@@ -198,7 +208,7 @@ class FootstepPlan:
             turn = math.remainder(step.yaw - old.yaw, math.tau)
             move = pin.SE3(pin.rpy.rpyToMatrix(0.0, 0.0, turn), np.zeros(3))
             move.translation = step.position - move.rotation @ old.position
-            later = tuple(Footstep.of(s.side, move * s.placement) for s in later)
+            later = tuple(step.moved(move) for step in later)
         return replace(self, steps=(*self.steps[:index], step, *later))
 
     def stopping_after(self, index: int) -> FootstepPlan:

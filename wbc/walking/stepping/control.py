@@ -19,6 +19,7 @@ from wbc.core.qp.controller import Controller
 from wbc.core.qp.solver import SolverSettings
 from wbc.core.robot import Robot
 from wbc.core.settings import Positive, settings
+from wbc.ground import KnownGround
 from wbc.tasks.scheduling.stiffness import StiffnessScheduler
 from wbc.walking.body import Body
 from wbc.walking.control import ReferenceControl, drive_control
@@ -77,6 +78,7 @@ class SteppingControl(ReferenceControl):
         *,
         observer: Observer | None = None,
         stiffness: StiffnessScheduler | None = None,
+        ground: KnownGround | None = None,
     ) -> None:
         """Make all parts for a robot that stands.
 
@@ -86,6 +88,8 @@ class SteppingControl(ReferenceControl):
             settings: Settings; the defaults when None.
             observer: Estimates the robot's state; a new one when None.
             stiffness: Sets the soles while they swing; needs feet of variable stiffness.
+            ground: What is known of the ground, made with a robot of the same description that stands at the start;
+                None walks blind.
 
         Raises:
             InputError: A robot without two feet, or steps that cannot be walked.
@@ -102,4 +106,4 @@ class SteppingControl(ReferenceControl):
         # References that lag behind the estimate hold ankles and soles against the ground that they stand on.
         servos = {"feedback": "closed", "reference_time": dt}
         control = drive_control(s.mode, controller, observer, s.safety, **servos)
-        super().__init__(source, control, tasks, arms, body, None, s.falls, stiffness)
+        super().__init__(source, control, tasks, arms, body, None, s.falls, stiffness, ground)
