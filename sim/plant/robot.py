@@ -14,6 +14,7 @@ from wbc.core.conventions import configuration_from_mujoco, velocity_from_mujoco
 from wbc.core.errors import Array, MeasurementError, WbcError, whole_number
 from wbc.core.robot import Robot
 from wbc.core.signals import Measurement
+from wbc.ground import PointCloud
 from wbc.robots import RobotDescription
 from wbc.sim.plant.drives import DelayLine
 from wbc.sim.plant.hands import Grips, HandSensor
@@ -136,6 +137,10 @@ class SimulatedRobot:
                 reading, self.time - self._age, *self._foot_readings()
             )
         return self._measurement
+
+    def clouds(self) -> list[PointCloud]:
+        """Return the clouds of the ground that have come since the last call; empty for a robot without eyes."""
+        return []
 
     def push(self, body: str, force: ArrayLike, duration: float, at: ArrayLike | None = None) -> None:
         """Begin to push a body of the robot; pushes add up.

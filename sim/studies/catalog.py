@@ -15,6 +15,14 @@ from wbc.sim.studies.paper.experiments import (
     table4,
     tuned_fixed,
 )
+from wbc.sim.studies.seeing import (
+    seeing,
+    seeing_errors,
+    seeing_feet,
+    seeing_high,
+    seeing_stairs,
+    seeing_stepping,
+)
 from wbc.sim.studies.stiffness_studies import (
     dataset,
     halfway,
@@ -146,6 +154,12 @@ STUDIES: Registry[Callable[[], Study]] = Registry(
         "rough_ground": rough_ground,
         "push_recovery": push_recovery,
         "stepping": stepping,
+        "seeing": seeing,
+        "seeing_high": seeing_high,
+        "seeing_stepping": seeing_stepping,
+        "seeing_feet": seeing_feet,
+        "seeing_stairs": seeing_stairs,
+        "seeing_errors": seeing_errors,
         "dataset": dataset,
         "halfway": halfway,
         "tuned_fixed": tuned_fixed,

@@ -53,6 +53,8 @@ class FootprintSettings:
         distance: Cost of moving a landing, m/m.
         move: Cost of moving it at all, m.
         tilt: Greatest tilt of a landing, rad; 0 keeps the sole level.
+        choice: Whether another place nearby may be chosen.
+        way: Whether the swing clears the highest ground on its way.
     """
 
     least_known: Share = 0.35
@@ -61,6 +63,8 @@ class FootprintSettings:
     distance: Annotated[NonNegative, "m/m"] = 0.15
     move: Annotated[NonNegative, "m"] = 0.002
     tilt: Annotated[NonNegative, "rad"] = 0.0
+    choice: bool = True
+    way: bool = True
 
 
 class Support(NamedTuple):
@@ -143,6 +147,8 @@ class Footprint:
         `allowed` is asked with the coordinates of a place in the world, m.
         """
         lattice, s = self._wide, self.settings
+        if not s.choice:
+            return self.support(ground, x, y, yaw)
         low = self._low(ground, lattice.nodes, x, y, yaw)
         soles, top = low[lattice.soles[lattice.inner]], _first_contacts(low, lattice)
         known = (soles > NOTHING).mean(axis=1) >= s.least_known
@@ -158,6 +164,8 @@ class Footprint:
 
     def highest(self, ground: Heights, places: Places, yaw: float) -> float:
         """Return the highest ground under a sole at any of some places x + iy, m; −inf where nothing is known."""
+        if not self.settings.way:
+            return -math.inf
         nodes = (places[:, None] + self._sole * complex(math.cos(yaw), math.sin(yaw))).ravel()
         z, std = ground(nodes)
         return float(np.fmax.reduce(z - self.settings.trust * std, initial=-math.inf))

@@ -42,8 +42,9 @@ class Driver(Protocol):
     """Wire to a machine that runs by itself, simulated in another process or real.
 
     A driver opens its wire at the first call, so that it can be made here and used in another process. It may have
-    `fault`, a reason for which the joints must be damped, empty while there is none, and `gains`, kp and kd of the
-    machine where they are not the description's, each of shape (na,).
+    `fault`, a reason for which the joints must be damped, empty while there is none, `gains`, kp and kd of the machine
+    where they are not the description's, each of shape (na,), and `clouds`, a method that returns the `PointCloud`s of
+    the ground that have come since its last call, which a controller that sees takes.
     """
 
     @property

@@ -10,7 +10,7 @@ from __future__ import annotations
 import logging
 import signal
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Annotated, Any
 
 import numpy as np
@@ -25,6 +25,7 @@ from wbc.core.gate import CommandGate
 from wbc.core.robot import GRAVITY
 from wbc.core.settings import NonNegative, Positive, Share, settings
 from wbc.core.signals import Command, Control, Measurement
+from wbc.ground import PointCloud
 from wbc.machine.clock import Clock, Quiet, quiet
 from wbc.machine.guard import Guard
 from wbc.machine.inlet import Inlet
@@ -53,6 +54,10 @@ REFUSAL = 0.1
 
 DAMP_TICKS = 50
 """Damping commands that are sent at the end."""
+
+
+def _unseen(cloud: PointCloud) -> None:
+    """Leave a cloud that the controller has no use for."""
 
 
 class _Over(Exception):
@@ -114,6 +119,8 @@ class Runner:
                 f"rate must be that of the controller, {1.0 / controller.dt:g} Hz, got {rate:g} Hz"
             )
         self.driver, self.control, self.description = driver, control, driver.description
+        self._clouds: Callable[[], Sequence[PointCloud]] = getattr(driver, "clouds", tuple)
+        self._see: Callable[[PointCloud], None] = getattr(control, "see", _unseen)
         self.settings = s = settings or RunSettings()
         shortest = min(s.robot_timeout, s.control_timeout)
         if self.period >= shortest:
@@ -330,6 +337,8 @@ class Runner:
         if (not fresh or (inlet.refused and not self._checks_itself)) and self._last is not None:
             self.driver.write(self._last)
             return
+        for cloud in self._clouds():
+            self._see(cloud)
         self._send(self._command(measurement, now))
         if self._until is not None and (
             now - self._begin >= self._until if isinstance(self._until, float) else self._until()

@@ -59,7 +59,7 @@ DRIVE_TIME = 3600.0
 
 OPTIONS = Fields(
     WalkSpec,
-    "robot gait=law foot stiffness foot-param=foot_changes policy policy-param=policy_params terrain "
+    "robot gait=law eyes foot stiffness foot-param=foot_changes policy policy-param=policy_params terrain "
     "amplitude param=terrain_params scene seed noise distance=plan.distance velocity=plan.velocity "
     "steps=plan.steps turn=plan.turn stairs=plan.stairs mode servo push=pushes",
     defaults=DEFAULTS,

@@ -110,6 +110,14 @@ def _add_walk(signals: Signals, tick: Tick) -> None:
     group("drive/commanded", VELOCITY, VELOCITY_UNITS, "commanded velocity; NaN while none is", commanded)
     about = "velocity that the planned footsteps give"
     group("drive/granted", VELOCITY, VELOCITY_UNITS, about, of_walk(lambda w: w.granted_velocity))
+    if tick.walking is not None and tick.walking.ground is not None:
+        ground = of(lambda t: t.walking.ground)
+        about = "what is not used of the ground, and why"
+        one("ground/doubt", "1", about, ground(lambda g: g.status or None), "text")
+        about = "ground known under the sole that stands, over that sole, at the last lift-off"
+        one("ground/difference", "m", about, ground(lambda g: g.difference))
+        about = "changes of what is known of the ground"
+        one("ground/changes", "1", about, ground(lambda g: g.version), "whole")
     group("com/reference", XYZ, "m", "world", planned(lambda r: r.pendulum.com))
     group("com/reference_velocity", XYZ, "m/s", "world", planned(lambda r: r.pendulum.com_velocity))
     group("com/reference_acceleration", XYZ, "m/s²", "world", planned(lambda r: r.pendulum.com_acceleration))
