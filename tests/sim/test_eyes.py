@@ -1,0 +1,207 @@
+"""Eyes of a plant see its ground, late and with noise; a walk puts its feet by what they see."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from wbc.core.errors import InputError
+from wbc.ground import ElevationMap, KnownGround, PointCloud
+from wbc.robots import load
+from wbc.sim import Plant, WalkSpec, make_terrain
+from wbc.sim.plant.eyes import DepthCamera, ToeSensors
+from wbc.sim.trial.loop import TrialHook
+from wbc.sim.walks.trial import WalkTrial
+
+ROBOT = load("hrp4_class")
+EXACT = DepthCamera(noise=0.0, relative_noise=0.0, dropout=0.0)
+
+
+def world(cloud: PointCloud, plant: Plant) -> np.ndarray:
+    robot = plant.description.robot()
+    truth = plant.truth()
+    robot.update(truth.q, truth.v)
+    frame = robot.placement(cloud.frame)
+    return cloud.points @ frame.rotation.T + frame.translation
+
+
+def after(plant: Plant, seconds: float) -> list[PointCloud]:
+    clouds = plant.clouds()
+    while plant.time < seconds:
+        plant.step(plant.hold())
+        clouds += plant.clouds()
+    return clouds
+
+
+@pytest.mark.parametrize("name", ["steps", "stones"])
+def test_a_camera_without_errors_sees_the_ground_and_nothing_of_the_robot(name: str) -> None:
+    plant = Plant(ROBOT, terrain=make_terrain(name, 0.05), eyes=[replace(EXACT, latency=0.0)])
+    (cloud,) = plant.clouds()
+    points = world(cloud, plant)
+    assert len(points) > 500
+    # At a vertical face the ground has two heights.
+    near = np.array([plant.terrain.height(points[:, 0] + d, points[:, 1]) for d in (-1e-3, 0.0, 1e-3)])
+    assert (points[:, 2] < near.max(axis=0) + 1e-3).all()
+    assert (points[:, 2] > near.min(axis=0) - 1e-3).all()
+
+
+def test_frames_come_at_their_rate_after_their_latency_with_noise_and_losses() -> None:
+    camera = DepthCamera(rate=20.0, latency=0.03, dropout=0.3)
+    plant = Plant(ROBOT, eyes=[camera], seed=3)
+    assert not plant.clouds()
+    clouds = after(plant, 0.5)
+    times = [cloud.time for cloud in clouds]
+    assert times == pytest.approx(np.arange(0.0, 0.47, 0.05))
+    count = np.array([len(cloud.points) for cloud in clouds])
+    assert count.mean() == pytest.approx(0.7 * math.prod(camera.rays), rel=0.05)
+    height = world(clouds[-1], plant)[:, 2]
+    assert 0.001 < height.std() < 0.012
+    again = Plant(ROBOT, eyes=[camera], seed=3)
+    assert all(np.array_equal(a.points, b.points) for a, b in zip(clouds, after(again, 0.5), strict=True))
+
+
+def test_eyes_leave_the_other_sensors_as_they_are() -> None:
+    blind, seeing = (
+        Plant(ROBOT, noise="realistic", eyes=eyes) for eyes in ((), (DepthCamera(), ToeSensors()))
+    )
+    for _ in range(20):
+        blind.step(blind.hold())
+        seeing.step(seeing.hold())
+    assert np.array_equal(blind.measure().joint_position, seeing.measure().joint_position)
+    assert np.array_equal(blind.data.qpos, seeing.data.qpos)
+
+
+def test_toes_see_the_ground_under_them() -> None:
+    plant = Plant(ROBOT, foot="long_arch", eyes=[ToeSensors(noise=0.0, dropout=0.0)])
+    q = plant.on_ground(plant.robot.half_sitting)
+    q[2] += 0.07
+    plant.reset(q)
+    clouds = plant.clouds()
+    assert len(clouds) == 2
+    for cloud in clouds:
+        points = world(cloud, plant)
+        assert points.shape == (3, 3)
+        assert np.abs(points[:, 2]).max() < 1e-3
+        assert np.ptp(points[:, 1]) == pytest.approx(plant.feet[0].fit.sole.width, abs=1e-3)
+
+
+def test_a_camera_dies() -> None:
+    plant = Plant(ROBOT, eyes=[replace(EXACT, end=0.2)])
+    assert max(cloud.time for cloud in after(plant, 0.5)) < 0.2
+
+
+@pytest.mark.parametrize(
+    ("eye", "name"),
+    [
+        (DepthCamera(link="head_camera"), "head_camera"),
+        (DepthCamera(turn=(0.0, -0.9, 0.0)), "sees no ground"),
+        ("depth", "DepthCamera"),
+    ],
+)
+def test_eyes_that_cannot_see_are_named(eye: object, name: str) -> None:
+    with pytest.raises(InputError, match=name):
+        Plant(ROBOT, eyes=[eye])  # type: ignore[list-item]
+
+
+@pytest.mark.parametrize(
+    "values", [{"nearest": 3.0}, {"view": (3.2, 1.0)}, {"rays": (1, 5)}, {"rate": 0.0}, {"dropout": 2.0}]
+)
+def test_bad_cameras_are_refused(values: dict[str, object]) -> None:
+    with pytest.raises(InputError, match=next(iter(values))):
+        DepthCamera(**values)  # type: ignore[arg-type]
+
+
+class Sent(TrialHook):
+    """All commands of a trial, and what was done to its ground."""
+
+    def __init__(self, change=None) -> None:
+        self.commands: list[np.ndarray] = []
+        self._change = change
+
+    def before(self, trial: WalkTrial) -> None:
+        if self._change is not None:
+            self._change(trial)
+
+    def tick(self, tick) -> None:
+        self.commands.append(tick.command.joint_position.copy())
+
+
+def walked(change=None, **values) -> tuple[object, Sent, WalkTrial]:
+    spec = WalkSpec(
+        **{"noise": "realistic", "terrain": "steps", "amplitude": 0.03, "plan": {"distance": 0.6}} | values
+    )
+    trial = WalkTrial(spec)
+    sent = Sent(change)
+    if change is not None:
+        trial.scenario.append(sent)
+    return trial.run([] if change is not None else [sent]), sent, trial
+
+
+@pytest.fixture(scope="module")
+def blind() -> Sent:
+    return walked()[1]
+
+
+def test_a_walk_that_knows_nothing_walks_as_a_blind_one_to_the_bit(blind: Sent) -> None:
+    _, sent, trial = walked(eyes="depth", changes={"camera.end": 0.0})
+    assert trial.walking.ground is not None
+    assert all(np.array_equal(a, b) for a, b in zip(blind.commands, sent.commands, strict=True))
+
+
+def _map(height: float):
+    def change(trial: WalkTrial) -> None:
+        if trial.walking.time == 0.0:
+            trial.walking.see(ElevationMap(np.full((400, 200), height), 0.02, (-2.0, -2.0, 0.0)))
+
+    return change
+
+
+def test_a_map_that_contradicts_the_soles_is_not_used(blind: Sent) -> None:
+    result, sent, trial = walked(_map(40.0), eyes="depth", changes={"camera.end": 0.0})
+    assert "sole" in trial.walking.ground.status
+    assert all(np.array_equal(a, b) for a, b in zip(blind.commands, sent.commands, strict=True))
+    assert result.failures == 0
+
+
+def test_wrong_clouds_never_fail_a_tick() -> None:
+    random = np.random.default_rng(0)
+
+    def change(trial: WalkTrial) -> None:
+        if random.random() < 0.05:
+            points = random.normal(0.0, 1.0, (300, 3)) * 10.0 ** random.integers(-3, 5)
+            points[::7] = np.nan
+            trial.walking.see(PointCloud(points, trial.plant.time - random.random(), "world", 0.01))
+
+    result, _, _ = walked(change, eyes="depth")
+    assert result.failures == 0
+
+
+def test_feet_land_where_the_ground_is() -> None:
+    """Over steps of 30 mm a walk that sees expects the height at which it lands, and comes to its goal."""
+    found: dict[str, list[float]] = {}
+    for eyes in ("none", "depth"):
+        landings: list[float] = []
+
+        def listen(trial: WalkTrial, landings=landings) -> None:
+            ground = trial.walking.source.walk.ground
+            if trial.walking.time == 0.0:
+                land = ground.land
+                ground.land = lambda e, *rest: (landings.append(abs(e)), land(e, *rest))[0]
+
+        result, _, _ = walked(listen, eyes=eyes, plan={"distance": 1.5}, terrain_params={"ramp": 0.0})
+        found[eyes] = landings
+        if eyes == "depth":
+            assert result.outcome == "completed"
+            assert result.goal_error < 0.05
+    assert np.mean(found["depth"]) < 0.5 * np.mean(found["none"])
+
+
+def test_what_is_known_is_made_with_a_robot_that_stands() -> None:
+    robot = ROBOT.robot()
+    robot.update(robot.half_sitting, np.zeros(robot.nv))
+    ground = KnownGround(robot)
+    assert ground.status == ""
+    assert ground.support(0, 0.0, 0.0, 0.0) is None

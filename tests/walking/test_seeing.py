@@ -1,0 +1,152 @@
+"""A walk whose ground is known lands on it, stays in reach, meets its goal, and is the same in a turned world."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from wbc.core.errors import InputError
+from wbc.ground import ElevationMap, KnownGround
+from wbc.robots import load
+from wbc.walking.planning.footsteps import Footstep, FootstepPlan
+from wbc.walking.planning.planners import walk_distance
+from wbc.walking.source import Stand
+from wbc.walking.walk import Walk
+
+ROBOT = load("hrp4_class").robot()
+DT = 0.005
+HEIGHT = 0.78
+
+
+def standing(turn: pin.SE3 | None = None):
+    robot = load("hrp4_class").robot()
+    q = robot.half_sitting.copy()
+    if turn is not None:
+        base = turn * pin.XYZQUATToSE3(q[:7])
+        q[:7] = pin.SE3ToXYZQUAT(base)
+    robot.update(q, np.zeros(robot.nv))
+    return robot
+
+
+def walk(
+    robot, heights: np.ndarray | None, turn: pin.SE3 | None = None, plan=None
+) -> tuple[Walk, list[Footstep]]:
+    """Walk with perfect contacts over what is known; return the walk and where feet landed."""
+    plan = walk_distance(FootstepPlan.standing(robot), 0.9) if plan is None else plan
+    walking = Walk(robot, plan, HEIGHT, DT)
+    ground = KnownGround(robot)
+    yaw, at = 0.0, np.zeros(3)
+    if turn is not None:
+        yaw, at = math.atan2(turn.rotation[1, 0], turn.rotation[0, 0]), turn.translation
+    if heights is not None:
+        corner = np.array([-0.5, -0.5, 0.0])
+        corner = corner if turn is None else turn.rotation @ corner
+        ground.add(ElevationMap(heights, 0.02, (at[0] + corner[0], at[1] + corner[1], yaw)))
+    walking.ground.sight = ground
+    walking.start()
+    landed: list[Footstep] = []
+    loads, weight, soles = [0.5, 0.5], robot.mass * 9.81, None
+    for k in range(6000):
+        ground.update(robot, DT * k)
+        phases, before = walking.phases, walking.phases.completed
+        reference = walking.update([weight * share for share in loads], soles)
+        if phases.completed > before:
+            landed.append(phases.plan.steps[phases.step - 1])
+        if walking.finished:
+            break
+        # Feet are where they are told; a swing foot stops on its landing, the other one carries.
+        step = phases.plan.steps[min(phases.step, len(phases.plan) - 1)]
+        moving = 0 if step.side == "left" else 1
+        loads = [0.5, 0.5]
+        soles = [motion.placement.copy() for motion in reference.feet]
+        meets = phases.swing is not None and soles[moving].translation[2] <= step.z + 1e-5
+        if meets and phases.elapsed > 0.6 * phases.duration:
+            soles[moving].translation[2] = step.z
+        else:
+            loads[moving], loads[1 - moving] = 0.0, 1.0
+    assert walking.finished
+    return walking, landed
+
+
+def rough(seed: int) -> np.ndarray:
+    """Blocks of 60 mm of random heights up to 30 mm, on cells of 20 mm; level under the feet at the start."""
+    blocks = np.random.default_rng(seed).uniform(0.0, 0.03, (34, 17))
+    heights = np.kron(blocks, np.ones((3, 3)))[:100, :50]
+    heights[:32] = 0.0
+    return heights
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_feet_land_on_what_is_known_within_reach_and_at_the_goal(seed: int) -> None:
+    robot = standing()
+    plan = walk_distance(FootstepPlan.standing(robot), 0.9)
+    walking, landed = walk(robot, rough(seed), plan=plan)
+    planned = plan.steps
+    assert len(landed) == len(planned)
+    heights = [step.z for step in landed]
+    assert max(heights) > 0.01
+    moved = [math.hypot(a.x - b.x, a.y - b.y) for a, b in zip(landed, planned, strict=True)]
+    assert max(moved) > 0.01  # to quieter ground
+    assert max(moved) < math.hypot(0.041, 0.026)
+    assert moved[-2:] == pytest.approx([0.0, 0.0], abs=1e-6)
+    for a, b in zip(landed, landed[1:], strict=False):
+        forward, left, up, _ = b.seen_from(a)
+        assert abs(forward) <= walking.reach.max_length
+        assert walking.reach.min_spacing - 1e-9 <= abs(left) <= walking.reach.max_spacing
+        assert abs(up) <= walking.reach.max_height
+
+
+def test_fixed_steps_stay_where_they_are() -> None:
+    robot = standing()
+    plan = walk_distance(FootstepPlan.standing(robot), 0.9)
+    fixed = FootstepPlan(
+        plan.left,
+        plan.right,
+        tuple(Footstep(s.side, s.x, s.y, s.z, s.yaw, place="fixed") for s in plan.steps),
+        plan.gait,
+    )
+    _, landed = walk(robot, rough(0), plan=fixed)
+    for a, b in zip(landed, fixed.steps, strict=True):
+        assert (a.x, a.y) == pytest.approx((b.x, b.y), abs=1e-6)
+    assert max(step.z for step in landed) > 0.01
+    moved = fixed.moved(pin.SE3(pin.rpy.rpyToMatrix(0.0, 0.0, 1.0), np.array([1.0, 2.0, 0.0])))
+    assert {step.place for step in moved.steps} == {"fixed"}
+    with pytest.raises(InputError, match="place"):
+        Footstep("left", 0.0, 0.0, place="here")
+
+
+def test_unknown_ground_is_walked_blind_to_the_bit() -> None:
+    robot = standing()
+    _, blind = walk(robot, None)
+    _, nothing = walk(robot, np.full((100, 50), np.nan))
+    assert blind == nothing
+
+
+@given(st.floats(-20.0, 20.0), st.floats(-20.0, 20.0), st.floats(-math.pi, math.pi))
+@settings(max_examples=4, deadline=None)
+def test_a_walk_is_the_same_in_a_moved_and_turned_world(x: float, y: float, yaw: float) -> None:
+    turn = pin.SE3(pin.rpy.rpyToMatrix(0.0, 0.0, yaw), np.array([x, y, 0.0]))
+    # Heights that vary little within a cell's border: a point on the very border may fall to either side.
+    _, here = walk(standing(), rough(1))
+    _, there = walk(standing(turn), rough(1), turn)
+    for a, b in zip(here, there, strict=True):
+        back = turn.actInv(b.position)
+        assert (back[0], back[1], back[2]) == pytest.approx((a.x, a.y, a.z), abs=0.004)
+
+
+def test_ground_out_of_reach_is_no_landing() -> None:
+    heights = np.zeros((100, 50))
+    heights[45:] = 2.0
+    _, landed = walk(standing(), heights)
+    assert max(step.z for step in landed) < 0.3
+
+
+def test_a_source_without_feet_to_put_says_so() -> None:
+    robot = standing()
+    with pytest.raises(InputError, match="Stand"):
+        Stand(robot).see(KnownGround(robot))
