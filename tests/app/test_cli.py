@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import logging
 import os
-import shlex
 import subprocess
 import sys
 from pathlib import Path
@@ -73,14 +72,6 @@ def test_json_is_one_object_and_alone_on_stdout(capfd: Captured, words: str) -> 
     loggers = {"wbc": logging.getLogger("wbc"), **logging.Logger.manager.loggerDict}
     levels = {name: logger.level for name, logger in loggers.items() if isinstance(logger, logging.Logger)}
     assert not {name: level for name, level in levels.items() if name.startswith("wbc") and level}
-
-
-@pytest.mark.parametrize("words", ["robots", "terrain", "foot press", "terrain stones"])
-def test_text_is_what_people_get(capfd: Captured, words: str) -> None:
-    code, out, _ = wbc_command(capfd, *words.split(), *QUICK[words][0])
-    assert code == cli.RAN and len(out.splitlines()) > 2
-    with pytest.raises(json.JSONDecodeError):
-        json.loads(out)
 
 
 @pytest.mark.parametrize("words", COMMANDS)
@@ -155,13 +146,6 @@ def test_the_list_of_commands_loads_none_of_them() -> None:
     )
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
     assert done.stdout and not done.stderr.strip()
-
-
-@pytest.mark.slow
-def test_a_closed_stdout_is_no_failure() -> None:
-    command = f"{shlex.quote(sys.executable)} -m wbc robots talos >&-"
-    done = subprocess.run(["sh", "-c", command], capture_output=True, text=True, check=False)
-    assert (done.returncode, done.stderr) == (0, "")
 
 
 def test_a_reader_that_goes_away_is_no_failure() -> None:

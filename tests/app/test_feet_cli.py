@@ -8,17 +8,11 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pytest
-from PIL import Image
 
 from wbc.app import cli
-from wbc.core.changes import changed
-from wbc.core.errors import InputError
-from wbc.feet import SoftFoot
 from wbc.feet.soles.catalog import foot_names
 from wbc.robots import names
-from wbc.sim.terrain.families.base import terrain_families
 
 Run = Callable[..., tuple[int, str, str]]
 
@@ -42,13 +36,6 @@ def data_of(run: Run, *words: str) -> Any:
 # --- bad input -------------------------------------------------------------------------------------------------------
 
 
-@pytest.fixture
-def grey(tmp_path: Path) -> Path:
-    path = tmp_path / "grey.png"
-    Image.fromarray(np.random.default_rng(0).integers(0, 256, (40, 60)).astype(np.uint8)).save(path)
-    return path
-
-
 # --- feet ------------------------------------------------------------------------------------------------------------
 
 
@@ -63,17 +50,6 @@ def test_feet_are_listed_under_every_robot(run: Run) -> None:
         assert soft["footprint_m"] == pytest.approx([0.2778, 0.1045], abs=1e-4)
     _, out, _ = run("foot", "--robot", "g1")
     assert "talos" not in out and "278 x 104 mm" in out and "0.34 kg more, 0 mm higher" in out
-
-
-def test_parameters_that_change_together_are_checked_together() -> None:
-    # In either order one of the two alone would be refused.
-    for order in (("phalanges", "loop_phalanx"), ("loop_phalanx", "phalanges")):
-        many, few = {"phalanges": 13, "loop_phalanx": 11}, {"phalanges": 2, "loop_phalanx": 1}
-        for values in (many, few):
-            design = changed(SoftFoot(), {name: values[name] for name in order})
-            assert (design.phalanges, design.loop_phalanx) == tuple(values.values())
-    with pytest.raises(InputError, match="loop_phalanx"):
-        changed(SoftFoot(), {"loop_phalanx": 11})
 
 
 # --- rig -------------------------------------------------------------------------------------------------------------
@@ -91,16 +67,6 @@ def test_a_press_says_what_was_pressed_and_draws_it(run: Run, tmp_path: Path) ->
     assert picture.stat().st_size > 10_000 and facts["plot"] == str(picture)
 
 
-def test_a_height_field_is_what_was_asked_for(run: Run) -> None:
-    words = (
-        "foot press --foot rigid --terrain stone_bricks --seed 1 --rendering height_field --resolution 0.003"
-    )
-    facts = data_of(run, *words.split())
-    geoms = data_of(run, *words.split()[:-4])
-    assert (facts["rendering"], geoms["rendering"]) == ("height_field", "geoms")
-    assert facts["hold"]["ankle_height"] == pytest.approx(geoms["hold"]["ankle_height"], abs=5e-4)
-
-
 def test_a_drop_is_harder_from_higher_up_and_a_pitch_is_drawn(run: Run, tmp_path: Path) -> None:
     low, high = (data_of(run, "foot", "press", "--drop", h)["impact"] for h in ("0.01", "0.05"))
     assert high["peak_force"] > low["peak_force"] and high["speed"] > 2.0 * low["speed"]
@@ -112,25 +78,9 @@ def test_a_drop_is_harder_from_higher_up_and_a_pitch_is_drawn(run: Run, tmp_path
 # --- grounds ---------------------------------------------------------------------------------------------------------
 
 
-def test_a_terrain_from_an_image(run: Run, grey: Path, tmp_path: Path) -> None:
-    words = f"terrain image --param source={grey} --param metres_per_pixel=0.01 --amplitude 0.02".split()
-    facts = data_of(run, *words, "--plot", str(tmp_path / "map.png"))
-    assert facts["length_m"] == pytest.approx(0.59) and facts["rendering"] == "height_field"
-    assert (tmp_path / "map.png").stat().st_size > 10_000
-
-
 def test_roughness_is_what_the_feet_know_of_the_ground(run: Run) -> None:
     found = data_of(run, "terrain", "metal_sheets", "--param", "period=0.1", "--ramp", "0")["roughness"]
     assert found["Sz_m"] == pytest.approx(0.02, rel=0.05)  # a line is taken off a sine
     assert found["Sq_m"] == pytest.approx(0.02 / math.sqrt(8.0), rel=0.02)
     assert found["Sku"] == pytest.approx(1.5, rel=0.02) and found["K"] == pytest.approx(0.5, abs=0.05)
     assert data_of(run, "terrain", "flat")["roughness"]["Sq_m"] == 0.0
-
-
-@pytest.mark.slow
-def test_all_terrains_are_drawn(run: Run, tmp_path: Path) -> None:
-    sheet = tmp_path / "sheet.png"
-    facts = data_of(run, "terrain", "--plot", str(sheet))
-    assert {entry["name"] for entry in facts["terrains"]} == set(terrain_families())
-    with Image.open(sheet) as picture:
-        assert picture.width > 1500

@@ -23,7 +23,6 @@ from wbc.feet.stiffness.model import DEFAULT_TABLE
 from wbc.sim.studies.journal import Entry, Journal, read_journal
 from wbc.sim.studies.provenance import provenance
 from wbc.sim.studies.study import Study
-from wbc.sim.walks.spec import WalkSpec
 
 Captured = pytest.CaptureFixture[str]
 
@@ -152,37 +151,6 @@ def test_a_result_that_cannot_be_printed_is_one_line() -> None:
             check=False,
         )
     assert (done.returncode, done.stderr) == (FAILED, "wbc: [Errno 28] No space left on device\n")
-
-
-def test_entries_of_other_code_that_are_left_out_are_counted(folder: Path, capsys: Captured) -> None:
-    entries = list(read_journal("journal.jsonl").values())
-    Path("journal.jsonl").unlink()
-    older = {**provenance(), "code": "0123456789ab"}
-    with Journal("journal.jsonl") as journal:
-        journal.add(entries[0])
-        for entry in entries[1:]:
-            journal.add(replace(entry, version=older))
-        journal.add(replace(entries[0], version=older))
-        other = WalkSpec(seed=77).to_json()
-        journal.add(Entry(other, "done", {}, None, None, provenance()))
-        journal.add(Entry(other | {"nose": "long"}, "done", {}, None, None, older))
-    counts = {"entries": 7, "other_code": 4, "other_trials": 1, "unreadable": 1}
-    for more in ([], ["-o", "table.csv"], ["-o", "table.png"]):
-        words = ["study", "table", "study.json", "--journal", "journal.jsonl", *more, "--json"]
-        assert main(words) == RAN
-        captured = capsys.readouterr()
-        left_out = json.loads(captured.out)["left_out"]
-        assert {name: left_out[name] for name in counts} == counts
-        (reason,) = left_out["differences"]
-        assert reason == f"code 0123456789ab instead of {provenance()['code']}"
-        assert left_out["differences"][reason] == 4
-    before = Path("journal.jsonl").read_bytes()
-    assert main(["study", "run", "study.json", "--journal", "journal.jsonl"]) == BAD_INPUT
-    assert "4 trials of 'small' by another version of the code: --any-code takes" in capsys.readouterr().err
-    assert Path("journal.jsonl").read_bytes() == before
-    assert main(["study", "table", "study.json", "--journal", "journal.jsonl", "--any-code", "--json"]) == RAN
-    left_out = json.loads(capsys.readouterr().out)["left_out"]
-    assert (left_out["other_code"], left_out["other_trials"], left_out["entries"]) == (0, 1, 5)
 
 
 def test_a_trial_without_a_result_is_run_again_by_the_printed_command(folder: Path, capsys: Captured) -> None:

@@ -20,7 +20,7 @@ from pyarrow import ipc
 
 from wbc.app.log.header import FORMAT, KEY, encode
 from wbc.app.log.reader import Log
-from wbc.app.log.writer import ROWS, LogWriter
+from wbc.app.log.writer import ROWS
 from wbc.core.errors import InputError, UnknownNameError
 
 
@@ -92,13 +92,6 @@ def test_what_is_no_log_is_refused(tmp_path: Path, content: bytes | None, words:
     if content is not None:
         path.write_bytes(content)
     with pytest.raises(InputError, match=re.escape(words)):
-        Log.open(path)
-
-
-def test_arrow_file_of_somebody_else_is_refused(tmp_path: Path) -> None:
-    path = tmp_path / "theirs.arrow"
-    pd.DataFrame({"time": [0.0]}).to_feather(path)
-    with pytest.raises(InputError, match="no log of wbc"):
         Log.open(path)
 
 
@@ -175,9 +168,3 @@ def test_full_disk_at_any_moment_leaves_what_was_written(tmp_path: Path) -> None
         writer = write(path, ROWS + 30)
         writer.close()
     assert writer.loss is None and Log.open(path).broken is None
-
-
-def test_recording_without_a_tick_leaves_the_old_log(log_file: Path) -> None:
-    old = log_file.read_bytes()
-    LogWriter(log_file).close()
-    assert log_file.read_bytes() == old

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import logging
 from pathlib import Path
 from typing import Any
 
@@ -183,15 +182,6 @@ def test_own_signals_of_every_kind(tmp_path: Path) -> None:
     assert log["own/height"] == pytest.approx(log["truth/com/z"])
 
 
-def test_run_that_breaks_off_leaves_its_log(tmp_path: Path) -> None:
-    plant, walk = make_walk()
-    with pytest.raises(ZeroDivisionError), Recorder(tmp_path / "walk.arrow") as record:
-        run(plant, walk, 0.1, record)
-        _ = 1 / 0
-    log = Log.open(tmp_path / "walk.arrow")
-    assert len(log) == 20 and log.broken is None
-
-
 def test_what_soles_have_seen_and_decided_is_recorded_once_a_step() -> None:
     path, steps = recorded_scans()
     log = Log.open(path)
@@ -227,27 +217,6 @@ def test_what_soles_have_seen_and_decided_is_recorded_once_a_step() -> None:
         if z is not None
         for line in lines
     )
-
-
-def test_refused_measurement_leaves_a_gap(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
-    plant, walk = make_walk()
-    good = plant.measure()
-    bad = Measurement(
-        good.time,
-        np.full_like(good.joint_position, np.nan),
-        good.joint_velocity,
-        good.angular_velocity,
-        good.specific_force,
-        good.sole_wrench,
-    )
-    with caplog.at_level(logging.CRITICAL), Recorder(tmp_path / "walk.arrow") as record:
-        record(plant, walk, bad, walk.command(bad))
-        record(plant, walk, good, walk.command(good))
-    log = Log.open(tmp_path / "walk.arrow")
-    assert np.isnan(log["joint/position"]).all(axis=1).tolist() == [True, False]
-    assert np.isnan(log["com/reference/x"]).tolist() == [True, False]
-    assert log.texts("walk/phase")[0] is None and log.texts("walk/phase")[1] is not None
-    assert log["solver/failures"].tolist() == [1.0, 1.0]
 
 
 def test_plain_values_come_back() -> None:

@@ -93,16 +93,6 @@ def test_support_region_is_that_of_the_feet_on_the_ground(log: Log) -> None:
     assert len(feet) == 2 + sum("touch-down" in text for _, text in log.events)
 
 
-def test_balance_of_standing_is_that_of_its_feet(standing: Log) -> None:
-    low, high = support_box(standing)
-    zmp, dcm = standing["zmp/measured"][:, :2], standing["dcm/estimated"]
-    for point in (zmp, dcm, standing["com/estimated"][:, :2]):
-        assert (point > low).all() and (point < high).all()
-    np.testing.assert_allclose(zmp.mean(axis=0), standing["truth/com"][:, :2].mean(axis=0), atol=5e-3)
-    figure = draw("balance", [standing])
-    assert shows(figure, zmp[:, 0]) and shows(figure, standing["com/estimated"][:, 1])
-
-
 def test_states_of_a_program_are_drawn_as_bands(tmp_path: Path) -> None:
     plant = wbc.Plant(wbc.load_robot("hrp4_class"))
     control = wbc.PositionControl(balance_controller(plant.description.robot(), plant.control_period))
@@ -196,14 +186,3 @@ def test_command_draws_lists_and_refuses(
     ]
     assert main(["plot", str(log.path), "--list"]) == 0
     assert re.search(r"^com/estimated/x +m +world$", capsys.readouterr().out, re.MULTILINE)
-
-
-def test_command_says_that_a_log_ends_early(
-    log: Log, tmp_path: Path, capsys: pytest.CaptureFixture[str], caplog: pytest.LogCaptureFixture
-) -> None:
-    short = tmp_path / "short.arrow"
-    short.write_bytes(log.path.read_bytes()[:-30000])
-    assert main(["plot", str(short), "com/estimated", "-o", str(tmp_path / "com.png")]) == 0
-    said = capsys.readouterr()
-    assert said.out.strip() == str(tmp_path / "com.png")  # the files alone, for other programs
-    assert "ends early" in said.err + caplog.text

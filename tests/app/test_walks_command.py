@@ -85,21 +85,6 @@ def test_a_part_of_a_walk_from_a_file_and_what_is_given_comes_first(
     assert other["plan"] == {"velocity": [0.1, 0.0, 0.0], "steps": 22}
 
 
-def test_the_preset_is_the_papers_walk_and_what_is_given_comes_first(
-    capsys: pytest.CaptureFixture[str], spec_of: Callable[..., Any]
-) -> None:
-    words = ["--spec", "frizza", "--terrain", "flat", "--distance", "0.05"]
-    spec = spec_of(*words)
-    assert (spec["foot"], spec["gains"], spec["policy"]) == ("paper", "frizza", "model")
-    assert spec["changes"]["stiffness.decide_at"] == 0.75
-    assert spec["gait"]["apex"] == 0.5 and spec["gait"]["step_length"] == 0.145
-    spec = spec_of(*words, "--set", "dcm_p=5", "--set", "apex=0.4", "--foot", "flat")
-    assert (spec["foot"], spec["gait"]["apex"]) == ("flat", 0.4)
-    assert spec["changes"]["gains.dcm_p"] == [5.0, 5.0] and "gains.dcm_d" not in spec["changes"]
-    assert main(["walk", "--spec", "friza"]) == BAD_INPUT
-    assert "did you mean 'frizza'" in capsys.readouterr().err
-
-
 def test_a_fall_is_a_result(capsys: pytest.CaptureFixture[str]) -> None:
     push = "impulse=1.2,direction=90,step=1,phase=0.3"
     assert main(["walk", "--distance", "0.05", "--push", push]) == RAN

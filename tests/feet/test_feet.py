@@ -16,7 +16,6 @@ from wbc.core.errors import InputError, UnknownNameError
 from wbc.feet import RangeSensor, SoftFoot, StiffnessActuator, foot, register_foot
 from wbc.feet.sensing.range_sensor import RangeSampler
 from wbc.feet.soles import catalog
-from wbc.feet.soles.contact import ContactSpheres
 from wbc.feet.soles.rigid import RigidFoot
 from wbc.feet.soles.sole import SoleGeometry, bar_inertia
 
@@ -80,12 +79,6 @@ def test_a_low_ankle_is_raised_and_the_difference_said() -> None:
     assert fit.height_change == pytest.approx(0.009)
 
 
-def test_rotation_matrix_and_quaternion_are_the_same_sole() -> None:
-    own = tilted_sole(0)
-    again = SoleGeometry("link", own.translation, own.rotation_matrix, own.length, own.width)  # type: ignore[arg-type]
-    np.testing.assert_allclose(again.rotation_matrix, own.rotation_matrix, atol=1e-12)
-
-
 def test_inertia_of_a_bar_is_that_of_its_points() -> None:
     start, end = np.array([0.02, 0.0, 0.09]), np.array([0.11, 0.0, 0.01])
     bar = bar_inertia(0.07, start, end, width=0.03, thickness=0.01)
@@ -110,13 +103,6 @@ def test_contact_rows_cover_the_sole_evenly_and_lie_under_their_phalanx() -> Non
         for i, centre in enumerate(design.layout(design.fit(OWN).sole).centres):
             under = x[2 * i : 2 * i + 2]
             assert np.abs(under - centre).max() <= design.length / phalanges / 2.0 + 1e-12
-
-
-def test_spheres_are_spread_evenly() -> None:
-    spheres = ContactSpheres(columns=4, row_spacing=0.05)
-    assert [spheres.rows(length) for length in (0.02, 0.08, 0.101, 0.18)] == [2, 3, 4, 5]
-    np.testing.assert_allclose(spheres.row_positions(0.18, 5), [0.09, 0.045, 0.0, -0.045, -0.09], atol=1e-15)
-    np.testing.assert_allclose(spheres.column_positions(0.08), [-0.04, -0.04 / 3.0, 0.04 / 3.0, 0.04])
 
 
 # --- stiffness actuator ----------------------------------------------------------------------------------------------
@@ -153,13 +139,6 @@ def test_actuator_solves_its_differential_equation_in_the_logarithm() -> None:
     assert exact.reference == 100.0
 
 
-def test_an_instantaneous_actuator_is_there_at_once() -> None:
-    actuator = StiffnessActuator.instantaneous()
-    assert actuator.advance(actuator.at_rest(0.0), 42.0, 0.0).actual == 42.0
-    assert foot("paper").actuator == actuator  # type: ignore[attr-defined]
-    assert (actuator.low, actuator.high) == (0.0, 80.0)
-
-
 def test_the_damping_ratio_follows_the_stiffness() -> None:
     fixed, ratio = foot("soft", stiffness=20.0), foot("soft", stiffness=20.0, damping_ratio=0.5)
     assert isinstance(fixed, SoftFoot) and isinstance(ratio, SoftFoot)
@@ -170,13 +149,6 @@ def test_the_damping_ratio_follows_the_stiffness() -> None:
 
 
 # --- range sensor ----------------------------------------------------------------------------------------------------
-
-
-def test_a_perfect_range_sensor_reads_the_truth() -> None:
-    sampler = RangeSampler(RangeSensor())
-    assert [sampler.sample(0.001 * i, 0.1 + i) for i in range(3)] == [0.1, 1.1, 2.1]
-    assert math.isnan(sampler.sample(0.01, math.inf))
-    assert math.isnan(sampler.sample(0.02, 5.0))
 
 
 def test_range_noise_dropouts_and_resolution_have_the_asked_size() -> None:
@@ -200,12 +172,3 @@ def test_range_readings_are_held_between_samples() -> None:
         sampler.sample(0.001 * i, float(i % 3) + 0.5)
         fresh += sampler.fresh
     assert fresh == 100
-
-
-def test_range_noise_repeats_with_its_seed_and_differs_without() -> None:
-    sensor = RangeSensor(noise=0.01)
-    first, same, other = (RangeSampler(sensor, seed) for seed in (4, 4, 5))
-    readings = [s.sample(0.0, 1.0) for s in (first, same, other)]
-    assert readings[0] == readings[1] != readings[2]
-    first.reset()
-    assert first.sample(0.0, 1.0) == readings[0]

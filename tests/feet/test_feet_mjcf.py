@@ -184,32 +184,6 @@ def test_lowest_points_of_the_spheres_span_the_rectangle(name: str) -> None:
     np.testing.assert_allclose(extent.min(axis=0), [-sole.length / 2, -sole.width / 2], atol=1e-9)
 
 
-def test_names_of_a_foot_are_none_that_a_robot_would_use() -> None:
-    stand = Stand(foot("soft", encoders=True), "nothing")
-    kinds = mujoco.mjtObj
-    counts = {
-        kinds.mjOBJ_BODY: stand.model.nbody,
-        kinds.mjOBJ_JOINT: stand.model.njnt,
-        kinds.mjOBJ_GEOM: stand.model.ngeom,
-        kinds.mjOBJ_SITE: stand.model.nsite,
-        kinds.mjOBJ_SENSOR: stand.model.nsensor,
-        kinds.mjOBJ_EQUALITY: stand.model.neq,
-    }
-    rig = {"world", "carriage", "ankle", "forward", "left", "lift", "roll", "pitch"}
-    for kind, count in counts.items():
-        names = {mujoco.mj_id2name(stand.model, kind, i) for i in range(count)} - rig
-        assert all(name.startswith("left/") for name in names), names
-
-
-def test_a_foot_goes_under_its_own_ankle_only() -> None:
-    spec = mujoco.MjSpec()
-    body = spec.worldbody.add_body(name="knee")
-    with pytest.raises(InputError, match="'ankle'.*'knee'"):
-        foot("flat").build(spec, body, "left", OWN)
-    with pytest.raises(InputError, match="middle"):
-        foot("flat").build(spec, body, "middle", OWN)
-
-
 # --- standing --------------------------------------------------------------------------------------------------------
 
 
@@ -249,15 +223,6 @@ def test_the_force_sensor_reads_what_the_ground_does_about_the_sole_centre(name:
     assert contacts.force[2] > 0.9 * LOAD
     np.testing.assert_allclose(reading[:3], axes.T @ force, atol=0.05)
     np.testing.assert_allclose(reading[3:], axes.T @ moment, atol=0.02)
-
-
-def test_encoders_read_the_shape_of_the_sole() -> None:
-    stand = Stand(foot("soft", encoders=True), terrain("stones", 0.03, 1), x=1.5, drop=0.1)
-    stand.settle()
-    angles = stand.probe.angles(stand.data)
-    assert np.abs(angles).max() > 0.02
-    mujoco.mj_forward(stand.model, stand.data)
-    np.testing.assert_array_equal([stand.data.sensor(name).data[0] for name in stand.foot.encoders], angles)
 
 
 # --- stiffness at run time -------------------------------------------------------------------------------------------
@@ -305,19 +270,6 @@ def test_the_hinges_of_the_toe_have_a_stiffness_of_their_own() -> None:
         assert k == [300.0, 300.0, *[stiffness] * 8]
     with pytest.raises(InputError, match="no hinges for a front_stiffness"):
         foot("long_arch", front_stiffness=300.0)
-
-
-def test_a_rigid_foot_has_no_stiffness_and_a_foreign_model_no_foot() -> None:
-    rigid, soft = Stand(foot("rigid"), "nothing"), Stand(foot("soft"), "nothing")
-    with pytest.raises(InputError, match="rigid"):
-        SoleStiffness(rigid.model, rigid.foot)
-    with pytest.raises(InputError, match="not compiled"):
-        SoleProbe(rigid.model, soft.foot)
-    assert rigid.probe.loop_gap(rigid.data) == 0.0
-    soft.data.qpos[soft.model.joint(soft.foot.arch_joint).qposadr] = 0.1
-    mujoco.mj_kinematics(soft.model, soft.data)
-    ends = [soft.data.site(name).xpos for name in soft.foot.loop_sites or ()]
-    assert soft.probe.loop_gap(soft.data) == np.linalg.norm(ends[0] - ends[1]) > 1e-3
 
 
 def test_the_centre_of_pressure_is_the_mean_of_the_contacts_by_their_load() -> None:

@@ -11,12 +11,10 @@ from hypothesis import strategies as st
 from properties import examples
 from scipy import signal, stats
 
-from wbc.core.errors import InputError, UnknownNameError
 from wbc.feet.soles.rigid import SOFT_LENGTH
 from wbc.feet.stiffness.roughness import (
     AUTHORS_RATE,
     PARAMETERS,
-    Roughness,
     RoughnessSettings,
     low_pass,
     roughness,
@@ -91,17 +89,6 @@ def test_place_lift_and_slope_do_not_matter_and_scale_does_as_it_should(
     order = {"Ssk": 0, "Sku": 0, "K": 0, "M": 2, "P": 2}
     for name in PARAMETERS:
         assert b[name] == pytest.approx(float(a[name]) * scale ** order.get(name, 1), rel=1e-6), name
-
-
-def test_many_profiles_at_once_are_each_of_them() -> None:
-    z = rough(80, count=12).reshape(3, 4, 80)
-    for given_settings in (RoughnessSettings(), PAPER, RoughnessSettings.authors()):
-        many = roughness(grid(80), z, given_settings)
-        assert many.values.shape == (3, 4, 10)
-        for i in np.ndindex(3, 4):
-            np.testing.assert_allclose(
-                many.values[i], roughness(grid(80), z[i], given_settings).values, rtol=1e-9
-            )
 
 
 @pytest.mark.parametrize("variant", ["corrected", "paper", "authors"])
@@ -189,11 +176,3 @@ def test_roughness_is_that_of_the_filtered_profile_about_its_line() -> None:
 
 
 # --- bad input --------------------------------------------------------------------------------------------------------
-
-
-def test_a_parameter_is_looked_up_and_a_dictionary_is_of_one_profile() -> None:
-    r = Roughness(np.zeros((2, 10)))
-    with pytest.raises(UnknownNameError, match="roughness parameter 'Sx'"):
-        r["Sx"]
-    with pytest.raises(InputError, match="single profile"):
-        r.as_dict()

@@ -155,27 +155,6 @@ def test_gaps_are_bridged_up_to_a_width_and_cut_beyond() -> None:
     np.testing.assert_allclose(whole.z, 0.5 * whole.x, atol=1e-12)
 
 
-def test_what_lies_beyond_the_buffer_is_counted() -> None:
-    scan = GroundScan(ScanSettings(capacity=16))
-    assert scan.add((0.0, 0.0, 1.0), DOWN, 1.0)
-    assert not scan.add((PROFILE_STEP * 13, 0.0, 1.0), DOWN, 1.0)
-    assert scan.add((-PROFILE_STEP * 4, 0.0, 1.0), DOWN, 1.0)
-    assert (scan.hits, scan.outside) == (2, 1)
-    many = GroundScan(ScanSettings(capacity=16))
-    x = PROFILE_STEP * np.arange(20)
-    assert add_all(many, np.stack([x, 0 * x, 0 * x], 1), np.tile(DOWN, (20, 1)), 0 * x) == 12
-    assert (many.hits, many.outside) == (12, 8)
-    assert many.profile().z == pytest.approx(0.0)
-
-
-def test_starting_anew_forgets_everything() -> None:
-    scan = scan_plane(0.1, 0.2)
-    scan.start((0.0, 1.0))
-    assert (scan.hits, scan.lost, scan.outside) == (0, 0, 0)
-    with pytest.raises(InputError, match=r"0 hits in 0 cells"):
-        scan.profile()
-
-
 def test_the_end_of_a_profile_is_what_lies_ahead() -> None:
     profile = scan_plane(0.0, 0.1).profile()
     end = profile.last(0.14)

@@ -17,7 +17,6 @@ from properties import by_default
 
 import wbc
 from wbc import Command, Measurement
-from wbc.core.errors import InputError, MeasurementError
 from wbc.core.robot import GRAVITY
 from wbc.feet import foot
 from wbc.machine import conformance
@@ -269,26 +268,3 @@ def test_joints_without_mass_are_found_as_they_are() -> None:
     late = {check.name: check for check in conformance(Wrapped(Light(), late=2), delay=0.01).checks}
     assert "torque acts after 10 ms" in late["delay"].found
     assert late["delay"].state == late["torque"].state == "ok"
-
-
-def test_a_loop_that_refuses_gains_is_not_judged_by_them() -> None:
-    def refuse(command: Command) -> Command:
-        if command.kp is not None:
-            raise InputError("this machine has gains of its own")
-        return command
-
-    report = conformance(Wrapped(Light(), refuse))
-    last = {check.name: check for check in report.checks}["commanded gains"]
-    assert report.ok and last.state == "unknown" and "gains of its own" in last.found, str(report)
-
-
-def test_a_hand_without_a_reading_is_no_fault() -> None:
-    none = np.full((len(DESCRIPTION.robot().frames), 6), np.nan)
-    report = conformance(Recorded(lambda m, _: replace(m, hand_wrenches=none)))
-    assert report.checks[0].name == "shapes" and report.checks[0].state == "ok", str(report)
-
-
-@pytest.mark.parametrize("tick", [0, 30])
-def test_a_loop_that_measures_nothing_is_refused(tick: int) -> None:
-    with pytest.raises(MeasurementError, match=r"measure\(\) .* must return a Measurement, got None"):
-        conformance(Recorded(lambda m, now: None if now == tick else m))

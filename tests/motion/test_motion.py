@@ -18,10 +18,9 @@ from wbc.core.qp.contact import mean_distance
 from wbc.core.robot import GRAVITY, Robot
 from wbc.motion import MotionClip, check_motion, make_feasible, read_motion, write_motion
 from wbc.motion.contacts import find_contacts, runs
-from wbc.motion.feasible import STRETCH, _slowed, centre_of_mass_shift, supports_on
+from wbc.motion.feasible import centre_of_mass_shift, supports_on
 from wbc.motion.footsteps import footsteps
 from wbc.motion.kinematics import BodyMotion, corners_of
-from wbc.motion.measures import nearest_inside
 from wbc.walking.planning.reach import Reach
 
 
@@ -128,25 +127,6 @@ def test_files_of_other_content_are_refused_in_one_line(tmp_path: Path, content:
     assert "\n" not in str(refused.value)
 
 
-def test_a_file_that_unpacks_to_more_than_four_times_the_largest_is_refused(
-    arms: MotionClip, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    path = tmp_path / "clip.npz"
-    np.savez_compressed(path, base=np.zeros((500, 7)), joints=np.zeros((500, 2)))
-    monkeypatch.setattr("wbc.motion.files.LARGEST", 9000)
-    with pytest.raises(InputError, match="must unpack to at most 36000 bytes, got 36256"):
-        read_motion(path)
-
-
-def test_sampling_at_the_own_times_changes_nothing(arms: MotionClip) -> None:
-    even = np.arange(len(arms)) % 2 == 0
-    marked = replace(arms, standing=np.column_stack([even, ~even]))
-    again = marked.sampled(arms.times, arms.rate)
-    assert (again.standing == marked.standing).all()
-    np.testing.assert_allclose(again.joints, arms.joints, atol=1e-12)
-    np.testing.assert_allclose(again.base, arms.base, atol=1e-12)
-
-
 def test_bad_clips_are_refused(arms: MotionClip) -> None:
     broken, lying = arms.joints.copy(), arms.base.copy()
     broken[123, 4] = np.nan
@@ -186,13 +166,6 @@ def test_the_zmp_is_the_point_without_horizontal_moment(g1: Robot) -> None:
     world = data.oMi[1].act(pin.Force(wrench[:3], wrench[3:]))
     place = np.array([-world.angular[1], world.angular[0]]) / world.linear[2]
     np.testing.assert_allclose(motion.zmp()[frame], place, atol=1e-4)
-
-
-def test_the_nearest_point_of_a_support() -> None:
-    square = np.array([(0.1, 0.1), (0.9, 0.1), (0.9, 0.9), (0.1, 0.9)])
-    points = np.array([(2.0, 0.8), (2.0, 2.0), (0.5, 0.6), (0.4, -1.0)])
-    nearest = nearest_inside([square] * 4, points)
-    np.testing.assert_allclose(nearest, [(0.9, 0.8), (0.9, 0.9), (0.5, 0.6), (0.4, 0.1)], atol=1e-12)
 
 
 def test_the_shift_of_the_centre_of_mass_shifts_the_zmp_by_what_was_asked_for(g1: Robot) -> None:
@@ -240,14 +213,6 @@ def test_the_friction_that_soles_need_is_that_of_the_forces_and_of_the_yaw_momen
     assert 0.97 * needed < best < 1.02 * needed
 
 
-def test_a_short_flight_counts_as_a_stand_on_the_feet_before_it(g1: Robot) -> None:
-    motion = BodyMotion.of(g1, np.tile(g1.half_sitting, (60, 1)), 100.0)
-    known = np.column_stack([np.arange(60) < 30, np.arange(60) >= 36])
-    known[:5] = known[-3:] = False
-    found = find_contacts(motion, known)[1]
-    np.testing.assert_array_equal(found, np.column_stack([np.arange(60) < 36, np.arange(60) >= 36]))
-
-
 def test_contacts_are_found_and_flight_is_refused_with_its_time(g1: Robot) -> None:
     clip = make_motion(g1, "one_leg", 1)
     motion = BodyMotion.of(g1, clip.configurations(g1), clip.rate)
@@ -270,28 +235,6 @@ def test_contacts_are_found_and_flight_is_refused_with_its_time(g1: Robot) -> No
 
 
 # The filter
-
-
-def test_a_contact_of_two_frames_at_two_heights_is_found_in_a_clip_of_few_frames(g1: Robot) -> None:
-    """A foot that is down in one frame and rolls over its toe in the next: the median is in neither."""
-    motion = BodyMotion.of(g1, np.tile(g1.half_sitting, (12, 1)), 1.0)
-    corners = motion.corners.copy()
-    corners[:, 0, :, 2] += 0.2
-    corners[5, 0, :, 2] = 0.0
-    corners[6, 0, :, 2] = 0.02, 0.02, 0.042, 0.042
-    _, standing = find_contacts(replace(motion, corners=corners))
-    assert standing[:, 0].tolist() == [frame in (5, 6) for frame in range(12)] and standing[:, 1].all()
-
-
-def test_contacts_have_no_short_gaps_and_overlap(g1: Robot) -> None:
-    motion = BodyMotion.of(g1, np.tile(g1.half_sitting, (50, 1)), 100.0)
-    corners = motion.corners.copy()
-    for length, stands in ((3, True), (10, False)):
-        corners[20 : 20 + length, 0, :, 2] = 0.035
-        assert find_contacts(replace(motion, corners=corners))[1][:, 0].all() == stands
-    known = np.column_stack([np.arange(50) < 25, np.arange(50) >= 25])
-    both = find_contacts(motion, known, double_support=0.1)[1].all(axis=1)
-    assert both.tolist() == [25 <= frame < 35 for frame in range(50)], "the foot that leaves stays longer"
 
 
 def test_steps_out_of_reach_are_shortened_and_the_body_comes_along(
@@ -402,31 +345,6 @@ def test_limits_are_kept_that_a_clip_exceeds(g1: Robot, arms: MotionClip) -> Non
     assert max(result.changes, key=lambda joint: result.changes[joint]) == "left_elbow_joint"
     times = result.source_times
     assert times[0] == 0.0 and times[-1] == pytest.approx(wild.duration) and times.max() <= wild.duration
-
-
-def test_arms_that_are_too_heavy_are_drawn_in_and_nothing_is_slowed_down_for_them() -> None:
-    """An arm of Talos, stretched to the side, asks its shoulder for more than it has, however slowly it gets there."""
-    talos = load_robot("talos").robot()
-    q = np.tile(talos.half_sitting, (200, 1))
-    columns = [7 + talos.joint_index(f"arm_left_{joint}_joint") for joint in (2, 4)]
-    q[:, columns] = 1.3, -0.1
-    clip = MotionClip.of(talos, q, 100.0)
-    result = make_feasible(talos, clip)
-    assert max(check_motion(talos, clip).joint_torque.values()) > 1.1
-    assert result.after.feasible and result.stretched < 1.5
-    assert result.changes["arm_left_2_joint"] > 0.3
-    assert not any(name.startswith("arm_right") for name in result.changes)
-    middle = result.clip.configurations(talos)[len(result.clip) // 2]
-    torque = pin.computeGeneralizedGravity(talos.model, talos.model.createData(), middle)[6:]
-    share = abs(torque / talos.torque_limit)[talos.joints_between("arm_left_7_link", talos.torso_frame)].max()
-    assert share == pytest.approx(0.8, rel=0.02)
-
-
-def test_the_pace_is_slower_within_half_a_second_of_what_is_infeasible() -> None:
-    pace = _slowed(np.linspace(1.0, 2.0, 301), np.array([0.996, 1.3, 1.3]))
-    expected = np.linspace(1.0, 2.0, 301)
-    expected[51:181] *= STRETCH
-    np.testing.assert_allclose(pace, expected)
 
 
 def test_a_motion_that_is_too_fast_takes_longer() -> None:

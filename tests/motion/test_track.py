@@ -28,7 +28,7 @@ from wbc.motion.feasible import _balanced, _straightened, supports_on
 from wbc.motion.inverse_kinematics import inverse_kinematics
 from wbc.motion.kinematics import BodyMotion
 from wbc.motion.measures import nearest_inside
-from wbc.motion.source import clip_references, placed, splines
+from wbc.motion.source import clip_references, splines
 from wbc.sim import Machine, TrackSpec, track_motion
 from wbc.walking import Reference
 from wbc.walking.planning.phases import Event
@@ -80,21 +80,6 @@ def test_the_pendulum_has_the_zmp_of_the_whole_body(references: tuple[Reference,
         reach = (pendulum.com[2] - pendulum.zmp[2]) / (pendulum.com_acceleration[2] + GRAVITY)
         meets = pendulum.com[:2] - reach * pendulum.com_acceleration[:2]
         np.testing.assert_allclose(meets, pendulum.zmp[:2], atol=1e-9)
-
-
-def test_a_clip_is_put_where_the_robot_stands(g1: Robot, steps: MotionClip) -> None:
-    away = replace(steps, base=steps.base + (1.0, 0.5, 0.0, 0.0, 0.0, 0.0, 0.0))
-    q, data = away.configurations(g1)[0], g1.model.createData()
-    pin.framesForwardKinematics(g1.model, data, q)
-    move = pin.SE3(pin.utils.rotate("z", 1.0), np.array([3.0, -2.0, 0.1]))
-    own = tuple(data.oMf[g1.frame_id(sole.frame)].copy() for sole in g1.soles[:2])
-    left, right = (move * sole for sole in own)
-    moved = placed(away, own, (left, right)).configurations(g1)
-    pin.framesForwardKinematics(g1.model, data, moved[0])
-    for sole, place in zip(g1.soles, (left, right), strict=False):
-        np.testing.assert_allclose(
-            data.oMf[g1.frame_id(sole.frame)].homogeneous, place.homogeneous, atol=2e-3
-        )
 
 
 def test_a_foot_goes_over_to_the_clip_from_where_it_was_lifted_and_may_land_early(steps: MotionClip) -> None:
@@ -151,15 +136,6 @@ def bow(robot: Robot, angle: float) -> MotionClip:
     for _ in range(8):
         bent = inverse_kinematics(robot, 0.05, q[None], [(left, right)], stands, lower, bent)
     return MotionClip.of(robot, np.repeat(bent, 101, axis=0), 100.0, "bow")
-
-
-def test_a_clip_that_is_bent_is_no_fall() -> None:
-    """The torso is 46 degrees from the vertical, which is a fall in a walk: it is measured against the clip."""
-    robot = load_robot("talos").robot()
-    clip = make_feasible(robot, bow(robot, 0.8)).clip
-    assert np.degrees(np.arccos(rotation_of(clip.base[0, 3:])[2, 2])) > 40.0
-    result = track_motion(clip, TrackSpec(robot="talos", after=0.0))
-    assert result.completed and result.failures == 0 and result.joint_rms_deg < 1.0, result
 
 
 def reaching_bow(g1: Robot) -> MotionClip:

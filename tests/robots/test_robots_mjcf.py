@@ -5,7 +5,6 @@ from __future__ import annotations
 import re
 from importlib import metadata
 from pathlib import Path
-from xml.etree import ElementTree
 
 import mujoco
 import numpy as np
@@ -14,7 +13,7 @@ from mjcf_biped import CAPSULES, MOTORS, biped
 from mujoco_dynamics import assert_same_dynamics
 
 from wbc import TorqueControl, balance_controller
-from wbc.core.errors import InputError, ModelError, UnknownNameError
+from wbc.core.errors import ModelError, UnknownNameError
 from wbc.robots import RobotDescription, load, others
 from wbc.robots.readers.compile_mjcf import compiled_with_files
 from wbc.robots.report import UNMODELLED
@@ -195,16 +194,6 @@ def test_the_sole_of_a_foot_that_is_tilted_in_the_file_is_its_flat_side(tilt: fl
         assert sole.length == pytest.approx(0.2, abs=1e-3) if noted else sole.length > 0.1
 
 
-def test_parts_without_a_name_get_one() -> None:
-    xml = re.sub("<actuator>.*</actuator>", "", biped(), flags=re.DOTALL)
-    xml = xml.replace('<joint name="left_shoulder" ', "<joint ").replace('name="left_shoulder_out" ', "")
-    xml = xml.replace('<body name="right_arm"', "<body").replace('<joint name="right_shoulder" ', "<joint ")
-    described = RobotDescription.from_mjcf(xml)
-    model = mujoco.MjModel.from_xml_string(xml)
-    arm = next(i for i in range(model.nbody) if not model.body(i).name)
-    assert {"left_arm_joint", "left_arm_joint1", f"body_{arm}_joint"} < set(described.joint_names)
-
-
 def test_a_file_is_read_without_its_meshes_where_no_mass_is_theirs(tmp_path: Path) -> None:
     assets = '<asset><texture name="skin" type="2d" file="gone.png"/><material name="skin" texture="skin"/>{}</asset>'
     hat = '<geom type="mesh" mesh="hat" material="skin" contype="0" conaffinity="0"/>'
@@ -231,18 +220,6 @@ def key(name: str, bend: float, arm: float = 0.3) -> str:
     return f'<keyframe><key name="{name}" qpos="{qpos}"/></keyframe>'
 
 
-def test_hands_are_bodies_or_sites() -> None:
-    hands = {"left_hand": "left_load_cell", "right_hand": "right_arm"}
-    robot = RobotDescription.from_mjcf(biped(), hands=hands).robot()
-    assert robot.frames == hands
-    ankle, cell = (robot.placement(robot.frame_id(name)) for name in ("left_foot", "left_load_cell"))
-    seen = ankle.inverse() * cell
-    np.testing.assert_allclose(seen.translation, [0.0, 0.0, -0.03], atol=1e-9)
-    np.testing.assert_allclose(seen.rotation, np.eye(3), atol=1e-9)
-    with pytest.raises(UnknownNameError, match="no frame 'left_loadcell'"):
-        RobotDescription.from_mjcf(biped(), hands={"left_hand": "left_loadcell"})
-
-
 def test_half_sitting_is_a_keyframe_in_which_the_robot_stands() -> None:
     stands = RobotDescription.from_mjcf(biped(extra=key("stand", 0.6)))
     assert "half-sitting: keyframe 'stand'" in stands.derived
@@ -267,30 +244,6 @@ def test_a_root_that_looks_backward_is_turned() -> None:
             place, expected = (each.placement(each.sole(sole).frame) for each in (robot, plain))
             np.testing.assert_allclose(place.rotation, expected.rotation, atol=1e-6)
             np.testing.assert_allclose(place.translation[1:], expected.translation[1:], atol=1e-2)
-
-
-def test_shapes_are_kept_for_pictures(tmp_path: Path) -> None:
-    """Capsules, and a mesh at the place of the file although the compiler has moved it."""
-    corners = [(x, y, z) for x in (0.0, 0.1) for y in (0.0, 0.2) for z in (0.0, 0.3)]
-    faces = [(1, 3, 4), (1, 4, 2), (5, 6, 8), (5, 8, 7), (1, 2, 6), (1, 6, 5)]
-    faces += [(3, 7, 8), (3, 8, 4), (1, 5, 7), (1, 7, 3), (2, 4, 8), (2, 8, 6)]
-    lines = [f"v {x} {y} {z}" for x, y, z in corners] + [f"f {a} {b} {c}" for a, b, c in faces]
-    (tmp_path / "parts").mkdir()
-    (tmp_path / "parts" / "hat.obj").write_text("\n".join(lines))
-    hat = '<geom type="mesh" mesh="hat" pos="0 0 0.3" contype="0" conaffinity="0" group="2"/>'
-    hat += '<geom type="box" size="0.1 0.2 0.3" group="3"/>'  # for collisions: not drawn
-    xml = biped(extra='<asset><mesh name="hat" file="hat.obj"/></asset>')
-    xml = xml.replace('<compiler angle="degree"', '<compiler angle="degree" meshdir="parts"')
-    xml = xml.replace('<joint name="waist"', f'{hat}<joint name="waist"')
-    (tmp_path / "biped.xml").write_text(xml)
-    root = ElementTree.fromstring(RobotDescription.from_mjcf(tmp_path / "biped.xml").urdf)
-    links = {link.get("name"): link for link in root.findall("link")}
-    assert len(links["left_foot"].findall("visual/geometry/capsule")) == 2
-    (visual,) = links["chest"].findall("visual")
-    mesh, origin = visual.find("geometry/mesh"), visual.find("origin")
-    assert mesh is not None and mesh.get("filename") == str(tmp_path / "parts" / "hat.obj")
-    assert origin is not None
-    np.testing.assert_allclose([float(x) for x in origin.get("xyz", "").split()], [0, 0, 0.3], atol=1e-9)
 
 
 def test_locked_joints_are_fixed_where_they_are_told() -> None:
@@ -527,20 +480,6 @@ def test_a_file_that_cannot_be_parsed_is_named(tmp_path: Path) -> None:
             RobotDescription.from_mjcf(file)
     file.write_text(f"<!-- mass='nan'\n <inertial mass=\"nan\"/> -->{biped()}")
     assert RobotDescription.from_mjcf(file).joint_names == RobotDescription.from_mjcf(biped()).joint_names
-
-
-def test_a_root_without_free_joint_floats_when_it_is_named() -> None:
-    xml = biped().replace('<freejoint name="floating"/>', '<joint name="lift" type="slide" axis="0 0 1"/>')
-    description = RobotDescription.from_mjcf(xml, root="pelvis")
-    assert "lift" not in description.joint_names
-    with pytest.raises(InputError, match="must be a body of the world"):
-        RobotDescription.from_mjcf(xml, root="chest")
-
-
-def test_sources_that_are_none() -> None:
-    for source, message in ((3, "must be a path"), ("nowhere.xml", "no MJCF file"), ("", "no MJCF file")):
-        with pytest.raises(InputError, match=message):
-            RobotDescription.from_mjcf(source)
 
 
 def test_gains_of_the_file_are_given_and_the_others_derived() -> None:

@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 import dataclasses
-import itertools
 import re
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any
 from xml.etree import ElementTree
 
@@ -18,10 +16,9 @@ import pytest
 from wbc.core.drive.servos import ANKLE_SHARE
 from wbc.core.errors import InputError, ModelError, UnknownNameError
 from wbc.core.robot import Robot
-from wbc.robots import FrameDescription, RobotDescription, ServoRule, SoleDescription, urdf
+from wbc.robots import FrameDescription, RobotDescription, urdf
 from wbc.robots.derivation.inertia import second_moments
 from wbc.robots.derivation.posture import knee_direction
-from wbc.robots.derivation.shapes import LinkShape, link_shapes
 from wbc.robots.report import standing_torques
 
 THIGH, SHIN, ANKLE = 0.30, 0.28, 0.06
@@ -192,63 +189,6 @@ def test_sole_rectangle_from_a_mesh(tmp_path: Path) -> None:
     assert [sole.frame for sole in lost.soles] == ["left_foot_sole", "right_foot_sole"]
 
 
-def test_shapes_of_links_are_those_of_their_geometry(tmp_path: Path) -> None:
-    """Collisions before visuals, half sizes, and of a mesh the least box about its principal axes."""
-    box = np.array([*itertools.product((-0.06, 0.06), (-0.04, 0.04), (-0.02, 0.02)), (0.06, 0.0, 0.0)])
-    sides = [(0, 1, 3, 2), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
-    faces = [(a, b, c) for a, b, c, d in sides] + [(a, c, d) for a, b, c, d in sides]
-    faces += [(4, 6, 8), (6, 7, 8), (7, 5, 8), (5, 4, 8)]  # of one side the middle is a corner, too
-    axes = np.array(
-        [(0.3, 0.4, 0.5), (-0.6, 0.2, 0.9), (0.0, 0.0, 2.0)]
-    )  # the last one's axes are left-handed
-    turns = [pin.SE3(pin.exp3(axis), np.array([0.3, -0.2, 0.1])) for axis in axes]
-    for i, turn in enumerate(turns):
-        lines = [f"v {x} {y} {z}" for x, y, z in box @ turn.rotation.T + turn.translation]
-        lines += [f"f {a + 1} {b + 1} {c + 1}" for a, b, c in faces]
-        (tmp_path / f"{i}.obj").write_text("\n".join(lines))
-
-    def link(name: str, *shapes: tuple[str, str]) -> str:
-        place = '<origin xyz="0.1 0.2 0.3" rpy="0.4 0.5 0.6"/>'
-        parts = [f"<{tag}>{place}<geometry>{shape}</geometry></{tag}>" for tag, shape in shapes]
-        return f'<link name="{name}">{"".join(parts)}</link>'
-
-    ball, lost = '<sphere radius="0.05"/>', '<mesh filename="package://gone.stl"/>'
-    rod = '<{} radius="0.03" length="0.4"/>'
-    meshes = [("visual", f'<mesh filename="package://{i}.obj" scale="0.5 0.5 0.5"/>') for i in range(3)]
-    links = (
-        link("box", ("collision", '<box size="0.2 0.3 0.001"/>'), ("visual", ball)),
-        link("ball", ("collision", ""), ("collision", lost), ("visual", ball)),
-        link("rods", ("collision", rod.format("cylinder")), ("collision", rod.format("capsule"))),
-        link("none", ("visual", "<torus/>"), ("visual", lost)),
-        link("meshes", *meshes),
-    )
-    robot = SimpleNamespace(urdf=f"<robot name='r'>{''.join(links)}</robot>", package_dirs=(str(tmp_path),))
-    found = link_shapes(robot)  # type: ignore[arg-type]
-    place = pin.SE3(pin.rpy.rpyToMatrix(0.4, 0.5, 0.6), np.array([0.1, 0.2, 0.3]))
-    plain = [
-        LinkShape("box", "box", (0.1, 0.15, 0.002), place),
-        LinkShape("ball", "sphere", (0.05,), place),
-        LinkShape("rods", "cylinder", (0.03, 0.2), place),
-        LinkShape("rods", "capsule", (0.03, 0.2), place),
-    ]
-    assert len(found) == len(plain) + 3
-    for one, other in zip(found[:4], plain, strict=True):
-        assert (
-            one[:2] == other[:2]
-            and one.size == pytest.approx(other.size)
-            and one.placement == other.placement
-        )
-    for shape, turn in zip(found[4:], turns, strict=True):
-        assert shape[:2] == ("meshes", "box") and shape.size == pytest.approx((0.03, 0.02, 0.01), abs=1e-6)
-        assert np.linalg.det(shape.placement.rotation) == pytest.approx(1.0)
-        corners = [
-            shape.placement.act(np.array(sign) * shape.size) for sign in itertools.product((-1, 1), repeat=3)
-        ]
-        expected = [place.act(0.5 * turn.act(corner)) for corner in box[:8]]
-        for corner in corners:
-            assert np.linalg.norm(np.array(expected) - corner, axis=1).min() < 1e-6
-
-
 def test_a_knee_goes_forward_when_it_bends() -> None:
     """The sole lies 0.03 m in front of the knee and 0.34 m below it: per radian these are its way up and forward."""
     model = RobotDescription.from_urdf(biped(), **FEET).robot().model
@@ -316,23 +256,6 @@ def test_a_turned_sole_link_gets_a_straight_sole_frame() -> None:
     assert "are not those of the base" in "\n".join(description.derived)
 
 
-def test_soles_given_as_link_and_placement() -> None:
-    soles = [
-        SoleDescription(
-            f"{side}_sole", f"{side}_ankle_roll_link", (0.02, 0.0, -ANKLE), name=name, length=0.18, width=0.08
-        )
-        for side, name in (("l", "left_foot"), ("r", "right_foot"))
-    ]  # fmt: skip
-    description = RobotDescription.from_urdf(biped(), left_sole=soles[0], right_sole=soles[1])
-    assert description.soles == tuple(soles)
-    frames = [FrameDescription(sole.frame, sole.link, sole.translation) for sole in soles]
-    other = RobotDescription.from_urdf(
-        biped(), left_sole=frames[0], right_sole=frames[1], sole_size=(0.18, 0.08)
-    )
-    assert other.soles == description.soles
-    assert dict(other.half_sitting) == dict(description.half_sitting)
-
-
 @pytest.mark.parametrize(("root", "kind"), [("world", "fixed"), ("odom", "floating"), ("footprint", "fixed")])
 def test_any_root(root: str, kind: str) -> None:
     """A root that stands for the world, or that carries nothing, makes no difference to either library."""
@@ -364,17 +287,6 @@ def test_continuous_and_mimic_joints_become_ordinary_ones() -> None:
     said = "\n".join(description.derived)
     assert "'l_elbow': continuous" in said
     assert "'r_elbow': mimic" in said
-
-
-def test_friction_of_the_urdf_does_not_reach_mujoco_alone() -> None:
-    xml = biped(geometry=FOOT_BOX).replace("<limit", '<dynamics damping="1.5" friction="0.5"/><limit')
-    description = RobotDescription.from_urdf(xml, **FEET)
-    spec = mujoco.MjSpec.from_string(description.urdf_without_geometry())
-    spec.worldbody.first_body().add_freejoint()
-    model = spec.compile()
-    assert not model.dof_damping.any()
-    assert not model.dof_frictionloss.any()
-    assert "friction that the URDF gives 18 joints" in "\n".join(description.derived)
 
 
 def test_missing_limits_come_from_mass_and_size() -> None:
@@ -415,46 +327,6 @@ def test_missing_limits_come_from_mass_and_size() -> None:
     assert robot.torque_limit[shoulder] == pytest.approx(3.0 * worst, rel=0.05)
     # MuJoCo is fed the same limits.
     assert without.urdf.count('effort="0"') == 0
-
-
-def test_what_is_given_is_taken() -> None:
-    description = RobotDescription.from_urdf(
-        biped(geometry=FOOT_BOX),
-        **FEET,
-        name="mine",
-        sole_size=(0.15, 0.07),
-        half_sitting={"l_elbow": -0.5},
-        torso="l_roll_link",
-        imu=FrameDescription("gyro", "trunk", (0.0, 0.0, 0.3)),
-        hands={"left_hand": "l_elbow_link"},
-        armature={"l_knee": 0.2},
-        servo=ServoRule(frequency=5.0),
-        gains={"r_knee": (1000.0, 50.0)},
-        position_limits={"l_elbow": (-1.0, 0.5)},
-        velocity_limits={"l_elbow": 3.0},
-        torque_limits={"l_elbow": 7.0},
-        height=1.2,
-        licence="MIT",
-    )
-    robot = description.robot()
-    elbow, knee = robot.joint_index("l_elbow"), robot.joint_index("r_knee")
-    assert robot.name == "mine"
-    assert robot.half_sitting[7 + elbow] == -0.5
-    assert (robot.position_lower[elbow], robot.position_upper[elbow]) == (-1.0, 0.5)
-    assert (robot.velocity_limit[elbow], robot.torque_limit[elbow]) == (3.0, 7.0)
-    assert (description.kp[knee], description.kd[knee]) == (1000.0, 50.0)
-    assert description.armature["l_knee"] == 0.2 != description.armature["r_knee"]
-    np.testing.assert_allclose(
-        description.kp[elbow], (10 * np.pi) ** 2 * description.effective_inertia[elbow]
-    )
-    assert (robot.soles[0].length, robot.soles[0].width) == (0.15, 0.07)
-    trunk = robot.placement("trunk")
-    np.testing.assert_allclose(
-        (trunk.inverse() * robot.placement("gyro")).translation, [0, 0, 0.3], atol=1e-12
-    )
-    assert robot.torso_frame == "l_roll_link"
-    assert robot.frames == {"left_hand": "l_elbow_link"}
-    assert (description.height, description.licence) == (1.2, "MIT")
 
 
 def test_an_imu_is_a_link_called_so_nearest_to_the_root_and_the_torso_carries_the_arms() -> None:
@@ -515,16 +387,6 @@ def test_unphysical_inertias_are_refused_and_can_be_repaired(inertial: str, said
         assert body.mass > 0.0
         assert np.linalg.eigvalsh(second_moments(body.inertia)).min() > 0.0
     np.testing.assert_allclose(mujoco_mass_matrix(repaired), repaired.robot().mass_matrix, atol=1e-9)
-
-
-def test_repair_changes_nothing_that_is_sound() -> None:
-    sound = RobotDescription.from_urdf(biped(geometry=FOOT_BOX), **FEET)
-    assert RobotDescription.from_urdf(biped(geometry=FOOT_BOX), **FEET, repair=True).urdf == sound.urdf
-    half = RobotDescription.from_urdf(biped(geometry=FOOT_BOX, shin=FLAT), **FEET, repair=True)
-    ours, theirs = half.pinocchio_model(), sound.pinocchio_model()
-    for name, one, other in zip(ours.names, ours.inertias, theirs.inertias, strict=True):
-        assert ("knee" in name or "hip_pitch" in name) != (one == other)
-        assert one.mass == other.mass
 
 
 def test_random_inertias_are_judged_as_mujoco_judges_them() -> None:

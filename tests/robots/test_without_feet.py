@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable
-from typing import Any
 
 import numpy as np
 import pinocchio as pin
@@ -77,21 +75,6 @@ def test_any_number_of_points_carries_the_weight(feet: int) -> None:
     loaded = forces[4 - feet :]
     assert (loaded[:, 2] > 5.0).all() and np.allclose(forces[: 4 - feet], 0.0, atol=1e-6)
     assert (np.abs(loaded[:, :2]).max(axis=1) <= 0.7 * loaded[:, 2] + 1e-6).all()
-
-
-@pytest.mark.parametrize(
-    ("what", "need"),
-    [
-        ("the plant", wbc.Plant),
-        ("the balance controller", lambda d: wbc.balance_controller(d.robot(), 0.005)),
-        ("an observer of the base", lambda d: wbc.Observer(d.robot())),
-        ("a walk", lambda d: wbc.WalkSpec(robot=d.name)),
-        ("standing", lambda d: wbc.stand(robot=d.name)),
-    ],
-)
-def test_what_needs_two_feet_says_so(what: str, need: Callable[[wbc.RobotDescription], Any]) -> None:
-    with pytest.raises(InputError, match=f"{what} needs two feet, robot 'go1' is described without"):
-        need(wbc.load_robot("go1"))
 
 
 def test_a_quadruped_by_mjcf_is_described_without_feet_when_asked() -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 from dataclasses import replace
 
@@ -11,11 +10,9 @@ import numpy as np
 import pytest
 from properties import by_default
 
-from wbc.core.settings import to_json
 from wbc.feet import Foot, foot
-from wbc.feet.soles.contact import ConstraintLaw, ContactSpheres
 from wbc.sim.plant.settings import PhysicsSettings
-from wbc.sim.rig.actions import land, pitch, press
+from wbc.sim.rig.actions import pitch, press
 from wbc.sim.rig.fixture import Rig
 from wbc.sim.rig.spec import FootTest
 from wbc.sim.terrain.spec import Terrain, terrain
@@ -46,31 +43,6 @@ def test_a_pressed_foot_carries_its_load_and_is_quiet(design: Foot, ground: Terr
     assert hold.penetration < 0.0005
 
 
-def test_a_support_that_bears_too_little_has_no_centre() -> None:
-    rig = Rig(FootTest(foot("flat"), FLAT))
-    assert land(rig) is not None
-    for _ in range(rig.steps(1.0)):
-        rig.step()
-    np.testing.assert_allclose(rig.supporting_centre(0.99), rig.centre_of_pressure(), atol=1e-9)
-    assert np.isnan(rig.supporting_centre(1.01)).all()
-
-
-def test_a_press_turns_with_the_foot_on_flat_ground() -> None:
-    a, b = (press(FootTest(foot("soft"), FLAT, yaw=yaw), support=False) for yaw in (0.0, 2.0))
-    assert a.hold is not None and b.hold is not None and a.impact is not None and b.impact is not None
-    np.testing.assert_allclose(a.hold.centre_of_pressure, b.hold.centre_of_pressure, atol=1e-4)
-    np.testing.assert_allclose(a.hold.sole_angles, b.hold.sole_angles, atol=1e-5)
-    assert a.impact.speed == pytest.approx(b.impact.speed, rel=1e-6)
-
-
-def test_results_are_json() -> None:
-    text = json.dumps(to_json(press(SOFT_ON_STONES)), allow_nan=False)
-    back = json.loads(text)
-    assert set(back) == {"diverged", "impact", "hold", "support"}
-    assert len(back["hold"]["sole_angles"]) == 10
-    assert back["hold"]["contacts"] == len(back["hold"]["contact_points"])
-
-
 # --- impact ----------------------------------------------------------------------------------------------------------
 
 
@@ -89,18 +61,6 @@ def test_a_dropped_foot_obeys_free_fall_and_loses_no_energy_to_nowhere(name: str
     assert impact.absorbed == pytest.approx(1.0 - impact.rebound_energy / impact.drop_energy)
     assert 0.0 < impact.absorbed <= 1.0
     assert (name == "rigid") == (accounted == 0.0)
-
-
-def test_a_springy_contact_gives_energy_back() -> None:
-    springy = ContactSpheres(law=ConstraintLaw(0.1, damping_ratio=0.1, impedance=(0.9, 0.9)))
-    bouncing, dead = (
-        press(FootTest(foot("flat", contact=c), FLAT, drop=0.02), support=False).impact
-        for c in (springy, ContactSpheres())
-    )
-    assert bouncing is not None and dead is not None
-    assert bouncing.absorbed < 0.6
-    assert dead.absorbed > 0.9
-    assert bouncing.rebound_energy < bouncing.drop_energy
 
 
 def test_a_soft_sole_lands_softer_on_stones_than_a_rigid_one() -> None:

@@ -2,22 +2,18 @@
 
 from __future__ import annotations
 
-import dataclasses
-from collections.abc import Callable
-
 import mujoco
 import numpy as np
 import pytest
 from foreign import KINDS, foreign_model
 
 import wbc
-from wbc import Command, Measurement
+from wbc import Command
 from wbc.core.errors import InputError, MeasurementError, ModelError, UnknownNameError
-from wbc.sim import Machine, MujocoLoop, PhysicsSettings, Plant
+from wbc.sim import MujocoLoop, PhysicsSettings, Plant
 
 DESCRIPTION = wbc.load_robot("hrp4_class")
 PREFIX = "mine/"
-SIGNALS = ("joint_position", "joint_velocity", "angular_velocity", "specific_force", "sole_wrench")
 
 
 def stand(loop: MujocoLoop, seconds: float, mode: str) -> float:
@@ -128,24 +124,6 @@ def test_gains_of_a_command_replace_those_of_the_file() -> None:
         np.testing.assert_allclose(torque, 0.5, atol=0.15)  # the joints have begun to move
 
 
-def test_a_gain_that_a_command_leaves_out_is_that_of_the_description() -> None:
-    loop = MujocoLoop(DESCRIPTION, foreign_model(DESCRIPTION, "position"), prefix=PREFIX)
-    rest = loop.hold()
-    assert rest.joint_position is not None
-    command = dataclasses.replace(rest, joint_position=rest.joint_position + 0.01)
-    kp, kd = np.array(DESCRIPTION.kp), np.array(DESCRIPTION.kd)
-
-    def torque(**gains: np.ndarray) -> np.ndarray:
-        loop.reset()
-        loop.step(dataclasses.replace(command, **gains))  # type: ignore[arg-type]
-        measured = loop.measure().joint_torque
-        assert measured is not None
-        return measured
-
-    np.testing.assert_allclose(torque(kd=0.5 * kd), torque(kp=kp, kd=0.5 * kd))
-    np.testing.assert_allclose(torque(kp=0.5 * kp), torque(kp=0.5 * kp, kd=kd))
-
-
 def test_other_parts_than_the_feet_touch() -> None:
     """The pelvis of a robot that lies on its back hits the ground, which is not measured at the soles."""
     loop = MujocoLoop(DESCRIPTION, foreign_model(DESCRIPTION, "motor"), prefix=PREFIX)
@@ -159,75 +137,6 @@ def test_other_parts_than_the_feet_touch() -> None:
     truth = loop.truth()
     assert set(truth.contact_sole.tolist()) == {-1} and truth.contact_force[0, 2] > 100.0
     np.testing.assert_allclose(truth.other_force, truth.contact_force.sum(axis=0))
-
-
-def swaying(loop: MujocoLoop | Plant, ticks: int) -> list[Measurement]:
-    """Move the servos and return what is measured before each tick."""
-    rest, measured = loop.hold(), []
-    for tick in range(ticks):
-        measured.append(loop.measure())
-        loop.step(sway(rest, tick))
-    return measured
-
-
-def sway(rest: Command, tick: int) -> Command:
-    assert rest.joint_position is not None
-    return dataclasses.replace(rest, joint_position=rest.joint_position + 0.02 * np.sin(0.3 * tick))
-
-
-def make_loop(**options: object) -> MujocoLoop:
-    return MujocoLoop(DESCRIPTION, foreign_model(DESCRIPTION, "position"), prefix=PREFIX, **options)  # type: ignore[arg-type]
-
-
-def make_plant(**options: object) -> Plant:
-    return Plant(DESCRIPTION, **{"control_period": 0.002} | options)  # type: ignore[arg-type]
-
-
-@pytest.mark.parametrize("make", [make_loop, make_plant])
-def test_measurements_are_as_old_as_stated(make: Callable[..., MujocoLoop | Plant]) -> None:
-    now, old = (swaying(make(machine=Machine(delay, torque_sensors=True)), 12) for delay in (0.0, 0.004))
-    for late, early in zip(old[2:], now, strict=False):
-        assert late.time == pytest.approx(early.time)
-        for name in (*SIGNALS, "joint_torque"):
-            np.testing.assert_array_equal(getattr(late, name), getattr(early, name))
-
-
-@pytest.mark.parametrize("make", [make_loop, make_plant])
-def test_commands_act_as_late_as_stated(make: Callable[..., MujocoLoop | Plant]) -> None:
-    late, now = make(machine=Machine(command_delay=0.003)), make(control_period=0.001)
-    rest = late.hold()
-    for tick in range(10):
-        late.step(sway(rest, tick))
-    for step in range(20):
-        tick = (step - 3) // 2
-        now.step(rest if tick < 0 else sway(rest, tick))
-    np.testing.assert_array_equal(late.data.qpos, now.data.qpos)
-
-
-def test_sensors_that_a_machine_lacks_are_not_measured() -> None:
-    measured = make_loop(machine=Machine(force_sensors=False)).measure()
-    assert measured.sole_wrench is None and measured.joint_torque is None
-    with pytest.raises(InputError, match="friction and payload"):
-        make_loop(machine=Machine(payload=1.0))
-    with pytest.raises(UnknownNameError, match="no sensor noise 'loud'"):
-        make_loop(noise="loud")
-
-
-def test_a_push_gives_its_impulse_and_leaves_other_bodies_alone() -> None:
-    loop = make_loop()
-    q = np.array(loop.robot.half_sitting)
-    q[2] += 0.5
-    loop.reset(q)
-    loop.data.xfrc_applied[loop.model.body("ball").id, 0] = 1.0
-    loop.push("torso", [0.0, 60.0, 0.0], 0.025)
-    for _ in range(20):
-        loop.step(loop.hold())
-    mass = float(loop.model.body_subtreemass[loop.places.root])
-    np.testing.assert_allclose(loop.truth().com_velocity[:2], [0.0, 60.0 * 0.025 / mass], atol=2e-3)
-    assert loop.data.xfrc_applied[loop.model.body("ball").id, 0] == 1.0
-    assert np.count_nonzero(loop.data.xfrc_applied) == 1
-    with pytest.raises(UnknownNameError, match="no body 'trunk'"):
-        loop.push("trunk", [0.0, 1.0, 0.0], 0.1)
 
 
 def test_a_model_of_another_robot_is_refused() -> None:
@@ -278,14 +187,6 @@ def test_true_contact_forces_are_those_of_the_last_step() -> None:
         feet = truth.contact_force[truth.contact_sole >= 0, 2].sum()
         assert feet == pytest.approx(truth.sole_wrench[:, 2].sum(), abs=20.0)
     assert len(sizes) > 1, "contacts came and went"
-
-
-def test_a_robot_without_its_weight_is_noted() -> None:
-    model = foreign_model(DESCRIPTION, "motor")
-    model.body_gravcomp[model.body("ball").id] = 1.0
-    assert not any("gravcomp" in note for note in MujocoLoop(DESCRIPTION, model, prefix=PREFIX).notes)
-    model.body_gravcomp[model.body(PREFIX + DESCRIPTION.robot().torso_frame).id] = 1.0
-    assert any("gravcomp" in note for note in MujocoLoop(DESCRIPTION, model, prefix=PREFIX).notes)
 
 
 @pytest.mark.parametrize("by_itself", [True, False])

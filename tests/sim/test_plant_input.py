@@ -62,17 +62,6 @@ def test_refuses_bad_commands_without_moving() -> None:
         np.testing.assert_array_equal(plant.data.qpos, twin.data.qpos)
 
 
-def test_pushes_any_link_or_frame(plant: Plant) -> None:
-    plant.reset()
-    robot = plant.robot
-    names = [f.name for f in robot.model.frames if f.parentJoint > 0]
-    for name in ["torso", "base", *names]:
-        plant.push(name, [0.0, 0.0, 1.0], 0.001)
-    plant.step(plant.hold())
-    assert plant.diverged is None
-    plant.reset()
-
-
 def test_a_simulation_that_diverges_is_no_fall(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)  # MuJoCo writes a log
 

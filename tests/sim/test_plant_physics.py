@@ -11,7 +11,6 @@ from properties import by_default
 
 from wbc.core.errors import Array
 from wbc.core.signals import Command
-from wbc.feet.soles.common_mjcf import CONTACT_GROUP
 from wbc.feet.soles.contact import ContactSpheres
 from wbc.feet.soles.rigid import FlatFoot
 from wbc.robots import RobotDescription, load
@@ -140,15 +139,6 @@ def test_a_flat_sole_on_a_level_floor_needs_few_of_its_spheres(name: str, foot: 
     np.testing.assert_allclose(few.truth().com, all_of_them.truth().com, atol=1e-3)
 
 
-@pytest.mark.parametrize(
-    ("ground", "foot"), [("stones", "flat"), ("steps", "rigid"), ("random", "flat"), ("flat", "soft")]
-)
-def test_soles_on_grounds_with_edges_and_soft_ones_keep_all_their_spheres(ground: str, foot: str) -> None:
-    model = Plant(load("hrp4_class"), foot=foot, terrain=ground).model
-    spheres = (model.geom_contype == 0) & (model.geom_group == CONTACT_GROUP)
-    assert spheres.sum() > 60 and model.geom_conaffinity[spheres].all()
-
-
 def test_contacts_carry_what_moves_the_centre_of_mass() -> None:
     """Mass times (dv/dt + g) is the sum of the contact forces in every physics step of a landing."""
     plant = Plant(load("hrp4_class"), control_period=0.001, foot=FEW_SPHERES)
@@ -201,15 +191,6 @@ def test_a_push_gives_its_impulse(duration: float) -> None:
     np.testing.assert_allclose(momentum, (force + 2.0 * other) * duration, rtol=1e-4)
 
 
-def test_a_reset_ends_a_push() -> None:
-    plant = Plant(load("hrp4_class"), foot=FEW_SPHERES)
-    plant.push("torso", [10.0, 0.0, 0.0], 1.0)
-    plant.step(plant.hold())
-    plant.reset()
-    plant.step(plant.hold())
-    assert not plant.data.xfrc_applied.any()
-
-
 def test_a_push_acts_where_it_is_told() -> None:
     """About the point of attack the angular momentum stays zero; about the centre of mass it is r × F t."""
     plant = Plant(load("hrp4_class"), physics=IN_SPACE, timestep=1e-4, control_period=1e-4, foot=FEW_SPHERES)
@@ -241,41 +222,6 @@ def test_control_period_changes_nothing_but_the_rhythm() -> None:
             assert slow.time == pytest.approx(fast.time, abs=1e-12)
             np.testing.assert_array_equal(slow.data.qpos, fast.data.qpos)
             np.testing.assert_array_equal(slow.truth().sole_wrench, fast.truth().sole_wrench)
-
-
-def test_switching_to_torque_control_and_back() -> None:
-    """Falling in torque control with no torque, caught again by the servos."""
-    plant = Plant(load("hrp4_class"), foot=FEW_SPHERES)
-    for _ in range(20):
-        plant.step(plant.hold())
-    plant.step(Command(np.zeros(plant.robot.na)))
-    np.testing.assert_array_equal(plant.joint_torque, 0.0)
-    for _ in range(4):
-        plant.step(Command(np.zeros(plant.robot.na)))
-    assert plant.truth().com_velocity[2] < -0.02
-    for _ in range(200):
-        plant.step(plant.hold())
-    assert np.abs(plant.joint_torque).max() > 1.0
-    np.testing.assert_allclose(plant.truth().q[7:], plant.robot.half_sitting[7:], atol=0.05)
-
-
-def test_starts_and_restarts_where_it_is_told() -> None:
-    """The initial configuration is that of every reset without one, and what `hold` holds."""
-    description = load("hrp4_class")
-    q = np.array(description.robot().half_sitting)
-    q[:2] = [0.3, -0.2]
-    q[7:] += 0.01 * np.sign(description.position_limits[1] + description.position_limits[0])
-    given = q.copy()
-    plant = Plant(description, initial_configuration=given, foot=FEW_SPHERES)
-    given[2] += 1.0  # the plant has its own
-    np.testing.assert_array_equal(plant.truth().q, q)
-    for _ in range(10):
-        plant.step(plant.hold())
-    np.testing.assert_allclose(plant.truth().q[7:], q[7:], atol=0.02)
-    plant.reset(plant.on_ground(plant.robot.half_sitting))
-    np.testing.assert_allclose(plant.truth().q[7:], plant.robot.half_sitting[7:], atol=1e-15)
-    plant.reset()
-    np.testing.assert_array_equal(plant.truth().q, q)
 
 
 def test_joints_have_the_damping_and_friction_of_their_file() -> None:

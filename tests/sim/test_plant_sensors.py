@@ -12,13 +12,12 @@ from properties import by_default
 
 from wbc.core.errors import Array
 from wbc.core.signals import Command, Measurement
-from wbc.feet import RangeSensor, StiffnessActuator
-from wbc.feet import foot as foot_by_name
+from wbc.feet import StiffnessActuator
 from wbc.feet.soles.contact import ContactSpheres
 from wbc.feet.soles.rigid import FlatFoot
 from wbc.feet.soles.soft import VariableStiffnessFoot
 from wbc.robots import load
-from wbc.sim import Machine, PhysicsSettings, Plant, SensorNoise, SignalNoise
+from wbc.sim import PhysicsSettings, Plant, SensorNoise, SignalNoise
 from wbc.sim.plant.sensors import SensorChain
 
 ROBOTS = ("hrp4_class", "talos", "g1")
@@ -105,14 +104,6 @@ def test_forces_are_means_over_the_control_period() -> None:
         )
         np.testing.assert_allclose(slow.measure().specific_force, np.mean(accelerations, axis=0), rtol=1e-12)
         assert np.ptp(wrenches, axis=0).max() > 1e-3  # there is something to average
-
-
-def test_a_foot_of_its_own_mass_is_missing_from_its_sensor() -> None:
-    plant = Plant(load("hrp4_class"), foot="rigid")
-    for _ in range(300):
-        plant.step(plant.hold())
-    difference = plant.truth().sole_wrench[:, 2] - plant.measure().sole_wrench[:, 2]
-    np.testing.assert_allclose(difference, 9.80665 * plant.feet[0].fit.mass, rtol=1e-3)
 
 
 def run(plant: Plant, ticks: int, *, look: bool = False) -> Array:
@@ -257,46 +248,6 @@ def test_a_new_stiffness_acts_at_once_as_if_compiled_in() -> None:
     assert np.abs(built.data.qpos - soft).max() > 1e-6
 
 
-def test_damping_of_a_ratio_follows_the_stiffness_as_if_compiled_in() -> None:
-    told = Plant(load("hrp4_class"), foot=foot_by_name("paper", stiffness=5.0, damping_ratio=0.3))
-    built = Plant(load("hrp4_class"), foot=foot_by_name("paper", stiffness=60.0, damping_ratio=0.3))
-    assert not np.array_equal(told.model.dof_damping, built.model.dof_damping)
-    told.step(replace(told.hold(), sole_stiffness=np.array([60.0, 60.0])))
-    np.testing.assert_array_equal(told.model.dof_damping, built.model.dof_damping)
-
-
 def test_stiffness_of_feet_that_have_none_or_a_fixed_one() -> None:
     assert np.isnan(Plant(load("g1")).measure().sole_stiffness).all()
     np.testing.assert_array_equal(Plant(load("hrp4_class"), foot="soft").measure().sole_stiffness, [5.0, 5.0])
-
-
-def test_range_sensor_sees_the_ground_and_nothing_without_one() -> None:
-    assert np.isnan(Plant(load("hrp4_class")).measure().sole_range).all()
-    plant = Plant(load("hrp4_class"), range_sensor=RangeSensor())
-    height = plant.feet[0].range_height
-    np.testing.assert_allclose(plant.measure().sole_range, height, atol=1e-4)
-    q = plant.on_ground(plant.robot.half_sitting)
-    q[2] += 0.25
-    plant.reset(q)
-    np.testing.assert_allclose(plant.measure().sole_range, height + 0.25, atol=1e-4)
-
-
-def test_range_and_stiffness_are_as_old_as_the_machine_says() -> None:
-    description = load("hrp4_class")
-    sensor = RangeSensor()
-    now = Plant(description, foot="variable", range_sensor=sensor)
-    late = Plant(description, foot="variable", range_sensor=sensor, machine=Machine(measurement_delay=0.0102))
-    command = replace(now.hold(), sole_stiffness=np.array([100.0, 100.0]))
-    jump = np.zeros(now.robot.nv)
-    jump[2] = 1.0
-    readings = []
-    for plant in (now, late):
-        plant.reset(velocity=jump)
-        readings.append([])
-        for _ in range(8):
-            measurement = plant.measure()
-            assert measurement.time == pytest.approx(plant.time - (0.011 if plant is late else 0.0))
-            readings[-1].append(np.hstack([measurement.sole_range, measurement.sole_stiffness]))
-            plant.step(command)
-    np.testing.assert_allclose(readings[1][3:], readings[0][:-3], rtol=1e-12)
-    np.testing.assert_allclose(readings[1][:3], [readings[0][0]] * 3, rtol=1e-12)

@@ -10,7 +10,6 @@ import pytest
 import wbc
 from wbc.core.errors import InputError
 from wbc.core.robot import GRAVITY
-from wbc.feet import RangeSensor
 from wbc.robots import load
 from wbc.sim import Plant, make_scene
 from wbc.sim.plant.falls import TrueFallDetector
@@ -42,21 +41,6 @@ def test_a_wall_stands_on_the_floor_with_its_face_at_its_distance(angle: float) 
     place = pin.utils.rotate("z", np.radians(angle)).T @ data.geom_xpos[0]  # as seen by who looks at it
     near, far = place - model.geom_size[0], place + model.geom_size[0]
     np.testing.assert_allclose([*near, *far[1:]], [0.6, -0.6, 0.0, 0.6, 0.9], atol=1e-9)
-
-
-def test_fingers_reach_around_the_handles_of_a_box() -> None:
-    model, data = built("box")
-    box = int(model.body("box").geomadr[0])
-    for handle in (box + 1, box + 2):
-        assert mujoco.mj_geomDistance(model, data, box, handle, 1.0, None) > 0.01
-
-
-def test_a_plant_without_a_scene_has_neither_shapes_nor_wrist_sensors() -> None:
-    plant = Plant(load("hrp4_class"))
-    assert plant.measure().hand_wrenches is None
-    names = [plant.model.body(body).name for body in plant.model.geom_bodyid]
-    touching = {name for name, on in zip(names, plant.model.geom_conaffinity, strict=True) if on}
-    assert touching == {"world", "left/foot", "right/foot"}
 
 
 @pytest.mark.parametrize("pushed", [False, True])
@@ -128,28 +112,6 @@ def test_the_cart_moves_above_its_resistance_and_not_below() -> None:
     assert moved[1] == pytest.approx((20.0 - 15.0) / 10.0 * 0.2, rel=0.3)
 
 
-def test_a_reset_that_the_furniture_refuses_leaves_the_plant_as_it_is() -> None:
-    plant = Plant(load("hrp4_class"), scene=make_scene("wall", distance=0.6))
-    for _ in range(20):
-        plant.step(plant.hold())
-    before, time = plant.data.qpos.copy(), plant.time
-    inside = plant.truth().q.copy()
-    inside[0] += 0.5
-    with pytest.raises(InputError, match="inside 'wall'"):
-        plant.reset(inside, seed=7)
-    assert plant.time == time and plant.seed == 0
-    np.testing.assert_array_equal(plant.data.qpos, before)
-
-
-@pytest.mark.parametrize("group", [0, 2])
-def test_range_sensors_see_the_ground_through_furniture_of_any_group(group: int) -> None:
-    mat = f'<geom type="box" size="5 5 0.002" group="{group}" contype="0" conaffinity="0"/>'
-    scene = f"<mujoco><worldbody>{mat}</worldbody></mujoco>"
-    plant = Plant(load("hrp4_class"), scene=scene, range_sensor=RangeSensor())
-    bare = Plant(load("hrp4_class"), range_sensor=RangeSensor())
-    np.testing.assert_allclose(plant.measure().sole_range, bare.measure().sole_range, atol=1e-9)
-
-
 def built(kind: str, **values: object) -> tuple[mujoco.MjModel, mujoco.MjData]:
     model = make_scene(kind, **values).spec().compile()
     data = mujoco.MjData(model)
@@ -165,31 +127,6 @@ def extent(model: mujoco.MjModel, data: mujoco.MjData, body: str = "") -> list[f
     centre = data.geom_xpos[mine] + np.einsum("nij,nj->ni", turn, middle)
     reach = np.einsum("nij,nj->ni", abs(turn), half)
     return [*(centre - reach).min(axis=0), *(centre + reach).max(axis=0)]
-
-
-def test_things_stand_on_the_floor_where_and_as_large_as_they_are_asked_to_be() -> None:
-    table = built("table", distance=0.35, height=0.8, length=0.5, width=1.1)
-    assert scene_kinds()["table"].summary() == "A table that does not move."
-    assert extent(*table) == pytest.approx([0.35, -0.55, 0.0, 0.85, 0.55, 0.8])
-    rail = built("rail", distance=0.45, height=1.0, width=1.4, radius=0.03)
-    assert extent(*rail) == pytest.approx([0.42, -0.73, -0.03, 0.48, 0.73, 1.0])
-    assert rail[1].site_xpos.ravel() == pytest.approx([0.45, 0.2, 0.97, 0.45, -0.2, 0.97])
-    box = built("box", distance=0.6, height=0.5, length=0.2, width=0.4, tall=0.3, mass=2.5)
-    assert extent(*box, "stand") == pytest.approx([0.5, -0.2, 0.0, 0.7, 0.2, 0.5])
-    assert extent(*box, "box")[2::3] == pytest.approx([0.5, 0.8], abs=2e-4)
-    assert box[1].site_xpos[:, 1] == pytest.approx([0.23, -0.23]) and box[0].body(
-        "box"
-    ).mass == pytest.approx(2.5)
-    assert built("box", height=0.0)[0].nbody == 2, "on the ground there is no stand"
-    cart = built("cart", distance=0.5, handle=1.0, length=0.8, width=0.6, mass=12.0, resistance=9.0)
-    low, high = extent(*cart)[:3], extent(*cart)[3:]
-    assert (low[2], high[0]) == pytest.approx((0.0, 0.5 + 0.12 + 0.8 + 0.06)) and 1.0 < high[2] < 1.03
-    assert cart[1].site_xpos.ravel() == pytest.approx([0.5, 0.2, 1.0, 0.5, -0.2, 1.0])
-    castors = np.flatnonzero(cart[0].geom_type == mujoco.mjtGeom.mjGEOM_SPHERE)
-    wheels = [[x, y, 0.06] for x in (0.62, 1.42) for y in (-0.3, 0.3)]
-    np.testing.assert_allclose(cart[1].geom_xpos[castors], wheels)
-    assert cart[0].body("cart").mass == pytest.approx(12.0)
-    np.testing.assert_allclose(cart[0].geom_friction[castors], [[9.0 / (12.0 * GRAVITY), 0.0, 0.0]] * 4)
 
 
 @pytest.mark.parametrize("opens", ["away", "towards"])

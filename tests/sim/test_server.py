@@ -106,23 +106,6 @@ def test_a_command_acts_until_its_time_is_over_or_damping_is_asked_for(
     assert server.damped and "the joints are damped" in caplog.text and len(wire.sent) == 10
 
 
-def test_periods_begin_in_time_and_late_ones_are_counted(
-    loop: MujocoLoop, clock: Clock, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    server, begin, starts = RobotServer(loop, Wire()), clock.now, []
-    lasts = iter([0.001, 0.002, 0.0121, 0.001, 0.007, 0.001, 0.001])
-
-    def step() -> None:
-        starts.append(1e3 * (clock.now - begin))
-        clock.now += next(lasts)
-
-    monkeypatch.setattr(server, "step", step)
-    server.run(lambda: len(starts) == 7)
-    # The third takes two periods and more: time begins anew; the fifth takes less, and its delay is made up for.
-    assert starts == pytest.approx([0.0, 5.0, 10.0, 22.1, 27.1, 34.1, 37.1])
-    assert server.late == 1
-
-
 def test_the_band_is_a_critically_damped_spring_that_is_let_down_and_released(
     loop: MujocoLoop, monkeypatch: pytest.MonkeyPatch
 ) -> None:

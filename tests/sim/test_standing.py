@@ -12,15 +12,12 @@ import pytest
 
 from wbc.core.control import Mode
 from wbc.core.errors import InputError
-from wbc.core.robot import Robot
 from wbc.core.settings import to_json
 from wbc.feet import foot
 from wbc.feet.soles.rigid import RigidFoot
 from wbc.robots import load, names
 from wbc.sim.balance.push_recovery import (
-    PushCell,
     StandPushSpec,
-    format_push_table,
     push_standing,
 )
 from wbc.sim.balance.standing import (
@@ -144,26 +141,6 @@ def test_fallen_means_low_or_tilted_or_lost_wherever_and_whichever_way(robot: st
         assert detector.fallen(lost)
 
 
-def test_fallen_depends_neither_on_the_axes_of_the_base_nor_on_the_level_of_the_ground() -> None:
-    model, rng = load("hrp4_class").robot(), np.random.default_rng(0)
-    outcomes = set()
-    for _ in range(40):
-        axes, turn = (pin.Quaternion(pin.exp3(rng.normal(scale=s, size=3))) for s in (1.0, 0.7))
-        half_sitting, q = np.array(model.half_sitting), np.array(model.half_sitting)
-        q[2] *= rng.uniform(0.6, 1.1)
-        q[3:7] = (turn * pin.Quaternion(q[3:7])).coeffs()
-        fallen = TrueFallDetector(model).reason(q)
-        outcomes.add(fallen)
-        for configuration in (half_sitting, q):  # the same poses of a base with other axes
-            configuration[3:7] = (pin.Quaternion(configuration[3:7]) * axes).coeffs()
-        other = Robot(model.model, model.soles, half_sitting, frames=model.frames)
-        detector = TrueFallDetector(other)
-        assert detector.reason(q) is fallen
-        q[2] += 3.0
-        assert detector.reason(q, 3.0) is fallen
-    assert len(outcomes) == 3
-
-
 def test_a_weak_push_is_recovered_and_a_strong_one_is_not() -> None:
     weak = push_standing(StandPushSpec(impulse=0.2, before=0.2, after=1.3))
     assert weak.recovered and weak.fell_at is None and 0.005 < weak.com_offset < 0.1
@@ -176,17 +153,3 @@ def test_a_robot_that_may_step_takes_a_push_that_its_feet_in_place_do_not() -> N
     spec = StandPushSpec(robot="g1", impulse=0.55, after=3.0)
     assert not push_standing(spec).recovered
     assert push_standing(replace(spec, steps="allowed")).recovered
-
-
-def test_a_robot_that_may_step_stands_still_where_nothing_pushes_it() -> None:
-    result = stand(StandSpec(steps="allowed", seconds=0.6, noise="realistic"))
-    assert result.mode == "torque" and result.upright and result.steps_taken == 0
-    assert result.com_error_mm < 15.0
-
-
-def test_table_has_a_line_for_each_robot_and_mode_and_the_least_of_each() -> None:
-    cells = [PushCell(r, m, d, i) for r, m, d, i in [("a", "torque", 0.0, 0.3), ("a", "torque", 90.0, 0.4)]]
-    cells += [PushCell("a", "position", 0.0, 0.2), PushCell("a", "position", 90.0, 0.1)]
-    lines = format_push_table(cells).splitlines()
-    assert lines[0] == "| robot | mode | 0° | 90° | least |"
-    assert lines[2:] == ["| a | torque | 0.30 | 0.40 | 0.30 |", "| a | position | 0.20 | 0.10 | 0.10 |"]

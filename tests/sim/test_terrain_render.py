@@ -4,7 +4,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from wbc.core.errors import Array, InputError
+from wbc.core.errors import Array
 from wbc.sim.terrain.families.base import terrain_families
 from wbc.sim.terrain.render import TERRAIN_GROUP, add_to_spec
 from wbc.sim.terrain.spec import Terrain, terrain
@@ -94,14 +94,3 @@ def test_contacts_lie_on_the_surface(t: Terrain) -> None:
         good += any(met)
     # The rest touch a second face, in a corner, or slip beside an edge.
     assert good >= 0.95 * x.size
-
-
-def test_nothing_is_added_before_all_is_checked() -> None:
-    field = terrain("stones", rendering="height_field", resolution=0.006)
-    spec = mujoco.MjSpec()
-    with pytest.raises(InputError, match="too coarse"):
-        add_to_spec(spec, field, sole_radius=0.005)
-    assert not spec.worldbody.geoms and not spec.hfields
-    add_to_spec(spec, terrain("stones"))
-    with pytest.raises(InputError, match="already"):
-        add_to_spec(spec, terrain("stones"))

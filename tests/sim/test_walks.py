@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import logging
 import math
 from dataclasses import replace
 from typing import Any
@@ -12,7 +11,6 @@ import numpy as np
 import pytest
 
 from wbc.core.errors import InputError
-from wbc.core.signals import Measurement
 from wbc.sim.plant.settings import Machine
 from wbc.sim.trial.loop import TrialHook, TrialTick
 from wbc.sim.trial.push import WalkPush
@@ -154,16 +152,6 @@ def test_who_lies_has_fallen_whatever_the_controller_believes() -> None:
     assert look() is FallReason.HEIGHT
 
 
-def test_who_is_to_walk_lower_may_sink_lower() -> None:
-    trial = WalkTrial(WalkSpec(plan=TWO_STEPS, noise="none", changes={"com_height": 0.7}))
-    data, standing = trial.plant.data, float(trial.plant.truth().com[2])
-    assert standing > 0.75
-    lowest = data.qpos[2] - (standing - 0.7) - trial.walking.falls.settings.drop
-    for above, fallen in ((0.002, None), (-0.002, FallReason.HEIGHT)):
-        data.qpos[2] = lowest + above
-        assert trial.true_fall() is fallen
-
-
 class Poison(TrialHook):
     """Does what no hook should do."""
 
@@ -178,42 +166,6 @@ def test_a_diverged_simulation_is_neither_a_fall_nor_a_success() -> None:
     assert not result.fell and result.fall_reason is None and result.steps_done == 0
     assert result.seconds < 0.2
     json.dumps(result.record())
-
-
-class Blindness(TrialHook):
-    """Breaks the encoders for good."""
-
-    def start(self, trial: WalkTrial) -> None:
-        plant, measure = trial.plant, trial.plant.measure
-
-        def blind() -> Measurement:
-            seen = measure()
-            return replace(seen, joint_position=seen.joint_position + (np.nan if plant.time > 0.1 else 0.0))
-
-        plant.measure = blind  # type: ignore[method-assign]
-
-
-def test_a_fall_before_any_good_measurement_is_a_fall(caplog: pytest.LogCaptureFixture) -> None:
-    caplog.set_level(logging.CRITICAL)
-
-    class Blind(TrialHook):
-        def start(self, trial: WalkTrial) -> None:
-            measure = trial.plant.measure
-            trial.plant.measure = lambda: replace(  # type: ignore[method-assign]
-                measure(), joint_position=np.full(trial.plant.robot.na, np.nan)
-            )
-
-    push = WalkPush(impulse=3.0, time=0.0)
-    result = walk(WalkSpec(plan=TWO_STEPS, pushes=(push,)), hooks=[Blind()])
-    assert result.outcome == "fell" and result.fall is not None
-    assert result.fall.onset == result.fall.time == result.seconds
-
-
-def test_a_control_that_has_stopped_walks_no_more(caplog: pytest.LogCaptureFixture) -> None:
-    caplog.set_level(logging.CRITICAL)
-    result = walk(SPEC, hooks=[Blindness()])
-    assert result.outcome == "fell" and result.fall_reason == "solver" and result.steps_done == 0
-    assert result.seconds < 0.5
 
 
 # Specs
@@ -279,18 +231,4 @@ def test_stairs_of_the_ground_are_climbed() -> None:
             assert float(ground.height(step.x + dx, step.y)) == pytest.approx(step.z, abs=1e-9)
 
 
-def test_timings_are_rounded_and_said() -> None:
-    prepared = WalkSpec(plan=TWO_STEPS, gait=Gait(single_support=0.8013)).prepare()
-    assert prepared.plan.gait.single_support == pytest.approx(0.8)
-    assert any("0.8013" in note for note in prepared.notes)
-
-
 # The world
-
-
-def test_steps_are_decided_every_2_ms_on_any_drives_unless_told_otherwise() -> None:
-    """At the 5 ms of the LIPM walk position servos are so much inertia at the ankles that `g1` falls over stones."""
-    for mode in ("position", "torque", "hybrid"):
-        assert WalkSpec(law="stepping", mode=mode).period == 0.002
-    assert WalkSpec(law="stepping", mode="position", control_period=0.004).period == 0.004
-    assert WalkSpec(mode="position").period == 0.005

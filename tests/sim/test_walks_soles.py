@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import re
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
@@ -11,10 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from wbc.app.walk_report import walk_text
 from wbc.core.errors import InputError
-from wbc.feet.soles.soft import toe_sensor
-from wbc.feet.stiffness.model import DEFAULT_MODEL
 from wbc.sim.terrain.spec import terrain
 from wbc.sim.walks.plans import WalkPlan
 from wbc.sim.walks.result import WalkResult
@@ -59,12 +55,6 @@ def test_every_swing_is_accounted_for() -> None:
         assert step["wanted_nm_per_rad"] == 4.0 * step["cluster"] - 2.0
 
 
-def test_range_sensors_are_perfect_where_the_sensors_have_no_noise() -> None:
-    plant = WalkTrial(WalkSpec(foot="variable", policy="model", terrain="flat", noise="none")).plant
-    toe = toe_sensor(plant.foot)[2]  # type: ignore[arg-type]
-    assert plant.measure().sole_range == pytest.approx([toe, toe], abs=3e-3)
-
-
 def test_the_scan_is_as_the_ground() -> None:
     """On another ground of the family scans are off by three millimetres and more."""
     result = walked()
@@ -103,25 +93,6 @@ def test_an_oracle_has_a_stiffness_for_every_family_and_no_other() -> None:
             replace(spec, policy_params=values)
 
 
-def test_equal_policies_are_equal_specs() -> None:
-    whole = replace(SPEC, policy="fixed", policy_params=(("stiffness", 5),))
-    assert whole == replace(SPEC, policy="fixed", policy_params=(("stiffness", 5.0),))
-    assert json.dumps(whole.to_json()) == json.dumps(WalkSpec.from_json(whole.to_json()).to_json())
-    assert SPEC == replace(SPEC, policy_params=()) == replace(SPEC, policy_params=(("path", None),))
-    assert "sha256" in dict(SPEC.policy_params)  # of the model that comes with the library
-    assert "policy" not in WalkSpec(foot="soft").to_json()
-
-
-def test_a_slow_sensor_is_not_taken_for_a_quick_one() -> None:
-    trial = WalkTrial(replace(SPEC, changes={"range_sensor.rate": 50.0}))
-    assert trial.walking.stiffness is not None and trial.walking.stiffness.timing.sensor_rate == 50.0
-    perfect = WalkTrial(
-        replace(SPEC, noise="none", changes={"range_sensor.greatest": 0.3, "range_sensor.noise": 0.5})
-    )
-    readings = [perfect.plant.measure().sole_range[0] for _ in range(3)]
-    assert np.ptp(readings) == 0.0 and readings[0] < 0.05
-
-
 def test_the_robot_starts_where_the_controller_takes_it_to_be() -> None:
     for foot in ("flat", "rigid", "soft", "variable"):
         trial = WalkTrial(WalkSpec(foot=foot, noise="none", start=(0.4, 0.1, 0.0)))
@@ -130,19 +101,6 @@ def test_the_robot_starts_where_the_controller_takes_it_to_be() -> None:
         ).translation
         true = trial.plant.data.site(trial.plant.feet[0].wrench_site).xpos
         assert true[:2] == pytest.approx(believed[:2], abs=1e-6), foot
-
-
-def test_a_spec_knows_what_is_in_the_file_of_its_model(tmp_path: Path) -> None:
-    path = tmp_path / "model.json"
-    path.write_text(DEFAULT_MODEL.read_text())
-    spec = replace(SPEC, policy="model", policy_params=(("path", str(path)),))
-    params = dict(spec.policy_params)
-    assert len(params["sha256"]) == 16  # type: ignore[arg-type]
-    assert WalkSpec.from_json(spec.to_json()) == spec
-    path.write_text(DEFAULT_MODEL.read_text() + "\n")
-    with pytest.raises(InputError, match="has changed"):
-        WalkTrial(spec)
-    assert replace(SPEC, policy="model", policy_params=(("path", str(path)),)) != spec
 
 
 def test_a_walk_over_an_image_knows_what_is_in_its_file(tmp_path: Path) -> None:
@@ -159,10 +117,3 @@ def test_a_walk_over_an_image_knows_what_is_in_its_file(tmp_path: Path) -> None:
         WalkTrial(spec)
     with pytest.raises(InputError, match="the ground reads none"):
         WalkSpec(terrain="stones", terrain_params={"sha256": "0123"})  # type: ignore[arg-type]
-
-
-def test_a_walk_tells_about_its_soles() -> None:
-    text, swings = walk_text(walked(), SPEC), len(walked().stiffness or ())
-    assert "variable feet, stones, 15 mm" in text
-    assert "soles     set by the policy 'model': decided in " in text
-    assert re.search(rf"; stiffness reached before the landing in \d of {swings}", text)
