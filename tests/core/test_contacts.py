@@ -20,11 +20,10 @@ from wbc.core.qp.contact import (
     PointContact,
     SoleContact,
     friction_pyramid,
-    mean_distance,
     rectangle_wrench_cone,
 )
 from wbc.core.qp.controller import Controller
-from wbc.tasks import CoMTask, PostureTask, WrenchTask
+from wbc.tasks import CoMTask, PostureTask
 
 robots = pytest.mark.parametrize("name", by_default(ROBOTS, "hrp4_class"))
 RECTANGLES = [(0.1, 0.05, 0.7), (0.05, 0.1, 0.25), (0.12, 0.065, 1.3)]
@@ -63,22 +62,6 @@ def test_cone_holds_what_corner_forces_can_do_and_nothing_else(x: float, y: floa
             assert feasible == bool((cone @ wrench <= 1e-9 * abs(wrench[2])).all())
             inside, outside = inside + feasible, outside + (not feasible)
     assert inside == outside == 300
-
-
-@pytest.mark.parametrize(("x", "y", "friction"), RECTANGLES)
-def test_even_pressure_holds_the_yaw_moment_of_the_mean_distance(x: float, y: float, friction: float) -> None:
-    """The closed form against the mean over a grid; all other bounds stay."""
-    grid = (np.arange(400) + 0.5) / 400
-    distance = np.hypot(x * grid[:, None], y * grid).mean()
-    assert mean_distance(x, y) == pytest.approx(distance, rel=1e-4)
-    cone, even = (rectangle_wrench_cone(x, y, friction, even=each) for each in (False, True))
-    np.testing.assert_array_equal(even[:, :5], cone[:, :5])
-    for moment, inside in ((0.999, True), (1.001, False)):
-        wrench = np.array([0.0, 0.0, 1.0, 0.0, 0.0, moment * friction * mean_distance(x, y)])
-        assert bool((even @ wrench <= 0.0).all()) == inside
-        assert (cone @ wrench < 0.0).all()
-    with pytest.raises(InputError, match="even must be"):
-        rectangle_wrench_cone(x, y, friction, even=np.zeros(2))  # type: ignore[arg-type]
 
 
 @robots
@@ -151,41 +134,6 @@ def test_free_axis_has_no_force_and_may_move(axis: str) -> None:
     assert abs(moved[index]) > 1e-4
 
 
-def test_free_axis_that_keeps_its_force_may_have_both() -> None:
-    """A foot that is not held in roll and pitch, and carries ankle torque all the same."""
-    rng = np.random.default_rng(4)
-    controller = standing("talos")
-    robot = controller.robot
-    controller.remove(controller.contact("left_foot"))
-    sole = SoleContact("left_foot", free_axes=("roll", "pitch"), free_force=True, stiffness=0.0, damping=0.0)
-    controller.add(
-        sole, CoMTask(), WrenchTask(sole, [0, 0, 0, 5.0, -8.0, 0], axes=("roll", "pitch"), weight=1e2)
-    )
-    controller.update(*near_half_sitting(robot, rng, 0.02, 0.1))
-    solution = controller.solve()
-    assert solution.ok
-    wrench = solution.wrenches["left_foot"]
-    np.testing.assert_allclose(wrench[3:5], [5.0, -8.0], atol=0.1)
-    assert (sole.cone @ wrench <= 1e-5).all()
-    data = robot.model.createData()
-    pin.forwardKinematics(robot.model, data, robot.q, robot.v, solution.accelerations)
-    moved = pin.getFrameAcceleration(robot.model, data, robot.frame_id(sole.frame), pin.LOCAL).vector
-    np.testing.assert_allclose(moved[[0, 1, 2, 5]], 0.0, atol=1e-6)
-    assert np.abs(moved[3:5]).min() > 1e-4
-    # The wrench that moves the robot has the moments of the free axes in it: Newton and Euler about the CoM.
-    total, moment = np.zeros(3), np.zeros(3)
-    for foot in robot.soles:
-        placement, felt = robot.placement(foot.frame), solution.wrenches[foot.name]
-        force = placement.rotation @ felt[:3]
-        total += force
-        moment += placement.rotation @ felt[3:] + np.cross(placement.translation - robot.com, force)
-    rate = pin.computeCentroidalMomentumTimeVariation(
-        robot.model, data, robot.q, robot.v, solution.accelerations
-    ).vector
-    np.testing.assert_allclose(total + robot.mass * np.array([0, 0, -9.80665]), rate[:3], atol=1e-4)
-    np.testing.assert_allclose(moment, rate[3:], atol=1e-4)
-
-
 def test_loaded_foot_follows_target_and_velocity_of_its_contact() -> None:
     controller = standing("g1")
     robot = controller.robot
@@ -211,22 +159,6 @@ def test_loaded_foot_follows_target_and_velocity_of_its_contact() -> None:
     np.testing.assert_array_equal(contact.velocity, 0.0)
     with pytest.raises(InputError):
         contact.velocity = [0.0, float("nan"), 0.0, 0.0, 0.0, 0.0]
-
-
-@pytest.mark.parametrize("active", [True, False])
-def test_reset_ends_the_force_ramp(active: bool) -> None:
-    robot = make_robot("g1")
-    contact = SoleContact("left_foot", max_force=500.0, active=not active)
-    with pytest.raises(InputError, match="'left_foot' holds no place yet"):
-        contact.reset()
-    controller = Controller(robot, 0.002)
-    controller.add(contact)
-    contact.active = active
-    contact.advance(controller.dt)
-    assert 0.0 < contact.normal_force_range[1] < 500.0
-    controller.reset()
-    assert contact.normal_force_range[1] == (500.0 if active else 0.0)
-    assert contact.engaged is active
 
 
 def test_normal_axis_cannot_be_free() -> None:
@@ -327,19 +259,6 @@ def test_friction_and_margin_that_are_assigned_bound_the_next_wrench() -> None:
     point = PointContact("left_hand", friction=0.4)
     point.friction = 0.3
     np.testing.assert_array_equal(point.cone, friction_pyramid(0.3))
-
-
-def test_a_contact_that_is_off_takes_no_force_for_its_velocity() -> None:
-    """Targets may go on while a contact is off, as those of a motion do."""
-    controller = standing("hrp4_class", 0.005)
-    right = controller.contact("right_foot")
-    right.ramp, right.active = 0.0, False
-    alone = controller.solve()
-    right.velocity = (0.0, 0.1, 0.3, 0.0, 0.0, 0.1)
-    moving = controller.solve()
-    assert alone.ok and moving.ok
-    np.testing.assert_allclose(moving.wrenches["right_foot"], 0.0, atol=1e-9)
-    np.testing.assert_allclose(moving.torques, alone.torques, atol=1e-9)
 
 
 def test_a_fixed_frame_pulls_as_hard_as_it_pushes() -> None:

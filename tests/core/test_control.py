@@ -98,34 +98,6 @@ def test_in_closed_loop_references_are_drawn_to_the_estimate_of_a_moving_robot(t
         np.testing.assert_allclose(pin.difference(robot.model, control.q, q), 0.0, atol=1e-9)
 
 
-@pytest.mark.parametrize("period", [0.001, 0.005, 0.01])
-def test_measurements_of_another_period_than_the_controllers_are_named(period: float) -> None:
-    controller = standing("hrp4_class", DT)
-    control, rng = PositionControl(controller), np.random.default_rng(0)
-    for tick in range(60):
-        m = at_rest(controller.robot, 3.0 + tick * period)
-        control.command(
-            replace(m, joint_position=m.joint_position + rng.normal(scale=1e-6, size=controller.robot.na))
-        )
-    expected = f"measurements come every {1e3 * period:g} ms, the controller is made for 5 ms"
-    assert (control.plausibility.pace == "") == (period == DT) and control.failures == 0
-    assert (expected in control.status()) == (period != DT)
-    control.reset(controller.robot.half_sitting)
-    assert control.plausibility.pace == ""
-
-
-def test_targets_that_follow_from_the_state_are_set_between_the_halves_of_a_tick() -> None:
-    whole, halves = (PositionControl(standing("hrp4_class", DT)) for _ in range(2))
-    robot = whole.controller.robot
-    for tick in range(3):
-        measurement = at_rest(robot, tick * DT)
-        state = halves.estimate(measurement)
-        assert state.ok and state.robot is halves.observer.robot and state.received is measurement
-        found, expected = halves.act(state), whole.command(measurement)
-        np.testing.assert_array_equal(found.joint_torque, expected.joint_torque)
-        np.testing.assert_array_equal(found.joint_position, expected.joint_position)
-
-
 def test_a_tick_whose_targets_fail_holds_the_last_torques() -> None:
     control = PositionControl(standing("hrp4_class", DT))
     robot = control.controller.robot

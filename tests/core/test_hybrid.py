@@ -52,35 +52,6 @@ def test_references_are_where_the_torques_lead_until_the_next_command() -> None:
     assert np.abs(servo).max() < 0.01 * np.abs(command.joint_torque).max()
 
 
-@pytest.mark.parametrize(("time", "share"), [(0.0, 1.0), (0.02, 0.12)])
-def test_a_velocity_that_is_measured_wrong_reaches_the_references_weakened(time: float, share: float) -> None:
-    """Servos that answer late to their own speed shake joints of little inertia."""
-    references = []
-    for error in (0.0, 0.1):
-        simulated, control = plant(), bare(G1.robot(), time)
-        for _ in range(20):
-            simulated.step(control.command(simulated.measure()))
-        measured = simulated.measure()
-        wrong = measured.joint_velocity.copy()
-        wrong[-1] += error
-        command = control.command(replace(measured, joint_velocity=wrong))
-        assert command.joint_velocity is not None and control.solution is not None
-        references.append(command.joint_velocity[-1] - DT * control.solution.accelerations[-1])
-    assert 0.0 < references[1] - references[0] < 0.1 * share + 1e-9
-
-
-def test_gains_are_those_given_and_a_soft_share_of_those_derived() -> None:
-    ankle = G1.legs[0][-1]
-    some = replace(G1, gains={ankle: (40.0, 1.0)})
-    robot = some.robot()
-    control = HybridControl(balance_controller(robot, DT))
-    i = robot.joint_index(ankle)
-    assert (control.kp[i], control.kd[i]) == (40.0, 1.0)
-    others = np.arange(robot.na) != i
-    np.testing.assert_allclose(control.kp[others], 0.03 * G1.kp[others])
-    np.testing.assert_allclose(control.kd[others], 0.03 * G1.kd[others])
-
-
 @pytest.mark.parametrize("gains", [{"kp": -1.0}, {"kd": np.nan}])
 def test_gains_that_no_servo_has_are_refused(gains: dict[str, float]) -> None:
     robot = G1.robot()
@@ -218,33 +189,6 @@ def test_a_failing_robot_is_held_by_its_servos_and_a_stopped_one_damped(
     np.testing.assert_array_equal(held.joint_velocity, np.zeros(robot.na))
     assert (held.kd >= policy.joint_damping * robot.torque_limit).all()
     assert np.abs(measured.joint_position).max() > 0.0
-
-
-def test_a_first_measurement_that_cannot_be_used_is_answered_with_finite_numbers() -> None:
-    """After a reset, too: the last measurement is that of another configuration."""
-    robot = G1.robot()
-    control = bare(robot)
-    good = plant().measure()
-    unknown = np.full(robot.na, np.nan)
-    for measurement in (
-        replace(good, joint_position=unknown),
-        replace(good, joint_position=unknown, sole_wrench=None),
-        replace(good, joint_position=np.zeros(3)),
-        None,
-    ):
-        control.reset()
-        start = control.q.copy()
-        command = control.command(measurement)  # type: ignore[arg-type]
-        assert control.failing
-        np.testing.assert_array_equal(command.joint_torque, np.zeros(robot.na))
-        np.testing.assert_array_equal(command.joint_position, start)
-    control.reset()
-    assert control.command(good) is not None and not control.failing
-    other = robot.half_sitting.copy()
-    other[7:] += 0.1 * (robot.position_upper - robot.half_sitting[7:])
-    control.reset(other)
-    command = control.command(replace(good, joint_position=unknown))
-    np.testing.assert_array_equal(command.joint_torque, np.zeros(robot.na))
 
 
 def test_the_plants_drives_apply_the_gains_of_the_command() -> None:

@@ -155,50 +155,6 @@ def test_viable_joint_needs_no_more_than_the_braking_deceleration() -> None:
         assert (lower <= limits.braking * (1 + 1e-9)).all()
 
 
-def test_bounds_are_there_only_when_wanted() -> None:
-    robot = make_robot("g1")
-    lower, upper = np.zeros(robot.na), np.zeros(robot.na)
-    none = JointLimits(position=False, velocity=False)
-    none.bind(robot)
-    none.write(0.001, lower, upper)
-    assert np.isinf(lower).all()
-    assert np.isinf(upper).all()
-    only_acceleration = JointLimits(position=False, velocity=False, acceleration=7.0)
-    only_acceleration.bind(robot)
-    only_acceleration.write(0.001, lower, upper)
-    np.testing.assert_allclose([lower, upper], [[-7.0] * robot.na, [7.0] * robot.na])
-    only_velocity = JointLimits(position=False, velocity_ratio=0.5)
-    only_velocity.bind(robot)
-    robot.v[6:] = 0.1
-    only_velocity.write(0.001, lower, upper)
-    np.testing.assert_allclose(upper, (0.5 * robot.velocity_limit - 0.1) / 0.001)
-    np.testing.assert_allclose(lower, (-0.5 * robot.velocity_limit - 0.1) / 0.001)
-
-
-@robots
-def test_posture_target_beyond_the_limits_stops_at_them(name: str) -> None:
-    """Joint limits hold in the controller with torque limits, for the integrated robot on two feet."""
-    controller = standing(name, dt=0.002, posture=False)
-    robot = controller.robot
-    limits = JointLimits()
-    arms = [j for j in robot.joint_names if any(part in j for part in ("arm", "shoulder", "elbow"))]
-    target = {j: robot.position_upper[robot.joint_index(j)] + 0.5 for j in arms}
-    controller.add(CoMTask(), limits, TorqueLimits(), PostureTask(target, stiffness=200.0))
-    q, v = np.array(robot.q), np.array(robot.v)
-    for _ in range(400):
-        controller.update(q, v)
-        solution = controller.solve()
-        assert solution.ok, controller.diagnose()
-        q, v = integrate(controller, q, v, solution.accelerations)
-        # Half-sitting may stand on a limit, inside the margin.
-        assert (q[7:] <= robot.position_upper + 1e-6).all()
-        assert (q[7:] >= robot.position_lower - 1e-6).all()
-        assert (np.abs(v[6:]) <= robot.velocity_limit + 1e-6).all()
-    near = [limits.upper[robot.joint_index(j)] - q[7 + robot.joint_index(j)] for j in arms]
-    assert min(near) < 1e-3
-    assert any("limits of" in limit for limit in solution.active_limits)
-
-
 @robots
 def test_torques_stay_within_limit_and_rate(name: str) -> None:
     controller = standing(name, dt=0.002, posture=False)

@@ -6,7 +6,6 @@ import numpy as np
 import pinocchio as pin
 import pytest
 from properties import by_default
-from scipy.optimize import linprog
 from task_factory import (
     ROBOTS,
     description,
@@ -110,18 +109,6 @@ def test_collision_bound_counts_drift_and_damper(name: str) -> None:
         distance = length - 0.1
         wanted = -((distance - margin) / time_constant + speed) / dt
         np.testing.assert_allclose(lower[0], wanted - drift, rtol=1e-6, atol=1e-4)
-
-
-def test_far_pairs_have_empty_rows_and_the_size_is_fixed() -> None:
-    robot = make_robot("talos")
-    limit = capsules(robot, influence=0.05)
-    limit.bind(robot)
-    assert limit.dim == 3
-    rows, lower, upper = rows_of(limit, robot)
-    np.testing.assert_array_equal(rows, 0.0)
-    assert np.isneginf(lower).all()
-    assert np.isposinf(upper).all()
-    assert all(distance > 0.05 for distance in limit.distances.values())
 
 
 def meet(name: str, limited: bool, seconds: float = 1.5) -> tuple[SelfCollisionLimit, Array, list[str]]:
@@ -316,44 +303,6 @@ def test_com_that_starts_outside_comes_back(name: str) -> None:
     assert outside[0] == pytest.approx(0.015)
     assert outside.max() < 0.016
     assert outside[-1] < 1e-3
-
-
-def test_polygon_demands_no_more_than_it_says() -> None:
-    """Far outside, or much too fast: the acceleration that is asked for stays what the ground can give."""
-    robot, rng = make_robot("hrp4_class"), np.random.default_rng(6)
-    limit = CoMPolygonLimit(recovery=0.3, time_constant=0.25, margin=0.0)
-    limit.bind(robot)
-    corners = limit.polygon
-    edges = np.roll(corners, -1, axis=0) - corners
-    normals = np.column_stack([edges[:, 1], -edges[:, 0]]) / np.linalg.norm(edges, axis=1)[:, None]
-    capped = 0
-    for _ in range(50):
-        q, v = near_half_sitting(robot, rng, 0.0, 0.0)
-        q[:2] += rng.normal(scale=0.1, size=2)
-        v[:2] = rng.normal(scale=2.0, size=2)
-        robot.update(q, v)
-        upper = rows_of(limit, robot, 0.001)[2][
-            : len(corners)
-        ]  # no drift: the robot moves as one body, straight on
-        distance = (normals * corners).sum(axis=1) - normals @ robot.com[:2]
-        most = np.maximum(distance, 0.0) / 0.25**2 * (1.0 + 2 * 0.001 / 0.25) + 0.3
-        assert (upper >= -most - 1e-9).all()
-        capped += int(np.isclose(upper, -most).sum())
-    assert capped > 10
-
-
-def test_polygon_never_contradicts_itself() -> None:
-    """Whatever polygon, place and velocity: some acceleration of the CoM keeps all rows."""
-    robot, rng = make_robot("g1"), np.random.default_rng(5)
-    for _ in range(40):
-        points = rng.normal(size=(5, 2)) * [0.3, 0.02] + rng.normal(size=2)
-        limit = CoMPolygonLimit(points, margin=0.0, recovery=float(rng.uniform(0, 2)))
-        limit.bind(robot)
-        robot.update(*near_half_sitting(robot, rng, 0.2, 2.0))
-        rows, _, upper = rows_of(limit, robot, float(rng.choice([0.001, 0.005])))
-        used = np.isfinite(upper)
-        found = linprog(np.zeros(robot.nv), rows[used], upper[used], bounds=(None, None))
-        assert found.status == 0
 
 
 def test_polygon_follows_the_soles_on_request() -> None:

@@ -95,52 +95,6 @@ def test_the_tare_takes_off_what_empty_hands_show_and_turns_with_the_robot() -> 
     assert np.abs(observer.wrench[:3]).max() < 1e-6
 
 
-def test_a_tare_taken_anew_takes_off_what_has_changed_since() -> None:
-    robot = DESCRIPTION.robot()
-    observer = OutsideWrench(robot, OutsideSettings(settling=0.0, tare=0.5, bandwidth=150.0))
-    for tick in range(200):
-        observer.update(at_rest(robot), DT if tick else 0.0)
-    drift = np.array([3.0, -1.0, 4.0, 0.0, 0.0, 0.5])
-    for _ in range(200):
-        observer.update(at_rest(robot, drift), DT)
-    assert observer.ready and np.abs(observer.wrench).max() > 3.0
-    observer.take_tare()
-    assert not observer.ready
-    for _ in range(200):
-        observer.update(at_rest(robot, drift), DT)
-    assert observer.ready and np.abs(observer.wrench).max() < 1e-6
-
-
-def test_the_estimate_waits_while_a_foot_meets_the_ground() -> None:
-    robot = DESCRIPTION.robot()
-    observer = OutsideWrench(robot, NO_TARE)
-    for tick in range(20):
-        wrenches = at_rest(robot)
-        wrenches[0] = (
-            0.0  # the left foot is in the air; the right one bears all of it, as if something carried
-        )
-        observer.update(wrenches, DT if tick else 0.0)
-    before = observer.wrench
-    for _ in range(8):
-        assert observer.update(at_rest(robot), DT) == pytest.approx(before)
-    for _ in range(200):
-        observer.update(at_rest(robot), DT)
-    assert np.abs(observer.wrench).max() < 1e-6
-
-
-def test_masses_that_a_moving_model_gets_are_no_force() -> None:
-    """At constant speed: the momentum of the load comes with its mass, and nothing has pushed it."""
-    robot = DESCRIPTION.robot()
-    observer, speed = OutsideWrench(robot, NO_TARE), np.zeros(robot.nv)
-    speed[:2] = 0.4, 0.1
-    robot.update(robot.half_sitting, speed)
-    observer.update(at_rest(robot), 0.0)
-    robot.carry(robot.frames["left_hand"], 5.0)
-    observer.explain((0.0,) * 6)  # the feet bear the load already
-    robot.update(robot.half_sitting, speed)
-    np.testing.assert_allclose(observer.update(at_rest(robot), DT), 0.0, atol=1e-6)
-
-
 @pytest.mark.parametrize("point", [(0.0, 0.0, 0.0), (0.1, 0.05, -0.2)])
 def test_a_load_in_the_model_is_a_mass_at_its_place(point: tuple[float, float, float]) -> None:
     """CoM, mass and weight are those of robot and load, of the robot and of its clone, and go with the load."""

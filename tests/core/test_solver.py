@@ -8,12 +8,9 @@ from typing import Any
 import numpy as np
 import pytest
 from problem_streams import ProblemStream, least_violation
-from scipy.linalg.lapack import dposv
 
 from wbc.core.errors import InputError, UnknownNameError
-from wbc.core.qp import active_set
 from wbc.core.qp import solver as ladder
-from wbc.core.qp.active_set import ActiveSet
 from wbc.core.qp.other_solvers import DaqpSolver, solve_by_qpsolvers
 from wbc.core.qp.problem import Problem
 from wbc.core.qp.solver import QpSolver, SolverSettings, Status, solver_names
@@ -143,24 +140,6 @@ def test_an_unknown_solver_names_those_installed_and_the_way_to_others() -> None
 def test_a_solver_of_sparse_problems_is_refused_before_the_first_tick() -> None:
     with pytest.raises(InputError, match=r"'osqp' needs sparse matrices.*choices: auto, proxqp, daqp"):
         SolverSettings(solver="osqp")
-
-
-def test_an_inexact_factorisation_is_refined_to_the_same_solution(monkeypatch: pytest.MonkeyPatch) -> None:
-    problems = stream()
-    for _ in range(20):
-        solution = problems.step()
-    problem = problems.controller.problem
-    exact, refined = (ActiveSet(problem, 1e-7, 10) for _ in range(2))
-
-    def rough(*arrays: Any, **options: Any) -> tuple[Any, Any, int]:
-        factor, force, info = dposv(*arrays, **options)
-        return factor, 1.001 * force, info
-
-    for solver in (exact, refined):
-        solver.guess(solution.multipliers)
-        assert solver.solve()
-        monkeypatch.setattr(active_set, "dposv", rough)
-    np.testing.assert_allclose(refined.x, exact.x, atol=1e-6)
 
 
 def small() -> Problem:

@@ -149,16 +149,6 @@ def test_machines_nest_and_their_outcome_leads_on() -> None:
     assert program.outcome == "done"
 
 
-def test_a_machine_has_a_timeout_that_ends_what_is_in_it() -> None:
-    controller = standing("hrp4_class", dt=DT)
-    stay = Behaviour("stay", lambda now: now.add(CoMTask(name="centre")))
-    program = Program(StateMachine("m", [StateMachine("inner", [stay], timeout=0.1)]), controller)
-    step(program)
-    assert len(controller.tasks) == 2
-    assert run(program) == "timeout" and program.time == pytest.approx(0.1)
-    assert len(controller.tasks) == 1
-
-
 def test_falls_and_ticks_without_a_solution_are_outcomes() -> None:
     controller = standing("hrp4_class", dt=DT)
     down: list[bool] = []
@@ -219,39 +209,6 @@ def test_an_exception_names_the_state_or_is_an_outcome() -> None:
 def test_what_cannot_run_is_refused_before_it_runs(make: Any, named: str) -> None:
     with pytest.raises((InputError, UnknownNameError), match=named):
         make()
-
-
-def test_a_simulation_runs_to_the_end_of_the_machine_or_of_the_time_that_it_has() -> None:
-    class Plant:
-        def __init__(self) -> None:
-            self.ticks = 0
-
-        def measure(self) -> int:
-            return self.ticks
-
-        def step(self, command: int) -> None:
-            assert command == self.ticks
-            self.ticks += 1
-
-    class Control:
-        def __init__(self) -> None:
-            self.controller, self.fallen = standing("hrp4_class", dt=DT), None
-
-        def command(self, measurement: int) -> int:
-            return measurement
-
-    plant, calls = Plant(), []
-    endless = StateMachine("m", steps("a", "b"), {"b": {"done": "a"}})
-    assert not endless.possible
-    with pytest.raises(InputError, match="machine 'm' has no end"):
-        Program(endless, Control()).run(plant)
-    assert plant.ticks == 0
-    program = Program(endless, Control())
-    assert program.run(plant, seconds=0.05, after_tick=lambda: calls.append("after")) is None
-    assert plant.ticks == len(calls) == 11 and program.time == pytest.approx(0.05)
-    once = Program(StateMachine("m", steps("a")), Control())
-    assert once.run(plant, record=lambda *now: calls.append(now[1].time)) == "done"
-    assert calls[11:] == pytest.approx(DT * np.arange(5)) and plant.ticks == 16
 
 
 def test_a_program_in_a_file_moves_what_it_names_and_waits_for_it(tmp_path: Path) -> None:

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from properties import examples
 from task_factory import arm, left_hand, right_hand, standing
 
-from wbc.core.errors import Array, InputError, UnknownNameError
+from wbc.core.errors import InputError, UnknownNameError
 from wbc.core.qp.controller import Controller
 from wbc.core.robot import Robot
 from wbc.tasks import (
@@ -28,7 +28,6 @@ from wbc.tasks import (
     Trajectory,
 )
 from wbc.tasks.motion.direction import least_turn
-from wbc.tasks.motion.moving import MovingTask
 from wbc.tasks.trajectories import Quintic, approach, jerk_to_rest, minimum_jerk
 
 DT = 0.005
@@ -105,16 +104,6 @@ def test_a_trajectory_passes_its_points_from_rest_to_rest_within_its_limits(
     np.testing.assert_allclose(rate, states[1:-1, 1], atol=2e-3 * (speed + acceleration * path.duration))
 
 
-def test_the_least_time_between_two_points_is_that_of_the_paper() -> None:
-    start, end = np.array([1.0, -1.0]), np.array([2.0, 1.0])
-    way = float(np.linalg.norm(end - start))
-    assert Trajectory([start, end], speed=0.5, acceleration=100.0).duration == pytest.approx(
-        1.875 * way / 0.5
-    )
-    least = np.sqrt(10.0 / np.sqrt(3.0) * way / 0.7)
-    assert Trajectory([start, end], speed=100.0, acceleration=0.7).duration == pytest.approx(least, rel=1e-4)
-
-
 def test_a_quintic_has_the_states_of_its_ends_and_its_own_derivatives() -> None:
     start, end = np.random.default_rng(0).normal(size=(2, 3, 2))
     curve = Quintic(tuple(start), tuple(end), 1.3)
@@ -166,25 +155,6 @@ def test_a_reference_keeps_its_speed_and_acceleration_and_arrives(goal: tuple[fl
     assert max(speeds) < 0.5 + 1e-9 and max(changes) < 2.0 + 1e-9
     np.testing.assert_allclose(place, goal, atol=1e-4)
     assert np.linalg.norm(velocity) < 1e-3
-
-
-def test_a_trajectory_may_begin_in_motion_and_end_where_it_began() -> None:
-    """Of two points it is the quintic between both states."""
-    state = (np.array([0.0, 2.0]), np.array([0.5, -0.3]), np.array([0.1, 0.4]))
-    still = np.zeros(2)
-    for end in ([1.0, 3.0], [0.0, 2.0]):
-        path = Trajectory([state[0], end], 1.7, velocity=state[1], acceleration_at_start=state[2])
-        curve = Quintic(state, (np.array(end), still, still), 1.7)
-        for time in (0.0, 0.4, 1.1, 1.6):
-            np.testing.assert_allclose(path.at(time), curve.at(time), atol=1e-9)
-        np.testing.assert_array_equal(path.at(2.0), (end, still, still))
-    braked = Trajectory([[0.0], [0.0]], speed=1.0, velocity=[0.5], acceleration=2.0)
-    pushes = np.array([path.at(t)[2] for t in np.linspace(0.0, braked.duration, 50)])
-    assert 0.5 < braked.duration < 2.0 and abs(pushes).max() < 2.1
-    np.testing.assert_array_equal(path.at(-1.0), path.at(0.0))
-    for duration, asked in ((0.0, None), (0.9, 0.9)):
-        stays = Trajectory([[2.0], [2.0]], asked, speed=1.0)
-        assert stays.duration == duration and stays.at(0.3) == ([2.0], [0.0], [0.0])
 
 
 @pytest.mark.parametrize(
@@ -242,39 +212,6 @@ def test_a_target_moves_and_the_robot_arrives_with_it(case: str) -> None:
     else:
         np.testing.assert_allclose(task.target, goal, atol=1e-12)
     np.testing.assert_array_equal(task.feedforward_velocity, np.zeros(task.dim))
-
-
-@pytest.mark.parametrize("case", ["orientation", "pose", "yielding"])
-def test_feedforwards_of_waypoints_are_derivatives_of_the_target(case: str) -> None:
-    controller = standing("hrp4_class", dt=DT)
-    robot = controller.robot
-    task: MovingTask = controller.add(TASKS[case][0](robot))
-    one, two = (pin.exp3(np.array(r)) for r in ([0.6, 0.0, 0.4], [0.0, -0.8, 0.9]))
-    start = task.target
-    if case != "orientation":
-        goals: list[Any] = [
-            pin.SE3(turn @ start.rotation, start.translation + turn[0]) for turn in (one, two)
-        ]
-    else:
-        goals = [one @ start, two @ start]
-    task.move_through(goals, duration=2.0)
-    dt, targets, velocities, accelerations = 1e-3, [], [], []
-    axes = robot.placement(left_hand(robot)).rotation if case == "yielding" else np.eye(3)
-    while task.move_on(dt):
-        target = task.target
-        targets.append(target.rotation if case != "orientation" else np.array(target))
-        velocities.append(axes @ task.feedforward_velocity[-3:])
-        accelerations.append(axes @ task.feedforward_acceleration[-3:])
-    rates = [pin.log3(b @ a.T) / (2.0 * dt) for a, b in zip(targets, targets[2:], strict=False)]
-    np.testing.assert_allclose(velocities[1:-1], rates, atol=1e-4)
-    pushes = np.gradient(np.array(velocities), dt, axis=0)[2:-2]
-    np.testing.assert_allclose(np.array(accelerations)[2:-2], pushes, atol=1e-3)
-    gaps = [float(np.linalg.norm(pin.log3(np.asarray(turn).T @ one @ _rotation(start)))) for turn in targets]
-    assert min(gaps) < 2e-3  # it passes the waypoint
-
-
-def _rotation(target: Any) -> Array:
-    return np.asarray(target.rotation if isinstance(target, pin.SE3) else target)
 
 
 def test_a_move_goes_on_from_where_the_target_is_and_how_it_moves() -> None:

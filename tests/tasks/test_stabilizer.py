@@ -369,16 +369,6 @@ def test_the_high_pass_drops_offsets_and_keeps_motion() -> None:
     assert out[0] == pytest.approx(np.cos(20 * 3999 * DT), abs=0.06)
 
 
-def test_without_a_zmp_the_average_fades_and_there_is_no_rate() -> None:
-    feedback, com = DcmFeedback(StabilizerGains()), np.array([0.01, -0.02, HEIGHT])
-    for _ in range(100):
-        before = feedback.errors(REST, com, np.zeros(3), np.zeros(2), DT)
-    flying = feedback.errors(REST, com, np.zeros(3), None, DT)
-    fade = np.exp(-DT / feedback.gains.integrator_time)
-    np.testing.assert_allclose(flying.average, fade * before.average, rtol=1e-12)
-    assert not flying.rate.any() and not flying.zmp.any()
-
-
 def test_a_known_bias_changes_nothing_but_the_measurement() -> None:
     """The force goes through the true CoM: with the bias taken out, all outputs are those of the truth."""
     gains = replace(MC_RTC, dcm_p=5.0)
@@ -437,31 +427,6 @@ def test_feet_turn_by_the_error_of_the_filtered_wrenches_to_the_desired_ones(wre
             np.testing.assert_allclose((correction.roll_rate, correction.pitch_rate), expected, atol=1e-9)
 
 
-def heights_after(gains: StabilizerGains, seconds: float) -> np.ndarray:
-    """Heights of both feet on the ground, as shares of that which the left one began with."""
-    f = FootAdmittance(gains.for_mass(MASS))
-    full = feet(600.0, 0.0)
-    for _ in range(400):  # the left foot is raised to 10 mm
-        if f.correction(0).height >= 0.01:
-            break
-        f.update(full, feet(300.0, 300.0), (True, True), 1e-3)
-    f.reset(1)
-    start = f.correction(0).height
-    for _ in range(round(seconds / 1e-3)):
-        f.update(feet(300.0, 300.0), feet(300.0, 300.0), (True, True), 1e-3)
-    return np.array([f.correction(0).height, f.correction(1).height]) / start
-
-
-@pytest.mark.parametrize(("leak", "damping"), [(2.0, 0.0), (0.0, 3.0), (2.0, 3.0)])
-def test_mean_and_difference_of_the_foot_heights_decay_at_their_own_rates(
-    leak: float, damping: float
-) -> None:
-    gains = StabilizerGains(force_difference=1e-4, height_leak=leak, force_difference_damping=damping)
-    left, right = heights_after(gains, 0.5)
-    assert left + right == pytest.approx((1.0 - 1e-3 * leak) ** 500, rel=1e-6)  # e^{−leak t} in steps of 1 ms
-    assert left - right == pytest.approx((1.0 - 1e-3 * damping) ** 500, rel=1e-6)
-
-
 def test_foot_heights_settle_and_leak() -> None:
     gains = StabilizerGains(force_difference=1e-4, height_leak=1.0, support_height_leak=3.0)
     f = FootAdmittance(gains.for_mass(39.0))
@@ -475,16 +440,6 @@ def test_foot_heights_settle_and_leak() -> None:
     assert f.correction(1).height == right.height and f.correction(1).height_rate == 0.0
     f.reset(1)
     assert f.correction(1) == FootCorrection() and f.correction(0) != FootCorrection()
-
-
-def test_corrections_stop_at_their_bounds_and_say_so_in_the_rate() -> None:
-    f = FootAdmittance(StabilizerGains(cop_admittance=0.1))
-    hard = feet(300.0, 300.0)
-    hard[:, 3] = 100.0
-    for _ in range(400):
-        f.update(hard, feet(300.0, 300.0), (True, True), DT)
-    c = f.correction(0)
-    assert c.roll == pytest.approx(0.4) and c.roll_rate == pytest.approx(0.0)
 
 
 def test_a_correction_moves_a_foot_in_its_own_axes() -> None:

@@ -230,33 +230,6 @@ def test_gains_feed_forward_and_drift_make_the_reference(case: str) -> None:
     np.testing.assert_allclose(jacobian @ solution.accelerations + drift, wanted, rtol=1e-4, atol=1e-4)
 
 
-def test_following_is_setting_target_and_feed_forwards() -> None:
-    """`follow`, which is unchecked, sets the same values as the checked properties."""
-    robot, rng = make_robot("g1"), np.random.default_rng(8)
-    robot.update(*random_state(robot, rng))
-    place, point = pin.SE3.Random(), rng.normal(size=3)
-    velocity, acceleration = rng.normal(size=(2, 6))
-    tasks: list[tuple[PoseTask | CoMTask | OrientationTask, ...]] = []
-    for _ in range(2):
-        tasks.append((PoseTask("pelvis"), CoMTask(), OrientationTask("pelvis")))
-        for task in tasks[-1]:
-            task.bind(robot)
-    (pose, com, turn), (pose_follows, com_follows, turn_follows) = tasks
-    pose.target, com.target, turn.target = place, point, place.rotation
-    pose.feedforward_velocity, pose.feedforward_acceleration = velocity, acceleration
-    com.feedforward_velocity, com.feedforward_acceleration = velocity[:3], acceleration[:3]
-    assert isinstance(pose_follows, PoseTask) and isinstance(com_follows, CoMTask)
-    assert isinstance(turn_follows, OrientationTask)
-    pose_follows.follow(place, velocity, acceleration)
-    com_follows.follow(point, velocity[:3], acceleration[:3])
-    turn_follows.follow(place.rotation)
-    for checked, unchecked in zip(*tasks, strict=True):
-        for one, other in zip(rows_of(checked, robot), rows_of(unchecked, robot), strict=True):
-            np.testing.assert_allclose(one, other, atol=1e-14)
-        np.testing.assert_array_equal(checked.feedforward_velocity, unchecked.feedforward_velocity)
-        np.testing.assert_array_equal(checked.feedforward_acceleration, unchecked.feedforward_acceleration)
-
-
 def test_momentum_cannot_be_changed_in_flight() -> None:
     robot, rng = make_robot("talos"), np.random.default_rng(6)
     controller = Controller(robot, 0.002)
@@ -298,33 +271,6 @@ def test_weights_share_between_tasks_that_disagree() -> None:
     np.testing.assert_allclose(3.0 * solution.residuals["one"], -solution.residuals["two"], atol=1e-5)
     two.weight = [0.0, 1.0, 1.0]
     np.testing.assert_allclose(jacobian @ controller.solve().accelerations, [1.0, -0.25, 0.0], atol=1e-5)
-
-
-def test_postures_that_disagree_each_tell_their_own_residual() -> None:
-    robot = make_robot("hrp4_class")
-    controller = Controller(robot, 0.002, regularisation=1e-9)
-    joints = arm(robot)[:2]
-    here = robot.q[7:][[robot.joint_index(joint) for joint in joints]]
-    controller.add(PostureTask(here + 0.1, joints=joints, name="one", weight=3.0, stiffness=10.0))
-    controller.add(PostureTask(here[1:] - 0.1, joints=joints[1:], name="two", weight=1.0, stiffness=10.0))
-    residuals = controller.solve().residuals
-    np.testing.assert_allclose([*residuals["one"], *residuals["two"]], [0.0, -0.5, 1.5], atol=1e-5)
-
-
-def test_weights_of_joints_stay_when_the_weight_changes() -> None:
-    robot = make_robot("hrp4_class")
-    joint = robot.joint_names[3]
-    task = PostureTask(joint_weights={joint: 10.0}, weight=2.0)
-    controller = Controller(robot, 0.002)
-    controller.add(task)
-    expected = np.ones(robot.na)
-    expected[3] = 10.0
-    np.testing.assert_allclose(task.weight, 2.0 * expected)
-    task.weight = 0.5
-    np.testing.assert_allclose(task.weight, 0.5 * expected)
-    controller.remove(task)
-    controller.add(task)
-    np.testing.assert_allclose(task.weight, 0.5 * expected)
 
 
 @robots
