@@ -1,4 +1,4 @@
-"""The UDP wire: what packets carry, who owns a robot, what strangers cannot do; a flood while a robot is driven."""
+"""The UDP wire: what packets carry, who owns a robot, what strangers cannot do."""
 
 from __future__ import annotations
 

@@ -12,14 +12,16 @@ from typing import Any
 
 import numpy as np
 import pytest
+import unitree_robot as robot
 from machine_process import Process
+from unitree_robot import UnitreeRobot
 
 import wbc
 from wbc import Command, Measurement
 from wbc.core.errors import InputError
-from wbc.machine import Runner, RunSettings, UnitreeDriver, UnitreeRobot
+from wbc.machine import Runner, RunSettings, UnitreeDriver
 from wbc.machine.report import Phase
-from wbc.machine.unitree import DdsError, driver, robot, switch
+from wbc.machine.unitree import DdsError, driver, switch
 from wbc.machine.unitree.wire import G1_MOTORS, LOW_CMD, LOW_STATE, checksum, from_cdr, intact, sealed, to_cdr
 
 DESCRIPTION = wbc.load_robot("g1")

@@ -1,25 +1,22 @@
 """Programs of the tests of machines: a robot and a controller, each in a process of its own, that say when they damp.
 
 python tests/support/machine_process.py robot WATCHDOG     python tests/support/machine_process.py control PORT TIMEOUT
-python tests/support/machine_process.py flood PORT hello|command|noise
 """
 
 from __future__ import annotations
 
 import os
 import signal
-import socket
 import subprocess
 import sys
 import time
 
-import numpy as np
+from unitree_robot import UnitreeRobot
 
 import wbc
-from wbc.machine import Runner, RunSettings, UdpDriver, UdpRobot, UnitreeRobot
+from wbc.machine import Runner, RunSettings, UdpDriver, UdpRobot
 from wbc.machine.clock import ask_priority
 from wbc.machine.report import Phase
-from wbc.machine.udp import COMMAND, HELLO, End
 from wbc.sim import MujocoLoop, Plant, RobotServer
 
 ROBOT = "g1"
@@ -107,29 +104,9 @@ def control(port: int, timeout: float) -> None:
     print("ended", begun, report.reason, flush=True)
 
 
-def flood(port: int, kind: str) -> None:
-    """Send 15,000 packets a second that are not the owner's."""
-    joints = len(wbc.load_robot(ROBOT).joint_names)
-    end, command = End(joints, None), wbc.Command(np.zeros(joints))
-    data = {"hello": end.pack(HELLO, 0), "command": end.pack(COMMAND, 1, command), "noise": bytes(1200)}[kind]
-    wire = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
-    wire.connect(("127.0.0.1", port))
-    print("flooding", flush=True)
-    begin, sent = time.monotonic(), 0
-    while (now := time.monotonic() - begin) < 60.0:
-        while sent < 15_000 * now:
-            try:
-                wire.send(data)
-            except OSError:
-                return
-            sent += 1
-        time.sleep(0.001)
-
-
 if __name__ == "__main__":
     programs = {
         "robot": lambda: robot(float(sys.argv[2])),
         "control": lambda: control(int(sys.argv[2]), float(sys.argv[3])),
-        "flood": lambda: flood(int(sys.argv[2]), sys.argv[3]),
     }
     (programs | {"unitree": unitree})[sys.argv[1]]()

@@ -8,7 +8,7 @@ from wbc.machine.loop import Driver, DriverLoop, MachineError
 from wbc.machine.report import RunReport
 from wbc.machine.run import Runner, RunSettings, run
 from wbc.machine.udp import UdpDriver, UdpRobot
-from wbc.machine.unitree import MotionSwitcher, UnitreeDriver, UnitreeRobot
+from wbc.machine.unitree import MotionSwitcher, UnitreeDriver
 
 __all__ = [
     # Interfaces
@@ -24,7 +24,6 @@ __all__ = [
     "UdpDriver",
     "UdpRobot",
     "UnitreeDriver",
-    "UnitreeRobot",
     "MotionSwitcher",
     # Check of a loop
     "conformance",

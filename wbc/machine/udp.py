@@ -70,10 +70,6 @@ SHORTEST = 16
 MOST = 1000
 """Packets that one call takes from a socket; more arrive only while they are taken."""
 
-ANSWERS = 16
-"""Hellos that one call answers."""
-
-
 ARRAYS = {
     MEASUREMENT: {"joint_position": 0, "joint_velocity": 0, "joint_torque": 1}
     | {"angular_velocity": 0, "specific_force": 0, "sole_wrench": 2},
@@ -334,8 +330,7 @@ class UdpRobot:
             self._socket.close()
             raise InputError(f"cannot listen at {host}, port {port} ({error})") from error
         self._socket.setblocking(False)
-        self._host, self.port = host, int(self._socket.getsockname()[1])
-        self._line: socket.socket | None = None  # the owner's
+        self.port = int(self._socket.getsockname()[1])
         self.sender: tuple[str, int] | None = None
         self._owner, self._heard = 0, -np.inf
         self._newest: dict[int, int] = {}  # number of the last packet of each key
@@ -346,8 +341,8 @@ class UdpRobot:
 
         A command that no drive must get asks for damping.
         """
-        damped, newest, answers = False, None, ANSWERS
-        for data, peer in self._packets():
+        damped, newest = False, None
+        for data, peer in _taken(self._socket, self._end.longest):
             head, now = self._end.header(data), time.monotonic()
             owned = now - self._heard < SILENCE
             if head is None or (owned and head.key != self._owner) or not self._end.genuine(data):
@@ -356,16 +351,14 @@ class UdpRobot:
             if head.number <= self._newest.get(head.key, 0):
                 continue
             if head.kind == HELLO and head.to == 0:
-                answers -= 1
-                if answers >= 0:
-                    self._write(self._socket, self._end.pack(HELLO, head.key), peer)
+                self._write(self._end.pack(HELLO, head.key), peer)
             elif head.kind == DAMP:
                 damped, newest = True, None
                 if owned:
                     self._newest[head.key], self._heard = head.number, now
             elif head.to == self._end.key and head.kind in (HELLO, COMMAND):
                 self._newest[head.key], self._owner, self._heard = head.number, head.key, now
-                self._connect(peer)
+                self.sender = peer
                 if head.kind == COMMAND:
                     newest = self._command(head, data, peer)
                     damped = newest is None
@@ -389,45 +382,18 @@ class UdpRobot:
         if self.refused in (1, 10, 100) or self.refused % 1000 == 0:
             logger.warning("%d packets refused, the last one of %s, port %d", self.refused, *peer)
 
-    def _packets(self) -> Iterator[tuple[bytes, tuple[str, int]]]:
-        yield from _taken(self._socket, self._end.longest)
-        if self._line is not None:
-            yield from _taken(self._line, self._end.longest)
-
-    def _connect(self, peer: tuple[str, int]) -> None:
-        """Receive the owner's packets in a socket of their own: a flood of others does not fill it."""
-        if peer == self.sender:
-            return
-        self.sender = peer
-        if self._line is not None:
-            self._line.close()
-        self._line = None
-        with contextlib.suppress(OSError, AttributeError):  # where a port can be shared
-            line = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
-            line.setblocking(False)
-            self._line = line
-            # Another program that does not ask to share the port is refused, as is one of another user.
-            for wire in (self._socket, line):
-                wire.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEPORT, 1)
-            line.bind((self._host, self.port))
-            line.connect(peer)
-
     def send(self, measurement: Measurement) -> None:
         """Send a measurement to the owner, or to the last one."""
         if self.sender is not None:
-            data = self._end.pack(MEASUREMENT, self._owner, measurement)
-            self._write(self._socket, data, self.sender)
+            self._write(self._end.pack(MEASUREMENT, self._owner, measurement), self.sender)
 
-    @staticmethod
-    def _write(wire: socket.socket, data: bytes, peer: tuple[str, int]) -> None:
+    def _write(self, data: bytes, peer: tuple[str, int]) -> None:
         with contextlib.suppress(OSError):  # nobody listens, no cable: its watchdog will tell
-            wire.sendto(data, peer)
+            self._socket.sendto(data, peer)
 
     def close(self) -> None:
-        """Close the sockets."""
+        """Close the socket."""
         self._socket.close()
-        if self._line is not None:
-            self._line.close()
 
 
 def _taken(wire: socket.socket, longest: int) -> Iterator[tuple[bytes, tuple[str, int]]]:

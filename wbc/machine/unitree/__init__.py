@@ -5,7 +5,6 @@ Needs the extra `unitree`.
 
 from wbc.machine.unitree.dds import DdsError
 from wbc.machine.unitree.driver import UnitreeDriver
-from wbc.machine.unitree.robot import UnitreeRobot
 from wbc.machine.unitree.switch import MotionSwitcher
 
-__all__ = ["DdsError", "MotionSwitcher", "UnitreeDriver", "UnitreeRobot"]
+__all__ = ["DdsError", "MotionSwitcher", "UnitreeDriver"]

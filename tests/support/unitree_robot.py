@@ -9,7 +9,6 @@ import json
 
 import numpy as np
 
-from wbc.core.arguments import checked
 from wbc.core.signals import Command, Measurement
 from wbc.machine.unitree.dds import (
     COMMAND_TOPIC,
@@ -41,7 +40,6 @@ class UnitreeRobot:
         mode: Name of the built-in controller that has the motors; empty when none has.
     """
 
-    @checked
     def __init__(
         self, description: RobotDescription, interface: str = "lo", *, domain: int = 1, mode: str = ""
     ) -> None:
