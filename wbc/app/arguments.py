@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import functools
 import inspect
-import re
 import types
 import typing
 from collections.abc import Callable, Mapping
@@ -12,6 +11,7 @@ from dataclasses import MISSING, Field, dataclass, field, fields, is_dataclass, 
 from pathlib import Path
 from typing import Annotated, Any
 
+import docstring_parser
 from cyclopts import App, ArgumentCollection, Parameter
 
 from wbc.core.changes import read_changes
@@ -132,10 +132,8 @@ def attribute_docs(kind: type) -> dict[str, str]:
     for cls in reversed(kind.__mro__):
         if not is_dataclass(cls):
             continue
-        _, _, section = (inspect.cleandoc(cls.__doc__ or "")).partition("\nAttributes:\n")
-        section = re.split(r"\n(?=\S)", section)[0]
-        for name, text in re.findall(r"^    (\w+): (.*(?:\n {8}.*)*)", section, flags=re.MULTILINE):
-            found[name] = " ".join(text.split())
+        for each in docstring_parser.parse(cls.__doc__ or "").params:
+            found[each.arg_name] = " ".join((each.description or "").split())
     return found
 
 
