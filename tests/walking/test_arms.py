@@ -11,13 +11,12 @@ import pinocchio as pin
 import pytest
 
 from wbc import load_robot
-from wbc.core.errors import InputError, UnknownNameError
+from wbc.core.errors import InputError
 from wbc.core.robot import BASE_DOF
 from wbc.sim import Plant, TrialHook, WalkPlan, WalkSpec, WalkTrial
 from wbc.sim.trial.loop import TrialTick
 from wbc.tasks.trajectories import minimum_jerk
 from wbc.walking import ArmSettings, FootstepPlan, WalkingControl, WalkingControlSettings
-from wbc.walking.hands.reaching import LEAD
 from wbc.walking.pattern.swing import FootMotion
 
 DT = 0.005
@@ -48,25 +47,6 @@ def test_every_hand_of_the_robot_has_an_arm_and_the_balance_counts_each_joint_on
     spared = walking.tasks.com.spared - BASE_DOF
     assert np.unique(spared).size == spared.size
     assert set(spared) == {joint for arm in walking.arms.hands for joint in arm.joints}
-
-
-def test_a_hand_without_a_target_adds_nothing_and_one_that_is_let_go_costs_nothing() -> None:
-    walking = control()
-    rows = walking.controller.problem.n_soft
-    hand = walking.arms["left_hand"]
-    assert not hand.active and hand.target is None and np.isnan(hand.error).all()
-    hand.reach([0.3, 0.2, 1.0])
-    assert hand.active and rows == walking.controller.problem.n_soft
-    for share in (0.25, 0.5, 1.0):  # of 0.3 s, in which the weight rises
-        update(walking, 15 if share < 1.0 else 70)
-        full = share * share * (3.0 - 2.0 * share) * walking.arms.settings.weight
-        assert walking.controller.task("left_hand").weight[0] == pytest.approx(full)
-    assert not walking.controller.task("left_hand").weight[3:].any(), "a point has no rotation"
-    hand.release()
-    assert not hand.moving and not hand.reached and hand.target is None and np.isnan(hand.error).all()
-    update(walking, 100)
-    assert not hand.active and walking.controller.task("left_hand").idle
-    assert walking.tasks.com.spared.size == 0
 
 
 def test_a_pose_after_a_point_turns_a_hand_from_where_it_is() -> None:
@@ -165,46 +145,6 @@ def test_the_reference_of_a_hand_moves_as_its_feed_forwards_say(how: str) -> Non
     else:
         speeds = np.linalg.norm(motions[:, 0, :3], axis=1)
         assert np.linalg.norm(pushes[:, :3], axis=1).max() == pytest.approx(3.0) and speeds.max() < 0.6
-
-
-def test_the_reference_of_a_hand_that_cannot_follow_waits() -> None:
-    """Its way, or its turn, has then braked from the speed that it had, and nothing is fed forward."""
-    for turn, least, most, options in (
-        (False, 0.98 * LEAD, 1.1 * LEAD, {}),
-        (False, 0.98 * LEAD, 1.1 * LEAD, {"duration": 2.0}),
-        (True, 1.2 * LEAD, 1.5 * LEAD, {}),
-    ):
-        walking = control()
-        hand = walking.arms["left_hand"]
-        start = pin.SE3(walking.controller.robot.placement(hand.frame))
-        way = np.array([0.3, 0.4, 0.0])
-        turned = pin.SE3(pin.exp3(2.0 * way) @ start.rotation, start.translation)
-        hand.reach(turned if turn else start.translation + way, **options)
-        for _ in range(300):
-            walking.controller.solve()
-            update(walking)
-        task = walking.controller.task("left_hand")
-        ahead = (
-            pin.log3(task.target.rotation @ start.rotation.T)
-            if turn
-            else task.target.translation - start.translation
-        )
-        far = float(np.linalg.norm(ahead))
-        np.testing.assert_allclose(ahead / far, (0.6, 0.8, 0.0), atol=1e-6)
-        assert least < far < most and hand.moving and not hand.reached
-        assert np.abs(task.feedforward_acceleration).max() < 0.01
-
-
-def test_bad_targets_are_refused_with_the_choices() -> None:
-    arms = control().arms
-    with pytest.raises(UnknownNameError, match="no hand 'left'.*left_hand"):
-        arms["left"]
-    with pytest.raises(UnknownNameError, match="choices: pelvis, world"):
-        arms["left_hand"].reach([0.0, 0.0, 0.0], "box")
-    with pytest.raises(InputError, match="target of 'left_hand'.*finite"):
-        arms["left_hand"].reach([np.nan, 0.0, 0.0])
-    with pytest.raises(InputError, match="must not be 'world'"):
-        arms.place("world", pin.SE3.Identity())
 
 
 def test_arms_swing_with_the_opposite_foot() -> None:

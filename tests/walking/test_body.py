@@ -7,16 +7,13 @@ import pinocchio as pin
 import pytest
 
 from wbc import load_robot
-from wbc.core.errors import InputError, UnknownNameError
-from wbc.core.qp.task import evaluated
-from wbc.core.robot import BASE_DOF
+from wbc.core.errors import InputError
 from wbc.sim import Plant
 from wbc.sim.plant.falls import TrueFallDetector
-from wbc.tasks import GazeTask
 from wbc.tasks.stabilizer.lean import LeanMotion
 from wbc.tasks.stabilizer.pendulum import Pendulum
 from wbc.walking import FootstepPlan, SteppingControl, WalkingControl
-from wbc.walking.body import MOST_LEAN, lowest_com
+from wbc.walking.body import lowest_com
 from wbc.walking.planning.reach import leg_geometry
 
 DT = 0.005
@@ -63,29 +60,6 @@ def test_height_lean_turn_and_gaze_are_reached_with_bounded_speed(kind: str) -> 
         eye = real.placement("head")
         ahead = eye.actInv(np.array([3.0, 1.5, 1.0]))
         assert np.hypot(*ahead[1:]) / ahead[0] < 0.08
-
-
-def test_a_torso_without_a_neck_is_pointed_level_towards_what_it_looks_at() -> None:
-    _, walking = standing("g1", "stepping")
-    point = np.array([3.0, 1.5, 1.0])
-    walking.body.look_at(point)
-    for _ in range(1700):
-        walking.body.update(0.2)
-    assert walking.body.looking
-    gaze, com = walking.controller.task("gaze"), walking.controller.robot.com
-    assert isinstance(gaze, GazeTask)
-    way = (point - com)[:2]
-    np.testing.assert_allclose(gaze.target - com, [*(3.0 * way / np.hypot(*way)), 0.0], atol=1e-3)
-    walking.body.look_at(None)
-    assert not walking.body.looking and gaze.weight.any()
-    for _ in range(1700):
-        walking.body.update(0.2)
-    assert not walking.body.active and not gaze.weight.any()
-    walking.body.look_at([-3.0, 0.5, 1.0])  # behind it, and the look stays at the end of its range
-    for _ in range(1700):
-        walking.body.update(0.2)
-    assert not walking.body.looking
-    np.testing.assert_allclose((gaze.target - com)[:2], 3.0 * np.array((np.cos(0.8), np.sin(0.8))), atol=1e-3)
 
 
 def test_what_the_body_adds_to_a_reference_moves_as_its_rates_say() -> None:
@@ -157,40 +131,6 @@ def test_a_gaze_anywhere_makes_no_walk_by_steps_fall(where: tuple[float, float, 
     assert upright(plant) and not np.any(walking.controller.task("gaze").weight)
 
 
-def test_what_the_robot_does_not_reach_is_refused_by_name() -> None:
-    _, walking = standing("talos")
-    body, height = walking.body, walking.body.com_height
-    heights = (body.com_height, body.lean, body.turn)
-    for name, value, message in (
-        ("com_height", 0.3, r"com_height \(m\) of 'talos', as far as its legs bend"),
-        ("com_height", 1.5, r"CoM height \(m\) of 'talos'"),
-        ("com_height", float("nan"), "finite"),
-        ("lean", (0.0, 2.0 * MOST_LEAN), "lean must be at most"),
-        ("lean", 0.1, r"shape \(2,\)"),
-        ("turn", 3.0, "turn of the trunk"),
-    ):
-        with pytest.raises(InputError, match=message):
-            setattr(body, name, value)
-        with pytest.raises(InputError, match=message):
-            body.check(name, value)
-    for name, good in (
-        ("com_height", height - 0.01),
-        ("lean", (0.1, 0.0)),
-        ("turn", 0.1),
-        ("look_at", np.ones(3)),
-    ):
-        body.check(name, good)
-    assert heights == (body.com_height, body.lean, body.turn) and not body.looking
-    for look in (body.look_at, lambda point: body.check("look_at", point)):
-        with pytest.raises(InputError, match="point to look at"):
-            look([0.0, 1.0])
-    with pytest.raises(
-        UnknownNameError, match="no attribute of Body 'com_heigth'; did you mean 'com_height'"
-    ):
-        body.com_heigth = 0.8  # type: ignore[attr-defined]
-    assert not body.active and body.com_height == height
-
-
 def test_a_walk_leaves_its_legs_the_room_to_lift_a_foot() -> None:
     """The ankle of g1 meets its limit at the top of a swing: lowered by 50 mm it fell when it came to a stand."""
     _, walking = standing("g1")
@@ -228,29 +168,3 @@ def test_the_lowest_height_is_one_that_the_legs_reach() -> None:
         leg = leg_geometry(robot)
         lowest = lowest_com(robot)
         assert leg.com_height - (leg.hip_height - leg.shortest) < lowest < leg.com_height - 0.08
-
-
-@pytest.mark.parametrize("kind", ["lipm", "stepping"])
-def test_a_target_that_the_walk_sets_says_what_to_set_instead(kind: str) -> None:
-    _, walking = standing("g1", kind)
-    controller = walking.controller
-    for name, setting in (
-        ("com", r"walking\.body\.com_height"),
-        ("pelvis", r"walking\.body\.lean"),
-        ("left_foot swing", r"walking\.velocity"),
-    ):
-        task = controller.task(name)
-        with pytest.raises(InputError, match=f"'{name}' is set at every tick .* use {setting}"):
-            task.target = task.target  # type: ignore[attr-defined]
-    walking.tasks.posture.move_to({controller.robot.joint_names[-1]: 0.1}, speed=0.5)
-    controller.task("com").weight = 50.0  # weights and gains are the user's
-
-
-def test_a_gaze_of_the_users_own_has_no_part_in_the_legs() -> None:
-    """With its legs `g1` fell when it looked to the side at the end of a walk."""
-    robot = load_robot("g1").robot()
-    walking = WalkingControl(robot, FootstepPlan.standing(robot), 0.005)
-    gaze = walking.controller.add(GazeTask(robot.torso_frame, [3.0, 1.0, 1.0]))
-    moved = np.flatnonzero(abs(evaluated(gaze)[0]).max(axis=0) > 1e-9)
-    carriers = [BASE_DOF + joint for joint in robot.joints_between(robot.torso_frame, robot.base_frame)]
-    assert len(moved) >= 2 and np.isin(moved, carriers).all()

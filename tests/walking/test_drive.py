@@ -12,15 +12,12 @@ import pinocchio as pin
 import pytest
 from pendulum import BY_TIME
 
-import wbc
-from wbc.core.errors import InputError
 from wbc.robots import load
 from wbc.walking import (
     FootstepPlan,
     Gait,
     WalkingControl,
     WalkingControlSettings,
-    climb_stairs,
     walk_distance,
 )
 from wbc.walking.lipm import LipmWalk
@@ -36,7 +33,7 @@ from wbc.walking.planning.sources import (
     VelocitySource,
 )
 from wbc.walking.source import Reference
-from wbc.walking.walk import Walk, WalkSettings
+from wbc.walking.walk import WalkSettings
 
 DT = 0.005
 ROBOTS = {name: load(name).robot() for name in ("hrp4_class", "talos", "g1")}
@@ -158,17 +155,6 @@ def test_it_stands_within_two_steps(when: float, speed: float) -> None:
     assert stage.walk.steps_done > done + 2, "and walks on when told to"
 
 
-@pytest.mark.parametrize(("speed", "steps"), [(0.05, 1), (0.3, 2)])
-def test_only_long_steps_are_followed_by_a_shorter_one_before_the_foot_that_closes_up(
-    speed: float, steps: int
-) -> None:
-    now = standing("hrp4_class", "right")
-    now = now._replace(start=replace(now.start, left=replace(now.start.left, x=now.start.left.x + speed)))
-    reach = Reach.of(ROBOTS["hrp4_class"], float(ROBOTS["hrp4_class"].com[2]))
-    source = VelocitySource(reach, SIZES["hrp4_class"], granted=(speed, 0.0, 0.0))
-    assert len(source.footsteps(now).steps) == steps
-
-
 @pytest.mark.parametrize("left", [0.2, 0.06, 0.04, 0.02])
 def test_a_robot_that_is_told_to_go_on_as_it_closes_up_sets_off_without_a_jump(left: float) -> None:
     """The later the command, the less time is left to take the DCM from where it would have rested."""
@@ -187,21 +173,6 @@ def test_a_robot_that_is_told_to_go_on_as_it_closes_up_sets_off_without_a_jump(l
     assert stage.walk.steps_done > steps + 2
     for a, b in zip(stage.references, stage.references[1:], strict=False):
         assert np.linalg.norm(b.pendulum.com - a.pendulum.com - DT * a.pendulum.com_velocity) < 1e-4
-
-
-def test_a_quick_walk_whose_source_is_exchanged_closes_up_quickly() -> None:
-    stage = Stage()
-    stage.source.follow(GoalSource((20.0, 0.0, 0.0), stage.source.velocity_source()))
-    stage.run(6.15)
-    quick = stage.walk.phases.plan.gait
-    assert quick.single_support < 0.6
-    source = stage.source.velocity_source()
-    source.target = (0.0, 0.0, 0.0)
-    stage.source.follow(source)
-    stage.run(0.02)
-    assert stage.walk.phases.plan.gait.single_support == quick.single_support
-    stage.run(4.0)
-    assert stage.walk.finished and stage.source.velocity_source().pace == 0.0
 
 
 @pytest.mark.parametrize(
@@ -246,42 +217,6 @@ def test_steps_to_a_goal_are_the_same_in_a_world_that_is_moved_and_turned(
         )
 
 
-def test_the_velocity_to_a_goal_is_what_the_next_two_steps_need() -> None:
-    """From afar it turns to the goal first; near it every part goes by two steps."""
-    now = standing("hrp4_class")
-    drive = VelocitySource(Reach.of(ROBOTS["hrp4_class"]), SIZES["hrp4_class"])
-    gait = Gait.for_speed(AT_REST, now.start.gait)
-    two = 2.0 * (gait.single_support + gait.double_support)
-    forward, left, turn = np.array(GoalSource((0.4, -0.2, 0.3), drive)._velocity(now)) * two
-    assert (forward, left, turn) == pytest.approx((0.4, -0.2, 0.3))
-    aside = math.atan2(0.4, 3.0)
-    forward, left, turn = GoalSource((3.0, 0.4, 2.0), drive)._velocity(now)
-    assert (left, turn * two) == pytest.approx((0.0, aside))
-    assert forward == pytest.approx(
-        (1.0 - aside / 0.5) * min(drive.settings.fastest[0], 3.03 / two), rel=1e-2
-    )
-
-
-def test_a_robot_whose_landings_are_put_off_stands_beside_its_goal() -> None:
-    """Both feet land 50 mm further out than planned, as those of `g1` in hybrid control, which marched for ever."""
-    stage = Stage()
-    source = GoalSource((0.3, 0.0, 0.0), stage.source.velocity_source())
-    start, first = FootstepPlan.standing(ROBOTS["hrp4_class"]), None
-    start = replace(start, gait=replace(start.gait, feet_spacing=start.spacing))
-    for begun in range(16):
-        plan = source.footsteps(Standing(start, first, begun, False, float(begun)))
-        if not plan.steps:
-            break
-        step = plan.steps[0]
-        landed = replace(step, y=step.y + (0.05 if step.side == "left" else -0.05))
-        start, first = replace(start, **{step.side: landed}), "right" if step.side == "left" else "left"
-        if len(plan.steps) == 1:  # it has closed up
-            first = None
-    assert source.reached and begun < 12
-    middle = 0.5 * (start.left.position + start.right.position)
-    assert np.linalg.norm(middle[:2] - (0.3, 0.0)) < 0.08
-
-
 def test_sources_are_exchanged_while_it_walks() -> None:
     """A plan from the start, a velocity, another plan, a planner of one's own."""
     stage = Stage(plan=walk_distance(FootstepPlan.standing(ROBOTS["hrp4_class"]), 1.0))
@@ -307,64 +242,6 @@ def test_sources_are_exchanged_while_it_walks() -> None:
     stage.run(10.0)
     assert own.asked > 3 and stage.walk.finished and stage.walk.steps_done - done >= 3
     assert phases.completed == stage.walk.steps_done
-
-
-def test_steps_of_a_plan_are_expected_where_the_last_foot_has_found_the_ground() -> None:
-    """A plan keeps its places; its height is that of the ground, of which the estimate drifts."""
-    start = FootstepPlan.standing(ROBOTS["hrp4_class"])
-    stairs = replace(
-        start, steps=tuple(replace(s, z=0.1 * i) for i, s in enumerate(walk_distance(start, 0.5).steps))
-    )
-    source = PlanSource(stairs)
-    assert source.footsteps(Standing(start, None, 3, False, 0.0)).steps == stairs.steps
-    sunk = replace(start, **{stairs.steps[1].side: replace(stairs.steps[1], z=0.1 - 0.03)})
-    rest = source.footsteps(Standing(sunk, None, 5, False, 0.0)).steps
-    assert [(step.side, step.x, step.y) for step in rest] == [(s.side, s.x, s.y) for s in stairs.steps[2:]]
-    assert [step.z for step in rest] == pytest.approx([step.z - 0.03 for step in stairs.steps[2:]])
-
-
-def test_stairs_of_a_plan_that_is_followed_are_climbed_as_those_of_a_walk_and_nothing_after_them() -> None:
-    start = FootstepPlan.standing(ROBOTS["hrp4_class"])
-    stairs = climb_stairs(start, rise=0.05, tread=0.25, count=2, first_edge=0.2)
-    walked, followed = Stage(plan=stairs), Stage()
-    followed.source.follow(stairs)
-    swings: list[list[np.ndarray]] = [[], []]
-    for stage, heights in zip((walked, followed), swings, strict=True):
-        while stage.walk.steps_done < 2:
-            stage.run(DT)
-            side = stage.walk.phases.swing
-            if side is not None:
-                heights.append(stage.references[-1].feet[side == "right"].placement.translation)
-    np.testing.assert_allclose(swings[1], swings[0], atol=1e-9)
-    for stage in (walked, followed):
-        stage.run(8.0)
-        stage.steer((0.1, 0.0, 0.0))
-        stage.run(4.0)
-        assert stage.walk.phases.plan.gait == replace(stairs.gait, feet_spacing=start.spacing)
-        assert stage.walk._swing_gait == stage.walk.phases.plan.gait, "level ground again"
-
-
-def test_timings_that_are_rounded_while_a_robot_is_steered_are_not_logged(
-    caplog: pytest.LogCaptureFixture,
-) -> None:
-    """Gaits of a speed are multiples of 10 ms; at a period of 4 ms every plan would say so, ten times a second."""
-    robot, period = ROBOTS["hrp4_class"], 0.004
-    settings = WalkSettings(phases=BY_TIME, adjustment=None)
-    source = LipmWalk(robot, FootstepPlan.standing(robot), period, WalkingControlSettings(walk=settings))
-    walk = source.walk
-    source.velocity = (0.3, 0.0, 0.0)
-    for tick in range(700):
-        source.plan_steps(tick * period)
-        walk.update([0.0, 0.0])
-    assert walk.phases.plan.gait.single_support == pytest.approx(142 * period) and not caplog.records
-    gait = Gait(single_support=0.801)
-    walk = Walk(
-        robot, walk_distance(FootstepPlan.standing(robot, gait), 0.3), float(robot.com[2]), DT, settings
-    )
-    (note,) = walk.notes
-    assert "single_support of 0.801 s rounded to 0.8 s" in note and note in caplog.text, (
-        "what the user gave is said"
-    )
 
 
 class Own(FootstepSource):
@@ -407,52 +284,6 @@ def test_a_planner_that_fails_brings_the_robot_to_a_stand(
     assert stage.walk.finished and reason in stage.source.reason and stage.walk.steps_done - done <= 3
 
 
-def test_a_plan_grants_the_mean_velocity_of_its_next_two_steps() -> None:
-    robot = load("hrp4_class").robot()
-    standing = FootstepPlan.standing(robot)
-    plan = walk_distance(standing, 0.2)
-    walking = WalkingControl(robot, replace(plan, steps=plan.steps[:2]), 0.005)
-    gait, (forward, left, turn) = plan.gait, walking.granted_velocity
-    ahead = plan.steps[1].x - plan.left.x
-    assert forward == pytest.approx(ahead / (2.0 * (gait.single_support + gait.double_support)))
-    assert (left, turn) == pytest.approx((0.0, 0.0), abs=1e-9)
-
-
-def test_velocities_that_are_refused() -> None:
-    robot = load("hrp4_class").robot()
-    walking = WalkingControl(robot, FootstepPlan.standing(robot), DT, extent=(-1.0, 1.0, -1.0, 1.0))
-    for bad in ((0.1, 0.0), (0.1, 0.0, math.nan), (math.inf, 0.0, 0.0), "fast", (0.1, 0.0, 99.0)):
-        with pytest.raises(InputError, match="velocity"):
-            walking.velocity = bad  # type: ignore[assignment]
-        with pytest.raises(InputError, match="velocity"):
-            Gait.for_speed(bad[:2])  # type: ignore[arg-type]
-    assert walking.velocity is None
-    for bad in (None, "left", VelocitySource.footsteps):
-        with pytest.raises(InputError, match="footsteps come from a FootstepPlan or a FootstepSource"):
-            walking.follow(bad)  # type: ignore[arg-type]
-    with pytest.raises(InputError, match="the ground extends"):
-        walking.go_to(3.0, 0.0, 0.0)
-    walking.go_to(0.5, 0.0, 0.0)
-    walking.velocity = (0.1, 0.0, 0.0)
-    assert walking.velocity == (0.1, 0.0, 0.0) and walking.granted_velocity == AT_REST
-    with pytest.raises(InputError, match=r"velocity to the left \(m/s\) must lie in"):
-        walking.velocity = (0.1, 100.0, 0.0)
-
-
-def test_a_height_that_is_given_bounds_steps_as_the_same_height_by_default() -> None:
-    """The ankles of g1 bind to the side: quick steps alone may be wide."""
-    robot = load("g1").robot()
-    plan = FootstepPlan.standing(robot)
-    height = bent_height(robot, wbc.walking.WalkingControlSettings().drive.stretch)
-    walks = [
-        WalkingControl(robot, plan, DT, wbc.walking.WalkingControlSettings(com_height=given)).walk
-        for given in (None, height)
-    ]
-    assert walks[0].reach == walks[1].reach
-    assert walks[0].reach.quick_spacing is not None
-    assert walks[0].reach.max_spacing < walks[0].reach.quick_spacing
-
-
 def test_gait_for_a_speed() -> None:
     """Quicker and lower steps at higher speed; explicit values win."""
     assert Gait.for_speed((0.0, 0.0, 0.0)) == Gait()
@@ -488,22 +319,6 @@ def test_the_reach_of_every_robot_grants_its_speed(name: str, least: float) -> N
     for i in range(30, 60):
         source.footsteps(now._replace(time=0.1 * i))
     assert source.granted == (0.2, 0.0, 0.0) and source.pace == 0.2
-
-
-def test_quick_steps_close_up_quickly() -> None:
-    """The last step keeps the gait of the others; a slow drive stops with the slow gait."""
-    for speed, quick in ((0.4, True), (0.1, False)):
-        stage = Stage()
-        stage.steer((speed, 0.0, 0.0))
-        stage.run(5.0)
-        assert stage.walk.reaction == (1.0 if quick else 0.0)
-        stage.steer(None)
-        swings = set()
-        while not stage.walk.finished:
-            stage.run(DT)
-            if stage.walk.phases.phase is Phase.SINGLE:
-                swings.add(round(stage.walk.phases.duration, 3))
-        assert max(swings) == pytest.approx(0.47 if quick else 0.8)
 
 
 def test_a_standing_robot_is_not_done_once_it_has_somewhere_to_go() -> None:

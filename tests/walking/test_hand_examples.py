@@ -36,16 +36,6 @@ def run(module: ModuleType, *arguments: str) -> dict[str, Any]:
     return result
 
 
-def test_every_example_takes_the_common_options(example: Example, capsys: pytest.CaptureFixture[str]) -> None:
-    assert {path.stem for path in FOLDER.glob("*.py")} == {*NAMES, "_hands"}
-    for name in NAMES:
-        assert len((FOLDER / f"{name}.py").read_text(encoding="utf-8").splitlines()) <= 60
-        with pytest.raises(SystemExit, match="0"):
-            example(name).main(["--help"])
-        text = capsys.readouterr().out
-        assert "--view" in text and "--robot" in text and "--seed" in text
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize(("on", "force", "robot"), [("table", 60.0, "g1"), ("wall", 100.0, "hrp4_class")])
 def test_a_press_is_held(example: Example, on: str, force: float, robot: str) -> None:

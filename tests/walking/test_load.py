@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from wbc.core.errors import InputError, UnknownNameError
+from wbc.core.errors import InputError
 from wbc.core.estimation.outside import OutsideSettings, OutsideWrench
 from wbc.core.robot import GRAVITY
 from wbc.robots import load as load_robot
@@ -119,44 +119,6 @@ def test_a_load_of_known_weight_is_found_from_the_wrench_it_makes() -> None:
     assert (load.place - load.middle)[:2] == pytest.approx([0.04, 0.03], abs=1e-3)
     load.release()
     assert load.mass == 0.0 and robot.mass == pytest.approx(DESCRIPTION.robot().mass)
-
-
-def test_a_load_that_another_control_has_left_in_the_model_is_none_of_the_next() -> None:
-    robot = DESCRIPTION.robot()
-    own = robot.mass
-    for mass in (3.0, 0.0):
-        load, outside = HeldLoad(robot), OutsideWrench(robot, OutsideSettings(tare=0.0))
-        assert robot.mass == pytest.approx(own) and load.applied == 0.0
-        for _ in range(400):
-            outside.wrench = np.array([0.0, 0.0, (load.applied - mass) * GRAVITY, 0.0, 0.0, 0.0])
-            load.update(outside, DT)
-        assert robot.mass == pytest.approx(own + mass, abs=0.05)
-
-
-def test_small_errors_are_no_load_and_no_load_exceeds_its_bound() -> None:
-    robot = DESCRIPTION.robot()
-    load, outside = HeldLoad(robot), OutsideWrench(robot, OutsideSettings(tare=0.0))
-    own = robot.mass
-    for weight, expected in ((2.0, 0.0), (-50.0, 0.0), (1e4, load.settings.largest * own)):
-        outside.wrench = np.array([0.0, 0.0, -weight, 0.0, 0.0, 0.0])
-        for _ in range(200):
-            load.update(outside, DT)
-        assert load.applied == pytest.approx(expected, rel=1e-3)
-        load.release()
-
-
-@pytest.mark.parametrize(
-    ("settings", "error", "words"),
-    [
-        (LoadSettings(hands=("left_hnd",)), UnknownNameError, "left_hand"),
-        (LoadSettings(hands=("universe",)), InputError, "does not move"),
-    ],
-)
-def test_hands_that_cannot_hold_are_refused(
-    settings: LoadSettings, error: type[Exception], words: str
-) -> None:
-    with pytest.raises(error, match=words):
-        HeldLoad(DESCRIPTION.robot(), settings)
 
 
 def test_loads_that_no_robot_carries_are_refused_before_anything_moves() -> None:

@@ -8,12 +8,10 @@ from dataclasses import replace
 import numpy as np
 import pinocchio as pin
 import pytest
-import qpsolvers
 from pendulum import analytic_pattern
 from scipy.spatial import ConvexHull
 
 from wbc.core.errors import InputError
-from wbc.core.qp.other_solvers import standard_form
 from wbc.core.qp.solver import Status
 from wbc.robots import load
 from wbc.tasks.stabilizer.pendulum import Pendulum
@@ -150,15 +148,6 @@ def test_the_height_follows_stairs_smoothly(rise: float) -> None:
         time += support.duration
 
 
-def test_heights_continue_from_the_present_motion() -> None:
-    moves = (np.array([0.0, 0.0, value]) for value in (HEIGHT + 0.05, -0.02, 0.1))
-    com, velocity, acceleration = moves
-    start = REST._replace(com=com, com_velocity=velocity, com_acceleration=acceleration)
-    profile = HeightProfile(WALK, HEIGHT, start)
-    np.testing.assert_allclose(profile.at(0.0), (0.05, -0.02, 0.1), atol=1e-12)
-    np.testing.assert_allclose(profile.at(3.0), (0.0, 0.0, 0.0), atol=1e-12)
-
-
 def test_a_last_step_down_takes_the_height_to_the_middle_of_both_feet() -> None:
     """From the middle of the single support to the end of the double support after it, by a quintic."""
     supports = schedule(replace(START, steps=(Footstep("left", 0.1, 0.0875, -0.06),)))
@@ -274,16 +263,6 @@ def test_the_zmp_stays_inside_and_the_dcm_is_taken_over() -> None:
     assert reached > 20
 
 
-def test_the_qp_is_solved_as_another_solver_solves_it() -> None:
-    plan = analytic_pattern(WALK, HEIGHT, REST)
-    preview = PreviewController(SIZES, HEIGHT)
-    rng = np.random.default_rng(4)
-    for t in (0.0, 1.3, 2.05, 3.0):
-        preview.plan(remaining(WALK, t), pushed(plan.at(t), rng.uniform(-0.03, 0.03, 2)))
-        solution = qpsolvers.solve_problem(standard_form(preview._problem), solver="daqp")
-        np.testing.assert_allclose(preview._solver.x, solution.x, atol=1e-6)
-
-
 def test_from_rest_the_weight_is_shifted_within_the_feet() -> None:
     preview = PreviewController(SIZES, HEIGHT)
     pattern = preview.plan(WALK, REST)
@@ -291,31 +270,6 @@ def test_from_rest_the_weight_is_shifted_within_the_feet() -> None:
     zmp = np.array([pattern.at(t).zmp[:2] for t in np.arange(0.0, 0.8, 0.02)])
     assert max(inside(area, z) for z in zmp) < 1e-6
     assert zmp[:, 1].max() > 0.01 and zmp[-1, 1] < -0.04  # first away from the stance foot, then to it
-
-
-def test_standing_plans_keep_standing_and_bad_settings_are_refused() -> None:
-    preview = PreviewController(SIZES, HEIGHT)
-    pattern = preview.plan(schedule(START), pushed(REST, np.array([0.02, 0.01])))
-    np.testing.assert_allclose(pattern.at(6.0).com, REST.com, atol=1e-4)
-    with pytest.raises(InputError, match="margin"):
-        PreviewController(SIZES, HEIGHT, PreviewSettings(margin=0.04))
-    with pytest.raises(InputError, match="height"):
-        PreviewController(SIZES, 0.0)
-    with pytest.raises(InputError, match="at least one support"):
-        preview.plan((), REST)
-
-
-def test_a_higher_cost_of_rates_makes_the_correction_of_a_push_smoother() -> None:
-    """The rate is that of the way which the ZMP goes beside its reference."""
-    start = pushed(REST, np.array([0.004, 0.002]))
-    times = np.arange(0.0, 1.5, 0.005)
-    roughness = []
-    for weight in (0.0, 1e-3, 1e-1):
-        controller = PreviewController(SIZES, HEIGHT, PreviewSettings(rate_weight=weight))
-        plans = [controller.plan(WALK, state) for state in (REST, start)]
-        zmp, pushed_zmp = (np.array([plan.at(t).zmp[:2] for t in times]) for plan in plans)
-        roughness.append(np.square(np.diff(pushed_zmp - zmp, axis=0)).sum())
-    assert roughness[0] > roughness[1] * 1.02 and roughness[1] > roughness[2] * 1.02
 
 
 @pytest.mark.parametrize("name", ["hrp4_class", "talos", "g1"])

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -168,29 +167,6 @@ def test_stopping_on_both_feet() -> None:
     assert w.finished
 
 
-@pytest.mark.parametrize("first", ["left", "right"])
-def test_stopping_before_the_first_step_closes_up_with_the_foot_that_gives_up_its_load(first: str) -> None:
-    apart = replace(START, **{first: replace(getattr(START, first), x=-0.1)})
-    w = WalkPhases(walk_distance(apart, 0.5, first=first), WEIGHT)
-    w.start()
-    run(w, ideal, 0.3)
-    w.stop()
-    assert [step.side for step in w.plan.steps] == [first]
-    assert w.plan.final[0].x == pytest.approx(w.plan.final[1].x)
-
-
-@pytest.mark.parametrize("rest", [0.1, 0.4, 0.79])
-def test_a_robot_that_goes_on_as_it_comes_to_rest_has_time_to_shift_its_weight(rest: float) -> None:
-    """As much as from a stand, however soon it would have stood."""
-    w = walking(0.1)
-    while w.step < len(w.plan):
-        until(w, ideal, Event.TOUCH_DOWN)
-    run(w, ideal, rest)
-    assert w.phase is Phase.DOUBLE
-    w.steer(walk_distance(replace(START, left=w.plan.final[0], right=w.plan.final[1]), 0.3).steps)
-    assert w.remaining == pytest.approx(w.plan.gait.initial_double_support)
-
-
 def test_landings_and_times_can_change_on_the_way() -> None:
     w = walking(1.0)
     before = w.plan
@@ -206,17 +182,3 @@ def test_landings_and_times_can_change_on_the_way() -> None:
     assert w.plan.steps[0] == landing and w.plan.steps[1].x == pytest.approx(before.steps[1].x + 0.03)
     with pytest.raises(InputError, match="left foot"):
         w.land(Footstep("right", 0.0, 0.0))
-
-
-def test_bad_use_is_refused() -> None:
-    w = walking()
-    with pytest.raises(InputError, match="only start from standing"):
-        w.start()
-    with pytest.raises(InputError, match="steps left"):
-        WalkPhases(START, WEIGHT).start()
-    with pytest.raises(InputError, match="no step -1"):
-        WalkPhases(walk_distance(START, 1.0), WEIGHT).land(START.left)
-    with pytest.raises(InputError, match="weight"):
-        WalkPhases(START, 0.0)
-    with pytest.raises(InputError, match="control period"):
-        w.update([100.0, 100.0], 0.0)

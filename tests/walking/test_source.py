@@ -18,7 +18,7 @@ from wbc.app.scene.shapes import HIDDEN
 from wbc.app.scene.sources import PlantSource
 from wbc.core.errors import InputError
 from wbc.robots import load
-from wbc.walking import FootstepPlan, Reference, Stand, State, WalkingControl, WalkingControlSettings
+from wbc.walking import Reference, Stand, State, WalkingControl, WalkingControlSettings
 from wbc.walking.falls import FallSettings
 from wbc.walking.planning.phases import Phase
 from wbc.walking.source import Progress, WholeBody
@@ -101,23 +101,6 @@ def test_a_source_that_raises_fails_its_ticks_and_the_robot_gets_commands() -> N
         assert np.isfinite(command.joint_torque).all()
         plant.step(command)
     assert walking.control.failures == 20 and "no reference" in walking.control.reason
-
-
-def test_a_source_that_cannot_be_steered_says_so_in_one_sentence() -> None:
-    robot = DESCRIPTION.robot()
-    walking = WalkingControl(robot, Stand(robot), 0.005)
-    for order in (
-        lambda: setattr(walking, "velocity", (0.1, 0.0, 0.0)),
-        lambda: walking.go_to(1.0, 0.0, 0.0),
-        lambda: walking.follow(FootstepPlan.standing(robot)),
-        walking.stop,
-    ):
-        with pytest.raises(InputError, match="a robot that stands cannot be steered"):
-            order()
-    assert walking.velocity is None and not walking.steered and walking.granted_velocity == (0.0, 0.0, 0.0)
-    assert walking.source.limits == (0.0, 0.0, 0.0, 0.0)
-    with pytest.raises(InputError, match="only a LIPM walk has phases"):
-        _ = walking.walk
 
 
 def test_sources_that_the_stabilizer_cannot_follow_are_refused() -> None:

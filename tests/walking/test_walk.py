@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 
@@ -18,7 +17,6 @@ from wbc.tasks.stabilizer.distribution import WrenchDistribution
 from wbc.tasks.stabilizer.gains import StabilizerGains
 from wbc.tasks.stabilizer.pendulum import Pendulum, natural_frequency
 from wbc.tasks.stabilizer.stabilizer import Stabilizer
-from wbc.walking.control import WalkingControl
 from wbc.walking.ground import Ground
 from wbc.walking.planning.adjustment import AdjustmentSettings, StepAdjuster
 from wbc.walking.planning.footsteps import Footstep, FootstepPlan
@@ -303,70 +301,6 @@ def test_a_foot_that_stands_is_wanted_where_it_landed_wherever_its_corrections_t
     assert landed is not None and walk.steps_done == len(walk.phases.plan)
 
 
-def test_until_it_starts_the_pendulum_rests_and_then_changes_its_height_smoothly() -> None:
-    com = np.array([0.5 * (START.left.x + START.right.x), 0.0, HEIGHT + 0.05])
-    walk = Walk(ROBOT, walk_distance(START, 0.6), HEIGHT, DT, STEADY, com=com)
-    for _ in range(round(2.0 / DT)):
-        pendulum = walk.update((WEIGHT / 2, WEIGHT / 2)).pendulum
-        np.testing.assert_array_equal(pendulum.com, com)
-        assert not (pendulum.com_velocity.any() or pendulum.zmp_velocity.any())
-    walk.start()
-    heights = [com[2]]
-    while walk.phases.phase is not Phase.SINGLE:
-        heights.append(
-            walk.update((WEIGHT, 0.0) if walk.phases.remaining < DT else (0.0, WEIGHT)).pendulum.com[2]
-        )
-    assert heights[-1] == pytest.approx(HEIGHT, abs=0.01)
-    # The fastest of a quintic over the 0.8 s of the first double support and half a step.
-    assert np.abs(np.diff(heights)).max() < 1.9 * 0.05 / 0.8 * DT
-    assert np.abs(np.diff(heights, 2)).max() < 5.8 * 0.05 / 0.8**2 * DT**2
-
-
-@pytest.mark.parametrize(("phase", "level"), [(Phase.SINGLE, 0.02), (Phase.DOUBLE, -0.02)])
-def test_the_step_that_closes_up_expects_the_ground_where_it_was(phase: Phase, level: float) -> None:
-    wanted: list[float] = []
-
-    def act(walk: Walk, time: float) -> None:
-        """Stop in the fifth step, and say so in every tick from then on."""
-        if walk.phases.step == 5 and walk.phases.phase is phase and not wanted:
-            wanted.append(math.nan)
-        if wanted:
-            walk.stop()
-            if walk._swing is not None:
-                wanted.append(walk._swing.landing.z)
-
-    walk = run(walk_distance(START, 3.0), WalkSettings(), ground=lambda x, y: level, act=act).walk
-    assert walk.finished and walk.steps_done < 8
-    assert wanted[-1] == pytest.approx(level, abs=0.005)
-    assert walk.phases.plan.final[0].z == pytest.approx(level, abs=0.003)
-    left, right = walk.phases.plan.final
-    assert left.x == pytest.approx(right.x, abs=2e-3)
-
-
-@pytest.mark.parametrize("reaction", [0.0, 1.0])
-def test_a_swing_that_is_to_stop_is_compared_with_the_plan_that_stops(reaction: float) -> None:
-    """With a DCM that is just where the plan wants it nothing is moved, before a stop or after it."""
-    quick = replace(START, gait=Gait(step_length=0.28, single_support=0.5, double_support=0.1))
-    settings = WalkSettings(adjustment=AdjustmentSettings(threshold=1e-3, shift=10.0))
-    walk = Walk(ROBOT, walk_distance(quick, 3.0), HEIGHT, DT, settings)
-    walk.start()
-    walk.reaction = reaction
-    landings = []
-    while len(landings) < 60:
-        phases = walk.phases
-        if phases.step == 3 and phases.phase is Phase.SINGLE:
-            if phases.elapsed > 0.2:
-                walk.stop()
-            step = phases.plan.steps[3]
-            landings.append((step.x, step.y, phases.duration))
-        swing = SIDES.index(phases.plan.steps[phases.step].side)
-        loads = [WEIGHT, WEIGHT]
-        loads[swing] = WEIGHT if phases.phase is Phase.SINGLE and phases.remaining <= DT else 0.0
-        walk.update(loads, None, walk._pattern.at(walk._time + DT).dcm[:2] + walk._reaction.dcm)
-    assert np.any(walk._reaction.dcm) == bool(reaction)
-    np.testing.assert_allclose(landings, [landings[0]] * len(landings), atol=1e-3)
-
-
 def test_step_adjustment_survives_greater_pushes() -> None:
     plan = walk_distance(START, 0.4)
     survived = {}
@@ -386,37 +320,6 @@ def test_without_a_push_no_step_is_moved() -> None:
 
 
 # Bad input
-
-
-@pytest.mark.parametrize("move", [(0.022, 0.0, 0.0, 0.0), (0.0, 0.0, 0.052, 0.0), (0.0, 0.0, 0.0, 0.052)])
-def test_a_plan_must_begin_where_the_robot_stands(move: tuple[float, float, float, float]) -> None:
-    *shift, turn = move
-    world = pin.SE3(pin.rpy.rpyToMatrix(0.0, 0.0, turn), np.array(shift))
-    robot = ROBOT.clone()
-    with pytest.raises(InputError, match="must begin where the robot stands"):
-        WalkingControl(robot, walk_distance(START, 0.3).moved(world), DT)
-    near = pin.SE3(pin.utils.rotate("z", 0.9 * turn), 0.9 * np.array(shift))
-    WalkingControl(robot, walk_distance(START, 0.3).moved(near), DT)
-
-
-@pytest.mark.parametrize(
-    ("make", "message"),
-    [
-        (lambda: Walk(ROBOT, walk_distance(START, 1.0), 1.2, DT), "CoM height"),
-        (lambda: Walk(ROBOT, walk_distance(START, 1.0), HEIGHT, -DT), "control period"),
-        (
-            lambda: Walk(ROBOT, walk_distance(START, 3.0), HEIGHT, DT, extent=(-1, 2, -1, 1)),
-            "leaves the ground",
-        ),
-        (
-            lambda: Walk(ROBOT, replace(START, gait=Gait(double_support=0.003)), HEIGHT, DT),
-            "two control periods",
-        ),
-    ],
-)
-def test_bad_input_is_refused_before_anything_moves(make: Callable[[], object], message: str) -> None:
-    with pytest.raises(InputError, match=message):
-        make()
 
 
 # Step adjustment on its own
@@ -498,22 +401,3 @@ def test_adjustment_moves_and_mirrors_with_the_world() -> None:
         flipped, again = adjust(error, plan=mirrored, flip=-1.0)
         np.testing.assert_allclose(here.position * [1, -1, 1], flipped.position, atol=1e-5)
         assert time == pytest.approx(same, abs=1e-5) == pytest.approx(again, abs=1e-5)
-
-
-def test_steps_that_are_refused_change_nothing() -> None:
-    """The gait that came with them is refused as well."""
-    plan = walk_distance(START, 0.3)
-    walks = [Walk(ROBOT, plan, HEIGHT, DT, STEADY) for _ in range(2)]
-    refused = [plan.steps[0], plan.steps[0]]
-    with pytest.raises(InputError):
-        walks[0].steer(refused, replace(plan.gait, swing_height=0.1))
-    heights = []
-    for walk in walks:
-        walk.start()
-        side = SIDES.index(plan.steps[0].side)
-        loads = (0.0, WEIGHT) if side == 0 else (WEIGHT, 0.0)
-        while walk.update(loads).phase is not Phase.SINGLE:
-            pass
-        heights.append([float(walk.update(loads).feet[side].placement.translation[2]) for _ in range(60)])
-    assert heights[0] == heights[1]
-    assert max(heights[0]) > 0.03

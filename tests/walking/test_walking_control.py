@@ -10,7 +10,6 @@ import pinocchio as pin
 import pytest
 
 from wbc.core.control import Mode
-from wbc.core.qp.contact import PointContact
 from wbc.core.robot import GRAVITY, Robot
 from wbc.core.signals import Measurement
 from wbc.robots import load
@@ -18,11 +17,10 @@ from wbc.tasks import OrientationTask
 from wbc.tasks.stabilizer.lean import LeanMotion
 from wbc.walking.control import WalkingControl
 from wbc.walking.falls import FallDetector, FallReason, FallSettings
-from wbc.walking.planning.footsteps import Footstep, FootstepPlan
-from wbc.walking.planning.phases import Phase
+from wbc.walking.planning.footsteps import FootstepPlan
 from wbc.walking.planning.planners import walk_distance
 from wbc.walking.settings import WalkingControlSettings
-from wbc.walking.source import Progress, WholeBody
+from wbc.walking.source import WholeBody
 
 DESCRIPTION = load("hrp4_class")
 DT = 0.005
@@ -80,27 +78,6 @@ def test_a_fall_has_its_reason_and_keeps_it() -> None:
     assert np.cos(FallSettings().tilt) == pytest.approx(0.8, abs=1e-4)
 
 
-def test_a_robot_that_sinks_below_its_target_has_fallen() -> None:
-    """Its knees give way while it stands; 50 mm are allowed."""
-    robot, walking = standing(WalkingControlSettings(falls=FallSettings(drop=0.05)))
-    stand, bend, q = float(robot.com[2]), 0.0, np.array(robot.half_sitting)
-    legs = [
-        (f"{side}_{joint}", sign)
-        for side in ("left", "right")
-        for joint, sign in (("hip_pitch", -1.0), ("knee_pitch", 2.0), ("ankle_pitch", -1.0))
-    ]
-    for tick in range(100):
-        assert walking.fallen is None or stand - robot.com[2] > 0.045
-        if stand - robot.com[2] < 0.07:
-            bend += 0.003
-        q = robot.configuration(
-            {j: robot.half_sitting[7 + robot.joint_index(j)] + sign * bend for j, sign in legs}
-        )
-        robot.update(q, np.zeros(robot.nv))
-        walking.command(sensors(robot, tick, q))
-    assert walking.fallen is FallReason.HEIGHT
-
-
 def test_feed_forward_is_the_inverse_dynamics_of_the_motion_under_the_desired_wrenches() -> None:
     """Of a commanded robot that moves, while pushed feet make the stabilizer want other wrenches than the QP."""
     settings = WalkingControlSettings()
@@ -152,49 +129,6 @@ def test_a_source_that_moves_the_whole_body_sets_com_trunk_and_joints(mode: Mode
         np.testing.assert_allclose(task.feedforward_acceleration, (0.6, 0.6, 0.6))
     posture = tasks.posture
     np.testing.assert_array_equal((posture.target, posture.feedforward_velocity), joints[:2])
-
-
-def test_the_scheduler_of_soft_soles_is_told_foot_time_and_landing(monkeypatch: pytest.MonkeyPatch) -> None:
-    robot, walking = standing(WalkingControlSettings())
-    command, asked = walking.command(sensors(robot, 0, robot.half_sitting)), []
-    landing = Footstep("right", 0.3, -0.1)
-
-    class Scheduler:
-        command = np.array((1.0, 2.0))
-
-        def update(self, *state: object) -> np.ndarray:
-            asked.append(state)
-            return np.array((3.0, 4.0))
-
-    for elapsed, expected in ((0.3, ("right", 0.375, 0.5)), (0.9, ("right", 1.0, 0.0))):
-        now = Progress(Phase.SINGLE, 1, 0, 2, elapsed, 0.8, (landing,), 1.1)
-        monkeypatch.setattr(WalkingControl, "progress", now)
-        assert walking._with_stiffness(command, Scheduler()).sole_stiffness.tolist() == [3.0, 4.0]
-        assert asked[-1][:3] == (expected[0], pytest.approx(expected[1]), pytest.approx(expected[2]))
-        assert asked[-1][3:5] == (walking.control.observer.robot, walking.control.measurement)
-        np.testing.assert_array_equal(asked[-1][5], landing.position)
-    for upcoming, swing in (((), 1), ((landing,), None)):
-        monkeypatch.setattr(WalkingControl, "progress", now._replace(upcoming=upcoming, swing=swing))
-        walking._with_stiffness(command, Scheduler())
-        assert asked[-1][0] == (None if swing is None else "right") and asked[-1][5] is None
-    _, fresh = standing(WalkingControlSettings())
-    assert fresh._with_stiffness(command, Scheduler()).sole_stiffness.tolist() == [1.0, 2.0]
-
-
-def test_a_contact_that_is_added_has_its_part_in_the_feed_forward() -> None:
-    """A hand on a wall: the feet get their desired wrenches, the hand the force of the QP."""
-    robot, walking = standing(WalkingControlSettings())
-    walking.command(sensors(robot, 0, robot.half_sitting))
-    hand = walking.controller.add(PointContact("left_hand", normal=(-1.0, 0.0, 0.0), min_force=20.0))
-    command = walking.command(sensors(robot, 1, robot.half_sitting, (0.02, -0.01)))
-    assert walking.control.status() == "ok"
-    solution, output, problem = walking.control.solution, walking.output, walking.controller.problem
-    assert solution is not None and output is not None
-    forces = np.concatenate((output.feet.wrenches.reshape(-1), solution.wrenches[hand.name]))
-    assert forces[-1] > 19.0
-    x = np.concatenate((solution.accelerations, forces))
-    expected = problem.torque_matrix @ x + problem.torque_bias
-    np.testing.assert_allclose(command.joint_torque, expected, atol=1e-9)
 
 
 def turned(yaw: float) -> Robot:

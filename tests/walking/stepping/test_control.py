@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
 import pytest
 
 import wbc
@@ -13,10 +12,8 @@ from wbc.core.errors import InputError
 from wbc.sim import walk
 from wbc.sim.plant.falls import TrueFallDetector
 from wbc.walking.planning.phases import Phase
-from wbc.walking.stepping.control import OBSERVER, SteppingControl, SteppingControlSettings
-from wbc.walking.stepping.settings import SteppingSettings
+from wbc.walking.stepping.control import SteppingControl, SteppingControlSettings
 
-DESCRIPTION = wbc.load_robot("g1")
 PERIOD = 0.002
 
 
@@ -92,28 +89,6 @@ def test_a_velocity_that_is_no_number_is_refused_and_changes_nothing() -> None:
     assert walking.granted_velocity[2] == limits.turn
     walking.velocity = (0.0, 0.0, 0.0)
     assert walking.velocity is None, "zero is a stand"
-
-
-@pytest.mark.parametrize("mode", ["torque", "position"])
-def test_an_observer_that_is_given_is_used(mode: Mode) -> None:
-    robot, settings = DESCRIPTION.robot(), SteppingControlSettings(mode=mode)
-    own = wbc.Observer(robot)
-    assert SteppingControl(robot, PERIOD, settings, observer=own).control.observer is own
-    made = SteppingControl(robot, PERIOD, settings).control.observer
-    assert made.settings is OBSERVER and (made.robot is robot) == (mode == "torque")
-
-
-def test_a_walk_that_has_not_begun_stands_and_has_its_settings_checked() -> None:
-    plant, walking = standing()
-    assert walking.reference is None and walking.progress.phase is Phase.STANDING
-    assert walking.fallen is None and walking.steps_done == 0 and not walking.done
-    run(plant, walking, 0.6)
-    assert walking.finished and walking.done
-    np.testing.assert_allclose(walking.granted_velocity, 0.0)
-    with pytest.raises(InputError, match="shortest ≤ step_time"):
-        SteppingControl(
-            DESCRIPTION.robot(), PERIOD, SteppingControlSettings(gait=SteppingSettings(shortest=2.0))
-        )
 
 
 @pytest.mark.slow
