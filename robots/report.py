@@ -44,6 +44,9 @@ INERTIA_UNITS = {
 }
 """Units of inertia that files have by mistake → in kg m²."""
 
+FASTEST = 100.0
+"""Speed limit from which on a joint is doubtful, rad/s or m/s: drives of humanoids reach 40."""
+
 FULL_LEG = 6
 """Joints of a leg that can put its sole anywhere."""
 
@@ -111,7 +114,7 @@ def report(facts: Mapping[str, Any]) -> str:
         )
     lines.append(f"  torso {facts['torso']}, IMU {facts['imu']}, hands {facts['hands'] or 'none'}")
     lines.append(
-        f"  {'joint':<28}{'range deg':>16}{'rad/s':>8}{'Nm':>8}{'half-sitting deg':>18}{'kg m²':>9}{'kp':>9}{'kd':>8}"
+        f"  {'joint':<28}{'range deg':>16}{'rad/s':>10}{'Nm':>9}{'half-sitting deg':>18}{'kg m²':>9}{'kp':>9}{'kd':>8}"
         "  gains"
     )
     sliding = [name for name, joint in facts["joints"].items() if joint["unit"] == "m"]
@@ -119,7 +122,7 @@ def report(facts: Mapping[str, Any]) -> str:
         shown = 1e3 if joint["unit"] == "m" else np.degrees(1.0)
         low, high = shown * np.array(joint["position"])
         lines.append(
-            f"  {name:<28}{f'{low:.0f} .. {high:.0f}':>16}{joint['velocity']:>8.2f}{joint['torque']:>8.1f}"
+            f"  {name:<28}{f'{low:.0f} .. {high:.0f}':>16}{joint['velocity']:>10.2f}{joint['torque']:>9.1f}"
             f"{shown * joint['half_sitting']:>18.2f}{joint['armature']:>9.4f}{joint['kp']:>9.0f}{joint['kd']:>8.1f}"
             f"  {joint['gains']}"
         )
@@ -152,6 +155,8 @@ def doubts(robot: Any) -> tuple[str, ...]:
         found.append(
             "torque limits that the file does not give are guessed from mass and size; see the list above"
         )
+    if fast := [n for n, v in zip(robot.joint_names, robot.velocity_limit, strict=True) if v > FASTEST]:
+        found.append(f"speed limits above {FASTEST:g} rad/s, in another unit or none? {_listed(fast)}")
     limits = [*zip(robot.joint_names, *robot.position_limits, strict=True)]
     if wide := [name for name, low, high in limits if _is_taken(low, high)]:
         found.append(f"no position limits (±π taken): {listed(wide)}")

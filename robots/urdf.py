@@ -16,7 +16,7 @@ import pinocchio as pin
 
 from wbc.core.errors import Array, InputError, ModelError, choose, finite_scalar, shown, shown_path
 from wbc.core.files import read_xml
-from wbc.core.robot import GRAVITY
+from wbc.core.robot import GRAVITY, UNLIMITED
 
 Element = ElementTree.Element
 
@@ -191,11 +191,11 @@ def tidy(root: Element) -> list[str]:
             raise ModelError(
                 f"joint '{name}' has the empty position range [{limit.get('lower')}, {limit.get('upper')}]"
             )
-        if not 0.0 < _number(limit, "velocity", name) < math.inf:
+        if not 0.0 < _number(limit, "velocity", name) < UNLIMITED:
             limit.set("velocity", repr(DEFAULT_VELOCITY[str(joint.get("type"))]))
             notes.append(f"joint '{name}': no velocity limit given, {limit.get('velocity')}")
         # Pinocchio's parser needs the attribute; zero means "not given" until the torque rule has seen the model.
-        if not 0.0 < _number(limit, "effort", name) < math.inf:
+        if not 0.0 < _number(limit, "effort", name) < UNLIMITED:
             limit.set("effort", "0")
     return notes
 
@@ -282,14 +282,16 @@ def set_limits(
     """Write limits into the joints of a tidied `<robot>`.
 
     By joint: position (lower, upper), rad or m; velocity, rad/s or m/s; torque, Nm or N. Raises `UnknownNameError` for
-    no such moving joint, `InputError` for a number that is not finite or positive, or an empty range.
+    no such moving joint, `InputError` for a limit that is none or not above zero, or an empty range.
     """
     moving = joints(root, MOVING)
     for what, values in (("velocity", velocity), ("torque", torque)):
         for name, value in (values or {}).items():
             choose("joint", name, moving)
-            if not (math.isfinite(value) and value > 0.0):
-                raise InputError(f"{what} limit of joint '{name}' must be finite and above zero, got {value}")
+            if not 0.0 < value < UNLIMITED:
+                raise InputError(
+                    f"{what} limit of joint '{name}' must be above zero and below {UNLIMITED:g}, got {value}"
+                )
             _limit_of(moving[name]).set("effort" if what == "torque" else what, repr(float(value)))
     for name, (lower, upper) in (position or {}).items():
         choose("joint", name, moving)

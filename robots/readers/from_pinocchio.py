@@ -8,10 +8,8 @@ import numpy as np
 import pinocchio as pin
 
 from wbc.core.errors import Array, ModelError
+from wbc.core.robot import UNLIMITED
 from wbc.robots.readers.write_urdf import UrdfWriter
-
-UNBOUNDED = 1e6
-"""Limits from this size on are none, rad, m, Nm or N."""
 
 
 def write(model: pin.Model, name: str) -> tuple[UrdfWriter, dict[str, dict[str, float]]]:
@@ -69,10 +67,10 @@ def _write_joint(urdf: UrdfWriter, model: pin.Model, data: pin.Data, number: int
     i, v = joint.idx_q, joint.idx_v
     limits = {}
     low, high = float(model.lowerPositionLimit[i]), float(model.upperPositionLimit[i])
-    if joint.nq == 1 and abs(low) < UNBOUNDED and abs(high) < UNBOUNDED:
+    if joint.nq == 1 and abs(low) < UNLIMITED and abs(high) < UNLIMITED:
         limits = {"lower": low, "upper": high}
     for key, value in (("velocity", model.upperVelocityLimit[v]), ("effort", model.upperEffortLimit[v])):
-        if 0.0 < value < UNBOUNDED:
+        if 0.0 < value < UNLIMITED:
             limits[key] = float(value)
     kind = ("revolute" if joint.nq == 1 else "continuous") if turns else "prismatic"
     axis = motion[3:] if turns else motion[:3]

@@ -21,9 +21,6 @@ from wbc.sim.scenes.base import Scene, make_scene
 from wbc.sim.terrain.render import TERRAIN_GROUP, add_to_spec
 from wbc.sim.terrain.spec import Terrain
 
-UNLIMITED_TORQUE = 1e6
-"""Torque limits from this value on are none, Nm."""
-
 MAX_PAIRS = 240
 """Pairs of geoms, of a body of a foot and one of the ground, above which MuJoCo's trees of boxes are quicker.
 
@@ -207,11 +204,9 @@ def _add_servos(spec: mujoco.MjSpec, robot: RobotDescription) -> None:
         # The URDF importer clamps in the joint as well. Both clamps are set to one value, so that what the actuator
         # reports is what the joint gets.
         limit = float(robot.torque_limit[i])
-        limited = limit < UNLIMITED_TORQUE
-        joint.actfrclimited, actuator.forcelimited = limited, limited
-        if limited:
-            least, most = robot.torque_ranges.get(name, (-limit, limit))
-            joint.actfrcrange, actuator.forcerange = [least, most], [least, most]
+        least, most = robot.torque_ranges.get(name, (-limit, limit))
+        joint.actfrclimited, actuator.forcelimited = True, True
+        joint.actfrcrange, actuator.forcerange = [least, most], [least, most]
 
 
 def _add_feet(spec: mujoco.MjSpec, robot: Robot, foot: Foot) -> tuple[FootParts, ...]:

@@ -9,7 +9,8 @@ from task_factory import ROBOTS, integrate, make_robot, standing
 
 from wbc.core.errors import Array
 from wbc.core.limits.rows import BrakingLaw, JointLimits, TorqueLimits
-from wbc.core.robot import Robot
+from wbc.core.qp.controller import Controller
+from wbc.core.robot import UNLIMITED, Robot
 from wbc.tasks import CoMTask, PostureTask
 
 robots = pytest.mark.parametrize("name", by_default(ROBOTS, "hrp4_class"))
@@ -107,6 +108,33 @@ def test_joint_never_passes_its_bound_between_ticks() -> None:
             turn = np.clip(-v / np.where(a == 0.0, 1e-12, a), 0.0, dt)
             peak = q + v * turn + 0.5 * a * turn**2
             assert (peak <= limits.upper + TOLERANCE).all()
+
+
+@pytest.mark.parametrize("side", [-1.0, 1.0])
+@pytest.mark.parametrize("speed", [0.0, -0.2, 0.25])
+def test_the_way_back_into_the_range_is_no_faster_than_the_velocity_limit(side: float, speed: float) -> None:
+    robot = make_robot("hrp4_class")
+    limits = JointLimits(velocity_ratio=0.1)
+    limits.bind(robot)
+    robot.q[7:] = np.where(side > 0, limits.upper, limits.lower) + 0.3 * side
+    robot.v[6:] = -side * np.minimum(speed, limits.velocity)
+    joints, greatest = DoubleIntegrators(robot, limits, 0.005), np.zeros(robot.na)
+    before = joints.q.copy()
+    for _ in range(200):
+        joints.step(np.zeros(robot.na))
+        greatest = np.maximum(greatest, np.abs(joints.v))
+    assert (greatest <= np.maximum(limits.velocity, abs(speed)) + TOLERANCE).all()
+    assert (side * (before - joints.q) > 0.5 * np.minimum(limits.velocity, 0.3)).all()
+
+
+def test_limits_that_stand_for_none_are_one_number() -> None:
+    model = make_robot("hrp4_class").model.copy()
+    model.upperEffortLimit[6:], model.upperVelocityLimit[6:] = np.inf, 1e9
+    robot = Robot(model, (), make_robot("hrp4_class").half_sitting)
+    assert (robot.torque_limit == UNLIMITED).all() and (robot.velocity_limit == UNLIMITED).all()
+    controller = Controller(robot, 0.005)
+    controller.add(PostureTask(), JointLimits(), TorqueLimits())
+    assert controller.solve().ok
 
 
 @pytest.mark.parametrize("dt", PERIODS)

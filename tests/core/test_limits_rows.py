@@ -205,6 +205,28 @@ def test_primitive_geometry_of_the_urdf_is_used() -> None:
     assert controller.solve().ok
 
 
+@pytest.mark.parametrize(
+    ("pair", "margin", "separable"),
+    [
+        (("left_hand", "left_fingers"), 0.02, False),
+        (("left_hand", "left_fingers"), 0.001, True),
+        (("left_hand", "left_thigh"), 0.1, True),
+    ],
+)
+def test_a_pair_that_no_joint_separates_is_refused_with_its_distance(
+    pair: tuple[str, str], margin: float, separable: bool
+) -> None:
+    robot, urdf = make_robot("hrp4_class"), description("hrp4_class").urdf
+    limit = SelfCollisionLimit([pair], urdf=urdf, margin=margin)
+    if not separable:
+        with pytest.raises(InputError, match=f"'{pair[0]}' and '{pair[1]}'.*0.0020 m"):
+            limit.bind(robot)
+        return
+    controller = Controller(robot, 0.005)
+    controller.add(SoleContact("left_foot"), SoleContact("right_foot"), PostureTask(), CoMTask(), limit)
+    assert controller.solve().ok
+
+
 # ---- centre of mass over a polygon --------------------------------------------------------------------------------
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import re
 from pathlib import Path
 from typing import Any
 
@@ -13,10 +14,12 @@ from wbc.core.errors import InputError, MeasurementError
 from wbc.core.signals import Command
 from wbc.feet.soles.contact import ContactSpheres
 from wbc.feet.soles.rigid import FlatFoot
-from wbc.robots import load
+from wbc.robots import RobotDescription, load
 from wbc.sim import DivergedError, Plant
 from wbc.sim.balance.standing import StandSpec, StandTrial
 from wbc.sim.trial.loop import TrialHook
+
+BIPED = (Path(__file__).parents[2] / "examples" / "biped.urdf").read_text()
 
 FEW_SPHERES = FlatFoot(ContactSpheres(row_spacing=0.1))
 
@@ -97,3 +100,26 @@ def test_divergence_is_recorded_refused_and_undone(
         plant.step(command)
         assert np.isfinite(plant.measure().sole_wrench).all()
     assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("effort", ["1000000", "1e9", "inf", "0"])
+def test_a_torque_limit_that_stands_for_none_is_derived_and_doubted(effort: str) -> None:
+    text = re.sub(r'effort="[^"]+"', f'effort="{effort}"', BIPED, count=1)
+    robot = RobotDescription.from_urdf(text, left_sole="left_foot", right_sole="right_foot")
+    assert 10.0 < robot.torque_limit[0] < 1000.0
+    assert any("torque limits" in line for line in robot.doubts())
+    plant = Plant(robot, foot=FEW_SPHERES)
+    plant.step(Command(np.full(robot.robot().na, 1e5)))
+    assert abs(plant.model.actuator_forcerange[0]).max() == robot.torque_limit[0]
+
+
+@pytest.mark.parametrize(
+    ("speed", "limit", "doubted"), [("50000", 5e4, True), ("1e6", 6.0, False), ("8", 8.0, False)]
+)
+def test_a_speed_limit_that_no_joint_has_is_doubted(speed: str, limit: float, doubted: bool) -> None:
+    text = re.sub(r'velocity="[^"]+"', f'velocity="{speed}"', BIPED, count=1)
+    robot = RobotDescription.from_urdf(text, left_sole="left_foot", right_sole="right_foot")
+    assert robot.velocity_limit[0] == limit
+    assert any("left_hip_yaw" in line for line in robot.doubts()) == doubted
+    row = next(line for line in robot.report().splitlines() if line.strip().startswith("left_hip_yaw"))
+    assert len(row.split()) == 11  # every column by itself

@@ -14,9 +14,6 @@ from wbc.core.vectors import largest
 
 logger = logging.getLogger(__name__)
 
-UNLIMITED = 1e6
-"""Torque and speed that stand for "no limit" where a model gives none, Nm and rad/s."""
-
 
 SPEED_MARGIN = 2.0
 """Multiple of a joint's speed limit by which a position reference may change; a velocity reference is clipped there."""
@@ -36,9 +33,9 @@ class CommandGate:
     def __init__(self, robot: Robot, dt: float) -> None:
         """Take the limits from a robot; dt is the control period, s."""
         self._names = robot.joint_names
-        self._torque = np.minimum(robot.torque_limit, UNLIMITED)
+        self._torque = robot.torque_limit
         self._lower, self._upper = robot.position_lower, robot.position_upper
-        self._speed = np.minimum(SPEED_MARGIN * np.minimum(robot.velocity_limit, UNLIMITED), UNLIMITED)
+        self._speed = SPEED_MARGIN * robot.velocity_limit
         self._step = self._speed * dt
         # By how much torque, velocity, change of position and position exceed their limits; the last one twice.
         self._excess = np.zeros((5, robot.na))

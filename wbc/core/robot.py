@@ -30,6 +30,9 @@ from wbc.core.settings import Positive, settings
 GRAVITY = 9.80665
 """Standard gravity, m/s² (ISO 80000-3); Pinocchio and MuJoCo models are both set to it."""
 
+UNLIMITED = 1e5
+"""Torque and speed limits from this value on are none, in Nm, N, rad/s and m/s: no joint of a robot comes near."""
+
 SIDES = ("left", "right")
 """Sides of a robot: order of its soles and legs, and prefix of every name that a foot adds to a model."""
 
@@ -114,8 +117,9 @@ class Robot:
         com_jacobian: Jacobian of the centre of mass, shape (3, nv); overwritten by the next update.
         position_lower: Lower joint limits, shape (na,), rad (or m).
         position_upper: Upper joint limits, shape (na,), rad (or m).
-        velocity_limit: Largest joint speed, shape (na,), rad/s (or m/s).
-        torque_limit: Largest joint torque in either direction, shape (na,), Nm (or N).
+        velocity_limit: Largest joint speed, shape (na,), rad/s (or m/s); `UNLIMITED` where the model has none.
+        torque_limit: Largest joint torque in either direction, shape (na,), Nm (or N); `UNLIMITED` where the model has
+            none.
         torque_lower: Least joint torque, shape (na,), Nm (or N): −torque_limit but for drives of one direction.
         torque_upper: Greatest joint torque, shape (na,), Nm (or N).
         torso_frame: Frame of the chest.
@@ -199,9 +203,10 @@ class Robot:
         self.half_sitting.setflags(write=False)
         self.position_lower = np.array(model.lowerPositionLimit[7:])
         self.position_upper = np.array(model.upperPositionLimit[7:])
-        self.velocity_limit = np.array(model.upperVelocityLimit[BASE_DOF:])
-        self.torque_upper = np.array(model.upperEffortLimit[BASE_DOF:])
-        self.torque_lower = -self.torque_upper if torque_lower is None else np.array(torque_lower)
+        self.velocity_limit = np.minimum(model.upperVelocityLimit[BASE_DOF:], UNLIMITED)
+        self.torque_upper = np.minimum(model.upperEffortLimit[BASE_DOF:], UNLIMITED)
+        lower = -self.torque_upper if torque_lower is None else np.array(torque_lower)
+        self.torque_lower = np.maximum(lower, -UNLIMITED)
         self.torque_limit = np.maximum(-self.torque_lower, self.torque_upper)
         for name, lower, upper, *others in zip(
             self.joint_names,

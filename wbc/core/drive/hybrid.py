@@ -98,7 +98,7 @@ class HybridControl(TorqueControl):
         if not self.stopped:
             self.v[:] = 0.0
             return self._passed(state, self._torques, (self.kp, self.kd))
-        damping = self.policy.joint_damping * np.minimum(self.controller.robot.torque_limit, 1e6)
+        damping = self.policy.joint_damping * self.controller.robot.torque_limit
         self.q[:], self.v[:] = self._position(), 0.0
         return self._passed(state, self._off, (self._off, np.maximum(self.kd, damping)))
 

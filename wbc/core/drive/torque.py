@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import numpy as np
-
 from wbc.core.arguments import checked
 from wbc.core.control import DriveControl, FailurePolicy, SafetySettings, State
 from wbc.core.errors import Array
@@ -57,5 +55,5 @@ class TorqueControl(DriveControl):
 
     def _hold(self, state: State) -> Command:
         velocity = self.plausibility.joint_velocity(state.received)
-        damping = -self.policy.joint_damping * np.minimum(self.controller.robot.torque_limit, 1e6) * velocity
+        damping = -self.policy.joint_damping * self.controller.robot.torque_limit * velocity
         return self.gate.pass_on(damping if self.stopped else self._torques + damping)

@@ -70,7 +70,7 @@ class SentCommands:
         self._commands: deque[Command] = deque(maxlen=whole + 2)
         none = np.zeros_like(torque_limit)
         self._own = (none, none) if gains is None else gains
-        self._limit = np.minimum(torque_limit, 1e6)
+        self._limit = torque_limit
 
     def reset(self) -> None:
         """Forget the commands."""

@@ -17,7 +17,7 @@ import numpy as np
 from pydantic import Field
 
 from wbc.core.errors import ROUNDING, Array, MeasurementError, shown
-from wbc.core.robot import GRAVITY, Robot
+from wbc.core.robot import GRAVITY, UNLIMITED, Robot
 from wbc.core.settings import Count, NonNegative, Positive, settings
 from wbc.core.signals import Measurement
 from wbc.core.vectors import largest
@@ -29,9 +29,6 @@ SIGNALS = ("joint_position", "joint_velocity", "angular_velocity", "specific_for
 
 OPTIONAL = ("joint_torque", "hand_wrenches")
 """Signals that only some robots have; a tick goes on without them."""
-
-UNLIMITED = 1e6
-"""Speed limit from which on a model is taken to give none, rad/s or m/s: Pinocchio has the largest number there."""
 
 
 @settings
@@ -103,7 +100,7 @@ class Plausibility:
         self._middle[:na][known] = 0.5 * (lower[known] + upper[known])
         self._bound[:na][known] = (0.5 * upper - 0.5 * lower)[known] + s.position_margin
         speed = robot.velocity_limit
-        self._speed = np.where(speed < UNLIMITED, s.velocity_margin * np.minimum(speed, UNLIMITED), 1e3)
+        self._speed = np.where(speed < UNLIMITED, s.velocity_margin * speed, 1e3)
         self._bound[na : 2 * na] = self._speed
         self._bound[2 * na : 2 * na + 3] = s.gyro_range
         self._bound[2 * na + 3 : 2 * na + 6] = s.accelerometer_range
@@ -113,7 +110,7 @@ class Plausibility:
             self._bound[at : at + 3], self._bound[at + 3 : at + 6] = force, force * sole.length
         longest = max(sole.length for sole in robot.soles)
         self._wrist = np.repeat([force, force * longest], 3)  # largest wrench of a hand
-        self._torque = s.torque_margin * np.minimum(robot.torque_limit, UNLIMITED)
+        self._torque = s.torque_margin * robot.torque_limit
         self._step = self._speed * dt + s.position_jump
         self._gyro = slice(2 * na, 2 * na + 3)
         self._jump = np.full(self._middle.size, np.inf)  # largest change of every number in a period

@@ -20,6 +20,12 @@ from wbc.core.settings import NonNegative, Positive, settings
 
 Point = tuple[float, float, float]
 
+SAMPLES = 200
+"""Postures in which a pair is looked at that is closer than its margin in half-sitting."""
+
+ATTAINABLE = 100.0
+"""Acceleration of a joint up to which a limit asks for it, rad/s² or m/s²; the braking of `JointLimits` at most."""
+
 
 @settings
 class CollisionSphere:
@@ -151,7 +157,7 @@ class SelfCollisionLimit(RowLimit):
         Raises:
             UnknownNameError: A frame that the robot does not have.
             InputError: A link without a shape; two links that no joint lies between; a pair that is in collision in
-                half-sitting, so that its shapes must be too large.
+                half-sitting, so that its shapes must be too large; a pair that no joint brings apart to the margin.
         """
         self._robot = robot
         for frame in (*self._shapes, *(frame for pair in self._pairs for frame in pair)):
@@ -197,6 +203,7 @@ class SelfCollisionLimit(RowLimit):
         self._geometry, self._geometry_data = geometry, geometry.createData()
         self._distance = np.full(self.dim, np.inf)
         self._check_half_sitting()
+        self._check_separable()
         self._measure()
 
     @property
@@ -228,7 +235,9 @@ class SelfCollisionLimit(RowLimit):
             )
             room = float(self._distance[row]) - self._margin
             demand = -(room / self._time + float(np.dot(rows[row], v))) / dt
-            lower[row] = min(demand, max(room, 0.0) / self._time**2 + self._recovery) - drift
+            demand = min(demand, max(room, 0.0) / self._time**2 + self._recovery) - drift
+            # Where the joints hardly change the distance, no demand is one that they cannot meet.
+            lower[row] = min(demand, ATTAINABLE * float(np.abs(rows[row]).sum()))
 
     def _add_side(
         self, row: Array, bodies: dict[int, _Body], joint: int, point: Array, direction: Array
@@ -264,6 +273,34 @@ class SelfCollisionLimit(RowLimit):
                 raise InputError(
                     f"'{first}' and '{second}' of limit '{self.name}' are {-distance:.3f} m inside each other in "
                     "half-sitting; leave the pair out or give smaller shapes"
+                )
+
+    def _check_separable(self) -> None:
+        """Refuse a pair that is closer than the margin wherever the joints between its links are."""
+        robot, model = self._robot, self._robot.model
+        state, data = model.createData(), self._geometry.createData()
+        random = np.random.default_rng(0)
+        low, high = (
+            np.nan_to_num(x, neginf=-np.pi, posinf=np.pi)
+            for x in (robot.position_lower, robot.position_upper)
+        )
+        for row, (first, second, *_) in enumerate(self._rows):
+            between = sorted({*model.supports[first]} ^ {*model.supports[second]})
+            joints = [model.joints[joint].idx_q - 7 for joint in between if joint > 1]
+            furthest = -np.inf
+            for number in range(SAMPLES):
+                q = np.array(robot.half_sitting)
+                if number > 0:
+                    q[7:][joints] = random.uniform(low, high)[joints]
+                pin.updateGeometryPlacements(model, state, self._geometry, data, q)
+                furthest = max(furthest, pin.computeDistance(self._geometry, data, row).min_distance)
+                if furthest > self._margin:
+                    break
+            else:
+                one, other = self._names[row]
+                raise InputError(
+                    f"no joint brings '{one}' and '{other}' of limit '{self.name}' further apart than "
+                    f"{furthest:.4f} m, its margin is {self._margin:g} m; leave the pair out, or lower the margin"
                 )
 
     def __repr__(self) -> str:

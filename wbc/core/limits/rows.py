@@ -30,15 +30,16 @@ class BrakingLaw:
     The acceleration is held over one control period. After it, with velocity v⁺ and distance d⁺ left, the state must
     be viable: v⁺² ≤ 2 ā d⁺ for v⁺ > 0. If the joint has to turn round within the period, the point where it turns
     must not lie beyond the bound. From a viable state no more than the deceleration ā is ever needed. Beyond the
-    bound, the joint is brought back.
+    bound, the joint is brought back, at its greatest velocity at most.
 
     Source: Del Prete, "Joint position and velocity bounds in discrete-time acceleration/torque control of robot
     arms", RA-L 3(1), 2018, section IV; the case of turning within the period is ours.
     """
 
-    def __init__(self, braking: Array, dt: float) -> None:
-        """Prepare for a deceleration ā, rad/s², that is always available and a control period, s."""
+    def __init__(self, braking: Array, dt: float, fastest: ArrayLike = np.inf) -> None:
+        """Prepare for a deceleration ā, rad/s², that is always available, a period, s, and velocities, rad/s."""
         self._dt = dt
+        self._back = np.broadcast_to(np.negative(fastest), braking.shape).reshape(-1)
         # v⁺² = 2 ā (d − (v + v⁺) dt/2), solved for v⁺, is √(2 ā d − ā dt v + (ā dt/2)²) − ā dt/2.
         self._per_distance, self._per_velocity = 2.0 * braking, braking * dt
         self._half = 0.5 * dt * braking
@@ -66,7 +67,7 @@ class BrakingLaw:
             for i in (flat < 0.0).nonzero()[0].tolist():
                 d, v = distance.item(i), velocity.item(i)
                 turned = v - v * abs(v) * (0.5 * self._dt) / max(d, 1e-12)
-                flat[i] = turned if d > 0.0 else d / RECOVERY_TIME
+                flat[i] = max(turned if d > 0.0 else d / RECOVERY_TIME, self._back.item(i))
         return final
 
 
@@ -121,7 +122,7 @@ class JointLimits:
         na = robot.na
         self.acceleration = np.full(na, np.inf)
         inertia = np.diag(robot.mass_matrix)[6:]
-        self.braking = np.minimum(100.0, 0.3 * np.minimum(robot.torque_limit, 1e6) / inertia)
+        self.braking = np.minimum(100.0, 0.3 * robot.torque_limit / inertia)
         if self._acceleration is not None:
             self.acceleration = self.braking = _joint_bound("acceleration limit", self._acceleration, na)
         if self._braking is not None:
@@ -153,8 +154,9 @@ class JointLimits:
         """
         if dt != self._dt:
             self._dt = dt
-            self._law = BrakingLaw(np.array([self.braking, self.braking]), dt)
-            self._least = -np.array([self.braking, self.braking])
+            braking = np.array([self.braking, self.braking])
+            fastest = self._twice_velocity if self._use_velocity else np.inf
+            self._law, self._least = BrakingLaw(braking, dt, fastest), -braking
             self._per_period = scalar(1.0 / dt)
         rate, distance = self._rate, self._distance
         rate[0] = self._velocities
