@@ -156,7 +156,7 @@ def doubts(robot: Any) -> tuple[str, ...]:
             "torque limits that the file does not give are guessed from mass and size; see the list above"
         )
     if fast := [n for n, v in zip(robot.joint_names, robot.velocity_limit, strict=True) if v > FASTEST]:
-        found.append(f"speed limits above {FASTEST:g} rad/s, in another unit or none? {_listed(fast)}")
+        found.append(f"speed limits above {FASTEST:g} rad/s, in another unit or none? {listed(fast)}")
     limits = [*zip(robot.joint_names, *robot.position_limits, strict=True)]
     if wide := [name for name, low, high in limits if _is_taken(low, high)]:
         found.append(f"no position limits (±π taken): {listed(wide)}")

@@ -49,7 +49,7 @@ class DistributionSettings:
 
     Attributes:
         friction: Coulomb coefficient.
-        min_force: Least normal force of a foot in contact, N.
+        min_force: Least normal force of a foot in contact, N; `StabilizerTask` gives a light robot its share.
         margin: Distance of the CoP from the edge of the sole, m.
         net_force: Cost of missing force, 1/N².
         net_moment: Cost of missing moment about the target ZMP, 1/(Nm)².

@@ -6,7 +6,7 @@ import logging
 from dataclasses import replace
 from typing import Annotated
 
-from wbc.core.errors import positive
+from wbc.core.robot import force_scale
 from wbc.core.settings import NonNegative, Positive, settings
 
 logger = logging.getLogger(__name__)
@@ -72,7 +72,7 @@ class StabilizerGains:
         max_linear_velocity: Bound of the foot's vertical speed, m/s.
         max_rotation: Bound of the ankle rotation, rad.
         max_height: Bound of the foot's height offset, m.
-        min_force: Normal force of both feet below which the robot is in the air, N.
+        min_force: Normal force of both feet below which the robot is in the air, N; of a light robot, its share.
     """
 
     dcm_p: Annotated[Gain, "1/s"] = 4.0
@@ -122,7 +122,7 @@ class StabilizerGains:
         )
 
     def for_mass(self, mass: float) -> StabilizerGains:
-        """Return the gains with a CoP admittance for the robot's mass where none is given.
+        """Return the gains with a CoP admittance for the robot's mass where none is given, and its least force.
 
         A loop that turns an ankle against the ground is as quick as admittance times stiffness, and stiffness grows
         with the weight to be carried: Talos (90 kg) shakes its ankles with the admittance that suits 39 kg, and the ZMP
@@ -131,6 +131,5 @@ class StabilizerGains:
         Args:
             mass: Mass of the robot, kg.
         """
-        if self.cop_admittance is not None:
-            return self
-        return replace(self, cop_admittance=min(0.05, 2.0 / positive("mass (kg)", mass)))
+        admittance = min(0.05, 2.0 / mass) if self.cop_admittance is None else self.cop_admittance
+        return replace(self, cop_admittance=admittance, min_force=self.min_force * force_scale(mass))

@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any, Literal, Unpack
 
 import numpy as np
@@ -135,7 +136,9 @@ class StabilizerTask(CoMTask):
         super().bind(robot)
         soles = [robot.sole(contact.name) for contact in self._contacts]
         sizes = ((soles[0].length, soles[0].width), (soles[1].length, soles[1].width))
-        self._stabilizer = Stabilizer(robot.mass, WrenchDistribution(sizes, self._settings), self._gains)
+        settings = self._settings or DistributionSettings()
+        settings = replace(settings, min_force=settings.min_force * robot.force_scale)
+        self._stabilizer = Stabilizer(robot.mass, WrenchDistribution(sizes, settings), self._gains)
         self._estimate = robot if self._given is None else self._given
         self._soles = [self._estimate.placement(sole.frame) for sole in soles]
         self._places = [pin.SE3(robot.placement(sole.frame)) for sole in soles]

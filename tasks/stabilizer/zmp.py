@@ -12,7 +12,9 @@ from wbc.core.errors import Array, WbcError
 from wbc.core.vectors import add_cross, turned_all
 
 MIN_FORCE = 1.0
-"""Normal force below which a wrench has no meaningful point, N (mc_rtc's `MIN_NET_TOTAL_FORCE_ZMP`)."""
+"""Normal force below which a wrench has no meaningful point, N (mc_rtc's `MIN_NET_TOTAL_FORCE_ZMP`).
+
+No share of the weight: sensors, whose noise is in newtons, make the point meaningless."""
 
 
 class NoContactForceError(WbcError):

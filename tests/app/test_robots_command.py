@@ -85,3 +85,13 @@ def test_a_urdf_whose_feet_are_not_named_is_described_and_said_not_to_walk(capfd
     code, out, err = wbc_command(capfd, "robots", "check", "examples/biped.urdf")
     assert code == 0 and not err
     assert "no feet: it has a QP (docs/robots.md), but neither stands nor walks" in out
+
+
+def test_a_stand_with_failed_ticks_is_a_failure(capfd: Captured, tmp_path: Path) -> None:
+    text = (Path(__file__).parents[2] / "examples" / "biped.urdf").read_text()
+    (tmp_path / "weak.urdf").write_text(re.sub(r'effort="[^"]+"', 'effort="0.05"', text))
+    (tmp_path / "weak.toml").write_text(
+        "file = 'weak.urdf'\nleft_sole = 'left_foot'\nright_sole = 'right_foot'\n"
+    )
+    code, out, err = wbc_command(capfd, "stand", "--robot", str(tmp_path / "weak.toml"), "--seconds", "0.3")
+    assert code == cli.FAILED and "stood" not in out and "infeasible" in err

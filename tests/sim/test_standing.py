@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import mujoco
@@ -11,11 +13,13 @@ import pinocchio as pin
 import pytest
 
 from wbc.core.control import Mode
+from wbc.core.drive.position import PositionControl
+from wbc.core.drive.torque import TorqueControl
 from wbc.core.errors import InputError
 from wbc.core.settings import to_json
 from wbc.feet import foot
 from wbc.feet.soles.rigid import RigidFoot
-from wbc.robots import load, names
+from wbc.robots import RobotDescription, load, names
 from wbc.sim.balance.push_recovery import (
     StandPushSpec,
     push_standing,
@@ -31,6 +35,9 @@ from wbc.sim.balance.standing import (
 from wbc.sim.plant.falls import LARGEST_TILT, LOWEST_SHARE, TrueFallDetector
 from wbc.sim.plant.fitting import with_feet
 from wbc.sim.plant.plant import Plant
+from wbc.tasks import balance_controller
+
+BIPED = (Path(__file__).parents[2] / "examples" / "biped.urdf").read_text()
 
 
 def without_clock(result: StandResult) -> dict[str, Any]:
@@ -153,3 +160,27 @@ def test_a_robot_that_may_step_takes_a_push_that_its_feet_in_place_do_not() -> N
     spec = StandPushSpec(robot="g1", impulse=0.55, after=3.0)
     assert not push_standing(spec).recovered
     assert push_standing(replace(spec, steps="allowed")).recovered
+
+
+def scaled_biped(share: float, effort: float = 1.0) -> RobotDescription:
+    """The example's biped with a share of its masses and, on top, of its torques."""
+
+    def scale(match: re.Match[str]) -> str:
+        return f'{match[1]}="{float(match[2]) * share * (effort if match[1] == "effort" else 1.0):g}"'
+
+    text = re.sub(r'(<mass value|ixx|iyy|izz|effort)="([^"]+)"', scale, BIPED)
+    return RobotDescription.from_urdf(text, left_sole="left_foot", right_sole="right_foot")
+
+
+@pytest.mark.parametrize("drive", [PositionControl, TorqueControl])
+@pytest.mark.parametrize("share", [0.06, 0.02])
+def test_a_light_robot_stands_as_a_heavy_one(
+    share: float, drive: type[PositionControl | TorqueControl]
+) -> None:
+    plant = Plant(scaled_biped(share))
+    control = drive(balance_controller(plant.description.robot(), 0.005))
+    start = plant.truth().com
+    while plant.time < 1.0:
+        plant.step(control.command(plant.measure()))
+    assert control.failures == 0
+    np.testing.assert_allclose(plant.truth().com, start, atol=2e-3)

@@ -33,6 +33,9 @@ GRAVITY = 9.80665
 UNLIMITED = 1e5
 """Torque and speed limits from this value on are none, in Nm, N, rad/s and m/s: no joint of a robot comes near."""
 
+FULL_MASS = 30.0
+"""Mass from which on forces in settings are taken as they are, kg; a lighter robot takes them in proportion."""
+
 SIDES = ("left", "right")
 """Sides of a robot: order of its soles and legs, and prefix of every name that a foot adds to a model."""
 
@@ -80,6 +83,11 @@ def checked_configuration(what: str, value: ArrayLike, nq: int) -> Array:
     if abs(length - 1.0) > 1e-3:
         raise InputError(f"quaternion of the {what} must have length 1, got {length:g}")
     return q
+
+
+def force_scale(mass: float) -> float:
+    """Return the factor of the forces in settings for a robot of a mass, kg: below 1 for a light one."""
+    return min(1.0, mass / FULL_MASS)
 
 
 def joints_to(model: pin.Model, frame: str | int, trunk: str | int | None = None) -> list[int]:
@@ -242,6 +250,11 @@ class Robot:
     def mass(self) -> float:
         """Total mass with everything that is carried, kg."""
         return float(self.total_mass)
+
+    @property
+    def force_scale(self) -> float:
+        """Factor of the forces in settings, such as the least force on a sole: below 1 for a light robot."""
+        return force_scale(self.mass)
 
     def carry(self, frame: str | int, mass: float, point: ArrayLike = (0.0, 0.0, 0.0)) -> None:
         """Set the point mass that a frame carries, of this robot and of all its clones; it counts from the next update.

@@ -8,6 +8,7 @@ from rich.progress import track
 
 from wbc.app.live import LiveOptions, LiveView, ended_by_interrupt, with_changes
 from wbc.app.output import Flat, Output, OutputOptions, Report, progress_console, quiet, reports
+from wbc.core.errors import WbcError
 from wbc.core.settings import to_json
 from wbc.sim.balance.push_recovery import PushTableSpec, format_push_table, push_table
 from wbc.sim.balance.standing import StandSpec, StandTrial
@@ -24,7 +25,11 @@ def stand(
     trial = StandTrial(options)
     with ended_by_interrupt(trial), live.watch(trial) as watching:
         result = trial.run(watching)
-    state = "stood" if result.upright else "FELL after"
+    failed = None
+    if result.failures:
+        ticks = round(result.seconds / options.period)
+        failed = WbcError(f"{result.failures} of {ticks} ticks failed: {trial.control.reason}")
+    state = "FELL after" if not result.upright else "stood" if failed is None else "FAILED within"
     steps = f", {result.steps_taken} steps" if options.steps == "allowed" else ""
     text = (
         f"{result.robot}, {result.mode} control, {result.foot} feet, noise {result.noise}: "
@@ -34,7 +39,8 @@ def stand(
         f"  {result.real_time_factor:.2f} x real time; a tick takes {result.tick_us['median']:.0f} us, "
         f"99 % take less than {result.tick_us['p99']:.0f} us; {result.failures} failed"
     )
-    return output.report(*with_changes(watching, trial, to_json(result), text))
+    data, text = with_changes(watching, trial, to_json(result), text)
+    return output.report(data, text, failed)
 
 
 @reports

@@ -51,7 +51,8 @@ class ObserverSettings:
     Attributes:
         inertial: Time constants of the inertial part.
         anchor_at_cop: Anchor each foot at its CoP; at the sole centre when False, which assumes a flat sole at rest.
-        min_load: Normal force below which a foot has no share in the estimate, N.
+        min_load: Normal force below which a foot has no share in the estimate, N; of a light robot, its share
+            (`Robot.force_scale`).
         load_time_constant: Low-pass of the normal forces, s; 0 for none.
         cop_time_constant: Low-pass of the CoPs, s; 0 for none.
         slip_time_constant: Time constant with which anchors of loaded feet settle when their distance changes, s.
@@ -123,6 +124,7 @@ class Observer:
         self._update_robot = self.robot.update if adopt or dynamics else self.robot.update_kinematics
         self.settings = settings or ObserverSettings()
         self.inertial = InertialFilter(self.settings.inertial)
+        self._min_load = self.settings.min_load * robot.force_scale
         n = len(robot.soles)
         self._soles = [robot.frame_id(sole.frame) for sole in robot.soles]
         self._shapes = ((robot.na,), (robot.na,), (3,), (3,), (n, 6))
@@ -363,7 +365,7 @@ class Observer:
         self._loads = [
             load + gain * (max(row[2], 0.0) - load) for load, row in zip(self._loads, wrenches, strict=True)
         ]
-        shares = [max(load - s.min_load, 0.0) for load in self._loads]
+        shares = [max(load - self._min_load, 0.0) for load in self._loads]
         total = sum(shares)
         self._shares = [share / total for share in shares] if total > 0.0 else shares
         if not s.anchor_at_cop:
@@ -372,7 +374,7 @@ class Observer:
         arms: list[Vector] = []
         for i, (_, _, force, roll, pitch, _) in enumerate(wrenches):
             x = y = 0.0
-            if force > s.min_load:
+            if force > self._min_load:
                 length, width = self._half[i]
                 x = min(max(-pitch / force, -length), length)
                 y = min(max(roll / force, -width), width)

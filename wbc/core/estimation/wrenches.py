@@ -29,11 +29,11 @@ ON_TIME = 0.01
 
 
 TORQUE_STD = 0.5
-"""Standard deviation of a leg joint's torque, Nm: friction, errors of the drive."""
+"""Standard deviation of a leg joint's torque, Nm: friction, errors of the drive; of a light robot, its share."""
 
 FORCE_STD, MOMENT_STD = 0.03, 3.0
 """Standard deviation of the force by the momentum of the whole robot, over its weight, for masses that are off; and of
-the moment, Nm."""
+the moment, Nm, of which a light robot has its share."""
 
 WRENCH_STD = 3.0
 """Expected size of a wrench over the weight (and over the weight times 0.1 m): bounds what a leg near a singularity
@@ -83,8 +83,8 @@ class WrenchEstimator:
             np.array(robot.joints_between(sole.frame, robot.base_frame)) + BASE_DOF for sole in robot.soles
         ]
         n, nv = len(self._frames), robot.nv
-        std = np.full(nv, TORQUE_STD)
-        std[:3], std[3:BASE_DOF] = FORCE_STD * weight, MOMENT_STD
+        std = np.full(nv, TORQUE_STD * robot.force_scale)
+        std[:3], std[3:BASE_DOF] = FORCE_STD * weight, MOMENT_STD * robot.force_scale
         self._scale = 1.0 / std
         expected = WRENCH_STD * weight * np.array([1.0, 1.0, 1.0, 0.1, 0.1, 0.1])
         self._prior = np.diag(np.tile(1.0 / expected**2, n))

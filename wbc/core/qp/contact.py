@@ -34,6 +34,9 @@ AXES = ("x", "y", "z", "roll", "pitch", "yaw")
 """Names of the axes of a contact frame, in the order of its wrench."""
 
 
+LEAST_FORCE = 10.0
+"""Normal force that a sole in contact carries at least by default, N: without load its CoP means nothing."""
+
 FIRMEST = 1e6
 """Greatest motion weight: up to there the motion differs from that of a constraint as one over the weight, 1e-5 m/s² at
 last; from ten times as much on, solutions are off by m/s²."""
@@ -466,7 +469,8 @@ class _HeldFrame(Contact):
 class SoleContact(_HeldFrame):
     """A rectangular sole flat on the ground; its wrench is in the sole frame at the sole centre.
 
-    Smallest normal force 10 N, cost 10⁻⁵ per N² of shear, 10⁻⁶ per N² of normal force and 10⁻³ per (Nm)² by default.
+    By default its normal force is at least 10 N, a share of it for a light robot (`Robot.force_scale`), and it costs
+    10⁻⁵ per N² of shear, 10⁻⁶ per N² of normal force and 10⁻³ per (Nm)².
     """
 
     @checked
@@ -497,7 +501,8 @@ class SoleContact(_HeldFrame):
         self._size: tuple[float, float] | None = None  # of the robot's sole
         # With these weights 100 N of shear, 300 N of weight and 10 Nm of ankle torque cost about the same.
         weight = (1e-5, 1e-5, 1e-6, 1e-3, 1e-3, 1e-3)
-        chosen: ContactOptions = {"min_force": 10.0, "wrench_weight": weight, **options}
+        chosen: ContactOptions = {"min_force": LEAST_FORCE, "wrench_weight": weight, **options}
+        self._force_given = "min_force" in options
         super().__init__(sole, sole, np.zeros((16, 6)), **chosen)
 
     def bind(self, robot: Robot) -> None:
@@ -511,6 +516,8 @@ class SoleContact(_HeldFrame):
         self.name, self.frame = sole.name, sole.frame
         self._size = sole.length, sole.width
         self._make_cone()
+        if not self._force_given:
+            self.min_force = LEAST_FORCE * robot.force_scale
         super().bind(robot)
 
     @property
