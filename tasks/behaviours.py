@@ -284,6 +284,7 @@ class StateMachine(Behaviour):
             raise InputError(f"no transition of machine '{name}' leads to state '{lost[0]}'")
         self._name: str | None = None  # of the present state
         self._scope: Scope | None = None
+        self._ended: str | None = None  # outcome of the machine
 
     @property
     def possible(self) -> frozenset[str]:
@@ -317,6 +318,7 @@ class StateMachine(Behaviour):
 
     def start(self, now: Scope) -> None:
         """Begin the first state."""
+        self._ended = None
         self._enter(next(iter(self.states)), now)
 
     def tick(self, now: Scope) -> None:
@@ -332,9 +334,11 @@ class StateMachine(Behaviour):
         """Look whether the present state has ended, and go on to the next; return the outcome of the machine."""
         if self.timeout is not None and now.elapsed >= self.timeout - ROUNDING:
             return "timeout"
-        assert self._name is not None
-        result = self._guarded(now, self.states[self._name].outcome)
-        return None if result is None else self._follow(str(result), now)
+        if self._name is not None:
+            result = self._guarded(now, self.states[self._name].outcome)
+            if result is not None:
+                self._follow(str(result), now)
+        return self._ended
 
     def _guarded(self, now: Scope, call: Callable[[Scope], Any]) -> Any:
         """Call a function of the present state; an exception is the outcome "error" where a transition is for it."""
@@ -348,16 +352,16 @@ class StateMachine(Behaviour):
             self._follow("error", now)
             return None
 
-    def _follow(self, outcome: str, now: Scope) -> str | None:
-        """Go where an outcome leads; return the outcome of the machine, None while it goes on."""
+    def _follow(self, outcome: str, now: Scope) -> None:
+        """Go where an outcome leads: to a state, or to the end of the machine."""
         assert self._scope is not None and self._name is not None
         goal = self.transitions[self._name].get(outcome, f"{END}: {outcome}")
         now.program.note(self._scope.path, outcome)
         self._leave()
-        if goal not in self.states:
-            return goal.partition(":")[2].strip() or "done"
-        self._enter(goal, now)
-        return None
+        if goal in self.states:
+            self._enter(goal, now)
+        else:
+            self._ended = goal.partition(":")[2].strip() or "done"
 
     def _enter(self, name: str, now: Scope) -> None:
         self._name, self._scope = name, Scope(now.program, f"{now.path}/{name}")

@@ -49,10 +49,10 @@ class JointTask(Task):
             self._joints = list(robot.joint_names)
             self._resize(robot.na)
         self._columns = joint_columns(robot, self._joints)
-        if self._target is None:
+        if not self.accepted:
             self._target = self._present(robot)
-        if self._pending is not None:
-            self.target = self._pending
+            if self._pending is not None:
+                self._target = self._targets(self._pending, self._target)
 
     def _present(self, robot: Robot) -> Array:
         """Targets of joints for which none were given, shape (dim,); a new array."""
@@ -75,10 +75,12 @@ class JointTask(Task):
         if self._target is None:
             self._pending = value
             return
+        if not self.accepted:
+            self._pending = value
         target = self._targets(value, self._target)
         if self._held:
             self._take_over()
-        self._target, self._pending = target, None
+        self._target = target
 
     def _targets(self, value: JointValues, others: Array) -> Array:
         """Return targets after a check, shape (dim,); those that are not given are those of `others`."""

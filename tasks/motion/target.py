@@ -31,6 +31,7 @@ class TargetTask(MovingTask, MotionTask, Generic[T]):
     """
 
     _target: T | None = None
+    _taken = False  # the target is what was present when the task was bound
     _course_of: ClassVar[Any] = Course
 
     def __init__(self, name: str, choices: Sequence[str], options: MotionOptions) -> None:
@@ -76,6 +77,7 @@ class TargetTask(MovingTask, MotionTask, Generic[T]):
         target = self._checked(value)
         if self._held:
             self._take_over()
+        self._taken = False
         self._store(target)
 
     def follow(self, target: T, velocity: Array | None = None, acceleration: Array | None = None) -> None:
@@ -100,8 +102,9 @@ class TargetTask(MovingTask, MotionTask, Generic[T]):
         """
         super().bind(robot)
         self._unused = other_columns(robot, self._only_joints)
-        if self._target is None:
+        if self._target is None or (self._taken and not self.accepted):
             self._store(self._present(robot))
+            self._taken = True
 
     def _store(self, target: T) -> None:
         self._target = target

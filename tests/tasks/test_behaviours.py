@@ -192,6 +192,25 @@ def test_an_exception_names_the_state_or_is_an_outcome() -> None:
     assert run(program) == "done" and program.history[0][1:] == ("m/inner", "error")
 
 
+@pytest.mark.parametrize("part", ["start", "tick", "end of a nested one", "done"])
+@pytest.mark.parametrize(("goal", "outcome"), [("end", "done"), ("end: broken", "broken")])
+def test_an_exception_anywhere_has_the_outcome_that_its_transition_says(
+    part: str, goal: str, outcome: str
+) -> None:
+    def fail(now: Scope) -> bool:
+        raise ValueError("no")
+
+    state = {
+        "start": Behaviour("a", fail, done=after(0.1)),
+        "tick": Behaviour("a", tick=fail, done=after(0.1)),
+        "done": Behaviour("a", done=fail),
+        "end of a nested one": StateMachine("a", [Behaviour("b", end=fail, done=after(0.01))]),
+    }[part]
+    program = Program(StateMachine("m", [state], {"a": {"error": goal}}), standing("hrp4_class", dt=DT))
+    assert run(program, 1.0) == outcome
+    assert ("m/a", "error") in [entry[1:] for entry in program.history]
+
+
 @pytest.mark.parametrize(
     ("make", "named"),
     [

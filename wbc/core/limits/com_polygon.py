@@ -69,6 +69,7 @@ class CoMPolygonLimit(RowLimit):
         self._normals, self._offsets = np.zeros((self.dim, 2)), np.full(self.dim, np.inf)
         self._edges = 0
         self._polygon: Array | None = None
+        self._of_soles = polygon is None
         if polygon is not None:
             self.polygon = polygon
 
@@ -165,7 +166,7 @@ class CoMPolygonLimit(RowLimit):
         else:
             self.recovery = self._given_recovery
         self._base_rotation = robot.data.oMi[1].rotation
-        if self._polygon is None:
+        if self._of_soles:
             self.use_soles()
 
     def write(self, dt: float, rows: Array, lower: Array, upper: Array) -> None:

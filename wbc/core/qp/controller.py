@@ -138,29 +138,25 @@ class Controller:
         """
         new, present = _with_parts(item, *items), [*self._tasks, *self._contacts, *self._limits]
         for each in new:
-            if not isinstance(each, (Task, Contact, JointLimits, TorqueLimits, RowLimit)):
-                raise InputError(f"a controller takes tasks, contacts and limits, not {each!r}")
-        before = {id(each): (each, dict(vars(each))) for each in new}
-        try:
-            for each in new:
-                self._bind(each, present)
-                present.append(each)
-            self._check_variable_tasks(new)
-        except BaseException:
-            for each, values in before.values():  # what is bound has taken a place as its target
-                vars(each).clear()
-                vars(each).update(values)
-            raise
+            self._check_addable(each, present)
+            present.append(each)
+        # Binding changes nothing that counts until the item is in a controller: each is bound anew when it is added.
+        for each in new:
+            self._bind(each)
+        self._check_names(new)
+        self._check_variable_tasks(new)
         for each in new:
             self._list_of(each).append(each)
             vars(each)["_owner"] = weakref.ref(self)
             if isinstance(each, Task):
-                each.fix_attributes()
+                each.accept()
         self._dirty = True
         return (item, *items) if items else item
 
-    def _bind(self, item: Item, others: Sequence[Item]) -> None:
-        """Bind an item to the robot, if it may stand beside the others."""
+    def _check_addable(self, item: Item, others: Sequence[Item]) -> None:
+        """Refuse an item that may not stand beside the others, or is another controller's."""
+        if not isinstance(item, (Task, Contact, JointLimits, TorqueLimits, RowLimit)):
+            raise InputError(f"a controller takes tasks, contacts and limits, not {item!r}")
         if any(item is other for other in others):
             raise InputError(f"{item!r} has been added already")
         for kind in (JointLimits, TorqueLimits):
@@ -168,8 +164,11 @@ class Controller:
                 raise InputError(f"there are {item.name} already; remove them first")
         if _owner(item) is not None:
             raise InputError(f"{item!r} belongs to another controller; remove it there, or make a second one")
-        if isinstance(item, Task) and item._robot is not None and item._robot is not self.robot:
+        if isinstance(item, Task) and item.accepted and item._robot is not self.robot:
             raise InputError(f"{item!r} has been bound to another robot; make a second one")
+
+    def _bind(self, item: Item) -> None:
+        """Bind an item to the robot, and evaluate it once."""
         item.bind(self.robot)
         if isinstance(item, Task) and item._robot is None:
             raise InputError(f"{item!r} has not been bound: its bind must call super().bind(robot) first")
@@ -180,8 +179,14 @@ class Controller:
                 f"limit {type(item).__name__} needs a name, text, and dim, its number of rows, once it is bound; got "
                 f"{shown(getattr(item, 'name', None))} and {shown(getattr(item, 'dim', None))}"
             )
-        if item.name in {other.name for other in others}:
-            raise InputError(f"the name '{item.name}' is taken; give one of the two another name")
+
+    def _check_names(self, new: Sequence[Item]) -> None:
+        """Refuse names that are taken; a contact of a sole has its name from the robot, when it is bound."""
+        names = {item.name for item in (*self._tasks, *self._contacts, *self._limits)}
+        for item in new:
+            if item.name in names:
+                raise InputError(f"the name '{item.name}' is taken; give one of the two another name")
+            names.add(item.name)
 
     def _check_variable_tasks(self, new: Sequence[Item]) -> None:
         """Refuse tasks on all variables that cannot be bound to the QP, or evaluated: they would fail at every tick."""

@@ -71,6 +71,7 @@ class Task(FixedAttributes):
         dim: Number of rows; fixed once the task has been added to a controller.
         unit: Unit of the error; the residual is in `unit`/s² for motion tasks.
         idle: True while the weight is zero: the rows are left as they were, and cost no time.
+        accepted: True once a controller has taken the task; from then on its target stays.
     """
 
     unit = "m"
@@ -112,6 +113,7 @@ class Task(FixedAttributes):
         self.hard = hard
         self._critical = True
         self._robot: Robot | None = None
+        self.accepted = False
         self.weight = weight
         self.stiffness = stiffness
         self.error_bound = self._default_bound() if error_bound is None else error_bound
@@ -317,6 +319,11 @@ class Task(FixedAttributes):
         """
         self._robot = robot
         self._fixed = False  # a task of one's own makes attributes here
+
+    def accept(self) -> None:
+        """Keep target and attributes: a controller has taken the task."""
+        self.accepted = True
+        self.fix_attributes()
 
     def observe(self, measurement: Measurement, dt: float) -> None:  # noqa: B027 (optional)
         """Read the sensors before the rows are written; does nothing unless a task overrides it.
