@@ -16,6 +16,7 @@ import gymnasium
 import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
+from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
 
 from wbc.core.arguments import checked
 from wbc.core.errors import ROUNDING, Array, InputError, choose, finite_array
@@ -121,7 +122,9 @@ class WbcEnv(gymnasium.Env[Array, Array]):  # type: ignore[misc]
             )
         self.trial = WalkTrial(self._spec(int(self.np_random.integers(2**31)), pushes))
         self._height = self.trial.walking.body.com_height
-        self.trial.step()
+        with threadpool_limits(1):  # sums of several threads depend on their number
+            self.trial.start()
+            self.trial.step()
         self._reached = self._progress()
         return self._observation(), {}
 
@@ -137,10 +140,11 @@ class WbcEnv(gymnasium.Env[Array, Array]):  # type: ignore[misc]
             raise InputError("reset the environment before its first step")
         self._order(trial, np.clip(finite_array("action", action, self.action_space.shape), *self._bounds))
         alive = True
-        for _ in range(self._ticks):
-            alive = trial.step()
-            if not alive:
-                break
+        with threadpool_limits(1):
+            for _ in range(self._ticks):
+                alive = trial.step()
+                if not alive:
+                    break
         if trial.diverged is not None:
             raise DivergedError(trial.diverged)
         place = self._progress()

@@ -27,7 +27,7 @@ the spec."""
 SUFFIXES = (".py", ".urdf", ".srdf", ".csv", ".json")
 """Endings of the files that are hashed."""
 
-LIBRARIES = ("mujoco", "numpy", "pin", "proxsuite", "scipy")
+LIBRARIES = ("daqp", "mujoco", "numpy", "pin", "proxsuite", "scipy")
 """Libraries that compute."""
 
 

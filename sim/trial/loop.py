@@ -309,11 +309,15 @@ class Trial:
 
         Sums are made by one thread, as those of several depend on their number.
         """
-        self.hooks += hooks
         with threadpool_limits(1), suppress(StageError):
-            for hook in (*self.meters, *self.hooks, *self.scenario):
-                hook.start(self)
+            self.start(hooks)
             yield
+
+    def start(self, hooks: Sequence[TrialHook] = ()) -> None:
+        """Add hooks and start all of them: for what is stepped by others, instead of `running`."""
+        self.hooks += hooks
+        for hook in (*self.meters, *self.hooks, *self.scenario):
+            hook.start(self)
 
     @property
     def real_time_factor(self) -> float:

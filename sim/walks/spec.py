@@ -223,15 +223,20 @@ class WalkSpec(TrialSpec):
         )
 
     def with_seed(self, seed: int) -> WalkSpec:
-        """Return the spec with another seed: quicker than `replace`, because no other check depends on the seed.
+        """Return the spec with another seed: quicker than `replace`, which checks what does not depend on the seed.
 
         Raises:
-            InputError: No integer from 0 to 2**63 − 1.
+            InputError: No integer from 0 to 2**63 − 1, or a policy that cannot be had on the ground of that seed.
         """
         twin = copy.copy(self)
-        if whole_number("seed", seed, low=0) >= SEED_LIMIT:
+        number = whole_number("seed", seed, low=0)
+        if number >= SEED_LIMIT:
             raise InputError(f"a seed must be below 2**63, got {seed}")
-        object.__setattr__(twin, "seed", seed)
+        object.__setattr__(twin, "seed", number)
+        if self.policy is not None:  # an oracle knows the ground
+            checked_policy(
+                self.foot_design(), self.policy, self.policy_params, self.settings().stiffness, twin.ground()
+            )
         return twin
 
     def to_json(self) -> dict[str, Any]:

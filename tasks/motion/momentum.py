@@ -10,9 +10,10 @@ from numpy.typing import ArrayLike
 
 from wbc.core.arguments import checked
 from wbc.core.errors import Array, InputError, finite_array
+from wbc.core.qp.task import evaluated
 from wbc.core.robot import BASE_DOF, Robot
 from wbc.tasks.motion.axes import POSE_AXES
-from wbc.tasks.motion.moving import Course
+from wbc.tasks.motion.moving import SLOW, Course
 from wbc.tasks.motion.target import TargetTask
 from wbc.tasks.options import MotionOptions
 
@@ -72,6 +73,15 @@ class MomentumTask(TargetTask[Array]):
     def residual_unit(self) -> str:
         """Unit of the residual: that of the rate of a momentum."""
         return "N|Nm"
+
+    @property
+    def reached(self) -> bool:
+        """True while the momentum is within that of the whole robot at 0.05 m/s and 0.2 rad/s of its target."""
+        robot = self.robot
+        inertia = robot.data.Ig.inertia.diagonal()
+        bounds = np.concatenate([np.full(3, SLOW["m"] * robot.mass), SLOW["rad"] * inertia])
+        error = evaluated(self)[1]
+        return bool((abs(error) <= (bounds if self._keep is None else bounds[self._keep])).all())
 
     def bind(self, robot: Robot) -> None:
         """Resolve names; see `Task.bind`."""

@@ -235,7 +235,7 @@ class MovingTask(Task):
         if self.moving:
             return False
         jacobian, error, _ = evaluated(self)
-        near, slow = ([limits.get(unit, np.inf) for unit in self.unit.split("|")] for limits in (NEAR, SLOW))
+        near, slow = ([limits[unit] for unit in self._units()] for limits in (NEAR, SLOW))
         return self._within(error, near) and self._within(jacobian @ self.robot.v, slow)
 
     def move_on(self, dt: float) -> bool:
@@ -280,11 +280,12 @@ class MovingTask(Task):
         return max(float(np.linalg.norm(rows[part])) for part in self._vectors())
 
     def _within(self, rows: Array, bounds: Sequence[float]) -> bool:
-        parts = list(self._vectors())
-        bounds = bounds[-len(parts) :] if len(parts) > 1 or len(bounds) == 1 else [min(bounds)]
-        return all(
-            float(np.linalg.norm(rows[part])) <= bound for part, bound in zip(parts, bounds, strict=True)
-        )
+        parts = zip(self._vectors(), bounds, strict=True)
+        return all(float(np.linalg.norm(rows[part])) <= bound for part, bound in parts)
+
+    def _units(self) -> Sequence[str]:
+        """Return the unit of each of `_vectors`."""
+        return self.unit.split("|")
 
     # What a task states: its target as coordinates of a trajectory.
 

@@ -136,6 +136,10 @@ class TargetTask(MovingTask, MotionTask, Generic[T]):
         parts = (slice(0, self._linear_rows), slice(self._linear_rows, self.dim))
         return [part for part in parts if part.stop > part.start]
 
+    def _units(self) -> Sequence[str]:
+        units, linear = self.unit.split("|"), self._linear_rows
+        return [units[0]] * (linear > 0) + [units[-1]] * (linear < self.dim)
+
     def _feed(self, velocity: Array, acceleration: Array) -> None:
         """Set the feed-forwards of the chosen axes from those of all."""
         keep = self._keep

@@ -79,7 +79,7 @@ class DcmFeedback:
 
         CoM and its velocity are in the world, shape (3,), m and m/s; the ZMP, shape (2,) or (3,), m: without one the
         memory fades. By the `bias` of the measured DCM, shape (2,), m (`wbc.tasks.stabilizer.bias`), CoM and DCM errors
-        are corrected, and the velocity so that the three stay consistent.
+        are corrected alike, so that the velocity's stays as it is.
         """
         omega = target.omega
         x, y, z = (there - here for there, here in zip(target.com.tolist(), com.tolist(), strict=True))
@@ -92,7 +92,6 @@ class DcmFeedback:
             bias_x, bias_y = bias.tolist()
             dcm_x, dcm_y = dcm_x + bias_x, dcm_y + bias_y
             x, y = x + bias_x, y + bias_y
-            u, v = omega * (dcm_x - x), omega * (dcm_y - y)
         if zmp is None:
             self._rate.reset()
             average, rate, zmp_x, zmp_y = self._average.update((0.0, 0.0), dt), [0.0, 0.0], 0.0, 0.0

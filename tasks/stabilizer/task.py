@@ -127,6 +127,14 @@ class StabilizerTask(CoMTask):
             raise InputError(f"task '{self.name}' belongs to no controller yet; add it first")
         return self._stabilizer
 
+    @property
+    def wrenches(self) -> dict[str, Array]:
+        """Name of a contact → its desired wrench, for `DriveControl.act`; none before the first tick, N and Nm."""
+        if self.output is None:
+            return {}
+        left, right = self._contacts
+        return {left.name: self.output.feet.wrenches[0], right.name: self.output.feet.wrenches[1]}
+
     def bind(self, robot: Robot) -> None:
         """Take the robot's soles and mass, and its present CoM as target when none was given.
 
@@ -142,8 +150,7 @@ class StabilizerTask(CoMTask):
         self._estimate = robot if self._given is None else self._given
         self._soles = [self._estimate.placement(sole.frame) for sole in soles]
         self._places = [pin.SE3(robot.placement(sole.frame)) for sole in soles]
-        forward = robot.placement(robot.base_frame).rotation[:2, 0]
-        self._yaw = math.atan2(forward[1], forward[0])
+        self._yaw = _heading(robot)
 
     def reset(self) -> None:
         """Forget errors, corrections and filtered wrenches, and stand where the robot is."""
@@ -153,6 +160,7 @@ class StabilizerTask(CoMTask):
             self._places = [
                 pin.SE3(self.robot.placement(self.robot.sole(c.name).frame)) for c in self._contacts
             ]
+            self._yaw = _heading(self.robot)
         self.output, self._stands = None, True
 
     def observe(self, measurement: Measurement, dt: float) -> None:
@@ -267,3 +275,9 @@ class StabilizerTask(CoMTask):
 
     def _put(self, target: Any, velocity: Array, acceleration: Array) -> None:
         self._aim = np.array(target), np.array(velocity), np.array(acceleration)
+
+
+def _heading(robot: Robot) -> float:
+    """Return the direction of the base's x axis in the ground plane, rad."""
+    x, y, _ = robot.placement(robot.base_frame).rotation[:, 0].tolist()
+    return math.atan2(y, x)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from copy import deepcopy
 from dataclasses import replace
 
 import numpy as np
@@ -11,11 +12,16 @@ from at_rest import at_rest
 from task_factory import near_half_sitting, standing
 
 from wbc.core.control import FailurePolicy
+from wbc.core.drive.hybrid import HybridControl
 from wbc.core.drive.position import PositionControl
 from wbc.core.drive.torque import TorqueControl
+from wbc.core.errors import UnknownNameError
+from wbc.core.estimation.observer import Observer
+from wbc.core.qp.contact import PointContact
 from wbc.core.qp.controller import Controller
 from wbc.core.qp.solver import Status
 from wbc.core.robot import Robot
+from wbc.core.signals import Command
 from wbc.tasks import CoMTask
 
 DT = 0.005
@@ -109,22 +115,54 @@ def test_a_tick_whose_targets_fail_holds_the_last_torques() -> None:
     np.testing.assert_array_equal(held.joint_torque, first.joint_torque)
 
 
-def test_wrenches_of_a_stabilizer_take_the_place_of_the_solutions_in_the_torques() -> None:
-    """With the QP's own wrenches the torques are the QP's; another force f changes them by −Jᵀ f."""
-    control = TorqueControl(standing("hrp4_class", DT))
-    robot = control.controller.robot
-    state = control.estimate(at_rest(robot, 0.0))
-    command = control.act(state)
-    solution = control.solution
-    assert solution is not None
-    own = np.array(list(solution.wrenches.values()))
-    np.testing.assert_allclose(control.controller.torques(solution, own), command.joint_torque, atol=1e-8)
-    more = own.copy()
-    more[0, 2] += 10.0
-    frame = robot.frame_id(robot.soles[0].frame)
-    jacobian = pin.getFrameJacobian(robot.model, robot.data, frame, pin.LOCAL)[:, 6:]
-    change = control.controller.torques(solution, more) - command.joint_torque
-    np.testing.assert_allclose(change, -10.0 * jacobian[2], atol=1e-8)
+@pytest.mark.parametrize("hand_first", [False, True])
+def test_wrenches_of_a_stabilizer_take_the_place_of_the_solutions_in_the_torques(hand_first: bool) -> None:
+    controller = standing("hrp4_class", DT)
+    robot = controller.robot
+    hand = PointContact("left_hand", ramp=0.0)
+    if hand_first:
+        feet = controller.contacts
+        controller.remove(*feet)
+        controller.add(hand, *feet)
+    else:
+        controller.add(hand)
+    robot.update(*near_half_sitting(robot, np.random.default_rng(2), 0.05, 0.3))
+    control = TorqueControl(controller, Observer(robot, adopt=True))
+    solution = controller.solve()
+    own = {sole.name: solution.wrenches[sole.name] for sole in robot.soles}
+    np.testing.assert_allclose(controller.torques(solution, own), solution.torques, atol=1e-9)
+    other = {name: wrench + (1.0, 2.0, 30.0, 1.0, 2.0, 3.0) for name, wrench in own.items()}
+    expected = solution.torques.copy()
+    for sole in robot.soles:
+        jacobian = pin.getFrameJacobian(robot.model, robot.data, robot.frame_id(sole.frame), pin.LOCAL)
+        expected -= jacobian[:, 6:].T @ (other[sole.name] - own[sole.name])
+    np.testing.assert_allclose(controller.torques(solution, other), expected, atol=1e-9)
+    command = control.act(control.estimate(at_rest(robot, 0.0)), other)
+    assert control.solution is not None
+    np.testing.assert_allclose(command.joint_torque, controller.torques(control.solution, other), atol=1e-9)
+    with pytest.raises(UnknownNameError, match="did you mean 'left_foot'"):
+        controller.torques(solution, {"left_feet": own["left_foot"]})
+
+
+@pytest.mark.parametrize("drive", [PositionControl, TorqueControl, HybridControl])
+def test_what_a_driver_does_to_a_command_changes_nothing(
+    drive: type[PositionControl | TorqueControl | HybridControl], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    controls = [drive(standing("hrp4_class", DT)) for _ in range(2)]
+    commands: list[list[Command]] = [[], []]
+    for tick in range(6):
+        for control, sent, spoilt in zip(controls, commands, (False, True), strict=True):
+            if tick == 3:
+                fail_from_now_on(control.controller, monkeypatch)
+            measured = at_rest(control.controller.robot, tick * DT)
+            command = control.command(replace(measured, sole_wrench=None) if tick else measured)
+            sent.append(deepcopy(command))
+            for part in (command.joint_torque, command.joint_position, command.joint_velocity, command.kp):
+                if spoilt and part is not None:
+                    np.multiply(part, -3.0, out=part)
+    for good, other in zip(*commands, strict=True):
+        for name in ("joint_torque", "joint_position", "joint_velocity", "kp", "kd"):
+            np.testing.assert_array_equal(getattr(good, name), getattr(other, name))
 
 
 def test_outside_forces_take_part_in_the_equations_of_motion_and_residuals_are_what_is_left_of_tasks() -> (

@@ -95,6 +95,28 @@ def take_over(
     return Outcome(report, stood, wild, robot)
 
 
+@pytest.mark.parametrize(
+    ("pace", "stamped", "leaves"),
+    [
+        (0.6, False, False),
+        pytest.param(0.5, False, False, marks=pytest.mark.slow),
+        pytest.param(0.6, True, True, marks=pytest.mark.slow),
+        pytest.param(1.0, False, True, marks=pytest.mark.slow),
+    ],
+)
+def test_a_machine_whose_time_runs_slower_than_its_stamps_is_named_and_hangs(
+    pace: float, stamped: bool, leaves: bool
+) -> None:
+    def script(robot: HangingMachine, runner: Runner, free: float) -> None:
+        if robot.time > 5.0:
+            runner.stop()
+
+    got = take_over(speed=0.5, hang=1.0, script=script, pace=pace, stamped=stamped)
+    assert ("STAND" in got.phases) == leaves
+    assert (f"runs at {pace:.1f} of real time" in got.report.reason) == (not leaves)
+    assert got.wild == 0
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("mode", MODES)
 def test_a_robot_that_is_lifted_hangs_again_and_runs_when_it_is_let_down(mode: str) -> None:

@@ -59,6 +59,7 @@ class HangingMachine:
         seed: int = 0,
         stamped: bool = False,
         busy: float = 0.0006,
+        pace: float = 1.0,
     ) -> None:
         """Hang the robot up.
 
@@ -68,6 +69,7 @@ class HangingMachine:
             seed: Of jitter and repeats.
             stamped: Messages carry the time; zero otherwise.
             busy: Mean time that the controller takes, s.
+            pace: Ratio of its time to the clock's, as of a simulator on a busy computer.
         """
         self.description = wbc.load_robot("g1")
         robot = self.description.robot()
@@ -99,7 +101,7 @@ class HangingMachine:
         q[2] += 0.3
         self.loop.reset(q)
         self.torso = model.body("torso_link").id
-        self._rng, self._stamped, self._busy = np.random.default_rng(seed), stamped, busy
+        self._rng, self._stamped, self._busy, self._pace = np.random.default_rng(seed), stamped, busy, pace
         self._every = round(message_period / STEP)
         self._command: Command = Command(np.zeros(robot.na))
         self._messages: deque[tuple[float, Measurement]] = deque()
@@ -125,7 +127,7 @@ class HangingMachine:
 
     def _advance(self) -> None:
         """Step the physics up to the present instant."""
-        data, end = self.loop.data, self.clock.time - 100.0
+        data, end = self.loop.data, self._pace * (self.clock.time - 100.0)
         while self.time < end:
             force = np.zeros(3)
             if self.length is not None:
@@ -161,7 +163,7 @@ class HangingMachine:
             measurement = self._last
         self._last = measurement
         late = 0.0001 + (0.004 * self._rng.random() if self._rng.random() < 0.01 else 0.0)
-        self._messages.append((100.0 + self.time + late, measurement))
+        self._messages.append((100.0 + self.time / self._pace + late, measurement))
 
     def read(self, timeout: float) -> Measurement | None:
         end = self.clock.time + timeout

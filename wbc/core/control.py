@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import logging
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import field, replace
 from time import perf_counter
 from typing import Annotated, Literal, NamedTuple, cast
@@ -259,13 +259,13 @@ class DriveControl:
             self._fail(f"{type(error).__name__} in the tick: {error}", error)
         return state._replace(ok=False)
 
-    def act(self, state: State, wrenches: Array | None = None) -> Command:
+    def act(self, state: State, wrenches: Mapping[str, Array] | None = None) -> Command:
         """End a tick: solve the QP, and return what the drives are to do.
 
         Args:
             state: State of this tick.
-            wrenches: Wrenches on the first contacts, shape (n, 6), N and Nm, in place of the solution's in the
-                torques: the wrenches that a stabilizer wants, where the QP's own are free. None for the solution's.
+            wrenches: Name of a contact → wrench in place of the solution's in the torques, in the frame of the
+                contact, N and Nm: what a stabilizer wants (`StabilizerTask.wrenches`), where the QP's own are free.
 
         Returns:
             Command of the drives until the next tick. Nothing is raised: a failed tick follows the policy.
@@ -288,7 +288,7 @@ class DriveControl:
         """Return the command of a tick that has failed."""
         raise NotImplementedError
 
-    def _solve(self, state: State, wrenches: Array | None) -> Solution | None:
+    def _solve(self, state: State, wrenches: Mapping[str, Array] | None) -> Solution | None:
         """Solve, and take over the torques; None if there is no solution, and `reason` says why not."""
         try:
             self.solution = solution = self.controller.solve(state.measurement)
@@ -304,7 +304,7 @@ class DriveControl:
         self.observer.commanded(solution.accelerations, self.controller.dt)
         return solution
 
-    def _torques_of(self, solution: Solution, wrenches: Array | None) -> Array:
+    def _torques_of(self, solution: Solution, wrenches: Mapping[str, Array] | None) -> Array:
         """Return the torques that the drives get with a solution, shape (na,), Nm."""
         return solution.torques if wrenches is None else self.controller.torques(solution, wrenches)
 

@@ -1,4 +1,7 @@
-"""Gate at the way out of a control: no command leaves that exceeds a torque limit, a joint's range or its speed."""
+"""Gate at the way out of a control: no command leaves that exceeds a torque limit, a joint's range or its speed.
+
+A command owns its arrays: what a driver does to them changes nothing here.
+"""
 
 from __future__ import annotations
 
@@ -76,7 +79,7 @@ class CommandGate:
         if not (most <= self._torque).all():
             self._report(~(most <= SLACK * self._torque), faults)
             torque, kp, kd = self._give_way(total, servo, kp, kd)
-        return Command(torque, sent.joint_position, sent.joint_velocity, kp=kp, kd=kd)
+        return Command(torque.copy(), sent.joint_position, sent.joint_velocity, kp=kp.copy(), kd=kd.copy())
 
     def admit(self, command: Command, measured: tuple[Array, Array]) -> Command:
         """Return a command of any origin with torques within the limits, its own gains at the measured joints counted.
@@ -128,9 +131,10 @@ class CommandGate:
         if not most <= 0.0:  # or NaN
             return self._clip(torque, position, velocity)
         self.faults = ()
-        if position is not None:
-            self._position = position
-        return Command(torque, position, velocity)
+        if position is None or velocity is None:
+            return Command(torque.copy())
+        self._position[:] = position
+        return Command(torque.copy(), position.copy(), velocity.copy())
 
     def _clip(self, torque: Array, position: Array | None, velocity: Array | None) -> Command:
         wrong = ~(np.abs(torque) <= SLACK * self._torque)
@@ -142,7 +146,8 @@ class CommandGate:
             sent = np.clip(near, np.minimum(self._lower, last), np.maximum(self._upper, last))
             wrong |= ~(np.abs(sent - position) <= 1e-6) | ~(np.abs(velocity) <= SLACK * self._speed)
             velocity = np.clip(np.nan_to_num(velocity, nan=0.0), -self._speed, self._speed)
-            self._position = position = sent
+            position = sent
+            self._position[:] = sent
         self._report(wrong)
         return Command(torque, position, velocity)
 

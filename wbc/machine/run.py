@@ -21,6 +21,7 @@ from wbc.core.control import DriveControl
 from wbc.core.drive.position import PositionControl
 from wbc.core.drive.torque import TorqueControl
 from wbc.core.errors import ROUNDING, InputError, check_parts, non_negative, positive
+from wbc.core.estimation.consistency import REAL_TIME
 from wbc.core.gate import CommandGate
 from wbc.core.robot import GRAVITY
 from wbc.core.settings import NonNegative, Positive, Share, settings
@@ -142,7 +143,7 @@ class Runner:
         self._phases: list[tuple[Phase, float]] = []
         self._late, self._busy = np.full((2, KEPT), 0.0)  # touched, so that no page fault waits in the loop
         self.ticks = self._missed = self._skipped = 0
-        self._age = 0.0
+        self._age, self._slow = 0.0, ""
 
     def stop(self) -> None:
         """Let the robot sink: stiffness and torques fall, then the joints are damped."""
@@ -294,7 +295,7 @@ class Runner:
             try:
                 self._tick(now, fresh=newest is not None and self._inlet.take(newest, now))
             except _Over as end:
-                self._reason = str(end)
+                self._reason = "; ".join(filter(None, (str(end), self._slow)))
                 driver.damp()
                 self._enter(Phase.DAMPED, clock.now())
                 return
@@ -381,6 +382,12 @@ class Runner:
         away = float(np.abs(measurement.joint_position - self._robot.half_sitting[7:]).max())
         # Let down too early it is better balanced from where it is than held by servos too soft to stand on.
         ready = arrived or (elapsed > settings.fade and away < NEAR and self._stand is not None)
+        if ready and self._inlet.pace.ratio < REAL_TIME:
+            if not self._slow:
+                self._slow = f"the machine runs at {self._inlet.pace.ratio:.1f} of real time"
+                logger.error("%s: it hangs until it keeps up", self._slow)
+            return command
+        self._slow = ""
         if ready and self._lasts(self._loads.share >= settings.touch or settings.load == 0.0, TOUCHED, now):
             if self._stand is not None:
                 self._stand.begin(measurement)

@@ -11,6 +11,7 @@ are tasks of the QP itself.
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -44,7 +45,7 @@ class Balance:
         load: Load in the hands as estimated; None where none is expected.
         output: Output of the stabilizer in the last tick; None before the first one.
         leaning: Motion of the trunk's lean in that tick.
-        wrenches: Wrenches on the feet that the torques are to make in place of the QP's; None on torques.
+        wrenches: Name of a foot's contact → wrench that the torques are to make in place of the QP's; None on torques.
     """
 
     def __init__(
@@ -79,7 +80,7 @@ class Balance:
         self.output: StabilizerOutput | None = None
         self.leaning: LeanMotion = UPRIGHT
         self._feedforward = s.mode == "position"
-        self.wrenches: Array | None = np.zeros((2, 6)) if self._feedforward else None
+        self.wrenches: Mapping[str, Array] | None = {} if self._feedforward else None
         self._contact = (True, True)
         self._heading = 0.0  # of the last reference
         self._dcm = np.zeros(3)  # as measured, with its bias
@@ -130,7 +131,7 @@ class Balance:
             outside=outside,
         )
         if self._feedforward:
-            self.wrenches = output.feet.wrenches
+            self.wrenches = self._tasks.com.wrenches
         if outside is not None and hands is not None and not output.in_air:
             hands.help(output.feet.shortfall[3:5], output.zmp, dt)
         if self.lean is not None:  # towards the moment that the feet cannot give

@@ -109,7 +109,7 @@ class HybridControl(TorqueControl):
     def _passed(self, state: State, torques: Array, gains: tuple[Array, Array]) -> Command:
         """Return the command of the references, within all limits; the references are where it says."""
         measured = self._position(), self.plausibility.joint_velocity(state.received)
-        command = self.gate.pass_on_with_gains(torques, self.q.copy(), self.v.copy(), gains, measured)
+        command = self.gate.pass_on_with_gains(torques, self.q, self.v, gains, measured)
         if self.gate.faults:
             assert command.joint_position is not None and command.joint_velocity is not None
             self.q[:], self.v[:] = command.joint_position, command.joint_velocity

@@ -6,7 +6,7 @@ mc_rtc.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Annotated, Literal
 
 import numpy as np
@@ -103,7 +103,7 @@ class PositionControl(DriveControl):
         self.controller.robot.update(self.q, self.v)
         return self._soles
 
-    def _torques_of(self, solution: Solution, wrenches: Array | None) -> Array:
+    def _torques_of(self, solution: Solution, wrenches: Mapping[str, Array] | None) -> Array:
         return super()._torques_of(solution, wrenches) if self.feedforward else self._torques
 
     def _follow(self, state: State, solution: Solution) -> Command:
@@ -123,7 +123,7 @@ class PositionControl(DriveControl):
         step += self.v * self._dt
         self.q[:] = pin.integrate(self.controller.robot.model, self.q, step)
         self.v += np.multiply(acceleration, self._dt, out=step)
-        command = self.gate.pass_on(self._torques, self.q[7:].copy(), self.v[6:].copy())
+        command = self.gate.pass_on(self._torques, self.q[7:], self.v[6:])
         if self.gate.faults:  # the commanded robot is where the command says
             assert command.joint_position is not None and command.joint_velocity is not None
             self.q[7:], self.v[6:] = command.joint_position, command.joint_velocity

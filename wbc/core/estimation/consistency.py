@@ -37,6 +37,10 @@ least the third part of gravity, upwards as estimated."""
 VELOCITY_DIFFERENCE = 1.0
 """Difference of a joint velocity from the speed of its encoder above which they contradict each other, rad/s."""
 
+REAL_TIME, AGREEMENT = 0.8, 0.95
+"""Ratio of the encoders' speeds to the joint velocities below which a machine's own time runs slower than the stamps,
+and cosine between the two from which on all joints agree on it."""
+
 FOOT_ROTATION, FOOT_SPIN = 0.5, 0.5
 """Greatest speed at which both feet on the ground may turn alike, by encoders and gyroscope, once both have stood for
 0.5 s: in a walk both may roll over the edges of stones or boards; and speed about the vertical above which a foot on
@@ -125,6 +129,14 @@ class AccelerometerCheck:
                 )
         self.left_out = left_out
         return replace(measurement, specific_force=GRAVITY * rotation[2]) if left_out else measurement
+
+
+def time_ratio(moved: Array, expected: Array) -> float | None:
+    """Return the ratio of motions by encoders to those by joint velocities, shape (na,); None if joints disagree."""
+    cross, square, own = float(moved @ expected), float(expected @ expected), float(moved @ moved)
+    if square == 0.0 or cross < AGREEMENT * math.sqrt(square * own):
+        return None
+    return cross / square
 
 
 class ConsistencyMonitor:
@@ -238,6 +250,10 @@ class ConsistencyMonitor:
         wrong = size > VELOCITY_DIFFERENCE
         self._contradicts = np.where(wrong, self._contradicts + self._dt, 0.0)
         named = (self._contradicts >= LASTING).nonzero()[0]
+        if named.size:
+            ratio = time_ratio((values[:na] - last[:na]) / passed, values[na : 2 * na])
+            if ratio is not None and ratio < REAL_TIME:
+                return [f"the machine runs at {ratio:.1f} of real time"]
         return [f"{self._channels[na + i]} contradicts its encoder" for i in named[:4]]
 
     def _gyroscope_contradicts(self, rotation: Vector, unexplained: complex, blind: bool) -> bool:

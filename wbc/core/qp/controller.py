@@ -6,14 +6,14 @@
 from __future__ import annotations
 
 import weakref
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from time import perf_counter
 from typing import Any, TypeVar, overload
 
 import numpy as np
 
 from wbc.core.arguments import checked
-from wbc.core.errors import Array, InputError, WbcError, as_period, choose, shown
+from wbc.core.errors import Array, InputError, WbcError, as_period, choose, shown, unknown_name
 from wbc.core.html import html_text
 from wbc.core.limits.rows import JointLimits, RowLimit, TorqueLimits
 from wbc.core.qp.assembly import Assembly, Limit
@@ -311,19 +311,24 @@ class Controller:
         )
         return solution
 
-    def torques(self, solution: Solution, wrenches: Array) -> Array:
-        """Return the joint torques of a solution's motion with other wrenches on the first contacts.
+    def torques(self, solution: Solution, wrenches: Mapping[str, Array]) -> Array:
+        """Return the joint torques of a solution's motion with other wrenches on some contacts.
 
         Args:
             solution: Solution of this tick.
-            wrenches: Wrenches in place of the solution's, in the frames of the contacts, shape (n, 6), N and Nm;
-                further contacts keep those of the solution.
+            wrenches: Name of a contact → wrench in place of the solution's, in the frame of the contact, N and Nm.
 
         Returns:
             Shape (na,), Nm (or N).
+
+        Raises:
+            UnknownNameError: There is no such contact.
         """
-        x, first = solution.variables.copy(), solution.layout.nv
-        x[first : first + wrenches.size] = wrenches.reshape(-1)
+        x, columns = solution.variables.copy(), solution.layout.contacts
+        for name, wrench in wrenches.items():
+            if name not in columns:
+                unknown_name("contact", name, columns)
+            x[columns[name]] = wrench
         problem = self._assembly.problem
         torques: Array = np.dot(problem.torque_matrix, x)
         torques += problem.torque_bias
