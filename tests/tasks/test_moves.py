@@ -233,6 +233,43 @@ def test_a_move_goes_on_from_where_the_target_is_and_how_it_moves() -> None:
     assert not com.moving
 
 
+@pytest.mark.parametrize(
+    ("axes", "off", "reached"),
+    [
+        (("roll", "pitch", "yaw"), 0.04, True),
+        (("roll", "pitch", "yaw"), 0.06, False),
+        (("x", "y", "z"), 0.008, True),
+        (("x", "y", "z"), 0.04, False),
+        (("z", "yaw"), 0.008, True),
+        (("z", "yaw"), 0.04, False),
+    ],
+)
+def test_a_pose_is_reached_within_the_bound_of_each_of_its_units(
+    axes: tuple[str, ...], off: float, reached: bool
+) -> None:
+    controller = standing("hrp4_class")
+    task = controller.add(PoseTask(left_hand(controller.robot), axes=axes))
+    target = task.target
+    shift = np.array([axis in axes for axis in ("x", "y", "z", "roll", "pitch", "yaw")], dtype=float)
+    shift *= off / np.sqrt(max(shift[:3].sum(), shift[3:].sum()))
+    task.target = pin.SE3(pin.exp3(shift[3:]) @ target.rotation, target.translation + shift[:3])
+    assert task.reached == reached
+
+
+def test_a_momentum_is_reached_when_the_robot_has_it() -> None:
+    controller = standing("hrp4_class")
+    robot, task = controller.robot, controller.add(MomentumTask())
+    assert task.reached
+    task.target = [0.2 * robot.mass, 0.0, 0.0, 0.0, 0.0, 0.0]
+    assert not task.reached
+    v = np.zeros(robot.nv)
+    v[:3] = robot.placement(robot.base_frame).rotation.T @ [0.2, 0.0, 0.0]
+    robot.update(robot.q, v)
+    assert task.reached
+    task.target = [0.2 * robot.mass, 0.0, 0.0, 0.0, 0.0, 100.0]
+    assert not task.reached
+
+
 # ---- what a user cannot do by mistake -----------------------------------------------------------------------------
 
 

@@ -50,6 +50,30 @@ def test_a_pushed_robot_comes_back_to_its_target(mode: str) -> None:
     assert task.output.feet.wrenches[:, 2].sum() == pytest.approx(plant.robot.mass * GRAVITY, rel=0.05)
 
 
+def test_a_reset_takes_the_heading_anew() -> None:
+    """A robot that has been turned by 90° and pushed ahead gets the desired acceleration of one that has not."""
+    outputs = []
+    for turn in (0.0, 0.5 * np.pi):
+        description = load("hrp4_class")
+        robot = description.robot()
+        controller = wbc.Controller(robot, 0.005)
+        soles = controller.add(wbc.SoleContact("left_foot"), wbc.SoleContact("right_foot"))
+        task = controller.add(StabilizerTask(soles, gains=StabilizerGains(dcm_p=(2.0, 8.0))))
+        q, spin = np.array(robot.q), pin.SE3(pin.exp3(np.array([0.0, 0.0, turn])), np.zeros(3))
+        q[:7] = pin.SE3ToXYZQUAT(spin * pin.XYZQUATToSE3(q[:7]))
+        robot.update(q, robot.v)
+        task.target = spin.act(np.array(task.target))
+        controller.reset()
+        robot.update(q, np.concatenate([[0.05, 0.03, 0.0], np.zeros(robot.nv - 3)]))
+        wrenches = np.zeros((2, 6))
+        wrenches[:, 2] = 0.5 * robot.mass * GRAVITY
+        measurement: Any = SimpleNamespace(wrenches=wrenches)
+        task.observe(measurement, 0.005)
+        assert task.output is not None
+        outputs.append(spin.rotation.T @ task.output.com_acceleration)
+    np.testing.assert_allclose(outputs[1], outputs[0], atol=1e-9)
+
+
 def test_the_com_follows_a_target_that_moves() -> None:
     plant, control, task = standing("torque")
     run(plant, control, 0.2)
