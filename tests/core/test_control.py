@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from copy import deepcopy
 from dataclasses import replace
 
 import numpy as np
@@ -156,7 +155,7 @@ def test_what_a_driver_does_to_a_command_changes_nothing(
                 fail_from_now_on(control.controller, monkeypatch)
             measured = at_rest(control.controller.robot, tick * DT)
             command = control.command(replace(measured, sole_wrench=None) if tick else measured)
-            sent.append(deepcopy(command))
+            sent.append(command.copy())
             for part in (command.joint_torque, command.joint_position, command.joint_velocity, command.kp):
                 if spoilt and part is not None:
                     np.multiply(part, -3.0, out=part)

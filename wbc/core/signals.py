@@ -133,6 +133,11 @@ class Command:
     kp: Array | None = None
     kd: Array | None = None
 
+    def copy(self) -> Command:
+        """Return the same command with arrays of its own."""
+        parts = self.joint_position, self.joint_velocity, self.sole_stiffness, self.kp, self.kd
+        return Command(self.joint_torque.copy(), *(None if part is None else part.copy() for part in parts))
+
     def check(self, joint_names: Sequence[str]) -> None:
         """Refuse what no drive must get.
 

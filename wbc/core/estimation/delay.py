@@ -8,7 +8,6 @@ carried ahead with them, from the estimate anew in every tick (O. J. M. Smith's 
 from __future__ import annotations
 
 from collections import deque
-from copy import copy
 
 import numpy as np
 import pinocchio as pin
@@ -79,8 +78,7 @@ class SentCommands:
 
     def sent(self, command: Command) -> None:
         """Take over the command that is sent now."""
-        parts = command.joint_torque, command.joint_position, command.joint_velocity
-        self._commands.append(Command(*map(copy, parts), kp=copy(command.kp), kd=copy(command.kd)))
+        self._commands.append(command.copy())
 
     def torque(self, measurement: Measurement) -> Array | None:
         """Return the mean torque in the period before a measurement, shape (na,), Nm; None before there is one."""
