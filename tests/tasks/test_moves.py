@@ -20,6 +20,7 @@ from wbc.tasks import (
     CoMTask,
     DirectionTask,
     ImpedanceTask,
+    MomentumTask,
     OrientationTask,
     PoseTask,
     PositionTask,

@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+from typing import Any
+
 import numpy as np
+import pinocchio as pin
 import pytest
 from properties import by_default
 
@@ -11,6 +15,7 @@ from wbc.core.errors import InputError
 from wbc.core.robot import GRAVITY
 from wbc.robots import load
 from wbc.tasks import StabilizerTask
+from wbc.tasks.stabilizer.gains import StabilizerGains
 
 CONTROLS = {"torque": wbc.TorqueControl, "hybrid": wbc.HybridControl, "position": wbc.PositionControl}
 
