@@ -37,7 +37,7 @@ def test_rerun_opens_an_rrd(tmp_path: Path) -> None:
 def test_a_log_without_a_robot_has_signals_alone(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     log, out = tmp_path / "stand.arrow", tmp_path / "stand.rrd"
     opened = recorded_stand(log, shown=lambda plant: None)
-    with pytest.raises(InputError, match=r"rate \(1/s\) must be"):
+    with pytest.raises(InputError, match="rate"):
         convert_log(opened, out, rate=0.0)
     assert main(["log", "convert", str(log), str(out), "--json"]) == 0
     assert "without a plant" in json.loads(capsys.readouterr().out)["without_scene"]

@@ -110,7 +110,7 @@ def test_log_of_another_format_is_refused(tmp_path: Path, number: object) -> Non
 
 def test_unknown_signal_names_the_nearest_ones(log_file: Path) -> None:
     log = Log.open(log_file)
-    with pytest.raises(UnknownNameError, match="did you mean 'com/estimated/x'"):
+    with pytest.raises(UnknownNameError, match="'com/estimated/x'"):
         log["com/estimate/x"]
     with pytest.raises(UnknownNameError, match="'com/estimated'"):
         log["com/estimatd"]

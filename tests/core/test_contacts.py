@@ -162,7 +162,7 @@ def test_loaded_foot_follows_target_and_velocity_of_its_contact() -> None:
 
 
 def test_normal_axis_cannot_be_free() -> None:
-    with pytest.raises(InputError, match="cannot leave axis 'z' free; choices: x, y, roll, pitch, yaw"):
+    with pytest.raises(InputError, match="'z'"):
         SoleContact("left_foot", free_axes=("z",))
 
 

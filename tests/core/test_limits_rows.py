@@ -330,7 +330,7 @@ def test_com_that_starts_outside_comes_back(name: str) -> None:
 def test_polygon_follows_the_soles_on_request() -> None:
     robot = make_robot("g1")
     limit = CoMPolygonLimit()
-    with pytest.raises(InputError, match="before it is added"):
+    with pytest.raises(InputError, match="added"):
         _ = limit.polygon
     Controller(robot, 0.002).add(limit)
     both = limit.polygon
@@ -348,5 +348,5 @@ def test_polygon_follows_the_soles_on_request() -> None:
     assert np.isposinf(rows_of(limit, robot)[2][3:]).all()
     with pytest.raises(UnknownNameError, match="sole"):
         limit.use_soles(["left_hand"])
-    with pytest.raises(InputError, match="at least one sole"):
+    with pytest.raises(InputError, match="sole"):
         limit.use_soles([])

@@ -156,7 +156,7 @@ def test_a_compressed_journal_is_read_and_never_written(tmp_path: Path) -> None:
     packed.write_bytes(lzma.compress(plain.read_bytes()))
     for opened in (check_journal_path, Journal):
         for path in (packed, tmp_path / "new.xz"):
-            with pytest.raises(InputError, match="is compressed, .* unpack it"):
+            with pytest.raises(InputError, match="compressed"):
                 opened(path)
     assert list(read_journal(packed).values()) == entries and not (tmp_path / "new.xz").exists()
 

@@ -72,7 +72,7 @@ def test_a_simulation_that_diverges_is_no_fall(tmp_path: Path, monkeypatch: pyte
         def after(self, trial: Any) -> None:
             trial.plant.data.qvel[7] = float("nan")
 
-    with pytest.raises(DivergedError, match=r"cannot go on: simulation diverged before 0\.01"):
+    with pytest.raises(DivergedError, match="simulation"):
         StandTrial(StandSpec(noise="none")).run([Poison()])
 
 

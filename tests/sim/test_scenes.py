@@ -81,7 +81,7 @@ def test_a_hand_that_grips_a_cart_pulls_it() -> None:
     d = load("hrp4_class")
     plant = Plant(d, scene=make_scene("cart", distance=0.13, handle=0.78, resistance=5.0))
     cart = plant.model.body("scene/cart").id
-    with pytest.raises(InputError, match="within 0.25 m of left handle"):
+    with pytest.raises(InputError, match="within"):
         Plant(d, scene="cart").grip("left_hand", "left handle")
     plant.grip("left_hand", "left handle")
     plant.grip("right_hand", "right handle")

@@ -115,5 +115,5 @@ def test_a_walk_over_an_image_knows_what_is_in_its_file(tmp_path: Path) -> None:
     np.save(path, heights[::-1])
     with pytest.raises(InputError, match="has changed"):
         WalkTrial(spec)
-    with pytest.raises(InputError, match="the ground reads none"):
+    with pytest.raises(InputError, match="ground"):
         WalkSpec(terrain="stones", terrain_params={"sha256": "0123"})  # type: ignore[arg-type]

@@ -185,7 +185,7 @@ def test_an_exception_names_the_state_or_is_an_outcome() -> None:
 
     broken = Behaviour("broken", bad, done=after(1.0))
     program = Program(StateMachine("m", [StateMachine("inner", [broken])]), controller)
-    with pytest.raises(BehaviourError, match=r"state 'm/inner/broken': ValueError: no such thing"):
+    with pytest.raises(BehaviourError, match="'m/inner/broken'"):
         step(program)
     outer = StateMachine("m", [StateMachine("inner", [broken]), *steps("c")], {"inner": {"error": "c"}})
     program = Program(outer, controller)

@@ -117,7 +117,7 @@ def test_the_margin_bounds_the_cop() -> None:
     zmp = np.array([0.1, 0.105, 0.0])
     result = distribution.solve(through(zmp, np.array([0.0, 0.0, WEIGHT])), SOLES, zmp, 1.0, (True, False))
     assert cop(result.wrenches[0])[0] == pytest.approx(0.09, abs=1e-4)
-    with pytest.raises(InputError, match="a margin of 0.05 m leaves nothing of a sole of 0.22 × 0.1 m"):
+    with pytest.raises(InputError, match="nothing"):
         WrenchDistribution(SIZES, DistributionSettings(margin=0.05))
 
 
