@@ -97,7 +97,7 @@ def _shown(default: Any) -> str:
 
 
 def mark_blocks(app: Sphinx, what: str, name: str, obj: Any, options: Any, lines: list[str]) -> None:
-    """Mark indented blocks of a docstring as literal, before its Google sections are read, and escape what is not RST."""
+    """Mark indented blocks as literal, before Google sections are read, and escape what is not reStructuredText."""
     out: list[str] = []
     section = False
     for i, line in enumerate(lines):
