@@ -23,7 +23,7 @@ copyright = f"2026, {author}"
 version = release = __version__
 
 extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.napoleon", "sphinx.ext.mathjax"]
-exclude_patterns = ["README.md", "journals"]
+exclude_patterns = ["README.md"]
 suppress_warnings = ["ref.python"]  # a type that two modules have
 
 myst_enable_extensions = ["dollarmath", "deflist", "attrs_inline"]

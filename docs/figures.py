@@ -14,12 +14,7 @@ from matplotlib.patches import Polygon
 
 import wbc
 from wbc.core.errors import Array
-from wbc.core.files import save_figure
 from wbc.feet.sensing.scan import resample
-from wbc.feet.stiffness.analysis import learning_curve
-from wbc.feet.stiffness.dataset import StiffnessTable
-from wbc.feet.stiffness.figures import model_figure
-from wbc.feet.stiffness.model import DEFAULT_TABLE, ModelSettings
 from wbc.feet.stiffness.roughness import RoughnessSettings, low_pass, profile_roughness
 from wbc.sim.terrain.spec import terrain
 from wbc.tasks.stabilizer.pendulum import Pendulum
@@ -122,45 +117,6 @@ def draw_architecture(path: Path) -> None:
     path.write_text(architecture_svg(Path(__file__).resolve().parents[1]), encoding="utf-8")
 
 
-def draw_labels(path: Path) -> None:
-    """Best stiffness of every training ground against its amplitude, with the range of nearly best values."""
-    table = StiffnessTable.load(DEFAULT_TABLE)
-    grounds = list(dict.fromkeys(table.ground.tolist()))
-    columns = min(4, len(grounds))
-    rows = -(-len(grounds) // columns)
-    size = (2.4 * columns, 1.0 + 1.8 * rows)
-    figure, panels = plt.subplots(
-        rows, columns, figsize=size, layout="constrained", sharey=True, squeeze=False
-    )
-    for panel in panels.flat[len(grounds) :]:
-        panel.set_axis_off()
-    for panel, ground in zip(panels.flat, grounds, strict=False):
-        first = [
-            int(np.flatnonzero((table.ground == ground) & (table.amplitude == amplitude))[0])
-            for amplitude in np.unique(table.amplitude[table.ground == ground])
-        ]
-        amplitude, best = 1e3 * table.amplitude[first], table.stiffness[first]
-        low, high = table.stiffness_low[first], table.stiffness_high[first]
-        if np.isfinite(low).all() and np.isfinite(high).all():
-            panel.vlines(amplitude, low, high, color="tab:blue", alpha=0.35, linewidth=5.0)
-        panel.plot(amplitude, best, "o-", color="tab:blue", markersize=4.0, linewidth=1.0)
-        panel.set_yscale("log")
-        panel.set_title(ground.replace("_", " "), fontsize=9)
-        panel.grid(alpha=0.3)
-    for panel in panels[:, 0]:
-        panel.set_ylabel("k (Nm/rad)", fontsize=9)
-    for panel in panels[-1]:
-        panel.set_xlabel("amplitude (mm)", fontsize=9)
-    figure.savefig(path)
-    plt.close(figure)
-
-
-def draw_judged(path: Path) -> None:
-    """Draw the accuracy of the model that comes with the library on grounds that it has not seen."""
-    table, settings = StiffnessTable.load(DEFAULT_TABLE), ModelSettings()
-    save_figure(model_figure(table, settings, learning_curve(table, settings)), path, dpi=130)
-
-
 def main() -> None:
     """Draw all figures."""
     folder = Path(sys.argv[1]) if len(sys.argv) > 1 else Path(__file__).parent / "images"
@@ -177,8 +133,6 @@ def main() -> None:
         "architecture.svg": draw_architecture,
         "pattern.svg": draw_pattern,
         "roughness.svg": draw_roughness,
-        "stiffness_labels.svg": draw_labels,
-        "stiffness_model.png": draw_judged,
     }
     for name, draw in pictures.items():
         draw(folder / name)

@@ -14,10 +14,9 @@ from wbc.feet.soles.foot import Foot, fitted_sole
 from wbc.feet.soles.parts import FootParts
 from wbc.feet.soles.soft import SoftFoot
 from wbc.feet.soles.sole import FootFit
-from wbc.feet.stiffness.dataset import StiffnessTable
-from wbc.feet.stiffness.model import ModelSettings, StiffnessModel
-from wbc.feet.stiffness.roughness import RoughnessSettings, profile_roughness, roughness
-from wbc.feet.stiffness.validation import Candidate, cross_validate
+from wbc.feet.stiffness.features import PAPER_FEATURES, FeatureSet
+from wbc.feet.stiffness.model import Clusters, ModelSettings, ProfileRecipe, StiffnessModel
+from wbc.feet.stiffness.roughness import PARAMETERS, RoughnessSettings, profile_roughness, roughness
 
 __all__ = [
     # Feet by name
@@ -37,15 +36,15 @@ __all__ = [
     "GroundScan",
     "Profile",
     # Roughness of a profile
+    "PARAMETERS",
     "RoughnessSettings",
     "roughness",
     "profile_roughness",
     # Stiffness from roughness
     "StiffnessModel",
     "ModelSettings",
-    # Training data
-    "StiffnessTable",
-    # Validation of models
-    "Candidate",
-    "cross_validate",
+    "Clusters",
+    "FeatureSet",
+    "PAPER_FEATURES",
+    "ProfileRecipe",
 ]

@@ -31,11 +31,9 @@ from wbc.tasks.motion.posture import PostureTask
 from wbc.tasks.motion.relative import RelativeFrameTask
 from wbc.tasks.programs import read_state_machine
 from wbc.tasks.scheduling.policies import (
-    EdgePolicy,
     FixedPolicy,
     GroundPolicy,
     ModelPolicy,
-    PhasePolicy,
     StiffnessDecision,
     StiffnessPolicy,
     SwingScan,
@@ -96,11 +94,9 @@ __all__ = [
     "StiffnessPolicy",
     "SwingScan",
     "StiffnessDecision",
-    "EdgePolicy",
     "FixedPolicy",
     "GroundPolicy",
     "ModelPolicy",
-    "PhasePolicy",
     "stiffness_policy",
     "register_stiffness_policy",
 ]

@@ -15,16 +15,65 @@ from pydantic import Field
 
 from wbc._version import __version__
 from wbc.core.errors import Array, InputError, finite_array
-from wbc.core.files import decoding, read_text, write_text
-from wbc.core.settings import Count, settings, to_json
-from wbc.feet.stiffness.clusters import Clusters
-from wbc.feet.stiffness.dataset import ProfileRecipe, StiffnessTable, complete_settings, parse_head
+from wbc.core.files import decoding, parsing, read_text, write_text
+from wbc.core.settings import Count, Positive, from_json, settings, to_json
+from wbc.feet.sensing.scan import PROFILE_STEP
 from wbc.feet.stiffness.features import PAPER_FEATURES, FeatureSet
+from wbc.feet.stiffness.roughness import RoughnessSettings
 
-FORMAT = "wbc stiffness model"
-VERSION = 1
+FORMAT, VERSION = "wbc stiffness model", 1
 
-Kind = Literal["classification", "regression"]
+DEFAULT_MODEL = Path(__file__).parent / "data" / "stiffness_model.json"
+"""The default model, part of the library."""
+
+
+@settings
+class ProfileRecipe:
+    """Settings that the roughness which a model takes is computed with.
+
+    Attributes:
+        step: Distance of the samples of a profile, m.
+        window: Length of a profile, m; None for whole tracks. By default the length scanned in a step of 0.145 m when
+            the stiffness is decided (`wbc.tasks.scheduling.record.StiffnessTiming`).
+        roughness: Filter, trend and variant.
+    """
+
+    step: Annotated[Positive, "m"] = PROFILE_STEP
+    window: Annotated[Positive, "m"] | None = 0.182
+    roughness: RoughnessSettings = field(default_factory=RoughnessSettings)
+
+
+@settings
+class Clusters:
+    """Neighbouring ranges of stiffness, the classes of a classification, numbered from 1.
+
+    Attributes:
+        edges: Boundaries, ascending from 0 or above, Nm/rad; a stiffness on a boundary belongs to the range above it,
+            the last boundary to the last range. By default 20 of 4 Nm/rad (the paper, section IV-B).
+    """
+
+    edges: Annotated[tuple[float, ...], "Nm/rad"] = tuple(4.0 * i for i in range(21))
+
+    def __post_init__(self) -> None:
+        if len(self.edges) < 3 or self.edges[0] < 0.0 or (np.diff(self.edges) <= 0.0).any():
+            raise InputError(f"edges of clusters must ascend from 0 Nm/rad or above, got {self.edges}")
+
+    @cached_property
+    def centres(self) -> Array:
+        """Middle of each range, its command, Nm/rad: the geometric mean of boundaries of one ratio."""
+        low, high = np.array(self.edges[:-1]), np.array(self.edges[1:])
+        linear = (low == 0.0) | np.allclose(high - low, high[0] - low[0])
+        return np.asarray(np.where(linear, (low + high) / 2.0, np.sqrt(low * high)))
+
+    def of(self, stiffness: ArrayLike) -> NDArray[np.intp]:
+        """Return the number of the range of each stiffness (Nm/rad), from 1; `InputError` outside all ranges."""
+        k = finite_array("stiffness (Nm/rad)", stiffness)
+        if k.size and (k.min() < self.edges[0] or k.max() > self.edges[-1]):
+            raise InputError(
+                f"stiffness must lie in the clusters' [{self.edges[0]:g}, {self.edges[-1]:g}] Nm/rad, got {k.min():g} "
+                f"to {k.max():g}"
+            )
+        return np.minimum(np.searchsorted(self.edges, k, side="right"), len(self.edges) - 1).astype(np.intp)
 
 
 @settings
@@ -35,22 +84,32 @@ class ModelSettings:
         features: Names of the features, see `FeatureSet`.
         neighbours: Number of neighbours, each weighted by the inverse of its distance.
         clusters: Classes of a classification, ranges of stiffness.
-        kind: "classification" commands the mean of the most likely cluster, "regression" the weighted mean of the
+        kind: "classification" commands the middle of the most likely cluster, "regression" the weighted mean of the
             neighbours' best stiffness.
-        familiar_share: Quantile of the training profiles' distances to their nearest neighbour on another ground or
-            amplitude, beyond which a profile counts as unfamiliar.
+        familiar_share: Quantile of the training profiles' distances to their nearest neighbour of another group,
+            beyond which a profile counts as unfamiliar.
 
     Source: features, neighbours and clusters from the paper, section IV-B.
     """
 
     features: tuple[str, ...] = PAPER_FEATURES
     neighbours: Count = 10
-    clusters: Clusters = field(default_factory=Clusters.linear)
-    kind: Kind = "classification"
+    clusters: Clusters = field(default_factory=Clusters)
+    kind: Literal["classification", "regression"] = "classification"
     familiar_share: Annotated[float, Field(ge=0.5, le=1.0)] = 0.99
 
     def __post_init__(self) -> None:
         FeatureSet(self.features)
+
+    def pipeline(self) -> Any:
+        """Return the model as a scikit-learn pipeline from roughness parameters to cluster or stiffness, not fitted."""
+        from sklearn.neighbors import KNeighborsClassifier, KNeighborsRegressor  # noqa: PLC0415 - slow to import
+        from sklearn.pipeline import make_pipeline  # noqa: PLC0415
+        from sklearn.preprocessing import FunctionTransformer, StandardScaler  # noqa: PLC0415
+
+        kind = KNeighborsClassifier if self.kind == "classification" else KNeighborsRegressor
+        neighbours = kind(self.neighbours, weights="distance", algorithm="kd_tree")
+        return make_pipeline(FunctionTransformer(FeatureSet(self.features)), StandardScaler(), neighbours)
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,11 +133,10 @@ class Prediction:
 
 @dataclass(frozen=True, eq=False)
 class StiffnessModel:
-    """A fitted nearest-neighbour model on scaled features.
+    """A fitted model: scaled features, and the nearest profiles of known best stiffness.
 
-    `predict` is a few lines of NumPy with the results of scikit-learn (`knn_pipeline`), many times as fast. All rows at
-    the distance of the last neighbour are neighbours, as with level ground among level ground; scikit-learn takes the
-    first of them.
+    `predict` is the prediction of `ModelSettings.pipeline` in plain NumPy, which takes microseconds. All rows at the
+    distance of the last neighbour are neighbours, as level ground among level ground; scikit-learn takes the first.
 
     Attributes:
         settings: Settings of the model.
@@ -88,7 +146,7 @@ class StiffnessModel:
         mean: Mean of each feature, shape (f,).
         scale: Standard deviation of each feature, 1 where it does not vary, shape (f,).
         reach: Largest distance of a familiar profile from its nearest neighbour.
-        made: Provenance: versions, hash and provenance of the table.
+        made: Provenance, as plain values.
     """
 
     settings: ModelSettings
@@ -101,48 +159,51 @@ class StiffnessModel:
     made: Mapping[str, Any]
 
     @classmethod
-    def fit(cls, table: StiffnessTable, settings: ModelSettings | None = None) -> StiffnessModel:
-        """Return a model fitted to a table.
+    def fit(
+        cls,
+        values: ArrayLike,
+        stiffness: ArrayLike,
+        groups: ArrayLike | None = None,
+        settings: ModelSettings | None = None,
+        *,
+        recipe: ProfileRecipe | None = None,
+        made: Mapping[str, Any] | None = None,
+    ) -> StiffnessModel:
+        """Return a model fitted to profiles and their best stiffness.
 
         Args:
-            table: Profiles with their best stiffness.
+            values: Roughness parameters of the profiles, computed as `recipe` says, shape (n, 10).
+            stiffness: Best stiffness of each, Nm/rad, shape (n,).
+            groups: Ground of each, shape (n,): profiles of one ground say nothing of what is familiar.
             settings: Settings of the model; the paper's when None.
+            recipe: Settings of the roughness.
+            made: Provenance of the profiles.
 
         Raises:
-            InputError: Fewer rows than neighbours, a stiffness outside the clusters, or all of one cluster.
+            InputError: Shapes that differ, fewer rows than neighbours, a stiffness outside the clusters.
         """
-        import sklearn  # noqa: PLC0415 - a prediction does not need it
-        from sklearn.preprocessing import StandardScaler  # noqa: PLC0415
-
-        given = ModelSettings() if settings is None else settings
-        if len(table) < given.neighbours:
-            raise InputError(f"{given.neighbours} neighbours need as many rows, the table has {len(table)}")
-        table.labels(given.clusters)  # raises for a single class
-        features = FeatureSet(given.features)(table.values)
-        scaler = StandardScaler().fit(features)
-        model = cls(
-            settings=given,
-            recipe=table.recipe,
-            features=features,
-            stiffness=table.stiffness.copy(),
-            mean=np.asarray(scaler.mean_),
-            scale=np.asarray(scaler.scale_),
-            reach=np.inf,
-            made={
-                "wbc": __version__,
-                "scikit-learn": str(sklearn.__version__),
-                "table": table.fingerprint(),
-                "rows": len(table),
-                "table_made": dict(table.made),
-            },
+        given = settings or ModelSettings()
+        features = FeatureSet(given.features)(values)
+        best = finite_array("best stiffness (Nm/rad)", stiffness)
+        if features.ndim != 2 or best.shape != features.shape[:1] or len(best) < given.neighbours:
+            raise InputError(
+                f"a model of {given.neighbours} neighbours needs as many rows or more, roughness of shape (n, 10) and "
+                f"stiffness of shape (n,), got {np.shape(values)} and {best.shape}"
+            )
+        given.clusters.of(best)
+        mean, scale = features.mean(axis=0), features.std(axis=0)
+        scale[scale <= 1e-12 * np.abs(mean)] = 1.0
+        samples = (features - mean) / scale
+        which = (
+            np.arange(len(best)) if groups is None else np.unique(np.asarray(groups), return_inverse=True)[1]
         )
-        nearest = _distance_to_others(model._samples, table.groups(("ground", "amplitude")))
-        object.__setattr__(model, "reach", float(np.quantile(nearest, given.familiar_share)))
-        return model
-
-    @cached_property
-    def _feature_set(self) -> FeatureSet:
-        return FeatureSet(self.settings.features)
+        nearest = [
+            np.sqrt(((samples[which != own] - row) ** 2).sum(axis=1).min())
+            for row, own in zip(samples, which, strict=True)
+        ]
+        reach = float(np.quantile(nearest, given.familiar_share))
+        facts = {"wbc": __version__, "rows": len(best), **(made or {})}
+        return cls(given, recipe or ProfileRecipe(), features, best, mean, scale, reach, facts)
 
     @cached_property
     def _samples(self) -> Array:
@@ -155,49 +216,43 @@ class StiffnessModel:
         return self.settings.clusters.of(self.stiffness)
 
     @cached_property
-    def _centres(self) -> Array:
-        return self.settings.clusters.centres
+    def _features_of(self) -> FeatureSet:
+        return FeatureSet(self.settings.features)
 
     def predict(self, values: ArrayLike) -> Prediction:
-        """Return the prediction for one profile.
-
-        Args:
-            values: Its roughness parameters, computed with the settings in `recipe`, shape (10,).
+        """Return the prediction for one profile of some roughness parameters, shape (10,).
 
         Raises:
             InputError: Wrong shape, NaN or infinite.
         """
-        features = self._feature_set(values)
+        features = self._features_of(values)
         if features.ndim != 1:
             raise InputError(f"predict is for one profile, got values of shape {np.shape(values)}")
-        query = (features - self.mean) / self.scale
-        difference = self._samples - query
+        difference = self._samples - (features - self.mean) / self.scale
         squared = (difference * difference).sum(axis=1)
-        nearest = _nearest(squared, self.settings.neighbours)
+        count, clusters = self.settings.neighbours, self.settings.clusters
+        nearest = np.flatnonzero(squared <= np.partition(squared, count - 1)[count - 1])
         distance = np.sqrt(squared[nearest])
         closest = float(distance.min())
         # A profile of the training set has no other neighbours, as in scikit-learn.
         weight = 1.0 / distance if closest > 0.0 else (distance == 0.0).astype(np.float64)
         if self.settings.kind == "classification":
-            votes = np.bincount(self.labels[nearest], weight, len(self._centres) + 1)
-            cluster = int(np.argmax(votes))
-            stiffness = float(self._centres[cluster - 1])
+            cluster = int(np.argmax(np.bincount(self.labels[nearest], weight, len(clusters.edges))))
+            stiffness = float(clusters.centres[cluster - 1])
         else:
             stiffness = float(weight @ self.stiffness[nearest] / weight.sum())
-            cluster = int(self.settings.clusters.of(stiffness))
+            cluster = int(clusters.of(stiffness))
         return Prediction(stiffness, cluster, closest, closest <= self.reach, features)
 
     def save(self, path: str | Path) -> None:
-        """Write the model as JSON, one training profile per line; numbers are exact.
-
-        Raises:
-            FileError: The file cannot be written; an old one is unchanged.
-        """
+        """Write the model as JSON, one training profile per line; numbers are exact."""
         head = {
             "format": FORMAT,
             "version": VERSION,
             "settings": to_json(self.settings),
             "recipe": to_json(self.recipe),
+        }
+        head |= {
             "mean": self.mean.tolist(),
             "scale": self.scale.tolist(),
             "reach": self.reach,
@@ -210,75 +265,32 @@ class StiffnessModel:
 
     @classmethod
     def load(cls, path: str | Path) -> StiffnessModel:
-        """Return the model that `save` wrote.
-
-        Raises:
-            InputError: No such file, another format or version, or contents that do not fit together.
-        """
+        """Return the model that `save` wrote; `InputError` for another file, or contents that do not fit together."""
         target = Path(path)
         if not target.is_file():
             raise InputError(f"no stiffness model '{target}'")
-        given = parse_head(read_text(target, FORMAT), FORMAT, VERSION, target)
+        with parsing(target, FORMAT):
+            given = json.loads(read_text(target, FORMAT))
+        if not isinstance(given, dict) or given.get("format") != FORMAT or given.get("version") != VERSION:
+            raise InputError(f"{target} is not a {FORMAT} of version {VERSION}")
         with decoding(target, FORMAT):
-            model_settings = complete_settings(ModelSettings, given["settings"])
-            rows = finite_array(f"{target}: rows", given["rows"])
-            count, neighbours = len(model_settings.features), model_settings.neighbours
-            if rows.ndim != 2 or rows.shape[1] != count + 1 or rows.shape[0] < neighbours:
+            chosen = from_json(ModelSettings, given["settings"])
+            count, rows = len(chosen.features), finite_array(f"{target}: rows", given["rows"])
+            if rows.ndim != 2 or rows.shape[1] != count + 1 or len(rows) < chosen.neighbours:
                 raise InputError(
-                    f"{target}: rows must have shape ({neighbours} or more, {count + 1}), got {rows.shape}"
+                    f"{target}: rows must have shape ({chosen.neighbours} or more, {count + 1}), got {rows.shape}"
                 )
-            model = cls(
-                settings=model_settings,
-                recipe=complete_settings(ProfileRecipe, given["recipe"]),
-                features=rows[:, :-1],
-                stiffness=rows[:, -1],
-                mean=finite_array(f"{target}: mean", given["mean"], (count,)),
-                scale=finite_array(f"{target}: scale", given["scale"], (count,)),
-                reach=float(given["reach"]),
-                made=given["made"],
+            mean, scale = (
+                finite_array(f"{target}: {name}", given[name], (count,)) for name in ("mean", "scale")
             )
-            if (model.scale <= 0.0).any() or not model.reach >= 0.0:
-                raise InputError(
-                    f"{target}: scale and reach must be positive, got {model.scale} and {model.reach}"
-                )
-            model_settings.clusters.of(model.stiffness)
-        return model
-
-
-DEFAULT_MODEL = Path(__file__).parent / "data" / "stiffness_model.json"
-"""The default model, part of the library."""
-
-DEFAULT_TABLE = DEFAULT_MODEL.with_name("stiffness_table.csv")
-"""Training data of the default model."""
+            reach, recipe = float(given["reach"]), from_json(ProfileRecipe, given["recipe"])
+            if (scale <= 0.0).any() or not reach >= 0.0:
+                raise InputError(f"{target}: scale and reach must be positive, got {scale} and {reach}")
+            chosen.clusters.of(rows[:, -1])
+            return cls(chosen, recipe, rows[:, :-1], rows[:, -1], mean, scale, reach, dict(given["made"]))
 
 
 @cache
 def default_model() -> StiffnessModel:
     """Return the default model, trained on walks in the simulator."""
     return StiffnessModel.load(DEFAULT_MODEL)
-
-
-def knn_pipeline(settings: ModelSettings) -> Any:
-    """Return the paper's scikit-learn model, not fitted: scaling, k-d tree, Euclidean, inverse distances."""
-    from sklearn.neighbors import KNeighborsClassifier, KNeighborsRegressor  # noqa: PLC0415 - a prediction does not need it
-    from sklearn.pipeline import make_pipeline  # noqa: PLC0415
-    from sklearn.preprocessing import StandardScaler  # noqa: PLC0415
-
-    kind = KNeighborsClassifier if settings.kind == "classification" else KNeighborsRegressor
-    neighbours = kind(settings.neighbours, weights="distance", algorithm="kd_tree", metric="euclidean")
-    return make_pipeline(StandardScaler(), neighbours)
-
-
-def _nearest(squared: Array, count: int) -> NDArray[np.intp]:
-    """Return the indices of the smallest entries, and of all that are equal to the last of them."""
-    return np.flatnonzero(squared <= np.partition(squared, count - 1)[count - 1])
-
-
-def _distance_to_others(samples: Array, groups: NDArray[np.intp]) -> Array:
-    """Return the distance of each sample to the nearest of another group; to any other one if there is one group."""
-    nearest = np.empty(len(samples))
-    single = np.unique(groups).size == 1
-    for i, sample in enumerate(samples):
-        other = np.arange(len(samples)) != i if single else groups != groups[i]
-        nearest[i] = np.sqrt(((samples[other] - sample) ** 2).sum(axis=1).min())
-    return nearest

@@ -3,3 +3,51 @@
 A new study is a function in `catalog` with one line in its table, or a JSON file of your own; a new kind of trial is
 registered with `register_trial`.
 """
+
+from wbc.sim.studies.intervals import (
+    Equivalence,
+    Estimate,
+    equivalence,
+    holm,
+    mean_interval,
+    rate_interval,
+    share_interval,
+    sign_flip_p,
+)
+from wbc.sim.studies.journal import Entry, Journal, JournalError, read_journal
+from wbc.sim.studies.study import Cell, Study, study_entries
+from wbc.sim.studies.study_table import StudyTable, study_frame, study_table
+from wbc.sim.studies.sweep import SweepError, SweepSummary, sweep
+from wbc.sim.studies.trials import register_trial, run_trial, trial_from_json
+
+__all__ = [
+    # A study and its trials
+    "Cell",
+    "Study",
+    "register_trial",
+    "run_trial",
+    "trial_from_json",
+    # Many trials
+    "SweepError",
+    "SweepSummary",
+    "sweep",
+    # Their results
+    "Entry",
+    "Journal",
+    "JournalError",
+    "read_journal",
+    "study_entries",
+    # Tables
+    "StudyTable",
+    "study_frame",
+    "study_table",
+    # Statistics
+    "Equivalence",
+    "Estimate",
+    "equivalence",
+    "holm",
+    "mean_interval",
+    "rate_interval",
+    "share_interval",
+    "sign_flip_p",
+]

@@ -7,14 +7,6 @@ from collections.abc import Callable
 from typing import Any
 
 from wbc.core.registry import Registry
-from wbc.sim.studies.paper.experiments import (
-    authority,
-    damping,
-    fig5,
-    oracle,
-    table4,
-    tuned_fixed,
-)
 from wbc.sim.studies.seeing import (
     seeing,
     seeing_errors,
@@ -22,10 +14,6 @@ from wbc.sim.studies.seeing import (
     seeing_high,
     seeing_stairs,
     seeing_stepping,
-)
-from wbc.sim.studies.stiffness_studies import (
-    dataset,
-    halfway,
 )
 from wbc.sim.studies.study import FRESH_SEED, Cell, Study, cell_name
 
@@ -160,16 +148,6 @@ STUDIES: Registry[Callable[[], Study]] = Registry(
         "seeing_feet": seeing_feet,
         "seeing_stairs": seeing_stairs,
         "seeing_errors": seeing_errors,
-        "dataset": dataset,
-        "halfway": halfway,
-        "tuned_fixed": tuned_fixed,
-        "authority": authority,
-        "damping": damping,
-        "oracle": oracle,
-        "fig5": fig5,
-        "fig5_frizza": lambda: fig5(5, gains="frizza"),
-        "table4": table4,
-        "table4_frizza": lambda: table4(10, gains="frizza"),
     },
 )
 """Studies by name."""

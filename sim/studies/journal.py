@@ -32,12 +32,11 @@ from typing import Any
 
 from pydantic_core import from_json
 
-from wbc.core.arguments import checked
 from wbc.core.errors import InputError, WbcError, shown_path
 from wbc.core.files import decoding
 from wbc.core.settings import settings, to_json
-from wbc.sim.studies.provenance import provenance, renamed
-from wbc.sim.studies.trials import Status, trial_from_json
+from wbc.sim.studies.provenance import provenance
+from wbc.sim.studies.trials import Status, Trial, trial_from_json
 from wbc.sim.walks.stiffness_policy import CONTENT, FILE
 
 PACKED = ".xz"
@@ -173,7 +172,6 @@ class Entries(Mapping[str, Entry]):
     def __getitem__(self, key: str) -> Entry:
         data = from_json(self._lines[key])
         del data["sum"], data["key"]
-        data["version"] = renamed(data["version"])
         entry = object.__new__(Entry)  # its values were checked before the line was written
         entry.__dict__.update(data)
         return entry
@@ -209,7 +207,6 @@ class Entries(Mapping[str, Entry]):
         return Entries(found)
 
 
-@checked
 def read_journal(path: Path | str, *, any_code: bool = False, largest: int = LARGEST) -> Mapping[str, Entry]:
     """Return all entries of a journal, by key; the last one of each.
 
@@ -282,7 +279,6 @@ class Journal:
         entries: Its entries, by key.
     """
 
-    @checked
     def __init__(self, path: Path | str, *, any_code: bool = False) -> None:
         """Open or begin a journal, lock it, and cut off a torn last line.
 
@@ -333,6 +329,10 @@ class Journal:
 
     def __len__(self) -> int:
         return len(self.entries)
+
+    def entry(self, spec: Trial) -> Entry | None:
+        """Return the entry of a trial; None if it has not been run."""
+        return self.entries.get(trial_key(spec.to_json()))
 
     def add(self, entry: Entry) -> None:
         """Append an entry.

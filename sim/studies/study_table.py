@@ -1,13 +1,11 @@
-"""Tables of a study: means, paired differences, falls by cause and loads; and its rows for a spreadsheet."""
+"""Tables of a study: means, paired differences, falls by cause and loads; and its rows as a data frame."""
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
-from typing import Any
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
 
-from wbc.core.arguments import checked
 from wbc.core.errors import InputError, unknown_name
 from wbc.core.settings import to_json
 from wbc.sim.studies.intervals import (
@@ -23,13 +21,13 @@ from wbc.sim.studies.intervals import (
     sign_flip_p,
 )
 from wbc.sim.studies.journal import Entry, canonical
-from wbc.sim.studies.study import ALL, Study, StudyTrial, study_entries
+from wbc.sim.studies.study import ALL, Study, study_entries
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 CAUSES = ("forward", "sideways", "backward", "dropped")
 """Causes of falls, as tables count them."""
-
-_CAUSE = dict.fromkeys(("left", "right", "outward", "inward"), "sideways")
-"""Cause of a fall, or in walks before version 9 its direction seen from the stance foot → cause in a table."""
 
 BESIDE = {
     "impact": ("landing peak (x weight)", 1.0),
@@ -39,11 +37,11 @@ BESIDE = {
 }
 """Parts of the result of a walk that stand beside its steps: title and factor."""
 
-EXPLORATORY = "Exploratory: the study has no rule of decision."
-"""Line above the table of a study that says after its walks what they were to decide."""
-
 FAMILIES = 8
 """Least number of families of grounds that are the clusters of a row; with fewer the layouts are."""
+
+KEYS = ("cell", "arm", "seed", "status")
+"""First columns of a study's rows."""
 
 
 @dataclass(frozen=True)
@@ -115,16 +113,10 @@ class StudyTable:
 
     def to_json(self) -> dict[str, Any]:
         """Return the table as plain values."""
-        return {
-            "study": self.study.name,
-            "metric": self.metric,
-            "completed_only": self.completed_only,
-            "by": list(self.by),
-            "confidence": CONFIDENCE,
-            "reference": self.reference,
-            "margin": self.margin,
-            "cells": [cell.to_json() for cell in self.cells],
-        }
+        names = ("metric", "completed_only", "by", "reference", "margin")
+        own = {name: to_json(getattr(self, name)) for name in names}
+        cells = [cell.to_json() for cell in self.cells]
+        return {"study": self.study.name, "confidence": CONFIDENCE, **own, "cells": cells}
 
     @property
     def by_name(self) -> dict[tuple[str, str], TableCell]:
@@ -133,15 +125,14 @@ class StudyTable:
 
     def markdown(self) -> str:
         """Return the rule of decision and three tables: means, paired differences, falls by cause and loads."""
-        arms, cells = list(self.study.arms), self.by_name
+        arms, cells, last = list(self.study.arms), self.by_name, self.rows[-1]
         which = ", completed walks alone" if self.completed_only else ""
-        over = cells[self.rows[-1], arms[0]].clusters if (self.rows[-1], arms[0]) in cells else "layouts"
+        over = cells[last, arms[0]].clusters if (last, arms[0]) in cells else "layouts"
+        decision = self.study.decision
         parts = [
-            f"Decision: {self.study.decision}" if self.study.decision else EXPLORATORY,
+            f"Decision: {decision}" if decision else "Exploratory: the study has no rule of decision.",
             f"{self.metric}{which}: mean, in the last row [95 % interval over {over}] (trials)\n\n"
-            + _grid(
-                self.rows, arms, cells, lambda cell: _mean_text(cell, interval=cell.row == self.rows[-1])
-            ),
+            + _grid(self.rows, arms, cells, lambda cell: _mean_text(cell, interval=cell.row == last)),
         ]
         if len(arms) > 1:
             title = (
@@ -156,11 +147,8 @@ class StudyTable:
 
     def ends(self) -> str:
         """Return how the walks of each arm ended: completed, falls per 1,000 steps by cause, loads; what was lost."""
-        arms = {
-            arm: self.by_name[self.rows[-1], arm]
-            for arm in self.study.arms
-            if (self.rows[-1], arm) in self.by_name
-        }
+        cells = self.by_name
+        arms = {arm: cells[self.rows[-1], arm] for arm in self.study.arms if (self.rows[-1], arm) in cells}
         beside = [name for name in BESIDE if any(name in cell.beside for cell in arms.values())]
         lines, lost = [], []
         for arm, cell in arms.items():
@@ -205,49 +193,33 @@ def _difference_text(cell: TableCell) -> str:
     return f"{cell.difference.text()} ({cell.difference.n}){marks and ' ' + marks}"
 
 
-@dataclass
-class _Column:
-    """Results of one arm in one row, while they are collected."""
-
-    values: dict[Hashable, float] = field(default_factory=dict)  # (cell, seed) → metric
-    results: dict[Hashable, Mapping[str, Any]] = field(default_factory=dict)  # (cell, seed) → result
-    statuses: Counter[str] = field(default_factory=Counter)
-    outcomes: Counter[str] = field(default_factory=Counter)
-    falls: Counter[str] = field(default_factory=Counter)
-    steps: int = 0
-
-    def count(self, pair: Hashable, entry: Entry | None) -> None:
-        """Count status, outcome and fall of a trial."""
-        self.statuses["missing" if entry is None else entry.status] += 1
-        result = None if entry is None or entry.status != "done" else entry.result
-        if result is None or result.get("outcome") is None:
-            return
-        self.results[pair] = result
-        self.outcomes[result["outcome"]] += 1
-        self.steps += result.get("steps_done", 0)
-        if (cause := cause_of(result)) is not None:
-            self.falls[cause] += 1
-
-    def beside(self, pairs: Sequence[Hashable]) -> dict[str, float]:
-        """Return the means of what stands beside the metric, over some trials."""
-        parts = [flattened(self.results[pair]) for pair in pairs if pair in self.results]
-        known = {name: [each[name] for each in parts if each.get(name) is not None] for name in BESIDE}
-        return {name: sum(values) / len(values) for name, values in known.items() if values}
-
-
 def cause_of(result: Mapping[str, Any]) -> str | None:
-    """Return the cause of the fall of a walk, one of `CAUSES`; None without a fall.
-
-    Before version 9 of the walks a result had a direction seen from the stance foot.
-    """
+    """Return the cause of a fall, one of `CAUSES`; None without a fall."""
     fall = result.get("fall")
     if not fall:
         return None
-    name = "dropped" if fall.get("reason") == "height" else fall.get("cause") or fall["direction"]
-    return _CAUSE.get(name, name)
+    return "dropped" if fall.get("reason") == "height" else fall.get("cause")
 
 
-@checked
+def study_frame(study: Study, entries: Mapping[str, Entry]) -> pd.DataFrame:
+    """Return all trials of a study as rows of a data frame.
+
+    Columns are cell, arm, seed, status ("missing" for a trial that has not been run), and every part of the results
+    that is no list, such as "zmp_error.mean"; NaN or None where a trial does not have it.
+    """
+    import pandas as pd  # noqa: PLC0415 - slow to import
+
+    found = list(study_entries(study, entries))
+    head = pd.DataFrame(
+        [(t.cell, t.arm, t.seed, "missing" if e is None else e.status) for t, e in found], columns=KEYS
+    )
+    results = pd.json_normalize([{} if entry is None else dict(entry.result or {}) for _, entry in found])
+    lists = [
+        name for name, column in results.items() if column.map(lambda v: isinstance(v, (list, tuple))).any()
+    ]
+    return head.join(results.drop(columns=[*lists, *(name for name in KEYS if name in results)]))
+
+
 def study_table(
     study: Study,
     entries: Mapping[str, Entry],
@@ -277,70 +249,76 @@ def study_table(
     Raises:
         UnknownNameError: A metric that no result has, or a part that no spec has.
     """
-    name = metric or study.measured
+    import pandas as pd  # noqa: PLC0415 - slow to import
+
+    name, by = metric or study.measured, tuple(by)
     reference = study.reference or next(iter(study.arms))
-    columns: dict[tuple[str, str], _Column] = {}
-    members: dict[str, set[str]] = {}  # row → its cells
-    layouts: dict[Hashable, Hashable] = {}  # (cell, seed) → ground and seed
-    families: dict[Hashable, Hashable] = {}
     trials = list(study_entries(study, entries))
     reach = reach_of((entry for _, entry in trials), name)
-    for trial, entry in trials:
-        row = _row(trial, by) if len(by) else trial.cell
-        value = value_of(entry, name, completed_only=completed_only)
-        pair = trial.cell, trial.seed
-        layouts[pair], families[pair] = layout_of(trial.plain), trial.plain.get("terrain")
-        for title in (row, ALL):
-            members.setdefault(title, set()).add(trial.cell)
-            column = columns.setdefault((title, trial.arm), _Column())
-            column.count(pair, entry)
-            if value is not None:
-                column.values[pair] = value
-    rows = [row for row in members if row != ALL]
-    if len(rows) > 1:
-        rows.append(ALL)
+    frame = study_frame(study, entries)
+    frame["pair"] = list(zip(frame["cell"], frame["seed"], strict=True))
+    frame["row"] = [_row(trial.plain, by) if by else trial.cell for trial, _ in trials]
+    frame["layouts"] = [layout_of(trial.plain) for trial, _ in trials]
+    frame["families"] = [trial.plain.get("terrain") for trial, _ in trials]
+    frame["value"] = [value_of(entry, name, completed_only=completed_only) for _, entry in trials]
+    frame["cause"] = [None if e is None or e.result is None else cause_of(e.result) for _, e in trials]
+    rows = list(dict.fromkeys(frame["row"]))
+    parts = {row: frame[frame["row"] == row] for row in rows} | ({ALL: frame} if len(rows) > 1 else {})
     cells = []
-    for row in rows:
-        in_row = {arm: columns[row, arm] for arm in study.arms if (row, arm) in columns}
-        common = _common(in_row) if len(members[row]) > 1 else None
-        base = in_row[reference].values if reference in in_row else {}
-        for arm, column in in_row.items():
-            values = column.values
-            counted = [pair for pair in values if common is None or pair in common]
-            many = len({families[pair] for pair in counted}) >= FAMILIES
-            of = families if many else layouts
-            differences = {
-                pair: v - base[pair] for pair, v in values.items() if arm != reference and pair in base
+    for row, part in parts.items():
+        arms = {
+            arm: part[part["arm"] == arm].set_index("pair")
+            for arm in study.arms
+            if (part["arm"] == arm).any()
+        }
+        common = None
+        if part["cell"].nunique() > 1:
+            walked = [set(own.index[own["value"].notna()]) for own in arms.values()]
+            common = set.intersection(*(each for each in walked if each)) if any(walked) else set()
+        for arm, own in arms.items():
+            known = own[own["value"].notna()].astype({"value": float})
+            counted = known if common is None else known[known.index.isin(common)]
+            many = counted["families"].nunique() >= FAMILIES
+            clusters = "families" if many else "layouts"
+            difference = p = equal = None
+            if arm != reference:
+                more = pd.Series(dtype=float)
+                if reference in arms:
+                    base = arms[reference]["value"].dropna().astype(float)
+                    more = (known["value"] - base.reindex(known.index)).dropna()
+                units = known.loc[more.index]
+                difference = mean_interval(more.tolist(), units[clusters].tolist())
+                if len(more):
+                    p = sign_flip_p(more.tolist(), units[clusters].tolist())
+                    if margin is not None:
+                        equal = equivalence(more.tolist(), margin, units["layouts"].tolist(), reach=reach)
+            done = own[own["status"] == "done"]
+            outcomes = {} if "outcome" not in done else done["outcome"].value_counts().to_dict()
+            total = sum(outcomes.values())
+            beside = {
+                n: float(counted[n].mean()) for n in BESIDE if n in counted and counted[n].notna().any()
             }
-            compared = list(differences.values()), [of[pair] for pair in differences]
-            total, done = sum(column.outcomes.values()), column.outcomes["completed"]
             cells.append(
                 TableCell(
                     row=row,
                     arm=arm,
-                    estimate=mean_interval(
-                        [values[pair] for pair in counted], [of[pair] for pair in counted]
-                    ),
-                    difference=None if arm == reference else mean_interval(*compared),
-                    p=sign_flip_p(*compared) if differences else None,
+                    estimate=mean_interval(counted["value"].tolist(), counted[clusters].tolist()),
+                    difference=difference,
+                    p=p,
                     p_corrected=None,
-                    equivalence=equivalence(
-                        compared[0], margin, [layouts[pair] for pair in differences], reach=reach
-                    )
-                    if differences and margin is not None
-                    else None,
-                    statuses=dict(column.statuses),
-                    outcomes=dict(column.outcomes),
-                    completed=share_interval(done, total) if total else None,
-                    falls=dict(column.falls),
-                    steps=column.steps,
-                    beside=column.beside(counted),
-                    clusters="families" if many else "layouts",
+                    equivalence=equal,
+                    statuses=own["status"].value_counts().to_dict(),
+                    outcomes=outcomes,
+                    completed=share_interval(outcomes.get("completed", 0), total) if total else None,
+                    falls=done["cause"].value_counts().to_dict() if total else {},
+                    steps=int(done["steps_done"].sum()) if total and "steps_done" in done else 0,
+                    beside=beside if total else {},
+                    clusters=clusters,
                 )
             )
     corrected = holm([None if cell.row == ALL else cell.p for cell in cells])
     found = tuple(replace(cell, p_corrected=p) for cell, p in zip(cells, corrected, strict=True))
-    return StudyTable(study, name, completed_only, tuple(by), reference, margin, tuple(rows), found)
+    return StudyTable(study, name, completed_only, by, reference, margin, tuple(parts), found)
 
 
 def layout_of(spec: Mapping[str, Any]) -> Hashable:
@@ -348,18 +326,12 @@ def layout_of(spec: Mapping[str, Any]) -> Hashable:
     return spec.get("terrain"), spec.get("amplitude"), canonical(spec.get("terrain_params")), spec.get("seed")
 
 
-def _common(columns: Mapping[str, _Column]) -> set[Hashable]:
-    """Return the grounds that all arms with any values have."""
-    sets = [set(column.values) for column in columns.values() if column.values]
-    return set.intersection(*sets) if sets else set()
-
-
-def _row(trial: StudyTrial, by: Sequence[str]) -> str:
+def _row(spec: Mapping[str, Any], by: Sequence[str]) -> str:
     """Return the name of the row of a trial when cells are put together."""
-    values = [part_of(trial.plain, name, "part of a spec") for name in by]
+    values = {name: part_of(spec, name, "part of a spec") for name in by}
     return ", ".join(
         f"{name.rpartition('.')[2]} {value:g}" if isinstance(value, (int, float)) else str(value)
-        for name, value in zip(by, values, strict=True)
+        for name, value in values.items()
     )
 
 
@@ -373,11 +345,9 @@ def value_of(entry: Entry | None, name: str, *, completed_only: bool = False) ->
     if completed_only and entry.result.get("outcome") != "completed":
         return None
     value = part_of(entry.result, name, "part of a result")
-    if value is None:
-        return None
-    if isinstance(value, (bool, int, float)):
-        return float(value)
-    raise InputError(f"'{name}' of a result is no number but {value!r}")
+    if value is not None and not isinstance(value, (bool, int, float)):
+        raise InputError(f"'{name}' of a result is no number but {value!r}")
+    return None if value is None else float(value)
 
 
 def reach_of(entries: Iterable[Entry | None], name: str) -> float | None:
@@ -393,35 +363,6 @@ def reach_of(entries: Iterable[Entry | None], name: str) -> float | None:
     values = [part_of(result, name, "part of a result") for result in results]
     answers = [value for value in values if value is not None]
     return 1.0 if answers and all(isinstance(value, bool) for value in answers) else None
-
-
-def study_rows(study: Study, entries: Mapping[str, Entry]) -> tuple[list[str], list[list[Any]]]:
-    """Return names of columns and all trials of a study as rows, for a spreadsheet or a data frame.
-
-    Columns are cell, arm, seed, status, and every part of the results that is no list, such as "zmp_error.mean"; None
-    where a trial does not have it.
-    """
-    first = ["cell", "arm", "seed", "status"]
-    found: list[tuple[list[Any], dict[str, Any]]] = []
-    columns: dict[str, None] = {}
-    for trial, entry in study_entries(study, entries):
-        status = "missing" if entry is None else entry.status
-        parts = flattened({} if entry is None else entry.result or {})
-        columns |= dict.fromkeys(parts)
-        found.append(([trial.cell, trial.arm, trial.seed, status], parts))
-    names = [name for name in columns if name not in first]
-    return [*first, *names], [[*head, *(parts.get(name) for name in names)] for head, parts in found]
-
-
-def flattened(data: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
-    """Return plain values by their dotted names; lists are left out."""
-    result: dict[str, Any] = {}
-    for key, value in data.items():
-        if isinstance(value, Mapping):
-            result |= flattened(value, f"{prefix}{key}.")
-        elif not isinstance(value, (list, tuple)):
-            result[prefix + key] = value
-    return result
 
 
 def part_of(data: Mapping[str, Any], name: str, what: str) -> Any:

@@ -14,7 +14,7 @@ import numpy as np
 from wbc.core.arguments import checked
 from wbc.core.errors import Array, InputError, finite_scalar, shown
 from wbc.core.registry import Registry, call_checked
-from wbc.core.settings import NonNegative, Positive, settings
+from wbc.core.settings import NonNegative, settings
 from wbc.feet.sensing.scan import Profile, ScanSettings
 from wbc.feet.stiffness.model import StiffnessModel, default_model
 from wbc.feet.stiffness.roughness import LEAST_SAMPLES, profile_roughness, roughness
@@ -147,52 +147,6 @@ class GroundPolicy(StiffnessPolicy):
         return float(self.function(float(swing.landing[0]), float(swing.landing[1])))
 
 
-@settings
-class PhasePolicy(StiffnessPolicy):
-    """Stiffness by the phase of the step, whatever the ground: stiff while a foot lands and takes over the weight.
-
-    Attributes:
-        landing: In the swing and at its end, Nm/rad.
-        double: On both feet, Nm/rad.
-        single: Of the foot that stands alone, Nm/rad.
-    """
-
-    landing: Annotated[NonNegative, "Nm/rad"] = 400.0
-    double: Annotated[NonNegative, "Nm/rad"] = 400.0
-    single: Annotated[NonNegative, "Nm/rad"] = 5.0
-    needs_scan: ClassVar[bool] = False
-
-    def standing(self, single: bool) -> float:
-        """See `StiffnessPolicy.standing`."""
-        return self.single if single else self.double
-
-    def decide(self, swing: SwingScan) -> float:
-        """Return the stiffness of the landing."""
-        return self.landing
-
-
-@settings
-class EdgePolicy(StiffnessPolicy):
-    """Stiff landings over an edge, soft ones elsewhere.
-
-    Attributes:
-        rise: Rise of the scanned ground between every other sample from which it is an edge, m.
-        edge: Stiffness over an edge, Nm/rad.
-        smooth: Stiffness elsewhere, Nm/rad.
-    """
-
-    rise: Annotated[Positive, "m"] = 0.02
-    edge: Annotated[NonNegative, "Nm/rad"] = 400.0
-    smooth: Annotated[NonNegative, "Nm/rad"] = 5.0
-
-    def decide(self, swing: SwingScan) -> float | None:
-        """Return the stiffness by the greatest rise of the scan."""
-        if swing.profile is None:
-            return None
-        z = swing.profile.z
-        return self.edge if float((z[2:] - z[:-2]).max(initial=0.0)) > self.rise else self.smooth
-
-
 @dataclass(frozen=True)
 class FunctionPolicy(StiffnessPolicy):
     """A plain function as a policy.
@@ -257,7 +211,7 @@ def _check(make: object) -> None:
 
 _POLICIES: Registry[Callable[..., StiffnessPolicy]] = Registry(
     "stiffness policy",
-    {"fixed": FixedPolicy, "phase": PhasePolicy, "edge": EdgePolicy, "model": ModelPolicy.load},
+    {"fixed": FixedPolicy, "model": ModelPolicy.load},
     group="wbc.policies",
     check=_check,
 )

@@ -6,7 +6,6 @@ import importlib
 import json
 import os
 import shlex
-import shutil
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -19,7 +18,6 @@ from full_disk import limited_file_size
 from log_writing import write
 
 from wbc.app.cli import BAD_INPUT, FAILED, RAN, main
-from wbc.feet.stiffness.model import DEFAULT_TABLE
 from wbc.sim.studies.journal import Entry, Journal, read_journal
 from wbc.sim.studies.provenance import provenance
 from wbc.sim.studies.study import Study
@@ -41,7 +39,7 @@ STUDY = {
 
 @pytest.fixture
 def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
-    """A folder with a study, its journal, a log, a table and a picture."""
+    """A folder with a study, its journal, a log and a picture."""
     importlib.import_module("joblib")  # which tries the disk when it is imported
     monkeypatch.chdir(tmp_path)
     Path("study.json").write_text(json.dumps(STUDY))
@@ -50,7 +48,6 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
             result = {"outcome": "completed", "steps_done": 2 + trial.seed}
             journal.add(Entry(trial.spec.to_json(), "done", result, None, None, provenance()))
     write(Path("log.arrow"), 300).close()
-    shutil.copy(DEFAULT_TABLE, "grounds.csv")
     np.savetxt("heights.csv", np.outer(np.arange(8.0), np.arange(8.0)), delimiter=",")
     yield tmp_path
 
@@ -61,7 +58,6 @@ IMAGE = ["terrain", "image", "--param", "source=heights.csv", "--param", "metres
 WRITERS: dict[str, list[str]] = {
     "table.csv": ["study", "table", *STUDY_WORDS],
     "study.png": ["study", "table", *STUDY_WORDS],
-    "model.json": ["stiffness", "train", "grounds.csv", "-o"],
     "signals.png": ["plot", "log.arrow", "com/estimated", "-o"],
     "ground.svg": IMAGE,
     "spec.json": ["study", "run", "--journal", "journal.jsonl", "--key", "KEY", "-o"],
@@ -91,30 +87,20 @@ def test_a_full_disk_leaves_the_old_file_and_one_line(folder: Path, name: str, c
 INPUTS: list[tuple[list[str], str]] = [
     (WRITERS["table.csv"], "journal.jsonl"),
     (WRITERS["table.csv"], "study.json"),
-    (WRITERS["model.json"], "grounds.csv"),
-    (["stiffness", "judge", "grounds.csv", "--plot"], "grounds.csv"),
     (WRITERS["signals.png"], "log.arrow"),
     (["view", "log.arrow", "-o"], "log.arrow"),
     (IMAGE, "heights.csv"),
     (["foot", "press", *["--terrain", *IMAGE[1:]]], "heights.csv"),
     (["foot", "pitch", *["--terrain", *IMAGE[1:]]], "heights.csv"),
     (WRITERS["spec.json"], "journal.jsonl"),
-    (
-        ["study", "table", "--of", "best", "study.json", "--journal", "journal.jsonl", "--table"],
-        "journal.jsonl",
-    ),
-    (["study", "table", "--of", "best", *STUDY_WORDS], "study.json"),
     (["walk", "--spec", "study.json", "--record"], "study.json"),
     (["walk", "--distance", "0.05", "--param", "source=heights.csv", "--record"], "heights.csv"),
 ]
 """Command that ends in the option of a file to write, and a file that it reads."""
 
 ENDINGS = {
-    "--table": ".csv",
-    "train": ".json",
     "view": ".html",
     "--key": ".json",
-    "best": ".json",
     "walk": ".arrow",
 }
 

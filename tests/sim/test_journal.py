@@ -7,7 +7,7 @@ import logging
 import lzma
 import math
 import os
-from dataclasses import replace
+import subprocess
 from pathlib import Path
 
 import pytest
@@ -18,7 +18,6 @@ from properties import examples
 from wbc.core.errors import InputError
 from wbc.sim import WalkSpec
 from wbc.sim.studies.journal import (
-    Entries,
     Entry,
     Journal,
     JournalError,
@@ -27,7 +26,7 @@ from wbc.sim.studies.journal import (
     read_journal,
     trial_key,
 )
-from wbc.sim.studies.provenance import RENAMED, code_version, provenance, renamed
+from wbc.sim.studies.provenance import SOURCES, provenance, sources
 
 VERSION = {"wbc": "1", "code": "abc"}
 
@@ -129,14 +128,35 @@ def test_keys_name_spec_and_code() -> None:
     renamed = {"kind": "walk", "policy_params": {"path": "b.json", "sha256": "1234"}}
     edited = {"kind": "walk", "policy_params": {"path": "a.json", "sha256": "5678"}}
     assert trial_key(read, VERSION) == trial_key(renamed, VERSION) != trial_key(edited, VERSION)
-    assert len(code_version()) == 12 and {"mujoco", "pin"} <= set(provenance()["libraries"])
+    assert {"daqp", "mujoco", "pin", "proxsuite"} <= set(provenance()["libraries"])
 
 
-def test_a_stored_journal_names_its_code_as_today() -> None:
-    old = {"wbc": "0.1.0", "code": "8b193a0eeb39"}
-    (stored,) = Entries({"k": replace(entry(1), version=old).line()[:-1]}).values()
-    assert stored.version["code"] == RENAMED["8b193a0eeb39"] == renamed(old)["code"]
-    assert renamed(stored.version) == stored.version
+def test_the_version_of_a_clone_is_the_commit_of_its_sources_and_what_was_changed_since(
+    tmp_path: Path,
+) -> None:
+    def git(*words: str) -> None:
+        who = ["-c", "user.name=n", "-c", "user.email=e"]
+        subprocess.run(["git", "-C", str(tmp_path), *who, *words], check=True, capture_output=True)
+
+    assert sources(tmp_path) is None, "no clone"
+    for folder in (*SOURCES, "docs"):
+        (tmp_path / folder).mkdir(parents=True)
+        (tmp_path / folder / "a.py").write_text("x = 1\n")
+    (tmp_path / "wbc" / "_version.py").write_text("1")
+    git("init", "-q")
+    git("add", ".")
+    git("commit", "-qm", "first")
+    first = sources(tmp_path)
+    (tmp_path / "docs" / "a.py").write_text("x = 2\n")
+    git("commit", "-qam", "docs")
+    assert first is not None and sources(tmp_path) == first, "pages change no walk"
+    (tmp_path / "sim" / "a.py").write_text("x = 2\n")
+    edited = sources(tmp_path)
+    (tmp_path / "sim" / "b.py").write_text("new")
+    found = {first, edited, sources(tmp_path)}
+    git("add", ".")
+    git("commit", "-qm", "sim")
+    assert len({*found, sources(tmp_path)}) == 4
 
 
 @examples(30)

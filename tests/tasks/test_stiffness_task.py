@@ -22,17 +22,15 @@ from wbc.feet import SoftFoot, StiffnessActuator
 from wbc.feet.sensing.scan import PROFILE_STEP, ScanSettings
 from wbc.feet.soles.actuator import StiffnessState
 from wbc.feet.soles.soft import VariableStiffnessFoot, toe_sensor
-from wbc.feet.stiffness.dataset import ProfileRecipe, StiffnessTable
-from wbc.feet.stiffness.model import ModelSettings, StiffnessModel, default_model
-from wbc.feet.stiffness.roughness import PARAMETERS, profile_roughness, roughness
+from wbc.feet.stiffness.model import ModelSettings, ProfileRecipe, StiffnessModel, default_model
+from wbc.feet.stiffness.roughness import profile_roughness, roughness
 from wbc.sim.terrain.spec import Terrain, terrain
 from wbc.tasks.scheduling.policies import (
-    EdgePolicy,
     FixedPolicy,
     GroundPolicy,
     ModelPolicy,
-    PhasePolicy,
     StiffnessDecision,
+    StiffnessPolicy,
     SwingScan,
     register_stiffness_policy,
     stiffness_policy,
@@ -147,8 +145,23 @@ PAPER: dict[str, object] = {"decide_at": 0.75, "early_landing": 0.0}
 """The paper decides at three quarters of the single support, and feet land in time."""
 
 
+class ByPhase(StiffnessPolicy):
+    """Stiff on both feet and at the landing, soft on one foot."""
+
+    needs_scan = False
+
+    def __init__(self, landing: float = 300.0, double: float = 400.0, single: float = 5.0) -> None:
+        self.landing, self.double, self.single = landing, double, single
+
+    def standing(self, single: bool) -> float:
+        return self.single if single else self.double
+
+    def decide(self, swing: SwingScan) -> float:
+        return self.landing
+
+
 def test_a_policy_by_phase_is_stiff_on_both_feet_and_soft_on_one_within_the_actuators_limits() -> None:
-    task = make_task(PhasePolicy(landing=300.0, double=400.0, single=5.0))
+    task = make_task(ByPhase())
     rig = Rig(task)
     for side in ("left", "right"):
         rig.commands.clear()
@@ -162,16 +175,7 @@ def test_a_policy_by_phase_is_stiff_on_both_feet_and_soft_on_one_within_the_actu
         # The stance foot gets there within some ticks, as its actuator can.
         assert rig.states[stands].reference > 5.0
     with pytest.raises(InputError, match=r"\[1, 2000\]"):
-        make_task(PhasePolicy(single=0.5))
-
-
-def test_a_policy_by_edges_is_stiff_where_the_scan_rises() -> None:
-    high, low = (terrain("steps", height, riser=height, start=0.5, length=2.0) for height in (0.05, 0.01))
-    for ground, expected in ((high, 400.0), (low, 5.0)):
-        rig = Rig(make_task(EdgePolicy(), QUICK), ground)
-        asked = {rig.step(side).requested for side in ("left", "right", "left", "right")}
-        assert expected in asked and len(asked) <= 2
-        assert expected == 400.0 or 400.0 not in asked
+        make_task(ByPhase(single=0.5))
 
 
 @pytest.mark.parametrize("none", [None, np.float64(0.1), np.zeros(0), ["far", "far"], [None, None]])
@@ -196,7 +200,7 @@ def test_sole_sensors_that_give_no_numbers_are_no_reading(none: object) -> None:
 @pytest.fixture(scope="module")
 def model() -> StiffnessModel:
     """Stiff on cobbles, soft on cylinders, in between on random ground; lower where it is higher."""
-    columns: dict[str, list[object]] = {}
+    values, stiffness = [], []
     for name, best in (
         ("cobble_stones", 60.0),
         ("cylinder_obstacles", 6.0),
@@ -207,21 +211,10 @@ def model() -> StiffnessModel:
             for lane in (-0.2, 0.0, 0.2):
                 ground = terrain(name, amplitude=amplitude, seed=4)
                 z = sliding_window_view(ground.profile(y=lane)[1], round(WINDOW / PROFILE_STEP) + 1)[::29]
-                values = roughness(PROFILE_STEP * np.arange(z.shape[1]), z).values
-                for w, row in enumerate(values.tolist()):
-                    entry = dict(zip(PARAMETERS, row, strict=True)) | {
-                        "ground": name,
-                        "family": name,
-                        "amplitude": amplitude,
-                        "seed": 4,
-                        "window": w,
-                        "stiffness": best * (1.0 - 10.0 * amplitude),
-                    }
-                    for key, value in entry.items():
-                        columns.setdefault(key, []).append(value)
-    return StiffnessModel.fit(
-        StiffnessTable.from_columns(columns), ModelSettings(("sqrt(Sz)", "sqrt(P)", "Sku", "K"))
-    )
+                values.append(roughness(PROFILE_STEP * np.arange(z.shape[1]), z).values)
+                stiffness += [best * (1.0 - 10.0 * amplitude)] * len(z)
+    settings = ModelSettings(("sqrt(Sz)", "sqrt(P)", "Sku", "K"))
+    return StiffnessModel.fit(np.concatenate(values), stiffness, stiffness, settings)
 
 
 # --- timing -----------------------------------------------------------------------------------------------------------
@@ -392,7 +385,7 @@ def test_the_oracle_is_asked_about_the_place() -> None:
 
 
 def test_policies_have_names() -> None:
-    assert set(stiffness_policy_names()) >= {"fixed", "phase", "edge", "model"}
+    assert set(stiffness_policy_names()) >= {"fixed", "model"}
     assert stiffness_policy("fixed", stiffness=12.0) == FixedPolicy(12.0)
     with pytest.raises(UnknownNameError, match="no stiffness policy 'fixd'; did you mean 'fixed'"):
         stiffness_policy("fixd")

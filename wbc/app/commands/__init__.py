@@ -27,11 +27,9 @@ COMMANDS = {
     "robots": "robots:robots",
     "foot": "foot:foot",
     "terrain": "terrain:terrain",
-    "stiffness": "stiffness:stiffness",
     "study show": "study.show:show",
     "study run": "study.run:run",
     "study table": "study.show:table",
-    "study optimize": "study.optimize:optimize",
     "check-plant": "check_plant:check_plant",
     "bench tick": "bench:tick",
 }

@@ -61,7 +61,7 @@ class RunOptions:
     Attributes:
         journal: File that every trial is written to as soon as it has ended; what is in it is not run again.
         workers: Number of processes on this machine.
-        cluster: Run through Dask instead: address of a scheduler, or "local" for a cluster of --workers processes.
+        cluster: Run through Dask instead: address of a scheduler.
         timeout: Wall time that a trial may take, s.
         retry: Run trials again that crashed or timed out.
     """
@@ -200,7 +200,7 @@ def run_trials(study: Study, options: RunOptions, *, any_code: bool = False) -> 
             )
         executor = None
         if options.cluster is not None:
-            executor = stack.enter_context(cluster_executor(options.cluster, workers=options.workers))
+            executor = stack.enter_context(cluster_executor(options.cluster))
         bar = stack.enter_context(progress_bar())
         task = bar.add_task(study.name, total=len(specs), rate="")
 
