@@ -18,7 +18,7 @@ import wbc
 from wbc.core.errors import Array
 from wbc.sim import make_terrain
 from wbc.walking import SteppingControl
-from wbc.walking.planning.phases import Event
+from wbc.walking.contact import Event
 
 SEED, AMPLITUDE, SPEED = 7, 0.04, 0.4
 """Of the ground, highest stone (m) and commanded velocity (m/s)."""

@@ -30,7 +30,6 @@ from .core.qp.contact import FixedContact as FixedContact
 from .core.qp.contact import PointContact as PointContact
 from .core.qp.contact import SoleContact as SoleContact
 from .core.qp.controller import Controller as Controller
-from .core.qp.foothold import Foothold as Foothold
 from .core.qp.solver import SolverSettings as SolverSettings
 from .core.qp.task import MotionTask as MotionTask
 from .core.robot import Robot as Robot

@@ -11,7 +11,7 @@ import numpy as np
 from wbc.core.errors import ROUNDING, InputError
 from wbc.core.settings import Count, NonNegative, Positive, Share, settings
 from wbc.sim.trial.loop import TrialHook, TrialTick
-from wbc.walking.planning.phases import Event
+from wbc.walking.contact import Event
 
 PUSH_DURATION = 0.1
 """Duration of a push, s: short against the time constant of a falling humanoid, √(0.8 m / g) ≈ 0.29 s."""

@@ -15,8 +15,8 @@ from wbc.sim.plant.plant import Plant
 from wbc.sim.trial.loop import Trial, TrialHook, TrialTick
 from wbc.sim.walks.result import Fall, Spread, Touchdowns
 from wbc.tasks.stabilizer.stabilizer import StabilizerOutput
+from wbc.walking.contact import Event, Phase
 from wbc.walking.control import ReferenceControl
-from wbc.walking.planning.phases import Event, Phase
 from wbc.walking.source import Progress, Reference
 
 EXCURSION = 0.06

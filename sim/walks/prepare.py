@@ -138,11 +138,12 @@ def _orders(
             raise InputError(
                 f"a stepping walk takes no {name}: it decides each step as it goes; choose the law 'lipm'"
             )
-    s = walking.source.gait.settings
-    pause = s.shift_time + 8.0 * s.step_time  # to set off and to stop
+    gait = walking.source.gait
+    s, shift = gait.settings, gait.constants.shift_time
+    pause = shift + 8.0 * s.step_time  # to set off and to stop
     orders = plan.drive
     if plan.velocity is not None and plan.steps is not None:
-        end = s.shift_time + plan.steps * s.step_time
+        end = shift + plan.steps * s.step_time
         orders = ((0.0, *plan.velocity), (end, 0.0, 0.0, 0.0))
     if orders is not None:
         return orders, orders[-1][0] + pause

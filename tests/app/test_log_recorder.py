@@ -23,8 +23,8 @@ from wbc.feet.soles.catalog import foot_names
 from wbc.sim.terrain.families.base import terrain_families
 from wbc.sim.terrain.spec import terrain
 from wbc.tasks.balance import balance_controller
+from wbc.walking.contact import Event
 from wbc.walking.control import WalkingControl
-from wbc.walking.planning.phases import Event
 
 
 def seen(

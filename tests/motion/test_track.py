@@ -31,7 +31,7 @@ from wbc.motion.measures import nearest_inside
 from wbc.motion.source import clip_references, splines
 from wbc.sim import Machine, TrackSpec, track_motion
 from wbc.walking import Reference
-from wbc.walking.planning.phases import Event
+from wbc.walking.contact import Event
 
 DT = 0.005
 SIDES = ("left", "right")

@@ -11,7 +11,7 @@ import pinocchio as pin
 import pytest
 
 from wbc.sim.walks.meter import WalkMeter
-from wbc.walking.planning.phases import Event, Phase
+from wbc.walking.contact import Event, Phase
 
 
 class MadeUpWalk:

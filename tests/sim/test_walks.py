@@ -18,9 +18,9 @@ from wbc.sim.walks.plans import WalkPlan
 from wbc.sim.walks.result import WalkResult
 from wbc.sim.walks.spec import WalkSpec
 from wbc.sim.walks.trial import WalkTrial, walk
+from wbc.walking.contact import Event
 from wbc.walking.falls import FallReason
 from wbc.walking.planning.gait import Gait
-from wbc.walking.planning.phases import Event
 
 TWO_STEPS = WalkPlan(distance=0.1)
 QUICK = Gait(single_support=0.65, double_support=0.25, initial_double_support=0.5, final_double_support=0.5)

@@ -100,7 +100,7 @@ class PointMass:
     def pressure(self, _side: int) -> tuple[float, float]:
         """Return where a sole carries, m: at its foothold in steps, at its centre in a stand."""
         stepping = bool(self.ticks) and self.ticks[-1].reference.phase.name != "STANDING"
-        return (self.gait.settings.foothold if stepping else 0.0), 0.0
+        return (self.gait.constants.carrying if stepping else 0.0), 0.0
 
     def _move(self, reference: Reference) -> None:
         dt, omega = self.dt, self.scale.omega
@@ -114,7 +114,7 @@ class PointMass:
             self._load = [0.5, 0.5]
             return
         stance = reference.support.stance
-        contact = self._feet[stance].act(np.array([self.gait.settings.foothold, 0.0, 0.0]))[:2]
+        contact = self._feet[stance].act(np.array([self.gait.constants.carrying, 0.0, 0.0]))[:2]
         self.com[:2], self.speed = com_after(com, speed, contact, omega, dt)
         self._load = [0.0, 0.0]
         self._load[stance] = 1.0

@@ -17,7 +17,7 @@ from wbc.sim import Plant, TrialHook, WalkPlan, WalkSpec, WalkTrial
 from wbc.sim.trial.loop import TrialTick
 from wbc.tasks.trajectories import minimum_jerk
 from wbc.walking import ArmSettings, FootstepPlan, WalkingControl, WalkingControlSettings
-from wbc.walking.pattern.swing import FootMotion
+from wbc.walking.swing import FootMotion
 
 DT = 0.005
 

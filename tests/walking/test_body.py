@@ -8,6 +8,7 @@ import pytest
 
 from wbc import load_robot
 from wbc.core.errors import InputError
+from wbc.core.robot import GRAVITY
 from wbc.sim import Plant
 from wbc.sim.plant.falls import TrueFallDetector
 from wbc.tasks.stabilizer.lean import LeanMotion
@@ -73,7 +74,7 @@ def test_what_the_body_adds_to_a_reference_moves_as_its_rates_say() -> None:
     leaning, before = LeanMotion(tilted, np.array([0.1, 0.0, 0.0]), np.array([0.0, 0.3, 0.0])), None
     for _ in range(600):
         body.update(heading)
-        pendulum, lean, twist = body.raised(rest), body.leaned(leaning, heading), body.twist
+        pendulum, lean, twist = body.raised(rest, measured=False), body.leaned(leaning, heading), body.twist
         if before is not None:
             height, trunk, angle = before
             rise, turning = pendulum.com_velocity - height.com_velocity, lean.velocity - trunk.velocity
@@ -168,3 +169,22 @@ def test_the_lowest_height_is_one_that_the_legs_reach() -> None:
         leg = leg_geometry(robot)
         lowest = lowest_com(robot)
         assert leg.com_height - (leg.hip_height - leg.shortest) < lowest < leg.com_height - 0.08
+
+
+def test_a_lowered_pendulum_moves_as_its_height_says() -> None:
+    """c̈ = ω² (c − z) with ω² = g/h of the height that is set, and the horizontal motion as planned."""
+    _, walking = standing()
+    body = walking.body
+    body.com_height -= 0.03
+    for _ in range(2000):
+        body.update(0.0)
+    com, zmp = np.array([0.02, -0.05, 0.8]), np.array([0.1, 0.01, 0.0])
+    omega = np.sqrt(GRAVITY / 0.8)
+    planned = Pendulum(
+        com, np.array([0.2, 0.1, 0.0]), np.append(omega**2 * (com - zmp)[:2], 0.0), zmp, np.zeros(3), omega
+    )
+    lowered = body.raised(planned, measured=False)
+    assert lowered.omega == pytest.approx(np.sqrt(GRAVITY / 0.77))
+    np.testing.assert_allclose(lowered.com_acceleration[:2], planned.com_acceleration[:2])
+    arm = (lowered.com - lowered.zmp)[:2]
+    np.testing.assert_allclose(lowered.com_acceleration[:2], lowered.omega**2 * arm, atol=1e-9)

@@ -20,8 +20,8 @@ from wbc.walking import (
     WalkingControlSettings,
     walk_distance,
 )
+from wbc.walking.contact import Phase
 from wbc.walking.lipm import LipmWalk
-from wbc.walking.planning.phases import Phase
 from wbc.walking.planning.reach import Reach, bent_height, check_plan
 from wbc.walking.planning.sources import (
     AT_REST,

@@ -9,9 +9,10 @@ import pytest
 from pendulum import BY_TIME
 
 from wbc.core.errors import InputError
+from wbc.walking.contact import Event, Phase
 from wbc.walking.planning.footsteps import Footstep, FootstepPlan
 from wbc.walking.planning.gait import Gait
-from wbc.walking.planning.phases import Event, Phase, PhaseSettings, WalkPhases
+from wbc.walking.planning.phases import PhaseSettings, WalkPhases
 from wbc.walking.planning.planners import walk_distance
 
 START = FootstepPlan(Footstep("left", 0.0, 0.0875), Footstep("right", 0.0, -0.0875), (), Gait())

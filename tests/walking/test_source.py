@@ -19,8 +19,8 @@ from wbc.app.scene.sources import PlantSource
 from wbc.core.errors import InputError
 from wbc.robots import load
 from wbc.walking import Reference, Stand, State, WalkingControl, WalkingControlSettings
+from wbc.walking.contact import Phase
 from wbc.walking.falls import FallSettings
-from wbc.walking.planning.phases import Phase
 from wbc.walking.source import Progress, WholeBody
 from wbc.walking.stepping.walk import SteppingWalk
 

@@ -12,9 +12,9 @@ from hypothesis import strategies as st
 from properties import examples
 
 from wbc.core.errors import InputError
-from wbc.walking.pattern.swing import EDGE_SHARE, SwingFoot
 from wbc.walking.planning.footsteps import Footstep
 from wbc.walking.planning.gait import Gait
+from wbc.walking.swing import EDGE_SHARE, SwingFoot, SwingShape
 
 GAIT = Gait()
 HERE = Footstep("left", 0.0, 0.0875)
@@ -24,7 +24,7 @@ THERE = Footstep("left", 0.29, 0.0875)
 def swing(
     landing: Footstep = THERE, start: Footstep = HERE, gait: Gait = GAIT, duration: float = 0.8
 ) -> SwingFoot:
-    return SwingFoot(start.placement, landing, duration, gait)
+    return SwingFoot(start.placement, landing, duration, gait.swing)
 
 
 def check_smooth(motion: object, times: np.ndarray, h: float = 1e-5) -> None:
@@ -111,7 +111,7 @@ def test_ground_that_comes_early_is_met_as_gently_as_ground_that_comes_in_time()
     assert stair.apex_time == pytest.approx(0.4)
     assert stair.at(0.8).velocity[2] == pytest.approx(-0.5 * GAIT.landing_speed)
     assert stair.at(0.7).velocity[2] < -GAIT.landing_speed
-    quick = SwingFoot(HERE.placement, THERE, 0.8, replace(GAIT, landing_height=0.0))
+    quick = SwingFoot(HERE.placement, THERE, 0.8, replace(GAIT, landing_height=0.0).swing)
     assert quick.at(0.6).velocity[2] < -1.5 * GAIT.landing_speed
 
 
@@ -153,12 +153,12 @@ def test_it_moves_and_mirrors_with_the_world() -> None:
     world = pin.SE3(pin.rpy.rpyToMatrix(0.0, 0.0, 2.5), np.array([100.0, -30.0, 0.5]))
     landing = Footstep("left", 0.3, 0.11, 0.03, 0.2, 0.1, -0.05)
     here = swing(landing)
-    there = SwingFoot(world * HERE.placement, Footstep.of("left", world * landing.placement), 0.8, GAIT)
+    there = SwingFoot(world * HERE.placement, Footstep.of("left", world * landing.placement), 0.8, GAIT.swing)
     flipped = SwingFoot(
         Footstep("right", 0.0, -0.0875).placement,
         Footstep("right", 0.3, -0.11, 0.03, -0.2, 0.1, 0.05),
         0.8,
-        GAIT,
+        GAIT.swing,
     )
     sign = np.array([1, -1, 1, -1, 1, -1])
     for t in np.linspace(0.0, 1.0, 21):
@@ -174,3 +174,72 @@ def test_bad_swings_are_refused() -> None:
         swing(duration=0.2)
     with pytest.raises(InputError, match="landing"):
         swing().retarget(0.1, Footstep("right", 0.0, 0.0), 0.8)
+
+
+STEPPING = SwingShape(
+    0.11, 0.477, 0.0, 0.0, 0.25, 0.0, 0.12, 0.3, lift_speed=0.5, edge=0.0, quickest=1.0, level=0.3
+)
+"""Shape of a swing of the stepping walk of g1."""
+
+
+@examples(30)
+@given(
+    st.sampled_from([GAIT.swing, STEPPING]),
+    st.lists(
+        st.tuples(
+            st.floats(0.01, 0.1),  # time since the last change, s
+            st.tuples(*[st.floats(-0.1, 0.1)] * 3),  # of the place, m
+            st.floats(-0.1, 0.1),  # of the time of touch-down, s
+            st.floats(-0.3, 0.3),  # of the heading, rad
+        ),
+        max_size=12,
+    ),
+)
+def test_no_change_of_landing_and_time_makes_the_foot_jump(
+    shape: SwingShape, changes: list[tuple[float, tuple[float, float, float], float, float]]
+) -> None:
+    """Position, velocity and acceleration go on through each change, also past touch-down."""
+    foot, time = SwingFoot(HERE.placement, THERE, 0.6, shape), 0.0
+    for passed, (x, y, z), later, turn in changes:
+        time += passed
+        before, now = foot.at(time), foot.landing
+        foot.retarget(
+            time,
+            replace(now, x=now.x + x, y=now.y + y, z=now.z + z, yaw=now.yaw + turn),
+            foot.duration + later,
+        )
+        after = foot.at(time)
+        np.testing.assert_allclose(after.placement.homogeneous, before.placement.homogeneous, atol=1e-12)
+        np.testing.assert_allclose(after.velocity, before.velocity, atol=1e-9)
+        np.testing.assert_allclose(after.acceleration, before.acceleration, atol=1e-6)
+    end = max(foot.duration, time + 0.05)
+    there = foot.at(end).placement
+    np.testing.assert_allclose(there.translation[:2], foot.landing.position[:2], atol=1e-9)
+    assert foot.at(end + 1.0).placement.translation[2] < there.translation[2], "it searches for the ground"
+
+
+def test_a_landing_that_moves_at_every_tick_is_met_in_time_and_slowly() -> None:
+    foot, period = SwingFoot(HERE.placement, THERE, 0.32, STEPPING), 0.002
+    for tick in range(1, 160):
+        foot.retarget(tick * period, replace(THERE, x=0.2 + 0.0005 * tick, z=0.03), 0.32)
+    end = foot.at(0.32)
+    np.testing.assert_allclose(end.placement.translation, (0.28, THERE.y, 0.03), atol=8e-3)  # behind by 30 ms
+    assert end.velocity[2] == pytest.approx(-STEPPING.landing_speed, abs=1e-6)
+    assert foot.duration == 0.32
+
+
+def test_the_apex_is_over_the_highest_ground_on_the_way() -> None:
+    times = np.linspace(0.0, 0.8, 201)
+    for over in (-np.inf, 0.05):
+        foot = SwingFoot(HERE.placement, THERE, 0.8, GAIT.swing, over)
+        top = max(foot.at(t).placement.translation[2] for t in times)
+        assert top == pytest.approx(max(over, 0.0) + GAIT.swing_height, abs=1e-4)
+
+
+def test_a_foot_that_has_lost_the_ground_goes_on_down_from_where_it_is() -> None:
+    foot = SwingFoot(HERE.placement, THERE, 0.32, STEPPING)
+    place = pin.SE3(np.eye(3), np.array([0.2, 0.1, 0.07]))
+    foot.resume(0.25, place)
+    np.testing.assert_allclose(foot.at(0.25).placement.homogeneous, place.homogeneous, atol=1e-12)
+    down = [foot.at(t).placement.translation[2] for t in np.linspace(0.25, 0.6, 40)]
+    assert (np.diff(down) <= 1e-12).all() and down[-1] == pytest.approx(0.07 - STEPPING.search_depth)

@@ -87,7 +87,7 @@ def _controller(robot: Robot, period: float) -> tuple[Controller, CoMTask]:
         contact = controller.add(
             SoleContact(sole.name, friction=TASK["friction"], margin=0.0, stiffness=TASK["contact_stiffness"])
         )
-        contact.set_rectangle(TASK["sole_length"], TASK["sole_width"])
+        contact.set_box(TASK["sole_length"], TASK["sole_width"])
     controller.add(JointLimits(braking=TASK["braking"]), TorqueLimits())
     return controller, com
 

@@ -35,13 +35,13 @@ from wbc.motion.contacts import find_contacts
 from wbc.motion.kinematics import BodyMotion, Soles, least_lift, zmp_of
 from wbc.tasks.stabilizer.distribution import DistributionSettings
 from wbc.tasks.stabilizer.pendulum import Pendulum
-from wbc.walking.pattern.swing import FootMotion
+from wbc.walking.contact import Event, Phase
 from wbc.walking.planning.footsteps import heading, mean_heading
-from wbc.walking.planning.phases import Event, Phase
 from wbc.walking.planning.reach import bent_height
 from wbc.walking.planning.sources import DriveSettings
 from wbc.walking.settings import WalkingControlSettings
 from wbc.walking.source import Reference, ReferenceSource, WholeBody
+from wbc.walking.swing import FootMotion
 from wbc.walking.tasks import TaskGains
 
 START = 0.1

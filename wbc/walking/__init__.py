@@ -10,7 +10,6 @@ from wbc.walking.control import WalkingControl
 from wbc.walking.hands.hand import HandSettings, HandState
 from wbc.walking.hands.reaching import ArmSettings
 from wbc.walking.load import LoadSettings
-from wbc.walking.pattern.swing import FootMotion
 from wbc.walking.planning.footsteps import Footstep, FootstepPlan
 from wbc.walking.planning.gait import Gait
 from wbc.walking.planning.phases import PhaseSettings
@@ -20,6 +19,7 @@ from wbc.walking.settings import WalkingControlSettings
 from wbc.walking.source import Reference, ReferenceSource, Stand
 from wbc.walking.stepping.control import SteppingControl, SteppingControlSettings
 from wbc.walking.stepping.settings import SteppingSettings
+from wbc.walking.swing import FootMotion
 from wbc.walking.walk import WalkSettings
 
 __all__ = [

@@ -1,4 +1,4 @@
-"""Balance of a robot whose source gives a pendulum: the stabilizer, and what is known of the pendulum's errors.
+"""Balance of a walk beside its steps: none, or the stabilizer and what is known of the pendulum's errors.
 
     state = balance.correct(state)                  DCM less its bias and the shift by hands; load in the hands
     reference = balance.update(reference, state)    hands, stabilizer, lean
@@ -16,14 +16,15 @@ from dataclasses import replace
 
 import numpy as np
 
-from wbc.core.control import DriveControl, State
-from wbc.core.errors import Array, scalar
+from wbc.core.control import FEET_AS_PLANNED, FEET_STEP, DriveControl, State
+from wbc.core.errors import Array, InputError, scalar
 from wbc.core.estimation.outside import OutsideWrench
 from wbc.core.robot import SIDES
 from wbc.tasks.stabilizer.bias import BiasEstimator
 from wbc.tasks.stabilizer.lean import UPRIGHT, Lean, LeanMotion
 from wbc.tasks.stabilizer.pendulum import natural_frequency
-from wbc.tasks.stabilizer.stabilizer import StabilizerOutput
+from wbc.tasks.stabilizer.stabilizer import Stabilizer, StabilizerOutput
+from wbc.tasks.stabilizer.task import StabilizerTask
 from wbc.walking.hands.hands import Hands
 from wbc.walking.hands.reaching import Arms
 from wbc.walking.load import HeldLoad
@@ -35,18 +36,55 @@ from wbc.walking.tasks import WalkTasks
 
 
 class Balance:
-    """Balance of one robot.
+    """Balance by steps alone.
 
     Attributes:
-        stabilizer: Feedback and admittances.
+        reach: Distance of the DCM from the nearest sole that nothing recovers, over the height of the CoM.
+        stabilizer: Feedback and admittances; None without them, and so are lean, bias, load and output.
         lean: Lean of the trunk; None keeps it upright.
         bias: Estimator of the error of the measured DCM; None takes it as measured.
-        hands: Hands that press on things; None of a robot without hands.
         load: Load in the hands as estimated; None where none is expected.
         output: Output of the stabilizer in the last tick; None before the first one.
         leaning: Motion of the trunk's lean in that tick.
-        wrenches: Name of a foot's contact → wrench that the torques are to make in place of the QP's; None on torques.
+        wrenches: Name of a foot's contact → wrench that the torques are to make in place of the QP's; None for those.
     """
+
+    reach = FEET_STEP
+    stabilizer: Stabilizer | None = None
+    lean: Lean | None = None
+    bias: BiasEstimator | None = None
+    load: HeldLoad | None = None
+    output: StabilizerOutput | None = None
+    leaning: LeanMotion = UPRIGHT
+    wrenches: Mapping[str, Array] | None = None
+
+    @property
+    def hands(self) -> Hands:
+        """Hands that press on things and hold on to them: those of a walk that counts their forces."""
+        raise InputError(
+            "a walk that balances by its steps has no hands that press or grip, whose forces a WalkingControl counts; "
+            "give its hands targets by walking.arms"
+        )
+
+    def correct(self, state: State) -> State:
+        """Return the state with the DCM that references are to be compared with."""
+        return state
+
+    def update(self, reference: Reference, state: State) -> Reference:
+        """Run the feedback for one tick, and return the references with what it changes."""
+        del state
+        return reference
+
+    def dcm_distance(self) -> float:
+        """Return the distance of the measured DCM beyond the hull of both soles, m; 0 where steps balance."""
+        return 0.0
+
+
+class Stabilized(Balance):
+    """Balance of one robot by its stabilizer."""
+
+    reach = FEET_AS_PLANNED
+    stabilizer: Stabilizer
 
     def __init__(
         self,
@@ -64,30 +102,42 @@ class Balance:
         self._divisor = scalar(self._omega)
         left, right = robot.soles
         self._sizes: SoleSizes = ((left.length, left.width), (right.length, right.width))
+        assert isinstance(tasks.com, StabilizerTask)
+        self._task = tasks.com
         self.stabilizer = tasks.com.stabilizer
         self.lean = None if s.lean is None else Lean(robot.mass, height, s.lean)
         self.bias = None if s.bias is None else BiasEstimator(s.bias)
-        self.hands: Hands | None = None
+        self._hands: Hands | None = None
         estimate = control.observer.robot
         if robot.frames:  # a loss is survived within a sole: while the robot walks it has no more
             edges = 0.5 * left.length, 0.5 * left.width
-            self.hands = Hands(control.controller, estimate, s.hands, edges, height, arms)
-        self.load: HeldLoad | None = None
+            self._hands = Hands(control.controller, estimate, s.hands, edges, height, arms)
         if s.load is not None:
             self.load = HeldLoad(estimate, s.load)
             if control.observer.outside is None:
                 control.observer.outside = OutsideWrench(estimate)
-        self.output: StabilizerOutput | None = None
-        self.leaning: LeanMotion = UPRIGHT
         self._feedforward = s.mode == "position"
-        self.wrenches: Mapping[str, Array] | None = {} if self._feedforward else None
+        if self._feedforward:
+            self.wrenches = {}
         self._contact = (True, True)
         self._heading = 0.0  # of the last reference
+        self._driven = self._omega  # natural frequency of the pendulum at the height that is set, 1/s
         self._dcm = np.zeros(3)  # as measured, with its bias
         self._bias: Array | None = None
         # Views of the soles of the robot that the QP moves (commanded, or estimated in torque control).
         self._soles = [robot.placement(sole.frame) for sole in robot.soles]
         self._area = self._support_area()
+
+    @property
+    def hands(self) -> Hands:
+        """Hands that press on things and hold on to them.
+
+        Raises:
+            InputError: A robot without hands.
+        """
+        if self._hands is None:
+            raise InputError(f"'{self._robot.name}' has no hands in its description")
+        return self._hands
 
     def correct(self, state: State) -> State:
         """Return the state with the DCM that references are to be compared with.
@@ -96,7 +146,7 @@ class Balance:
         """
         if self.load is not None:
             self._hold(self.load)
-        robot, hands = state.robot, self.hands
+        robot, hands = state.robot, self._hands
         self._dcm = dcm = robot.com + robot.com_velocity / self._divisor
         self._bias = None if self.bias is None else self._estimate_bias(self.bias)
         if hands is not None and hands.gripping:
@@ -112,8 +162,8 @@ class Balance:
 
     def update(self, reference: Reference, state: State) -> Reference:
         """Run hands, stabilizer and lean for one tick; return the references, shifted for hands that press."""
-        measurement, hands, dt = state.measurement, self.hands, self._dt
-        self._heading = reference.heading
+        measurement, hands, dt = state.measurement, self._hands, self._dt
+        self._heading, self._driven = reference.heading, reference.pendulum.omega
         if reference.contact != self._contact:
             self._switch_contacts(reference.contact)
         outside = None
@@ -121,7 +171,7 @@ class Balance:
             outside = hands.update(measurement, reference, dt)
             if outside is not None:
                 reference = reference._replace(pendulum=hands.shifted(reference.pendulum))
-        self.output = output = self._tasks.com.update(
+        self.output = output = self._task.update(
             reference.pendulum,
             measurement.wrenches,
             reference.contact,
@@ -143,8 +193,8 @@ class Balance:
         """Return the distance of the measured DCM beyond the hull of both soles, m; negative within it."""
         normals, offsets = self._area
         dcm = self._dcm[:2]
-        if self.hands is not None:
-            dcm = dcm - self.hands.shift
+        if self._hands is not None:
+            dcm = dcm - self._hands.shift
         beyond = normals.dot(dcm)
         beyond -= offsets
         return float(beyond[beyond.argmax()])
@@ -153,7 +203,7 @@ class Balance:
         """Follow the estimate of the load; the models have it from the next tick on."""
         outside = self._control.observer.outside
         assert outside is not None
-        if self.hands is None or not self.hands.active:  # what they press on is no load
+        if self._hands is None or not self._hands.active:  # what they press on is no load
             load.update(outside, self._dt)
         mass = self._robot.mass
         if mass != self.stabilizer.mass:  # taken over, given back or let go of
@@ -164,12 +214,17 @@ class Balance:
     def _estimate_bias(self, estimator: BiasEstimator) -> Array:
         """Bias of the measured DCM, shape (2,), m; the ZMP is that of the last tick, which has driven the DCM."""
         output = self.output
-        if output is None or output.in_air or not math.isfinite(output.measured_zmp[0]):
+        if output is None:
             return estimator.bias
-        if self.load is not None and self.load.changing:
+        in_air = output.in_air or not math.isfinite(output.measured_zmp[0])
+        if in_air or (self.load is not None and self.load.changing):
             estimator.pause()
             return estimator.bias
-        return estimator.update(self._dcm, output.measured_zmp, self._heading, self._omega, self._dt)
+        omega, dcm = self._omega, self._dcm
+        if abs(self._driven - omega) > 1e-6:  # the body is set lower
+            omega, robot = self._driven, self._control.observer.robot
+            dcm = robot.com + robot.com_velocity / omega
+        return estimator.update(dcm, output.measured_zmp, self._heading, omega, self._dt)
 
     def _switch_contacts(self, contact: tuple[bool, bool]) -> None:
         for side, stands in enumerate(contact):

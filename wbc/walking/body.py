@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike
 from wbc.core.attributes import FixedAttributes
 from wbc.core.errors import Array, InputError, finite_array, finite_scalar
 from wbc.core.qp.controller import Controller
-from wbc.core.robot import BASE_DOF, Robot
+from wbc.core.robot import BASE_DOF, GRAVITY, Robot
 from wbc.tasks.motion.direction import GazeTask
 from wbc.tasks.stabilizer.lean import LeanMotion
 from wbc.tasks.stabilizer.pendulum import Pendulum
@@ -85,14 +85,22 @@ class Body(FixedAttributes):
     Joints of arms and neck go where `walking.tasks.posture.move_to({joint: angle})` sends them.
 
     Attributes:
-        lift: Returns the height by which the walk lifts its feet now, m; zero while the robot stands.
         active: False while nothing is set, and nothing has to be done.
     """
 
-    def __init__(self, controller: Controller, com_height: float, dt: float, *, waist: bool) -> None:
+    def __init__(
+        self,
+        controller: Controller,
+        com_height: float,
+        dt: float,
+        *,
+        waist: bool,
+        lift: Callable[[], float] = float,
+    ) -> None:
         """Leave everything to the walk, with its height of the CoM over the soles, m, and the control period, s.
 
-        The waist can turn the torso if the walk has a task of it beside that of the pelvis.
+        The waist can turn the torso if the walk has a task of it beside that of the pelvis; `lift` returns the height
+        by which the walk lifts its feet now, m, zero while the robot stands.
         """
         self._controller, self._robot, self._dt = controller, controller.robot, dt
         self._nominal = com_height
@@ -104,7 +112,7 @@ class Body(FixedAttributes):
         self._most = self._most_turn()
         self._look, self._most_look = (3, self._most) if self._waist else (4, MOST_LOOK)
         self._lowest: float | None = None
-        self.lift: Callable[[], float] = float
+        self._lift = lift
         self._gaze: GazeTask | None = None
         self._gaze_weight = np.zeros(0)
         self._point: Array | None = None  # that the torso turns to
@@ -130,7 +138,7 @@ class Body(FixedAttributes):
         if height > self._nominal:
             hip_height(robot, height, leg_geometry(robot))
         else:
-            self._check_low(what, height, self.lift())
+            self._check_low(what, height, self._lift())
         self._set(0, height - self._nominal)
 
     def check_steps(self, lift: float) -> None:
@@ -289,11 +297,25 @@ class Body(FixedAttributes):
         self._goal[self._look] = angle if abs(angle) <= most else math.copysign(most, before or angle)
         self._off = abs(angle - float(self._now[self._look]))
 
-    def raised(self, pendulum: Pendulum) -> Pendulum:
-        """Return a reference of the pendulum at the height that is set."""
-        return pendulum.moved(
+    def raised(self, pendulum: Pendulum, *, measured: bool) -> Pendulum:
+        """Return a reference of the pendulum at the height that is set: its ω is that of this height.
+
+        The CoM moves horizontally as before; its ZMP, c − c̈/ω², comes nearer to it the lower it is. A pendulum that is
+        `measured` but for its height has them already.
+        """
+        raised = pendulum.moved(
             *(np.array([0.0, 0.0, part[0]]) for part in (self._now, self._rate, self._acceleration))
         )
+        if measured:
+            return raised
+        nominal = GRAVITY / pendulum.omega**2
+        ratio = (nominal + float(self._now[0])) / nominal
+        zmp, velocity = raised.zmp.copy(), raised.zmp_velocity.copy()
+        arm = pendulum.com[:2] - pendulum.zmp[:2]
+        zmp[:2] += (1.0 - ratio) * arm
+        velocity[:2] += (1.0 - ratio) * (pendulum.com_velocity[:2] - velocity[:2])
+        velocity[:2] -= float(self._rate[0]) / nominal * arm
+        return raised._replace(zmp=zmp, zmp_velocity=velocity, omega=pendulum.omega / math.sqrt(ratio))
 
     def leaned(self, lean: LeanMotion, heading: float) -> LeanMotion:
         """Return a lean of the trunk in the world with the one that is set, at a heading, rad."""

@@ -7,19 +7,19 @@
     tasks.follow(reference, lean)                      targets of tasks and contacts           `wbc.walking.tasks`
     command = control.act(state, balance.wrenches)     QP, drive, gate                         `wbc.core.control`
 
-A robot that balances by its steps has no `balance`: its source says how each foot carries, and its tasks do the rest.
+Source, tasks and balance are a law's (`Law`): the tick asks for no kind of walk.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from wbc.core.arguments import checked
-from wbc.core.control import FEET_AS_PLANNED, FEET_STEP, Mode, SafetySettings, State
+from wbc.core.control import Mode, SafetySettings, State
 from wbc.core.drive.hybrid import HybridControl
 from wbc.core.drive.position import PositionControl
 from wbc.core.drive.torque import TorqueControl
@@ -31,9 +31,9 @@ from wbc.core.signals import Command, Measurement
 from wbc.ground import ElevationMap, KnownGround, PointCloud
 from wbc.tasks.scheduling.stiffness import StiffnessScheduler
 from wbc.tasks.stabilizer.bias import BiasEstimator
-from wbc.tasks.stabilizer.lean import UPRIGHT, Lean
+from wbc.tasks.stabilizer.lean import Lean
 from wbc.tasks.stabilizer.stabilizer import Stabilizer, StabilizerOutput
-from wbc.walking.balance import Balance
+from wbc.walking.balance import Balance, Stabilized
 from wbc.walking.body import Body
 from wbc.walking.falls import FallDetector, FallReason, FallSettings
 from wbc.walking.hands.hands import Hands
@@ -44,9 +44,22 @@ from wbc.walking.planning.footsteps import FootstepPlan
 from wbc.walking.planning.sources import FootstepSource, Velocity
 from wbc.walking.settings import WalkingControlSettings
 from wbc.walking.source import Progress, Reference, ReferenceSource, VelocityLimits
-from wbc.walking.stepping.tasks import SteppingTasks
-from wbc.walking.tasks import WalkTasks
+from wbc.walking.tasks import WalkTasks, stabilized_tasks
 from wbc.walking.walk import Walk
+
+
+class Law(NamedTuple):
+    """What differs between walks: who decides where and when the next foot lands, and what balances the robot.
+
+    Attributes:
+        source: Where the references come from.
+        tasks: Tasks and contacts, with the weights, gains and boxes of the law.
+        balance: Feedback beside the steps.
+    """
+
+    source: ReferenceSource
+    tasks: WalkTasks
+    balance: Balance
 
 
 class ReferenceControl:
@@ -60,11 +73,7 @@ class ReferenceControl:
         tasks: The tasks and contacts.
         arms: Hands, which can be given targets at any tick.
         body: Height of the CoM, lean and turn of the trunk, and gaze, which can be set at any tick.
-        balance: Stabilizer; None for a robot that balances by its steps, and so are `output`, `stabilizer`, `lean`,
-            `bias` and `load`.
-        lean: Lean of the trunk; None keeps it upright.
-        bias: Estimator of the error of the measured DCM; None takes it as measured.
-        load: Load in the hands as estimated; None where none is expected.
+        balance: Stabilizer, lean, bias, load and hands that press; of a robot that balances by its steps none of them.
         falls: Fall detector.
         stiffness: Scheduler that sets the soles while they swing; None leaves them alone.
         ground: What is known of the ground, to which clouds of points are added at any time; None walks blind.
@@ -74,32 +83,24 @@ class ReferenceControl:
 
     def __init__(
         self,
-        source: ReferenceSource,
+        law: Law,
         control: PositionControl | TorqueControl,
-        tasks: WalkTasks | SteppingTasks,
         arms: Arms,
         body: Body,
-        balance: Balance | None,
         falls: FallSettings,
         stiffness: StiffnessScheduler | None,
         ground: KnownGround | None = None,
     ) -> None:
         """Put the parts together; see the attributes."""
-        self.source, self.control, self.controller, self.tasks = source, control, control.controller, tasks
-        self.dt = control.controller.dt
-        self.arms, self.body, self.balance = arms, body, balance
-        self.lean: Lean | None = None
-        self.bias: BiasEstimator | None = None
-        self.load: HeldLoad | None = None
-        if balance is not None:
-            self.lean, self.bias, self.load = balance.lean, balance.bias, balance.load
+        self.source, self.tasks, self.balance = law
+        self.control, self.controller, self.dt = control, control.controller, control.controller.dt
+        self.arms, self.body = arms, body
         self.falls, self.stiffness, self.ground = FallDetector(falls), stiffness, ground
         if ground is not None:
-            source.see(ground)
+            self.source.see(ground)
         self.reference: Reference | None = None
         self.stopped = False
-        control.reach = FEET_STEP if balance is None else FEET_AS_PLANNED
-        body.lift = lambda: 0.0 if source.finished else source.swing_height
+        control.reach = self.balance.reach
         estimate = control.observer.robot
         self._torso = estimate.placement(estimate.torso_frame)  # a view, which moves on with the estimate
         standing = Robot(estimate.model, (), estimate.half_sitting)
@@ -116,14 +117,22 @@ class ReferenceControl:
 
         An `InputError` for a robot without hands, and for one that balances by its steps, which do not count forces.
         """
-        if self.balance is None:
-            raise InputError(
-                f"{type(self).__name__} has no hands that press or grip, whose forces a WalkingControl counts; give "
-                "its hands targets by walking.arms"
-            )
-        if self.balance.hands is None:
-            raise InputError(f"'{self.controller.robot.name}' has no hands in its description")
         return self.balance.hands
+
+    @property
+    def lean(self) -> Lean | None:
+        """Lean of the trunk; None keeps it upright."""
+        return self.balance.lean
+
+    @property
+    def bias(self) -> BiasEstimator | None:
+        """Estimator of the error of the measured DCM; None takes it as measured."""
+        return self.balance.bias
+
+    @property
+    def load(self) -> HeldLoad | None:
+        """Load in the hands as estimated; None where none is expected."""
+        return self.balance.load
 
     def command(self, measurement: Measurement) -> Command:
         """Run one tick.
@@ -135,14 +144,14 @@ class ReferenceControl:
             Command of the drives until the next tick. Nothing is raised: a tick that fails follows the policy of the
             control.
         """
-        control, balance = self.control, self.balance
+        control = self.control
         state = control.estimate(measurement)
         if state.ok:
             try:
                 self._follow(state)
             except Exception as error:  # of a source, or of hands, of the user's own
                 state = control.refuse(state, error)
-        command = control.act(state, None if balance is None else balance.wrenches)
+        command = control.act(state, self.balance.wrenches)
         self._detect_fall()
         return command if self.stiffness is None else self._with_stiffness(command, self.stiffness)
 
@@ -163,16 +172,14 @@ class ReferenceControl:
         balance, body = self.balance, self.body
         if self.ground is not None:
             self.ground.update(state.robot, state.measurement.time)
-        if balance is not None:
-            state = balance.correct(state)
+        state = balance.correct(state)
         self.reference = reference = self.source.update(state)
         if body.active:
             body.update(reference.heading)
-            self.reference = reference = reference._replace(pendulum=body.raised(reference.pendulum))
-        lean, twist = UPRIGHT, None
-        if balance is not None:
-            self.reference = reference = balance.update(reference, state)
-            lean = balance.leaning
+            pendulum = body.raised(reference.pendulum, measured=reference.support is not None)
+            self.reference = reference = reference._replace(pendulum=pendulum)
+        self.reference = reference = balance.update(reference, state)
+        lean, twist = balance.leaning, None
         self.arms.update(reference.feet, reference.heading)
         if body.active:
             lean, twist = body.leaned(lean, reference.heading), body.twist
@@ -191,7 +198,7 @@ class ReferenceControl:
             v=estimate.v,
             drop=float(reference.pendulum.com[2] - estimate.com[2]),
             torso_up=self._torso.rotation @ up,
-            dcm_distance=0.0 if self.balance is None else self.balance.dcm_distance(),
+            dcm_distance=self.balance.dcm_distance(),
             solved=(solution is None or solution.ok) and not self.control.stopped,
         )
         self.control.topples = self.falls.topples
@@ -248,12 +255,12 @@ class ReferenceControl:
     @property
     def output(self) -> StabilizerOutput | None:
         """Output of the stabilizer in the tick of `reference`; None before the first one."""
-        return None if self.balance is None else self.balance.output
+        return self.balance.output
 
     @property
     def stabilizer(self) -> Stabilizer | None:
         """Feedback and admittances."""
-        return None if self.balance is None else self.balance.stabilizer
+        return self.balance.stabilizer
 
     # ---- steering, which is the source's ----------------------------------------------------------------------------
 
@@ -345,8 +352,6 @@ class WalkingControl(ReferenceControl):
         settings: Settings.
     """
 
-    balance: Balance
-    tasks: WalkTasks
     stabilizer: Stabilizer
 
     @checked
@@ -395,12 +400,12 @@ class WalkingControl(ReferenceControl):
         torque = s.mode != "position"
         controller = Controller(robot, dt, settings=s.solver)
         observer = observer or Observer(robot, adopt=torque)
-        tasks = WalkTasks(controller, s.tasks, s.gains, s.distribution, observer.robot, torque=torque)
+        tasks = stabilized_tasks(controller, s.tasks, s.gains, s.distribution, observer.robot, torque=torque)
         arms = Arms(controller, tasks.com, tasks.posture, dt, s.arms)
-        body = Body(controller, height, dt, waist=True)
+        body = Body(controller, height, dt, waist=True, lift=source.lift)
         control = drive_control(s.mode, controller, observer, s.safety, feedforward=s.feedforward)
-        balance = Balance(control, tasks, arms, s, height)
-        super().__init__(source, control, tasks, arms, body, balance, s.falls, stiffness, ground)
+        law = Law(source, tasks, Stabilized(control, tasks, arms, s, height))
+        super().__init__(law, control, arms, body, s.falls, stiffness, ground)
 
     @property
     def walk(self) -> Walk:

@@ -20,9 +20,9 @@ from wbc.core.control import State
 from wbc.core.errors import InputError, shown
 from wbc.core.robot import SIDES, Robot
 from wbc.ground import KnownGround
+from wbc.walking.contact import Phase
 from wbc.walking.planning.footsteps import FootstepPlan, check_start
 from wbc.walking.planning.gait import reaction
-from wbc.walking.planning.phases import Phase
 from wbc.walking.planning.reach import Reach, bent_height, check_plan
 from wbc.walking.planning.sources import (
     AT_REST,
@@ -84,7 +84,7 @@ class LipmWalk(ReferenceSource):
         self.walk = walk = Walk(
             robot, plan, height, dt, s.walk, reach=reach, extent=extent, com=np.array(robot.com)
         )
-        self.settings, self.com_height = s.drive, height
+        self.settings, self.com_height, self.ground = s.drive, height, walk.ground
         self.planner: FootstepSource | None = None
         self._robot, self._extent = robot, extent
         self._soles = [robot.placement(sole.frame) for sole in robot.soles]

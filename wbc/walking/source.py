@@ -20,10 +20,11 @@ from wbc.core.errors import Array, InputError
 from wbc.core.robot import SIDES, Robot
 from wbc.ground import KnownGround
 from wbc.tasks.stabilizer.pendulum import Pendulum
-from wbc.walking.pattern.swing import FootMotion
+from wbc.walking.contact import Event, Phase
+from wbc.walking.ground import Ground
 from wbc.walking.planning.footsteps import Footstep, FootstepPlan, heading
-from wbc.walking.planning.phases import Event, Phase
 from wbc.walking.planning.sources import AT_REST, FootstepSource, Velocity
+from wbc.walking.swing import FootMotion
 
 if TYPE_CHECKING:
     from wbc.walking.stepping.law import Divergent
@@ -162,6 +163,7 @@ class ReferenceSource(ABC):
         com_height: Height of the CoM over the soles, m; None for that of the robot as it stands.
         swing_height: Height by which feet are lifted, that the legs must leave to a body that is lowered, m.
         reason: Reason for which the source has dropped the last order; empty if it has not.
+        ground: What is known of the ground that feet land on; None of a source that decides on no landing.
     """
 
     by_steps = False
@@ -169,6 +171,7 @@ class ReferenceSource(ABC):
     com_height: float | None = None
     swing_height = 0.0
     reason = ""
+    ground: Ground | None = None
 
     @abstractmethod
     def update(self, state: State) -> Reference:
@@ -191,6 +194,10 @@ class ReferenceSource(ABC):
         stance = 0 if swing is None else 1 - swing
         cycle = last.duration or 1.0
         return Progress(last.phase, swing, stance, last.step, last.elapsed, last.duration, upcoming, cycle)
+
+    def lift(self) -> float:
+        """Return the height by which feet are lifted now, m; zero once all is done."""
+        return 0.0 if self.finished else self.swing_height
 
     @property
     def finished(self) -> bool:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from typing import Annotated
 
 import numpy as np
@@ -17,13 +18,16 @@ from wbc.core.settings import Positive, settings
 from wbc.tasks.balance import BodyGains
 from wbc.tasks.motion.com import CoMTask
 from wbc.tasks.motion.frame import OrientationTask, PoseTask
+from wbc.tasks.motion.posture import PostureTask
+from wbc.tasks.options import GainOptions
 from wbc.tasks.stabilizer.distribution import DistributionSettings
 from wbc.tasks.stabilizer.gains import StabilizerGains
 from wbc.tasks.stabilizer.lean import UPRIGHT, LeanMotion
 from wbc.tasks.stabilizer.task import StabilizerTask
 from wbc.walking.body import Twist
+from wbc.walking.contact import Phase
 from wbc.walking.planning.footsteps import heading
-from wbc.walking.source import Reference
+from wbc.walking.source import Reference, Support, WholeBody
 
 FREE_FRICTION = 2.0
 """Friction of the contacts in position control: the QP's own wrenches are not commanded there and must not bind."""
@@ -59,98 +63,98 @@ class TaskGains(BodyGains):
 
 
 class WalkTasks:
-    """CoM, swing feet, pelvis and torso, posture, contacts and, in torque control, wrenches of one walk.
+    """CoM, swing feet, trunk, posture, contacts and limits of one walk, for any law; each law makes its own table.
 
     Attributes:
         contacts: Contacts of the left and of the right sole.
-        com: Task of the centre of mass and of the wrenches on the feet: the stabilizer.
+        com: Task of the centre of mass, and where a stabilizer balances the robot that of the wrenches on the feet.
         posture: Task of all joints.
     """
 
     def __init__(
         self,
         controller: Controller,
-        gains: TaskGains,
-        stabilizer: StabilizerGains,
-        distribution: DistributionSettings,
-        estimate: Robot,
+        com: CoMTask,
+        contacts: Sequence[SoleContact],
+        swing: GainOptions,
+        trunk: Mapping[str, GainOptions],
+        posture: PostureTask,
+        stance: Stance | None = None,
         *,
-        torque: bool,
+        torque: bool = True,
     ) -> None:
         """Add all tasks, contacts and limits to a controller of a robot that stands at the start.
 
-        Contacts have the friction of the distribution in torque control; it is position control when `torque` is False.
+        `swing` has weight and gains of the foot in the air, `trunk` those of the base, and of the torso where it is
+        held by a task of its own; `stance` says how feet carry that no stabilizer loads. It is position control when
+        `torque` is False.
         """
-        robot, friction = controller.robot, distribution.friction
-        self._torque = torque
-        turn = gains.swing_turn_weight if torque else gains.swing_weight
-        self._swing_weight = np.repeat([gains.swing_weight, turn], 3)
-        self.contacts = [
-            SoleContact(
-                sole.name,
-                min_force=0.0,
-                margin=0.0,
-                ramp=0.0,
-                stiffness=gains.contact_return if torque else gains.contact_stiffness,
-                friction=friction if torque else FREE_FRICTION,
-                even=torque and gains.even_soles,
-            )
-            for sole in robot.soles
-        ]
-        self.com = controller.add(
-            StabilizerTask(
-                self.contacts,
-                drives="torque" if torque else "position",
-                gains=stabilizer,
-                distribution=distribution,
-                estimate=estimate,
-                wrench_weight=gains.wrench_weight,
-                moment_by_load=gains.moment_by_load,
-                weight=gains.com_weight,
-                stiffness=gains.com_stiffness,
-            )
-        )
+        robot = controller.robot
+        self.contacts, self._stance, self._torque = list(contacts), stance, torque
+        self.com = controller.add(com)
+        self._swing_weight = np.array(swing["weight"], dtype=float)
+        off: GainOptions = {**swing, "weight": 0.0}
         self._swings = [
-            controller.add(
-                PoseTask(sole.frame, name=f"{sole.name} swing", weight=0.0, stiffness=gains.swing_stiffness)
-            )
-            for sole in robot.soles
+            controller.add(PoseTask(sole.frame, name=f"{sole.name} swing", **off)) for sole in robot.soles
         ]
-        self._trunk, self.posture = gains.add_trunk_and_posture(controller, "pelvis")
-        if gains.leg_weight is not None:
-            weight = np.full(robot.na, gains.posture_weight)
-            weight[robot.leg_joints] = gains.leg_weight
-            self.posture.weight = weight
+        frames = {"pelvis": robot.base_frame, "torso": robot.torso_frame}
+        self._trunk = [
+            controller.add(OrientationTask(frames[name], name=name, **gains))
+            for name, gains in trunk.items()
+            if name == "pelvis" or robot.torso_frame != robot.base_frame
+        ]
+        self.posture = controller.add(posture)
         forward = _yaw_rotation(-heading(robot.placement(robot.base_frame).rotation))
         self._trunk_tilts = [forward @ task.target for task in self._trunk]
         self._trunk_target: tuple[float | None, LeanMotion] = (None, UPRIGHT)  # heading and lean
-        controller.add(JointLimits())
+        limits = JointLimits(), TorqueLimits()
+        controller.add(limits[0])
         for contact in self.contacts:
             controller.add(contact)
-        controller.add(TorqueLimits())
-        leave_to_walk(self.com, self._swings, self._trunk)
+        controller.add(limits[1])
+        self._all = [self.com, *self._swings, *self._trunk, self.posture, *limits, *self.contacts]
+        com.set_by("walking.body.com_height for its height, walking.velocity or walking.go_to for its place")
+        for foot in self._swings:
+            foot.set_by("walking.velocity, walking.go_to or a plan of footsteps")
+        for task in self._trunk:
+            task.set_by("walking.body.lean and walking.body.turn")
 
     def switch(self, side: int, contact: bool) -> None:
         """Put a foot (0 left, 1 right) on the ground, or take it off."""
         self.contacts[side].active = contact
         self._swings[side].weight = 0.0 if contact else self._swing_weight
 
+    def swing(self, side: int) -> None:
+        """Let a foot follow its motion in the air that still carries a part of its load."""
+        self._swings[side].weight = self._swing_weight
+
     def follow(self, reference: Reference, lean: LeanMotion = UPRIGHT, twist: Twist | None = None) -> None:
         """Set all targets of a tick, after the stabilizer's; `UPRIGHT` itself is no lean, None no twist."""
-        pendulum, beyond, body, places = reference.pendulum, reference.reaction, reference.body, []
-        for motion, stands, swing in zip(reference.feet, reference.contact, self._swings, strict=True):
-            places.append(motion.placement)
-            if not stands:
-                swing.follow(*motion)
-        if body is None:
-            self.com.apply(pendulum, reference.contact, places, beyond)
-            self._turn_trunk(reference.heading, lean, twist)
+        pendulum, body, support = reference.pendulum, reference.body, reference.support
+        if support is not None and self._stance is not None:
+            self._stance.switch(self, reference, support)
+        for side, (motion, stands) in enumerate(zip(reference.feet, reference.contact, strict=True)):
+            if not stands or (support is not None and side == support.swing):
+                self._swings[side].follow(*motion)
+        if body is not None:
+            self._follow_body(reference, body, lean)
             return
+        if isinstance(self.com, StabilizerTask):
+            places = [motion.placement for motion in reference.feet]
+            self.com.apply(pendulum, reference.contact, places, reference.reaction)
+        else:
+            self.com.follow(pendulum.com, pendulum.com_velocity, pendulum.com_acceleration)
+        self._turn_trunk(reference.heading, lean, twist)
+
+    def _follow_body(self, reference: Reference, body: WholeBody, lean: LeanMotion) -> None:
+        """Set the targets of a source that gives the motion of all joints."""
+        com, pendulum, beyond = self.com, reference.pendulum, reference.reaction
+        assert isinstance(com, StabilizerTask)
         if self._torque:  # the feedback's acceleration is about that of the pendulum
             x, y = (body.com_acceleration[:2] - pendulum.com_acceleration[:2]).tolist()
             beyond = x, y
         pendulum = pendulum._replace(com_acceleration=body.com_acceleration)
-        self.com.apply(pendulum, reference.contact, places, beyond)
+        com.apply(pendulum, reference.contact, [motion.placement for motion in reference.feet], beyond)
         for task, (rotation, velocity, acceleration) in zip(self._trunk, body.trunk, strict=True):
             task.follow(
                 lean.rotation.dot(rotation), velocity + lean.velocity, acceleration + lean.acceleration
@@ -159,7 +163,7 @@ class WalkTasks:
 
     def _turn_trunk(self, yaw: float, lean: LeanMotion, twist: Twist | None) -> None:
         """Turn pelvis and torso to a heading (rad) and let them lean."""
-        if yaw == self._trunk_target[0] and lean is self._trunk_target[1]:
+        if twist is None and yaw == self._trunk_target[0] and lean is self._trunk_target[1]:
             return
         self._trunk_target = yaw, lean
         turn = lean.rotation.dot(_yaw_rotation(yaw))
@@ -176,13 +180,114 @@ class WalkTasks:
                 )
 
 
-def leave_to_walk(com: CoMTask, swings: Sequence[PoseTask], trunk: Sequence[OrientationTask]) -> None:
-    """Name, for those who assign a target that a walk sets at every tick, what they may set instead."""
-    com.set_by("walking.body.com_height for its height, walking.velocity or walking.go_to for its place")
-    for swing in swings:
-        swing.set_by("walking.velocity, walking.go_to or a plan of footsteps")
-    for task in trunk:
-        task.set_by("walking.body.lean and walking.body.turn")
+@dataclass(frozen=True, slots=True)
+class Stance:
+    """How feet carry that steps balance: costs of their motion, boxes of their pressure, forces; in SI units.
+
+    Attributes:
+        held: Cost of the motion of a foot that stands, shape (6,).
+        firm: The same on both feet.
+        yielding: Ratio of these costs for a foot that is unloaded, or waits to take over.
+        com: Cost of the CoM's height alone, and of its place as well on both feet, shape (3,) each.
+        box: Size of the box of the centre of pressure, m.
+        standing_box: The same on both feet, m.
+        carrying: Place of the centre of the box ahead of that of the sole, m; not in a stand.
+        least_force: Least force of the foot that stands, N.
+        unloaded: Force below which none is asked for, N.
+    """
+
+    held: Array
+    firm: Array
+    yielding: float
+    com: tuple[Array, Array]
+    box: tuple[float, float]
+    standing_box: tuple[float, float]
+    carrying: float
+    least_force: float
+    unloaded: float
+    _state: list[object] = field(default_factory=list)  # of the last tick
+
+    def switch(self, tasks: WalkTasks, reference: Reference, support: Support) -> None:
+        """Switch contacts, and the weights that go with them, where they change."""
+        most, balanced, standing = (
+            support.most_force,
+            support.balanced,
+            reference.phase is Phase.STANDING,
+        )
+        state = [balanced, standing, reference.contact, most, support.stance, support.swing]
+        if state == self._state:
+            return
+        before, self._state[:] = self._state[:2], state
+        if before != state[:2]:
+            tasks.com.weight = self.com[balanced]
+            length, width = self.standing_box if balanced else self.box
+            for contact in tasks.contacts:
+                contact.set_box(length, width, (0.0 if standing else self.carrying, 0.0))
+        both = all(reference.contact)
+        for side, contact in enumerate(tasks.contacts):
+            on = reference.contact[side]
+            tasks.switch(side, on)
+            if side == support.swing:
+                tasks.swing(side)
+            if not on:
+                continue
+            full = balanced or side == support.stance
+            weight = self.firm if balanced else self.held
+            contact.motion_weight = weight if full else self.yielding * weight
+            contact.min_force = 0.0  # first: a foot that was unloading may have less than it must carry now
+            contact.max_force = max(most[side], self.unloaded)
+            if full:
+                contact.min_force = self.least_force * (0.2 if both else 1.0)
+
+
+def stabilized_tasks(
+    controller: Controller,
+    gains: TaskGains,
+    stabilizer: StabilizerGains,
+    distribution: DistributionSettings,
+    estimate: Robot,
+    *,
+    torque: bool,
+) -> WalkTasks:
+    """Add the tasks of a walk that a stabilizer balances; contacts have the friction of the distribution on torques."""
+    robot, friction = controller.robot, distribution.friction
+    contacts = [
+        SoleContact(
+            sole.name,
+            min_force=0.0,
+            margin=0.0,
+            ramp=0.0,
+            stiffness=gains.contact_return if torque else gains.contact_stiffness,
+            friction=friction if torque else FREE_FRICTION,
+            even=torque and gains.even_soles,
+        )
+        for sole in robot.soles
+    ]
+    com = StabilizerTask(
+        contacts,
+        drives="torque" if torque else "position",
+        gains=stabilizer,
+        distribution=distribution,
+        estimate=estimate,
+        wrench_weight=gains.wrench_weight,
+        moment_by_load=gains.moment_by_load,
+        weight=gains.com_weight,
+        stiffness=gains.com_stiffness,
+    )
+    turn = gains.swing_turn_weight if torque else gains.swing_weight
+    swing: GainOptions = {
+        "weight": np.repeat([gains.swing_weight, turn], 3),
+        "stiffness": gains.swing_stiffness,
+    }
+    trunk: GainOptions = {"weight": gains.orientation_weight, "stiffness": gains.orientation_stiffness}
+    posture = PostureTask(weight=gains.posture_weight, stiffness=gains.posture_stiffness)
+    parts = {"pelvis": trunk, "torso": trunk}
+    tasks = WalkTasks(controller, com, contacts, swing, parts, posture, torque=torque)
+    if gains.leg_weight is not None:
+        weight = np.full(robot.na, gains.posture_weight)
+        weight[robot.leg_joints] = gains.leg_weight
+        posture.weight = weight
+    return tasks
 
 
 def _yaw_rotation(yaw: float) -> Array:

@@ -21,18 +21,19 @@ from wbc.core.errors import ROUNDING, Array, InputError, as_period
 from wbc.core.robot import GRAVITY, SIDES, Robot
 from wbc.core.settings import Positive, Share, settings
 from wbc.tasks.stabilizer.pendulum import Pendulum
+from wbc.walking.contact import Event, Phase
 from wbc.walking.ground import LAST_LOOK, NOTICED, Ground
 from wbc.walking.pattern.pattern import Pattern
 from wbc.walking.pattern.preview import PreviewController, PreviewSettings
 from wbc.walking.pattern.reaction import SwingReaction, Travel, leg_share
-from wbc.walking.pattern.swing import FootMotion, SwingFoot, shortest_swing
 from wbc.walking.planning.adjustment import AdjustmentSettings, StepAdjuster
 from wbc.walking.planning.footsteps import Footstep, FootstepPlan, heading, mean_heading
 from wbc.walking.planning.gait import Gait
-from wbc.walking.planning.phases import Event, Phase, PhaseSettings, WalkPhases
+from wbc.walking.planning.phases import PhaseSettings, WalkPhases
 from wbc.walking.planning.reach import Reach, check_plan
 from wbc.walking.planning.schedule import SoleSizes, ZmpTarget
 from wbc.walking.source import Reference
+from wbc.walking.swing import FootMotion, SwingFoot
 
 logger = logging.getLogger(__name__)
 
@@ -49,7 +50,7 @@ class WalkSettings:
 
     Attributes:
         preview: Preview control; the ZMP is planned 20 mm to the inner side of a stance foot, because rough ground tips
-            robots outward. On soles too narrow for that, the default is half of the half width that the margin leaves.
+            robots outward. On soles too narrow for that, it is half of the half width that the margin leaves.
         climbing_inward: Greatest distance of the planned ZMP to the inner side in a plan with stairs, m: the further
             inward the ZMP, the more torque the hips need, and on a stair they have none to spare.
         phases: Loads and times at which phases change.
@@ -126,9 +127,9 @@ class Walk:
         gait, self.notes = plan.gait.on_grid(period)
         for note in self.notes:
             logger.warning("%s", note)
-        if gait.single_support < shortest_swing(gait):
+        if gait.single_support < gait.swing.shortest:
             raise InputError(
-                f"single_support must be at least {shortest_swing(gait):g} s for take-off, swing and landing, got "
+                f"single_support must be at least {gait.swing.shortest:g} s for take-off, swing and landing, got "
                 f"{gait.single_support:g} s"
             )
         plan = replace(plan, gait=gait)
@@ -141,7 +142,7 @@ class Walk:
             if preview.target.inward > s.climbing_inward:
                 preview = replace(preview, target=replace(preview.target, inward=s.climbing_inward))
         room = 0.5 * min(left.width, right.width) - preview.margin
-        if s.preview.target == WalkSettings().preview.target and preview.target.inward > room > 0.0:
+        if preview.target.inward > room > 0.0:
             preview = replace(preview, target=replace(preview.target, inward=0.5 * room))
         self._preview = PreviewController(self.sole_sizes, com_height, preview)
         self.omega, self.com_height = self._preview.omega, com_height
@@ -213,9 +214,9 @@ class Walk:
         nothing.
         """
         phases = self.phases
-        if gait is not None and gait.single_support < shortest_swing(gait):
+        if gait is not None and gait.single_support < gait.swing.shortest:
             raise InputError(
-                f"single_support must be at least {shortest_swing(gait):g} s, got {gait.single_support:g} s"
+                f"single_support must be at least {gait.swing.shortest:g} s, got {gait.single_support:g} s"
             )
         phases.steer(self.ground.settled(steps, swings=self._swing is not None), gait)
         self.ground.height = 0.0
@@ -309,11 +310,8 @@ class Walk:
         self.ground.lift(1 - side, placements[1 - side])
         landing = self.ground.expect(step, self._near(step))
         self.phases.land(landing, carry=False)
-        gait, high = self._swing_gait, max(float(placements[side].translation[2]), landing.z)
         over = self.ground.way(placements[side], landing)
-        if over > high:
-            gait = replace(gait, swing_height=gait.swing_height + over - high)
-        self._swing = SwingFoot(placements[side], landing, self.phases.duration, gait)
+        self._swing = SwingFoot(placements[side], landing, self.phases.duration, self._swing_gait.swing, over)
         self._replan()
         self._plan_swing(landing)
 

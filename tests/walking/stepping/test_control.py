@@ -11,7 +11,7 @@ from wbc.core.control import Mode
 from wbc.core.errors import InputError
 from wbc.sim import walk
 from wbc.sim.plant.falls import TrueFallDetector
-from wbc.walking.planning.phases import Phase
+from wbc.walking.contact import Phase
 from wbc.walking.stepping.control import SteppingControl, SteppingControlSettings
 
 PERIOD = 0.002
@@ -73,7 +73,7 @@ def test_other_robots_walk_by_the_same_numbers(robot: str) -> None:
 
 
 def test_a_velocity_that_is_no_number_is_refused_and_changes_nothing() -> None:
-    _, walking = standing()
+    plant, walking = standing()
     walking.velocity = (0.2, 0.0, 0.1)
     for bad in ((math.nan, 0.0, 0.0), (0.1, math.inf, 0.0), (0.1, 0.0), "ahead", (0.1, 0.0, 1e6)):
         with pytest.raises(InputError):
@@ -86,6 +86,7 @@ def test_a_velocity_that_is_no_number_is_refused_and_changes_nothing() -> None:
         assert walking.velocity == (0.2, 0.0, 0.1)
     walking.velocity = (9.0, -9.0, 9.0)  # more than can be had is limited, not refused
     limits = walking.velocity_limits
+    run(plant, walking, 1.5)
     assert walking.granted_velocity[2] == limits.turn
     walking.velocity = (0.0, 0.0, 0.0)
     assert walking.velocity is None, "zero is a stand"

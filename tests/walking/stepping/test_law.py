@@ -15,7 +15,15 @@ from properties import examples
 from task_factory import ROBOTS, make_robot, random_state
 
 from wbc.core.robot import GRAVITY, Robot
-from wbc.walking.stepping.law import NEAR, Divergent, Orbit, divergent_component, foothold, remaining_time
+from wbc.walking.stepping.law import (
+    NEAR,
+    Divergent,
+    Orbit,
+    divergent_component,
+    landing_place,
+    remaining_time,
+    takes_over,
+)
 
 HEIGHT, TIME, WIDTH = 0.6, 0.36, 0.22
 OMEGA = math.sqrt(GRAVITY / HEIGHT)
@@ -61,7 +69,7 @@ def walk(
         orbit = Orbit.of(velocity, side, WIDTH, TIME, TIME, OMEGA)
         ahead, aside = dcm - foot
         time = remaining_time(ahead, side * aside, orbit, OMEGA, 0.005, stretch) if timed else TIME
-        place = foothold(
+        place = landing_place(
             (foot[0], foot[1]), Divergent(*dcm, OMEGA), time, (orbit.ahead, -side * orbit.inwards)
         )
         com, speed = com_after(com, speed, foot, OMEGA, time)
@@ -217,3 +225,27 @@ def test_an_impact_leaves_the_dcm_about_its_own_point_as_it_is(name: str) -> Non
         np.testing.assert_allclose(after, before, atol=1e-9)
         jumps.append(np.linalg.norm(plain_after - plain))
     assert np.median(jumps) > 0.02
+
+
+def carries(ahead: float, inwards: float, out: float, on: float = 0.0, speed: float = 0.2) -> bool:
+    """Whether a foot in contact takes over, by offsets of the DCM from it and from the foot that stands."""
+    orbit = Orbit.of((speed, 0.0), 1.0, WIDTH, TIME, TIME, OMEGA)
+    return takes_over((ahead, inwards), (on, out), orbit, 0.054, 0.2, 1.5)
+
+
+def test_a_foot_in_contact_carries_once_waiting_no_longer_helps() -> None:
+    orbit = Orbit.of((0.2, 0.0), 1.0, WIDTH, TIME, TIME, OMEGA)
+    near = 1.5 * orbit.inwards
+    assert carries(orbit.ahead, 0.99 * near, 0.15), "the next step is long enough"
+    assert not carries(orbit.ahead, 1.3 * near, 0.15), "the DCM is on its way to the foot"
+    assert carries(orbit.ahead, 1.3 * near, -0.01), "it moves away from it, over the outer edge"
+    assert carries(0.16, 1.3 * near, 0.15, on=0.3), "it runs away ahead"
+    assert not carries(-0.1, 1.3 * near, 0.15, on=0.1), "behind, it comes to the foot"
+
+
+@examples(50)
+@given(st.floats(-0.2, 0.2), st.floats(0.0, 0.2), st.floats(-0.1, 0.2), st.floats(-0.3, 0.3))
+def test_taking_over_is_the_same_in_a_mirrored_direction(
+    ahead: float, inwards: float, out: float, on: float
+) -> None:
+    assert carries(ahead, inwards, out, on) == carries(-ahead, inwards, out, -on, speed=-0.2)

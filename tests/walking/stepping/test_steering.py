@@ -9,20 +9,28 @@ import numpy as np
 import pytest
 
 import wbc
-from wbc.walking.stepping.settings import Scale, SteppingSettings
-from wbc.walking.stepping.steering import Steering, Steps
+from wbc.walking.stepping.law import Constants as LawConstants
+from wbc.walking.stepping.settings import Scale, SteppingSettings, in_si
+from wbc.walking.stepping.steering import Constants, Steering, Steps
 
 DT = 0.002
 
 
+SIZE = Scale.of(wbc.load_robot("g1").robot(), SteppingSettings().bend)
+BRISK = in_si(LawConstants(), SIZE).brisk
+
+
 @pytest.fixture(scope="module")
 def settings() -> SteppingSettings:
-    plain = SteppingSettings()
-    return plain.in_si(Scale.of(wbc.load_robot("g1").robot(), plain.bend))
+    return SteppingSettings().in_si(SIZE)
+
+
+def steered(settings: SteppingSettings, heading: float = 0.0) -> Steering:
+    return Steering(settings, SIZE, BRISK, heading, DT)
 
 
 def test_a_velocity_after_a_goal_leaves_the_line_to_that_goal(settings: SteppingSettings) -> None:
-    steering = Steering(settings, 0.0, DT)
+    steering = steered(settings)
     steering.rest((0.0, 0.0))
     steering.go_to(3.0, 0.0, 0.0)
     to_goal = steering.update((0.0, 0.1), (0.0, 0.0))  # the line to the goal begins here
@@ -56,7 +64,7 @@ def test_a_turned_and_a_mirrored_world_are_steered_as_this_one(
 ) -> None:
     runs = []
     for yaw, side in ((0.0, 1.0), (2.9, 1.0), (0.0, -1.0)):
-        steering = Steering(settings, yaw, DT)
+        steering = steered(settings, yaw)
         steering.rest((0.0, 0.0))
         if order == "velocity":
             steering.command((0.25, side * 0.05, side * 0.2))
@@ -70,23 +78,23 @@ def test_a_turned_and_a_mirrored_world_are_steered_as_this_one(
 
 def test_the_velocity_to_a_goal(settings: SteppingSettings) -> None:
     """Far away along the way to it, slower the more it has to turn; near it every part in the time to a goal."""
-    s, steering = settings, Steering(settings, 3.0, DT)
+    s, c, steering = settings, in_si(Constants(), SIZE), steered(settings, 3.0)
     steering.go_to(-4.0, -0.3, 0.0)
     off = math.pi - 3.0 + math.atan2(0.3, 4.0)
-    expected = (s.cruise * math.cos(off) ** 4, 0.0, off / s.goal_time)
+    expected = (s.cruise * math.cos(off) ** 4, 0.0, off / c.goal_time)
     assert steering._wanted((0.0, 0.0)) == pytest.approx(expected)
-    dx, dy = turned((0.4 * s.near, -0.2 * s.near), 3.0)
+    dx, dy = turned((0.4 * c.near, -0.2 * c.near), 3.0)
     steering.go_to(1.0 + dx, 2.0 + dy, -3.0)
-    ahead, aside = 0.4 * s.near / s.goal_time, -0.2 * s.near / s.goal_time
-    turn = (2.0 * math.pi - 6.0) / s.goal_time
+    ahead, aside = 0.4 * c.near / c.goal_time, -0.2 * c.near / c.goal_time
+    turn = (2.0 * math.pi - 6.0) / c.goal_time
     assert steering._wanted((1.0, 2.0)) == pytest.approx((ahead, aside, turn))
     place = (1.0 + dx, 2.0 + dy)
-    steering.heading = 1.1 * s.arrived_turn - 3.0
+    steering.heading = 1.1 * c.arrived_turn - 3.0
     assert any(steering._wanted(place)) and steering.pending
-    steering.heading = 0.9 * s.arrived_turn - 3.0
-    beside = (place[0] + 1.1 * s.arrived, place[1])
+    steering.heading = 0.9 * c.arrived_turn - 3.0
+    beside = (place[0] + 1.1 * c.arrived, place[1])
     assert any(steering._wanted(beside)) and steering.pending
-    assert not any(steering._wanted((place[0] + 0.9 * s.arrived, place[1]))) and not steering.pending
+    assert not any(steering._wanted((place[0] + 0.9 * c.arrived, place[1]))) and not steering.pending
     forward, back, aside, most = steering.limits
     assert steering.limited((9.0, 9.0, 9.0)) == (forward, aside, most)
     assert steering.limited((-9.0, -9.0, -9.0)) == (-back, -aside, -most)
@@ -96,39 +104,43 @@ def test_the_velocity_to_a_goal(settings: SteppingSettings) -> None:
 def test_steps_lead_back_to_the_path_and_make_up_for_what_the_robot_falls_short(
     settings: SteppingSettings,
 ) -> None:
-    s, steering = settings, Steering(replace(settings, fastest=9.0), 0.0, DT)
+    s, c, steering = settings, in_si(Constants(), SIZE), steered(replace(settings, fastest=9.0))
     steering.rest((0.0, 0.0))
     steering.command((0.2, 0.0, 0.0))
     ramp = [steering.update((0.0, 0.0), (0.2, 0.0)).velocity[0] for _ in range(5)]
     assert steering.velocity[0] == pytest.approx(5 * DT * s.acceleration) and ramp[0] < ramp[-1]
     steering.velocity, steering._missing = (0.2, 0.0), 0.0
-    most = s.drift_speed / s.drift_gain  # distance from the path from which on the way back is fastest
+    most = c.drift_speed / c.drift_gain  # distance from the path from which on the way back is fastest
     for aside in (0.3 * most, -0.6 * most, 5.0 * most):
         steering.rest((0.0, 0.0))
         steering.velocity = (0.2, 0.0)
         step = steering.update((0.3, aside), (0.2, 0.0))
-        assert step.velocity == pytest.approx((0.2, -s.drift_gain * min(aside, most)))
-    for brisk, lag in ((0.5, 1.0), (1.2, 0.5)):
+        assert step.velocity == pytest.approx((0.2, -c.drift_gain * min(aside, most)))
+    for brisk in (0.5, 1.2):  # quicker where steps are longer
         steering.rest((0.0, 0.0))
-        speed = brisk * s.brisk
+        speed = brisk * BRISK
         steering.target, steering.velocity = (speed, 0.0, 0.0), (speed, 0.0)
+        lag = (s.step_time / steering.step_time) ** 4
         gained = [steering.update((0.0, 0.0), (speed - 0.04, 0.0)).velocity[0] - speed for _ in range(100)]
-        assert gained[-1] == pytest.approx(min(100 * DT * 0.04 / (lag * s.speed_lag), s.speed_bias), rel=1e-6)
+        assert gained[-1] == pytest.approx(min(100 * DT * 0.04 / (lag * c.speed_lag), c.speed_bias), rel=1e-6)
     for _ in range(500):
         steering.update((0.0, 0.0), (-9.0, 0.0))
-    assert steering._missing == s.speed_bias
+    assert steering._missing == c.speed_bias
 
 
 def test_a_brisk_walk_has_longer_and_slower_steps_and_none_beyond_the_stride(
     settings: SteppingSettings,
 ) -> None:
-    steering = Steering(replace(settings, fastest=9.0, fastest_back=9.0), 0.0, DT)
+    steering = steered(replace(settings, fastest=9.0, fastest_back=9.0))
     most = steering.limits.forward
-    assert settings.brisk < most == steering.limits.back < 9.0
+    assert BRISK < most == steering.limits.back < 9.0
     steering.velocity = (most, 0.0)
-    assert most * steering.step_time == pytest.approx(settings.stride)
-    for share in (0.5, 1.0, 1.2):  # of the velocity from which a walk is brisk
-        steering.velocity = (-share * settings.brisk, 0.0)
-        assert steering.step_time == settings.step_time * math.sqrt(max(share, 1.0))
-    short = replace(settings, fastest=9.0, stride=0.5 * settings.step_time * settings.brisk)
-    assert Steering(short, 0.0, DT).limits.forward == pytest.approx(0.5 * settings.brisk)
+    assert most * steering.step_time == pytest.approx(settings.stride, rel=1e-4)
+    times = []
+    for share in (0.0, 0.5, 1.0, 1.5, 6.0):  # of the velocity about which a walk becomes brisk
+        steering.velocity = (-share * BRISK, 0.0)
+        times.append(steering.step_time / settings.step_time)
+    assert times[0] == 1.0 and times[1] < 1.01 and times == sorted(times)
+    assert times[-1] == pytest.approx(math.sqrt(6.0), rel=1e-3), "with the root of the speed"
+    short = replace(settings, fastest=9.0, stride=0.5 * settings.step_time * BRISK)
+    assert steered(short).limits.forward == pytest.approx(0.5 * BRISK, rel=0.01)

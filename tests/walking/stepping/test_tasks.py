@@ -13,11 +13,12 @@ from wbc.core.qp.controller import Controller
 from wbc.core.robot import GRAVITY
 from wbc.tasks.stabilizer.lean import LeanMotion
 from wbc.walking.body import Twist
-from wbc.walking.planning.phases import Phase
+from wbc.walking.contact import Phase
 from wbc.walking.source import Reference, Support
 from wbc.walking.stepping.gait import BodyState, SteppingGait
 from wbc.walking.stepping.settings import Scale, SteppingSettings
-from wbc.walking.stepping.tasks import SteppingTasks
+from wbc.walking.stepping.tasks import stepping_tasks
+from wbc.walking.tasks import WalkTasks
 
 DT = 0.002
 ROBOT = make_robot("g1")
@@ -25,13 +26,13 @@ WEIGHT = ROBOT.mass * GRAVITY
 MOST = 1.4 * WEIGHT
 
 
-def standing() -> tuple[Controller, SteppingTasks, Reference]:
+def standing() -> tuple[Controller, WalkTasks, Reference]:
     """Controller and tasks of a robot that stands, and the reference of its stand."""
     robot = make_robot("g1")
     scale = Scale.of(robot, 0.162, float(robot.com[2]))  # as high as it stands
     gait = SteppingGait(SteppingSettings(), scale, 0.0, DT)
     controller = Controller(robot, DT)
-    tasks = SteppingTasks(controller, gait.settings, scale)
+    tasks = stepping_tasks(controller, gait.settings.friction, gait.constants, scale)
     frames = tuple(robot.placement(sole.frame) for sole in robot.soles)
     wrenches = [[0.0, 0.0, 0.5 * WEIGHT, 0.0, 0.0, 0.0]] * 2
     places, turns = ([getattr(f, name).tolist() for f in frames] for name in ("translation", "rotation"))
@@ -56,7 +57,7 @@ def test_any_state_of_the_feet_may_follow_any_other() -> None:
     """A foot that has given up its load, and must carry at once, can."""
     controller, tasks, reference = standing()
     assert reference.support is not None
-    turn = tasks._scale.height**2
+    turn = Scale.of(ROBOT, 0.162, float(ROBOT.com[2])).height ** 2
     for name in itertools.chain(*itertools.permutations(STATES, 2)):
         changed, state = reference, STATES[name]
         if state is not None:
@@ -80,24 +81,24 @@ def test_any_state_of_the_feet_may_follow_any_other() -> None:
             full = support.balanced or side == support.stance
             held = np.repeat((1000.0, (2780.0 if support.balanced else 8.3) * turn), 3)
             np.testing.assert_allclose(foot.motion_weight, held * (1.0 if full else 0.1))
-            least = tasks._gait.least_force * (0.2 if all(changed.contact) else 1.0)
+            least = tasks._stance.least_force * (0.2 if all(changed.contact) else 1.0)
             assert foot.min_force == (least if full else 0.0) and foot.max_force == support.most_force[side]
 
 
 def test_a_trunk_leans_and_twists_about_the_heading() -> None:
     _, tasks, reference = standing()
-    upright = np.array(tasks._pelvis.target)
+    upright = np.array(tasks._trunk[0].target)
     lean = LeanMotion(
         pin.exp3(np.array([0.1, -0.05, 0.0])), np.array([0.2, 0.1, 0.0]), np.array([0.3, 0.5, 0.0])
     )
     turned = reference._replace(heading=0.4)
     tasks.follow(turned)
-    np.testing.assert_allclose(tasks._pelvis.target, pin.utils.rotate("z", 0.4) @ upright, atol=1e-12)
-    tasks.follow(turned, lean, Twist(0.3, -0.6, 0.7, True))
+    np.testing.assert_allclose(tasks._trunk[0].target, pin.utils.rotate("z", 0.4) @ upright, atol=1e-12)
+    tasks.follow(turned, lean, Twist(0.3, -0.6, 0.7, False))
     expected = lean.rotation @ pin.utils.rotate("z", 0.7) @ upright
-    np.testing.assert_allclose(tasks._pelvis.target, expected, atol=1e-12)
-    np.testing.assert_allclose(tasks._pelvis.feedforward_velocity, (0.2, 0.1, -0.6))
-    np.testing.assert_allclose(tasks._pelvis.feedforward_acceleration, (0.3, 0.5, 0.7))
+    np.testing.assert_allclose(tasks._trunk[0].target, expected, atol=1e-12)
+    np.testing.assert_allclose(tasks._trunk[0].feedforward_velocity, (0.2, 0.1, -0.6))
+    np.testing.assert_allclose(tasks._trunk[0].feedforward_acceleration, (0.3, 0.5, 0.7))
 
 
 def test_a_robot_that_stands_where_it_is_to_stand_is_at_rest_under_its_weight() -> None:

@@ -48,7 +48,7 @@ def tick_signals(tick: Tick) -> Signals:
         _add_program(signals, tick.program)
     if tick.estimate is not None and tick.walking is not None:
         _add_walk(signals, tick)
-        if tick.walking.balance is not None:
+        if tick.walking.stabilizer is not None:
             _add_stabilizer(signals, tick)
     if tick.estimate is not None:
         _add_estimate(signals, tick)
@@ -207,7 +207,7 @@ def _add_estimate(signals: Signals, tick: Tick) -> None:
         _add_motion(signals, f"foot/{foot}/estimated", "sole", "world", pose, None)
     if isinstance(tick.drives, PositionControl):
         base(lambda t: t.drives, "base/commanded")
-    if robot.soles and (tick.walking is None or tick.walking.balance is None):  # a stabilizer has its own
+    if robot.soles and (tick.walking is None or tick.walking.stabilizer is None):  # a stabilizer has its own
         balance = of(once(_balance))
         group("zmp/measured", XYZ, "m", "of the measured foot wrenches, world", balance(lambda b: b[0]))
         if tick.walking is None:

@@ -7,6 +7,7 @@ zero" (or empty, if a free axis keeps its force). Switching a contact therefore 
 
 from __future__ import annotations
 
+import math
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from typing import Annotated, TypedDict, Unpack
@@ -29,6 +30,7 @@ from wbc.core.errors import (
 )
 from wbc.core.robot import GRAVITY, Robot
 from wbc.core.settings import NonNegative, Positive
+from wbc.core.vectors import add_cross
 
 AXES = ("x", "y", "z", "roll", "pitch", "yaw")
 """Names of the axes of a contact frame, in the order of its wrench."""
@@ -40,6 +42,10 @@ LEAST_FORCE = 10.0
 FIRMEST = 1e6
 """Greatest motion weight: up to there the motion differs from that of a constraint as one over the weight, 1e-5 m/s² at
 last; from ten times as much on, solutions are off by m/s²."""
+
+
+UPRIGHT = 1e-3
+"""Length of the level part of a sole's x axis below which it has no heading: the sole stands on end."""
 
 
 def mean_distance(half_length: float, half_width: float) -> float:
@@ -467,7 +473,14 @@ class _HeldFrame(Contact):
 
 
 class SoleContact(_HeldFrame):
-    """A rectangular sole flat on the ground; its wrench is in the sole frame at the sole centre.
+    """A sole on the ground: its motion is a constraint or a cost, its centre of pressure stays in a box.
+
+    On flat ground, without a `torsion`, wrench and motion are those of the sole centre in the axes of the sole, and
+    friction acts at the corners of the box.
+
+    With a `torsion` the ground has a shape that nobody knows: a stone, an edge, or the whole sole may carry. Wrench and
+    motion are then those of the centre of the box. Forces are in level axes, x along the sole, because how a sole tilts
+    on a stone does not tell the normal of the ground; moments are in the axes of the sole, whose edges bound them.
 
     By default its normal force is at least 10 N, a share of it for a light robot (`Robot.force_scale`), and it costs
     10⁻⁵ per N² of shear, 10⁻⁶ per N² of normal force and 10⁻³ per (Nm)².
@@ -481,29 +494,35 @@ class SoleContact(_HeldFrame):
         friction: Positive = 0.7,
         margin: Annotated[NonNegative, "m"] = 0.005,
         even: bool = False,
+        torsion: Annotated[Positive, "m"] | None = None,
         **options: Unpack[ContactOptions],
     ) -> None:
-        """Describe the contact; the rectangle comes from the robot's sole.
+        """Describe the contact; the box is the robot's sole until `set_box` says otherwise.
 
         Args:
             sole: Name of one of the robot's soles, or its frame.
             friction: Coulomb coefficient; 0.7 as in the soft-foot experiments of Frizza et al., 2022.
-            margin: Distance that the CoP keeps from the edge of the rectangle, m.
+            margin: Distance that the CoP keeps from the edge of the box, m.
             even: Bound the yaw moment as under even pressure (`rectangle_wrench_cone`).
+            torsion: Greatest yaw moment over the normal force on ground of unknown shape, m; None for flat ground.
             **options: See `ContactOptions`.
 
         Raises:
             UnknownNameError: An unknown option.
             InputError: A value out of range.
         """
-        self._friction, self._margin, self._even = friction, margin, even
-        self._rectangle: tuple[float, float] | None = None  # as given
+        self._friction, self._margin, self._even, self._torsion = friction, margin, even, torsion
+        self._box: tuple[float, float] | None = None  # as given
         self._size: tuple[float, float] | None = None  # of the robot's sole
+        self._centre = np.zeros(3)
+        self._change = np.eye(
+            6
+        )  # from the sole's origin in world axes to the centre of the box in the contact's axes
         # With these weights 100 N of shear, 300 N of weight and 10 Nm of ankle torque cost about the same.
         weight = (1e-5, 1e-5, 1e-6, 1e-3, 1e-3, 1e-3)
         chosen: ContactOptions = {"min_force": LEAST_FORCE, "wrench_weight": weight, **options}
         self._force_given = "min_force" in options
-        super().__init__(sole, sole, np.zeros((16, 6)), **chosen)
+        super().__init__(sole, sole, np.zeros((16 if torsion is None else 10, 6)), **chosen)
 
     def bind(self, robot: Robot) -> None:
         """Take frame and rectangle from the robot's sole.
@@ -522,7 +541,7 @@ class SoleContact(_HeldFrame):
 
     @property
     def margin(self) -> float:
-        """Distance that the CoP keeps from the edge of the rectangle, m."""
+        """Distance that the CoP keeps from the edge of the box, m."""
         return self._margin
 
     @margin.setter
@@ -547,33 +566,88 @@ class SoleContact(_HeldFrame):
         self._even = bool(value)
         self._make_cone()
 
-    def set_rectangle(self, length: float, width: float) -> None:
-        """Bound the CoP to a rectangle of the given full size around the sole centre, less the margin, m.
+    @property
+    def centre(self) -> Array:
+        """Centre of the box in the sole frame, shape (3,), m."""
+        return self._centre.copy()
+
+    def set_box(self, length: float, width: float, centre: tuple[float, float] = (0.0, 0.0)) -> None:
+        """Bound the CoP to a box of the given full size, less the margin, m.
+
+        Args:
+            length: Extent along the sole, m.
+            width: Extent across it, m.
+            centre: Centre of the box in the sole frame, m; elsewhere than in the sole centre on ground of unknown shape
+                alone.
 
         Raises:
-            InputError: A size that is not larger than twice the margin.
+            InputError: A size that is not larger than twice the margin, a centre that is not finite.
         """
         least = 2.0 * self._margin
-        self._rectangle = (
+        self._box = (
             finite_scalar(f"length of contact '{self.name}' (m)", length, low=least, open_low=True),
             finite_scalar(f"width of contact '{self.name}' (m)", width, low=least, open_low=True),
         )
+        place = finite_array(f"centre of contact '{self.name}' (m)", centre, (2,))
+        if self._torsion is None and place.any():
+            raise InputError(
+                f"the box of contact '{self.name}' on flat ground is centred, got centre {centre}"
+            )
+        self._centre[:2] = place
         self._make_cone()
 
     def _make_cone(self) -> None:
-        size = self._rectangle or self._size
+        size = self._box or self._size
         if size is None:
-            return  # the rectangle is that of a robot's sole
-        length, width = size
+            return  # the box is that of a robot's sole
         if 2.0 * self._margin >= min(size):
             raise InputError(
-                f"CoP margin of contact '{self.name}' must be below half of its sole, {length} × {width} m; got "
+                f"CoP margin of contact '{self.name}' must be below half of its sole, {size[0]} × {size[1]} m; got "
                 f"{self._margin} m"
             )
-        self.cone[:] = rectangle_wrench_cone(
-            length / 2 - self._margin, width / 2 - self._margin, self._friction, even=self._even
-        )
+        length, width = size[0] / 2 - self._margin, size[1] / 2 - self._margin
+        if self._torsion is None:
+            self.cone[:] = rectangle_wrench_cone(length, width, self._friction, even=self._even)
+        else:
+            self.cone[:4, :3] = friction_pyramid(self._friction)
+            # |m_x| ≤ half width · f_z, |m_y| ≤ half length · f_z, |m_z| ≤ torsion · f_z
+            self.cone[4:, 2] = [-width, -width, -length, -length, -self._torsion, -self._torsion]
+            for row, axis in ((4, 3), (6, 4), (8, 5)):
+                self.cone[row : row + 2, axis] = [1.0, -1.0]
         self.revision += 1
+
+    def evaluate(self, jacobian: Array, error: Array, drift: Array) -> None:
+        """Fill the motion rows in the axes of the contact; see `Contact.evaluate`."""
+        if self._torsion is None:
+            super().evaluate(jacobian, error, drift)
+            return
+        model, data, world = self._model, self._data, pin.LOCAL_WORLD_ALIGNED
+        rotation, change = self._placement.rotation, self._change
+        (a, b, _), (c, d, _), (e, f, _) = rotation.tolist()
+        x, y, _ = self._centre.tolist()
+        arm = px, py, pz = a * x + b * y, c * x + d * y, e * x + f * y
+        level = math.hypot(a, c)
+        cos, sin = (a / level, c / level) if level > UPRIGHT else (1.0, 0.0)
+        change[0, 0] = change[1, 1] = cos
+        change[0, 1], change[1, 0] = sin, -sin
+        # Rows of [level axes] · (linear + angular × arm).
+        change[:3, 3:] = (
+            (-sin * pz, cos * pz, sin * px - cos * py),
+            (-cos * pz, -sin * pz, sin * py + cos * px),
+            (py, -px, 0.0),
+        )
+        change[3:, 3:] = rotation.T
+        jacobian[:] = change.dot(pin.getFrameJacobian(model, data, self._id, world))
+        spin = pin.getFrameVelocity(model, data, self._id, world).angular.tolist()
+        bend = add_cross((0.0, 0.0, 0.0), spin, add_cross((0.0, 0.0, 0.0), spin, arm))
+        acceleration = pin.getFrameClassicalAcceleration(model, data, self._id, world).vector
+        acceleration[:3] += bend
+        np.dot(change, acceleration, out=drift)
+        error[:] = 0.0
+        if self.stiffness > 0.0:
+            target = self._target
+            error[:3] = change[:3, :3].dot(target.act(self._centre) - self._placement.act(self._centre))
+            error[3:] = pin.log3(rotation.T.dot(target.rotation))
 
 
 class PointContact(Contact):

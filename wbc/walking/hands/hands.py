@@ -31,11 +31,11 @@ from wbc.core.robot import GRAVITY, Robot
 from wbc.core.signals import Measurement
 from wbc.tasks.stabilizer.pendulum import Pendulum
 from wbc.tasks.stabilizer.zmp import zmp_offset
+from wbc.walking.contact import Phase
 from wbc.walking.hands.hand import Hand, HandSettings, HandState
 from wbc.walking.hands.motion import Follower, MovingFrame
 from wbc.walking.hands.reaching import Arms
 from wbc.walking.planning.footsteps import heading
-from wbc.walking.planning.phases import Phase
 from wbc.walking.source import Reference
 
 SHIFT_TIME = 0.15

@@ -32,7 +32,7 @@ from wbc.tasks.motion.posture import PostureTask
 from wbc.tasks.motion.relative import RelativeFrameTask
 from wbc.tasks.trajectories import Trajectory, approach
 from wbc.walking.hands.hand import Hand
-from wbc.walking.pattern.swing import FootMotion
+from wbc.walking.swing import FootMotion
 
 ARRIVED = 1e-3
 """Distance of the reference from a target, m and rad, from which it counts as there."""

@@ -5,13 +5,14 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import lru_cache
-from typing import Annotated
+from typing import Annotated, Any
 
 import numpy as np
 from pydantic import Field
 
 from wbc.core.errors import ROUNDING, InputError, as_period, finite_array
 from wbc.core.settings import Positive, settings
+from wbc.walking.swing import SwingShape
 
 TIMINGS = ("single_support", "double_support", "initial_double_support", "final_double_support")
 
@@ -73,6 +74,8 @@ class Gait:
             comes early is met gently as well; 0 in a plan with stairs, whose heights are known.
         search_depth: Depth below the landing to which the foot searches for ground that comes late, m.
         search_time: Time from touch-down as planned until the foot is at that depth, s.
+        by_speed: Let a commanded velocity set the timings and the shape of the swing that are the defaults; False
+            walks with these values at any velocity.
     """
 
     step_length: Annotated[Size, "m"] = 0.145
@@ -89,6 +92,7 @@ class Gait:
     landing_height: Annotated[SizeOrZero, "m"] = 0.02
     search_depth: Annotated[Size, "m"] = 0.04
     search_time: Annotated[Size, "s"] = 0.3
+    by_speed: bool = True
 
     def __post_init__(self) -> None:
         if self.takeoff_time + self.landing_time > 0.5 * self.single_support:
@@ -96,6 +100,20 @@ class Gait:
                 f"takeoff_time + landing_time must be at most half of the single support, "
                 f"{0.5 * self.single_support:g} s, got {self.takeoff_time + self.landing_time:g} s"
             )
+
+    @property
+    def swing(self) -> SwingShape:
+        """Shape of the swing."""
+        return SwingShape(
+            self.swing_height,
+            self.apex,
+            self.takeoff_time,
+            self.landing_time,
+            self.landing_speed,
+            self.landing_height,
+            self.search_depth,
+            self.search_time,
+        )
 
     @staticmethod
     def for_speed(velocity: Sequence[float], gait: Gait | None = None) -> Gait:
@@ -105,7 +123,7 @@ class Gait:
 
         Args:
             velocity: Forward (m/s), left (m/s) and turn (rad/s).
-            gait: Gait whose explicit values win: those that differ from the defaults stay.
+            gait: Gait whose explicit values win: those that differ from the defaults stay, without `by_speed` all.
 
         Raises:
             InputError: A velocity that is not three finite numbers.
@@ -132,7 +150,7 @@ class Gait:
             InputError: A period that is not above zero or longer than half of a timing.
         """
         period = as_period(period)
-        changed: dict[str, float] = {}
+        changed: dict[str, Any] = {}
         notes = []
         for name in TIMINGS:
             value = getattr(self, name)
@@ -163,7 +181,9 @@ def reaction(speed: float) -> float:
 @lru_cache(maxsize=256)
 def _at_speed(speed: float, gait: Gait) -> Gait:
     """Gait for a speed (m/s) with the explicit values of another one."""
-    default, values = Gait(), {}
+    if not gait.by_speed:
+        return gait
+    default, values = Gait(), dict[str, Any]()
     for name, column in zip(BY_SPEED, zip(*SPEEDS.values(), strict=True), strict=True):
         value = float(np.interp(speed, list(SPEEDS), column))
         if getattr(gait, name) == getattr(default, name):

@@ -9,37 +9,16 @@ down, and the pendulum is held meanwhile). The machine moves nothing: it holds t
 
 from __future__ import annotations
 
-import enum
 from collections.abc import Sequence
 from typing import Annotated
 
 from wbc.core.errors import ROUNDING, InputError, non_negative, positive
 from wbc.core.robot import SIDES
 from wbc.core.settings import NonNegative, Positive, Share, settings
+from wbc.walking.contact import Event, Phase, Touch, touch_down
 from wbc.walking.planning.footsteps import Footstep, FootstepPlan
 from wbc.walking.planning.gait import Gait
 from wbc.walking.planning.schedule import SupportPhase, schedule
-
-
-class Phase(enum.Enum):
-    """Phase of the feet."""
-
-    STANDING = "standing"
-    DOUBLE = "double support"
-    SINGLE = "single support"
-
-
-class Event(enum.Enum):
-    """Event of a tick."""
-
-    STARTED = "started"
-    LIFT_OFF = "lift-off"
-    FORCED_LIFT_OFF = "lift-off though still loaded"
-    EARLY_TOUCH_DOWN = "early touch-down"
-    TOUCH_DOWN = "touch-down"
-    LATE_TOUCH_DOWN = "late touch-down"
-    NO_TOUCH_DOWN = "no ground found"
-    STOPPED = "stopped"
 
 
 @settings
@@ -92,7 +71,7 @@ class WalkPhases:
         self.elapsed = 0.0
         self.duration = 0.0
         self.completed = 0
-        self._loaded = 0.0  # time that the swing foot has borne a load, s
+        self._touch = Touch(self.settings.debounce)
         self._stopping = False
 
     @property
@@ -202,8 +181,7 @@ class WalkPhases:
         s = self.settings
         side = SIDES.index(self.plan.steps[self.step].side)
         loaded = loads[side] >= s.touch_down * self.weight
-        self._loaded = self._loaded + dt if loaded else 0.0
-        touched = loaded and self._loaded >= s.debounce - ROUNDING
+        touched = self._touch.update(loaded, dt)
         left = self.duration - self.elapsed
         if left > ROUNDING:
             if not (touched and self.elapsed >= s.early * self.duration):
@@ -213,7 +191,7 @@ class WalkPhases:
                 left,
             )  # of time, for the double support: the rhythm is kept
         elif touched:
-            event, credit = (Event.TOUCH_DOWN if left > -0.5 * s.hold else Event.LATE_TOUCH_DOWN), 0.0
+            event, credit = touch_down(-left, ROUNDING, 0.5 * s.hold), 0.0
         elif left <= -s.max_late + ROUNDING:
             event, credit = (Event.NO_TOUCH_DOWN if s.max_late > 0.0 else Event.TOUCH_DOWN), 0.0
         else:
@@ -240,4 +218,5 @@ class WalkPhases:
         return (Event.LIFT_OFF if free else Event.FORCED_LIFT_OFF,)
 
     def _enter(self, phase: Phase, duration: float) -> None:
-        self.phase, self.duration, self.elapsed, self._loaded = phase, duration, 0.0, 0.0
+        self.phase, self.duration, self.elapsed = phase, duration, 0.0
+        self._touch.lift()

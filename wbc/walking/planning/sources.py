@@ -17,6 +17,7 @@ from pydantic import Field
 from wbc.core.errors import finite_array, finite_scalar
 from wbc.core.robot import SIDES
 from wbc.core.settings import NonNegative, Positive, Share, settings
+from wbc.walking.contact import Phase
 from wbc.walking.planning.footsteps import (
     CLOSED,
     Footstep,
@@ -26,7 +27,7 @@ from wbc.walking.planning.footsteps import (
     other,
 )
 from wbc.walking.planning.gait import SLOW, SPEEDS, Gait, pace
-from wbc.walking.planning.phases import Phase, WalkPhases
+from wbc.walking.planning.phases import WalkPhases
 from wbc.walking.planning.reach import Reach, soles_overlap
 from wbc.walking.planning.schedule import SoleSizes
 

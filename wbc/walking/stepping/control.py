@@ -21,12 +21,13 @@ from wbc.core.robot import Robot
 from wbc.core.settings import Positive, settings
 from wbc.ground import KnownGround
 from wbc.tasks.scheduling.stiffness import StiffnessScheduler
+from wbc.walking.balance import Balance
 from wbc.walking.body import Body
-from wbc.walking.control import ReferenceControl, drive_control
+from wbc.walking.control import Law, ReferenceControl, drive_control
 from wbc.walking.falls import FallSettings
 from wbc.walking.hands.reaching import Arms, ArmSettings
 from wbc.walking.stepping.settings import SteppingSettings
-from wbc.walking.stepping.tasks import SteppingTasks
+from wbc.walking.stepping.tasks import stepping_tasks
 from wbc.walking.stepping.walk import SteppingWalk
 
 OBSERVER = ObserverSettings(inertial=InertialSettings(velocity_time_constant=0.2, yaw_time_constant=1000.0))
@@ -99,11 +100,11 @@ class SteppingControl(ReferenceControl):
         source = SteppingWalk(robot, dt, s.gait, s.com_height)
         gait = source.gait
         controller = Controller(robot, dt, settings=s.solver)
-        tasks = SteppingTasks(controller, gait.settings, gait.scale)
+        tasks = stepping_tasks(controller, gait.settings.friction, gait.constants, gait.scale)
         arms = Arms(controller, tasks.com, tasks.posture, dt, s.arms)
-        body = Body(controller, gait.scale.height, dt, waist=False)
+        body = Body(controller, gait.scale.height, dt, waist=False, lift=source.lift)
         observer = observer or Observer(robot, OBSERVER, adopt=s.mode != "position")
         # References that lag behind the estimate hold ankles and soles against the ground that they stand on.
         servos = {"feedback": "closed", "reference_time": dt}
         control = drive_control(s.mode, controller, observer, s.safety, **servos)
-        super().__init__(source, control, tasks, arms, body, None, s.falls, stiffness, ground)
+        super().__init__(Law(source, tasks, Balance()), control, arms, body, s.falls, stiffness, ground)

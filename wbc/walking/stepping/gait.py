@@ -16,32 +16,38 @@ from typing import NamedTuple
 import numpy as np
 import pinocchio as pin
 
-from wbc.core.errors import ROUNDING, Array
+from wbc.core.errors import ROUNDING
 from wbc.core.lag import lag_gain
 from wbc.core.robot import GRAVITY, SIDES
 from wbc.core.vectors import Rows, Vector
 from wbc.tasks.stabilizer.pendulum import Pendulum
-from wbc.walking.pattern.swing import FootMotion
+from wbc.walking.contact import Event, Phase, Touch, touch_down
+from wbc.walking.ground import LAST_LOOK, Ground
 from wbc.walking.planning.footsteps import Footstep
-from wbc.walking.planning.phases import Event, Phase
 from wbc.walking.source import NO_REACTION, Reference, Support
 from wbc.walking.stepping.law import (
     SIDEWAYS,
+    Constants,
     Divergent,
     Orbit,
     Point,
     divergent_component,
-    foothold,
+    landing_place,
     remaining_time,
+    takes_over,
 )
-from wbc.walking.stepping.settings import Scale, SteppingSettings
-from wbc.walking.stepping.steering import Steering
-from wbc.walking.stepping.swing import SwingReference
+from wbc.walking.stepping.settings import Scale, SteppingSettings, in_si
+from wbc.walking.stepping.steering import Steering, Steps
+from wbc.walking.swing import FootMotion, SwingFoot, SwingShape
+
+LOOKS = 4
+"""Number of ticks between two looks at the ground under a landing that moves at every tick."""
+
+Frames = tuple[pin.SE3, pin.SE3]
+"""Placements of the left and of the right sole."""
+
 
 LEVEL: Vector = (0.0, 0.0, 0.0)
-
-PACE_GAIN = 0.2
-"""Weight of the last step in the mean time of steps."""
 
 
 class BodyState(NamedTuple):
@@ -75,11 +81,12 @@ class SteppingGait:
 
     Attributes:
         settings: Settings in SI units.
+        constants: Constants of the law in SI units.
         scale: Size of the robot.
         steering: Velocity, goal and heading.
+        ground: What is known of the ground; heights are those in the world.
         stance: Foot that carries, or carried last: 0 left, 1 right.
         steps_done: Steps that have ended.
-        ground: Height of the ground, low-passed, m.
     """
 
     def __init__(self, settings: SteppingSettings, scale: Scale, heading: float, dt: float) -> None:
@@ -88,10 +95,27 @@ class SteppingGait:
         Raises `InputError` for steps that cannot be walked.
         """
         self.settings, self.scale, self._dt = settings.in_si(scale), scale, dt
-        self.steering = Steering(self.settings, heading, dt)
+        self.constants = c = in_si(Constants(), scale)
+        self.steering = Steering(self.settings, scale, c.brisk, heading, dt)
+        self.ground = Ground(c.ground_share, 0.0)
         self.steps_done = 0
-        self.ground = 0.0
-        self._swing = SwingReference(self.settings, dt)
+        self._shape = SwingShape(
+            self.settings.swing_height,
+            apex=c.apex / c.touch,
+            takeoff_time=0.0,
+            landing_time=0.0,
+            landing_speed=c.landing_speed,
+            landing_height=0.0,
+            search_depth=c.search,
+            search_time=c.search_time,
+            lift_speed=c.lift_speed,
+            edge=0.0,
+            quickest=0.5,
+            level=c.level,
+            piece=c.piece,
+        )
+        self._swing: SwingFoot | None = None
+        self._touch = Touch()
         self._mode = _Mode.STANDING
         self.stance = 1
         self._elapsed = 0.0  # in this mode, or since lift-off
@@ -101,18 +125,18 @@ class SteppingGait:
         self._carrying = (0.0, 0.0, 0.0)  # low-passed centre of pressure of the swing foot in contact, m
         self._since_stand = 0  # steps
         self._pace = self.settings.step_time  # mean time of the last steps, s
-        self._uneven = 0.0  # greatest height between the feet in the last steps, m
+        self._level = 0.0  # height of the feet that carry, low-passed, m
         self._from: Vector = LEVEL  # CoM at the start of the shift
-        s = self.settings
-        self._cop_gain, self._time_gain = lag_gain(dt, s.cop_lag), dt / max(s.time_lag, dt)
-        self._ground_gain = lag_gain(dt, s.ground_lag)
+        self._ticks = 0
+        self._cop_gain, self._time_gain = lag_gain(dt, c.cop_lag), dt / max(c.time_lag, dt)
+        self._level_gain = lag_gain(dt, c.level_lag)
 
     @property
     def stands(self) -> bool:
         """True once the robot has stood for as long as a step takes."""
         return self._mode is _Mode.STANDING and self._elapsed >= self.settings.step_time
 
-    def update(self, state: BodyState, frames: tuple[pin.SE3, pin.SE3]) -> Reference:
+    def update(self, state: BodyState, frames: Frames) -> Reference:
         """Compute one tick; feet that stand keep the placements of left and right sole."""
         self._elapsed += self._dt
         dcm = self._pendulum(state)
@@ -120,7 +144,7 @@ class SteppingGait:
         if self._mode is _Mode.STANDING:
             events = self._stand(state, dcm)
         elif self._mode is _Mode.SHIFTING:
-            events = self._shift(state)
+            events = self._shift(state, dcm)
         if events:  # another mode begins in this tick, about its own contact
             dcm = self._pendulum(state)
         if self._mode is _Mode.STEPPING:
@@ -148,79 +172,84 @@ class SteppingGait:
             return self._centre_of_pressure(state, self.stance)
         (ax, ay, az), (bx, by, bz) = (self._centre_of_pressure(state, side) for side in (0, 1))
         left, right = (max(row[2], 0.0) for row in state.wrenches)
-        share = left / (left + right) if left + right > self.settings.least_force else 0.5
+        share = left / (left + right) if left + right > self.constants.least_force else 0.5
         return bx + share * (ax - bx), by + share * (ay - by), bz + share * (az - bz)
 
     def _centre_of_pressure(self, state: BodyState, side: int) -> tuple[float, float, float]:
-        """Return the centre of pressure of a sole within its edges, its foothold where it carries nothing, m."""
+        """Return the centre of pressure of a sole within its edges, m; where it carries nothing, where it would."""
         _, _, force, roll, pitch, _ = state.wrenches[side]
-        if force < self.settings.least_force:
-            return self._foothold(state, side)
+        if force < self.constants.least_force:
+            return self._carrying_point(state, side)
         length, width = self.scale.sole
         x, y = min(max(-pitch / force, -length), length), min(max(roll / force, -width), width)
         return _on_sole(state, side, x, y)
 
-    def _foothold(self, state: BodyState, side: int) -> tuple[float, float, float]:
+    def _carrying_point(self, state: BodyState, side: int) -> tuple[float, float, float]:
         """Return the point of a sole that carries, m."""
-        return _on_sole(state, side, self.settings.foothold if self._mode is not _Mode.STANDING else 0.0, 0.0)
+        return _on_sole(
+            state, side, self.constants.carrying if self._mode is not _Mode.STANDING else 0.0, 0.0
+        )
 
     # ---- on both feet -----------------------------------------------------------------------------------------
 
     def _stand(self, state: BodyState, dcm: Divergent) -> tuple[Event, ...]:
         """Set off when a velocity or a goal asks for it, or step out of a push."""
-        s = self.settings
-        if self.steering.pending and self._elapsed > s.rest:
+        if self.steering.pending and self._elapsed > self.constants.rest:
             self._enter(_Mode.SHIFTING)
             self._from = state.com
             return (Event.STARTED,)
-        if self._outside(state, dcm, 1.0) > 0.0:
-            left, right = (abs(self._along(dcm.x - place[0], dcm.y - place[1])[1]) for place in state.places)
-            self.stance = 0 if left > right else 1
-            return self._begin(state)
-        return ()
+        return self._step_out(state, dcm)
 
-    def _shift(self, state: BodyState) -> tuple[Event, ...]:
-        """Lift the first foot when the weight is on the other one."""
-        if self._elapsed < self.settings.shift_time + self.settings.rest:
+    def _shift(self, state: BodyState, dcm: Divergent) -> tuple[Event, ...]:
+        """Lift the first foot when the weight is on the other one, or step out of a push."""
+        if self._elapsed < self.constants.shift_time + self.constants.rest:
+            return self._step_out(state, dcm)
+        return self._begin(state)
+
+    def _step_out(self, state: BodyState, dcm: Divergent) -> tuple[Event, ...]:
+        """Step with the foot on whose side the DCM is, if it has left both soles."""
+        if self._outside(state, dcm, 1.0) <= 0.0:
             return ()
+        left, right = (abs(self._along(dcm.x - place[0], dcm.y - place[1])[1]) for place in state.places)
+        self.stance = 0 if left > right else 1
         return self._begin(state)
 
     def _begin(self, state: BodyState) -> tuple[Event, ...]:
         """Begin to step from a stand."""
-        self.ground = state.places[self.stance][2]
+        self._level = self.ground.height = state.places[self.stance][2]
         self._since_stand, self._pace = 0, self.settings.step_time
         self.steering.rest(self._middle(state))
-        self._lift(state)
+        self._lift()
         return (Event.LIFT_OFF,)
 
     def _on_both_feet(
-        self, state: BodyState, dcm: Divergent, frames: tuple[pin.SE3, pin.SE3], events: tuple[Event, ...]
+        self, state: BodyState, dcm: Divergent, frames: Frames, events: tuple[Event, ...]
     ) -> Reference:
         """References on both feet: the CoM is held over them, or shifted over one of them."""
-        s, omega = self.settings, dcm.omega
-        feet = [self._foothold(state, side) for side in (0, 1)]
+        s, c, omega = self.settings, self.constants, dcm.omega
+        feet = [self._carrying_point(state, side) for side in (0, 1)]
         middle = [0.5 * (a + b) for a, b in zip(*feet, strict=True)]
         height = self.scale.height + middle[2]
         if self._mode is _Mode.STANDING:
             # The ZMP beyond the DCM brings it back: p = ξ + k (ξ − middle).
-            wanted = [xi + s.stand_gain * (xi - at) for xi, at in zip(dcm[:2], middle[:2], strict=True)]
-            acceleration = [omega * omega * (c - p) for c, p in zip(state.com[:2], wanted, strict=True)]
+            wanted = [xi + c.stand_gain * (xi - at) for xi, at in zip(dcm[:2], middle[:2], strict=True)]
+            acceleration = [omega * omega * (x - p) for x, p in zip(state.com[:2], wanted, strict=True)]
             phase, duration, heights = Phase.STANDING, 0.0, (height, 0.0)
         else:
-            share = min(1.0, self._elapsed / s.shift_time)
+            share = min(1.0, self._elapsed / c.shift_time)
             rise = share * share * (3.0 - 2.0 * share)
-            rise_speed = 6.0 * (share - share * share) / s.shift_time
+            rise_speed = 6.0 * (share - share * share) / c.shift_time
             stance, side = feet[self.stance], 1.0 if self.stance == 1 else -1.0
-            inside = side * s.shift * s.width / (1.0 + math.exp(omega * s.step_time))
+            inside = side * c.shift * s.width / (1.0 + math.exp(omega * s.step_time))
             cos, sin = self._direction
             goal = stance[0] - sin * inside, stance[1] + cos * inside
-            stiffness, damping = 2.45 * omega * omega, 3.2 * omega
+            stiffness, damping = c.shift_gains
             acceleration = []
-            for c, v, start, end in zip(state.com[:2], state.velocity[:2], self._from[:2], goal, strict=True):
+            for x, v, start, end in zip(state.com[:2], state.velocity[:2], self._from[:2], goal, strict=True):
                 way = end - start
-                acceleration.append(stiffness * (start + way * rise - c) + damping * (way * rise_speed - v))
+                acceleration.append(stiffness * (start + way * rise - x) + damping * (way * rise_speed - v))
             way = height - self._from[2]
-            phase, duration = Phase.DOUBLE, s.shift_time + s.rest
+            phase, duration = Phase.DOUBLE, c.shift_time + c.rest
             heights = self._from[2] + way * rise, way * rise_speed
         return self._reference(
             state,
@@ -228,7 +257,7 @@ class SteppingGait:
             frames,
             events,
             phase=phase,
-            most_force=(s.most_force, s.most_force),
+            most_force=(c.most_force, c.most_force),
             height=heights,
             acceleration=(acceleration[0], acceleration[1]),
             duration=duration,
@@ -240,153 +269,183 @@ class SteppingGait:
         self,
         state: BodyState,
         dcm: Divergent,
-        frames: tuple[pin.SE3, pin.SE3],
+        frames: Frames,
         events: tuple[Event, ...],
     ) -> Reference:
         """Decide time and place of the step, move the swing foot, and change feet when it has landed."""
-        s, dt = self.settings, self._dt
-        assert self._contact is not None
         steps = self.steering.update((state.com[0], state.com[1]), (state.velocity[0], state.velocity[1]))
-        stance, swing = self.stance, 1 - self.stance
-        side = 1.0 if swing == 0 else -1.0
-        contact = (self._contact[0], self._contact[1])
-        # The feet of a robot that walks sideways come apart and together: so far apart that they do not touch.
-        width = max(s.width, s.gap + abs(steps.velocity[1]) * s.step_time / SIDEWAYS)
-        step_time = self.steering.step_time
-        orbit = Orbit.of(steps.velocity, side, width, step_time, self._pace, dcm.omega)
-        ahead, aside = self._along(dcm.x - contact[0], dcm.y - contact[1])
-        offset = side * aside
-
-        # Time: until the lateral offset has grown to that of the orbit, or the one ahead outgrows it.
-        left = remaining_time(ahead, offset, orbit, dcm.omega, s.over, s.stretch)
-        wanted = min(max(self._elapsed + left, s.shortest), s.longest)
-        if self._elapsed <= 1.5 * dt:
-            self._time = s.step_time if self._since_stand == 0 else min(wanted, 1.15 * step_time)
-        if self._met is None:
-            self._time += self._time_gain * (wanted - self._time)
-        left = max(self._time - self._elapsed, 0.0)
-
-        # Place: where the offsets of the orbit are left, within reach of the stance foot.
-        landing = self._landing(state, contact, dcm, left, orbit, side)
-        turn = self.steering.heading + steps.turn * left
-        self.ground += self._ground_gain * (state.places[stance][2] - self.ground)
-        self._swing.travel(self._elapsed, self._time, landing)
-        speed = min(s.landing_speed + s.haste * self._uneven, s.hardest)
-        self._swing.rise(self._elapsed, self._time, self.ground, speed)
-
-        events = (*events, *self._touch(state, swing))
-        self._carry(state, swing)
-        if self._met is not None and self._takes_over(dcm, orbit, offset, side):
-            events = (*events, *self._change_feet(state, dcm, steps.go))
+        swing, landing = self._decide(state, dcm, frames, steps)
+        events = (*events, *self._meet(state, frames))
+        self._carry(state, 1 - self.stance)
+        if self._met is not None and self._is_to_carry(dcm, steps):
+            events = (*events, *self._change_feet(state, dcm, steps.go, landing))
+            dcm = self._pendulum(state)
             if self._mode is _Mode.STANDING:
-                return self._on_both_feet(state, self._pendulum(state), frames, events)
-            stance, swing = self.stance, 1 - self.stance
-        loads = self._most_forces(state)
-        foot = Footstep(SIDES[swing], landing[0], landing[1], self.ground, turn)
+                return self._on_both_feet(state, dcm, frames, events)
+            swing, landing = self._decide(state, dcm, frames, steps)
+        self._level += self._level_gain * (state.places[self.stance][2] - self._level)
         return self._reference(
             state,
             dcm,
             frames,
             events,
             phase=Phase.SINGLE,
-            most_force=loads,
-            height=(self.scale.height + self.ground, 0.0),
+            most_force=self._most_forces(state),
+            height=(self.scale.height + self._level, 0.0),
             duration=self._time,
-            landing=foot,
+            swing=swing,
+            landing=landing,
         )
 
-    def _landing(
-        self, state: BodyState, contact: Point, dcm: Divergent, left: float, orbit: Orbit, side: float
-    ) -> Point:
+    def _orbit(self, dcm: Divergent, steps: Steps) -> Orbit:
+        """Return the orbit of the steps that are asked for."""
+        s, side = self.settings, self._side
+        # The feet of a robot that walks sideways come apart and together: so far apart that they do not touch.
+        width = max(s.width, s.gap + abs(steps.velocity[1]) * s.step_time / SIDEWAYS)
+        return Orbit.of(steps.velocity, side, width, self.steering.step_time, self._pace, dcm.omega)
+
+    def _decide(
+        self, state: BodyState, dcm: Divergent, frames: Frames, steps: Steps
+    ) -> tuple[SwingFoot, Footstep]:
+        """Decide time and place of the step, and send the swing foot there."""
+        s, c = self.settings, self.constants
+        assert self._contact is not None
+        contact, orbit = (self._contact[0], self._contact[1]), self._orbit(dcm, steps)
+        ahead, aside = self._along(dcm.x - contact[0], dcm.y - contact[1])
+
+        # Time: until the lateral offset has grown to that of the orbit, or the one ahead outgrows it.
+        left = remaining_time(ahead, self._side * aside, orbit, dcm.omega, c.over, c.stretch)
+        wanted = min(max(self._elapsed + left, s.shortest), s.longest)
+        if self._swing is None:
+            first = self._since_stand == 0
+            self._time = s.step_time if first else min(wanted, c.later * self.steering.step_time)
+        elif self._met is None:
+            self._time += self._time_gain * (wanted - self._time)
+        left = max(self._time - self._elapsed, 0.0)
+
+        # Place: where the offsets of the orbit are left, within reach of the stance foot.
+        x, y = self._landing(state, contact, dcm, left, orbit)
+        side, turn = 1 - self.stance, self.steering.heading + steps.turn * left
+        landing = Footstep(SIDES[side], x, y, self.ground.height, turn)
+        touch = c.touch * self._time
+        if self._swing is None:
+            self.ground.lift(self.stance, frames[self.stance])
+            landing = self._seen(landing)
+            speed = min(c.landing_speed + c.haste * self.ground.uneven, c.hardest)
+            over = self.ground.way(frames[side], landing)
+            self._swing = SwingFoot(
+                frames[side], landing, touch, self._shape._replace(landing_speed=speed), over
+            )
+            return self._swing, landing
+        if self.ground.sight is not None:
+            self._ticks += 1
+            if self._ticks % LOOKS == 0 and touch - self._elapsed > LAST_LOOK:
+                landing = self._seen(landing)
+        if self._met is None:
+            self._swing.retarget(self._elapsed, landing, touch)
+        return self._swing, landing
+
+    def _seen(self, landing: Footstep) -> Footstep:
+        """Return a landing at the height that is seen under it, which is expected from now on."""
+        landing = self.ground.under(landing)
+        self.ground.height = landing.z
+        return landing
+
+    def _landing(self, state: BodyState, contact: Point, dcm: Divergent, left: float, orbit: Orbit) -> Point:
         """Return the landing of the centre of the swing foot, m."""
-        s, (cos, sin) = self.settings, self._direction
+        s, side, (cos, sin) = self.settings, self._side, self._direction
         ahead, aside = orbit.ahead, -side * orbit.inwards
-        place = foothold(contact, dcm, left, (cos * ahead - sin * aside, sin * ahead + cos * aside))
-        stance = self._foothold(state, self.stance)
+        place = landing_place(contact, dcm, left, (cos * ahead - sin * aside, sin * ahead + cos * aside))
+        stance = self._carrying_point(state, self.stance)
         dx, dy = place[0] - stance[0], place[1] - stance[1]
         forward = min(max(cos * dx + sin * dy, -s.reach), s.reach)
         lateral = side * min(max(side * (cos * dy - sin * dx), s.gap), s.widest)
-        forward -= s.foothold  # of the centre of the sole, behind the point that carries
+        forward -= self.constants.carrying  # of the centre of the sole, behind the point that carries
         return stance[0] + cos * forward - sin * lateral, stance[1] + sin * forward + cos * lateral
 
-    def _touch(self, state: BodyState, swing: int) -> tuple[Event, ...]:
+    def _meet(self, state: BodyState, frames: Frames) -> tuple[Event, ...]:
         """Detect that the swing foot has met the ground, or has lost it again."""
-        s, force = self.settings, state.wrenches[swing][2]
+        c, swing = self.constants, 1 - self.stance
+        force = state.wrenches[swing][2]
         if self._met is None:
-            if self._elapsed > s.early * self._time and force > s.contact:
+            may = self._elapsed > c.early * self._time
+            if self._touch.update(may and force > c.met, self._dt):
                 self._met = self._elapsed
-                late = self._elapsed - self._time
-                soon = 0.05 * s.step_time
-                if late < -soon:
-                    return (Event.EARLY_TOUCH_DOWN,)
-                return (Event.TOUCH_DOWN if late <= soon else Event.LATE_TOUCH_DOWN,)
+                soon = 0.05 * self.settings.step_time
+                return (touch_down(self._elapsed - c.touch * self._time, soon, soon),)
         elif (
-            force < s.lost
-            and self._elapsed - self._met > s.lost_time
-            and state.wrenches[self.stance][2] > s.held
+            force < c.lost
+            and self._elapsed - self._met > c.lost_time
+            and state.wrenches[self.stance][2] > c.held
         ):
             self._met = None
-            self._swing.hold(_tuple(state.places[swing]))
+            assert self._swing is not None
+            self._swing.resume(self._elapsed, frames[swing])
         return ()
 
     def _carry(self, state: BodyState, swing: int) -> None:
-        """Low-pass the place where the foot in contact carries, from its foothold on: it first meets with an edge."""
+        """Low-pass the place where the foot in contact carries, from its carrying point on: it meets with an edge."""
         if self._met is None:
-            self._carrying = self._foothold(state, swing)
+            self._carrying = self._carrying_point(state, swing)
         else:
             self._carrying = _towards(self._carrying, self._centre_of_pressure(state, swing), self._cop_gain)
 
-    def _takes_over(self, dcm: Divergent, orbit: Orbit, offset: float, side: float) -> bool:
-        """Return True if the foot in contact is to carry: the DCM is near enough, or it cannot wait."""
-        s, (x, y, _) = self.settings, self._carrying
+    def _is_to_carry(self, dcm: Divergent, steps: Steps) -> bool:
+        """Return True if the foot in contact is to carry: waiting does not help, or has lasted too long."""
+        assert self._contact is not None
+        if self._elapsed > self.settings.longest:
+            return True
+        c, (x, y, _), (p, q, _) = self.constants, self._carrying, self._contact
         ahead, aside = self._along(dcm.x - x, dcm.y - y)
-        inwards = -side * aside
-        return (
-            inwards <= s.patience * orbit.inwards
-            or self._elapsed > s.longest
-            or (abs(ahead) > abs(orbit.ahead) + 0.5 * s.stretch and inwards < s.stretch_side)
-            or offset < -s.over  # over the outer edge: close up at once
-        )
+        on, out = self._along(dcm.x - p, dcm.y - q)
+        there, here = (ahead, -self._side * aside), (on, self._side * out)
+        return takes_over(there, here, self._orbit(dcm, steps), c.stretch, c.wait, c.patience)
 
-    def _change_feet(self, state: BodyState, dcm: Divergent, go: bool) -> tuple[Event, ...]:
+    def _change_feet(
+        self, state: BodyState, dcm: Divergent, go: bool, landing: Footstep
+    ) -> tuple[Event, ...]:
         """Let the foot that has landed carry; stand if the robot is to stop and can."""
-        s, (left, right) = self.settings, state.places
-        self._uneven = max(abs(left[2] - right[2]), self.settings.memory * self._uneven)
-        self._pace += PACE_GAIN * (min(self._elapsed, s.longest) - self._pace)
+        c, (left, right) = self.constants, state.places
+        self._pace += c.pace_gain * (min(self._elapsed, self.settings.longest) - self._pace)
         self.stance = 1 - self.stance
+        self.ground.land(state.places[self.stance][2] - landing.z, left[2] - right[2])
         self._contact = None
         self.steps_done += 1
         self._since_stand += 1
         apart = math.hypot(left[0] - right[0], left[1] - right[1])
-        slow = math.hypot(*self.steering.velocity) < s.stop_speed
-        if not go and slow and apart < s.stop_length and self._outside(state, dcm, s.stop_box) <= 0.0:
+        slow = math.hypot(*self.steering.velocity) < c.stop_speed
+        if not go and slow and apart < c.stop_length and self._outside(state, dcm, c.stop_box) <= 0.0:
             self._enter(_Mode.STANDING)
             self.steering.rest(self._middle(state))
             return (Event.STOPPED,)
-        self._lift(state)
-        self._pendulum(state)
+        self._lift()
         return (Event.LIFT_OFF,)
 
-    def _lift(self, state: BodyState) -> None:
+    def _lift(self) -> None:
         self._enter(_Mode.STEPPING)
-        self._time, self._met = self.settings.step_time, None
-        self._swing.lift(_tuple(state.places[1 - self.stance]))
+        self._swing = self._met = None
+        self._touch.lift()
 
     def _enter(self, mode: _Mode) -> None:
         self._mode, self._elapsed, self._contact = mode, 0.0, None
 
     def _most_forces(self, state: BodyState) -> tuple[float, float]:
         """Return the greatest normal force of each foot, N: the old stance foot unloads, one that waits has `share`."""
-        s, swing = self.settings, 1 - self.stance
-        most = [s.most_force, s.most_force]
+        c, swing = self.constants, 1 - self.stance
+        most = [c.most_force, c.most_force]
         most[swing] = 0.0
         if self._met is not None:
-            most[swing] = s.share
-        elif self._elapsed < s.unload and self._since_stand > 0 and state.wrenches[swing][2] > s.lost:
-            most[swing] = 2.0 * s.share * (1.0 - self._elapsed / s.unload)
+            most[swing] = c.share
+        elif self._elapsed < c.unload and self._since_stand > 0 and state.wrenches[swing][2] > c.lost:
+            most[swing] = 2.0 * c.share * (1.0 - self._elapsed / c.unload)
         return most[0], most[1]
 
     # ---- geometry ---------------------------------------------------------------------------------------------
+
+    @property
+    def _side(self) -> float:
+        """1 if the left foot swings, −1 if the right one does."""
+        return 1.0 if self.stance == 1 else -1.0
 
     @property
     def _direction(self) -> Point:
@@ -408,8 +467,8 @@ class SteppingGait:
 
     def _outside(self, state: BodyState, dcm: Divergent, share: float) -> float:
         """Return the distance of the DCM outside the standing boxes scaled by `share`, m; negative within them."""
-        s, (left, right) = self.settings, state.places
-        half_length, half_width = (0.5 * share * size for size in s.standing_box)
+        left, right = state.places
+        half_length, half_width = (0.5 * share * size for size in self.constants.standing_box)
         across = left[0] - right[0], left[1] - right[1]
         spacing = math.hypot(*across) + ROUNDING
         ux, uy = across[0] / spacing, across[1] / spacing
@@ -420,7 +479,7 @@ class SteppingGait:
         self,
         state: BodyState,
         dcm: Divergent,
-        frames: tuple[pin.SE3, pin.SE3],
+        frames: Frames,
         events: tuple[Event, ...],
         *,
         phase: Phase,
@@ -428,6 +487,7 @@ class SteppingGait:
         height: tuple[float, float],
         duration: float,
         acceleration: Point | None = None,
+        swing: SwingFoot | None = None,
         landing: Footstep | None = None,
     ) -> Reference:
         assert self._contact is not None
@@ -441,10 +501,10 @@ class SteppingGait:
             dcm.omega,
         )
         feet = [FootMotion.at_rest(pin.SE3(frame)) for frame in frames]
-        swing = None
-        if landing is not None and self._met is None:
-            swing = 1 - self.stance
-            feet[swing] = self._swing_motion(landing.yaw)
+        side = None
+        if swing is not None and self._met is None:
+            side = 1 - self.stance
+            feet[side] = swing.at(self._elapsed)
         return Reference(
             pendulum,
             (feet[0], feet[1]),
@@ -457,18 +517,8 @@ class SteppingGait:
             landing,
             self._elapsed,
             duration,
-            Support(self.stance, swing, most_force, acceleration is not None, dcm),
+            Support(self.stance, side, most_force, acceleration is not None, dcm),
         )
-
-    def _swing_motion(self, yaw: float) -> FootMotion:
-        """Return the reference of the swing foot, which stays level."""
-        swing = self._swing
-        (x, y), (u, v), (a, b) = swing.place, swing.velocity, swing.acceleration
-        z, rise, c = swing.height
-        velocity, acceleration = np.zeros(6), np.zeros(6)
-        velocity[:3], acceleration[:3] = (u, v, rise), (a, b, c)
-        rotation: Array = pin.rpy.rpyToMatrix(0.0, 0.0, yaw)
-        return FootMotion(pin.SE3(rotation, np.array((x, y, z))), velocity, acceleration)
 
 
 def _on_sole(state: BodyState, side: int, x: float, y: float) -> tuple[float, float, float]:
@@ -483,8 +533,3 @@ def _towards(
     """Return a place moved towards another one by a ratio of the distance: a tick of a low-pass."""
     (x, y, z), (u, v, w) = place, goal
     return x + gain * (u - x), y + gain * (v - y), z + gain * (w - z)
-
-
-def _tuple(vector: Vector) -> tuple[float, float, float]:
-    x, y, z = vector
-    return x, y, z

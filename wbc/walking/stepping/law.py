@@ -24,7 +24,8 @@ IEEE T-RO 38(6), 2022.
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from dataclasses import dataclass
+from typing import Annotated, NamedTuple
 
 from wbc.core.robot import GRAVITY
 from wbc.core.vectors import Vector, add_cross
@@ -37,6 +38,62 @@ SIDEWAYS = 0.8
 
 NEAR = 1e-3
 """Least offset that is divided by, m: it takes longer than any step to grow."""
+
+
+@dataclass(frozen=True, slots=True)
+class Constants:
+    """Constants of the law, in units of the robot; docs/stepping.md says what those are worth that were measured."""
+
+    # Time and place.
+    brisk: Annotated[float, "hω"] = 0.23  # velocity about which steps begin to take longer: hips lack torque
+    time_lag: Annotated[float, "1/ω"] = 0.12  # noise of ξ would move the time by more than 10 ms
+    later: float = 1.15  # greatest time of a step at its begin, over the nominal one
+    over: Annotated[float, "h"] = 0.008  # ξ beyond the stance foot, where waiting does not help
+    stretch: Annotated[float, "h"] = (
+        0.09  # of ξ ahead beyond the orbit: ends a step that would wait for ξ aside
+    )
+    pace_gain: float = 0.2  # weight of the last step in the mean time of steps
+    # The place that carries: between the centre of the sole and the ankle, where either can hold a moment.
+    carrying: Annotated[float, "ankle"] = 0.57
+    cop_lag: Annotated[float, "1/ω"] = 0.081  # force sensors ring at impacts
+    box: Annotated[Point, "sole"] = (0.035, 0.067)  # one stone gives no moment
+    standing_box: Annotated[Point, "sole"] = (0.59, 0.67)  # what a sole holds on stones
+    # Taking over.
+    patience: float = 1.5  # offset of ξ over the orbit's from which on a next step is long enough
+    wait: float = 0.2  # time ahead for which waiting is judged, 1/ω
+    share: Annotated[float, "mg"] = 0.3  # of a foot that waits: more would move the contact point
+    unload: Annotated[float, "1/ω"] = 0.20
+    most_force: Annotated[float, "mg"] = 1.4  # with 2 robots jump to gain yaw moment
+    least_force: Annotated[float, "mg"] = 0.061  # of the foot that stands: no flight
+    # Swing, over the time of the step.
+    apex: float = 0.42
+    touch: float = 0.88  # a foot that comes late is what fells robots
+    level: float = 0.3  # a sole that is still tilted rubs at edges
+    lift_speed: Annotated[float, "hω"] = 0.206
+    landing_speed: Annotated[float, "hω"] = 0.103  # soft on level ground …
+    haste: Annotated[float, "ω"] = 4.3  # … and quicker for each height between the feet in the last steps
+    hardest: Annotated[float, "hω"] = 0.25
+    search: Annotated[float, "h"] = 0.20  # as deep as a leg is still not straight
+    search_time: Annotated[float, "1/ω"] = 1.21
+    piece: Annotated[float, "1/ω"] = 0.2
+    # Contact of the foot in the air.
+    early: float = 0.5  # before, a force is a foot that rubs
+    met: Annotated[float, "mg"] = 0.122
+    lost: Annotated[float, "mg"] = 0.015
+    held: Annotated[float, "mg"] = 0.18  # of the other foot, or it is a flight
+    lost_time: Annotated[float, "1/ω"] = 0.12
+    # Height.
+    level_lag: Annotated[float, "1/ω"] = 1.01  # of the CoM over the feet: it need not follow each stone
+    ground_share: float = 0.75  # of an unexpected height that the next landing expects
+    # Both feet.
+    shift_time: Annotated[float, "1/ω"] = 2.83
+    shift: float = 1.3  # place of ξ at its end, in b_y of a step in place: the first step begins late
+    shift_gains: tuple[Annotated[float, "ω²"], Annotated[float, "ω"]] = (2.45, 3.2)
+    rest: Annotated[float, "1/ω"] = 0.6
+    stand_gain: float = 0.74
+    stop_speed: Annotated[float, "hω"] = 0.02
+    stop_length: Annotated[float, "h"] = 0.6  # a wide stand holds no push to the side
+    stop_box: float = 0.9
 
 
 class Divergent(NamedTuple):
@@ -67,6 +124,14 @@ def divergent_component(
     omega = math.sqrt(GRAVITY / height)
     scale = 1.0 / (mass * height * omega)
     return Divergent(com[0] + momentum[1] * scale, com[1] - momentum[0] * scale, omega)
+
+
+def step_time(speed: float, slow: float, brisk: float) -> float:
+    """Return the time T of a step at a forward speed: `slow`, s, and beyond `brisk`, m/s, with the root of the speed.
+
+    Legs swing over a longer step in more time: their length and their time grow alike.
+    """
+    return slow * float((1.0 + (speed / brisk) ** 4) ** 0.125)
 
 
 class Orbit(NamedTuple):
@@ -116,7 +181,29 @@ def remaining_time(
     return max(math.log(growth), 0.0) / omega
 
 
-def foothold(contact: Point, dcm: Divergent, remaining: float, offset: Point) -> Point:
+def takes_over(there: Point, here: Point, orbit: Orbit, stretch: float, wait: float, patience: float) -> bool:
+    """Return True if the foot in contact is to carry now: waiting on the other foot would make it no more viable.
+
+    The viability of a place is the ratio of the orbit's offset to that of ξ there, aside or, with half a stretch,
+    ahead, whichever is less: its logarithm over ω is the time by which the next step may be longer than the orbit's.
+    1 over `patience` is enough. While the foot that stands carries on, ξ moves on by (ξ − p)(e^{ωt} − 1): usually
+    towards the new foot, and past it; away from it where ξ is beyond the outer edge.
+
+    Offsets of ξ ahead and inwards, m: `there` from the foot in contact towards the other one, `here` from the foot that
+    stands towards the one in contact; waiting is judged by a time of `wait`, 1/ω.
+    """
+    grown = math.exp(wait) - 1.0
+    now = _viability(there[0], there[1], orbit, stretch)
+    later = _viability(there[0] + grown * here[0], there[1] - grown * here[1], orbit, stretch)
+    return now >= min(later, 1.0 / patience)
+
+
+def _viability(ahead: float, inwards: float, orbit: Orbit, stretch: float) -> float:
+    aside = orbit.inwards / max(inwards, NEAR)
+    return min(aside, (abs(orbit.ahead) + 0.5 * stretch) / max(abs(ahead), NEAR))
+
+
+def landing_place(contact: Point, dcm: Divergent, remaining: float, offset: Point) -> Point:
     """Return the place where a foot lands so that an offset is left: p + (ξ − p) e^{ω t} − b.
 
     Contact point p, m, DCM ξ, time t to the landing, s, offset b in the world, m, natural frequency ω, 1/s.

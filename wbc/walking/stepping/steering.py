@@ -4,12 +4,28 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import NamedTuple
+from dataclasses import dataclass
+from typing import Annotated, NamedTuple
 
 from wbc.walking.planning.sources import Velocity, checked_velocity
 from wbc.walking.source import VelocityLimits
-from wbc.walking.stepping.law import SIDEWAYS, Point
-from wbc.walking.stepping.settings import SteppingSettings
+from wbc.walking.stepping.law import SIDEWAYS, Point, step_time
+from wbc.walking.stepping.settings import Scale, SteppingSettings, in_si
+
+
+@dataclass(frozen=True, slots=True)
+class Constants:
+    """Constants of the steering, in units of the robot."""
+
+    near: Annotated[float, "h"] = 0.8  # a goal within it is walked to without being faced: turns cost steps
+    goal_time: Annotated[float, "1/ω"] = 4.0  # of the approach to a near goal, some two steps
+    arrived: Annotated[float, "h"] = 0.15  # what steps reach: landings serve the balance
+    arrived_turn: Annotated[float, "rad"] = 0.15
+    path_lag: Annotated[float, "1/ω"] = 2.0  # of the path behind a robot that walks sideways or turns
+    speed_lag: Annotated[float, "1/ω"] = 8.0  # of the velocity by which the robot falls short
+    speed_bias: Annotated[float, "hω"] = 0.08  # greatest one: where feet carry is known to centimetres
+    drift_gain: Annotated[float, "ω"] = 0.124  # of the way back to the path
+    drift_speed: Annotated[float, "hω"] = 0.041
 
 
 class Steps(NamedTuple):
@@ -34,22 +50,30 @@ class Steering:
         goal: Place (m) and heading (rad) to walk to; None without one.
         heading: Heading of the pelvis and of the next steps, rad.
         velocity: Velocity of the steps now, forward and left, m/s.
+        turn: Turn of the steps now, rad/s.
         limits: Greatest velocities that are granted.
     """
 
-    def __init__(self, settings: SteppingSettings, heading: float, dt: float) -> None:
-        """Begin with a stand, with settings in SI units, a heading, rad, and the control period, s."""
-        self._s, self._dt = settings, dt
+    def __init__(
+        self, settings: SteppingSettings, scale: Scale, brisk: float, heading: float, dt: float
+    ) -> None:
+        """Begin with a stand, with settings in SI units, a heading, rad, and the control period, s.
+
+        Beyond the velocity `brisk`, m/s, steps take longer.
+        """
+        self._s, self._c, self._brisk, self._dt = settings, in_si(Constants(), scale), brisk, dt
         self.target: Velocity | None = None
         self.goal: tuple[float, float, float] | None = None
         self.heading = heading
         self.velocity: Point = (0.0, 0.0)
+        self.turn = 0.0
         self._path: Point | None = None
         self._line: tuple[Point, float] | None = None  # start and direction of the line to a goal
         self._missing = 0.0  # forward velocity by which the steps fall short of what is asked for, m/s
         aside = min(SIDEWAYS * (settings.widest - settings.gap) / settings.step_time, settings.fastest_aside)
-        ratio = settings.stride / (settings.step_time * settings.brisk)
-        most = settings.brisk * min(ratio, ratio ** (2.0 / 3.0))  # |v| T(v) is the stride
+        most = settings.stride / settings.step_time
+        for _ in range(20):  # |v| T(v) is the stride
+            most = settings.stride / step_time(most, settings.step_time, brisk)
         self.limits = VelocityLimits(
             min(settings.fastest, most), min(settings.fastest_back, most), aside, settings.fastest_turn
         )
@@ -75,12 +99,12 @@ class Steering:
 
     @property
     def step_time(self) -> float:
-        """Time T of a step at this velocity, s: of a brisk walk it grows with the root of the speed, as the length."""
-        return self._s.step_time * math.sqrt(max(abs(self.velocity[0]) / self._s.brisk, 1.0))
+        """Time T of a step at this velocity, s."""
+        return step_time(self.velocity[0], self._s.step_time, self._brisk)
 
     def rest(self, place: Point) -> None:
         """Start again from a stand at a place, m."""
-        self.velocity, self._path, self._missing = (0.0, 0.0), place, 0.0
+        self.velocity, self.turn, self._path, self._missing = (0.0, 0.0), 0.0, place, 0.0
 
     def update(self, place: Point, speed: Point) -> Steps:
         """Return the velocity of the next steps, which changes by the acceleration at most.
@@ -93,7 +117,7 @@ class Steering:
         x, y = self.velocity
         x += min(max(forward - x, -change), change)
         y += min(max(left - y, -change), change)
-        self.velocity = (x, y)
+        self.velocity, self.turn = (x, y), turn
         self.heading += turn * dt
         held = self._held(place, turn)
         self._make_up(held, speed)
@@ -103,25 +127,25 @@ class Steering:
         """Return the velocity that target or goal ask for, within the limits."""
         if self.goal is None:
             return self.limited(self.target) if self.target is not None else (0.0, 0.0, 0.0)
-        s, (x, y, yaw) = self._s, self.goal
+        s, c, (x, y, yaw) = self._s, self._c, self.goal
         dx, dy = x - place[0], y - place[1]
         distance = math.hypot(dx, dy)
-        if distance > s.near:
+        if distance > c.near:
             if self._line is None:
                 self._line = place, math.atan2(dy, dx)
             off = math.remainder(self._line[1] - self.heading, math.tau)
-            return self.limited((s.cruise * max(0.0, math.cos(off)) ** 4, 0.0, off / s.goal_time))
+            return self.limited((s.cruise * max(0.0, math.cos(off)) ** 4, 0.0, off / c.goal_time))
         self._line, self._path = None, place  # a near goal is walked to as one stands
         off = math.remainder(yaw - self.heading, math.tau)
-        if distance < s.arrived and abs(off) < s.arrived_turn:
+        if distance < c.arrived and abs(off) < c.arrived_turn:
             self.goal = None
             return (0.0, 0.0, 0.0)
         cos, sin = math.cos(self.heading), math.sin(self.heading)
-        ahead, aside = (cos * dx + sin * dy) / s.goal_time, (cos * dy - sin * dx) / s.goal_time
-        return self.limited((min(max(ahead, -s.cruise), s.cruise), aside, off / s.goal_time))
+        ahead, aside = (cos * dx + sin * dy) / c.goal_time, (cos * dy - sin * dx) / c.goal_time
+        return self.limited((min(max(ahead, -s.cruise), s.cruise), aside, off / c.goal_time))
 
     def limited(self, velocity: Velocity) -> Velocity:
-        """Return a velocity scaled down to what can be walked."""
+        """Return a velocity with each part cut to what can be walked."""
         (x, y, turn), (forward, back, aside, most_turn) = velocity, self.limits
         return (
             min(max(x, -back), forward),
@@ -131,7 +155,7 @@ class Steering:
 
     def _held(self, place: Point, turn: float) -> Point:
         """Return the velocity of the steps plus the one back to the path, whose point moves on beside the robot."""
-        s, (x, y) = self._s, self.velocity
+        c, (x, y) = self._c, self.velocity
         cos, sin = math.cos(self.heading), math.sin(self.heading)
         if self._line is not None:
             (from_x, from_y), direction = self._line
@@ -144,17 +168,17 @@ class Steering:
         ahead, aside = cos * dx + sin * dy, cos * dy - sin * dx
         # A robot that walks is never behind its path; one that walks sideways or turns takes it along.
         along = 0.0 if x == 0.0 and y == 0.0 and turn == 0.0 else ahead
-        across = 0.0 if y == 0.0 and turn == 0.0 else aside * min(self._dt / s.path_lag, 1.0)
+        across = 0.0 if y == 0.0 and turn == 0.0 else aside * min(self._dt / c.path_lag, 1.0)
         self._path = (path[0] + cos * along - sin * across, path[1] + sin * along + cos * across)
-        most = s.drift_speed
-        back = -s.drift_gain * (ahead - along), -s.drift_gain * aside
+        most = c.drift_speed
+        back = -c.drift_gain * (ahead - along), -c.drift_gain * aside
         return x + min(max(back[0], -most), most), y + min(max(back[1], -most), most)
 
     def _make_up(self, asked: Point, speed: Point) -> None:
         """Integrate the velocity by which the robot falls short, forward: where feet carry is known to centimetres."""
-        s, (cos, sin) = self._s, (math.cos(self.heading), math.sin(self.heading))
+        c, (cos, sin) = self._c, (math.cos(self.heading), math.sin(self.heading))
         short = asked[0] - cos * speed[0] - sin * speed[1]
         # What a brisk walk gained while it fell behind its ramp must be gone before the legs can follow no more.
-        lag = s.speed_lag * (0.5 if abs(asked[0]) > s.brisk else 1.0)
+        lag = c.speed_lag * (self._s.step_time / self.step_time) ** 4
         missing = self._missing + short * self._dt / lag
-        self._missing = min(max(missing, -s.speed_bias), s.speed_bias)
+        self._missing = min(max(missing, -c.speed_bias), c.speed_bias)

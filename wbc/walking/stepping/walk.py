@@ -7,8 +7,8 @@ from collections.abc import Sequence
 from wbc.core.arguments import checked
 from wbc.core.control import State
 from wbc.core.robot import Robot
+from wbc.walking.contact import Phase
 from wbc.walking.planning.footsteps import heading
-from wbc.walking.planning.phases import Phase
 from wbc.walking.planning.sources import Velocity
 from wbc.walking.source import Progress, Reference, ReferenceSource, VelocityLimits
 from wbc.walking.stepping.gait import BodyState, SteppingGait
@@ -41,7 +41,7 @@ class SteppingWalk(ReferenceSource):
         scale = Scale.of(robot, settings.bend, com_height)
         self.com_height = scale.height
         self.gait = SteppingGait(settings, scale, heading(robot.placement(robot.base_frame).rotation), dt)
-        self._steering = self.gait.steering
+        self._steering, self.ground = self.gait.steering, self.gait.ground
         self._robot: Robot | None = None  # that of the state
 
     def update(self, state: State) -> Reference:
@@ -93,9 +93,7 @@ class SteppingWalk(ReferenceSource):
     @property
     def granted(self) -> Velocity:
         """Velocity of the steps now: forward (m/s), left (m/s) and turn (rad/s)."""
-        steering = self._steering
-        turn = 0.0 if steering.target is None else steering.limited(steering.target)[2]
-        return (*steering.velocity, turn)
+        return (*self._steering.velocity, self._steering.turn)
 
     @property
     def limits(self) -> VelocityLimits:

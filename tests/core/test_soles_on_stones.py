@@ -17,19 +17,28 @@ from wbc.core.errors import Array, InputError
 from wbc.core.limits.rows import TorqueLimits
 from wbc.core.qp.contact import Contact, SoleContact
 from wbc.core.qp.controller import Controller
-from wbc.core.qp.foothold import Foothold
 from wbc.core.qp.other_solvers import solve_by_qpsolvers
 from wbc.core.robot import Robot
 from wbc.tasks import CoMTask, PostureTask
 
 robots = pytest.mark.parametrize("name", by_default(ROBOTS, "hrp4_class"))
 CENTRE = (0.02, -0.01)
+HOLD = (1000.0, 1000.0, 1000.0, 3.0, 3.0, 3.0)
+
+
+def on_stones(foot: str, **options: object) -> SoleContact:
+    """Return a contact of a sole on ground of unknown shape, whose motion is a cost."""
+    chosen = {"friction": 0.5, "margin": 0.0, "torsion": 0.03, "min_force": 0.0, "ramp": 0.0}
+    chosen |= {"motion_weight": HOLD, "stiffness": 0.0, "damping": 12.0}
+    return SoleContact(foot, **(chosen | options))  # type: ignore[arg-type]
+
+
 EPS = 1e-6
 
 
-def bound(robot: Robot, **options: float) -> Foothold:
+def bound(robot: Robot, **options: float) -> SoleContact:
     """Return a foothold of the left sole with its centre away from that of the sole."""
-    contact = Foothold("left_foot", **options)
+    contact = on_stones("left_foot", **options)
     contact.bind(robot)
     contact.set_box(0.05, 0.02, CENTRE)
     return contact
@@ -66,7 +75,7 @@ def test_the_jacobian_is_dual_to_the_wrench_at_the_centre(name: str) -> None:
         np.testing.assert_allclose(rows_of(contact, robot)[0].T @ wrench, jacobian.T @ world, atol=1e-10)
 
 
-def centre_velocity(contact: Foothold, robot: Robot, q: Array, v: Array) -> tuple[Array, Array]:
+def centre_velocity(contact: SoleContact, robot: Robot, q: Array, v: Array) -> tuple[Array, Array]:
     """Return the velocity of the centre in the world, and the angular one in the axes of the sole."""
     robot.update(q, v)
     sole = robot.frame_id(contact.frame)
@@ -144,7 +153,7 @@ def test_the_cone_is_box_friction_and_torsion() -> None:
 
 def test_the_box_is_the_whole_sole_until_it_is_set_and_other_sizes_are_refused() -> None:
     robot = make_robot("g1")
-    contact = Foothold("left_foot")
+    contact = on_stones("left_foot")
     contact.bind(robot)
     sole = robot.soles[0]
     assert (contact.cone @ [0, 0, 1, 0.49 * sole.width, 0.49 * sole.length, 0] <= 0.0).all()
@@ -172,7 +181,7 @@ def test_footholds_make_no_qp_infeasible(name: str, seed: int, speed: float, lef
     """Joints within their limits, any velocity, loads that must be carried; another solver finds the same."""
     weight = 9.81 * make_robot(name).mass
     feet = [
-        Foothold(foot, min_force=0.06 * weight, max_force=1.4 * weight, active=on)
+        on_stones(foot, min_force=0.06 * weight, max_force=1.4 * weight, active=on)
         for foot, on in (("left_foot", left), ("right_foot", right))
     ]
     controller = with_contacts(name, *feet)
@@ -198,7 +207,7 @@ def test_footholds_make_no_qp_infeasible(name: str, seed: int, speed: float, lef
 
 SOLES: list[Callable[..., Contact]] = [
     lambda foot, **o: SoleContact(foot, min_force=0.0, **o),
-    lambda foot, **o: Foothold(foot, **({"motion_weight": None} | o)),
+    lambda foot, **o: on_stones(foot, **({"motion_weight": None} | o)),
 ]
 
 
@@ -226,7 +235,7 @@ def test_a_motion_of_a_huge_weight_is_a_constraint(make: Callable[..., Contact])
 
 def test_a_motion_of_a_small_weight_gives_way() -> None:
     """A CoM that asks for more than the foothold holds moves the foothold, and no force leaves its cone."""
-    feet = [Foothold(foot, motion_weight=1e-3) for foot in ("left_foot", "right_foot")]
+    feet = [on_stones(foot, motion_weight=1e-3) for foot in ("left_foot", "right_foot")]
     controller = with_contacts("g1", *feet)
     com = controller.task("com")
     assert isinstance(com, CoMTask)
@@ -238,7 +247,7 @@ def test_a_motion_of_a_small_weight_gives_way() -> None:
 
 
 def test_a_foothold_that_is_switched_off_has_no_force_and_one_that_is_switched_on_carries() -> None:
-    left, right = Foothold("left_foot"), Foothold("right_foot")
+    left, right = on_stones("left_foot"), on_stones("right_foot")
     controller = with_contacts("g1", left, right)
     for active in (True, False, True):
         left.active = active

@@ -1,0 +1,57 @@
+"""When a foot meets the ground and loses it again: events and phases of the feet, for every walk."""
+
+from __future__ import annotations
+
+import enum
+
+from wbc.core.errors import ROUNDING
+
+
+class Phase(enum.Enum):
+    """Phase of the feet."""
+
+    STANDING = "standing"
+    DOUBLE = "double support"
+    SINGLE = "single support"
+
+
+class Event(enum.Enum):
+    """Event of a tick."""
+
+    STARTED = "started"
+    LIFT_OFF = "lift-off"
+    FORCED_LIFT_OFF = "lift-off though still loaded"
+    EARLY_TOUCH_DOWN = "early touch-down"
+    TOUCH_DOWN = "touch-down"
+    LATE_TOUCH_DOWN = "late touch-down"
+    NO_TOUCH_DOWN = "no ground found"
+    STOPPED = "stopped"
+
+
+class Touch:
+    """Contact of one foot in the air with the ground.
+
+    Attributes:
+        since: Time for which the foot has borne the load of a contact, s.
+    """
+
+    def __init__(self, lasting: float = 0.0) -> None:
+        """Detect a contact whose load lasts for a time, s."""
+        self._lasting = lasting
+        self.since = 0.0
+
+    def lift(self) -> None:
+        """Begin a swing."""
+        self.since = 0.0
+
+    def update(self, loaded: bool, dt: float) -> bool:
+        """Return True if the foot has met the ground, `dt` seconds after the last tick."""
+        self.since = self.since + dt if loaded else 0.0
+        return loaded and self.since >= self._lasting - ROUNDING
+
+
+def touch_down(late: float, before: float, after: float) -> Event:
+    """Return the event of a contact that comes `late`, s: on time from `before` to `after` its planned time, s."""
+    if late < -before:
+        return Event.EARLY_TOUCH_DOWN
+    return Event.TOUCH_DOWN if late < after else Event.LATE_TOUCH_DOWN

@@ -1,0 +1,260 @@
+"""One foot in the air, from lift-off until it meets the ground: its landing and its time may change at any tick.
+
+    up        the foot rises before it travels, and sinks the last stretch without travelling
+    apex      a little before half way in time, the swing height above the highest of both ends and the way between them
+    landing   the last stretch down at a small constant speed, so that touch-down is soft, early or not
+    late      past the planned time the foot sinks on, to a depth
+
+Every change goes on from position, velocity and acceleration as they are. Up a stair the foot travels later and down
+earlier, so that it clears the edge.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+import pinocchio as pin
+
+from wbc.core.errors import ROUNDING, Array, InputError, positive
+from wbc.core.robot import GRAVITY
+from wbc.core.vectors import Vector
+from wbc.tasks.trajectories import Quintic
+
+if TYPE_CHECKING:
+    from wbc.walking.planning.footsteps import Footstep
+
+SHORTEST = 0.05
+"""Least duration of a piece of the motion, s: ten periods of 5 ms."""
+
+EDGE_SHARE = 0.2
+"""Ratio of the swing by which the foot travels later up, or earlier down, a stair as high as the swing."""
+
+COORDINATES = ("x", "y", "z", "roll", "pitch", "yaw")
+
+
+class FootMotion(NamedTuple):
+    """Motion of a sole at one instant.
+
+    Attributes:
+        placement: Sole frame in the world.
+        velocity: [linear; angular] of the sole frame's origin, in world axes, shape (6,), m/s and rad/s.
+        acceleration: Derivative of the velocity, shape (6,), m/s² and rad/s².
+    """
+
+    placement: pin.SE3
+    velocity: Array
+    acceleration: Array
+
+    @staticmethod
+    def at_rest(placement: pin.SE3) -> FootMotion:
+        """Return the motion of a foot that stands."""
+        return FootMotion(placement, np.zeros(6), np.zeros(6))
+
+
+class _Coordinate:
+    """One coordinate of the foot as quintics in a row; before the first it is where it begins."""
+
+    def __init__(self, value: float, speed: float = 0.0) -> None:
+        self._pieces: list[tuple[float, Quintic[float]]] = []
+        self._value, self._speed = value, speed
+
+    def at(self, time: float) -> tuple[float, float, float]:
+        for start, piece in reversed(self._pieces):
+            if time >= start:
+                return piece.at(min(time - start, piece.duration))
+        return (self._value, self._speed, 0.0)
+
+    def follow(self, start: float, *goals: tuple[float, tuple[float, float, float]]) -> None:
+        """Go to each (time, state) in turn from `start` on; the motion before stays."""
+        state = self.at(start)
+        self._pieces = [(t, p) for t, p in self._pieces if t < start]
+        for time, goal in goals:
+            self._pieces.append((start, Quintic(state, goal, time - start)))
+            start, state = time, goal
+
+
+class SwingShape(NamedTuple):
+    """Shape of a swing.
+
+    Attributes:
+        swing_height: Highest point over the highest of both ends and of the way, m.
+        apex: Time of the highest point over that of the swing.
+        takeoff_time: Time in which the foot only rises after lift-off, s.
+        landing_time: Time in which the foot only sinks before touch-down, s.
+        landing_speed: Downward speed at touch-down, m/s.
+        landing_height: Height over the landing below which the foot sinks at that speed, m.
+        search_depth: Depth below the landing to which the foot searches for ground that comes late, m.
+        search_time: Time from touch-down as planned until the foot is at that depth, s.
+        lift_speed: Upward speed at lift-off, m/s.
+        edge: Ratio of the swing by which the foot travels later up, or earlier down, a stair as high as the swing.
+        quickest: Least time in which the foot comes down from a height h when its time is cut short, over √(h/g).
+        level: Time over that of the swing at which the sole has its tilt at the landing.
+        piece: Least duration of a piece of the motion, s, so that a late change stays a motion.
+    """
+
+    swing_height: float
+    apex: float
+    takeoff_time: float
+    landing_time: float
+    landing_speed: float
+    landing_height: float
+    search_depth: float
+    search_time: float
+    lift_speed: float = 0.0
+    edge: float = EDGE_SHARE
+    quickest: float = 0.0
+    level: float = 1.0
+    piece: float = SHORTEST
+
+    @property
+    def shortest(self) -> float:
+        """Least duration of a swing, s."""
+        return self.takeoff_time + self.landing_time + 2.0 * self.piece
+
+
+class SwingFoot:
+    """Swing whose landing and time can be changed on the way.
+
+    Attributes:
+        duration: Planned time of touch-down from lift-off, s.
+        landing: Planned landing.
+        over: Height of the highest ground known on the way, m; −∞ where none is.
+    """
+
+    def __init__(
+        self,
+        start: pin.SE3,
+        landing: Footstep,
+        duration: float,
+        shape: SwingShape,
+        over: float = -math.inf,
+    ) -> None:
+        """Plan from a foot at rest, its sole frame at lift-off, to a landing after `duration` seconds.
+
+        Raises `InputError` for a duration that the take-off and landing times do not fit into.
+        """
+        self._shape = shape
+        self.duration = positive("duration of the swing (s)", duration)
+        self.landing, self.over = landing, over
+        if duration < shape.shortest:
+            raise InputError(
+                f"a swing of {duration:g} s leaves less than {2 * shape.piece:g} s between take-off "
+                f"({shape.takeoff_time:g} s) and landing ({shape.landing_time:g} s)"
+            )
+        self._restart(start, shape.lift_speed)
+        self._plan_height(0.0)
+        self._plan_place(0.0, duration)
+
+    def _restart(self, place: pin.SE3, lift_speed: float) -> None:
+        x, y, z = (float(v) for v in place.translation)
+        roll, pitch, yaw = (float(v) for v in pin.rpy.matrixToRpy(place.rotation))
+        self._origin = z
+        self._c = {
+            name: _Coordinate(value, lift_speed if name == "z" else 0.0)
+            for name, value in zip(COORDINATES, (x, y, z, roll, pitch, yaw), strict=True)
+        }
+
+    @property
+    def apex_time(self) -> float:
+        """Time of the highest point from lift-off, s."""
+        return max(self._shape.apex * self.duration, 1.02 * self._shape.piece)
+
+    def retarget(self, time: float, landing: Footstep, duration: float, speed: float | None = None) -> None:
+        """Change landing and time of touch-down; position, velocity and acceleration go on without a jump.
+
+        Times are from lift-off, s; a touch-down comes no sooner than after the least duration of a piece. In the last
+        half of that before it, and after it, the foot sinks as planned, unless it is put off, and only its place
+        follows. `speed` is that of the touch-down, m/s, if it changes. Raises `InputError` for a landing of the other
+        foot.
+        """
+        if landing.side != self.landing.side:
+            raise InputError(f"the {self.landing.side} foot swings, got a landing of the {landing.side} foot")
+        self.landing = landing
+        if speed is not None:
+            self._shape = self._shape._replace(landing_speed=speed)
+        piece = self._shape.piece
+        if time > self.duration - 0.5 * piece + ROUNDING and duration < time + piece:
+            self._plan_place(time, max(duration, self.duration))
+            return
+        self.duration = max(duration, min(time + piece, self.duration))
+        self._plan_height(time)
+        self._plan_place(time, self.duration)
+
+    def resume(self, time: float, place: pin.SE3) -> None:
+        """Search for the ground from a place at rest, where a foot has lost it again; the time is from lift-off, s."""
+        self._restart(place, 0.0)
+        self.duration = min(self.duration, time)
+        down = self._origin - self._shape.search_depth
+        self._c["z"].follow(time, (time + self._shape.search_time, (down, 0.0, 0.0)))
+        self._plan_place(time, self.duration)
+
+    def at(self, time: float) -> FootMotion:
+        """Return the foot's motion at a time from lift-off, s; past the duration it searches for the ground below."""
+        (x, vx, ax), (y, vy, ay), (z, vz, az), *angles = [self._c[name].at(time) for name in COORDINATES]
+        spin, turning = _spin(*angles)
+        rotation = pin.rpy.rpyToMatrix(angles[0][0], angles[1][0], angles[2][0])
+        return FootMotion(
+            pin.SE3(rotation, np.array((x, y, z))),
+            np.array((vx, vy, vz, *spin)),
+            np.array((ax, ay, az, *turning)),
+        )
+
+    def _plan_place(self, now: float, end: float) -> None:
+        """Plan place and tilt from now to the landing at `end`, s: the foot travels between rise and descent."""
+        shape, landing = self._shape, self.landing
+        step = landing.z - self._origin
+        share = shape.edge * end * min(1.0, abs(step) / shape.swing_height)
+        leave = shape.takeoff_time + (share if step > 0.0 else 0.0)
+        arrive = end - shape.landing_time - (share if step < 0.0 else 0.0)
+        start = max(now, leave)
+        # A change that comes late uses up the landing time.
+        arrive = arrive if arrive >= start + shape.piece else max(end, start + shape.piece)
+        yaw = self._c["yaw"].at(now)[0]
+        goals = {
+            "x": landing.x,
+            "y": landing.y,
+            "roll": landing.roll,
+            "pitch": landing.pitch,
+            "yaw": yaw + math.remainder(landing.yaw - yaw, math.tau),
+        }
+        level = arrive if shape.level == 1.0 else min(arrive, max(shape.level * end, start + shape.piece))
+        for name, goal in goals.items():
+            time = level if name in ("roll", "pitch") else arrive
+            self._c[name].follow(start, (time, (goal, 0.0, 0.0)))
+
+    def _plan_height(self, now: float) -> None:
+        """Plan the height: up to the apex, down at the landing speed, on down where no ground comes."""
+        shape, landing, end = self._shape, self.landing, self.duration
+        speed, height = shape.landing_speed, shape.landing_height
+        if shape.quickest > 0.0 and now > 0.0:
+            drop = max(self._c["z"].at(now)[0] - landing.z - shape.piece * speed, 0.0)
+            self.duration = end = max(end, now + shape.quickest * math.sqrt(drop / GRAVITY))
+        down = [(end, (landing.z, -speed, 0.0))]
+        # A late change, or a short swing, leaves no time to be slow.
+        if height > 0.0 and end - max(now, self.apex_time) > height / max(speed, ROUNDING) + shape.piece:
+            down.insert(0, (end - height / speed, (landing.z + height, -speed, 0.0)))
+        down.append((end + shape.search_time, (landing.z - shape.search_depth, 0.0, 0.0)))
+        top = max(self._origin, landing.z, self.over) + shape.swing_height
+        if now < self.apex_time - shape.piece and end - self.apex_time >= shape.piece:
+            self._c["z"].follow(now, (self.apex_time, (top, 0.0, 0.0)), *down)
+        else:
+            self._c["z"].follow(now, *down)
+
+
+def _spin(roll: Vector, pitch: Vector, yaw: Vector) -> tuple[Vector, Vector]:
+    """Angular velocity and acceleration in the world, of angles, rad, each with its first and second derivative."""
+    (_, roll_rate, roll_push), (angle, pitch_rate, pitch_push), (heading, yaw_rate, yaw_push) = (
+        roll,
+        pitch,
+        yaw,
+    )
+    cp, sp, cy, sy = math.cos(angle), math.sin(angle), math.cos(heading), math.sin(heading)
+    # The axis of roll is (cy cp, sy cp, −sp), that of pitch (−sy, cy, 0), that of yaw the vertical.
+    along, across = cp * roll_rate, cp * roll_push - sp * pitch_rate * roll_rate - yaw_rate * pitch_rate
+    aside = pitch_push + yaw_rate * along
+    return (
+        (cy * along - sy * pitch_rate, sy * along + cy * pitch_rate, yaw_rate - sp * roll_rate),
+        (cy * across - sy * aside, sy * across + cy * aside, yaw_push - sp * roll_push - pitch_rate * along),
+    )
