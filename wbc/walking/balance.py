@@ -75,6 +75,9 @@ class Balance:
         del state
         return reference
 
+    def sink(self, omega: float) -> None:
+        """Count with the natural frequency of the height at which the body is set, 1/s."""
+
     def dcm_distance(self) -> float:
         """Return the distance of the measured DCM beyond the hull of both soles, m; 0 where steps balance."""
         return 0.0
@@ -163,7 +166,7 @@ class Stabilized(Balance):
     def update(self, reference: Reference, state: State) -> Reference:
         """Run hands, stabilizer and lean for one tick; return the references, shifted for hands that press."""
         measurement, hands, dt = state.measurement, self._hands, self._dt
-        self._heading, self._driven = reference.heading, reference.pendulum.omega
+        self._heading = reference.heading
         if reference.contact != self._contact:
             self._switch_contacts(reference.contact)
         outside = None
@@ -188,6 +191,10 @@ class Stabilized(Balance):
             x, y = (0.0, 0.0) if output.in_air else output.feet.shortfall[3:5].tolist()
             self.leaning = self.lean.update((x, y), dt)
         return reference
+
+    def sink(self, omega: float) -> None:
+        """Count with the natural frequency of the height at which the body is set, 1/s."""
+        self._driven = omega
 
     def dcm_distance(self) -> float:
         """Return the distance of the measured DCM beyond the hull of both soles, m; negative within it."""

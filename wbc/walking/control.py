@@ -178,6 +178,7 @@ class ReferenceControl:
             body.update(reference.heading)
             pendulum = body.raised(reference.pendulum, measured=reference.support is not None)
             self.reference = reference = reference._replace(pendulum=pendulum)
+            balance.sink(pendulum.omega)
         self.reference = reference = balance.update(reference, state)
         lean, twist = balance.leaning, None
         self.arms.update(reference.feet, reference.heading)

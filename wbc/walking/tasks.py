@@ -93,13 +93,29 @@ class WalkTasks:
         self.contacts, self._stance, self._torque = list(contacts), stance, torque
         self.com = controller.add(com)
         self._swing_weight = np.array(swing["weight"], dtype=float)
-        off: GainOptions = {**swing, "weight": 0.0}
         self._swings = [
-            controller.add(PoseTask(sole.frame, name=f"{sole.name} swing", **off)) for sole in robot.soles
+            controller.add(
+                PoseTask(
+                    sole.frame,
+                    name=f"{sole.name} swing",
+                    weight=0.0,
+                    stiffness=swing["stiffness"],
+                    damping=swing.get("damping"),
+                )
+            )
+            for sole in robot.soles
         ]
         frames = {"pelvis": robot.base_frame, "torso": robot.torso_frame}
         self._trunk = [
-            controller.add(OrientationTask(frames[name], name=name, **gains))
+            controller.add(
+                OrientationTask(
+                    frames[name],
+                    name=name,
+                    weight=gains["weight"],
+                    stiffness=gains["stiffness"],
+                    damping=gains.get("damping"),
+                )
+            )
             for name, gains in trunk.items()
             if name == "pelvis" or robot.torso_frame != robot.base_frame
         ]

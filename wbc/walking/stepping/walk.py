@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from wbc.core.arguments import checked
 from wbc.core.control import State
 from wbc.core.robot import Robot
+from wbc.ground import KnownGround
 from wbc.walking.contact import Phase
 from wbc.walking.planning.footsteps import heading
 from wbc.walking.planning.sources import Velocity
@@ -104,6 +105,10 @@ class SteppingWalk(ReferenceSource):
     def go_to(self, x: float, y: float, yaw: float) -> None:
         """Walk to a place in the world, m, with a heading, rad, and stand there."""
         self._steering.go_to(x, y, yaw)
+
+    def see(self, ground: KnownGround) -> None:
+        """Put feet by what is known of the ground, from the next swing on."""
+        self.gait.ground.sight = ground
 
     def stop(self) -> None:
         """Come to a stand."""
