@@ -184,7 +184,7 @@ class Stabilized(Balance):
             outside=outside,
         )
         if self._feedforward:
-            self.wrenches = self._tasks.com.wrenches
+            self.wrenches = self._task.wrenches
         if outside is not None and hands is not None and not output.in_air:
             hands.help(output.feet.shortfall[3:5], output.zmp, dt)
         if self.lean is not None:  # towards the moment that the feet cannot give
