@@ -13,8 +13,8 @@ from properties import examples
 
 from wbc.core.errors import InputError
 from wbc.walking.planning.footsteps import Footstep
-from wbc.walking.planning.gait import Gait
-from wbc.walking.swing import EDGE_SHARE, SwingFoot, SwingShape
+from wbc.walking.planning.gait import EDGE_SHARE, Gait, SwingShape
+from wbc.walking.swing import SwingFoot
 
 GAIT = Gait()
 HERE = Footstep("left", 0.0, 0.0875)

@@ -12,7 +12,7 @@ earlier, so that it clears the edge.
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 import pinocchio as pin
@@ -21,15 +21,8 @@ from wbc.core.errors import ROUNDING, Array, InputError, positive
 from wbc.core.robot import GRAVITY
 from wbc.core.vectors import Vector
 from wbc.tasks.trajectories import Quintic
-
-if TYPE_CHECKING:
-    from wbc.walking.planning.footsteps import Footstep
-
-SHORTEST = 0.05
-"""Least duration of a piece of the motion, s: ten periods of 5 ms."""
-
-EDGE_SHARE = 0.2
-"""Ratio of the swing by which the foot travels later up, or earlier down, a stair as high as the swing."""
+from wbc.walking.planning.footsteps import Footstep
+from wbc.walking.planning.gait import SwingShape
 
 COORDINATES = ("x", "y", "z", "roll", "pitch", "yaw")
 
@@ -73,45 +66,6 @@ class _Coordinate:
         for time, goal in goals:
             self._pieces.append((start, Quintic(state, goal, time - start)))
             start, state = time, goal
-
-
-class SwingShape(NamedTuple):
-    """Shape of a swing.
-
-    Attributes:
-        swing_height: Highest point over the highest of both ends and of the way, m.
-        apex: Time of the highest point over that of the swing.
-        takeoff_time: Time in which the foot only rises after lift-off, s.
-        landing_time: Time in which the foot only sinks before touch-down, s.
-        landing_speed: Downward speed at touch-down, m/s.
-        landing_height: Height over the landing below which the foot sinks at that speed, m.
-        search_depth: Depth below the landing to which the foot searches for ground that comes late, m.
-        search_time: Time from touch-down as planned until the foot is at that depth, s.
-        lift_speed: Upward speed at lift-off, m/s.
-        edge: Ratio of the swing by which the foot travels later up, or earlier down, a stair as high as the swing.
-        quickest: Least time in which the foot comes down from a height h when its time is cut short, over √(h/g).
-        level: Time over that of the swing at which the sole has its tilt at the landing.
-        piece: Least duration of a piece of the motion, s, so that a late change stays a motion.
-    """
-
-    swing_height: float
-    apex: float
-    takeoff_time: float
-    landing_time: float
-    landing_speed: float
-    landing_height: float
-    search_depth: float
-    search_time: float
-    lift_speed: float = 0.0
-    edge: float = EDGE_SHARE
-    quickest: float = 0.0
-    level: float = 1.0
-    piece: float = SHORTEST
-
-    @property
-    def shortest(self) -> float:
-        """Least duration of a swing, s."""
-        return self.takeoff_time + self.landing_time + 2.0 * self.piece
 
 
 class SwingFoot:

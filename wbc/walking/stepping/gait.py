@@ -24,6 +24,7 @@ from wbc.tasks.stabilizer.pendulum import Pendulum
 from wbc.walking.contact import Event, Phase, Touch, touch_down
 from wbc.walking.ground import LAST_LOOK, Ground
 from wbc.walking.planning.footsteps import Footstep
+from wbc.walking.planning.gait import SwingShape
 from wbc.walking.source import NO_REACTION, Reference, Support
 from wbc.walking.stepping.law import (
     SIDEWAYS,
@@ -38,7 +39,7 @@ from wbc.walking.stepping.law import (
 )
 from wbc.walking.stepping.settings import Scale, SteppingSettings, in_si
 from wbc.walking.stepping.steering import Steering, Steps
-from wbc.walking.swing import FootMotion, SwingFoot, SwingShape
+from wbc.walking.swing import FootMotion, SwingFoot
 
 LOOKS = 4
 """Number of ticks between two looks at the ground under a landing that moves at every tick."""
