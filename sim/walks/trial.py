@@ -310,11 +310,11 @@ def _eyes(
     """Return what sees the ground, perfectly with the sensor noise "none"."""
     if spec.eyes == "none":
         return ()
-    eye: DepthCamera | ToeSensors = settings.camera if spec.eyes == "depth" else settings.toes
-    if spec.noise == "none":
-        exact = {name: 0.0 for name in ("noise", "relative_noise", "dropout") if hasattr(eye, name)}
-        eye = replace(eye, **exact)
-    return (eye,)
+    exact = spec.noise == "none"
+    if spec.eyes == "depth":
+        camera = settings.camera
+        return (replace(camera, noise=0.0, relative_noise=0.0, dropout=0.0) if exact else camera,)
+    return (replace(settings.toes, noise=0.0, dropout=0.0) if exact else settings.toes,)
 
 
 def _scheduler(

@@ -238,7 +238,7 @@ def test_clouds_are_placed_by_the_pose_at_their_time():
 def test_what_cannot_be_right_is_not_used_and_is_named(seen, word):
     robot, ground = known()
     ground.add(seen(frame(lambda x, y: 0.0 * x, 0)[0]))
-    ground.update(robot, 0.005)
+    ground.update(robot, 0.03)
     placement = robot.placement(robot.soles[0].frame)
     ground.stand(0, placement)
     assert word in ground.status

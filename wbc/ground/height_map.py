@@ -73,7 +73,6 @@ class HeightMap:
             a turned world has the same map.
         heights: Height of each cell in the world, shape (n,), m; NaN where unknown.
         std: Standard deviation of each height, shape (n,), m.
-        version: Number of changes.
     """
 
     def __init__(
@@ -88,7 +87,6 @@ class HeightMap:
         self._var = np.full(SIDE * SIDE, np.inf)
         self._code = np.full(SIDE * SIDE, NOBODY, np.int64)
         self.heights, self.std = np.full(SIDE * SIDE, np.nan), np.full(SIDE * SIDE, np.inf)
-        self.version = 0
         self._refreshed = -math.inf  # time at which all cells were, s
 
     def add(self, points: Array, std: Array, time: float) -> float | None:
@@ -121,7 +119,6 @@ class HeightMap:
         """Move all heights up by a height, m."""
         self._z += height
         self.heights += height
-        self.version += 1
 
     def at(self, places: Places) -> tuple[Array, Array]:
         """Return heights, NaN where unknown, and their standard deviations, m, at places x + iy, complex, flat, m."""
@@ -180,4 +177,3 @@ class HeightMap:
         else:
             self.std[slot] = std = np.sqrt(self._var[slot])
             self.heights[slot] = np.where(std < self.settings.known, self._z[slot], np.nan)
-        self.version += 1

@@ -20,7 +20,7 @@ from typing import Annotated
 import numpy as np
 import pinocchio as pin
 
-from wbc.core.errors import Array, InputError, shown
+from wbc.core.errors import ROUNDING, Array, InputError, shown
 from wbc.core.robot import Robot
 from wbc.core.settings import NonNegative, Positive, Share, settings
 from wbc.ground.cloud import WORLD, ElevationMap, PointCloud
@@ -35,7 +35,10 @@ POSES = 256
 AHEAD = 0.02
 """Time by which a cloud may be ahead of the measurement, s: two clocks that nearly agree."""
 
-WAITING = 16
+FUSED = 0.02
+"""Least time between two changes of what is known, s: readings that come faster are fused together."""
+
+WAITING = 64
 """Number of clouds that may wait for a tick; with more the oldest are dropped."""
 
 
@@ -72,6 +75,7 @@ class KnownGround:
         map: Heights about the robot, from clouds of points.
         elevation: Map of the user's own, for what the robot has not seen itself; None without one.
         doubts: Reasons for which something is not used: "cloud", "map" or "stance" → reason.
+        version: Number of changes of what is known.
         difference: Ground known under the sole that stands over that sole, at the last lift-off, m; NaN if unknown.
     """
 
@@ -90,6 +94,7 @@ class KnownGround:
         self.elevation: ElevationMap | None = None
         self.doubts: dict[str, str] = {}
         self.difference = math.nan
+        self.version = 0
         self._footprints = [Footprint(sole.length, sole.width, s.footprint) for sole in robot.soles]
         self._soles = [robot.frame_id(sole.frame) for sole in robot.soles]
         self._names = tuple(sole.name for sole in robot.soles)
@@ -102,17 +107,13 @@ class KnownGround:
         self._waiting: list[PointCloud] = []
         self._raised = 0.0  # of the user's map, m
         self._moved = False  # by a frame, since the last lift-off
-        self._time = -math.inf
+        self._time = self._fused = -math.inf
+        self._placed_at = -1  # pose of which `_data` is up to date
 
     @property
     def status(self) -> str:
         """What is not used, and why; empty if all is well."""
         return "; ".join(self.doubts.values())
-
-    @property
-    def version(self) -> int:
-        """Number of changes of what is known."""
-        return self.map.version
 
     def add(self, seen: PointCloud | ElevationMap) -> None:
         """Take a cloud, which is fused in the next tick, or a map of the user's own in place of the last one.
@@ -133,7 +134,7 @@ class KnownGround:
                     f"a map of the ground must be larger than a sole, {self._longest:g} m, got one of {size:g} m"
                 )
             self.elevation, self._raised = seen, 0.0
-            self.map.version += 1
+            self.version += 1
         else:
             raise InputError(f"the ground is known by a PointCloud or an ElevationMap, got {shown(seen)}")
 
@@ -141,12 +142,14 @@ class KnownGround:
         """Remember the pose of the estimated robot at a time of its measurements, s, and fuse what has come."""
         self._newest = (self._newest + 1) % POSES
         self._times[self._newest], self._poses[self._newest] = time, robot.q
+        if self._placed_at == self._newest:
+            self._placed_at = -1
         self._time = time
-        if self._waiting:
+        if self._waiting and time >= self._fused + FUSED - ROUNDING:
+            self._fused = time
             waiting, self._waiting = self._waiting, []
-            for cloud in waiting:
-                why = self._fuse(cloud)
-                self._doubt("cloud", why)
+            self._fuse(waiting)
+            self.version += 1
         if self.elevation is not None:
             self._doubt("map", self._why_not(self.elevation))
 
@@ -170,6 +173,7 @@ class KnownGround:
             shift = -s.stance * min(max(over, -s.stance_step), s.stance_step)
             self.map.shift(shift)
             self._raised += shift
+            self.version += 1
         self._moved = False
 
     def support(self, side: int, x: float, y: float, yaw: float) -> Support | None:
@@ -210,33 +214,53 @@ class KnownGround:
         else:
             self.doubts.pop(what, None)
 
-    def _fuse(self, cloud: PointCloud) -> str:
-        """Fuse a cloud and return an empty text, or return the reason for which it is not used."""
-        age = self._time - cloud.time
-        if not -AHEAD <= age <= self.settings.max_age:
-            return f"a cloud in '{cloud.frame}' is {age:.3f} s old"
-        points, std = cloud.points, np.asarray(cloud.std)
-        at = int(np.argmin(np.abs(self._times - cloud.time)))
-        pin.framesForwardKinematics(self._model, self._data, self._poses[at])
-        if cloud.frame != WORLD:
-            if not self._model.existFrame(cloud.frame):
-                return f"a cloud is in '{cloud.frame}', which is no frame of the robot"
-            sensor = self._data.oMf[self._model.getFrameId(cloud.frame)]
-            points = points @ sensor.rotation.T + sensor.translation
-        if not len(points):
-            return ""
-        soles = np.array([self._data.oMf[sole].translation for sole in self._soles])
-        half, middle = 0.45 * SIDE * self.settings.map.cell, soles.mean(axis=0)
-        near = (np.abs(points[:, :2] - middle[:2]) < half).all(axis=1)
-        near &= np.abs(points[:, 2] - middle[2]) < self._leg
-        if not near.any():
-            far = float(np.median(np.abs(points - middle).max(axis=1)))
-            return f"a cloud in '{cloud.frame}' is beyond the legs' reach, {far:.4g} m away (are its units metres?)"
-        shift = self.map.add(points[near], std[near], cloud.time)
+    def _fuse(self, clouds: list[PointCloud]) -> None:
+        """Fuse clouds as one frame, without those that cannot be used."""
+        placed, why = [], ""
+        for cloud in clouds:
+            points, doubt = self._placed(cloud)
+            why = doubt or why
+            if len(points):
+                placed.append(points)
+        self._doubt("cloud", why)
+        if not placed:
+            return
+        points = np.concatenate(placed)
+        shift = self.map.add(points[:, :3], points[:, 3], max(cloud.time for cloud in clouds))
         if shift is not None:
             self._moved = True
             self._raised += shift
-        return ""
+
+    def _placed(self, cloud: PointCloud) -> tuple[Array, str]:
+        """Return the points of a cloud near the robot, with their standard deviations, in the world, shape (n, 4), m.
+
+        The text is the reason for which there are none.
+        """
+        none = np.empty((0, 4))
+        age = self._time - cloud.time
+        if not -AHEAD <= age <= self.settings.max_age:
+            return none, f"a cloud in '{cloud.frame}' is {age:.3f} s old"
+        at = int(np.argmin(np.abs(self._times - cloud.time)))
+        if at != self._placed_at:
+            self._placed_at = at
+            pin.framesForwardKinematics(self._model, self._data, self._poses[at])
+        points = cloud.points
+        if cloud.frame != WORLD:
+            if not self._model.existFrame(cloud.frame):
+                return none, f"a cloud is in '{cloud.frame}', which is no frame of the robot"
+            sensor = self._data.oMf[self._model.getFrameId(cloud.frame)]
+            points = points @ sensor.rotation.T + sensor.translation
+        if not len(points):
+            return none, ""
+        middle = np.mean([self._data.oMf[sole].translation for sole in self._soles], axis=0)
+        off = np.abs(points - middle)
+        half = 0.45 * SIDE * self.settings.map.cell
+        near = (off < (half, half, self._leg)).all(axis=1)
+        if not near.any():
+            far = float(np.median(off.max(axis=1)))
+            why = f"a cloud in '{cloud.frame}' is beyond the legs' reach, {far:.4g} m away (are its units metres?)"
+            return none, why
+        return np.column_stack([points[near], np.asarray(cloud.std)[near]]), ""
 
     def _why_not(self, elevation: ElevationMap) -> str:
         """Return the reason for which the user's map is not used; empty for one that is."""

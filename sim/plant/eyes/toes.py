@@ -34,7 +34,7 @@ class ToeSensors:
     sensors: Count = 3
     nearest: Annotated[NonNegative, "m"] = 0.01
     furthest: Annotated[Positive, "m"] = 0.4
-    rate: Annotated[Positive, "Hz"] = 200.0
+    rate: Annotated[Positive, "Hz"] = 50.0
     latency: Annotated[NonNegative, "s"] = 0.0
     noise: Annotated[NonNegative, "m"] = 0.002
     dropout: Share = 0.01

@@ -111,7 +111,7 @@ def _add_walk(signals: Signals, tick: Tick) -> None:
     about = "velocity that the planned footsteps give"
     group("drive/granted", VELOCITY, VELOCITY_UNITS, about, of_walk(lambda w: w.granted_velocity))
     if tick.walking is not None and tick.walking.ground is not None:
-        ground = of(lambda t: t.walking.ground)
+        ground = of(lambda t: None if t.walking is None else t.walking.ground)
         about = "what is not used of the ground, and why"
         one("ground/doubt", "1", about, ground(lambda g: g.status or None), "text")
         about = "ground known under the sole that stands, over that sole, at the last lift-off"
