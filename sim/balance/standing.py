@@ -104,10 +104,10 @@ class StandTrial(Trial):
         sway: Measures where the centre of mass is.
     """
 
-    def __init__(self, spec: StandSpec, scenario: Sequence[TrialHook] = ()) -> None:
-        """Build robot, plant and controller; `scenario` are hooks that act, such as pushes."""
+    def __init__(self, spec: StandSpec, scenario: Sequence[TrialHook] = (), *, visuals: bool = False) -> None:
+        """Build robot, plant (see it for `visuals`) and controller; `scenario` are hooks that act, such as pushes."""
         self.spec = spec
-        robot, plant, observer = spec.build(OBSERVER if spec.steps == "allowed" else None)
+        robot, plant, observer = spec.build(OBSERVER if spec.steps == "allowed" else None, visuals=visuals)
         self.control: PositionControl | TorqueControl
         if spec.steps == "allowed":
             walking: Any = SteppingControl(

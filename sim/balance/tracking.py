@@ -85,14 +85,14 @@ class TrackTrial(Trial):
 
     walking: WalkingControl
 
-    def __init__(self, clip: MotionClip, spec: TrackSpec | None = None) -> None:
-        """Build robot, plant and controller; the robot stands as the feasible clip begins.
+    def __init__(self, clip: MotionClip, spec: TrackSpec | None = None, *, visuals: bool = False) -> None:
+        """Build robot, plant (see it for `visuals`) and controller; the robot stands as the feasible clip begins.
 
         `UnknownNameError`: a clip of another robot; `InputError`: one in which it leaves the ground, or a foot that
         does not fit.
         """
         self.spec = spec = spec or TrackSpec()
-        robot, plant, observer = spec.build()
+        robot, plant, observer = spec.build(visuals=visuals)
         q = clip.configurations(robot)[0]
         robot.update(q, np.zeros(robot.nv))
         q[2] -= min(robot.placement(sole.frame).translation[2] for sole in robot.soles)

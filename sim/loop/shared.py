@@ -21,6 +21,7 @@ from wbc.sim.plant.hands import SCENE_PREFIX, add_grips, check_clear
 from wbc.sim.plant.model import bare_spec, compiled, equip, furniture
 from wbc.sim.plant.sensors import NO_NOISE, SensorNoise
 from wbc.sim.plant.settings import Machine, PhysicsSettings
+from wbc.sim.plant.visuals import add_stage, add_visuals
 from wbc.sim.scenes.base import Scene
 from wbc.sim.terrain.render import add_to_spec
 from wbc.sim.terrain.spec import Terrain
@@ -101,12 +102,14 @@ class SharedPlant:
         for i, (name, description) in enumerate(robots.items()):
             description.needs_feet("a shared plant")
             robot, part = description.robot(), bare_spec(description)
+            add_visuals(part, description, robot)
             equip(part, description, robot, foot, Machine(), hands=True, shapes=scene is not None)
             for geom in part.geoms:
                 if geom.group == SHAPE_GROUP:  # touches things, and the other robots
                     geom.contype, geom.conaffinity = 2 << i, 1 | (every & ~(1 << i)) << 1
             spec.attach(part, prefix=f"{name}/", frame=spec.worldbody.add_frame())
             add_grips(spec, robot, f"{name}/")
+        add_stage(spec)
         self.model = compiled(spec, " and ".join(robots))
         self.data = mujoco.MjData(self.model)
         self.control_period = float(control_period)

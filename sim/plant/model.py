@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from pathlib import Path
 
 import mujoco
@@ -17,9 +18,12 @@ from wbc.robots.description import RobotDescription
 from wbc.sim.plant.body_shapes import add_body_shapes
 from wbc.sim.plant.hands import SCENE_PREFIX, add_grips, add_hand_sensors
 from wbc.sim.plant.settings import Machine, PhysicsSettings
+from wbc.sim.plant.visuals import add_stage, add_visuals, drop_meshes
 from wbc.sim.scenes.base import Scene, make_scene
 from wbc.sim.terrain.render import TERRAIN_GROUP, add_to_spec
 from wbc.sim.terrain.spec import Terrain
+
+_log = logging.getLogger(__name__)
 
 MAX_PAIRS = 240
 """Pairs of geoms, of a body of a foot and one of the ground, above which MuJoCo's trees of boxes are quicker.
@@ -71,10 +75,12 @@ def build_model(
     physics: PhysicsSettings,
     machine: Machine | None = None,
     scene: mujoco.MjSpec | None = None,
+    visuals: bool = True,
 ) -> tuple[mujoco.MjModel, tuple[FootParts, ...], Terrain]:
     """Compile the MuJoCo model of a robot on its feet on a terrain, with furniture made by `furniture`.
 
-    Returns the model, one foot per sole, left first, and the terrain as drawn; raises as `bare_spec` and `equip` do.
+    Without `visuals` the links of the robot cannot be seen. Returns the model, one foot per sole, left first, and the
+    terrain as drawn; raises as `bare_spec` and `equip` do.
     """
     spec = bare_spec(description)
     physics.apply(spec)
@@ -86,6 +92,9 @@ def build_model(
     if scene is not None:
         spec.attach(scene, prefix=SCENE_PREFIX, frame=spec.worldbody.add_frame())
         add_grips(spec, robot)
+    if visuals:
+        add_visuals(spec, description, robot)
+        add_stage(spec)
     model = compiled(spec, robot.name)
     if (
         physics.few_contacts
@@ -144,11 +153,26 @@ def equip(
     return feet
 
 
+def drawing_model(description: RobotDescription, robot: Robot, terrain: Terrain) -> mujoco.MjModel:
+    """Return a model of a robot's links on a terrain that is drawn and never stepped."""
+    spec = bare_spec(description)
+    add_to_spec(spec, terrain)
+    add_visuals(spec, description, robot)
+    add_stage(spec)
+    return compiled(spec, robot.name)
+
+
 def compiled(spec: mujoco.MjSpec, name: str) -> mujoco.MjModel:
-    """Return the compiled model of a robot of that name; `ModelError` if MuJoCo cannot compile it."""
+    """Return the compiled model of a robot of that name; `ModelError` if MuJoCo cannot compile it.
+
+    Meshes that MuJoCo refuses are not drawn.
+    """
     try:
         return spec.compile()
     except ValueError as error:
+        if drop_meshes(spec):
+            _log.warning("the meshes of '%s' are not drawn: %s", name, str(error).splitlines()[0])
+            return compiled(spec, name)
         raise ModelError(f"MuJoCo cannot compile the model of '{name}': {error}") from error
 
 

@@ -87,6 +87,7 @@ class Plant(SimulatedRobot):
         machine: Machine | None = None,
         scene: str | Path | mujoco.MjSpec | Scene | None = None,
         eyes: Sequence[DepthCamera | ToeSensors] = (),
+        visuals: bool = True,
     ) -> None:
         """Build the model and put the robot on the ground.
 
@@ -105,6 +106,8 @@ class Plant(SimulatedRobot):
             scene: What stands or lies about: a scene, the name of one, or MJCF, as a path, as XML or as a
                 specification. All of the robot touches it, and the ground; without a scene only the feet touch.
             eyes: Depth cameras and range sensors at the toes, whose clouds `clouds` returns.
+            visuals: Keep the shapes by which the robot is drawn: they touch nothing, and no number of a run changes
+                with them. Studies leave them out.
 
         Raises:
             UnknownNameError: No such foot, terrain, scene, noise preset or link of a camera.
@@ -127,6 +130,7 @@ class Plant(SimulatedRobot):
             physics=self.physics,
             machine=machine,
             scene=things,
+            visuals=visuals,
         )
         places = RobotPlaces(model, robot, feet=[built.body for built in self.feet])
         hands = robot.frames if machine.hand_sensors or things is not None else ()

@@ -66,7 +66,12 @@ class TrialHook:
     """Hook of a trial, called in every tick: an observer, a recorder, a scenario. Override the methods it needs.
 
     The result is the same with any hooks that only observe.
+
+    Attributes:
+        draws: True for a hook that draws the robot: `walk` then keeps the shapes by which it is drawn.
     """
+
+    draws = False
 
     def start(self, trial: Any) -> None:
         """Called once, before the first tick."""

@@ -94,7 +94,9 @@ class TrialSpec:
         """Return the control period when none is given, s."""
         return CONTROL_PERIOD[self.chosen]
 
-    def build(self, observer: ObserverSettings | None = None) -> tuple[Robot, Plant, Observer]:
+    def build(
+        self, observer: ObserverSettings | None = None, *, visuals: bool = False
+    ) -> tuple[Robot, Plant, Observer]:
         """Return the controller's robot, the plant, and an observer with some settings that knows the delays."""
         foot = foot_by_name(self.foot)
         description = with_feet(load(self.robot).with_servos(self.servo), foot)
@@ -106,6 +108,7 @@ class TrialSpec:
             timestep=self.timestep,
             control_period=self.period,
             machine=self.machine,
+            visuals=visuals,
         )
         robot = description.robot()
         delays = {name: getattr(self.machine, name) for name in ("measurement_delay", "command_delay")}

@@ -90,7 +90,7 @@ def walk(
     if isinstance(policy, str):
         values["policy"], policy = policy, None
     spec = WalkSpec(**values) if spec is None else replace(spec, **values)
-    result: WalkResult = WalkTrial(spec, policy=policy).run(hooks)
+    result: WalkResult = WalkTrial(spec, policy=policy, visuals=any(hook.draws for hook in hooks)).run(hooks)
     return result
 
 
@@ -104,12 +104,13 @@ class WalkTrial(Trial):
     """
 
     @checked
-    def __init__(self, spec: WalkSpec, *, policy: PolicyLike | None = None) -> None:
+    def __init__(self, spec: WalkSpec, *, policy: PolicyLike | None = None, visuals: bool = False) -> None:
         """Build plant and controller.
 
         Args:
             spec: The walk.
             policy: Stiffness policy of variable soles in place of the spec's.
+            visuals: Keep the shapes by which the robot is drawn; the walk is the same.
 
         Raises:
             InputError: A policy for soles without a stiffness to set.
@@ -120,7 +121,7 @@ class WalkTrial(Trial):
         prepared = self._prepared = spec.prepare()
         with threadpool_limits(1):
             robot = prepared.robot()
-            plant = _plant(spec, prepared, robot)
+            plant = _plant(spec, prepared, robot, visuals)
             scheduler = _scheduler(spec, prepared, robot, policy)
             walking, height = _walking(spec, prepared, robot, scheduler)
         standing_com = float(robot.com[2]) - 0.5 * (prepared.plan.left.z + prepared.plan.right.z)
@@ -265,7 +266,7 @@ def _walking(
     ), settings.com_height
 
 
-def _plant(spec: WalkSpec, prepared: PreparedWalk, robot: Robot) -> Plant:
+def _plant(spec: WalkSpec, prepared: PreparedWalk, robot: Robot, visuals: bool) -> Plant:
     """Return the plant, its robot where the controller's robot is."""
     plant = Plant(
         prepared.plant_description,
@@ -280,6 +281,7 @@ def _plant(spec: WalkSpec, prepared: PreparedWalk, robot: Robot) -> Plant:
         machine=spec.machine,
         scene=spec.things(),
         eyes=_eyes(spec, prepared.settings),
+        visuals=visuals,
     )
     # The soles of the walk's feet may lie elsewhere under the ankles than the robot's own.
     plant_q, controller_q = plant.robot.half_sitting, robot.half_sitting

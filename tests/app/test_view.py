@@ -1,387 +1,492 @@
-"""The live view shows what is the case, and changes nothing."""
+"""A view draws each geom where MuJoCo has it, marks where the run has them, and changes nothing."""
 
 from __future__ import annotations
 
-import asyncio
 import json
 import math
+import socket
 import time
 import urllib.request
-from collections.abc import Iterator
-from dataclasses import replace
+from pathlib import Path
+from threading import Timer
 from typing import Any
 
+import mujoco
 import numpy as np
-import pinocchio as pin
 import pytest
-import umsgpack
-from pages import page_url, taken
-from tornado.websocket import websocket_connect
+from browser import Browser, needs_chromium
+from foreign import foreign_model
+from numpy.typing import NDArray
 
 import wbc
-from wbc.app.address import ViewError
-from wbc.app.scene.robot_shapes import robot_parts
-from wbc.app.scene.shapes import ROOT, MeshFile, Part, Surface, box, cylinder, ellipsoid
-from wbc.app.scene.sources import PlantSource, RobotSource
-from wbc.app.view.meshcat_view import MeshcatView
+from wbc.app import MeshcatView, WatchWalk, live
+from wbc.app.cli import BAD_INPUT, RAN, main
+from wbc.app.view.base import PortError, View, ViewError
+from wbc.app.view.live_marks import drift_of
+from wbc.app.view.marks import LIFT, Mark, Picture, legend, placed, stiffness_colour
+from wbc.app.view.meshes import PLANE_DEPTH, SHOWN_GROUPS, body_meshes, geom_mesh
+from wbc.app.view.pace import Pace
+from wbc.app.view.stage import DescribedStage, SimulatedStage
 from wbc.core.errors import InputError
+from wbc.core.hull import convex_hull
 from wbc.core.robot import GRAVITY
-from wbc.core.signals import Command
-from wbc.robots.urdf import without_geometry
+from wbc.sim import MujocoLoop
+from wbc.sim.plant.model import drawing_model
 from wbc.sim.terrain.spec import terrain
-from wbc.tasks import Behaviour, Program, StateMachine, after
-from wbc.tasks.balance import balance_controller
+from wbc.sim.trial.loop import TrialHook, TrialTick
+from wbc.sim.walks.plans import WalkPlan
+from wbc.sim.walks.spec import WalkSpec
+from wbc.sim.walks.trial import WalkTrial, walk
+from wbc.walking.planning.gait import Gait
 
-ROBOTS = ("hrp4_class", "talos", "g1")
-Commands = list[dict[str, Any]]
-
-
-def matrices(of: Commands) -> dict[str, np.ndarray]:
-    moves = [command for command in of if command["type"] == "set_transform"]
-    return {command["path"]: np.array(command["matrix"]).reshape(4, 4).T for command in moves}
-
-
-def new_plant() -> wbc.Plant:
-    return wbc.Plant(wbc.load_robot("hrp4_class"), noise="realistic", seed=5, control_period=0.002)
+HRP4 = wbc.load_robot("hrp4_class")
+GAIT = Gait(single_support=0.5, double_support=0.2, initial_double_support=0.5, final_double_support=0.5)
+"""Quick steps: these tests are about the view."""
 
 
-def fall_over(plant: wbc.Plant, commands: list[Command], view: MeshcatView | None = None) -> list[np.ndarray]:
-    """Push a robot over; return its true and measured states, with noisy sensors."""
-    states = []
-    for command in commands:
-        if plant.ticks == 50:
-            plant.push("torso", [150.0, 40.0, 0.0], 0.2)
-        plant.step(command)
-        if view is not None:
-            view.update()
-        measured = plant.measure()
-        states.append(
-            np.concatenate(
-                [plant.data.qpos, plant.data.qvel, measured.sole_wrench.ravel(), measured.specific_force]
-            )
+def short_walk(**values: Any) -> WalkSpec:
+    return WalkSpec(**{"plan": WalkPlan(distance=0.1), "gait": GAIT, "timestep": 0.0025} | values)
+
+
+def tick(trial: WalkTrial) -> Any:
+    """One control period; returns what was measured before the plant moved on."""
+    measurement = trial.plant.measure()
+    trial.plant.step(trial.walking.command(measurement))
+    return measurement
+
+
+def named(picture: Picture, prefix: str) -> dict[str, Mark]:
+    return {mark.name: mark for mark in picture.marks if mark.name.startswith(prefix)}
+
+
+def middle(mark: Mark) -> NDArray[np.float64]:
+    return np.asarray(np.unique(np.round(mark.points, 9), axis=0).mean(axis=0))
+
+
+# ---- the model ------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("ground", ["stones", "random"])
+def test_each_geom_is_drawn_where_mujoco_has_it(ground: str) -> None:
+    cup = '<body name="cup" pos=".4 .3 .05"><freejoint/><geom size=".05"/></body>'
+    scene = f"<mujoco><worldbody>{cup}</worldbody></mujoco>"
+    plant = wbc.Plant(HRP4, foot="soft", terrain=ground, scene=scene)
+    model, data = plant.model, plant.data
+    rng = np.random.default_rng(0)
+    data.qpos[7:] += 0.2 * rng.standard_normal(model.nq - 7)
+    mujoco.mj_forward(model, data)
+    drawn: dict[int, list[NDArray[np.float64]]] = {}
+    for body, _, mesh in body_meshes(model):
+        points = mesh.vertices @ data.xmat[body].reshape(3, 3).T + data.xpos[body]
+        drawn.setdefault(body, []).append(points)
+    clouds = {body: np.concatenate(points) for body, points in drawn.items()}
+    count = 0
+    for geom in range(model.ngeom):
+        mesh = geom_mesh(model, geom)
+        if model.geom_group[geom] >= SHOWN_GROUPS or mesh is None:
+            continue
+        body = int(model.geom_bodyid[geom])
+        own = mesh.vertices[:: max(1, len(mesh.vertices) // 5)]
+        there = own @ data.geom_xmat[geom].reshape(3, 3).T + data.geom_xpos[geom]
+        cloud = clouds[0 if model.body_weldid[body] == 0 else body]
+        distance = np.linalg.norm(cloud[None] - there[:, None], axis=2).min(axis=1)
+        assert distance.max() < 1e-5, model.geom(geom)
+        count += 1
+    body = model.body("scene/cup").id
+    assert count > 50 and np.linalg.norm(clouds[body] - data.xpos[body], axis=1) == pytest.approx(
+        0.05, rel=1e-5
+    )
+
+
+def test_shapes_have_the_size_of_their_geoms() -> None:
+    """The farthest point of a shape in a direction, against the support functions of the solids."""
+    kinds = {
+        "box": (0.1, 0.2, 0.3),
+        "sphere": (0.2,),
+        "ellipsoid": (0.1, 0.2, 0.3),
+        "cylinder": (0.1, 0.3),
+        "capsule": (0.1, 0.3),
+    }
+    geoms = "".join(
+        f'<geom type="{kind}" size="{" ".join(map(str, size))}"/>' for kind, size in kinds.items()
+    )
+    field = '<hfield name="f" nrow="3" ncol="4" size="2 1 .5 .1" elevation="0 0 0 0  0 1 .5 0  0 0 0 0"/>'
+    world = f'<geom type="plane" size="1 2 1"/><geom type="hfield" hfield="f"/>{geoms}'
+    text = f"<mujoco><asset>{field}</asset><worldbody>{world}</worldbody></mujoco>"
+    model = mujoco.MjModel.from_xml_string(text)
+    plane, hills, *solids = (geom_mesh(model, geom) for geom in range(model.ngeom))
+    assert plane is not None and hills is not None
+    assert np.abs(plane.vertices).max(axis=0) == pytest.approx([1.0, 2.0, PLANE_DEPTH])
+    assert hills.vertices[:, 2].max() == pytest.approx(0.5) and np.ptp(
+        hills.vertices, axis=0
+    ) == pytest.approx([4.0, 2.0, 0.5])
+    for mesh, (kind, size) in zip(solids, kinds.items(), strict=True):
+        assert mesh is not None
+        high = {
+            "sphere": size * 3,
+            "cylinder": (size[0], size[0], size[-1]),
+            "capsule": (size[0], size[0], sum(size)),
+        }
+        assert np.abs(mesh.vertices).max(axis=0) == pytest.approx(high.get(kind, size), rel=0.02)
+        a, b, c = mesh.vertices[mesh.faces].transpose(1, 0, 2)
+        assert (np.einsum("ij,ij->i", np.cross(b - a, c - a), a + b + c) > 0.0).all(), "faces look outwards"
+
+
+@pytest.mark.parametrize("robot", ["hrp4_class", pytest.param("talos", marks=pytest.mark.slow)])
+def test_a_link_is_drawn_where_its_urdf_has_it_and_nothing_is_missing(robot: str) -> None:
+    description = wbc.load_robot(robot)
+    model = drawing_model(description, description.robot(), terrain("flat"))
+    bodies = {model.body(each.body).name for each in body_meshes(model) if each.body > 0}
+    moving = {description.attachment(name)[0] for name in bodies}
+    assert len(moving) >= description.robot().na  # each joint moves something that can be seen
+    assert not model.geom_contype[model.geom_group == 1].any()
+    assert model.body_mass.sum() == pytest.approx(description.robot().mass)
+
+
+def test_meshes_that_are_missing_or_broken_become_sticks(tmp_path: Path) -> None:
+    broken = tmp_path / "broken.stl"
+    broken.write_bytes(b"solid nothing")
+    inertia = '<inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/>'
+    links = "".join(
+        f'<link name="{name}"><inertial><mass value="1"/>{inertia}</inertial>'
+        f'<visual><geometry><mesh filename="{file}"/></geometry></visual></link>'
+        for name, file in (("base", broken), ("arm", tmp_path / "none.stl"))
+    )
+    joint = (
+        '<joint name="j" type="revolute"><parent link="base"/><child link="arm"/><origin xyz="0 0 .4"/>'
+        '<axis xyz="0 1 0"/><limit lower="-1" upper="1" effort="9" velocity="9"/></joint>'
+    )
+    description = wbc.RobotDescription.from_urdf(f'<robot name="r">{links}{joint}</robot>')
+    model = drawing_model(description, description.robot(), terrain("flat"))
+    assert {model.body(each.body).name for each in body_meshes(model)} == {"world", "base", "arm"}
+
+
+# ---- marks ----------------------------------------------------------------------------------------------------------
+
+
+def test_marks_are_drawn_at_their_points() -> None:
+    points = np.array([[1.0, 2.0, 0.1], [1.5, 2.0, 0.4], [1.2, 2.4, 0.1]])
+    for kind in ("ball", "arrow", "line", "area", "cloud"):
+        mesh, position, rotation, scale = placed(
+            Mark("m", kind, points[:2] if kind == "arrow" else points, (1, 1, 1, 1), 0.01)
         )
-    return states
+        drawn = (mesh.vertices * scale) @ rotation.T + position
+        assert mesh.faces.max() < len(drawn)
+        for point in points[: {"ball": 1, "arrow": 2}.get(kind, 3)]:
+            assert np.linalg.norm(drawn - point, axis=1).min() < 0.011
+    assert legend(
+        [
+            Picture(
+                0.0,
+                [
+                    Mark("a", "ball", points[:1], (1, 0, 0, 1), meaning="ZMP"),
+                    Mark("b", "ball", points[:1], (1, 1, 0, 1)),
+                ],
+            )
+        ]
+    ) == {"ZMP": (1, 0, 0, 1)}
 
 
-@pytest.fixture(scope="module")
-def plant() -> wbc.Plant:
-    plant = new_plant()
-    fall_over(plant, [plant.hold()] * 200)
-    return plant
+def test_footsteps_are_where_they_are_planned_and_where_feet_really_stand() -> None:
+    trial = WalkTrial(short_walk(plan=WalkPlan(distance=0.2), noise="none"))
+    stage, walking = SimulatedStage(trial.plant, trial.walking), trial.walking
+    steps = walking.walk.phases.plan.steps
+    first = stage.picture(None)
+    for mark, step in zip(named(first, "planned step").values(), steps, strict=True):
+        assert middle(mark) == pytest.approx(step.position + (0.0, 0.0, LIFT), abs=1e-5)
+        assert mark.meaning == f"{step.side} footstep, planned"
+    assert len(named(first, "real step")) == 2
+    wanted = None
+    while walking.steps_done < 2:
+        if walking.walk.phases.swing == "left":
+            drift = drift_of(trial.plant, walking)
+            wanted = (drift @ [*walking.walk.phases.plan.steps[0].position, 1.0])[:3]
+        tick(trial)
+        picture = stage.picture(None)
+        if walking.steps_done == 1 and walking.walk.phases.swing == "right":
+            assert f"step 2 of {len(steps)}, single support: right foot swings" in picture.text
+    real = named(picture, "real step")
+    assert len(real) == 4 and wanted is not None
+    assert middle(real["real step 1"]) == pytest.approx(
+        middle(named(first, "real step")["real step 1"]), abs=2e-3
+    )
+    assert middle(real["real step 3"])[:2] == pytest.approx(wanted[:2], abs=0.02)  # where the foot has landed
+    assert middle(named(picture, "planned step 0")["planned step 0"])[:2] == pytest.approx(
+        wanted[:2], abs=1e-3
+    )
 
 
-@pytest.fixture(scope="module")
-def view(plant: wbc.Plant) -> Iterator[MeshcatView]:
-    with MeshcatView(plant, port=0, rate=1000.0) as view:
-        yield view
+def test_what_is_planned_is_shown_where_it_lies_in_the_true_world() -> None:
+    trial = WalkTrial(short_walk(plan=WalkPlan(distance=0.2), noise="none"))
+    stage = SimulatedStage(trial.plant, trial.walking)
+    for _ in range(20):
+        tick(trial)
+    before, data = stage.picture(None), trial.plant.data
+    x, y, turn = 0.3, -0.4, 0.5 * math.pi
+    # The robot turns and moves, the estimate does not see it.
+    data.qpos[:2] = (x - data.qpos[1], y + data.qpos[0])
+    half = np.array([math.cos(0.5 * turn), 0, 0, math.sin(0.5 * turn)])
+    mujoco.mju_mulQuat(data.qpos[3:7], half, data.qpos[3:7].copy())
+    mujoco.mj_forward(trial.plant.model, data)
+    after = stage.picture(None)
+    for prefix in ("planned step", "ZMP planned", "DCM planned"):
+        for name, mark in named(before, prefix).items():
+            was_x, was_y, _ = middle(mark)
+            assert middle(named(after, name)[name])[:2] == pytest.approx([x - was_y, y + was_x], abs=1e-3)
+    assert any(line.endswith(" mm and 90.0° off") for line in after.text)
 
 
-# ---- what is shown --------------------------------------------------------------------------------------------------
+def test_a_stop_takes_footsteps_away() -> None:
+    trial = WalkTrial(short_walk(plan=WalkPlan(distance=1.0)))
+    stage = SimulatedStage(trial.plant, trial.walking)
+    while trial.walking.walk.phases.swing is None:
+        tick(trial)
+    assert len(named(stage.picture(None), "planned step")) == 8
+    trial.walking.stop()
+    assert len(named(stage.picture(None), "planned step")) == len(trial.walking.walk.phases.plan) <= 2
 
 
-@pytest.mark.parametrize("name", ROBOTS)
-def test_every_link_is_drawn_where_pinocchio_has_it(name: str) -> None:
-    description = wbc.load_robot(name)
-    robot = description.robot()
-    rng = np.random.default_rng(1)
-    plant = wbc.Plant(description)
-    plant.reset(pin.integrate(robot.model, robot.q, 0.2 * rng.normal(size=robot.nv)))
-    source, model = PlantSource(plant), RobotSource(description, None)
-    q = plant.truth().q
-    robot.update(q, np.zeros(robot.nv))
-    links = {f.name for f in robot.model.frames if f.type == pin.FrameType.BODY}
-    assert set(source.scene.bodies) <= links
-    moving = {robot.model.frames[robot.frame_id(body)].parentJoint for body in source.scene.bodies}
-    assert moving == set(range(1, robot.model.njoints))  # something moves with every joint
-    for snapshot in (source.snapshot(), model.snapshot(robot, None, 0.0), model.snapshot(q, None, 0.0)):
-        for body, pose in zip(source.scene.bodies, snapshot.poses, strict=True):
-            assert pose == pytest.approx(robot.placement(body).homogeneous, abs=1e-9)
-        assert snapshot.com == pytest.approx(robot.com, abs=1e-9)
+def test_balance_is_shown_as_it_is_and_as_planned() -> None:
+    trial = WalkTrial(short_walk(foot="soft", noise="none"))
+    stage, walking = SimulatedStage(trial.plant, trial.walking), trial.walking
+    while walking.walk.phases.swing is None:
+        tick(trial)
+    for _ in range(40):
+        tick(trial)
+    picture, truth, reference = stage.picture(None), trial.plant.truth(), walking.reference
+    marks = {mark.name: mark for mark in picture.marks}
+    assert reference is not None
+    dcm = truth.com + truth.com_velocity / reference.pendulum.omega
+    assert marks["dcm"].points[0, :2] == pytest.approx(dcm[:2])
+    assert middle(marks["ZMP planned"])[:2] == pytest.approx(reference.pendulum.zmp[:2], abs=3e-3)
+    assert middle(marks["DCM planned"])[:2] == pytest.approx(reference.pendulum.dcm[:2], abs=3e-3)
+    assert marks["com"].points[0] == pytest.approx(truth.com)
+    corners, zmp = marks["support"].points[:, :2], marks["zmp"].points[:, :2]
+    assert convex_hull(np.concatenate([corners, zmp])) == pytest.approx(
+        corners, abs=1e-6
+    )  # a ZMP cannot be elsewhere
+    arrows = [mark for name, mark in marks.items() if name.startswith("ground force")]
+    total = sum(mark.points[1] - mark.points[0] for mark in arrows)
+    assert total == pytest.approx(stage.scale.height * truth.contact_force.sum(axis=0) / stage.scale.weight)
+    assert stage.scale.weight == pytest.approx(trial.plant.robot.mass * GRAVITY)
 
 
-def test_meshes_of_the_built_in_robots_are_found() -> None:
-    for name in ("talos", "g1"):
-        parts = robot_parts(wbc.load_robot(name))
-        assert sum(isinstance(part.shape, MeshFile) for part in parts) > 25
-    assert not any(isinstance(part.shape, MeshFile) for part in robot_parts(wbc.load_robot("hrp4_class")))
-
-
-def test_forces_and_zmp_are_those_of_a_robot_that_stands() -> None:
-    description = wbc.load_robot("hrp4_class")
-    plant = wbc.Plant(description)
-    control = wbc.PositionControl(balance_controller(description.robot(), plant.control_period))
-    for _ in range(100):
-        plant.step(control.command(plant.measure()))
-    source, model = PlantSource(plant), RobotSource(description, None)
-    robot = description.robot()
-    robot.update(plant.truth().q, np.zeros(robot.nv))
-    weight = robot.mass * GRAVITY
-    seen = (source.snapshot(), model.snapshot(robot, plant.truth().sole_wrench, 0.5))
-    for snapshot, scene in zip(seen, (source.scene, model.scene), strict=True):
-        assert [kind for kind, _, _ in snapshot.forces] == ["ground", "ground"]
-        assert sum(force[2] for _, _, force in snapshot.forces) == pytest.approx(weight, rel=1e-3)
-        assert snapshot.zmp is not None
-        assert snapshot.zmp[:2] == pytest.approx(robot.com[:2], abs=1e-3)  # at rest, the ZMP is under the CoM
-        frame = dict(zip(scene.moving, scene.frame(snapshot), strict=True))
-        arrows = [frame[f"{ROOT}/forces/ground_{i}"] for i in range(2)]
-        assert sum(arrow[2, 2] for arrow in arrows) == pytest.approx(scene.com_height, rel=1e-3)
-        for arrow, (_, point, _) in zip(arrows, sorted(snapshot.forces, key=lambda f: -f[2][2]), strict=True):
-            assert arrow[:3, 3] == pytest.approx(point)
-            assert abs(point[2]) < 1e-3
-        assert np.linalg.norm(frame[f"{ROOT}/forces/ground_2"][:3, :3]) < 1e-5
-        assert frame[f"{ROOT}/markers/zmp"][:3, 3] == pytest.approx(snapshot.zmp)
-        assert frame[f"{ROOT}/markers/com"][:3, 3] == pytest.approx(robot.com)
-    assert seen[0].zmp == pytest.approx(seen[1].zmp, abs=1e-3)
-
-
-def test_pushes_are_arrows_that_end_where_they_press() -> None:
-    plant = wbc.Plant(wbc.load_robot("hrp4_class"))
-    source = PlantSource(plant)
-    force = np.array([30.0, -20.0, 10.0])
-    plant.push("torso", force, 0.02)
+def test_a_push_is_an_arrow_that_ends_where_it_pushes() -> None:
+    plant = wbc.Plant(HRP4)
+    stage = SimulatedStage(plant, None)
+    plant.push("torso", (0.0, 30.0, 0.0), 0.05)
     plant.step(plant.hold())
-    snapshot = source.snapshot()
-    ((kind, point, pushed),) = [arrow for arrow in snapshot.forces if arrow[0] == "push"]
-    assert (kind, pushed.tolist()) == ("push", force.tolist())
-    place = source.scene.moving.index(f"{ROOT}/forces/push_0")
-    arrow = source.scene.frame(snapshot)[place]
-    assert arrow @ [0.0, 0.0, 1.0, 1.0] == pytest.approx([*point, 1.0])
-    assert np.cross(arrow[:3, 2], force) == pytest.approx(np.zeros(3), abs=1e-9)
-    for _ in range(5):
+    (push,) = named(stage.picture(None), "push").values()
+    torso = plant.data.xipos[plant.model.body(plant.robot.torso_frame).id]
+    assert push.points[1] == pytest.approx(torso, abs=1e-3) and push.points[0][1] < push.points[1][1]
+
+
+def test_soles_have_the_colour_of_their_stiffness() -> None:
+    trial = WalkTrial(short_walk(foot="variable", stiffness=10.0))
+    plant, stage = trial.plant, SimulatedStage(trial.plant, trial.walking)
+    colours = stage.picture(None).colours
+    assert len(colours) == 2 * 10 and set(colours.values()) == {stiffness_colour(10.0)}  # the phalanges
+    joints = [plant.model.joint(name).id for name in plant.feet[1].variable_joints]
+    plant.model.jnt_stiffness[joints] = 40.0
+    picture = stage.picture(None)
+    assert set(picture.colours.values()) == {stiffness_colour(10.0), stiffness_colour(40.0)}
+    assert "soles 10.0 and 40.0 Nm/rad" in picture.text
+    reds = [stiffness_colour(k)[0] for k in (0.0, 2.0, 5.0, 10.0, 20.0, 40.0, 80.0)]
+    assert all(a < b for a, b in zip(reds, reds[1:], strict=False))
+
+
+def test_rays_end_on_the_ground_and_scans_lie_on_it() -> None:
+    spec = short_walk(foot="variable", policy="fixed", noise="none", terrain="stones", amplitude=0.02, seed=3)
+    trial = WalkTrial(spec)
+    ground, stage, side = spec.ground(), SimulatedStage(trial.plant, trial.walking), None
+    while trial.walking.walk.phases.elapsed < 0.3 or side is None:
+        measurement = trial.plant.measure()
+        command = trial.walking.command(measurement)
+        picture = stage.picture(measurement)
+        trial.plant.step(command)
+        side = trial.walking.walk.phases.swing
+    i = 0 if side == "left" else 1
+    start, end = named(picture, f"ray {i}")[f"ray {i}"].points
+    assert end[2] == pytest.approx(float(ground.height(end[0], end[1])), abs=1e-3)
+    assert math.dist(start, end) == pytest.approx(float(measurement.sole_range[i]))
+    scan = named(picture, f"scan {i}")[f"scan {i}"].points
+    assert scan[:, 2] == pytest.approx(ground.height(scan[:, 0], scan[:, 1]) + LIFT, abs=1.5e-3)
+    assert np.ptp(scan[:, 0]) > 0.02  # the toe has moved on
+    assert f"scan {1 - i}" not in named(picture, "scan")  # the foot that stands scans nothing
+
+
+def test_a_described_robot_is_where_its_state_says() -> None:
+    stage = DescribedStage(HRP4, terrain("stones", 0.02, seed=1))
+    robot = HRP4.robot()
+    q = robot.half_sitting.copy()
+    q[:3], q[7:] = (1.0, -2.0, 0.9), q[7:] + 0.1
+    robot.update(q, np.zeros(robot.nv))
+    plant = wbc.Plant(HRP4)
+    for _ in range(20):
         plant.step(plant.hold())
-    assert not [arrow for arrow in source.snapshot().forces if arrow[0] == "push"]
+    for state in (robot, q):
+        picture = stage.picture(state, plant.measure())
+        for link in ("head", robot.base_frame):
+            assert stage.data.body(link).xpos == pytest.approx(robot.placement(link).translation, abs=1e-9)
+        assert named(picture, "com")["com"].points[0] == pytest.approx(robot.com)
+        assert len(named(picture, "ground force")) == 2 and named(picture, "zmp")
+    assert not named(stage.picture(robot, None), "zmp")
+    with pytest.raises(InputError, match="shape"):
+        stage.picture(q[:-1], None)
 
 
-def test_a_robot_in_the_air_has_no_arrows() -> None:
-    plant = wbc.Plant(wbc.load_robot("hrp4_class"))
-    q = np.array(plant.robot.half_sitting)
-    q[2] += 0.5
-    plant.reset(q)
-    snapshot = PlantSource(plant).snapshot()
-    assert snapshot.zmp is None and not snapshot.forces
+# ---- pages ----------------------------------------------------------------------------------------------------------
 
 
-def test_rough_ground_and_soles_that_bend_are_drawn() -> None:
-    ground = terrain("stones", amplitude=0.03, seed=1)
-    plant = wbc.Plant(wbc.load_robot("hrp4_class"), foot="soft", terrain=ground)
-    source = PlantSource(plant)
-    (relief,) = [d.shape for d in source.scene.objects if d.path == f"{ROOT}/ground/relief"]
-    assert isinstance(relief, Surface)
-    x, y, z = relief.vertices.T
-    assert z == pytest.approx(ground.height(x, y))
-    assert float(np.ptp(z)) == pytest.approx(0.03, abs=0.003)
-    corners = relief.vertices[relief.faces]
-    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    assert (normals[:, 2] > 0.0).all()  # they face up, or the light falls on the wrong side
-    phalanges = [body for body in source.scene.bodies if body.startswith("foot/")]
-    assert len(phalanges) >= 2 * 10
-    joint = plant.model.joint(plant.feet[0].sole_joints[0])
-    before = source.snapshot().poses
-    plant.data.qpos[joint.qposadr] += 0.1
-    import mujoco  # noqa: PLC0415
-
-    mujoco.mj_kinematics(plant.model, plant.data)
-    moved = np.abs(source.snapshot().poses - before).max(axis=(1, 2)) > 1e-6
-    assert 0 < moved.sum() < len(phalanges)
-    assert {source.scene.bodies[i] for i in np.flatnonzero(moved)} <= set(phalanges)
-
-
-def parts_of(shin: str) -> dict[str, list[Part]]:
-    """Shapes of the robot without any, unless the left shin is given some, by link."""
-    bare = without_geometry(wbc.load_robot("hrp4_class").urdf)
-    link = '<link name="left_shin">'
-    assert link in bare
-    description = replace(wbc.load_robot("hrp4_class"), urdf=bare.replace(link, link + shin))
-    parts: dict[str, list[Part]] = {}
-    for part in robot_parts(description):
-        parts.setdefault(part.body, []).append(part)
-    assert set(parts) == set(RobotSource(description, None).scene.bodies)
-    return parts
-
-
-def extent(part: Part) -> np.ndarray:
-    assert isinstance(part.shape, Surface)
-    return np.ptp(part.shape.vertices, axis=0)
-
-
-def test_shapes_are_closed_and_face_outwards() -> None:
-    for shape, volume in (
-        (box(1.0, 2.0, 3.0), 6.0),
-        (ellipsoid(1.0, 2.0, 3.0), 8.0 * math.pi),
-        (cylinder(0.5, 2.0), 0.5 * math.pi),
-        (cylinder(0.5, 2.0, round_ends=True), (0.5 + 0.5 / 3.0) * math.pi),
-    ):
-        a, b, c = shape.vertices[shape.faces].transpose(1, 0, 2)
-        assert np.einsum("ij,ij->", a, np.cross(b, c)) / 6.0 == pytest.approx(volume, rel=0.04)
-        assert np.cross(b - a, c - a).sum(axis=0) == pytest.approx(np.zeros(3), abs=1e-9)
-
-
-def test_a_robot_without_shapes_is_a_stick_figure() -> None:
-    parts = parts_of("")
-    assert len(parts) == wbc.load_robot("hrp4_class").robot().model.njoints - 1
-    _, rod = parts["left_shin"]
-    ends = [(rod.placement @ [0.0, 0.0, 0.5 * s * extent(rod)[2], 1.0])[:3] for s in (-1, 1)]
-    assert sorted(end[2] for end in ends) == pytest.approx(
-        [-0.341, 0.0], abs=1e-9
-    )  # from the knee to the ankle
-    plate = next(part for part in parts["left_foot"] if extent(part)[:2] == pytest.approx((0.16, 0.076)))
-    assert plate.placement[2, 3] - 0.5 * extent(plate)[2] == pytest.approx(-0.093)
-
-
-def test_collision_shapes_stand_in_for_a_mesh_that_is_not_there() -> None:
-    missing = '<visual><geometry><mesh filename="package://nowhere/shin.stl"/></geometry></visual>'
-    simple = '<collision><origin xyz="0 0 -0.1"/><geometry><sphere radius="0.05"/></geometry></collision>'
-    (shin,) = parts_of(missing + simple)["left_shin"]
-    assert extent(shin) == pytest.approx((0.1, 0.1, 0.1))
-    assert shin.placement[2, 3] == -0.1
-    assert len(parts_of(missing)["left_shin"]) == 2  # ball and rod of a stick figure
-
-
-def test_colours_are_those_of_the_urdf() -> None:
-    paint = '<material name="paint"><color rgba="0.2 0.4 0.6 1"/></material>'
-    (shin,) = parts_of(f'<visual><geometry><box size=".1 .1 .3"/></geometry>{paint}</visual>')["left_shin"]
-    assert shin.colour == (0.2, 0.4, 0.6, 1.0)
-    assert extent(shin) == pytest.approx((0.1, 0.1, 0.3))
-
-
-# ---- the page -------------------------------------------------------------------------------------------------------
-
-
-def test_the_page_holds_robot_ground_forces_and_labels(plant: wbc.Plant, view: MeshcatView) -> None:
-    view.update()
-    taken(view._server)
-    html, drawn = view._broadcast.page.live(""), list(map(umsgpack.unpackb, view._broadcast.commands()))
-    assert "hrp4_class" in html and "contact force" in html
-    objects = [command["path"] for command in drawn if command["type"] == "set_object"]
-    for part in (
-        "robot/head/",
-        "robot/left_ankle",
-        "ground/plane",
-        "forces/ground_0",
-        "markers/com",
-        "markers/zmp",
-    ):
-        assert any(path.startswith(f"{ROOT}/{part}") for path in objects), part
-    places = matrices(drawn)
-    data, model = plant.data, plant.model
-    for body in view.scene.bodies:
-        pose = places[f"{ROOT}/robot/{body}"]
-        place = model.body(body).id
-        assert pose[:3, 3] == pytest.approx(data.xpos[place], abs=1e-12)
-        assert pose[:3, :3] == pytest.approx(data.xmat[place].reshape(3, 3), abs=1e-12)
-
-
-def test_a_browser_gets_the_scene_and_then_what_moves(plant: wbc.Plant, view: MeshcatView) -> None:
-    async def follow() -> tuple[list[Any], list[Any]]:
-        socket = await websocket_connect(page_url(view, "stream"))
-
-        async def until_facts() -> list[Any]:
-            messages: list[Any] = []
-            while not messages or isinstance(messages[-1], bytes) or "hello" in messages[-1]:
-                message = await asyncio.wait_for(socket.read_message(), 20.0)
-                messages.append(message)
-            return [umsgpack.unpackb(m) if isinstance(m, bytes) else json.loads(m) for m in messages]
-
-        scene = await until_facts()
-        assert view.pages == 1
-        plant.data.xpos[plant.model.body("head").id] += [0.0, 0.0, 0.1]  # as if the head alone had moved
+def test_meshcat_answers_on_this_machine_alone_and_shows_any_loop() -> None:
+    loop = MujocoLoop(HRP4, foreign_model(HRP4, "motor"), prefix="mine/")
+    with MeshcatView(loop, port=0, rate=1e6) as view:
+        with urllib.request.urlopen(view.url) as page:
+            assert page.status == 200 and b"MeshCat" in page.read()
+        loop.step(loop.hold())
         view.update()
-        moved = await until_facts()
-        plant.data.xpos[plant.model.body("head").id] -= [0.0, 0.0, 0.1]
-        socket.close()
-        return scene, moved
-
-    view.update()
-    assert view.pages == 0 and not view.wait_for_page(0.0)
-    scene, moved = asyncio.run(follow())
-    assert scene[0]["hello"]["controls"] == {}  # there is no walk to be stopped
-    assert scene[1] == {"type": "delete", "path": ROOT}
-    assert sum(command.get("type") == "set_object" for command in scene) >= len(view.scene.objects)
-    assert scene[-1]["time"] == plant.time and not scene[-1]["paused"]
-    assert scene[-1]["target"] == pytest.approx(plant.truth().com, abs=1e-4)
-    assert [command["path"] for command in moved[:-1]] == [f"{ROOT}/robot/head"]
-    with (
-        urllib.request.urlopen(view.url) as page,
-        urllib.request.urlopen(page_url(view, "main.min.js")) as script,
-    ):
-        assert b"hrp4_class" in page.read() and b"MeshCat" in script.read()
-
-
-# ---- it changes nothing ---------------------------------------------------------------------------------------------
-
-
-def test_a_run_is_the_same_with_and_without_a_view_even_one_that_is_busy() -> None:
-    # The torques are recorded first: what is compared is the plant, not one run of a solver with another.
-    control = wbc.TorqueControl(balance_controller(wbc.load_robot("hrp4_class").robot(), 0.002))
-    plant, commands = new_plant(), []
-    while plant.time < 0.4:
-        commands.append(control.command(plant.measure()))
-        plant.step(commands[-1])
-    alone = fall_over(new_plant(), commands)
-
-    plant = new_plant()
-    with MeshcatView(plant, port=0, rate=1e6) as view:
-        states = fall_over(plant, commands[:120], view)
-        assert view.frames > len(states)
-        view._server.soon(time.sleep, 0.3)
-        states += fall_over(plant, commands[120:], view)
-    assert np.array_equal(states, alone)
-    assert np.abs(alone[-1] - alone[0]).max() > 0.1  # something did happen
-    view.close()  # a second time does no harm
-    with pytest.raises(ViewError, match="has been closed"):
+        assert view.frames >= 2 and view.pages == 0 and not view.wait_for_page(0.0)
+        port = int(view.url.split(":")[2].split("/")[0])
+        with pytest.raises(PortError, match=str(port)):
+            MeshcatView(loop, port=port)
+        other = socket.gethostbyname_ex(socket.gethostname())[2]
+        for address in {*other} - {"127.0.0.1"}:
+            with socket.socket() as probe:
+                assert address.startswith("127.") or probe.connect_ex((address, port)) != 0
+    with pytest.raises(ViewError, match="closed"):
         view.update()
+    with pytest.raises(OSError), socket.create_connection(("127.0.0.1", port), timeout=1.0):
+        pass  # the server has ended with the view
 
 
-def test_the_state_of_a_program_stands_in_the_pictures(monkeypatch: pytest.MonkeyPatch) -> None:
-    plant, said = wbc.Plant(wbc.load_robot("hrp4_class")), list[str]()
-    control = wbc.PositionControl(balance_controller(plant.description.robot(), plant.control_period))
-    states = [Behaviour("wait", done=after(0.02)), Behaviour("look", done=after(0.02))]
-    program = Program(StateMachine("demo", states), control)
-    with MeshcatView(plant, program=program, port=0, rate=1e6) as view:
-        monkeypatch.setattr(view, "_send", lambda time, matrices, note: said.append(note.text[0]))
-        program.run(plant, after_tick=view.update)
-    assert list(dict.fromkeys(said)) == ["demo/wait", "demo/look", "demo"]
+def test_what_does_not_belong_is_refused() -> None:
+    plant = wbc.Plant(HRP4)
+    trial = WalkTrial(short_walk())
+    bad: list[tuple[Any, Any, dict[str, Any]]] = [
+        (HRP4, trial.walking, {}),
+        (plant, 3.0, {}),
+        (object(), None, {}),
+        (plant, None, {"terrain": terrain("flat")}),
+        (plant, None, {"rate": 0.0}),
+        (plant, None, {"speed": -1.0}),
+    ]
+    for source, control, options in bad:
+        with pytest.raises(InputError):
+            MeshcatView(source, control, port=0, **options)
 
 
-def test_pictures_are_taken_at_the_rate(view: MeshcatView, monkeypatch: pytest.MonkeyPatch) -> None:
-    step = 2.0**-15  # s; 33 of them are needed to fill the 1 ms of this view
-    now = math.ceil(time.perf_counter() / step) * step + 1.0
-    monkeypatch.setattr("wbc.app.view.base.clock.perf_counter", lambda: now)
-    view.update()
-    before = view.frames
-    for _ in range(1000):
-        now += step
-        view.update()
-    assert view.frames - before == 1000 // 33
-    view._next = 0.0  # for the tests that follow, which have the real clock
+class Pictures(View):
+    """A view without a page."""
+
+    RATE = 1e9
+
+    def _open(self, port: int) -> None:
+        self.url, self.shown = "", list[Picture]()
+
+    def _build(self) -> None:
+        pass
+
+    def _take_orders(self, time: float, picture: Any) -> None:
+        pass
+
+    def _send(self, picture: Picture) -> None:
+        self.shown.append(picture)
+
+    def _end(self) -> None:
+        pass
+
+    @property
+    def pages(self) -> int:
+        return 0
 
 
-# ---- bad input ------------------------------------------------------------------------------------------------------
+class Commands(TrialHook):
+    """Recorder of all commands."""
+
+    def __init__(self) -> None:
+        self.all: list[bytes] = []
+
+    def tick(self, tick: TrialTick) -> None:
+        assert tick.command.joint_position is not None
+        self.all.append(tick.command.joint_position.tobytes())
 
 
-@pytest.mark.parametrize(
-    ("options", "message"),
-    [
-        ({"rate": 0.0}, "rate of the view"),
-        ({"speed": -1.0}, "speed of the view"),
-        ({"port": 70000}, "port must be"),
-        ({"port": 1.5}, "port must be an integer"),
-        ({"host": ""}, "host must be an address.*got ''"),
-        ({"terrain": terrain("stones")}, "its own terrain"),
-    ],
-)
-def test_options_out_of_range_are_refused(plant: wbc.Plant, options: dict[str, Any], message: str) -> None:
-    with pytest.raises(InputError, match=message):
-        MeshcatView(plant, **options)
+class Watch(WatchWalk):
+    """Takes pictures of every tick."""
+
+    def open(self, trial: Any) -> None:
+        self.view = Pictures(trial.plant, trial.walker)
 
 
-def test_states_that_do_not_belong_are_refused(plant: wbc.Plant, view: MeshcatView) -> None:
-    with pytest.raises(InputError, match="takes its state from the plant"):
-        view.update(plant.robot)
-    model = RobotSource(wbc.load_robot("hrp4_class"), None)
-    with pytest.raises(InputError, match="'hrp4_class', not Robot\\('talos'"):
-        model.snapshot(wbc.load_robot("talos").robot(), None, 0.0)
-    with pytest.raises(InputError, match="configuration to show"):
-        model.snapshot(np.zeros(3), None, 0.0)
-    with pytest.raises(InputError, match="sole wrenches to show"):
-        model.snapshot(plant.truth().q, np.full((2, 6), np.nan), 0.0)
+@pytest.mark.slow
+def test_a_walk_is_the_same_bit_for_bit_with_and_without_a_view() -> None:
+    spec = short_walk(foot="variable", terrain="stones", amplitude=0.01, plan=WalkPlan(distance=0.05))
+    alone, watched, watch = Commands(), Commands(), Watch()
+    plain = walk(spec, hooks=[alone])
+    result = walk(spec, hooks=[watch, watched])
+    assert isinstance(watch.view, Pictures) and len(watch.view.shown) > len(watched.all)
+    assert result.record() == plain.record() and watched.all == alone.all
+    assert plain.outcome == "completed" and watch.interventions == []
+
+
+def test_a_slow_run_waits_until_it_is_told_to_hurry() -> None:
+    pace = Pace(0.01)
+    begin = time.perf_counter()
+    for step in range(3):
+        pace.wait(0.002 * step)
+    assert time.perf_counter() - begin > 0.35
+    pace.speed = 1e-3
+    pace.wait(0.0)
+    Timer(0.1, setattr, (pace, "speed", None)).start()
+    begin = time.perf_counter()
+    pace.wait(0.005)  # 5 s
+    assert time.perf_counter() - begin < 4.0
+
+
+WALK = ("walk", "--distance", "0.02", "--set", "timestep=0.0025", "--json")
+
+
+def test_a_port_in_use_stops_a_walk_before_anything_is_written(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    log = tmp_path / "walk.arrow"
+    log.write_text("kept")
+    with socket.socket() as taken:
+        taken.bind(("127.0.0.1", 0))
+        taken.listen()
+        port = str(taken.getsockname()[1])
+        assert main([*WALK, "--view", "--port", port, "--record", str(log)]) == BAD_INPUT
+    captured = capsys.readouterr()
+    assert port in captured.err and not captured.out and log.read_text() == "kept"
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("page", ["--view", "--workbench"])
+def test_the_command_shows_a_walk(
+    page: str, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(live, "BROWSER_TIME", 0.0)
+    assert main([*WALK, page, "--port", "0"]) == RAN
+    assert json.loads(capsys.readouterr().out)["interactive"] is False
+
+
+@pytest.mark.slow
+@needs_chromium
+def test_a_browser_shows_the_robot_where_it_is(tmp_path: Path) -> None:
+    trial = WalkTrial(short_walk(terrain="stones", amplitude=0.02), visuals=True)
+    with MeshcatView(trial.plant, trial.walking, port=0) as view, Browser(tmp_path / "profile") as browser:
+        browser.open(view.url)
+        assert view.wait_for_page(60.0)
+        for _ in range(200):
+            tick(trial)
+            view.update()
+        head = trial.plant.model.body("head").id
+        view.close()
+        there = f"viewer.scene_tree.find(['meshcat', 'wbc', 'body', '{head}']).object"
+        x, y, z = browser.wait(
+            f"{there}.children.length && Array.from({there}.matrix.elements.slice(12, 15))"
+        )
+        assert (x, y, z) == pytest.approx(tuple(trial.plant.data.xpos[head]), abs=1e-3)
+        names = browser.evaluate("Object.keys(viewer.scene_tree.find(['meshcat', 'wbc', 'mark']).children)")
+        assert {"com", "zmp", "dcm", "support", "planned step 0", "real step 1"} <= set(names)
+        assert not browser.errors

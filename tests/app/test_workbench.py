@@ -1,11 +1,9 @@
-"""The workbench: who may open it, what its orders do, and that a run is repeated with them bit for bit."""
+"""The workbench: what its orders do, and that a run is repeated with them bit for bit."""
 
 from __future__ import annotations
 
-import asyncio
 import math
 import time
-import urllib.error
 import urllib.request
 from collections.abc import Callable
 from pathlib import Path
@@ -15,16 +13,17 @@ import numpy as np
 import pinocchio as pin
 import pytest
 from browser import Browser, needs_chromium
-from tornado.httpclient import HTTPClientError, HTTPRequest
-from tornado.websocket import websocket_connect
 
 import wbc
-from wbc.app.address import PortError
+from wbc.app.view.base import PortError
 from wbc.app.view.controls import LiveControls
+from wbc.app.view.widgets import round_slider, round_up
 from wbc.core.errors import InputError
-from wbc.walking import FootstepPlan, WalkingControl
+from wbc.sim import WalkPlan, WalkSpec
+from wbc.sim.walks.trial import WalkTrial
+from wbc.walking import FootstepPlan, Gait, WalkingControl, walk_distance
 
-viser = pytest.importorskip("viser")
+pytest.importorskip("viser")
 
 from wbc.app.view.workbench import Workbench, cone_margin  # noqa: E402
 
@@ -124,16 +123,18 @@ def test_a_task_that_a_state_adds_has_a_folder_as_long_as_it_is_there() -> None:
     with Workbench(plant, control, port=0) as view:
 
         def folders() -> list[str]:
-            view._next = view._spoken = -math.inf  # the next picture, and its texts, are due
+            view._next = view._widgets._spoken = -math.inf  # the next picture, and its texts, are due
             view.update()
             return [thing.name for thing, *_ in view._made]
 
-        before, shown = folders(), len(view._live)
+        before, shown = folders(), len(view._widgets.live)
         assert before == [thing.name for thing in (*controller.tasks, *controller.contacts)]
         hand = controller.add(wbc.PositionTask("left_hand", name="hand"))
-        assert set(folders()) - set(before) == {"hand"} and len(view._live) == shown + 2  # gizmo and plots
+        assert (
+            set(folders()) - set(before) == {"hand"} and len(view._widgets.live) == shown + 2
+        )  # gizmo and plots
         controller.remove(hand)
-        assert folders() == before and len(view._live) == shown
+        assert folders() == before and len(view._widgets.live) == shown
 
 
 @pytest.mark.parametrize(
@@ -146,9 +147,15 @@ def test_a_task_that_a_state_adds_has_a_folder_as_long_as_it_is_there() -> None:
         ({"do": "pull", "body": "tail", "force": [0.0, 0.0, 1.0]}, "tail"),
         ({"do": "pull", "body": "torso"}, "force of a pull"),
         ({"do": "own", "name": "dance"}, "dance"),
+        ("push", "say what to do"),
+        ({"do": "jump"}, "jump"),
+        ({"do": "push", "direction": "up", "impulse": 0.1}, "up"),
+        ({"do": "push", "direction": "left", "impulse": 50.0}, "impulse"),
+        ({"do": "push", "direction": "left", "impulse": "hard"}, "impulse"),
+        ({"do": "push", "direction": "left", "impulse": 10**400}, "refused"),
     ],
 )
-def test_orders_that_make_no_sense_are_refused(order: dict[str, Any], message: str) -> None:
+def test_orders_that_make_no_sense_are_refused(order: Any, message: str) -> None:
     plant, control = stand()
     controls = LiveControls(plant, None, control.controller)
     controls.apply(order)
@@ -178,62 +185,86 @@ def test_the_margin_to_a_cone_is_one_on_its_axis_and_zero_on_its_edge() -> None:
     assert math.isnan(cone_margin(contact, np.zeros(6)))
 
 
-# ---- who may open it ------------------------------------------------------------------------------------------------
+# ---- the page -------------------------------------------------------------------------------------------------------
 
 
-def status(url: str, **headers: str) -> int:
-    try:
-        with urllib.request.urlopen(urllib.request.Request(url, headers=headers)) as answer:
-            return int(answer.status)
-    except urllib.error.HTTPError as error:
-        with error:  # else the server waits for the end of the page
-            return error.code
-
-
-def test_nobody_opens_the_page_without_the_link_or_from_another_site() -> None:
+def test_the_page_answers_on_this_machine_alone() -> None:
     plant, control = stand()
     with Workbench(plant, control, port=0) as view:
-        place, _, token = view.url.partition("?")
-        assert status(view.url) == 200
-        for url, headers in (
-            (place, {}),
-            (f"{place}?token=guess", {}),
-            (view.url, {"Host": "evil.example"}),
-            (view.url, {"Origin": "http://evil.example"}),
-        ):
-            assert status(url, **headers) == 403
+        assert view.url.startswith("http://127.0.0.1:")
         with urllib.request.urlopen(view.url) as answer:
-            policy = answer.headers["Content-Security-Policy"]
-        assert "frame-ancestors 'none'" in policy and "default-src 'none'" in policy
+            assert answer.status == 200
+        with pytest.raises(PortError):
+            Workbench(plant, control, port=int(view.url.rstrip("/").rpartition(":")[2]))
+        assert not view.ended("without a page there is nobody to ask")
+        view.show(*stand())
+        view.update()
 
-        async def connect(query: str, origin: str | None) -> int:
-            headers = {} if origin is None else {"Origin": origin}
-            request = HTTPRequest(place.replace("http", "ws") + query, headers=headers)
-            try:
-                page = await websocket_connect(request, subprotocols=[f"viser-v{viser.__version__}"])
-            except HTTPClientError as error:
-                return error.code
-            message = await asyncio.wait_for(page.read_message(), 20.0)
-            page.close()
-            while await page.read_message() is not None:  # else the server waits for the end of the page
-                pass
-            return 101 if isinstance(message, bytes) else 0
 
-        own = place.rstrip("/")
-        assert asyncio.run(connect(f"?{token}", own)) == 101
-        assert asyncio.run(connect("", own)) == 403
-        assert asyncio.run(connect("?token=guess", own)) == 403
-        assert asyncio.run(connect(f"?{token}", "http://evil.example")) == 403
-        with pytest.raises(PortError, match="another port"):
-            Workbench(plant, control, port=int(place.rstrip("/").rpartition(":")[2]))
+def test_legends_name_what_is_drawn_and_sliders_have_round_numbers() -> None:
     plant, control = stand()
-    with (
-        Workbench(plant, control, port=0, notebook=True) as framed,
-        urllib.request.urlopen(framed.url) as answer,
-    ):
-        assert "frame-ancestors http://localhost:*" in answer.headers["Content-Security-Policy"]
-        assert answer.headers["X-Frame-Options"] is None
-        assert f'<iframe src="{framed.url}"' in framed._repr_html_()
+    with Workbench(plant, control, port=0, rate=1e6) as view:
+        assert {"ZMP", "DCM"} <= set(view._meanings) and "push" not in view._meanings
+        plant.push("torso", [50.0, 0.0, 0.0], 0.1)
+        plant.step(plant.hold())
+        view.update()
+        assert "push" in view._meanings
+    for value in (61.967734, 1.2345e-3, 9.205999999999744, -0.04):
+        high = round_up(4.0 * abs(value))
+        step, shown = round_slider(-high, high, value)
+        assert (
+            high >= 4.0 * abs(value)
+            and len(f"{high:.15g}".strip("0.").replace(".", "").replace("0", "")) == 1
+        )
+        assert (
+            abs(shown - value) <= step and f"{shown / step:.6f}".endswith(".000000") and str(shown) != "-0.0"
+        )
+
+
+def test_pushes_come_from_the_robots_side_and_are_written_down() -> None:
+    description = wbc.load_robot("hrp4_class")
+    q = description.robot().half_sitting.copy()
+    q[3:7] = [0.0, 0.0, math.sqrt(0.5), math.sqrt(0.5)]  # the robot looks along y
+    plant = wbc.Plant(description, initial_configuration=q)
+    controls = LiveControls(plant, None)
+    controls.apply({"do": "push", "direction": "left", "impulse": 0.3})
+    plant.step(plant.hold())
+    force = plant.data.xfrc_applied[:, :3].sum(axis=0)
+    assert force == pytest.approx([-3.0 * plant.robot.mass, 0.0, 0.0], abs=1e-6 * plant.robot.mass)
+    assert controls.interventions == [{"time": 0.0, "what": "push", "direction": "left", "impulse": 0.3}]
+
+
+def test_a_page_drives_a_robot_that_stands_and_sets_gains_and_stops() -> None:
+    description = wbc.load_robot("hrp4_class")
+    robot = description.robot()
+    plant, walking = wbc.Plant(description), WalkingControl(robot, FootstepPlan.standing(robot), 0.005)
+    controls = LiveControls(plant, walking)
+    assert controls.available()["drive"] == {"forward": 0.4, "back": 0.3, "left": 0.2, "turn": 0.5}
+    for forward in (0.2, 0.1):
+        controls.apply({"do": "drive", "forward": forward, "left": -0.1, "turn": 0.3})
+    assert walking.velocity == (0.1, -0.1, 0.3)
+    assert len(controls.interventions) == 1, "of several commands to one tick the last one counts"
+    controls.halt()
+    assert walking.velocity == (0.0, 0.0, 0.0)
+    controls.apply({"do": "gain", "name": "dcm_p", "value": 5.5})
+    assert walking.stabilizer is not None and walking.stabilizer.gains.dcm_p == (5.5, 5.5)
+    controls.apply({"do": "stop"})
+    assert [entry["what"] for entry in controls.interventions] == ["drive", "gain", "stop"]
+    planned = WalkingControl(robot, walk_distance(FootstepPlan.standing(robot), 0.3), 0.005)
+    assert "drive" not in LiveControls(plant, planned).available()
+
+
+def test_soles_take_a_stiffness_in_their_next_swing() -> None:
+    in_time = (("stiffness.early_landing", 0.0),)  # these swings are too short to be sure of more
+    gait = Gait(single_support=0.5, double_support=0.2, initial_double_support=0.5, final_double_support=0.5)
+    plan = WalkPlan(distance=0.1)
+    spec = WalkSpec(plan=plan, gait=gait, foot="variable", stiffness=10.0, noise="none", changes=in_time)
+    trial = WalkTrial(spec)
+    LiveControls(trial.plant, trial.walking).apply({"do": "stiffness", "value": 30.0})
+    while trial.walking.steps_done < 1:
+        measured = trial.plant.measure()
+        trial.plant.step(trial.walking.command(measured))
+    assert measured.sole_stiffness == pytest.approx([30.0, 10.0], abs=0.5)  # the foot that has swung
 
 
 @pytest.mark.slow

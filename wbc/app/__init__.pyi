@@ -7,7 +7,7 @@ from .repeat import RepeatWalk as RepeatWalk
 from .repeat import interventions_of as interventions_of
 from .replay.convert import convert_log as convert_log
 from .replay.film import render_video as render_video
-from .replay.page import replay_page as replay_page
+from .replay.player import Player as Player
 from .replay.replay import Replay as Replay
 from .view.meshcat_view import MeshcatView as MeshcatView
 from .view.walk_hook import WatchWalk as WatchWalk

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import signal
 import threading
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
-from typing import TYPE_CHECKING, Annotated, Any
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import ExitStack, contextmanager
+from typing import TYPE_CHECKING, Annotated, Any, TypeVar
 
 from cyclopts import Parameter
+from pydantic import Field
 
-from wbc.app.address import Host, Port
 from wbc.core.errors import InputError
 from wbc.core.settings import settings
 
@@ -19,50 +19,79 @@ if TYPE_CHECKING:
     from wbc.app.view.walk_hook import WatchWalk
     from wbc.sim.trial.loop import Trial
 
+TrialT = TypeVar("TrialT", bound="Trial")
+ResultT = TypeVar("ResultT")
+
+Port = Annotated[int, Field(ge=0, le=65535)]
+"""Port to listen at; 0 is any free one."""
+
 BROWSER_TIME = 20.0
 """Longest time that a run waits for a page to be opened, s."""
 
 
 @settings(kw_only=True)
 class LiveView:
-    """Options of the live view in a browser.
+    """Options of the live view in a browser of this machine; from another one through `ssh -L`.
 
     Attributes:
         view: Show the run in the browser, in real time.
-        workbench: Show it with controls of tasks and gains.
-        host: Address of the page; 0.0.0.0 is reached from other machines, too.
+        workbench: Show it with controls of the run: push, gains, targets, pause, restart.
         port: Port of the page; the first free one from 7000 on if not given.
     """
 
     view: bool = False
     workbench: bool = False
-    host: Host = "127.0.0.1"
     port: Port | None = None
+
+    @property
+    def changes(self) -> bool:
+        """True if the page changes the run."""
+        return self.workbench or getattr(self, "drive", False)
 
     @property
     def watched(self) -> bool:
         """True if there is a page."""
-        return any(getattr(self, name, False) for name in ("view", "workbench", "drive"))
+        return self.view or self.changes
 
     def __post_init__(self) -> None:
-        if not self.watched and (self.port is not None or self.host != "127.0.0.1"):
-            raise InputError("host and port are those of the live view: they need --view or --workbench")
+        if not self.watched and self.port is not None:
+            raise InputError("the port is that of the live view: it needs --view or --workbench")
 
-    @contextmanager
-    def watch(self, trial: Trial) -> Iterator[list[WatchWalk]]:
-        """Give the hooks of a trial that show it if there is a page; none otherwise.
+    def run(
+        self,
+        make: Callable[[], TrialT],
+        simulate: Callable[[TrialT, list[WatchWalk]], ResultT],
+        outcome: Callable[[ResultT], str],
+    ) -> tuple[ResultT, TrialT, list[WatchWalk]]:
+        """Simulate a trial, and another one as often as a workbench asks for it; Ctrl-C ends one as other ends do.
 
-        The port is taken now, the trial waits for the page when it starts. Raises `InputError` for a port that is in
-        use, `ViewError` where the page cannot be served.
+        Args:
+            make: Makes the trial; the port of its view is taken before it begins.
+            simulate: Runs it with hooks that show it, none without a page, and returns its result.
+            outcome: Says in a few words how it has ended.
+
+        Returns:
+            Result of the last trial, the trial, and the hooks that have shown it.
+
+        Raises:
+            InputError: A port that is in use.
+            ViewError: A page that cannot be served.
         """
-        if not self.watched:
-            yield []
-            return
-        from wbc.app.view.walk_hook import WatchWalk  # noqa: PLC0415 - most runs are not watched
+        with ExitStack() as stack:
+            hooks: list[WatchWalk] = []
+            if self.watched:
+                from wbc.app.view.walk_hook import WatchWalk as Hook  # noqa: PLC0415 - most runs are not watched
 
-        with WatchWalk(workbench=self.workbench, host=self.host, port=self.port, wait=BROWSER_TIME) as hook:
-            hook.open(trial)
-            yield [hook]
+                hook = Hook(workbench=self.changes, port=self.port, wait=BROWSER_TIME, stay=True)
+                hooks.append(stack.enter_context(hook))
+            while True:
+                trial = make()
+                for hook in hooks:
+                    hook.open(trial)
+                with ended_by_interrupt(trial):
+                    result = simulate(trial, hooks)
+                if not any(hook.restarted(outcome(result)) for hook in hooks):
+                    return result, trial, hooks
 
 
 @settings(kw_only=True)
@@ -70,7 +99,7 @@ class LiveDrive(LiveView):
     """Options of the live view of a walk.
 
     Attributes:
-        drive: Drive from the live page: arrow keys, stick, gamepad.
+        drive: Drive from the workbench, by sliders or keys.
     """
 
     drive: bool = False

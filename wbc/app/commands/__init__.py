@@ -10,7 +10,6 @@ import re
 from pathlib import Path
 
 GROUPS = {
-    "log": "Hand logs on to Rerun.",
     "bench": "Measure the library itself.",
     "study": "Run many walks, continue where they stopped, and compare them.",
 }
@@ -23,7 +22,6 @@ COMMANDS = {
     "motion": "motion:motion",
     "view": "view_log:view",
     "plot": "plot:plot",
-    "log convert": "view_log:convert",
     "robots": "robots:robots",
     "foot": "foot:foot",
     "terrain": "terrain:terrain",

@@ -6,7 +6,7 @@ import logging
 
 from rich.progress import track
 
-from wbc.app.live import LiveOptions, LiveView, ended_by_interrupt, with_changes
+from wbc.app.live import LiveOptions, LiveView, with_changes
 from wbc.app.output import Flat, Output, OutputOptions, Report, progress_console, quiet, reports
 from wbc.core.errors import WbcError
 from wbc.core.settings import to_json
@@ -22,9 +22,11 @@ def stand(
     output: OutputOptions = Output(),
 ) -> Report:
     """Let a robot stand in the simulator, and report how still it stands and how fast the controller is."""
-    trial = StandTrial(options)
-    with ended_by_interrupt(trial), live.watch(trial) as watching:
-        result = trial.run(watching)
+    result, trial, hooks = live.run(
+        lambda: StandTrial(options, visuals=live.watched),
+        lambda trial, hooks: trial.run(hooks),
+        lambda ended: f"{'stood' if ended.upright else 'fell after'} {ended.seconds:g} s",
+    )
     failed = None
     if result.failures:
         ticks = round(result.seconds / options.period)
@@ -39,7 +41,7 @@ def stand(
         f"  {result.real_time_factor:.2f} x real time; a tick takes {result.tick_us['median']:.0f} us, "
         f"99 % take less than {result.tick_us['p99']:.0f} us; {result.failures} failed"
     )
-    data, text = with_changes(watching, trial, to_json(result), text)
+    data, text = with_changes(hooks, trial, to_json(result), text)
     return output.report(data, text, failed)
 
 

@@ -11,7 +11,7 @@ from cyclopts import Parameter
 
 from wbc import robots
 from wbc.app.files import check_target
-from wbc.app.live import LiveOptions, LiveView, ended_by_interrupt, with_changes
+from wbc.app.live import LiveOptions, LiveView, with_changes
 from wbc.app.output import Flat, Output, OutputOptions, Report, reports
 from wbc.core.errors import InputError
 from wbc.core.robot import Robot
@@ -117,9 +117,11 @@ def _track(file: Path, options: MotionOptions, live: LiveView, output: Output) -
         clip, lines = feasible.clip, _changes(given, feasible)
         data |= {"feasible": feasible.after.feasible, "stretched": feasible.stretched}
     spec = TrackSpec(**{each.name: getattr(options, each.name) for each in fields(TrackSpec)})
-    trial = TrackTrial(clip, spec)
-    with ended_by_interrupt(trial), live.watch(trial) as watching:
-        result = trial.run(watching)
+    result, trial, hooks = live.run(
+        lambda: TrackTrial(clip, spec, visuals=live.watched),
+        lambda trial, hooks: trial.run(hooks),
+        lambda ended: "tracked to its end" if ended.completed else f"fell after {ended.seconds:.2f} s",
+    )
     state = "tracked to its end" if result.completed else f"FELL after {result.seconds:.2f} s: {result.fall}"
     lines += [
         f"{result.motion} on {result.robot}, {result.mode} control, {spec.foot} feet, noise {spec.noise}, "
@@ -131,7 +133,7 @@ def _track(file: Path, options: MotionOptions, live: LiveView, output: Output) -
         f"  a tick takes {result.tick_us['median']:.0f} us, 99 % less than {result.tick_us['p99']:.0f} us; "
         f"{result.failures} failed",
     ]
-    return output.report(*with_changes(watching, trial, data | to_json(result), "\n".join(lines)))
+    return output.report(*with_changes(hooks, trial, data | to_json(result), "\n".join(lines)))
 
 
 ROWS = (

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from wbc.app.arguments import NONE_GIVEN, Fields
 from wbc.app.files import check_target, read_object
-from wbc.app.live import DriveOptions, LiveDrive, ended_by_interrupt, ending, with_changes
+from wbc.app.live import DriveOptions, LiveDrive, ending, with_changes
 from wbc.app.log.reader import Log
 from wbc.app.log.recorder import Recorder
 from wbc.app.output import Flat, Output, OutputOptions, Report, reports
@@ -33,6 +33,7 @@ from wbc.sim.walks.trial import WalkTrial
 
 if TYPE_CHECKING:
     from wbc.app.view.walk_hook import WatchWalk
+    from wbc.sim.walks.result import WalkResult
 
 CHANGE = "what was changed from the page since the tick before, and an end by Ctrl-C, JSON"
 """Meaning of the signal that holds the interventions of a run."""
@@ -124,29 +125,38 @@ def walk(
         spec, changes = recorded_walk(original)
     if spec.plan.stairs is None:  # a swing over stairs counts its height from the higher end
         spec.ground().clears(spec.gait.swing_height)
-    hooks: list[TrialHook] = []
     acting: list[WatchWalk | RepeatWalk] = []
     record: Recorder | None = None
-    with ExitStack() as stack:
-        trial = WalkTrial(spec)
-        if original is not None:
-            acting.append(RepeatWalk(changes))
-            if target is None:
-                target = Path(stack.enter_context(TemporaryDirectory())) / "again.arrow"
-        acting += stack.enter_context(live.watch(trial))
-        if target is not None:
-            record = stack.enter_context(Recorder(target, spec=spec))
-            record.add("view/change", lambda: _news(acting, trial), about=CHANGE)
-            hooks.append(record)
-        hooks += acting
-        profile: tuple[ProfileRow, ...] = ()
-        with ended_by_interrupt(trial):
+    profile: tuple[ProfileRow, ...] = ()
+    difference: str | None = None
+
+    def simulate(trial: WalkTrial, watching: list[WatchWalk]) -> WalkResult:
+        nonlocal acting, record, profile, difference
+        hooks: list[TrialHook] = []
+        acting = [*([] if original is None else [RepeatWalk(changes)]), *watching]
+        with ExitStack() as stack:
+            place = target
+            if original is not None and place is None:
+                place = Path(stack.enter_context(TemporaryDirectory())) / "again.arrow"
+            if place is not None:
+                record = stack.enter_context(Recorder(place, spec=spec))
+                record.add("view/change", lambda: _news(acting, trial), about=CHANGE)
+                hooks.append(record)
+            hooks += acting
+            result: WalkResult
             if options.profile:
                 result, profile = profile_walk(trial, hooks)
             else:
                 result = trial.run(hooks)
-        if original is not None and target is not None and record is not None and record.loss is None:
-            difference = first_difference(original, Log.open(target))
+            if original is not None and place is not None and record is not None and record.loss is None:
+                difference = first_difference(original, Log.open(place))
+            return result
+
+    def outcome(ended: WalkResult) -> str:
+        how = "fell" if ended.fall is not None else ended.outcome
+        return f"{how} after {ended.steps_done} steps and {ended.seconds:.1f} s"
+
+    result, trial, _ = live.run(lambda: WalkTrial(spec, visuals=live.watched), simulate, outcome)
     data, text = with_changes(acting, trial, result.to_json(), walk_text(result, spec))
     data["spec"] = spec.to_json()
     lost = None if record is None else record.loss

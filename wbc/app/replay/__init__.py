@@ -1,7 +1,7 @@
 """Replays of logs: a page with a time slider, a film, or a file for Rerun. A new format is a new module.
 
 replay = Replay(Log.open("walk.arrow"))
-Path("walk.html").write_text(replay_page(replay))
+Player(replay).run()
 render_video(replay, "walk.mp4")
 convert_log(Log.open("walk.arrow"), "walk.rrd")
 """

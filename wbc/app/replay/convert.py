@@ -1,7 +1,7 @@
 """Logs for Rerun, an open viewer of robots' data: files of its format RRD.
 
-Signals keep their rate; each group, such as `com/estimated`, is one entity. Of a log that can be replayed, the scene
-follows: ground, bodies with their frames, contact forces, footsteps. Names hold no spaces.
+Signals keep their rate; each group, such as `com/estimated`, is one entity. Of a log that can be replayed, the pictures
+follow: ground, bodies with their frames, and marks such as contact forces and footsteps. Names hold no spaces.
 """
 
 from __future__ import annotations
@@ -17,8 +17,8 @@ from wbc.app.files import check_target
 from wbc.app.log.reader import Log
 from wbc.app.log.signals import Signal
 from wbc.app.replay.replay import Replay
-from wbc.app.scene.robot_shapes import read_mesh
-from wbc.app.scene.shapes import MeshFile, SceneObject, Surface
+from wbc.app.view.marks import Mark, placed
+from wbc.app.view.meshes import body_meshes
 from wbc.core.arguments import checked
 from wbc.core.errors import InputError
 from wbc.core.files import replacing
@@ -26,9 +26,6 @@ from wbc.core.settings import Positive
 
 RATE = 30.0
 """Rate at which the scene is written, 1/s."""
-
-READABLE = (".stl", ".obj", ".glb", ".gltf")
-"""Mesh formats that Rerun reads; coal reads the others."""
 
 
 def check_conversion(path: str | Path, inputs: Iterable[str | Path] = ()) -> Path:
@@ -123,34 +120,48 @@ def _write_texts(rr: Any, stream: Any, log: Log, name: str) -> None:
 
 
 def _write_scene(rr: Any, stream: Any, replay: Replay, rate: float) -> None:
-    """Write the shapes, and the moving ones under transforms."""
-    ticks = replay.ticks(rate)
-    frames = np.array([replay.frame(tick) for tick in ticks], dtype=np.float32)
-    times = rr.TimeColumn("time", duration=replay.log.time[ticks])
+    """Write bodies under transforms, and marks at the times at which they change."""
+    ticks, meshes = replay.ticks(rate), body_meshes(replay.model)
+    moving = sorted({each.body for each in meshes} - {0})
+    names = {body: f"robot/{_plain(replay.model.body(body).name or str(body))}" for body in moving} | {
+        0: "ground"
+    }
+    places = np.empty((len(ticks), len(moving), 3))
+    turns = np.empty((len(ticks), len(moving), 3, 3))
+    shown: dict[str, Mark] = {}
     stream.log("/", rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
-    for i, name in enumerate(replay.scene.moving):
-        placements = rr.Transform3D.columns(mat3x3=frames[:, i, :3, :3], translation=frames[:, i, :3, 3])
-        stream.send_columns(_plain(name), [times], placements)
-    for thing in replay.scene.objects:
-        matrix = thing.placement
-        if isinstance(thing.shape, MeshFile):
-            matrix = matrix @ np.diag([*thing.shape.scale, 1.0])
-        place = rr.Transform3D(mat3x3=matrix[:3, :3], translation=matrix[:3, 3])
-        stream.log(_plain(thing.path), place, _shape(rr, thing), static=True)
+    for i, tick in enumerate(ticks):
+        picture = replay.picture(tick)
+        places[i] = replay.data.xpos[moving]
+        turns[i] = replay.data.xmat[moving].reshape(-1, 3, 3)
+        stream.set_time("time", duration=picture.time)
+        marks = {mark.name: mark for mark in picture.marks}
+        for name in shown.keys() - marks.keys():
+            stream.log(f"marks/{_plain(name)}", rr.Clear(recursive=False))
+        for name, mark in marks.items():
+            if name not in shown or not np.array_equal(shown[name].points, mark.points):
+                stream.log(f"marks/{_plain(name)}", _mark(rr, mark))
+        shown = marks
+    stream.reset_time()
+    times = rr.TimeColumn("time", duration=replay.log.time[ticks])
+    for i, body in enumerate(moving):
+        placements = rr.Transform3D.columns(mat3x3=turns[:, i], translation=places[:, i])
+        stream.send_columns(names[body], [times], placements)
+    for number, (body, colour, (vertices, faces)) in enumerate(meshes):
+        tint = tuple(round(255 * part) for part in colour)
+        shape = rr.Mesh3D(vertex_positions=vertices, triangle_indices=faces, albedo_factor=tint)
+        stream.log(f"{names[body]}/{number}", shape, static=True)
 
 
-def _shape(rr: Any, thing: SceneObject) -> Any:
-    """Return Rerun's shape of an object."""
-    shape, colour = thing.shape, tuple(round(255 * part) for part in thing.colour)
-    if isinstance(shape, MeshFile) and Path(shape.path).suffix.lower() in READABLE:
-        return rr.Asset3D(path=shape.path, albedo_factor=colour)
-    if isinstance(shape, Surface):
-        vertices, faces, tints = shape.vertices, shape.faces, shape.colours
-    else:
-        (vertices, faces), tints = read_mesh(shape.path), None
-    tint = (
-        {"albedo_factor": colour}
-        if tints is None
-        else {"vertex_colors": np.round(255 * tints).astype(np.uint8)}
-    )
-    return rr.Mesh3D(vertex_positions=vertices, triangle_indices=faces, **tint)
+def _mark(rr: Any, mark: Mark) -> Any:
+    """Return Rerun's shape of a mark."""
+    colour = tuple(round(255 * part) for part in mark.colour)
+    if mark.kind in ("ball", "cloud"):
+        return rr.Points3D(mark.points, radii=mark.size, colors=colour)
+    if mark.kind == "arrow":
+        start, end = mark.points
+        return rr.Arrows3D(origins=[start], vectors=[end - start], radii=mark.size, colors=colour)
+    if mark.kind == "line":
+        return rr.LineStrips3D([mark.points], radii=0.5 * mark.size, colors=colour)
+    vertices, faces = placed(mark).mesh
+    return rr.Mesh3D(vertex_positions=vertices, triangle_indices=faces, albedo_factor=colour)

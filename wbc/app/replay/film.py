@@ -1,16 +1,14 @@
-"""Films of a replay: MP4 or GIF, rendered offscreen by MuJoCo."""
+"""Films of a replay: MP4 or GIF, rendered offscreen by `mujoco.Renderer`."""
 
 from __future__ import annotations
 
-import contextlib
-import importlib
 import os
-import shutil
-import subprocess
 import sys
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
-from typing import Any
+
+if sys.platform == "linux" and not os.environ.get("DISPLAY"):
+    os.environ.setdefault("MUJOCO_GL", "egl")  # which MuJoCo reads when it is imported
 
 import mujoco
 import numpy as np
@@ -18,26 +16,30 @@ from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
 
 from wbc.app.files import FILMS, check_target
-from wbc.app.replay.mujoco_scene import MujocoScene
-from wbc.app.replay.overlays import caption
 from wbc.app.replay.replay import Replay
-from wbc.app.scene.colours import ARROW_COLOURS
+from wbc.app.view.marks import Mark, Picture
+from wbc.app.view.meshes import Colour
+from wbc.app.view.stage import Stage
 from wbc.core.arguments import checked
-from wbc.core.errors import InputError, WbcError
+from wbc.core.errors import Array, InputError, WbcError
 from wbc.core.files import replacing
 
-Picture = NDArray[np.uint8]
+Pixels = NDArray[np.uint8]
+"""A picture, shape (height, width, 3)."""
 
 GL_HELP = (
     "offscreen rendering needs OpenGL without a display: install EGL (Debian, Ubuntu: apt install libegl1 "
-    "libgl1-mesa-dri), or OSMesa (apt install libosmesa6) and set MUJOCO_GL=osmesa"
+    "libgl1-mesa-dri) and set MUJOCO_GL=egl, or OSMesa (apt install libosmesa6) and set MUJOCO_GL=osmesa"
 )
-FFMPEG_HELP = 'MP4 needs ffmpeg: install it, or the extra "film": pip install -e ".[film]"; GIF needs none'
+FFMPEG_HELP = 'MP4 needs the extra "film": pip install -e ".[film]" in the clone; GIF needs nothing'
 GIF_RATE = 20.0
 """Largest rate of a GIF, 1/s: players round the time between two pictures to hundredths of a second."""
 
 FOLLOW_TIME = 0.5
 """Time constant with which the camera follows the robot, s."""
+
+MOST_MARKS = 5000
+"""Geoms of marks in a picture."""
 
 
 class RenderError(WbcError):
@@ -51,25 +53,26 @@ def check_film(path: str | Path, inputs: Iterable[str | Path] = ()) -> Path:
     """
     target = check_target("a film", path, FILMS, inputs)
     if target.suffix.lower() == ".mp4":
-        find_ffmpeg()
-    with _drawing_context(64, 64):
-        pass
+        try:
+            import imageio_ffmpeg  # noqa: F401, PLC0415 - an extra
+        except ImportError as error:
+            raise RenderError(FFMPEG_HELP) from error
+    renderer(mujoco.MjSpec().compile(), 64, 64).close()
     return target
 
 
-def find_ffmpeg() -> str:
-    """Return the path of ffmpeg: the system's, else the one that comes with the extra `film`, a program under the GPL.
+def renderer(model: mujoco.MjModel, width: int, height: int, samples: int = 0) -> mujoco.Renderer:
+    """Return a renderer of pictures of a size in pixels, with samples per pixel; `RenderError` without OpenGL.
 
-    `RenderError` if neither is installed.
+    With 4 samples edges are smooth; without a graphics card a picture then takes twice as long.
     """
-    if (path := shutil.which("ffmpeg")) is not None:
-        return path
+    model.vis.global_.offwidth, model.vis.global_.offheight = width, height
+    model.vis.quality.offsamples = samples
     try:
-        import imageio_ffmpeg  # noqa: PLC0415 - an extra
-
-        return str(imageio_ffmpeg.get_ffmpeg_exe())
-    except (ImportError, RuntimeError) as error:
-        raise RenderError(FFMPEG_HELP) from error
+        return mujoco.Renderer(model, height, width, max_geom=model.ngeom + MOST_MARKS)
+    except Exception as error:  # depends on the missing library
+        kind, reason = os.environ.get("MUJOCO_GL", ""), str(error) or type(error).__name__
+        raise RenderError(f"cannot draw with MUJOCO_GL={kind} ({reason}): {GL_HELP}") from error
 
 
 @checked
@@ -103,10 +106,10 @@ def render_video(
     width, height = size
     if min(size) < 16 or width % 2 or height % 2:
         raise InputError(f"size of a film must be two even numbers of at least 16, got {width} x {height}")
-    if target.suffix.lower() == ".gif":
-        rate = min(rate, GIF_RATE)
+    gif = target.suffix.lower() == ".gif"
+    rate = min(rate, GIF_RATE) if gif else rate
     ticks = replay.ticks(rate, speed)
-    write = _write_gif if target.suffix.lower() == ".gif" else _write_mp4
+    write = _write_gif if gif else _write_mp4
     with replacing(target) as new:
         write(new, _pictures(replay, ticks, rate, size, progress), rate, size)
     return len(ticks)
@@ -118,100 +121,100 @@ def _pictures(
     rate: float,
     size: tuple[int, int],
     progress: Callable[[int, int], None] | None,
-) -> Iterator[Picture]:
+) -> Iterator[Pixels]:
     """Yield the pictures."""
-    width, height = size
-    drawn = MujocoScene(replay.scene, replay.terrain, width, height, replay.sole_paths)
-    camera = mujoco.MjvCamera()
-    camera.distance, camera.azimuth, camera.elevation = 3.2 * replay.scene.com_height, 130.0, -12.0
-    places = replay.base_places
-    camera.lookat[:] = (*places[ticks[0], :2], replay.scene.floor + 0.85 * replay.scene.com_height)
+    height = replay.scale.height
+    camera, places = mujoco.MjvCamera(), replay.base_places
+    camera.distance, camera.azimuth, camera.elevation = 3.2 * height, 130.0, -12.0
+    camera.lookat[:] = (*places[ticks[0], :2], replay.floor + 0.85 * height)
     share = 1.0 - np.exp(-1.0 / (rate * FOLLOW_TIME))
-    with _drawing_context(width, height):
-        context = mujoco.MjrContext(drawn.model, mujoco.mjtFontScale.mjFONTSCALE_100)
-        mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN, context)
-        scene, option = mujoco.MjvScene(drawn.model, maxgeom=20_000), mujoco.MjvOption()
-        view, pixels = mujoco.MjrRect(0, 0, width, height), np.empty((height, width, 3), dtype=np.uint8)
-        try:
-            for i, tick in enumerate(ticks):
-                camera.lookat[:2] += share * (places[tick, :2] - camera.lookat[:2])
-                drawn.set(replay.frame(tick), replay.sole_colours(tick))
-                everything = mujoco.mjtCatBit.mjCAT_ALL
-                mujoco.mjv_updateScene(drawn.model, drawn.data, option, None, camera, everything, scene)
-                _add_forces(scene, replay, tick)
-                mujoco.mjr_render(view, scene, context)
-                mujoco.mjr_readPixels(pixels, None, view, context)
-                yield _with_caption(pixels[::-1], replay, tick)
-                if progress is not None:
-                    progress(i + 1, len(ticks))
-        finally:
-            context.free()
+    with renderer(replay.model, *size) as drawn:
+        for i, tick in enumerate(ticks):
+            picture = replay.picture(tick)
+            camera.lookat[:2] += share * (places[tick, :2] - camera.lookat[:2])
+            yield _with_caption(draw(drawn, replay, picture, camera), replay.title, picture)
+            if progress is not None:
+                progress(i + 1, len(ticks))
 
 
-def _add_forces(scene: Any, replay: Replay, tick: int) -> None:
-    """Add an arrow for each force to the picture."""
-    arrow = mujoco.mjtGeom.mjGEOM_ARROW
-    for kind, point, force in replay.snapshot(tick).forces:
-        reach = replay.scene.reach(force)
-        if np.linalg.norm(reach) < 1e-3 or scene.ngeom >= scene.maxgeom:
-            continue
-        start, end = (point - reach, point) if kind == "push" else (point, point + reach)
+def draw(drawn: mujoco.Renderer, stage: Stage, picture: Picture, camera: mujoco.MjvCamera) -> Pixels:
+    """Return a picture of a stage, whose bodies are where they are to be, with its marks."""
+    model = stage.model
+    for body, colour in picture.colours.items():
+        model.geom_rgba[model.geom_bodyid == body] = colour
+    model.light_pos[:] = camera.lookat - 4.0 * model.light_dir  # shadows are drawn around the lamp alone
+    mujoco.mj_camlight(model, stage.data)
+    drawn.update_scene(stage.data, camera)
+    add_marks(drawn.scene, picture.marks)
+    pixels: Pixels = drawn.render()
+    return pixels
+
+
+def add_marks(scene: mujoco.MjvScene, marks: Sequence[Mark]) -> None:
+    """Add geoms for marks to MuJoCo's picture; those beyond its room are left out."""
+    kinds, level = mujoco.mjtGeom, np.eye(3)
+
+    def add(
+        kind: mujoco.mjtGeom,
+        colour: Colour,
+        size: float,
+        place: Array,
+        to: Array | None = None,
+        axes: Array = level,
+    ) -> None:
+        if scene.ngeom >= scene.maxgeom:
+            return
         geom = scene.geoms[scene.ngeom]
-        colour = np.array(ARROW_COLOURS[kind], dtype=np.float32)
-        mujoco.mjv_initGeom(geom, arrow, np.zeros(3), np.zeros(3), np.eye(3).ravel(), colour)
-        mujoco.mjv_connector(geom, arrow, 0.02 * replay.scene.com_height, start, end)
+        mujoco.mjv_initGeom(
+            geom, kind, np.full(3, size), place, axes.ravel(), np.array(colour, dtype=np.float32)
+        )
+        if to is not None:
+            mujoco.mjv_connector(geom, kind, size, place, to)
         scene.ngeom += 1
 
+    for mark in marks:
+        points = np.asarray(mark.points, dtype=np.float64)
+        if mark.kind in ("ball", "cloud"):
+            for point in points:
+                add(kinds.mjGEOM_SPHERE, mark.colour, mark.size, point)
+        elif mark.kind == "arrow":
+            add(kinds.mjGEOM_ARROW, mark.colour, mark.size, points[0], points[1])
+        else:
+            for start, end in zip(points, points[1:], strict=False):
+                if mark.kind == "line":
+                    add(kinds.mjGEOM_CAPSULE, mark.colour, 0.5 * mark.size, start, end)
+                elif (
+                    start is not points[0]
+                ):  # an area is a fan of triangles, each half the parallelogram of two edges
+                    sides = np.stack([start - points[0], end - points[0]])
+                    axes = np.column_stack([*sides, np.cross(*sides)])
+                    add(kinds.mjGEOM_TRIANGLE, mark.colour, 1.0, points[0], axes=axes)
 
-def _with_caption(pixels: Picture, replay: Replay, tick: int) -> Picture:
-    """Return a picture with title, time and caption."""
-    picture, log, size = Image.fromarray(np.ascontiguousarray(pixels)), replay.log, max(10, len(pixels) // 36)
-    title = f"{log.header.get('title') or replay.scene.title}   {log.time[tick]:.2f} s"
-    text, font = f"{title}\n{caption(log, tick, replay.drift)}".strip(), ImageFont.load_default(size)
-    ImageDraw.Draw(picture).multiline_text((size, size), text, fill=(30, 30, 30), font=font, spacing=4)
-    return np.asarray(picture)
+
+def _with_caption(pixels: Pixels, title: str, picture: Picture) -> Pixels:
+    """Return a picture with title, time and text."""
+    image, size = Image.fromarray(pixels), max(10, len(pixels) // 36)
+    text = "\n".join([f"{title}   {picture.time:.2f} s", *picture.text])
+    font = ImageFont.load_default(size)
+    ImageDraw.Draw(image).multiline_text((size, size), text, fill=(30, 30, 30), font=font, spacing=4)
+    return np.asarray(image)
 
 
-@contextlib.contextmanager
-def _drawing_context(width: int, height: int) -> Iterator[None]:
-    """Make an offscreen OpenGL context; `RenderError` if OpenGL is not available."""
-    usual = "cgl" if sys.platform == "darwin" else "egl"
-    kind = os.environ.get("MUJOCO_GL", "").strip().lower()
-    if kind not in ("egl", "osmesa", "glfw", "cgl"):
-        kind = usual
-    context = None
+def _write_mp4(path: Path, pictures: Iterator[Pixels], rate: float, size: tuple[int, int]) -> None:
+    import imageio_ffmpeg  # noqa: PLC0415 - an extra
+
+    film = imageio_ffmpeg.write_frames(str(path), size, fps=rate, codec="libx264", macro_block_size=2)
+    film.send(None)
     try:
-        context = importlib.import_module(f"mujoco.{kind}").GLContext(width, height)
-        context.make_current()
-    except Exception as error:  # depends on the missing library
-        reason = str(error) or type(error).__name__
-        raise RenderError(f"cannot draw with MUJOCO_GL={kind} ({reason}): {GL_HELP}") from error
-    try:
-        yield
+        for picture in pictures:
+            film.send(np.ascontiguousarray(picture))
+    except OSError as error:
+        raise RenderError(f"ffmpeg could not write the film: {error}") from error
     finally:
-        context.free()
+        film.close()
 
 
-def _write_mp4(path: Path, pictures: Iterator[Picture], rate: float, size: tuple[int, int]) -> None:
-    command = [find_ffmpeg(), "-y", "-loglevel", "error", "-f", "rawvideo", "-pix_fmt", "rgb24"]
-    command += ["-s", f"{size[0]}x{size[1]}", "-r", f"{rate:g}", "-i", "-", "-an", "-c:v", "libx264"]
-    command += ["-pix_fmt", "yuv420p", "-crf", "23", "-movflags", "+faststart", str(path)]
-    with subprocess.Popen(command, stdin=subprocess.PIPE, stderr=subprocess.PIPE) as process:
-        assert process.stdin is not None and process.stderr is not None
-        try:
-            for picture in pictures:
-                process.stdin.write(picture.tobytes())
-        except BrokenPipeError:
-            pass
-        finally:
-            with contextlib.suppress(BrokenPipeError):
-                process.stdin.close()
-            message = process.stderr.read().decode(errors="replace").strip()
-    if process.returncode != 0:
-        raise RenderError(f"ffmpeg could not write the film: {message or process.returncode}")
-
-
-def _write_gif(path: Path, pictures: Iterator[Picture], rate: float, size: tuple[int, int]) -> None:
+def _write_gif(path: Path, pictures: Iterator[Pixels], rate: float, size: tuple[int, int]) -> None:
     frames = (Image.fromarray(picture).quantize(128, dither=Image.Dither.NONE) for picture in pictures)
     first = next(frames)
     first.save(path, save_all=True, append_images=frames, duration=round(1000.0 / rate), loop=0)

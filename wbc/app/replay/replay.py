@@ -5,47 +5,40 @@ from __future__ import annotations
 import math
 from typing import Any
 
+import mujoco
 import numpy as np
 
 from wbc.app.log.plain import from_plain
 from wbc.app.log.reader import Log
 from wbc.app.log.sources import position_signal
 from wbc.app.log.stances import Drift
-from wbc.app.replay.overlays import Overlays
-from wbc.app.scene.colours import stiffness_colour
-from wbc.app.scene.layers import sole_paths
-from wbc.app.scene.scene import Scene, Snapshot
-from wbc.app.scene.shapes import Colour
-from wbc.app.scene.sources import Force, PlantSource, RobotSource, sole_force
-from wbc.core.arguments import checked
+from wbc.app.replay.marks import Captions, LoggedMarks
+from wbc.app.view.live_marks import sole_bodies, sole_poses
+from wbc.app.view.marks import Force, Picture, Scale, balance_marks, stiffness_colour
+from wbc.app.view.stage import DescribedStage, sole_force
 from wbc.core.errors import Array, InputError, positive, whole_number
 from wbc.core.files import decoding
-from wbc.core.robot import SIDES
+from wbc.core.robot import GRAVITY, SIDES
 from wbc.sim.plant.plant import Plant
-from wbc.sim.terrain.spec import terrain as make_terrain
 
 MOST_PICTURES = 1_000_000
 """Pictures of the longest film: nine hours at 30 a second."""
 
-MIN_LOAD = 1.0
-"""Smallest contact force that is shown, N."""
-
 
 class Replay:
-    """The scene of the live view, filled from a log.
+    """Pictures of a log: model and state of its run at any tick, with marks; a `Stage` of `wbc.app.view`.
 
     Attributes:
         log: The log.
         plant: The plant of the log's header, which shows states and is never stepped; None for another loop.
-        terrain: The ground, flat for another loop.
-        scene: The scene, with the overlays.
-        overlays: Footsteps, support region and DCM of a walk.
-        sole_paths: Paths of each foot in the colour of its stiffness; empty for a passive foot.
+        title: What was run.
+        model: MuJoCo's model.
+        data: Its state, after `picture`.
+        floor: Height of the endless plane, m.
+        scale: Sizes of the robot.
         base_places: Places of the base as it is shown, shape (ticks, 3), m.
-        drift: Where the world of the estimate lies.
     """
 
-    @checked
     def __init__(self, log: Log) -> None:
         """Rebuild the plant.
 
@@ -58,26 +51,32 @@ class Replay:
         self.log = log
         if not len(log):
             raise InputError(f"{log.path} holds no ticks; there is nothing to replay")
+        self._described: DescribedStage | None = None
         with decoding(log.path, "log that can be replayed"):
             parts = log.header.get("plant")
             self.plant = None if parts is None else _plant_of(log, parts)
-            self._source: PlantSource | RobotSource
-            self.sole_paths: tuple[tuple[str, ...], ...] = ((), ())
             if self.plant is not None:
-                self._source, self._q = PlantSource(self.plant), _states_of_plant(log, self.plant)
-                self.sole_paths = tuple(sole_paths(self.plant.model, foot) for foot in self.plant.feet)
+                plant = self.plant
+                self.model, self.data, self._q = plant.model, plant.data, _states_of_plant(log, plant)
+                self.floor = float(plant.terrain.surface.floor)
+                self.scale = Scale(float(plant.truth().com[2]) - self.floor, plant.robot.mass * GRAVITY)
+                self._soles, self._places, name = sole_bodies(plant), plant.places, plant.description.name
             else:
-                self._source, self._q = _robot_of_loop(log)
-            self.terrain = make_terrain("flat") if self.plant is None else self.plant.terrain
-            scene = self._source.scene
-            self.overlays = Overlays(log, scene.com_height)
-            self.scene: Scene = scene.extended(
-                self.overlays.objects, self.overlays.moving, self.overlays.legend
-            )
+                self._described, self._q = _robot_of_loop(log)
+                stage = self._described
+                self.model, self.data, self.floor, self.scale = (
+                    stage.model,
+                    stage.data,
+                    stage.floor,
+                    stage.scale,
+                )
+                self._soles, self._places, name = [[], []], stage.places, stage.title
+            self.title = str(log.header.get("title") or name)
             self._com = log["truth/com" if "truth/com/x" in log else "com/estimated"]
             self._wrenches = [log[f"foot/{side}/wrench_measured"] for side in SIDES]
-            self.drift = Drift(log)
-            self._zmp = self.drift(log["zmp/measured"]) if "zmp/measured/x" in log else None
+            drift = Drift(log)
+            self._marks, self._caption = LoggedMarks(log, drift, self.scale), Captions(log, drift)
+            self._zmp = drift(log["zmp/measured"]) if "zmp/measured/x" in log else None
             self.base_places = self._q[:, :3]
             self._stiffness = [log[f"foot/{side}/stiffness"] for side in SIDES]
             self._push: tuple[Array, ...] = ()
@@ -107,41 +106,35 @@ class Replay:
         nearest = np.where(time[after] - times <= times - time[before], after, before)
         return [int(i) for i in np.unique(nearest)]
 
-    def show(self, tick: int) -> None:
-        """Put all bodies into their positions at a tick, but furniture, which stays where it was at the start.
+    def picture(self, tick: int) -> Picture:
+        """Put all bodies into their positions at a tick, and return its marks and text.
 
-        `InputError` for a tick that the log does not have.
+        Furniture stays where it was at the start; forces are those of the foot sensors. `InputError` for a tick that
+        the log does not have.
         """
-        self._source.show(self._q[self._checked(tick)])
-
-    def _checked(self, tick: int) -> int:
         if whole_number("tick of a log", tick, low=0) >= len(self):
             raise InputError(f"tick of a log must be below {len(self)}, got {tick}")
-        return tick
-
-    def frame(self, tick: int) -> Array:
-        """Return one matrix for each moving path of the scene at a tick, shape (len(scene.moving), 4, 4)."""
-        return np.concatenate([self.scene.frame(self.snapshot(tick)), self.overlays.frame(tick)])
-
-    def sole_colours(self, tick: int) -> list[Colour]:
-        """Return the colour of each foot's `sole_paths` at a tick."""
-        values = [float(stiffness[self._checked(tick)]) for stiffness in self._stiffness]
-        return [stiffness_colour(value if math.isfinite(value) else 0.0) for value in values]
-
-    def snapshot(self, tick: int) -> Snapshot:
-        """Return the state at a tick; forces are those of the foot sensors."""
-        self.show(tick)
-        forces: list[Force] = []
-        for sole, wrenches in zip(self._source.soles(), self._wrenches, strict=True):
-            wrench = wrenches[tick]
-            if np.isfinite(wrench).all() and wrench[2] >= MIN_LOAD:
-                forces += sole_force(sole.translation, sole.rotation, wrench)
+        if self._described is not None:
+            self._described.show(self._q[tick])
+        else:
+            self.data.qpos[: self._q.shape[1]] = self._q[tick]
+            mujoco.mj_kinematics(self.model, self.data)
+        forces = []
+        poses = sole_poses(self._places, self.data)
+        for pose, wrenches in zip(poses, self._wrenches, strict=True):
+            forces += sole_force(pose[:3, 3], pose[:3, :3], wrenches[tick])
         if self._push:
             point, force = (values[tick] for values in self._push)
             if np.isfinite(point).all() and force.any():
-                forces.append(("push", point, force))
+                forces.append(Force("push", point, force))
         zmp = None if self._zmp is None or not np.isfinite(self._zmp[tick]).all() else self._zmp[tick]
-        return Snapshot(float(self.log.time[tick]), self._source.poses(), self._com[tick], zmp, forces)
+        level = self.floor if zmp is None else float(zmp[2])
+        marks = balance_marks(self.scale, self._com[tick], zmp, forces, level) + self._marks(tick)
+        picture = Picture(float(self.log.time[tick]), marks, self._caption(tick), self.base_places[tick])
+        for bodies, stiffness in zip(self._soles, self._stiffness, strict=True):
+            value = float(stiffness[tick])
+            picture.colours |= dict.fromkeys(bodies, stiffness_colour(value if math.isfinite(value) else 0.0))
+        return picture
 
 
 def _states_of_plant(log: Log, plant: Plant) -> Array:
@@ -162,7 +155,7 @@ def _states_of_plant(log: Log, plant: Plant) -> Array:
     return q
 
 
-def _robot_of_loop(log: Log) -> tuple[RobotSource, Array]:
+def _robot_of_loop(log: Log) -> tuple[DescribedStage, Array]:
     """Return the robot of any other loop and its true configurations, or the estimated ones; shape (ticks, nq)."""
     if log.header.get("description") is None:
         raise InputError(f"{log.path} was recorded without a plant: there is nothing to show")
@@ -174,7 +167,7 @@ def _robot_of_loop(log: Log) -> tuple[RobotSource, Array]:
         raise InputError(f"{log.path} has neither the true nor an estimated base: there is nothing to show")
     columns = [log[f"{joints}/{name}"] for name in description.robot().joint_names]
     q = np.column_stack([log[f"{base}/position"], _unit(log[f"{base}/orientation"]), *columns])
-    return RobotSource(description, None), q
+    return DescribedStage(description, None), q
 
 
 def _unit(quaternions: Array) -> Array:

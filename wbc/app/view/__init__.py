@@ -9,6 +9,6 @@
     walk(spec, hooks=[WatchWalk()])     # a simulated walk, with its footsteps
     walk(spec, hooks=[RepeatWalk(interventions_of("walk.arrow"))])  # once more, with what was changed from the page
 
-What is drawn lives in `wbc.app.scene`; a new control of a run goes into `wbc.app.view.controls`. Who may open a page
-and change the run, see `wbc.app.view.guard`.
+Robot, feet, ground and things are the geoms of one MuJoCo model (`meshes`); everything else is a mark (`marks`,
+`live_marks`). A new control of a run goes into `controls`.
 """

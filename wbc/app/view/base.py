@@ -1,63 +1,62 @@
-"""Base of live views: the source of pictures, the layers, the pace and the controls of a run.
+"""Base of live views: the source of pictures and the pace of the run.
 
-`update` takes a snapshot at most so many times a second; all other calls return at once. It reads the plant and never
-writes to it, so that a run gives the same numbers with and without a view, unless somebody uses the controls that
-change a run (`wbc.app.view.controls`): these changes are in `View.interventions`.
+`update` takes a picture at most so many times a second; all other calls return at once. It reads the plant and never
+writes to it: a run gives the same numbers with and without a view.
 """
 
 from __future__ import annotations
 
 import math
+import socket
 import sys
 import time as clock
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, Self
 
-import numpy as np
-
-from wbc.app.address import Address, ViewError
-from wbc.app.scene.layer import Annotations, Layer
-from wbc.app.scene.layers import make_layers
-from wbc.app.scene.scene import Scene, Snapshot
-from wbc.app.scene.shapes import HIDDEN
-from wbc.app.scene.sources import PlantSource, RobotSource
-from wbc.app.view.controls import LiveControls
+from wbc.app.view.marks import Picture
 from wbc.app.view.pace import Pace
-from wbc.core.errors import Array, InputError, finite_scalar, positive
-from wbc.core.html import html_frame, html_text
+from wbc.app.view.stage import DescribedStage, SimulatedStage, Stage
+from wbc.core.errors import Array, InputError, WbcError, finite_scalar, positive
 from wbc.core.qp.controller import Controller
-from wbc.core.robot import Robot
 from wbc.robots import RobotDescription
-from wbc.sim.plant.plant import Plant
-from wbc.sim.terrain.spec import Terrain
+from wbc.sim.plant.robot import SimulatedRobot
 from wbc.tasks.behaviours import Program
 
 if TYPE_CHECKING:
+    from wbc.core.robot import Robot
     from wbc.core.signals import Measurement
-    from wbc.sim import MujocoLoop
     from wbc.sim.plant.truth import GroundTruth
+    from wbc.sim.terrain.spec import Terrain
     from wbc.walking.control import ReferenceControl
 
-PAUSE_TICK = 0.02
-"""Period at which a paused run checks whether it may go on, s."""
+LOCAL = "127.0.0.1"
+"""Address of all pages: they are reached from this machine alone, from another one through `ssh -L`."""
+
+FIRST_PORT, PORTS = 7000, 200
+"""Ports that are tried when none is given."""
+
+
+class ViewError(WbcError):
+    """A live view cannot be started."""
+
+
+class PortError(ViewError, InputError):
+    """A port is in use."""
 
 
 class View(ABC):
     """A page in the browser that shows a robot as it moves.
 
-    Robot and ground; soft soles as they are bent, in the colour of their stiffness; contact forces (an arrow as long as
-    the centre of mass is high is the robot's weight) and pushes; centre of mass, ZMP, DCM and support polygon. Of a
-    walk also footsteps, planned and real, ZMP and DCM as planned, scans of range sensors, and text: time, step, phase,
-    stiffness, state of a program. The camera follows the robot if that is checked on the page. The page can pause a run
-    and set its speed; a paused run goes on when the last page is closed.
+    Robot, feet, ground and things are those of the simulation's model. Marks: contact forces (an arrow as long as the
+    centre of mass is high is the robot's weight) and pushes; centre of mass, ZMP, DCM and support polygon; of a walk
+    also footsteps, planned and real, ZMP and DCM as planned, scans of range sensors. The camera follows the robot.
 
     Attributes:
-        scene: The scene.
-        controls: Controls of the page, with the changes so far.
+        stage: Model, its state, and sizes of what is drawn.
         walking: Controller of a walk; None for any other.
         frames: Number of pictures so far.
-        url: Link to the page, with the token that its controls need.
+        url: Link to the page.
         closed: True after `close`.
     """
 
@@ -68,123 +67,106 @@ class View(ABC):
 
     def __init__(
         self,
-        source: Plant | MujocoLoop | RobotDescription,
+        source: SimulatedRobot | RobotDescription,
         control: Any = None,
         *,
         program: Program | None = None,
         terrain: Terrain | None = None,
-        host: str = "127.0.0.1",
         port: int | None = None,
         rate: float | None = None,
         speed: float | None = None,
-        notebook: bool = False,
-        repeat: Iterable[dict[str, Any]] = (),
     ) -> None:
         """Start serving the page; its address goes to the standard error.
 
         Args:
-            source: A plant; another loop, of which the robot is shown; or the description of a robot whose states are
-                given to `update`.
-            control: A walk, whose footsteps and references are shown, only with a plant; a control of drives or a
+            source: A plant or a `MujocoLoop`; or the description of a robot whose states are given to `update`.
+            control: A walk, whose footsteps and references are shown, only with a simulation; a control of drives or a
                 `Controller`, whose tasks a workbench shows; that of the program, or none, when None.
             program: Program whose state is shown.
-            terrain: The ground under a described robot; flat when None. A plant has its own.
-            host: Address to listen at. The default is reached from this machine alone; on a remote one use it with
-                `ssh -L` from the same port, or "0.0.0.0" to let everybody in the network watch. The controls need the
-                link that is printed.
-            port: Port to listen at; the first free one from 7000 on when None, any free one when 0.
+            terrain: The ground under a described robot; flat when None. A simulation has its own.
+            port: Port of the page; the first free one from 7000 on when None.
             rate: Largest rate of pictures, 1/s; `RATE` when None.
-            speed: Hold the run back to this multiple of real time, 1 for real time; None never waits. The page can
-                change it.
-            notebook: Let pages of this machine, such as a notebook, show the page in a frame.
-            repeat: Interventions of a former run, carried out again at their times, see `interventions_of`.
+            speed: Hold the run back to this multiple of real time, 1 for real time; None never waits.
 
         Raises:
-            InputError: A value out of range, no host, something else than a control, a terrain given with a plant, or a
+            InputError: A value out of range, something else than a control, a terrain given with a simulation, or a
                 walk without one.
             PortError: The port is in use.
-            ViewError: A workbench without viser, or with one that cannot be guarded.
+            ViewError: A workbench without viser.
         """
-        address = Address(host, port)
-        self._program = program
-        control = program.control if control is None and program is not None else control
         self._period = 1.0 / positive("rate of the view (1/s)", self.RATE if rate is None else rate)
         self._pace = Pace(None if speed is None else positive("speed of the view", speed))
-        self._source: PlantSource | RobotSource
-        self._plant: Plant | None = None
-        self._layers: tuple[Layer, ...] = ()
-        self._loop = None if isinstance(source, (RobotDescription, Plant)) else source
-        self.walking: ReferenceControl | None = control if hasattr(control, "progress") else None
+        self._next, self.frames, self.closed = -math.inf, 0, False
+        self._set_source(source, control, program, terrain)
+        self._open(free_port(port))
+        self._begin()
+        print(
+            f"live view: {self.url} (of this machine alone; from another: ssh -L)",
+            file=sys.stderr,
+            flush=True,
+        )
+
+    def _set_source(
+        self,
+        source: SimulatedRobot | RobotDescription,
+        control: Any,
+        program: Program | None,
+        terrain: Terrain | None = None,
+    ) -> None:
+        control = program.control if control is None and program is not None else control
         controller = control if isinstance(control, Controller) else getattr(control, "controller", None)
         if control is not None and not isinstance(controller, Controller):
             raise InputError(f"a view shows a walk, a control or a Controller, got {control!r}")
-        if self._loop is not None:
-            if not callable(getattr(self._loop, "truth", None)):
-                raise InputError(
-                    "a view of a loop needs its truth(); give the description of the robot, and update(robot) its state"
-                )
-            source = self._loop.description
+        self._program, self._controller = program, controller
+        self.walking: ReferenceControl | None = control if hasattr(control, "progress") else None
+        self.stage: Stage
         if isinstance(source, RobotDescription):
             if self.walking is not None:
                 raise InputError("a walk is shown with its plant; give the plant in place of the description")
-            self._source = RobotSource(source, terrain)
-        elif terrain is not None:
-            raise InputError("a plant has its own terrain; leave `terrain` out")
+            self.stage = DescribedStage(source, terrain)
+        elif isinstance(source, SimulatedRobot):
+            if terrain is not None:
+                raise InputError("a simulation has its own terrain; leave `terrain` out")
+            self.stage = SimulatedStage(source, self.walking)
         else:
-            assert isinstance(source, Plant)
-            self._plant, self._source = source, PlantSource(source)
-            self._layers = make_layers(source, self._source.scene, self.walking)
-        self.scene: Scene = self._source.scene.extended(
-            [thing for layer in self._layers for thing in layer.objects],
-            [path for layer in self._layers for path in layer.moving],
-            tuple(entry for layer in self._layers for entry in layer.legend),
-        )
-        self.controls = LiveControls(self._plant, self.walking, controller, repeat=repeat)
-        self._next, self._framed, self.frames, self.closed = -math.inf, notebook, 0, False
-        self._simulated = 0.0  # time of the run, s
-        self._measurement: Measurement | None = None
-        self._open(address)
-        print(f"live view: {self.url}", file=sys.stderr, flush=True)
-        if self._plant is not None:
-            self._draw(self._snapshot())
-        elif self._loop is not None:
-            truth = self._loop.truth()
-            self._draw(self._snapshot(truth.q, truth))
+            raise InputError(
+                f"a view shows a plant, a MujocoLoop or the description of a robot, got {source!r}; for a loop of your "
+                "own give the description of the robot, and update(robot) its state"
+            )
 
-    def _repr_html_(self) -> str:
-        hint = f"live view: {self.url}\nIn a frame of this notebook it is shown with notebook=True."
-        return html_frame(self.url) if self._framed else html_text(hint)
+    def _begin(self) -> None:
+        """Show the scene, and the first picture of a simulation."""
+        self._build()
+        self._show_last()
 
     # ---- what a kind of page does -----------------------------------------------------------------------------------
 
     @abstractmethod
-    def _open(self, address: Address) -> None:
-        """Serve the page, and set its link."""
+    def _open(self, port: int) -> None:
+        """Serve the page at a port, and set its link."""
+
+    @abstractmethod
+    def _build(self) -> None:
+        """Make everything that the page shows of the present stage."""
 
     @property
     @abstractmethod
     def pages(self) -> int:
         """Number of open browser pages; 0 after `close`."""
 
-    @property
-    def drivers(self) -> int:
-        """Number of open pages that may change the run."""
-        return self.pages
+    @abstractmethod
+    def _send(self, picture: Picture) -> None:
+        """Show a picture."""
 
     @abstractmethod
-    def _send(self, time: float, matrices: Array, annotations: Annotations) -> None:
-        """Show a picture."""
+    def _take_orders(self, time: float, picture: Callable[[], Picture]) -> None:
+        """Carry out what the page has ordered before a tick at a time (s), and wait while it holds the run."""
 
     @abstractmethod
     def _end(self) -> None:
         """End the page."""
 
     # ---- the run ----------------------------------------------------------------------------------------------------
-
-    @property
-    def interventions(self) -> list[dict[str, Any]]:
-        """Changes made from the page, each with its simulated time (s); empty if nobody changed the run."""
-        return self.controls.interventions
 
     def update(
         self,
@@ -193,78 +175,54 @@ class View(ABC):
         measurement: Measurement | None = None,
         truth: GroundTruth | None = None,
     ) -> None:
-        """Show the present state, unless the last picture is too recent; wait while the page is paused.
+        """Show the present state, unless the last picture is too recent; wait for the pace.
 
         Args:
-            state: Only without a plant: the robot, up to date, or a configuration of shape (nq,).
-            measurement: The latest measurement: with a plant, to show the rays of range sensors; without one, for time
-                and contact wrenches of the soles.
-            truth: Only without a plant: true state of the robot, in place of `state` and `measurement`; a loop is asked
-                for its own.
+            state: Only of a described robot: the robot, up to date, or a configuration of shape (nq,).
+            measurement: The latest measurement: of a plant, to show the rays of range sensors; of a described robot,
+                for time and contact wrenches of the soles.
+            truth: Only of a described robot: its true state, in place of `state` and `measurement`.
 
         Raises:
-            InputError: A state given with a plant, none without, or one of another robot.
+            InputError: A state given with a simulation, none of a described robot, or one of another robot.
             ViewError: The view has been closed.
         """
         if self.closed:
             raise ViewError("the live view has been closed; open another one")
-        if self._loop is not None and state is None and truth is None:
-            truth = self._loop.truth()
-        if self._plant is not None and not (state is None and truth is None):
-            raise InputError("a view of a plant takes its state from the plant; call update() alone")
-        if self._plant is None and state is None and truth is None:
+        stage, read, now = self.stage, truth or measurement, None
+        if isinstance(stage, SimulatedStage):
+            if state is not None or truth is not None:
+                raise InputError(
+                    "a view of a simulation takes its state from there; leave state and truth out"
+                )
+            now = stage.robot.time
+        elif state is None and truth is None:
             raise InputError("a view of a robot description needs a state: update(robot)")
-        self._measurement = measurement
-        read = truth or measurement
-        state = state if truth is None else truth.q
-        now = self._plant.time if self._plant is not None else None if read is None else read.time
-        self._simulated = 0.0 if now is None else now
-        self.controls.update(self._simulated)
-        if self.controls.interventions and not self.drivers:
-            self.controls.halt()  # nobody is left who may
-        if self._pace.paused:
-            self._wait_for_end_of_pause(lambda: self._draw(self._snapshot(state, read)))
+        elif read is not None:
+            now = read.time
+
+        def picture() -> Picture:
+            if isinstance(stage, SimulatedStage):
+                return stage.picture(measurement)
+            assert isinstance(stage, DescribedStage)
+            return stage.picture(truth.q if truth is not None else state, read)  # type: ignore[arg-type]
+
+        self._take_orders(0.0 if now is None else now, picture)
         self._pace.wait(now)
         if (present := clock.perf_counter()) >= self._next:
             self._next = present + self._period
-            self._draw(self._snapshot(state, read))
+            self._show(picture())
 
-    def _snapshot(
-        self, state: Robot | Array | None = None, read: GroundTruth | Measurement | None = None
-    ) -> Snapshot:
-        if isinstance(self._source, PlantSource):
-            return self._source.snapshot()
-        assert state is not None
-        wrench, time = (None, 0.0) if read is None else (read.sole_wrench, read.time)
-        return self._source.snapshot(state, wrench, time)
+    def _show_last(self) -> None:
+        """Show the present state of a simulation."""
+        if isinstance(self.stage, SimulatedStage):
+            self._show(self.stage.picture(None))
 
-    def _draw(self, snapshot: Snapshot) -> None:
+    def _show(self, picture: Picture) -> None:
         self.frames += 1
-        matrices = np.tile(HIDDEN, (len(self.scene.moving), 1, 1))
-        robot = self.scene.frame(snapshot)
-        place = len(robot)
-        matrices[:place] = robot
-        annotations = Annotations(target=tuple(snapshot.com.tolist()))
-        for layer in self._layers:
-            layer.measurement = self._measurement
-            layer.fill(matrices[place : place + len(layer.moving)], annotations)
-            place += len(layer.moving)
         if self._program is not None:
-            annotations.text.insert(0, self._program.path)
-        if self.controls.message:
-            annotations.text.append(self.controls.message)
-        self._send(snapshot.time, matrices, annotations)
-
-    def _wait_for_end_of_pause(self, draw: Callable[[], None]) -> None:
-        draw()
-        while self._pace.paused and self.pages > 0:
-            clock.sleep(PAUSE_TICK)
-            before = self.controls.message
-            self.controls.carry_out(self._simulated)
-            if self.controls.message != before:
-                draw()
-        self._pace.paused = False
-        self._pace.restart()
+            picture.text.insert(0, self._program.path)
+        self._send(picture)
 
     def wait_for_page(self, seconds: float) -> bool:
         """Wait, for some seconds at most, until a page is open; say so on the standard error. True if one is."""
@@ -276,16 +234,34 @@ class View(ABC):
         return self.pages > 0
 
     def close(self) -> None:
-        """Show the last state of a plant and end the view; the page keeps its picture."""
+        """Show the last state of a simulation and end the view; the page keeps its picture."""
         if self.closed:
             return
-        if self._plant is not None:
-            self._draw(self._snapshot())
+        self._show_last()
         self.closed = True
         self._end()
+
+    def _repr_html_(self) -> str:
+        return f'<iframe src="{self.url}" width="100%" height="480"></iframe>'
 
     def __enter__(self) -> Self:
         return self
 
     def __exit__(self, *error: object) -> None:
         self.close()
+
+
+def free_port(port: int | None) -> int:
+    """Return a port of this machine, the first free one from `FIRST_PORT` on when None; `PortError` if it is in use."""
+    for each in range(FIRST_PORT, FIRST_PORT + PORTS) if port is None else (port,):
+        with socket.socket() as probe:
+            probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+            try:
+                probe.bind((LOCAL, each))
+            except OSError:
+                continue
+            return int(probe.getsockname()[1])
+    where = (
+        f"port {port}" if port is not None else f"every port from {FIRST_PORT} to {FIRST_PORT + PORTS - 1}"
+    )
+    raise PortError(f"{where} is in use; choose another one")

@@ -6,7 +6,7 @@ at a tick, and kept as interventions with their simulated time, which results an
     push        a push on the torso, from the robot's front, back or sides
     pull        a force on a link for as long as it is held, as by the mouse
     stop        the walk stops safely, with the present step
-    drive       velocity of a robot that is steered: forward, left and turn; a stand when no page that may is left
+    drive       velocity of a robot that is steered: forward, left and turn; a stand when no page is left
     gain        of the stabilizer, where the controller has one, from the next tick on
     stiffness   of variable soles: each foot gets it in its next swing, as if decided by a policy, as far as its
                 actuator is sure to reach it before the landing
@@ -38,7 +38,7 @@ from wbc.feet.soles.soft import VariableStiffnessFoot
 from wbc.tasks.stabilizer.gains import LIMITS
 
 if TYPE_CHECKING:
-    from wbc.sim import Plant
+    from wbc.sim.plant.robot import SimulatedRobot
     from wbc.walking.control import ReferenceControl
 
 _log = logging.getLogger(__name__)
@@ -82,7 +82,7 @@ class LiveControls:
 
     def __init__(
         self,
-        plant: Plant | None,
+        plant: SimulatedRobot | None,
         walking: ReferenceControl | None,
         controller: Controller | None = None,
         *,
@@ -117,7 +117,7 @@ class LiveControls:
                 self._actions["gain"] = self._set_gain
             if walking.steered:
                 self._actions["drive"] = self._drive
-            if plant is not None and isinstance(plant.foot, VariableStiffnessFoot):
+            if isinstance(getattr(plant, "foot", None), VariableStiffnessFoot):
                 self._actions["stiffness"] = self._set_stiffness
 
     def add_own(self, name: str, take: Callable[[Any], object]) -> None:
@@ -251,7 +251,7 @@ class LiveControls:
         impulse = finite_scalar(
             "impulse of a push (Ns/kg)", request.get("impulse"), low=0.0, high=MAX_IMPULSE
         )
-        w, x, y, z = self._plant.data.qpos[3:7].tolist()
+        x, y, z, w = self._plant.truth().q[3:7].tolist()
         heading = math.atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z)) + DIRECTIONS[side]
         force = impulse * self._plant.robot.mass / PUSH_DURATION
         along = [force * math.cos(heading), force * math.sin(heading), 0.0]
@@ -314,12 +314,13 @@ def intervention_text(entry: dict[str, Any]) -> str:
         "drive": "driven at {forward:.2f} m/s forward, {left:.2f} m/s left, {turn:.2f} rad/s",
         "gain": "gain {name} set to {value:g}",
         "stiffness": "soles told to take {value:g} Nm/rad",
-        "pull": "pulled at {body} with ({force[0]:.0f}, {force[1]:.0f}, {force[2]:.0f}) N",
+        "pull": "pulled at {body} with ({force}) N",
         "task": "task {task} changed",
         "own": "{name}",
         "end": "ended",
     }[entry["what"]]
-    return f"{entry['time']:.2f} s: {what.format(**entry)}"
+    force = ", ".join(str(round(part)) for part in entry.get("force", ()))
+    return f"{entry['time']:.2f} s: {what.format(**entry | {'force': force})}"
 
 
 def _first(value: Any) -> float:

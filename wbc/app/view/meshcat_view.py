@@ -1,58 +1,179 @@
-"""Live view by MeshCat, which comes with every installation.
-
-`update` hands a snapshot over to the thread that serves the page, so that a run waits for nothing but its own pace.
-"""
+"""Live view by MeshCat, which comes with every installation: it shows the run, and obeys nobody."""
 
 from __future__ import annotations
 
-import secrets
+import contextlib
+import io
+import os
+import queue
+import subprocess
+import sys
+import threading
 import weakref
+from collections.abc import Callable
+from typing import Any
 
-from wbc.app.address import Address
-from wbc.app.scene.layer import Annotations
-from wbc.app.view.base import View
-from wbc.app.view.guard import PageServer
-from wbc.app.view.server import Broadcast, page_routes
+import numpy as np
+
+from wbc.app.view.base import LOCAL, View, ViewError
+from wbc.app.view.marks import Mark, Picture, placed
+from wbc.app.view.meshes import Colour, Mesh, body_meshes
 from wbc.core.errors import Array
 
-TOKEN_BYTES = 16
-"""Length of the random token in the link, bytes."""
+ROOT = "wbc"
+"""Root of all objects in MeshCat's tree."""
 
 
 class MeshcatView(View):
     """A page in the browser that shows a robot as it moves; see `View` for what it shows.
 
-    The page can stop a walk and drive a robot that is steered. `Workbench` changes the rest.
-
-    The view ends when it is closed or when the program ends; the page then keeps its last picture, and a later view on
-    the same port continues in the same page.
+    Every page of this machine may watch; none changes the run, which a `Workbench` does. MeshCat's server is a process
+    of its own, which ends with the program; the page keeps its last picture. Pictures are sent by a thread: MeshCat
+    takes one command after the other, some dozens a picture, and the run waits for none of them.
     """
 
-    RATE = 30.0
+    RATE = 20.0
 
-    def _open(self, address: Address) -> None:
-        token = secrets.token_urlsafe(TOKEN_BYTES)
-        self._broadcast = Broadcast(
-            self.scene, self._pace, self.controls.order, self.controls.available(), token
+    def _open(self, port: int) -> None:
+        import meshcat  # noqa: PLC0415 - slow
+
+        command = [sys.executable, "-m", "wbc.app.view.meshcat_server", str(port)]
+        server = subprocess.Popen(
+            command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL
         )
-        self._server = PageServer("live view", address)
-        self._server.start(page_routes(self._broadcast), framed=self._framed, last=self._broadcast.end)
-        self._finalizer = weakref.finalize(self, self._server.close)
-        self.url = f"{self._server.served.url}?token={token}"
+        self._finalizer = weakref.finalize(self, _stop, server)
+        assert server.stdout is not None
+        address = server.stdout.readline().decode().strip()
+        if not address:
+            raise ViewError(
+                f"MeshCat's server has not started at port {port}: `{' '.join(command)}` says why"
+            )
+        os.set_blocking(server.stdout.fileno(), False)
+        self._lines, self._pages = server.stdout, 0
+        with contextlib.redirect_stdout(io.StringIO()):
+            self._page: Any = meshcat.Visualizer(zmq_url=address)
+        self.url = f"http://{LOCAL}:{port}/static/"
+
+    def _build(self) -> None:
+        page = self._page
+        page[ROOT].delete()
+        page["/Background"].set_property("top_color", [0.95, 0.97, 1.0])
+        page["/Background"].set_property("bottom_color", [0.82, 0.86, 0.90])
+        page["/Axes"].set_property("visible", False)
+        page["/Grid"].set_transform(_matrix(np.array([0.0, 0.0, self.stage.floor])))
+        height = self.stage.scale.height
+        page["/Cameras/default/rotated/<object>"].set_property(
+            "position", [1.9 * height, 0.5 * height, 1.9 * height]
+        )
+        self._names: dict[int, list[str]] = {}
+        self._shown: dict[str, Any] = {}
+        for number, (body, colour, mesh) in enumerate(body_meshes(self.stage.model)):
+            self._set(f"body/{body}/{number}", mesh, colour)
+            self._names.setdefault(body, []).append(f"body/{body}/{number}")
+        self._marks: dict[str, tuple[Mark, Mesh]] = {}  # marks and their triangles as they are shown
+        self._pictures: queue.Queue[tuple[Picture, Array, Array] | None] = queue.Queue()
+        self._sender = threading.Thread(target=self._send_all, daemon=True)
+        self._sender.start()
+
+    def _send(self, picture: Picture) -> None:
+        self._pictures.put((picture, self.stage.data.xpos.copy(), self.stage.data.xmat.copy()))
+
+    def _send_all(self) -> None:
+        """Draw the latest picture, again and again; the thread of MeshCat's commands."""
+        while (latest := self._pictures.get()) is not None:
+            with contextlib.suppress(queue.Empty):
+                while (later := self._pictures.get_nowait()) is not None:
+                    latest = later
+                self._pictures.put(None)
+            self._draw(*latest)
+
+    def _draw(self, picture: Picture, positions: Array, rotations: Array) -> None:
+        """Send a picture, and where the bodies are in it: positions, shape (n, 3), m, and matrices, shape (n, 9)."""
+        for body in self._names:
+            if body > 0:
+                self._move(f"body/{body}", _matrix(positions[body], rotations[body].reshape(3, 3)))
+        for body, colour in picture.colours.items():
+            self._once(
+                f"colour of {body}", colour, lambda body=body, colour=colour: self._colour(body, colour)
+            )
+        gone = self._marks.keys() - {mark.name for mark in picture.marks}
+        for name in gone:
+            self._page[f"{ROOT}/mark/{name}"].delete()
+            del self._marks[name]
+            self._shown.pop(f"mark/{name}")
+        for mark in picture.marks:
+            old, path = self._marks.get(mark.name), f"mark/{mark.name}"
+            if (
+                old is not None
+                and old[0].colour == mark.colour
+                and np.array_equal(old[0].points, mark.points)
+            ):
+                continue
+            mesh, position, rotation, scale = placed(mark)
+            if old is None or old[1] is not mesh or old[0].colour != mark.colour:
+                self._set(f"{path}/shape", mesh, mark.colour, on_top=mark.kind in ("ball", "arrow"))
+            self._marks[mark.name] = (mark, mesh)
+            self._move(path, _matrix(position, rotation * scale))
+        middle = self.stage.floor + 0.8 * self.stage.scale.height
+        self._move("/Cameras/default", _matrix(np.array([*picture.target[:2], middle])))
+
+    def _set(self, path: str, mesh: Mesh, colour: Colour, *, on_top: bool = False) -> None:
+        """Show triangles at a path."""
+        from meshcat import geometry  # noqa: PLC0415 - slow
+
+        red, green, blue = (round(255 * part) for part in colour[:3])
+        options: dict[str, Any] = {"color": (red << 16) + (green << 8) + blue, "opacity": colour[3]}
+        if on_top:  # drawn last and not hidden by anything
+            options |= {"transparent": True, "depthTest": False}
+        shape = geometry.TriangularMeshGeometry(mesh.vertices.astype(np.float32), mesh.faces)
+        self._page[f"{ROOT}/{path}"].set_object(shape, geometry.MeshLambertMaterial(**options))
+
+    def _move(self, path: str, matrix: Array) -> None:
+        """Move a path, if it is not there already."""
+
+        def move() -> None:
+            self._page[path if path.startswith("/") else f"{ROOT}/{path}"].set_transform(matrix)
+
+        self._once(path, matrix.tobytes(), move)
+
+    def _colour(self, body: int, colour: Colour) -> None:
+        for name in self._names.get(body, ()):
+            self._page[f"{ROOT}/{name}"].set_property("color", list(colour))
+
+    def _once(self, name: str, value: object, call: Callable[[], None]) -> None:
+        """Call a function if a value differs from the one before."""
+        if self._shown.get(name) != value:
+            self._shown[name] = value
+            call()
 
     @property
     def pages(self) -> int:
         """Number of open browser pages."""
-        return 0 if self.closed else self._broadcast.pages
+        if self.closed:
+            return 0
+        for line in (self._lines.read() or b"").split():
+            self._pages += 1 if line == b"opened" else -1
+        return self._pages
 
-    @property
-    def drivers(self) -> int:
-        """Number of open pages that may change the run."""
-        return 0 if self.closed else self._broadcast.drivers
-
-    def _send(self, time: float, matrices: Array, annotations: Annotations) -> None:
-        self._broadcast.put(time, matrices, annotations)
-        self._server.soon(self._broadcast.take_frame)
+    def _take_orders(self, time: float, picture: Callable[[], Picture]) -> None:
+        """Pages give none."""
 
     def _end(self) -> None:
+        self._pictures.put(None)
+        self._sender.join()
+        self._page.window.zmq_socket.close()
         self._finalizer()
+
+
+def _matrix(position: Array, axes: Array | None = None) -> Array:
+    """Return a homogeneous matrix; `axes` are its columns, shape (3, 3)."""
+    matrix = np.eye(4)
+    matrix[:3, 3] = position
+    if axes is not None:
+        matrix[:3, :3] = axes
+    return matrix
+
+
+def _stop(server: subprocess.Popen[bytes]) -> None:
+    """End the server."""
+    server.communicate()

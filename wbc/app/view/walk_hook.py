@@ -1,63 +1,72 @@
-"""Hook that shows a trial in the live view."""
+"""Hook that shows a trial in a live view."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Any
 
 from wbc.app.view.base import View
 from wbc.app.view.meshcat_view import MeshcatView
-from wbc.core.arguments import checked
-from wbc.core.settings import NonNegative
+from wbc.core.errors import finite_scalar
 from wbc.sim.trial.loop import TrialHook
 
 if TYPE_CHECKING:
+    from wbc.app.view.workbench import Workbench
     from wbc.sim.trial.loop import Trial, TrialTick
 
 
 class WatchWalk(TrialHook):
-    """Live view of a trial. The result is that of the same trial without it, unless the page's controls changed it.
+    """Live view of a trial. The result is that of the same trial without it, unless a workbench has changed it.
 
     Attributes:
         view: The view; None before the walk starts.
     """
 
-    @checked
+    draws = True
+
     def __init__(
         self,
         *,
         workbench: bool = False,
-        host: str = "127.0.0.1",
         port: int | None = None,
         rate: float | None = None,
         speed: float | None = 1.0,
-        wait: Annotated[NonNegative, "s"] = 0.0,
+        wait: float = 0.0,
+        stay: bool = False,
     ) -> None:
         """Store the options of a `MeshcatView`, or of a `Workbench` instead; both say what they are.
 
         `wait` is the longest time that the trial waits for a page to be opened, s; a negative one is an `InputError`.
+        With `stay` the view is left open at the end, for `restarted` and `close`.
         """
-        self._wait = wait
+        self._wait, self._stay = finite_scalar("time to wait for a page (s)", wait, low=0.0), stay
         self._workbench = workbench
-        self._options: dict[str, Any] = dict(host=host, port=port, rate=rate, speed=speed)
+        self._options: dict[str, Any] = dict(port=port, rate=rate, speed=speed)
         self.view: View | None = None
+
+    @property
+    def bench(self) -> Workbench | None:
+        """The view, if it is a workbench."""
+        return self.view if self._workbench else None  # type: ignore[return-value]
 
     @property
     def interventions(self) -> list[dict[str, Any]]:
         """Changes made from the page; empty if the walk follows its spec."""
-        return [] if self.view is None else self.view.interventions
+        return [] if self.bench is None else self.bench.interventions
 
     def news(self) -> str:
         """Return the changes made from the page since the last call as JSON, for a log; empty if none."""
-        return "" if self.view is None else self.view.controls.news()
+        return "" if self.bench is None else self.bench.controls.news()
 
     def open(self, trial: Trial) -> None:
-        """Serve the page; `start` does so, too, but a caller may want to know earlier that the port is free."""
-        if self._workbench:
+        """Show a trial; `start` does so, too, but a caller may want to know earlier that the port is free."""
+        if not self._workbench:
+            self.view = MeshcatView(trial.plant, trial.walker, **self._options)
+        elif self.bench is not None and not self.bench.closed:
+            self.bench.show(trial.plant, trial.walking)
+        else:
             from wbc.app.view.workbench import Workbench  # noqa: PLC0415 - needs an extra
 
             self.view = Workbench(trial.plant, trial.walking, **self._options)
-        else:
-            self.view = MeshcatView(trial.plant, trial.walker, **self._options)
 
     def start(self, trial: Trial) -> None:
         """See `TrialHook`."""
@@ -74,7 +83,12 @@ class WatchWalk(TrialHook):
     def end(self, result: object) -> None:
         """See `TrialHook`."""
         del result
-        self.close()
+        if not self._stay:
+            self.close()
+
+    def restarted(self, how: str) -> bool:
+        """Say on the page of a workbench how the trial has ended; True if it asks for another one."""
+        return self.bench is not None and not self.bench.closed and self.bench.ended(how)
 
     def close(self) -> None:
         """End the view; the page keeps its last picture."""

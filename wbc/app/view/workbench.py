@@ -1,7 +1,7 @@
-"""Workbench: a live view whose page changes tasks, gains, targets and whatever a program of one's own offers.
+"""Workbench: a live view whose page changes the run: drive, push, gains, tasks, targets, pause, restart.
 
-It needs viser (`pip install -e ".[workbench]"`), and shows the scene of the live view. Folders are closed and plots are
-off until somebody asks for them, so that nothing is computed for a page that nobody looks at.
+It needs viser (`pip install -e ".[workbench]"`). Folders are closed and plots are off until somebody asks for them, so
+that nothing is computed for a page that nobody looks at.
 """
 
 from __future__ import annotations
@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 import time as clock
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from functools import partial
 from typing import Any, Generic, TypeVar
@@ -17,29 +17,30 @@ from typing import Any, Generic, TypeVar
 import numpy as np
 import pinocchio as pin
 
-from wbc.app.address import Address
 from wbc.app.arguments import attribute_docs
-from wbc.app.scene.layer import Annotations
 from wbc.app.view.base import View
-from wbc.app.view.controls import DIRECTIONS
-from wbc.app.view.workbench_scene import WorkbenchScene
-from wbc.app.view.workbench_server import start_server, stop_server
+from wbc.app.view.controls import DIRECTIONS, LiveControls
+from wbc.app.view.marks import Picture, legend
+from wbc.app.view.stage import SimulatedStage
+from wbc.app.view.viser_page import ViserPage, legend_html, start_server, stop_server
+from wbc.app.view.widgets import PLOT_PERIOD, PLOT_TIME, Widgets, round_up, when
 from wbc.core.errors import Array, InputError, finite_array, finite_scalar
 from wbc.core.qp.contact import Contact
 from wbc.core.qp.solution import Solution
 from wbc.core.qp.task import Task
-from wbc.core.robot import GRAVITY
+from wbc.robots import RobotDescription
+from wbc.sim.plant.robot import SimulatedRobot
 from wbc.tasks.behaviours import Program, StateMachine
 from wbc.tasks.stabilizer.gains import StabilizerGains
 
 SPEEDS = {"0.1": 0.1, "0.25": 0.25, "0.5": 0.5, "1": 1.0, "2": 2.0, "4": 4.0, "as fast as it goes": None}
 """Choices of the run's speed, multiples of real time."""
 
-PLOT_TIME, PLOT_PERIOD, TEXT_PERIOD = 10.0, 0.1, 0.2
-"""Length of a plot, period of its points and of texts, s."""
-
 DRAG_FORCE = 2.0
 """Force of a link that is dragged, in weights of the robot a metre."""
+
+PAUSE_TICK = 0.02
+"""Period at which a page is asked whether a run that waits may go on, s."""
 
 KEYS = (
     ("faster", "i", 0, 1),
@@ -56,9 +57,6 @@ GAINS = (
     ("damping", "1/s", "acceleration per velocity error"),
 )
 """Gains of a task: name, unit and hint."""
-
-COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7")
-
 
 ValueT = TypeVar("ValueT")
 
@@ -80,23 +78,115 @@ class Workbench(View):
     Each task has a folder: gizmo on its target, weight, gains, on or off, error and residual as plots. Each contact
     shows its force and margin to its cone, limits how often they act. Ctrl and the mouse pull at a link; a robot that
     is steered is driven by sliders or keys. A program of one's own adds buttons, sliders, plots and gizmos.
-    Orders are carried out at ticks and kept in `interventions`; `repeat` carries them out again.
+    Orders are carried out at ticks and kept in `interventions`; `repeat` carries them out again. Whoever reaches the
+    page, on this machine, changes the run.
+
+    Attributes:
+        controls: Controls of the page, with the changes so far.
     """
 
     RATE = 20.0
 
-    def _open(self, address: Address) -> None:
-        server, self.url = start_server(address, self.scene.title, self._framed)
+    def __init__(
+        self,
+        source: SimulatedRobot | RobotDescription,
+        control: Any = None,
+        *,
+        repeat: Iterable[dict[str, Any]] = (),
+        **options: Any,
+    ) -> None:
+        """Start serving the page; see `View` for the other options and what is raised.
+
+        Args:
+            source: A plant or a `MujocoLoop`; or the description of a robot whose states are given to `update`.
+            control: A walk, a control of drives or a `Controller`.
+            repeat: Interventions of a former run, carried out again at their times, see `interventions_of`.
+            **options: Program, terrain, port, rate and speed.
+        """
+        self._repeat = list(repeat)
+        super().__init__(source, control, **options)
+
+    def show(
+        self, source: SimulatedRobot | RobotDescription, control: Any = None, program: Program | None = None
+    ) -> None:
+        """Show another run in the same page, as after `ended`; its interventions are counted anew."""
+        self._set_source(source, control, program)
+        self._begin()
+
+    def _open(self, port: int) -> None:
+        server, self.url = start_server(port, self.stage.title)
         self._server: Any = server
-        self._live: list[Callable[[float], None]] = []  # called with each picture
-        self._texts: list[tuple[Any, Callable[[], str]]] = []
-        self._spoken = self._plotted = -math.inf
+        self._commands: list[Any] = []
+
+    def _build(self) -> None:
+        server, stage = self._server, self.stage
+        robot = stage.robot if isinstance(stage, SimulatedStage) else None
+        self.controls = LiveControls(robot, self.walking, self._controller, repeat=self._repeat)
+        for command in self._commands:
+            command.remove()
+        self._commands.clear()
+        server.gui.reset()
+        server.scene.reset()
+        self._widgets = Widgets(server, self.controls.order)
+        self._pace.restart()
         self._said: tuple[str, ...] = ()
+        self._meanings: dict[str, Any] = {}
         self._rooms: dict[type, Any] = {}  # folders of all tasks and of all contacts
         self._made: list[tuple[Any, Any, list[Any]]] = []  # task or contact, its folder, what it shows live
         with server.atomic():
-            self._drawn = WorkbenchScene(server, self.scene, self._pull)
+            self._page = ViserPage(server, stage, None if robot is None else self._pull)
             self._fill(self._program)
+
+    # ---- the run ----------------------------------------------------------------------------------------------------
+
+    @property
+    def interventions(self) -> list[dict[str, Any]]:
+        """Changes made from the page, each with its simulated time (s); empty if nobody changed the run."""
+        return self.controls.interventions
+
+    def _take_orders(self, time: float, picture: Callable[[], Picture]) -> None:
+        self.controls.update(time)
+        if self.controls.interventions and not self.pages:
+            self.controls.halt()  # nobody is left who could
+        if not self._pace.paused:
+            return
+        self._show(picture())
+        while self._pace.paused and self.pages > 0:
+            clock.sleep(PAUSE_TICK)
+            before = self.controls.message
+            self.controls.carry_out(time)
+            if self.controls.message != before:
+                self._widgets.speak()
+        self._pace.paused = False
+        self._pace.restart()
+
+    def ended(self, how: str) -> bool:
+        """Say on the page how the run has ended, and wait there: True for a restart, False when the page is left.
+
+            while True:
+                simulate(plant, control, view)
+                if not view.ended("fallen"):
+                    break
+                plant.reset()  # and the control; or view.show(another_plant, another_control)
+
+        Args:
+            how: A few words.
+        """
+        answers: deque[bool] = deque()
+        self._show_last()
+        gui = self._server.gui
+        with (folder := gui.add_folder("the run has ended", order=-2.0)):
+            gui.add_markdown(f"**{how}**")
+            when(gui.add_button("restart", color="green").on_click, lambda _: answers.append(True))
+            when(gui.add_button("leave").on_click, lambda _: answers.append(False))
+        try:
+            while not answers and self.pages > 0:
+                clock.sleep(PAUSE_TICK)
+        except KeyboardInterrupt:
+            return False
+        folder.remove()
+        self._pace.restart()
+        return bool(answers) and answers[0]
 
     # ---- a program's own controls -----------------------------------------------------------------------------------
 
@@ -112,7 +202,7 @@ class Workbench(View):
         """
         self._add_own(name, lambda _: call(), call)
         with self._folder():
-            self._button(name, lambda: {"do": "own", "name": name})
+            self._widgets.button(name, lambda: {"do": "own", "name": name})
 
     def slider(
         self,
@@ -151,7 +241,7 @@ class Workbench(View):
         self._add_own(name, take, call)
         with self._folder():
             label = f"{name} ({unit})" if unit else name
-            self._slider(label, low, high, value, "", {"do": "own", "name": name})
+            self._widgets.slider(label, low, high, value, "", {"do": "own", "name": name})
         return setting
 
     def plot(self, name: str, function: Callable[[], Any], unit: str = "") -> None:
@@ -168,7 +258,7 @@ class Workbench(View):
         if not callable(function):
             raise InputError(f"plot '{name}' needs a function, got {function!r}")
         with self._folder():
-            self._plot(lambda: True, {f"{name} ({unit})" if unit else name: function})
+            self._widgets.plot(lambda: True, {f"{name} ({unit})" if unit else name: function})
 
     def gizmo(
         self,
@@ -204,7 +294,7 @@ class Workbench(View):
             return {"do": "own", "name": thing, "value": pin.SE3ToXYZQUAT(place).tolist()}
 
         self._add_own(thing, take, call)
-        self._gizmo(thing, lambda: setting.value, order, lambda: True)
+        self._widgets.gizmo(thing, self._gizmo_size, lambda: setting.value, order, lambda: True)
         return setting
 
     def _add_own(self, name: str, take: Callable[[Any], object], call: object) -> None:
@@ -222,53 +312,42 @@ class Workbench(View):
     def _end(self) -> None:
         stop_server(self._server)
 
-    def _send(self, time: float, matrices: Array, annotations: Annotations) -> None:
-        self._drawn.draw(matrices, annotations)
-        self._said = (f"**{time:.2f} s**", *annotations.text)
-        now = clock.perf_counter()
-        if now >= self._plotted + PLOT_PERIOD:
-            self._plotted = now
-            for show in self._live:
-                show(time)
-        if now >= self._spoken + TEXT_PERIOD:
-            self._spoken = now
+    def _send(self, picture: Picture) -> None:
+        self._page.draw(picture)
+        self._said = (f"**{picture.time:.2f} s**", *picture.text)
+        self._meanings |= legend([picture])
+        if self._widgets.show(picture.time):
             self._match()
-            for place, text in self._texts:
-                new = text()
-                if place.content != new:
-                    place.content = new
+
+    def _status(self) -> str:
+        return "  \n".join([*self._said, *([self.controls.message] if self.controls.message else [])])
 
     def _pull(self, body: str, way: Array) -> None:
-        if self._plant is not None:
-            force = DRAG_FORCE * self._plant.robot.mass * GRAVITY * way
-            self.controls.order({"do": "pull", "body": body, "force": force.tolist()})
+        force = DRAG_FORCE * self.stage.scale.weight * way
+        self.controls.order({"do": "pull", "body": body, "force": force.tolist()})
 
     # ---- folders ----------------------------------------------------------------------------------------------------
 
     def _fill(self, program: Program | None) -> None:
         """Make all controls."""
         gui, offered = self._server.gui, self.controls.available()
-        self._text(lambda: "  \n".join(self._said))
-        self._checkbox("pause", False, lambda on: setattr(self._pace, "paused", on))
+        self._widgets.text(self._status)
+        self._widgets.checkbox("pause", False, lambda on: setattr(self._pace, "paused", on))
         speed = next((name for name, value in SPEEDS.items() if value == self._pace.speed), "1")
         chosen = gui.add_dropdown("speed", tuple(SPEEDS), initial_value=speed)
         when(chosen.on_update, lambda _: setattr(self._pace, "speed", SPEEDS[chosen.value]))
-        self._checkbox("camera follows", True, lambda on: setattr(self._drawn, "follows", on))
-        self._checkbox("see through the robot", False, self._drawn.see_through)
+        self._widgets.checkbox("camera follows", True, lambda on: setattr(self._page, "follows", on))
+        self._widgets.checkbox("see through the robot", False, self._page.see_through)
         with gui.add_folder("meaning of the colours", expand_by_default=False):
-            lines = (
-                f'<span style="color: rgb{tuple(round(255 * part) for part in colour[:3])}">⬤</span> {text}'
-                for text, colour in self.scene.legend
-            )
-            gui.add_html("<div style='padding: 0 1em; font-size: 0.85em'>" + "<br>".join(lines) + "</div>")
+            self._widgets.text(lambda: legend_html(self._meanings), html=True)
         if program is not None:
             with gui.add_folder("program"):
-                self._text(lambda: program_text(program))
+                self._widgets.text(lambda: program_text(program))
         self._own_folder: Any = None
         if "drive" in offered:
             self._drive_folder(offered["drive"])
         if "stop" in offered and "drive" not in offered:
-            self._button("stop walking", lambda: {"do": "stop"}, "the run ends when the robot stands")
+            self._widgets.button("stop walking", lambda: {"do": "stop"}, "the run ends when the robot stands")
         if "push" in offered:
             self._push_folder(offered["push"])
         if "gains" in offered:
@@ -277,7 +356,7 @@ class Workbench(View):
                 for gain in offered["gains"]:
                     name, unit, most = gain["name"], gain["unit"], gain["largest"]
                     label, order = f"{name} ({unit})" if unit else name, {"do": "gain", "name": name}
-                    self._slider(label, 0.0, most, min(gain["value"], most), docs[name], order)
+                    self._widgets.slider(label, 0.0, most, min(gain["value"], most), docs[name], order)
         if "stiffness" in offered:
             soles = offered["stiffness"]
             with gui.add_folder("soles", expand_by_default=False):
@@ -286,7 +365,7 @@ class Workbench(View):
                     min(soles["high"], max(100.0, 2.0 * value)),
                     "each foot takes it in its next swing",
                 )
-                self._slider("stiffness (Nm/rad)", low, high, value, hint, {"do": "stiffness"})
+                self._widgets.slider("stiffness (Nm/rad)", low, high, value, hint, {"do": "stiffness"})
         controller = self.controls.controller
         if controller is None:
             return
@@ -306,14 +385,14 @@ class Workbench(View):
             self._made.remove((thing, folder, live))
             for show in live:
                 show(math.nan)  # takes its plots and gizmo away
-                self._live.remove(show)
+                self._widgets.live.remove(show)
             folder.remove()
         for thing in present:
             if thing not in [made[0] for made in self._made]:
-                before, task = len(self._live), isinstance(thing, Task)
+                before, task = len(self._widgets.live), isinstance(thing, Task)
                 with self._rooms[Task if task else Contact]:
                     folder = self._task_folder(thing) if task else self._contact_folder(thing)
-                self._made.append((thing, folder, self._live[before:]))
+                self._made.append((thing, folder, self._widgets.live[before:]))
 
     def _there(self, thing: object) -> bool:
         """Return true while the controller has a task or contact."""
@@ -356,16 +435,19 @@ class Workbench(View):
             when(slider.on_update, lambda event: drive() if event.client is not None else None)
         when(stand.on_click, halt)
         for label, key, index, sign in KEYS:
-            command = gui.add_command(label, hotkey=key)
-            when(command.on_trigger, partial(step, index, sign))
-        when(gui.add_command("stand", hotkey="space").on_trigger, halt)
+            self._commands.append(gui.add_command(label, hotkey=key))
+            when(self._commands[-1].on_trigger, partial(step, index, sign))
+        self._commands.append(gui.add_command("stand", hotkey="space"))
+        when(self._commands[-1].on_trigger, halt)
 
     def _push_folder(self, push: dict[str, Any]) -> None:
         gui = self._server.gui
         with gui.add_folder("push", expand_by_default=False):
             side = gui.add_dropdown("direction", tuple(DIRECTIONS))
             size = gui.add_slider("impulse (Ns/kg)", 0.0, push["largest"], 0.01, push["impulse"])
-            self._button("push", lambda: {"do": "push", "direction": side.value, "impulse": size.value})
+            self._widgets.button(
+                "push", lambda: {"do": "push", "direction": side.value, "impulse": size.value}
+            )
             gui.add_markdown("Ctrl and the mouse pull at a link.")
 
     def _task_folder(self, task: Task) -> Any:
@@ -375,9 +457,9 @@ class Workbench(View):
                 gui.add_markdown("hard: a constraint")
             else:
                 weight = float(task.weight.max())
-                self._checkbox("on", weight > 0.0, lambda on: self.controls.order(order | {"on": on}))
+                self._widgets.checkbox("on", weight > 0.0, lambda on: self.controls.order(order | {"on": on}))
                 power = math.log10(weight) if weight > 0.0 else 0.0
-                self._slider(
+                self._widgets.slider(
                     "weight, power of ten",
                     math.floor(power) - 3.0,
                     math.ceil(power) + 3.0,
@@ -390,14 +472,16 @@ class Workbench(View):
             for gain, unit, about in GAINS:
                 value = float(getattr(task, gain).max())
                 if value > 0.0:
-                    self._slider(f"{gain} ({unit})", 0.0, 4.0 * value, value, about, order, gain)
+                    self._widgets.slider(
+                        f"{gain} ({unit})", 0.0, round_up(4.0 * value), value, about, order, gain
+                    )
             if task.held_by is not None:
                 gui.add_markdown(f"Target set at every tick: use {task.held_by}")
             elif _has_place(task):
                 shown = gui.add_checkbox("gizmo on the target", False)
                 self._task_gizmo(task, lambda: shown.value and self._there(task))
             plotted = gui.add_checkbox("plots", False)
-            self._plot(
+            self._widgets.plot(
                 lambda: plotted.value and self._there(task),
                 {
                     f"error ({task.unit})": lambda: float(np.linalg.norm(task.error)),
@@ -424,7 +508,7 @@ class Workbench(View):
 
         with (folder := gui.add_folder(contact.name, expand_by_default=False)):
             plotted = gui.add_checkbox("plots", False)
-            self._plot(
+            self._widgets.plot(
                 lambda: plotted.value and self._there(contact),
                 {"normal force (N)": force, "margin to the cone (1: none used, 0: on its edge)": margin},
             )
@@ -459,82 +543,12 @@ class Workbench(View):
                 ]
             )
 
-        self._live.append(look)
-        self._text(text)
+        self._widgets.live.append(look)
+        self._widgets.text(text)
 
-    # ---- parts of folders -------------------------------------------------------------------------------------------
-
-    def _text(self, text: Callable[[], str]) -> None:
-        self._texts.append((self._server.gui.add_markdown(""), text))
-
-    def _button(self, label: str, order: Callable[[], dict[str, Any]], hint: str = "") -> None:
-        button = self._server.gui.add_button(label, hint=hint or None)
-
-        when(button.on_click, lambda _: self.controls.order(order()))
-
-    def _checkbox(self, label: str, value: bool, call: Callable[[bool], object]) -> None:
-        box = self._server.gui.add_checkbox(label, value)
-        when(box.on_update, lambda _: call(bool(box.value)))
-
-    def _slider(
-        self,
-        label: str,
-        low: float,
-        high: float,
-        value: float,
-        hint: str,
-        order: dict[str, Any],
-        key: str = "value",
-        taken: Callable[[float], float] = float,
-    ) -> None:
-        step = 10.0 ** math.floor(math.log10((high - low) / 200.0))
-        slider = self._server.gui.add_slider(label, low, high, step, float(value), hint=hint or None)
-
-        when(slider.on_update, lambda _: self.controls.order(order | {key: taken(slider.value)}))
-
-    def _plot(self, asked: Callable[[], bool], curves: dict[str, Callable[[], Any]]) -> None:
-        """Add plots under each other, which are there while they are asked for."""
-        gui = self._server.gui
-        place = gui.add_folder(None)
-        kept: deque[list[Array]] = deque(maxlen=round(PLOT_TIME / PLOT_PERIOD))
-        handles: list[Any] = []
-
-        def show(time: float) -> None:
-            if not asked():
-                for handle in handles:
-                    handle.remove()
-                handles.clear()
-                kept.clear()
-                return
-            kept.append([np.array([time]), *(np.atleast_1d(function()) for function in curves.values())])
-            if len(kept) < 2:  # a line needs two points
-                return
-            data = [np.array([row[i] for row in kept], dtype=float).T for i in range(len(curves) + 1)]
-            from viser import uplot  # noqa: PLC0415 - an extra
-
-            for i, title in enumerate(curves):
-                columns = (data[0][0], *_without_noise(data[i + 1]))
-                if i < len(handles):
-                    handles[i].data = columns
-                    continue
-                series = [uplot.Series(label="s")] + [
-                    uplot.Series(label=str(k), stroke=COLOURS[k % len(COLOURS)], width=1.5)
-                    for k in range(len(columns) - 1)
-                ]
-                scales = {"x": uplot.Scale(time=False, auto=True), "y": uplot.Scale(auto=True)}
-                with place:
-                    handles.append(
-                        gui.add_uplot(
-                            columns,
-                            tuple(series),
-                            title=title,
-                            scales=scales,
-                            legend=uplot.Legend(show=False),
-                            height=150,
-                        )
-                    )
-
-        self._live.append(show)
+    @property
+    def _gizmo_size(self) -> float:
+        return 0.25 * self.stage.scale.height
 
     def _task_gizmo(self, task: Any, asked: Callable[[], bool]) -> None:
         """Show a gizmo on the target of a task while it is asked for."""
@@ -554,60 +568,7 @@ class Workbench(View):
             value = pin.SE3ToXYZQUAT(place) if whole else place.rotation if turns else place.translation
             return {"do": "task", "task": task.name, "target": np.asarray(value).tolist()}
 
-        self._gizmo(task.name, place, order, asked, turns=turns, moves=moves)
-
-    def _gizmo(
-        self,
-        name: str,
-        place: Callable[[], pin.SE3],
-        order: Callable[[pin.SE3], dict[str, Any]],
-        asked: Callable[[], bool],
-        *,
-        turns: bool = True,
-        moves: bool = True,
-    ) -> None:
-        handles: list[Any] = []
-        held = False
-
-        def show(_: float) -> None:
-            if not asked():
-                for handle in handles:
-                    handle.remove()
-                handles.clear()
-                return
-            if not handles:
-                handle = self._server.scene.add_transform_controls(
-                    f"/wbc/gizmos/{name.replace('/', '_')}",
-                    scale=0.25 * self.scene.com_height,
-                    disable_axes=not moves,
-                    disable_sliders=not moves,
-                    disable_rotations=not turns,
-                    depth_test=False,
-                )
-                when(handle.on_update, moved)
-                handles.append(handle)
-            if not held:
-                handle, now = handles[0], place()
-                x, y, z, w = pin.Quaternion(now.rotation).coeffs().tolist()
-                handle.position, handle.wxyz = now.translation, (w, x, y, z)
-
-        def moved(event: Any) -> None:
-            nonlocal held
-            held = event.phase != "end"
-            w, x, y, z = map(float, event.target.wxyz)
-            turn = pin.Quaternion(w, x, y, z).normalized().matrix()
-            self.controls.order(order(pin.SE3(turn, np.array(event.target.position, dtype=float))))
-
-        self._live.append(show)
-
-
-def when(event: Callable[[Any], object], call: Callable[[Any], object]) -> None:
-    """Call a function at an event of the page, one after the other in the order of the events."""
-
-    async def take(given: Any) -> None:
-        call(given)
-
-    event(take)
+        self._widgets.gizmo(task.name, self._gizmo_size, place, order, asked, turns=turns, moves=moves)
 
 
 def program_text(program: Program) -> str:
@@ -636,12 +597,6 @@ def cone_margin(contact: Contact, wrench: Array) -> float:
     used = contact.cone @ wrench + allowed
     bounds = allowed > 0.0
     return float(1.0 - (used[bounds] / allowed[bounds]).max())
-
-
-def _without_noise(values: Array) -> Array:
-    """Return values to seven digits of the largest, and to 1e-9: uPlot cannot draw an axis with finer ticks."""
-    largest = float(np.nanmax(np.abs(values), initial=0.0))
-    return values if largest == 0.0 else np.round(np.round(values / largest, 7) * largest, 9)
 
 
 def _has_place(task: Any) -> bool:

@@ -1,0 +1,252 @@
+"""Shapes by which a robot is drawn: geoms in the plant's model that touch nothing and weigh nothing.
+
+A link has its visual shapes; if none of them can be read (no visuals, a mesh that is not found), its collision shapes;
+if these cannot be read either, a stick figure of its joints.
+"""
+
+from __future__ import annotations
+
+import logging
+from pathlib import Path
+from xml.etree import ElementTree
+
+import mujoco
+import numpy as np
+import pinocchio as pin
+
+from wbc.core.errors import Array
+from wbc.core.robot import Robot
+from wbc.feet.soles.common_mjcf import VISUAL_GROUP
+from wbc.robots.derivation.soles import numbers, origin_of, resolve
+from wbc.robots.description import RobotDescription
+from wbc.robots.frames import carrier_link
+from wbc.robots.urdf import Element, moving_link_of
+from wbc.sim.scenes.base import GEOMS
+from wbc.sim.terrain.render import FLOOR
+
+_log = logging.getLogger(__name__)
+
+Colour = tuple[float, float, float, float]
+"""Red, green, blue, opacity, each from 0 to 1."""
+
+PLAIN: Colour = (0.78, 0.80, 0.83, 1.0)
+"""Colour of links without one."""
+
+SKY = ([0.95, 0.97, 1.0], [0.72, 0.78, 0.84])
+"""Colours of the sky, above and at the horizon."""
+
+TILES, TILE = ([0.80, 0.82, 0.83], [0.86, 0.875, 0.885]), 0.5
+"""Colours of the tiles of the floor, and their side, m."""
+
+FLOOR_COLOUR: Colour = (0.85, 0.87, 0.88, 1.0)
+"""Colour of the floor under its tiles, and in pages without."""
+
+MESH = "visual:"
+"""Beginning of the names of the robot's meshes, after the prefix of a robot among others."""
+
+STL_HEADER, STL_TRIANGLE = 84, 50
+"""Bytes of a binary STL before its triangles, and of each."""
+
+
+def add_visuals(spec: mujoco.MjSpec, description: RobotDescription, robot: Robot) -> None:
+    """Add the visual geoms of a robot to its bodies; robots of the same meshes share them."""
+    root = ElementTree.fromstring(description.urdf)
+    colours = _named_colours(root)
+    moving = moving_link_of(root)
+    drawn: set[str] = set()
+    for tag in ("visual", "collision"):
+        bare = {body for body in moving.values() if body not in drawn}
+        for link in root.findall("link"):
+            name = str(link.get("name"))
+            body = spec.body(name)
+            if moving[name] not in bare or body is None:
+                continue
+            for element in link.findall(tag):
+                if _add_element(spec, body, element, colours, description.package_dirs):
+                    drawn.add(moving[name])
+    _add_sticks(spec, description, robot, drawn)
+
+
+def add_stage(spec: mujoco.MjSpec) -> None:
+    """Add sky and lamp, and tiles on the floor."""
+    light, dark = TILES
+    spec.add_texture(
+        name="sky",
+        type=mujoco.mjtTexture.mjTEXTURE_SKYBOX,
+        builtin=mujoco.mjtBuiltin.mjBUILTIN_GRADIENT,
+        rgb1=SKY[0],
+        rgb2=SKY[1],
+        width=256,
+        height=256,
+    )
+    spec.add_texture(
+        name="tiles",
+        type=mujoco.mjtTexture.mjTEXTURE_2D,
+        builtin=mujoco.mjtBuiltin.mjBUILTIN_CHECKER,
+        rgb1=light,
+        rgb2=dark,
+        width=256,
+        height=256,
+    )
+    tiles = spec.add_material(name="tiles", texuniform=True, texrepeat=[0.5 / TILE] * 2)
+    tiles.textures[mujoco.mjtTextureRole.mjTEXROLE_RGB] = "tiles"
+    floor = spec.geom(FLOOR)
+    floor.material, floor.rgba = "tiles", FLOOR_COLOUR
+    spec.worldbody.add_light(
+        type=mujoco.mjtLightType.mjLIGHT_DIRECTIONAL,
+        pos=[0.0, -3.0, 6.0],
+        dir=[0.1, 0.4, -1.0],
+        diffuse=[0.45] * 3,
+        castshadow=True,
+    )
+    lamp = spec.visual.headlight
+    lamp.ambient, lamp.diffuse, lamp.specular = [0.35] * 3, [0.45] * 3, [0.1] * 3
+    quality = spec.visual.quality
+    quality.shadowsize, quality.numslices, quality.numstacks = 2048, 16, 10
+    spec.visual.map.zfar = 40.0
+
+
+def drop_meshes(spec: mujoco.MjSpec) -> bool:
+    """Take the visual meshes of files away; False if there are none."""
+    named = [mesh for mesh in spec.meshes if MESH in mesh.name]
+    for geom in [geom for geom in spec.geoms if MESH in geom.meshname]:
+        spec.delete(geom)
+    for mesh in named:
+        spec.delete(mesh)
+    return bool(named)
+
+
+def _add_element(
+    spec: mujoco.MjSpec,
+    body: mujoco.MjsBody,
+    element: Element,
+    colours: dict[str, Colour],
+    package_dirs: tuple[str, ...],
+) -> bool:
+    """Add the geom of a <visual> or <collision>; False if it cannot be read."""
+    geometry = element.find("geometry")
+    if geometry is None or not len(geometry):
+        return False
+    shape, material, colour = geometry[0], element.find("material"), PLAIN
+    if material is not None:
+        colour = _colour(material) or colours.get(str(material.get("name")), PLAIN)
+    place, kind = origin_of(element), shape.tag
+    if kind == "mesh":
+        path = resolve(shape.get("filename", ""), package_dirs, None)
+        mesh = None if path is None else _mesh(spec, path, numbers(shape.get("scale", "1 1 1")))
+        if mesh is None:
+            return False
+        add_visual(body, mujoco.mjtGeom.mjGEOM_MESH, (), place, colour).meshname = mesh
+        return True
+    if kind == "box":
+        size = 0.5 * numbers(shape.get("size", "0 0 0"))
+    elif kind in ("sphere", "cylinder", "capsule"):
+        size = np.array([float(shape.get("radius", "0")), 0.5 * float(shape.get("length", "0"))])
+    else:
+        return False
+    size = size[: 1 if kind == "sphere" else None]
+    if not (size > 0.0).all():
+        return False
+    add_visual(body, GEOMS[kind], size.tolist(), place, colour)
+    return True
+
+
+def add_visual(
+    body: mujoco.MjsBody,
+    kind: mujoco.mjtGeom,
+    size: tuple[float, ...] | list[float],
+    place: pin.SE3,
+    colour: Colour,
+) -> mujoco.MjsGeom:
+    """Add a geom that touches nothing to a body: MuJoCo's kind and half sizes, place in the body, colour."""
+    x, y, z, w = pin.Quaternion(place.rotation).normalized().coeffs()
+    return body.add_geom(
+        type=kind,
+        size=[*size, *[0.0] * (3 - len(size))],
+        pos=place.translation,
+        quat=[w, x, y, z],
+        mass=0.0,
+        group=VISUAL_GROUP,
+        contype=0,
+        conaffinity=0,
+        rgba=colour,
+    )
+
+
+def _mesh(spec: mujoco.MjSpec, path: Path, scale: Array) -> str | None:
+    """Return the name of a mesh asset of a file, added once for each scale; None for a file that cannot be read."""
+    name = f"{MESH}{path}:{' '.join(map(str, scale))}"
+    if spec.mesh(name) is not None:
+        return name
+    # Surfaces need not be closed.
+    options = {"scale": scale, "inertia": mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL}
+    if path.suffix.lower() == ".obj" or _binary_stl(path):
+        spec.add_mesh(name=name, file=str(path.resolve()), **options)
+        return name
+    try:
+        vertices, faces = read_mesh(path)
+    except (ValueError, RuntimeError) as error:
+        _log.warning("%s is not drawn: %s", path, error)
+        return None
+    spec.add_mesh(name=name, uservert=vertices.ravel(), userface=faces.ravel(), **options)
+    return name
+
+
+def _binary_stl(path: Path) -> bool:
+    """Return true for the STL that MuJoCo reads."""
+    if path.suffix.lower() != ".stl":
+        return False
+    with path.open("rb") as file:
+        count = int.from_bytes(file.read(STL_HEADER)[-4:], "little")
+    return path.stat().st_size == STL_HEADER + STL_TRIANGLE * count
+
+
+def read_mesh(path: Path) -> tuple[Array, Array]:
+    """Return vertices, shape (n, 3), and triangles, shape (m, 3), of a mesh file of any format that assimp reads."""
+    import coal  # noqa: PLC0415 - for the formats that MuJoCo does not read
+
+    model = coal.MeshLoader().load(str(path), np.ones(3))
+    faces = [[triangle[k] for k in range(3)] for triangle in map(model.tri_indices, range(model.num_tris))]
+    return np.array(model.vertices(), dtype=np.float64), np.array(faces, dtype=np.int32)
+
+
+def _named_colours(root: Element) -> dict[str, Colour]:
+    """Return the colours of materials that are defined once and used by name."""
+    named: dict[str, Colour] = {}
+    for material in root.iter("material"):
+        colour = _colour(material)
+        if colour is not None and material.get("name"):
+            named.setdefault(str(material.get("name")), colour)
+    return named
+
+
+def _colour(material: Element) -> Colour | None:
+    element = material.find("color")
+    values = [] if element is None else np.clip(numbers(element.get("rgba", "")), 0.0, 1.0).tolist()
+    return (values[0], values[1], values[2], values[3]) if len(values) == 4 else None
+
+
+def _add_sticks(spec: mujoco.MjSpec, description: RobotDescription, robot: Robot, drawn: set[str]) -> None:
+    """Add to each link that is not drawn a ball at its joint, a rod to each joint below, and the soles as plates."""
+    model, kinds = robot.model, mujoco.mjtGeom
+    thickness = 0.03 * float(robot.com[2])
+    for joint in range(1, model.njoints):
+        name = carrier_link(model, joint)
+        body = spec.body(name)
+        if name in drawn or body is None:
+            continue
+        ends = [np.array(model.jointPlacements[child].translation) for child in model.children[joint]]
+        add_visual(body, kinds.mjGEOM_SPHERE, [1.3 * thickness], pin.SE3.Identity(), PLAIN)
+        for sole in description.soles:
+            frame = model.frames[model.getFrameId(sole.frame)]
+            if frame.parentJoint == joint:
+                ends.append(np.array(frame.placement.translation))
+                plate = frame.placement * pin.SE3(np.eye(3), np.array([0.0, 0.0, 0.4 * thickness]))
+                size = [0.5 * sole.length, 0.5 * sole.width, 0.4 * thickness]
+                add_visual(body, kinds.mjGEOM_BOX, size, plate, PLAIN)
+        for end in ends:
+            length = float(np.linalg.norm(end))
+            if length > thickness:
+                turn = pin.Quaternion.FromTwoVectors(np.array([0.0, 0.0, 1.0]), end / length).matrix()
+                size = [thickness, 0.5 * length]
+                add_visual(body, kinds.mjGEOM_CYLINDER, size, pin.SE3(turn, 0.5 * end), PLAIN)

@@ -1,0 +1,94 @@
+"""Replay of a log in the browser, with a time slider: a page of viser."""
+
+from __future__ import annotations
+
+import time as clock
+from typing import Any
+
+import numpy as np
+
+from wbc.app.replay.replay import Replay
+from wbc.app.view.base import free_port
+from wbc.app.view.marks import legend
+from wbc.app.view.viser_page import ViserPage, legend_html, start_server, stop_server
+from wbc.app.view.widgets import Widgets, when
+
+RATE = 30.0
+"""Largest rate of pictures, 1/s."""
+
+SPEEDS = {"0.1": 0.1, "0.25": 0.25, "0.5": 0.5, "1": 1.0, "2": 2.0, "4": 4.0}
+"""Choices of the speed, multiples of real time."""
+
+
+class Player:
+    """Page of a replay: a slider of the time, play and pause, and the speed.
+
+    Attributes:
+        url: Link to the page.
+    """
+
+    def __init__(self, replay: Replay, port: int | None = None) -> None:
+        """Start serving the page on this machine.
+
+        Args:
+            replay: The replay.
+            port: Port of the page; the first free one from 7000 on when None.
+
+        Raises:
+            PortError: The port is in use.
+            ViewError: No viser.
+        """
+        self._replay, self._times = replay, replay.log.time
+        self._server, self.url = start_server(free_port(port), replay.title)
+        gui, last = self._server.gui, float(self._times[-1])
+        self._page = ViserPage(self._server, replay)
+        self._widgets = Widgets(self._server, lambda order: None)
+        self._text: list[str] = []
+        self._meanings: dict[str, Any] = {}
+        self._tick = -1
+        self._widgets.text(lambda: "  \n".join(self._text))
+        self._time = gui.add_slider("time (s)", round(float(self._times[0]), 2), round(last, 2), 0.01, 0.0)
+        self._playing = gui.add_checkbox("play", True)
+        self._speed = gui.add_dropdown("speed", tuple(SPEEDS), initial_value="1")
+        self._widgets.checkbox("camera follows", True, self._follow)
+        self._widgets.checkbox("see through the robot", False, self._page.see_through)
+        with gui.add_folder("meaning of the colours", expand_by_default=False):
+            self._widgets.text(lambda: legend_html(self._meanings), html=True)
+        when(gui.add_command("play or pause", hotkey="space").on_trigger, self._toggle)
+        self.show(0)
+
+    def show(self, tick: int) -> None:
+        """Show a tick of the log, if it is not shown already."""
+        if tick == self._tick:
+            return
+        self._tick, picture = tick, self._replay.picture(tick)
+        self._page.draw(picture)
+        self._text = [f"**{picture.time:.2f} s**", *picture.text]
+        self._meanings |= legend([picture])
+        self._widgets.show(picture.time)
+
+    def run(self) -> None:
+        """Play until the program is interrupted; a page at the end begins anew when it is played."""
+        last = clock.perf_counter()
+        while True:
+            clock.sleep(1.0 / RATE)
+            now = clock.perf_counter()
+            if self._playing.value and self._server.get_clients():
+                ahead = self._time.value + (now - last) * SPEEDS[self._speed.value]
+                if self._time.value >= self._time.max:
+                    ahead = self._time.min
+                elif ahead >= self._time.max:
+                    ahead, self._playing.value = self._time.max, False
+                self._time.value = ahead
+            last = now
+            self.show(min(int(np.searchsorted(self._times, self._time.value - 1e-6)), len(self._times) - 1))
+
+    def close(self) -> None:
+        """End the page."""
+        stop_server(self._server)
+
+    def _follow(self, on: bool) -> None:
+        self._page.follows, self._tick = on, -1
+
+    def _toggle(self, _: object) -> None:
+        self._playing.value = not self._playing.value
