@@ -16,8 +16,8 @@ import mujoco
 import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
-from wbc.app.replay.mujoco_scene import MujocoScene
-from wbc.app.scene.sources import PlantSource
+from wbc.app.replay.film import draw, renderer
+from wbc.app.view.stage import SimulatedStage
 from wbc.sim import Plant
 from wbc.sim.trial.loop import TrialHook, TrialTick
 
@@ -54,6 +54,8 @@ COLUMNS = 5
 class Catcher(TrialHook):
     """Takes a picture of a plant when its time has come."""
 
+    draws = True
+
     def __init__(self, instant: float) -> None:
         self.instant, self.picture = instant, None
         self.plant: Plant | None = None
@@ -72,20 +74,12 @@ class Catcher(TrialHook):
 
 def photograph(plant: Plant) -> Image.Image:
     """Draw a plant as it is now, as a replay would be drawn."""
-    source = PlantSource(plant)
-    scene = source.scene
-    drawn = MujocoScene(scene, plant.terrain, *SIZE)
-    snapshot = source.snapshot()
-    drawn.set(scene.frame(snapshot))
-    camera = mujoco.MjvCamera()
-    camera.distance, camera.azimuth, camera.elevation = 3.3 * scene.com_height, 130.0, -14.0
-    camera.lookat[:] = (*snapshot.com[:2], scene.floor + 0.85 * scene.com_height)
-    renderer = mujoco.Renderer(drawn.model, SIZE[1], SIZE[0])
-    try:
-        renderer.update_scene(drawn.data, camera)
-        return Image.fromarray(renderer.render())
-    finally:
-        renderer.close()
+    stage = SimulatedStage(plant, None)
+    picture, height, camera = stage.picture(None), stage.scale.height, mujoco.MjvCamera()
+    camera.distance, camera.azimuth, camera.elevation = 3.3 * height, 130.0, -14.0
+    camera.lookat[:] = (*picture.target[:2], stage.floor + 0.85 * height)
+    with renderer(stage.model, *SIZE, samples=4) as drawn:
+        return Image.fromarray(draw(drawn, stage, picture, camera))
 
 
 def picture_of(name: str, instant: float) -> Image.Image:
@@ -118,11 +112,11 @@ def main() -> None:
         raise RuntimeError(f"no instant for {', '.join(sorted(missing))}")
     rows = -(-len(INSTANTS) // COLUMNS)
     sheet = Image.new("RGB", (COLUMNS * SIZE[0], rows * SIZE[1]), "white")
-    draw, font = ImageDraw.Draw(sheet), ImageFont.load_default(16)
+    pen, font = ImageDraw.Draw(sheet), ImageFont.load_default(16)
     for i, (name, instant) in enumerate(INSTANTS.items()):
         corner = np.array([i % COLUMNS, i // COLUMNS]) * SIZE
         sheet.paste(picture_of(name, instant), tuple(corner.tolist()))
-        draw.text(tuple((corner + (8, 6)).tolist()), f"{name}.py", fill="black", font=font)
+        pen.text(tuple((corner + (8, 6)).tolist()), f"{name}.py", fill="black", font=font)
     sheet.quantize(128).save(path, optimize=True)
     print(f"wrote {path}")
 

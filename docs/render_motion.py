@@ -12,11 +12,11 @@ from pathlib import Path
 import mujoco
 from made_motions import make_motion
 from PIL import Image
-from render_walk import brighten
+from render_walk import MARKS, brighten
 
 import wbc
-from wbc.app.replay.mujoco_scene import MujocoScene
-from wbc.app.scene.sources import PlantSource
+from wbc.app.replay.film import draw, renderer
+from wbc.app.view.stage import SimulatedStage
 from wbc.motion import make_feasible, read_motion
 from wbc.sim import TrackSpec
 from wbc.sim.balance.tracking import TrackTrial
@@ -48,26 +48,23 @@ def main() -> None:
         given, start, rate = read_motion(options.clip), 0.0, CLIP_RATE
     clip = make_feasible(model, given).clip
     count = round(rate * (SECONDS if options.clip is None else clip.duration))
-    trial = TrackTrial(clip, TrackSpec(robot=ROBOT))
-    plant, source = trial.plant, PlantSource(trial.plant)
-    scene = source.scene
-    drawn = MujocoScene(scene, plant.terrain, *SIZE)
-    brighten(drawn.model)
+    trial = TrackTrial(clip, TrackSpec(robot=ROBOT), visuals=True)
+    plant, stage = trial.plant, SimulatedStage(trial.plant, None)
+    brighten(stage.model)
     camera = mujoco.MjvCamera()
     height = float(model.com[2])  # at half-sitting: a clip may begin bent
     camera.distance, camera.azimuth, camera.elevation = 3.0 * height, 150.0, -12.0
-    camera.lookat[2] = scene.floor + 0.9 * height
+    camera.lookat[2] = stage.floor + 0.9 * height
     frames: list[Image.Image] = []
-    with mujoco.Renderer(drawn.model, SIZE[1], SIZE[0]) as renderer:
+    with renderer(stage.model, *SIZE, samples=4) as drawn:
 
         def film() -> None:
             if len(frames) < count and plant.time >= start + len(frames) / rate:
-                snapshot = source.snapshot()
-                drawn.set(scene.frame(snapshot))
+                picture = stage.picture(None)
+                picture.marks = [mark for mark in picture.marks if mark.name in MARKS]
                 if not frames or options.clip is not None:  # a robot that walks is followed
-                    camera.lookat[:2] = snapshot.com[:2]
-                renderer.update_scene(drawn.data, camera)
-                frames.append(Image.fromarray(renderer.render()))
+                    camera.lookat[:2] = picture.target[:2]
+                frames.append(Image.fromarray(draw(drawn, stage, picture, camera)))
 
         class Film(TrialHook):
             """Draws the pictures that are due."""

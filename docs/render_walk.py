@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 import tempfile
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,11 +10,13 @@ import mujoco
 import numpy as np
 from PIL import Image
 
-from wbc.app.log.reader import Log
-from wbc.app.log.recorder import Recorder
-from wbc.app.replay.mujoco_scene import MujocoScene
-from wbc.app.replay.replay import Replay
+from wbc.app import Log, Recorder, Replay
+from wbc.app.replay.film import draw as draw_picture
+from wbc.app.replay.film import renderer
 from wbc.sim import WalkPlan, WalkPush, WalkSpec, walk
+
+MARKS = ("com", "com shadow", "zmp", "dcm")
+"""Marks that are shown."""
 
 
 @dataclass(frozen=True)
@@ -84,9 +85,7 @@ def draw(path: Path, what: Film = WALK) -> None:
 
 def film(replay: Replay, what: Film) -> list[Image.Image]:
     """Return the pictures; the camera goes where the robot goes in the mean over a while."""
-    width, height = what.size
-    drawn = MujocoScene(replay.scene, replay.plant.terrain, width, height, replay.sole_paths)
-    brighten(drawn.model)
+    brighten(replay.model)
     places, times = replay.log["truth/base/position"], replay.log.time
     pictures = round(what.seconds * what.rate)
     ticks = [int(np.searchsorted(times, what.start + i / what.rate)) for i in range(pictures)]
@@ -95,32 +94,25 @@ def film(replay: Replay, what: Film) -> list[Image.Image]:
     camera = mujoco.MjvCamera()
     camera.distance, camera.azimuth, camera.elevation = what.camera
     frames = []
-    with mujoco.Renderer(drawn.model, height, width) as renderer:
+    with renderer(replay.model, *what.size, samples=4) as drawn:
         for i, tick in enumerate(ticks):
             near = way[max(0, i - half) : i + half + 1]
-            camera.lookat[:] = (*near.mean(axis=0), replay.scene.floor + 0.74)
-            drawn.model.light_pos[:] = camera.lookat - 4.0 * drawn.model.light_dir
-            drawn.set(replay.frame(tick), replay.sole_colours(tick))
-            renderer.update_scene(drawn.data, camera)
-            frames.append(Image.fromarray(renderer.render()))
+            camera.lookat[:] = (*near.mean(axis=0), replay.floor + 0.74)
+            picture = replay.picture(tick)
+            picture.marks = [mark for mark in picture.marks if mark.name in MARKS]
+            frames.append(Image.fromarray(draw_picture(drawn, replay, picture, camera)))
     return frames
 
 
 def brighten(model: mujoco.MjModel) -> None:
-    """Light the scene as a bright room, and hide the overlays: footsteps and support regions.
+    """Light the scene as a bright room.
 
     Shadows are drawn in a square around the light, whose edge would be seen: it is made larger, and finer.
     """
     model.vis.map.shadowclip, model.vis.quality.shadowsize = 8.0, 8192
+    model.vis.quality.numslices, model.vis.quality.numstacks = 28, 16
     model.vis.headlight.ambient[:] = 0.50
     model.vis.headlight.diffuse[:] = 0.40
-    floor = np.flatnonzero(model.geom_matid == model.material("tiles").id)
-    model.geom_rgba[floor, :3] = 0.85
-    overlay = re.compile("/(footsteps|support)/")
-    for geom, body in enumerate(model.geom_bodyid):
-        planned = body == 0 and model.geom_type[geom] == mujoco.mjtGeom.mjGEOM_MESH
-        if planned or overlay.search(model.body(body).name):
-            model.geom_rgba[geom, 3] = 0.0
 
 
 if __name__ == "__main__":

@@ -22,7 +22,6 @@ class Options(argparse.Namespace):
 
     seconds: float
     view: bool
-    host: str
     port: int | None
 
     @contextlib.contextmanager
@@ -36,13 +35,13 @@ class Options(argparse.Namespace):
         if not self.view:
             yield NoView()
             return
-        with MeshcatView(plant, walking, program=program, host=self.host, port=self.port, speed=1.0) as view:
+        with MeshcatView(plant, walking, program=program, port=self.port, speed=1.0) as view:
             view.wait_for_page(BROWSER_TIME)
             yield view
 
     def hooks(self) -> list[WatchWalk]:
         """The same for walks that `walk` runs."""
-        return [WatchWalk(host=self.host, port=self.port, wait=BROWSER_TIME)] if self.view else []
+        return [WatchWalk(port=self.port, wait=BROWSER_TIME)] if self.view else []
 
 
 class NoView:
@@ -73,7 +72,6 @@ def parse(
             "--seconds", type=float, default=seconds, help="simulated time (s), default %(default)s"
         )
     parser.add_argument("--view", action="store_true", help="watch it live in the browser")
-    parser.add_argument("--host", default="127.0.0.1", help="address of the live view, default %(default)s")
     parser.add_argument(
         "--port", type=int, help="port of the live view, default the first free one from 7000"
     )

@@ -233,7 +233,7 @@ def test_what_is_planned_is_shown_where_it_lies_in_the_true_world() -> None:
         for name, mark in named(before, prefix).items():
             was_x, was_y, _ = middle(mark)
             assert middle(named(after, name)[name])[:2] == pytest.approx([x - was_y, y + was_x], abs=1e-3)
-    assert any(line.endswith(" mm and 90.0° off") for line in after.text)
+    assert any(line.endswith(" mm and +90.0° off") for line in after.text)
 
 
 def test_a_stop_takes_footsteps_away() -> None:

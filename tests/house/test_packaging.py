@@ -85,7 +85,7 @@ def test_the_package_holds_no_tests_benchmarks_or_helpers_of_the_documentation()
         for file in package_files()
         if {"tests", "benchmarks", "docs", "examples"} & set(file.split("/"))
         or Path(file).name.startswith(("test_", "conftest", "render_"))
-        or not file.endswith((".py", ".typed", ".urdf", ".srdf", ".csv", ".json", ".html", ".js", ".pyi"))
+        or not file.endswith((".py", ".typed", ".urdf", ".srdf", ".csv", ".json", ".pyi"))
     ]
     assert not wrong, wrong
 

@@ -84,7 +84,7 @@ def options(words: str) -> list[str]:
     for word in words.split():
         command = command[word]
     found = [a for a in command.assemble_argument_collection() if a.parse and a.name != "*"]
-    pages = ("--host", "--port", "--cluster")
+    pages = ("--port", "--cluster")
     return [a.name for a in found if bool not in (a.hint, *get_args(a.hint)) and a.name not in pages]
 
 

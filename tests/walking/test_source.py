@@ -12,10 +12,7 @@ import pytest
 import wbc
 from wbc.app.log.reader import Log
 from wbc.app.log.recorder import Recorder
-from wbc.app.scene.layer import Annotations
-from wbc.app.scene.layers import make_layers
-from wbc.app.scene.shapes import HIDDEN
-from wbc.app.scene.sources import PlantSource
+from wbc.app.view.stage import SimulatedStage
 from wbc.core.errors import InputError
 from wbc.robots import load
 from wbc.walking import Reference, Stand, State, WalkingControl, WalkingControlSettings
@@ -51,8 +48,7 @@ def test_a_source_of_ones_own_is_followed_logged_and_shown(tmp_path: Path) -> No
     plant, robot = wbc.Plant(DESCRIPTION), DESCRIPTION.robot()
     walking = WalkingControl(robot, Sway(robot), plant.control_period)
     assert walking.progress == Progress(Phase.STANDING, None, 0, 0, 0.0, 0.0, (), 1.0)
-    scene, sides, error = PlantSource(plant).scene, [], 0.0
-    layers = make_layers(plant, scene, walking)
+    stage, sides, error = SimulatedStage(plant, walking), [], 0.0
     with Recorder(tmp_path / "own.arrow") as record:
         while plant.time < 1.6:
             measurement = plant.measure()
@@ -62,8 +58,7 @@ def test_a_source_of_ones_own_is_followed_logged_and_shown(tmp_path: Path) -> No
             assert walking.reference is not None and walking.output is not None
             sides.append(float(plant.truth().com[1]))
             error = max(error, abs(sides[-1] - float(walking.reference.pendulum.com[1])))
-    for layer in layers:
-        layer.fill(np.tile(HIDDEN, (len(layer.moving), 1, 1)), Annotations())
+    assert {"com", "zmp", "dcm", "DCM planned"} <= {mark.name for mark in stage.picture(None).marks}
     assert walking.fallen is None and not walking.finished and error < 0.01
     assert max(sides) - min(sides) > 0.015
     wanted = Log.open(tmp_path / "own.arrow")["com/reference"]

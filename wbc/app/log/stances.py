@@ -83,7 +83,7 @@ class Drift:
 
     def text(self, tick: int) -> str:
         """Return what a page says of the drift at a tick."""
-        return f"estimate {1e3 * self.size[tick]:.0f} mm and {math.degrees(self.turn[tick]):+.1f}° off"
+        return f"estimate {1e3 * self.size[tick]:.0f} mm and {round(math.degrees(self.turn[tick]), 1) + 0.0:+.1f}° off"
 
     @cached_property
     def size(self) -> Array:

@@ -170,6 +170,8 @@ def add_marks(scene: mujoco.MjvScene, marks: Sequence[Mark]) -> None:
         )
         if to is not None:
             mujoco.mjv_connector(geom, kind, size, place, to)
+            if kind == mujoco.mjtGeom.mjGEOM_ARROW:  # is drawn half as long as the connector says
+                geom.size[2] *= 2.0
         scene.ngeom += 1
 
     for mark in marks:
@@ -208,8 +210,10 @@ def _write_mp4(path: Path, pictures: Iterator[Pixels], rate: float, size: tuple[
     try:
         for picture in pictures:
             film.send(np.ascontiguousarray(picture))
-    except OSError as error:
-        raise RenderError(f"ffmpeg could not write the film: {error}") from error
+        film.close()
+        imageio_ffmpeg.count_frames_and_secs(str(path))  # a full disk is no error of the writer
+    except (OSError, RuntimeError) as error:
+        raise RenderError(f"ffmpeg could not write the film: {str(error).splitlines()[0]}") from error
     finally:
         film.close()
 

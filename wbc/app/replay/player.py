@@ -83,6 +83,9 @@ class Player:
             last = now
             self.show(min(int(np.searchsorted(self._times, self._time.value - 1e-6)), len(self._times) - 1))
 
+    def _repr_html_(self) -> str:
+        return f'<iframe src="{self.url}" width="100%" height="480"></iframe>'
+
     def close(self) -> None:
         """End the page."""
         stop_server(self._server)

@@ -191,7 +191,7 @@ class _Footsteps:
             float(np.linalg.norm((moved(back, middle) - middle)[:2])),
             math.degrees(heading(drift[:3, :3])),
         )
-        picture.text.append(f"estimate {1e3 * off:.0f} mm and {unsigned_zero(turn, 1):.1f}° off")
+        picture.text.append(f"estimate {1e3 * off:.0f} mm and {unsigned_zero(turn, 1):+.1f}° off")
         if walking.steered:
             if not self._path or float(np.linalg.norm(middle - self._path[-1])) > PATH_SPACING:
                 self._path.append(middle + (0.0, 0.0, LIFT))

@@ -214,7 +214,7 @@ def placed(mark: Mark) -> Placed:
         sides = np.array([(i, j, k) for i in (0, 1) for j in (2, 3) for k in (4, 5)], dtype=np.uint32)
         faces = (first + sides).reshape(-1, 3)
     both = np.concatenate([faces, faces[:, ::-1]])  # seen from above and from below
-    return Placed(Mesh(points.astype(np.float32), both), origin, np.eye(3), np.ones(3))
+    return Placed(Mesh(points, both), origin, np.eye(3), np.ones(3))
 
 
 @cache
@@ -254,6 +254,6 @@ def _ribbon(points: Array, width: float) -> tuple[Array, np.ndarray[tuple[int, i
     corners = np.concatenate(
         [np.stack([a - w, b - w, b + w, a + w], axis=1) for a, b, n in sides for w in [0.5 * width * n]]
     )
-    first = 4 * np.arange(len(corners), dtype=np.uint32)[:, None]
-    faces = np.concatenate([first + np.uint32([0, 1, 2]), first + np.uint32([0, 2, 3])])
-    return corners.reshape(-1, 3), faces.astype(np.uint32)
+    first = 4 * np.arange(len(corners), dtype=np.uint32)[:, None, None]
+    sides_of = np.array([(0, 1, 2), (0, 2, 3)], dtype=np.uint32)
+    return corners.reshape(-1, 3), (first + sides_of).reshape(-1, 3)

@@ -55,7 +55,7 @@ def body_meshes(model: mujoco.MjModel) -> list[BodyMesh]:
     mujoco.mj_kinematics(model, data)
     fixed = (model.body_weldid == 0) & (model.body_mocapid[model.body_rootid] < 0)
     parts: dict[tuple[int, Colour], list[Mesh]] = {}
-    for geom in np.flatnonzero(model.geom_group < SHOWN_GROUPS):
+    for geom in np.flatnonzero(model.geom_group < SHOWN_GROUPS).tolist():
         mesh, colour = geom_mesh(model, geom), geom_colour(model, geom)
         if mesh is None or colour[3] == 0.0:
             continue
@@ -116,7 +116,7 @@ def merged(meshes: Sequence[Mesh]) -> Mesh:
     """Return several meshes as one."""
     starts = np.cumsum([0, *(len(mesh.vertices) for mesh in meshes)])
     faces = [mesh.faces + np.uint32(start) for mesh, start in zip(meshes, starts[:-1], strict=True)]
-    vertices = np.concatenate([mesh.vertices for mesh in meshes]).astype(np.float32)
+    vertices = np.concatenate([mesh.vertices for mesh in meshes])
     return Mesh(vertices, np.concatenate(faces).astype(np.uint32))
 
 

@@ -1,0 +1,319 @@
+"""A replay shows what was: the same poses, forces and times; films and files for Rerun hold it."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+import urllib.request
+from pathlib import Path
+from threading import Thread
+
+import numpy as np
+import pytest
+from browser import Browser, needs_chromium
+from full_disk import limited_file_size
+from PIL import Image
+from recorded import make_walk, recorded_scans, recorded_stand, recorded_walk, run
+
+import wbc
+from wbc.app import Log, Player, Recorder, Replay, convert_log, render_video
+from wbc.app.cli import main
+from wbc.app.log.stances import Drift
+from wbc.app.replay.film import RenderError, add_marks, renderer
+from wbc.app.view.marks import Mark, stiffness_colour
+from wbc.core.errors import InputError
+from wbc.core.files import FileError
+
+SIZE = (96, 72)
+
+
+@pytest.fixture(scope="module")
+def replay() -> Replay:
+    return Replay(Log.open(recorded_walk()))
+
+
+def can_draw() -> bool:
+    import mujoco  # noqa: PLC0415
+
+    try:
+        renderer(mujoco.MjSpec().compile(), 16, 16).close()
+    except RenderError:
+        return False
+    return True
+
+
+drawing = pytest.mark.skipif(not can_draw(), reason="no offscreen rendering here")
+
+
+def named(replay: Replay, tick: int, prefix: str) -> list[Mark]:
+    return [mark for mark in replay.picture(tick).marks if mark.name.startswith(prefix)]
+
+
+# ---- pictures -------------------------------------------------------------------------------------------------------
+
+
+def test_bodies_are_where_they_were(tmp_path: Path) -> None:
+    plant, walk = make_walk()
+    seen: list[np.ndarray] = []
+    coms: list[np.ndarray] = []
+
+    def watch(plant: wbc.Plant, *rest: object) -> None:
+        seen.append(np.concatenate([plant.data.xpos, plant.data.xmat], axis=1))
+        coms.append(plant.truth().com)
+
+    with Recorder(tmp_path / "walk.arrow") as record:
+        run(plant, walk, 1.3, record, watch)
+    replay = Replay(Log.open(tmp_path / "walk.arrow"))
+    assert len(replay) == len(seen) and replay.model.nbody == plant.model.nbody
+    for tick in range(0, len(seen), 20):
+        picture = replay.picture(tick)
+        poses = np.concatenate([replay.data.xpos, replay.data.xmat], axis=1)
+        np.testing.assert_allclose(poses, seen[tick], atol=2e-6)  # soles as they were bent, too
+        np.testing.assert_allclose(picture.marks[0].points[0], coms[tick], atol=1e-6)
+        assert picture.time == replay.log.time[tick]
+    assert np.ptp([poses[:, :3] for poses in seen], axis=0).max() > 0.05
+
+
+def test_forces_are_those_of_the_sensors(replay: Replay) -> None:
+    log = replay.log
+    tick = next(i for i in range(300, 600) if not log["foot/left/contact"][i])
+    arrows = sum(mark.points[1] - mark.points[0] for mark in named(replay, tick, "ground force"))
+    measured = log["foot/left/wrench_measured/fz"][tick] + log["foot/right/wrench_measured/fz"][tick]
+    force = arrows[2] * replay.scale.weight / replay.scale.height
+    assert force == pytest.approx(measured, abs=0.02 * measured + 2.0)
+
+
+def test_a_push_is_shown_while_it_lasts(tmp_path: Path) -> None:
+    plant, walk = make_walk()
+    plant.push("torso", (0.0, 30.0, 0.0), 0.05)
+    with Recorder(tmp_path / "walk.arrow") as record:
+        run(plant, walk, 0.2, record)
+    replay = Replay(Log.open(tmp_path / "walk.arrow"))
+    assert [len(named(replay, i, "push")) for i in range(len(replay))] == [0] + [1] * 10 + [0] * 29
+
+
+def test_pictures_come_at_the_rate_asked_for(replay: Replay) -> None:
+    for rate, speed in ((10.0, 1.0), (30.0, 1.0), (10.0, 0.5), (25.0, 4.0)):
+        times = replay.log.time[replay.ticks(rate, speed)]
+        assert abs(len(times) - replay.log.time[-1] * rate / speed) <= 1.5
+        assert np.abs(np.diff(times) - speed / rate).max() <= 0.005 + 1e-9
+    for rate, speed in ((0.0, 1.0), (10.0, -1.0)):
+        with pytest.raises(InputError):
+            replay.ticks(rate, speed)
+
+
+def test_footsteps_appear_when_feet_have_landed(replay: Replay) -> None:
+    log = replay.log
+    count = [len(named(replay, tick, "real step")) for tick in range(0, len(log), 10)]
+    assert count[0] == 2 and count == sorted(count)
+    assert count[-1] == 2 + sum("touch-down" in text for _, text in log.events)
+    assert all(len(named(replay, tick, "support")) == 1 for tick in range(0, len(log), 10))
+    assert named(replay, 100, "dcm")[0].points[0, :2] == pytest.approx(log["truth/dcm"][100], abs=5e-3)
+    text = replay.picture(400).text
+    assert any("steps done" in line for line in text) and any("estimate" in line for line in text)
+
+
+def test_soles_and_scans_are_shown_as_they_were() -> None:
+    path, steps = recorded_scans()
+    replay = Replay(Log.open(path))
+    log, drift = replay.log, Drift(replay.log)
+    for tick in (0, len(log) - 1):
+        stiffness = [log[f"foot/{side}/stiffness"][tick] for side in ("left", "right")]
+        colours = replay.picture(tick).colours
+        assert len(colours) == 20  # the phalanges
+        assert {*colours.values()} == {stiffness_colour(value) for value in stiffness}
+    landed = [i for i, side in enumerate(log.texts("stiffness/side")) if side is not None]
+    known = [(i, step.profile) for i, step in zip(landed, steps, strict=True) if step.profile is not None]
+    assert len(known) >= 2
+    for k, (tick, profile) in enumerate(known):
+        assert [len(named(replay, t, "scan")) for t in (tick - 1, tick)] == [k, k + 1]
+        points = named(replay, tick, f"scan {k}")[0].points
+        np.testing.assert_allclose(points[:, :2], drift(profile.points, tick)[:, :2], atol=1e-5)
+
+
+def test_furniture_is_drawn_and_a_run_without_a_walk_has_no_footsteps(tmp_path: Path) -> None:
+    ball = '<body name="cup" pos=".4 .3 .05"><freejoint/><geom size=".05"/></body>'
+    scene = f"<mujoco><worldbody>{ball}</worldbody></mujoco>"
+    replay = Replay(recorded_stand(tmp_path / "cup.arrow", scene=scene))
+    assert not named(replay, 2, "planned") and named(replay, 2, "com")
+    np.testing.assert_allclose(replay.data.body("scene/cup").xpos, [0.4, 0.3, 0.05], atol=1e-6)
+
+
+def test_logs_that_cannot_be_replayed_are_refused(tmp_path: Path) -> None:
+    with pytest.raises(InputError):
+        Replay(recorded_stand(tmp_path / "a.arrow", shown=lambda plant: None))
+    empty = recorded_stand(tmp_path / "b.arrow")
+    empty._table = empty._table.slice(0, 0)
+    with pytest.raises(InputError):
+        Replay(empty)
+    other = recorded_stand(tmp_path / "c.arrow")
+    foot = {"foot": {"$class": "nowhere.at.all:Foot"}}
+    other.header = dict(other.header) | {"plant": other.header["plant"] | foot}
+    with pytest.raises(InputError, match=r"nowhere\.at\.all"):
+        Replay(other)
+    soft = recorded_stand(tmp_path / "d.arrow")
+    soft.header = dict(soft.header) | {"plant": Log.open(recorded_walk()).header["plant"]}
+    with pytest.raises(InputError, match="joints"):
+        Replay(soft)
+    with pytest.raises(InputError):
+        Replay(Log.open(recorded_walk())).picture(10**6)
+
+
+# ---- films ----------------------------------------------------------------------------------------------------------
+
+
+@drawing
+def test_a_film_moves_and_shows_the_robot(replay: Replay, tmp_path: Path) -> None:
+    path = tmp_path / "walk.gif"
+    done: list[tuple[int, int]] = []
+    count = render_video(replay, path, rate=1.0, size=SIZE, progress=lambda *at: done.append(at))
+    assert done == [(i + 1, count) for i in range(count)]
+    with Image.open(path) as film:
+        assert (film.format, film.n_frames, film.size) == ("GIF", count, SIZE)
+        pictures = []
+        for i in range(count):
+            film.seek(i)
+            pictures.append(np.asarray(film.convert("RGB"), dtype=int))
+    for picture, later in zip(pictures, pictures[1:], strict=False):
+        assert np.ptp(picture) > 100  # neither black nor white
+        assert np.abs(picture - later).mean() > 0.5
+
+
+@drawing
+def test_marks_are_drawn_where_they_are() -> None:
+    """Each kind of mark, in red on white, covers the middle of the picture that its points are around."""
+    import mujoco  # noqa: PLC0415
+
+    spec = mujoco.MjSpec()
+    spec.worldbody.add_geom(
+        type=mujoco.mjtGeom.mjGEOM_PLANE, size=[9, 9, 1], pos=[0, 0, -1], rgba=[1, 1, 1, 1]
+    )
+    model = spec.compile()
+    data, camera = mujoco.MjData(model), mujoco.MjvCamera()
+    mujoco.mj_forward(model, data)
+    camera.distance, camera.elevation, camera.azimuth = 3.0, -90.0, 90.0
+    shapes = {
+        "ball": [(0, 0, 0)],
+        "cloud": [(0, 0, 0), (9, 9, 9)],
+        "arrow": [(-0.5, 0, 0), (0.5, 0, 0)],
+        "line": [(-0.5, 0, 0), (0.5, 0, 0)],
+        "area": [(-0.5, -0.5, 0), (0.5, -0.5, 0), (0.5, 0.5, 0), (-0.5, 0.5, 0)],
+    }
+    with renderer(model, *SIZE) as drawn:
+        for kind, points in shapes.items():
+            drawn.update_scene(data, camera)
+            before = drawn.render().astype(int)
+            mark = Mark("m", kind, np.array(points, dtype=float), (1.0, 0.0, 0.0, 1.0), 0.1)  # type: ignore[arg-type]
+            add_marks(drawn.scene, [mark])
+            changed = np.abs(drawn.render().astype(int) - before).sum(axis=2) > 60
+            assert changed[SIZE[1] // 2, SIZE[0] // 2], kind
+            columns = np.flatnonzero(changed.any(axis=0))
+            assert columns.mean() == pytest.approx(0.5 * SIZE[0], abs=2.5), kind
+            assert not changed[0].any() and changed.sum() < 0.5 * changed.size, kind
+
+
+@drawing
+def test_a_film_as_mp4(replay: Replay, tmp_path: Path) -> None:
+    ffmpeg = pytest.importorskip("imageio_ffmpeg").get_ffmpeg_exe()
+    path = tmp_path / "walk.mp4"
+    count = render_video(replay, path, rate=2.0, size=SIZE)
+    words = [ffmpeg, "-loglevel", "error", "-i", str(path), "-f", "rawvideo", "-pix_fmt", "rgb24", "-"]
+    raw = subprocess.run(words, capture_output=True, check=True).stdout
+    pictures = np.frombuffer(raw, np.uint8).reshape(-1, SIZE[1], SIZE[0], 3)
+    assert len(pictures) == count and np.ptp(pictures[0].astype(int)) > 100
+
+
+@drawing
+@pytest.mark.parametrize("ending", ["gif", "mp4"])
+def test_a_film_on_a_full_disk_leaves_the_old_one(replay: Replay, tmp_path: Path, ending: str) -> None:
+    if ending == "mp4":
+        pytest.importorskip("imageio_ffmpeg")
+    path = tmp_path / f"walk.{ending}"
+    path.write_text("old")
+    with limited_file_size(1000), pytest.raises((FileError, RenderError)):
+        render_video(replay, path, rate=2.0, size=SIZE)
+    assert path.read_text() == "old" and list(tmp_path.iterdir()) == [path]
+
+
+@drawing
+@pytest.mark.parametrize("size", [(95, 72), (0, 0), (8, 8)])
+def test_film_sizes_are_checked(replay: Replay, tmp_path: Path, size: tuple[int, int]) -> None:
+    with pytest.raises(InputError, match="size"):
+        render_video(replay, tmp_path / "walk.gif", size=size)
+
+
+@drawing
+@pytest.mark.slow
+@pytest.mark.parametrize("robot", ["talos", "g1"])
+def test_robots_made_of_meshes_can_be_filmed(tmp_path: Path, robot: str) -> None:
+    replay = Replay(recorded_stand(tmp_path / "stand.arrow", robot, ticks=30))
+    render_video(replay, tmp_path / "stand.gif", rate=10.0, size=SIZE)
+    assert replay.model.nmesh >= 30
+
+
+# ---- files for Rerun ------------------------------------------------------------------------------------------------
+
+
+def test_rerun_opens_an_rrd(tmp_path: Path) -> None:
+    pytest.importorskip("rerun")
+    half, whole = tmp_path / "walk.arrow", recorded_walk().read_bytes()
+    half.write_bytes(whole[: len(whole) // 2])
+    path = tmp_path / "walk.rrd"
+    assert convert_log(Log.open(half), path, rate=5.0) is None
+
+    def rerun(word: str) -> str:
+        words = [sys.executable, "-m", "rerun", "rrd", word, str(path)]
+        done = subprocess.run(words, capture_output=True, text=True, check=True)
+        return done.stdout + done.stderr
+
+    assert "1 file verified without error" in rerun("verify")
+    listed = rerun("print")
+    for part in ("/com/estimated", "/robot/head", "/ground", "/marks/real_step_0", "/marks/zmp"):
+        assert part in listed
+
+
+# ---- the command ----------------------------------------------------------------------------------------------------
+
+
+def test_the_command_writes_films_and_files_for_rerun(
+    replay: Replay, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    if can_draw():
+        film = tmp_path / "walk.gif"
+        words = ["view", str(replay.log.path), "-o", str(film), "--rate", "1", "--size", "96", "72", "--json"]
+        assert main(words) == 0
+        facts = json.loads(capsys.readouterr().out)
+        assert facts["file"] == str(film) and facts["pictures"] == len(replay.ticks(1.0))
+    pytest.importorskip("rerun")
+    log, out = tmp_path / "stand.arrow", tmp_path / "stand.rrd"
+    recorded_stand(log, shown=lambda plant: None)
+    assert main(["view", str(log), "-o", str(out), "--json"]) == 0
+    assert "plant" in json.loads(capsys.readouterr().out)["without_scene"] and out.stat().st_size > 1000
+
+
+def test_a_page_of_a_replay_answers_and_shows_any_tick(replay: Replay) -> None:
+    pytest.importorskip("viser")
+    player = Player(replay, port=0)
+    try:
+        assert player.url.startswith("http://127.0.0.1:")
+        with urllib.request.urlopen(player.url) as answer:
+            assert answer.status == 200
+        player.show(300)
+        assert player._text[0] == f"**{replay.log.time[300]:.2f} s**" and "ZMP" in player._meanings
+    finally:
+        player.close()
+
+
+@pytest.mark.slow
+@needs_chromium
+def test_a_replay_plays_in_a_browser(replay: Replay, tmp_path: Path) -> None:
+    pytest.importorskip("viser")
+    player = Player(replay, port=0)
+    Thread(target=player.run, daemon=True).start()
+    with Browser(tmp_path / "profile") as browser:
+        browser.open(player.url)
+        browser.wait('document.body.innerText.includes("steps done")')
+        browser.wait('document.body.innerText.includes("touch-down")')
+        assert not browser.errors
+    player.close()
