@@ -184,9 +184,9 @@ class _Footsteps:
         )
         self._real.extend(now)
         picture.marks += [*self._planned.values(), *self._real]
-        middle = np.mean([pose[:3, 3] for pose in soles], axis=0)
+        middle = np.asarray(np.mean([pose[:3, 3] for pose in soles], axis=0), dtype=np.float64)
         picture.text += walk_lines(walking)
-        back = np.linalg.inv(drift)
+        back: Array = np.linalg.inv(drift)
         off, turn = (
             float(np.linalg.norm((moved(back, middle) - middle)[:2])),
             math.degrees(heading(drift[:3, :3])),

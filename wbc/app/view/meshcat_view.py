@@ -93,9 +93,10 @@ class MeshcatView(View):
             if body > 0:
                 self._move(f"body/{body}", _matrix(positions[body], rotations[body].reshape(3, 3)))
         for body, colour in picture.colours.items():
-            self._once(
-                f"colour of {body}", colour, lambda body=body, colour=colour: self._colour(body, colour)
-            )
+            if self._shown.get(f"colour of {body}") != colour:
+                self._shown[f"colour of {body}"] = colour
+                for name in self._names.get(body, ()):
+                    self._page[f"{ROOT}/{name}"].set_property("color", list(colour))
         gone = self._marks.keys() - {mark.name for mark in picture.marks}
         for name in gone:
             self._page[f"{ROOT}/mark/{name}"].delete()
@@ -130,21 +131,9 @@ class MeshcatView(View):
 
     def _move(self, path: str, matrix: Array) -> None:
         """Move a path, if it is not there already."""
-
-        def move() -> None:
+        if self._shown.get(path) != (place := matrix.tobytes()):
+            self._shown[path] = place
             self._page[path if path.startswith("/") else f"{ROOT}/{path}"].set_transform(matrix)
-
-        self._once(path, matrix.tobytes(), move)
-
-    def _colour(self, body: int, colour: Colour) -> None:
-        for name in self._names.get(body, ()):
-            self._page[f"{ROOT}/{name}"].set_property("color", list(colour))
-
-    def _once(self, name: str, value: object, call: Callable[[], None]) -> None:
-        """Call a function if a value differs from the one before."""
-        if self._shown.get(name) != value:
-            self._shown[name] = value
-            call()
 
     @property
     def pages(self) -> int:

@@ -10,9 +10,10 @@ from typing import TYPE_CHECKING, Any
 import mujoco
 import numpy as np
 
-from wbc.app.view.base import LOCAL, Stage, ViewError
+from wbc.app.view.base import LOCAL, ViewError
 from wbc.app.view.marks import Mark, Picture, placed
 from wbc.app.view.meshes import Colour, Mesh, body_meshes
+from wbc.app.view.stage import Stage
 from wbc.core.errors import Array
 from wbc.sim.plant.hands import SCENE_PREFIX
 
