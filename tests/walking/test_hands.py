@@ -128,12 +128,11 @@ def test_the_qp_gives_a_hand_no_more_force_than_its_arm_has_torque_for() -> None
     # The joint that gives most of the force, at rest, can give half of it from now on.
     full, joint = hand.arm.strength(hand.direction, 1.0)
     index = controller.robot.joint_names.index(joint)
-    limits.limit[index] = (
-        abs(float(controller.solution.torques[index])) - 0.5 * 25.0 * limits.limit[index] / full
-    )
+    bound = abs(float(controller.solution.torques[index])) - 0.5 * 25.0 * limits.most[index] / full
+    limits.most[index], limits.least[index] = bound, -bound
     bounded: list[bool] = []
     trial.advance(1.5, lambda: bounded.append(hand.bounded))
-    assert abs(trial.walking.controller.solution.torques[index]) <= limits.limit[index] + 1e-6
+    assert abs(trial.walking.controller.solution.torques[index]) <= bound + 1e-6
     assert all(bounded[40:]) and 5.0 < hand.target < 20.0
     assert hand.pressed == pytest.approx(hand.target, abs=2.0) and hand.state is HandState.HOLD
     assert trial.plant.truth().other_force[2] == pytest.approx(25.0 + hand.target, abs=3.0)
