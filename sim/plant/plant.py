@@ -68,6 +68,7 @@ class Plant(SimulatedRobot):
         joint_torque: Torques of the servos in the physics step that ended now, shape (na,), Nm; overwritten by the
             next step.
         ticks: Control periods since the start.
+        eyes: Sensors that see the ground; None without.
     """
 
     @checked
@@ -160,11 +161,11 @@ class Plant(SimulatedRobot):
         self._late_feet: deque[tuple[Array, Array]] = deque(
             maxlen=math.ceil(age / self.steps) + 1 if age else 0
         )
-        self._eyes: Eyes | None = None
+        self.eyes: Eyes | None = None
         self.reset()
         if eyes:
-            self._eyes = Eyes(self, eyes)
-            self._eyes.look(self.time)
+            self.eyes = Eyes(self, eyes)
+            self.eyes.look(self.time)
 
     @property
     def time(self) -> float:
@@ -228,9 +229,9 @@ class Plant(SimulatedRobot):
         self.ticks = 0
         self._begin(sensor_seed)
         self._after_step()
-        if self._eyes is not None:
-            self._eyes.reset(self.seed)
-            self._eyes.look(self.time)
+        if self.eyes is not None:
+            self.eyes.reset(self.seed)
+            self.eyes.look(self.time)
 
     def on_ground(self, configuration: ArrayLike) -> Array:
         """Return a configuration moved up or down until its lowest sole point touches the ground.
@@ -303,12 +304,12 @@ class Plant(SimulatedRobot):
         self._advance()
         self.ticks += 1
         self._after_step()
-        if self._eyes is not None:
-            self._eyes.look(self.time)
+        if self.eyes is not None:
+            self.eyes.look(self.time)
 
     def clouds(self) -> list[PointCloud]:
         """Return the clouds of all eyes that have come since the last call; empty without eyes."""
-        return [] if self._eyes is None else self._eyes.take(self.time)
+        return [] if self.eyes is None else self.eyes.take(self.time)
 
     def hold(self) -> Command:
         """Return a command that holds the posture of the last reset with the servos."""

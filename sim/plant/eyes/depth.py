@@ -11,7 +11,7 @@ import pinocchio as pin
 from numpy.typing import NDArray
 from pydantic import Field
 
-from wbc.core.errors import InputError
+from wbc.core.errors import Array, InputError
 from wbc.core.robot import Robot
 from wbc.core.settings import NonNegative, Positive, Share, settings
 from wbc.ground import PointCloud
@@ -160,14 +160,26 @@ class DepthView:
         points = self._at + self._rays[seen] * measured[seen, None]
         return [PointCloud(points, time, self.frame, np.maximum(std[seen], LEAST_STD))]
 
-    def _cast(self) -> NDArray[np.bool_]:
-        """Cast all rays from the camera as it is now; True for those that meet the ground within range."""
-        model, data, c = self._model, self._data, self.camera
+    def outline(self, distance: float) -> Array:
+        """Return the edges of the field of view to a distance, m, as one line in the world, shape (n, 3), m."""
+        place, rotation = self._pose()
+        across = self.camera.rays[0]
+        ends = place + distance * self._rays[[0, across - 1, -1, -across]] @ rotation.T
+        return np.array([place, *(point for end in ends for point in (end, place)), *ends, ends[0]])
+
+    def _pose(self) -> tuple[Array, Array]:
+        """Return the true place of the camera and the rotation of its frame to the world, as the robot is now."""
+        model, data = self._model, self._data
         data.qpos[:] = self._source.qpos
         mujoco.mj_kinematics(model, data)
         link = data.xmat[self._body].reshape(3, 3)
         rotation = link @ self._place.rotation
-        place = data.xpos[self._body] + link @ self._place.translation + rotation @ self._true
+        return data.xpos[self._body] + link @ self._place.translation + rotation @ self._true, rotation
+
+    def _cast(self) -> NDArray[np.bool_]:
+        """Cast all rays from the camera as it is now; True for those that meet the ground within range."""
+        model, data, c = self._model, self._data, self.camera
+        place, rotation = self._pose()
         rays, hit, distance = (self._rays @ rotation.T).ravel(), self._hit, self._distance
         mujoco.mj_multiRay(
             model, data, place, rays, None, True, -1, hit, distance, None, hit.size, c.furthest

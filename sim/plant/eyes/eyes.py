@@ -10,7 +10,7 @@ import numpy as np
 from wbc.core.errors import ROUNDING, InputError, shown
 from wbc.ground import PointCloud
 from wbc.sim.plant.eyes.carrier import Carrier
-from wbc.sim.plant.eyes.depth import DepthCamera
+from wbc.sim.plant.eyes.depth import DepthCamera, DepthView
 from wbc.sim.plant.eyes.toes import ToeSensors
 
 STREAM = 1
@@ -18,7 +18,11 @@ STREAM = 1
 
 
 class Eyes:
-    """Sensors of a plant that see the ground."""
+    """Sensors of a plant that see the ground.
+
+    Attributes:
+        cameras: Its depth cameras.
+    """
 
     def __init__(self, plant: Carrier, sensors: Sequence[DepthCamera | ToeSensors]) -> None:
         """Mount the sensors on the robot of a plant, which stands."""
@@ -27,6 +31,7 @@ class Eyes:
                 raise InputError(f"eyes of a plant are DepthCamera or ToeSensors, got {shown(sensor)}")
         self._sensors = list(sensors)
         self._views = [sensor.start(plant) for sensor in sensors]
+        self.cameras = [view for view in self._views if isinstance(view, DepthView)]
         self.reset(plant.seed)
 
     def reset(self, seed: int) -> None:

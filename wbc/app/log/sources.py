@@ -28,6 +28,7 @@ from wbc.tasks.behaviours import Program
 from wbc.tasks.stabilizer.admittance import FootCorrection
 from wbc.tasks.stabilizer.pendulum import dcm, natural_frequency
 from wbc.tasks.stabilizer.zmp import NoContactForceError, level_zmp, net_wrench
+from wbc.walking.contact import Event
 from wbc.walking.control import ReferenceControl
 
 if TYPE_CHECKING:
@@ -36,6 +37,7 @@ if TYPE_CHECKING:
 XYZ, XY, QUATERNION = ("x", "y", "z"), ("x", "y"), ("x", "y", "z", "w")
 WRENCH = ("fx", "fy", "fz", "mx", "my", "mz")
 WRENCH_UNITS = ("N", "N", "N", "Nm", "Nm", "Nm")
+LIFTS = {Event.LIFT_OFF, Event.FORCED_LIFT_OFF}
 VELOCITY, VELOCITY_UNITS = ("forward", "left", "turn"), ("m/s", "m/s", "rad/s")
 
 
@@ -118,6 +120,10 @@ def _add_walk(signals: Signals, tick: Tick) -> None:
         one("ground/difference", "m", about, ground(lambda g: g.difference))
         about = "changes of what is known of the ground"
         one("ground/changes", "1", about, ground(lambda g: g.version), "whole")
+        seen = of(once(_seen))
+        for axis, name in enumerate(XYZ):
+            about = "known cells at the lift-off of a foot, world"
+            one(f"ground/map/{name}", "m", about, seen(lambda p, axis=axis: p[:, axis]), "list")  # type: ignore[misc]
     group("com/reference", XYZ, "m", "world", planned(lambda r: r.pendulum.com))
     group("com/reference_velocity", XYZ, "m/s", "world", planned(lambda r: r.pendulum.com_velocity))
     group("com/reference_acceleration", XYZ, "m/s²", "world", planned(lambda r: r.pendulum.com_acceleration))
@@ -163,6 +169,14 @@ def _add_stabilizer(signals: Signals, tick: Tick) -> None:
         correction = stabilized(lambda o, i=i: _tilts(o.corrections[i]))  # type: ignore[misc]
         parts, units = ("roll", "pitch", "height"), ("rad", "rad", "m")
         group(f"foot/{foot}/correction", parts, units, "added by the stabilizer", correction)
+
+
+def _seen(tick: Tick) -> Array | None:
+    """Return the known cells of the ground, shape (n, 3), m, in a tick in which a foot lifts off."""
+    walk, reference = tick.walking, tick.reference
+    if walk is None or walk.ground is None or reference is None or not LIFTS & set(reference.events):
+        return None
+    return walk.ground.map.known()[0]
 
 
 def _tilts(correction: FootCorrection) -> tuple[float, float, float]:

@@ -19,6 +19,7 @@ from wbc.app.view.marks import (
     Mark,
     Scale,
     footstep,
+    ground_mark,
 )
 from wbc.core.errors import Array
 from wbc.core.hull import convex_hull
@@ -58,6 +59,9 @@ class LoggedMarks:
         for k, (landed, points) in enumerate(_scans(log, drift)):
             mark = Mark(f"scan {k}", "line", points, SCAN_COLOUR, 2.0 * LINE, "ground as scanned")
             self._spans.append((landed, end, mark))
+        grounds = _grounds(log, drift)
+        for (begin, points), (until, _) in zip(grounds, [*grounds[1:], (end, None)], strict=True):
+            self._spans.append((begin, until, ground_mark(points)))
         self._dcm = drift(np.column_stack([log["dcm/estimated"], log["zmp/reference/z"]]))
 
     def __call__(self, tick: int) -> list[Mark]:
@@ -80,6 +84,17 @@ def _scans(log: Log, drift: Drift) -> list[tuple[int, Array]]:
             points = drift(np.stack([c * x - s * y, s * x + c * y, z], axis=1), tick)
             scans.append((tick, points + (0.0, 0.0, LIFT)))
     return scans
+
+
+def _grounds(log: Log, drift: Drift) -> list[tuple[int, Array]]:
+    """Return the tick of each map of the ground and its cells in the world, shape (n, 3), m."""
+    if "ground/map/x" not in log:
+        return []
+    parts = (log.lists(f"ground/map/{name}") for name in ("x", "y", "z"))
+    cells = [
+        (k, np.stack(each, axis=1)) for k, each in enumerate(zip(*parts, strict=True)) if each[0] is not None
+    ]
+    return [(k, drift(points, k)) for k, points in cells if len(points)]
 
 
 class Captions:

@@ -12,6 +12,7 @@ import numpy as np
 
 from wbc.app.view.marks import (
     DCM_COLOUR,
+    FRUSTUM_COLOUR,
     LIFT,
     LINE,
     OUTSIDE_COLOUR,
@@ -27,6 +28,7 @@ from wbc.app.view.marks import (
     circle,
     footstep,
     force_reach,
+    ground_mark,
     sole_corners,
     stiffness_colour,
 )
@@ -41,6 +43,7 @@ from wbc.walking.planning.footsteps import Footstep, heading
 
 if TYPE_CHECKING:
     from wbc.core.signals import Measurement
+    from wbc.ground import KnownGround
     from wbc.walking.control import ReferenceControl
 
 MIN_LOAD_SHARE = 0.005
@@ -61,6 +64,8 @@ def live_marks(robot: SimulatedRobot, walking: ReferenceControl | None, scale: S
     draws: list[Draw] = [_Support(robot, walking, scale)]
     if walking is not None:
         draws = [_Footsteps(robot, walking), *draws, _Plans(robot, walking, scale)]
+        if walking.ground is not None:
+            draws.append(_Ground(robot, walking, walking.ground))
         if walking.control.observer.outside is not None:
             draws.append(_OutsideForce(robot, walking, scale))
     if isinstance(robot, Plant):
@@ -246,6 +251,27 @@ class _Soles:
             last = scheduler.steps[-1]
             reason = last.fallback or "as decided"
             picture.text.append(f"{last.side} foot landed on {last.actual:.1f} Nm/rad ({reason})")
+
+
+class _Ground:
+    """Cells of the ground that are known, and the fields of view of the depth cameras."""
+
+    def __init__(self, robot: SimulatedRobot, walking: ReferenceControl, ground: KnownGround) -> None:
+        self._robot, self._walking, self._ground = robot, walking, ground
+        self._version, self._points = -1, np.empty((0, 3))
+        eyes = robot.eyes if isinstance(robot, Plant) else None
+        self._cameras = [] if eyes is None else eyes.cameras
+
+    def __call__(self, picture: Picture, measurement: Measurement | None) -> None:
+        if self._ground.version != self._version:
+            self._version, (points, _) = self._ground.version, self._ground.map.known()
+            drift = drift_of(self._robot, self._walking)
+            self._points = points @ drift[:3, :3].T + drift[:3, 3]
+        if len(self._points):
+            picture.marks.append(ground_mark(self._points))
+        for k, camera in enumerate(self._cameras):
+            line = camera.outline(0.3)
+            picture.marks.append(Mark(f"camera {k}", "line", line, FRUSTUM_COLOUR, meaning="depth camera"))
 
 
 class _Rays:

@@ -28,6 +28,8 @@ OUTSIDE_COLOUR: Colour = (0.55, 0.25, 0.10, 0.9)
 PATH_COLOUR: Colour = (0.25, 0.25, 0.3, 0.8)
 RAY_COLOUR: Colour = (0.90, 0.20, 0.20, 0.9)
 SCAN_COLOUR: Colour = (0.95, 0.90, 0.25, 1.0)
+GROUND_COLOUR: Colour = (0.10, 0.35, 0.75, 1.0)
+FRUSTUM_COLOUR: Colour = (0.10, 0.35, 0.75, 0.6)
 SOFT_COLOUR: Colour = (0.35, 0.80, 0.85, 1.0)
 STIFF_COLOUR: Colour = (0.50, 0.10, 0.45, 1.0)
 
@@ -144,6 +146,13 @@ def footstep(name: str, side: str, corners: Array, *, real: bool) -> Mark:
     if real:
         return Mark(name, "area", corners, translucent(SIDE_COLOURS[side]), meaning=f"{side} footstep")
     return Mark(name, "line", closed(corners), SIDE_COLOURS[side], meaning=f"{side} footstep, planned")
+
+
+def ground_mark(points: Array) -> Mark:
+    """Return the cells of the ground that are known, shape (n, 3), m."""
+    return Mark(
+        "known ground", "cloud", points + (0.0, 0.0, LIFT), GROUND_COLOUR, 0.5 * LINE, "ground as seen"
+    )
 
 
 def closed(corners: Array) -> Array:
