@@ -25,7 +25,6 @@ from wbc.robots.derivation.defaults import feet_hint
 from wbc.robots.derivation.servo import ServoGains, ServoRule, effective_inertia, read_gains
 from wbc.robots.frames import FrameDescription, SoleDescription
 from wbc.robots.options import DescriptionOptions
-from wbc.robots.readers import from_pinocchio
 from wbc.robots.report import doubts, facts, report
 
 
@@ -234,46 +233,6 @@ class RobotDescription:
                 **options,
             )
         )
-
-    @classmethod
-    def from_pinocchio(
-        cls,
-        model: pin.Model,
-        *,
-        left_sole: str | FrameDescription,
-        right_sole: str | FrameDescription,
-        name: str | None = None,
-        **options: Any,
-    ) -> RobotDescription:
-        """Return the description of a Pinocchio model with a free-flyer root.
-
-        Joints, inertias, limits, armature, damping and friction are those of the model; geometry is not in it, so
-        that soles need frames on the ground side of the feet.
-
-        Args:
-            model: Its joints have one degree of freedom each, after the free-flyer.
-            left_sole: Frame of the model at the left sole, or a `SoleDescription`.
-            right_sole: Same for the right foot.
-            name: Name of the robot; that of the model when None.
-            **options: As in `from_urdf`.
-
-        Raises:
-            UnknownNameError: A parameter, frame or joint that does not exist.
-            InputError: A value that cannot be used.
-            ModelError: No free-flyer, a joint of several degrees of freedom, or inertias that no body has.
-        """
-        writer, losses = from_pinocchio.fields(model, name, options.pop("armature", None))
-        extra = {key: losses.pop(key) for key in ("damping", "frictionloss")}
-        options.setdefault("provenance", f"Pinocchio model '{model.name}'")
-        made = cls.from_urdf(
-            urdf.to_string(writer.root),
-            left_sole=left_sole,
-            right_sole=right_sole,
-            name=name,
-            **losses,
-            **options,
-        )
-        return replace(made, **{key: value for key, value in extra.items() if value})
 
     @checked
     def with_servos(self, gains: Sequence[str]) -> RobotDescription:

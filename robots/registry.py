@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable
-from functools import cache, partial
+from functools import cache
 from pathlib import Path
 
 from wbc.core.arguments import checked
@@ -12,7 +12,7 @@ from wbc.core.errors import InputError, shown, unknown_name
 from wbc.core.registry import Registry
 from wbc.robots import saved
 from wbc.robots.description import RobotDescription
-from wbc.robots.models import example_robots, hrp4_class, other_wheels
+from wbc.robots.models import example_robots, hrp4_class
 
 _FACTORIES: Registry[Callable[[], RobotDescription]] = Registry(
     "robot",
@@ -20,16 +20,11 @@ _FACTORIES: Registry[Callable[[], RobotDescription]] = Registry(
     group="wbc.robots",
 )
 
-_OTHERS: dict[str, tuple[str, Callable[[], RobotDescription]]] = {
-    "panda": (example_robots.DISTRIBUTION, example_robots.panda),
-    "go1": (example_robots.DISTRIBUTION, example_robots.go1),
-    "jvrc1": (other_wheels.JVRC, other_wheels.jvrc1),
-    **{
-        name: (other_wheels.PLAYGROUND, partial(other_wheels.playground, name))
-        for name in other_wheels.PLAYGROUND_ROBOTS
-    },
+_FEETLESS: dict[str, Callable[[], RobotDescription]] = {
+    "panda": example_robots.panda,
+    "go1": example_robots.go1,
 }
-"""Robots whose files are in wheels that are no dependencies: name → wheel and factory."""
+"""Robots without feet: name → factory."""
 
 
 def names() -> tuple[str, ...]:
@@ -37,19 +32,13 @@ def names() -> tuple[str, ...]:
     return tuple(_FACTORIES)
 
 
-def others() -> dict[str, str]:
-    """Return the other robots that `load` knows: the user's own, and those of other packages.
+def others() -> tuple[str, ...]:
+    """Return the other robots that `load` knows: the user's own, those without feet, those of other packages.
 
-    Packages are wheels that are no dependencies, and whatever has an entry point of the group "wbc.robots".
-
-    Returns:
-        Name → "" for one that can be loaded, or the command that installs its wheel.
+    A package offers robots by entry points of the group "wbc.robots".
     """
-    known = dict.fromkeys(saved.own_robots(), "")
-    for name, (wheel, _) in _OTHERS.items():
-        known.setdefault(name, "" if other_wheels.installed(wheel) else other_wheels.how_to_install(wheel))
-    known = {**dict.fromkeys(_FACTORIES.offered(), ""), **known}
-    return {name: how for name, how in known.items() if name not in _FACTORIES}
+    known = dict.fromkeys((*_FACTORIES.offered(), *saved.own_robots(), *_FEETLESS))
+    return tuple(name for name in known if name not in _FACTORIES)
 
 
 def register(name: str, factory: Callable[[], RobotDescription]) -> None:
@@ -97,7 +86,7 @@ def load(name: str) -> RobotDescription:
 
     Raises:
         UnknownNameError: No such robot; the nearest names are given.
-        InputError: A file that cannot be used, a wheel that is not installed, or a package that cannot be loaded.
+        InputError: A file that cannot be used, or a package that cannot be loaded.
     """
     if name not in _FACTORIES and (stamp := STAMPED.fullmatch(name)):
         description = load(stamp[1])
@@ -110,15 +99,15 @@ def load(name: str) -> RobotDescription:
         return _load(name)
     if (own := _file(name)) is not None:
         return _read(str(own), own.stat().st_mtime_ns if own.is_file() else 0)
-    if name in _OTHERS or name in _FACTORIES.offered():
+    if name in _FEETLESS or name in _FACTORIES.offered():
         return _load(name)
     unknown_name("robot", name, [*_FACTORIES, *others()])
 
 
 @cache
 def _load(name: str) -> RobotDescription:
-    known = name in _OTHERS and name not in _FACTORIES
-    description: object = (_OTHERS[name][1] if known else _FACTORIES[name])()
+    made_here = name in _FEETLESS and name not in _FACTORIES
+    description: object = (_FEETLESS if made_here else _FACTORIES)[name]()
     if not isinstance(description, RobotDescription):
         raise InputError(
             f"the factory of robot '{name}' must return a RobotDescription, got {shown(description)}"

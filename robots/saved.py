@@ -13,7 +13,6 @@ that are not to be derived:
 from __future__ import annotations
 
 import json
-import math
 import re
 from collections.abc import Mapping
 from pathlib import Path
@@ -76,11 +75,11 @@ def describe(path: Path, parameters: Mapping[str, Any]) -> RobotDescription:
     cannot be used.
     """
     with decoding(path, "robot that can be read"):
-        known = {name: _typed(name, value) for name, value in parameters.items()}
-        known.setdefault("name", path.stem)
-        if not _is_urdf(path):
-            return call_checked("MJCF reader", RobotDescription.from_mjcf, {"source": path, **known})
-        return call_checked("URDF reader", RobotDescription.from_urdf, {"source": path, **known})
+        known = {"name": path.stem, **{name: _typed(name, value) for name, value in parameters.items()}}
+        text = re.sub(r"<!--.*?-->|<\?.*?\?>", "", read_xml(path, "robot file"), flags=re.DOTALL)
+        if text.lstrip().startswith("<robot"):
+            return call_checked("URDF reader", RobotDescription.from_urdf, {"source": path, **known})
+        return call_checked("MJCF reader", RobotDescription.from_mjcf, {"source": path, **known})
 
 
 def save(name: str, path: str | Path, parameters: Mapping[str, Any]) -> Path:
@@ -88,56 +87,32 @@ def save(name: str, path: str | Path, parameters: Mapping[str, Any]) -> Path:
 
     `load` finds it by the name from now on. Raises `InputError` for a name or a robot that cannot be used.
     """
-    usable = name and not name.startswith(("-", ".")) and all(c.isalnum() or c in "_-." for c in name)
-    if not usable or name in RESERVED or is_path(name):
+    if not re.fullmatch(r"\w[\w.-]*", name) or name in RESERVED or is_path(name):
         raise InputError(
             f"the name of a robot must be letters, digits, '_', '-' and no command, got {shown(name)}"
         )
     source = Path(path).expanduser().resolve()
     describe(source, {**parameters, "name": name})
-    lines = [f"# wbc robots add: `--robot {name}` reads it.", f"file = {_toml(str(source))}"]
-    lines += [f"{key} = {_toml(value)}" for key, value in parameters.items()]
+    lines, tables = [f"file = {json.dumps(str(source), ensure_ascii=False)}"], []
+    for key, value in parameters.items():
+        if isinstance(value, Mapping):
+            tables += [f"[{key}]", *(f"{json.dumps(each)} = {json.dumps(v)}" for each, v in value.items())]
+        else:
+            lines.append(f"{key} = {json.dumps(value, ensure_ascii=False)}")
     target = folder() / f"{name}.toml"
     target.parent.mkdir(parents=True, exist_ok=True)
-    write_text(target, "\n".join(lines) + "\n")
+    write_text(target, "\n".join([f"# wbc robots add: `--robot {name}` reads it.", *lines, *tables, ""]))
     return target
-
-
-def _is_urdf(path: Path) -> bool:
-    """Return True if the first element of a file is that of a URDF."""
-    text = re.sub(r"<!--.*?-->|<\?.*?\?>", "", read_xml(path, "robot file"), flags=re.DOTALL)
-    return text.lstrip().startswith("<robot")
 
 
 def _typed(name: str, value: Any) -> Any:
     """Return a plain value of a TOML as the readers take it: tables as frames and rules, lists as tuples."""
     if isinstance(value, Mapping) and name in ("left_sole", "right_sole", "imu"):
-        plain = {key: tuple(each) if isinstance(each, list) else each for key, each in value.items()}
-        if name != "imu" and "length" in plain:
-            plain.setdefault("name", name.replace("sole", "foot"))
-            plain.setdefault("frame", name)
-            return call_checked(f"table '{name}'", SoleDescription, plain)
-        plain.setdefault("frame", name)
-        return call_checked(f"table '{name}'", FrameDescription, plain)
+        if "length" in value:
+            return from_json(SoleDescription, {"frame": name, "name": name.replace("sole", "foot"), **value})
+        return from_json(FrameDescription, {"frame": name, **value})
     if isinstance(value, Mapping) and name == "servo":
-        return from_json(ServoRule, dict(value))
+        return from_json(ServoRule, value)
     if isinstance(value, Mapping):
         return {key: tuple(each) if isinstance(each, list) else each for key, each in value.items()}
     return tuple(value) if isinstance(value, list) else value
-
-
-def _toml(value: Any) -> str:
-    """Return a plain value as TOML."""
-    if isinstance(value, bool):
-        return "true" if value else "false"
-    if isinstance(value, (int, float)):
-        if not math.isfinite(value):
-            raise InputError(f"a number in a TOML description must be finite, got {value}")
-        return repr(value)
-    if isinstance(value, Mapping):
-        return (
-            "{ " + ", ".join(f"{json.dumps(str(key))} = {_toml(each)}" for key, each in value.items()) + " }"
-        )
-    if isinstance(value, (list, tuple)):
-        return "[" + ", ".join(_toml(each) for each in value) + "]"
-    return json.dumps(str(value), ensure_ascii=False)

@@ -1,58 +1,32 @@
-"""Humanoids of example-robot-data that nobody prepared: each does from its file what docs/robots.md lists."""
+"""Humanoids from their files: each does what its row of the table in docs/robots.md says."""
 
 from __future__ import annotations
 
-import re
+import importlib.util
 from pathlib import Path
+from types import ModuleType
 
 import pytest
+from mujoco_dynamics import assert_same_dynamics
 
 import wbc
-from wbc.robots import others
 from wbc.robots.models.example_robots import share_directory
-from wbc.sim import stand, walk
+from wbc.robots.readers.compile_mjcf import compiled_with_files
 
-ROBOTS = {
-    "talos_full_v2": ("talos_data/robots/talos_full_v2.urdf", "{}_sole_link", ("left", "right")),
-    "g1 with hands": (
-        "g1_description/urdf/g1_29dof_with_hand_rev_1_0.urdf",
-        "{}_ankle_roll_link",
-        ("left", "right"),
-    ),
-    "romeo": ("romeo_description/urdf/romeo.urdf", "{}_sole", ("l", "r")),
-    "romeo_small": ("romeo_description/urdf/romeo_small.urdf", "{}_sole", ("l", "r")),
-    "icub": ("icub_description/robots/icub.urdf", "{}_sole", ("l", "r")),
-    "alexander lower body": (
-        "alexander_description/urdf/alexander_v1.lowerBodyOnly.urdf",
-        "{}_FOOT",
-        ("LEFT", "RIGHT"),
-    ),
-}
-"""Name in the table → file, link of a sole, and its sides."""
-
-MODES = ("position", "torque")
+PAGE = Path(__file__).parents[2] / "docs" / "robots.md"
+PROGRAM = Path(__file__).parents[1] / "benchmarks" / "robot_table.py"
 
 
-@pytest.fixture(params=ROBOTS)
-def humanoid(request: pytest.FixtureRequest, tmp_path: Path) -> tuple[str, str]:
-    """Name in the table, and a TOML description as `wbc robots add --repair --package-dir` writes it."""
-    file, sole, (left, right) = ROBOTS[request.param]
-    share = share_directory()
-    path = tmp_path / "robot.toml"
-    path.write_text(
-        f'file = "{share / "example-robot-data/robots" / file}"\npackage_dirs = ["{share}"]\nrepair = true\n'
-        f'left_sole = "{sole.format(left)}"\nright_sole = "{sole.format(right)}"\n',
-        encoding="utf-8",
-    )
-    return request.param, str(path)
+def program() -> ModuleType:
+    """Return the program that makes the table."""
+    spec = importlib.util.spec_from_file_location("robot_table", PROGRAM)
+    assert spec is not None and spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
 
 
-def rows(heading: str) -> dict[str, list[str]]:
-    """Return the rows of the first table under a heading of docs/robots.md: first cell → the others."""
-    page = (Path(__file__).parents[2] / "docs/robots.md").read_text(encoding="utf-8")
-    lines = page.partition(f"## {heading}\n")[2].partition("\n#")[0].splitlines()
-    cells = [re.split(r"\s*\|\s*", line.strip("| ")) for line in lines if line.startswith("|")]
-    return {cell.strip("`"): others for cell, *others in cells}
+TABLE = program()
 
 
 def test_the_root_of_icub_looks_backward_and_is_turned() -> None:
@@ -72,23 +46,25 @@ def test_the_root_of_icub_looks_backward_and_is_turned() -> None:
 
 
 @pytest.mark.slow
-def test_a_humanoid_from_its_file_stands_and_walks(humanoid: tuple[str, str]) -> None:
-    """Each does what its row in docs/robots.md says."""
-    name, file = humanoid
-    _, _, stands, *walks = rows("Humanoids of other files")[name]
-    for mode, says in zip(MODES, walks, strict=True):
-        assert (stands == "yes") == stand(robot=file, seconds=5.0, mode=mode).upright
-        result = walk(robot=file, foot="flat", terrain="flat", mode=mode, velocity=(0.12, 0.0, 0.0), steps=6)
-        assert f"{result.steps_done}/{result.steps_planned}" == says
+@pytest.mark.parametrize("name", TABLE.ROBOTS)
+def test_a_humanoid_from_its_file_does_what_the_table_says(name: str) -> None:
+    if TABLE.ROBOTS[name][1] and TABLE.find(TABLE.ROBOTS[name][1]) is None:
+        pytest.skip(f"wheel {TABLE.ROBOTS[name][0]} is not installed")
+    line = next(row for row in PAGE.read_text(encoding="utf-8").splitlines() if row.startswith(f"| {name} |"))
+    assert line == TABLE.markdown([TABLE.row(name)]).splitlines()[-1]
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("name", ["jvrc1", "t1", "apollo"])
-def test_a_humanoid_of_a_wheel_stands_and_walks(name: str) -> None:
-    """Those of docs/robots.md that walk in both modes with default steps, where their wheel is installed."""
-    if others()[name]:
-        pytest.skip(f"{name}: {others()[name]}")
-    for mode in MODES:
-        assert stand(robot=name, seconds=5.0, mode=mode).upright
-        result = walk(robot=name, foot="flat", terrain="flat", mode=mode, velocity=(0.12, 0.0, 0.0), steps=6)
-        assert result.steps_done == 7
+def test_every_robot_of_the_table_has_a_row_in_the_page() -> None:
+    page = PAGE.read_text(encoding="utf-8")
+    assert [name for name in TABLE.ROBOTS if f"\n| {name} |" not in page] == []
+
+
+@pytest.mark.parametrize(
+    "name", [name for name, (_, file, _) in TABLE.ROBOTS.items() if file.endswith(".xml")]
+)
+def test_robots_of_other_projects_have_the_dynamics_of_their_files(name: str) -> None:
+    found = TABLE.find(TABLE.ROBOTS[name][1])
+    if found is None:
+        pytest.skip(f"wheel {TABLE.ROBOTS[name][0]} is not installed")
+    meshes = TABLE.ROBOTS[name][2].get("meshes", True)
+    assert_same_dynamics(TABLE.describe(name), compiled_with_files(found[0], meshes=meshes)[0])

@@ -11,7 +11,6 @@ import numpy as np
 import pinocchio as pin
 import pytest
 from mujoco_dynamics import assert_same_dynamics
-from properties import by_default
 
 from wbc.core import conventions
 from wbc.core.errors import InputError, UnknownNameError
@@ -41,24 +40,6 @@ def test_pinocchio_and_mujoco_agree(name: str) -> None:
     theirs = mujoco_model(description)
     assert_same_dynamics(description, theirs)
     assert theirs.body_mass.sum() == pytest.approx(description.robot().mass, abs=1e-9)
-
-
-@pytest.mark.parametrize("name", by_default(BUILT_IN, "hrp4_class"))
-def test_a_pinocchio_model_makes_the_same_robot(name: str) -> None:
-    """Read back from the model alone: dynamics, limits, rotor inertias, posture."""
-    known = load(name)
-    model = known.pinocchio_model()
-    soles = dict(zip(("left_sole", "right_sole"), known.soles, strict=True))
-    options = {"half_sitting": dict(known.half_sitting), "imu": known.imu.frame, "torso": known.torso}
-    made = RobotDescription.from_pinocchio(model, **soles, **options)
-    assert made.name == name and set(made.joint_names) == set(known.joint_names)
-    assert dict(made.armature) == pytest.approx(dict(known.armature))
-    assert_same_dynamics(made, mujoco_model(known))
-    one, other = made.summary()["joints"], known.summary()["joints"]
-    for joint in known.joint_names:
-        assert one[joint]["position"] == pytest.approx(other[joint]["position"])
-        assert one[joint]["torque"] == pytest.approx(other[joint]["torque"])
-        assert one[joint]["kp"] == pytest.approx(other[joint]["kp"])
 
 
 @pytest.mark.parametrize("name", BUILT_IN)

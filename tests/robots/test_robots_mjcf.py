@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-from importlib import metadata
 from pathlib import Path
 
 import mujoco
@@ -14,8 +13,7 @@ from mujoco_dynamics import assert_same_dynamics
 
 from wbc import TorqueControl, balance_controller
 from wbc.core.errors import ModelError, UnknownNameError
-from wbc.robots import RobotDescription, load, others
-from wbc.robots.readers.compile_mjcf import compiled_with_files
+from wbc.robots import RobotDescription
 from wbc.robots.report import UNMODELLED
 from wbc.sim import MujocoLoop, Plant
 
@@ -34,21 +32,6 @@ def test_the_dynamics_are_those_of_mujoco(kind: str, tmp_path) -> None:
     description = RobotDescription.from_mjcf(source)
     assert description.name == "little_biped"
     assert_same_dynamics(description, mujoco.MjModel.from_xml_string(xml))
-
-
-@pytest.mark.parametrize("name", ["h1", "t1", "op3", "berkeley_humanoid", "apollo"])
-def test_robots_of_other_projects_have_the_dynamics_of_their_files(name: str) -> None:
-    if others()[name]:
-        pytest.skip(f"{name}: {others()[name]}")
-    folder = Path(str(metadata.distribution("playground").locate_file("mujoco_playground/_src/locomotion")))
-    known = name != "apollo"  # its file names a floor that is in the scene
-    file = (
-        folder
-        / name
-        / "xmls"
-        / (f"{name}_mjx_feetonly.xml" if known else "scene_mjx_feetonly_flat_terrain.xml")
-    )
-    assert_same_dynamics(load(name), compiled_with_files(file, meshes=False)[0])
 
 
 def test_what_the_file_says_is_kept() -> None:

@@ -101,9 +101,11 @@ def robots(
     facts = [load(each).summary() for each in names()]
     lines = [
         _table(facts),
-        *(f"{other:<18}{how or 'from a file or a package'}" for other, how in others().items()),
+        *(f"{other:<18}no feet, from a file or from a package" for other in others()),
     ]
-    return output.report({"robots": [_brief(each) for each in facts], "others": others()}, "\n".join(lines))
+    return output.report(
+        {"robots": [_brief(each) for each in facts], "others": list(others())}, "\n".join(lines)
+    )
 
 
 def _check(file: str, options: RobotFileOptions, output: Output) -> Report:
