@@ -47,6 +47,12 @@ INERTIA_UNITS = {
 FASTEST = 100.0
 """Speed limit from which on a joint is doubtful, rad/s or m/s: drives of humanoids reach 40."""
 
+SLOW = 1.0
+"""Speed limit of a leg joint below which a step is doubtful, rad/s; published ones are 2 to 30."""
+
+BRAKED = 6.0
+"""Speed at which damping may take all torque of a leg joint, rad/s; swings reach 3 to 8."""
+
 FULL_LEG = 6
 """Joints of a leg that can put its sole anywhere."""
 
@@ -215,6 +221,20 @@ def _drives(robot: Any) -> list[str]:
             f"damping up to {max(robot.damping.values(), default=0.0):g} Nms/rad and dry friction up to "
             f"{max(robot.frictionloss.values(), default=0.0):g} Nm of {len(rubbing)} joints are "
             "not in the controller's model"
+        )
+    speeds = {name: model.velocity_limit[model.joint_index(name)] for leg in robot.legs for name in leg}
+    if slow := [f"{name} {speed:.2g} rad/s" for name, speed in speeds.items() if speed < SLOW]:
+        found.append(f"legs that step need quicker joints: {listed(slow)}")
+    braked = {
+        name: model.torque_limit[model.joint_index(name)] / robot.damping[name]
+        for name in speeds
+        if robot.damping.get(name)
+    }
+    if braked := {name: speed for name, speed in braked.items() if speed < BRAKED}:
+        name, speed = min(braked.items(), key=lambda item: item[1])
+        found.append(
+            f"damping takes the whole torque of {len(braked)} leg joints at the speeds of a step, that of '{name}' at "
+            f"{speed:.2g} rad/s"
         )
     return found
 

@@ -24,6 +24,7 @@ from wbc.walking.control import WalkingControl
 from wbc.walking.planning.footsteps import FootstepPlan, mean_heading
 from wbc.walking.planning.gait import Gait
 from wbc.walking.planning.reach import check_plan
+from wbc.walking.planning.size import sized
 from wbc.walking.stepping.control import SteppingControl
 
 
@@ -100,7 +101,7 @@ def prepare(
     model = description.robot()
     q = moved(model.half_sitting, start)
     model.update(q, np.zeros(model.nv))
-    gait, notes = gait.on_grid(period)
+    gait, notes = sized(gait, model).on_grid(period)
     ground = stairs if stairs is not None else terrain_by_name("flat")
     steps = plan.build(FootstepPlan.standing(model, gait), ground)
     gait, more = steps.gait.on_grid(period)  # that of a velocity

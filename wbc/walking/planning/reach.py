@@ -10,7 +10,7 @@ import numpy as np
 import pinocchio as pin
 
 from wbc.core.errors import ROUNDING, Array, InputError, finite_scalar
-from wbc.core.robot import BASE_DOF, SIDES, Robot, joints_to
+from wbc.core.robot import BASE_DOF, GRAVITY, SIDES, Robot, joints_to
 from wbc.core.settings import Positive, settings
 from wbc.walking.planning.footsteps import Footstep, FootstepPlan
 
@@ -23,6 +23,12 @@ STRETCHED = 0.98
 
 STANDING = 0.979
 """Ratio of its length to which a standing leg may stretch: a straight leg can take no step."""
+
+CARRIED = 0.9
+"""Share of the knee's torque limit that carries a robot on one leg; the rest is for its steps."""
+
+ROOM = 0.12
+"""Distance that an ankle keeps to the end of its range on a standing leg, rad: the foot behind bends it further."""
 
 STRAIGHT = 0.95
 """Ratio of its length from which a leg in half-sitting is too straight for long steps."""
@@ -93,6 +99,9 @@ class Leg:
 
     Attributes:
         length: Thigh and shank together, m.
+        shank: Knee to ankle, m.
+        knee: Index of the knee in arrays of joints, shape (na,).
+        ankle: Index of the ankle's pitch.
         shortest: Hip to ankle with the knee bent by 120°, m.
         ankle_height: Ankle over the sole, m.
         hip_over_com: Height of the hip joint minus that of the CoM in half-sitting, m.
@@ -101,6 +110,9 @@ class Leg:
     """
 
     length: float
+    shank: float
+    knee: int
+    ankle: int
     shortest: float
     ankle_height: float
     hip_over_com: float
@@ -123,8 +135,14 @@ def leg_geometry(robot: Robot) -> Leg:
     ground = float(data.oMf[robot.frame_id(robot.soles[0].frame)].translation[2])
     thigh, shank = bars[first], bars[second]
     bend = math.radians(120.0)
+    pin.computeJointJacobians(model, data, robot.half_sitting)
+    pitch = [abs(float(data.J[4, model.joints[joint].idx_v])) for joint in chain]
+    below = max(range(second + 1, len(chain)), key=lambda i: pitch[i])
     return Leg(
         length=thigh + shank,
+        shank=shank,
+        knee=model.joints[chain[second]].idx_v - BASE_DOF,
+        ankle=model.joints[chain[below]].idx_v - BASE_DOF,
         shortest=math.sqrt(thigh**2 + shank**2 + 2.0 * thigh * shank * math.cos(bend)),
         ankle_height=float(ankle[2]) - ground,
         hip_over_com=float(hip[2]) - float(data.com[0][2]),
@@ -154,6 +172,29 @@ def hip_height(robot: Robot, com_height: float | None, leg: Leg) -> float:
         high=high,
     )
     return float(com_height) + offset
+
+
+def carried_height(robot: Robot) -> float:
+    """Return the least CoM height over the soles, m, at which one leg carries a robot that steps.
+
+    With the hip above the ankle the shank tilts by α, and the knee, whose torque is m g b sin α for a shank of length
+    b, may take `CARRIED` of its limit; the ankle must keep `ROOM` to the end of its range. Half-sitting is carried.
+    """
+    leg, model = leg_geometry(robot), robot.model
+    thigh = leg.length - leg.shank
+    knee = CARRIED * float(robot.torque_limit[leg.knee]) / (robot.mass * GRAVITY * leg.shank)
+    data = model.createData()
+    pin.computeJointJacobians(model, data, robot.half_sitting)
+    bent = float(robot.half_sitting[7 + leg.ankle])
+    bends_down = (
+        float(data.J[4, BASE_DOF + leg.ankle]) > 0.0
+    )  # a foot that turns forward lets the shank stand up
+    end = float(robot.position_lower[leg.ankle] if bends_down else robot.position_upper[leg.ankle])
+    now = (leg.hip_height**2 + leg.shank**2 - thigh**2) / (2.0 * leg.hip_height * leg.shank)
+    tilt = math.acos(min(1.0, now)) + max(0.0, abs(end - bent) - ROOM)
+    tilt = min(tilt, math.asin(min(1.0, knee)), math.asin(min(1.0, thigh / leg.shank)))
+    hip = leg.shank * math.cos(tilt) + math.sqrt(thigh**2 - (leg.shank * math.sin(tilt)) ** 2)
+    return min(hip, leg.hip_height) - leg.hip_over_com + leg.ankle_height
 
 
 def bent_height(robot: Robot, stretch: float) -> float:
@@ -234,6 +275,7 @@ def _check_step(what: str, stance: Footstep, step: Footstep, reach: Reach) -> No
         if not low - ROUNDING <= value <= high + ROUNDING:
             raise InputError(
                 f"{what} {verb} {value:.3f} {unit}; within reach is {low:.3f} to {high:.3f} {unit}"
+                + (": a smaller step_length or velocity fits" if verb.startswith("goes") else "")
             )
 
 

@@ -17,6 +17,7 @@ import pinocchio as pin
 from wbc.core.errors import InputError
 from wbc.core.robot import GRAVITY, Robot
 from wbc.core.settings import NonNegative, Positive, settings
+from wbc.walking.planning.reach import carried_height
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
@@ -51,8 +52,8 @@ class Scale:
     def of(robot: Robot, bend: float, height: float | None = None) -> Scale:
         """Measure a robot with a left and a right sole; its state stays as it is.
 
-        The CoM is at a height over the soles, m, else `bend`, in leg lengths, below its height on straight legs. Legs
-        that hang together with both soles are an `InputError`.
+        The CoM is at a height over the soles, m, else `bend`, in leg lengths, below its height on straight legs, or as
+        far as the knees carry it (`carried_height`). Legs that hang together with both soles are an `InputError`.
         """
         if len(robot.soles) != 2:
             raise InputError(f"a stepping walk needs two feet, got a robot with {len(robot.soles)} soles")
@@ -68,7 +69,7 @@ class Scale:
         leg_length = max(heights) - min(heights)
         ankle = float(sole.actInv(data.oMi[legs[0][-1] + 2]).translation[0])
         return Scale(
-            height=com - bend * leg_length if height is None else height,
+            height=max(com - bend * leg_length, carried_height(robot)) if height is None else height,
             leg=leg_length,
             mass=robot.mass,
             sole=(0.5 * robot.soles[0].length, 0.5 * robot.soles[0].width),

@@ -1,0 +1,41 @@
+"""The default gait for the size of a robot."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+from wbc.core.robot import Robot
+from wbc.walking.planning.gait import Gait
+from wbc.walking.planning.reach import Reach, leg_geometry
+
+SMALLEST = 0.67
+"""Height of the CoM, m, down to which robots walk with the default gait: that of the G1."""
+
+LENGTHS = ("step_length", "swing_height", "landing_height", "search_depth")
+TIMES = (
+    *("single_support", "double_support", "initial_double_support", "final_double_support"),
+    *("takeoff_time", "landing_time", "search_time"),
+)
+SPEEDS = ("landing_speed",)
+
+STEP = 0.99
+"""Share of the legs' reach that a default step may take."""
+
+
+def sized(gait: Gait, robot: Robot) -> Gait:
+    """Return a gait whose defaults fit a robot; values that differ from the defaults stay.
+
+    Lengths of a robot below `SMALLEST` shrink with the height of its CoM, times and speeds with the root of it, and a
+    step is within the reach of its legs.
+    """
+    scale = min(1.0, leg_geometry(robot).com_height / SMALLEST)
+    default, changes = Gait(), {}
+    for names, factor in ((LENGTHS, scale), (TIMES, math.sqrt(scale)), (SPEEDS, math.sqrt(scale))):
+        for name in names:
+            if scale < 1.0 and getattr(gait, name) == getattr(default, name):
+                changes[name] = round(factor * getattr(default, name), 4)
+    if gait.step_length == default.step_length:
+        reach = STEP * Reach.of(robot).max_length
+        changes["step_length"] = min(reach, changes.get("step_length", default.step_length))
+    return replace(gait, **changes)
