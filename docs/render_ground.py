@@ -1,11 +1,12 @@
 """Draw the pictures of feet and grounds with `python docs/render_ground.py [FOLDER]`.
 
-A few are simulations in MuJoCo, the others what `wbc terrain` and `wbc foot press` draw. It takes
+A few are simulations in MuJoCo, the others what `wbc terrain` and the paper's application draw. It takes
 about two minutes; on a machine without a display set MUJOCO_GL=egl.
 """
 
 from __future__ import annotations
 
+import subprocess
 import sys
 from collections.abc import Callable
 from pathlib import Path
@@ -16,7 +17,6 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from PIL import Image
 
-from wbc.app.cli import main as wbc
 from wbc.core.errors import Array
 from wbc.feet import foot
 from wbc.sim.rig.fixture import Rig
@@ -97,17 +97,10 @@ def draw_feet(path: Path) -> None:
 
 
 def draw_press(path: Path) -> None:
-    """The soft foot of the rig on stones, as `wbc foot press` draws it."""
-    command = (
-        "foot press --foot soft --stiffness 5 --terrain stones --amplitude 0.03 --seed 1 --load 200 --plot"
-    )
-    run(command, path)
-
-
-def run(command: str, path: Path) -> None:
-    """Run a command of `wbc` that draws a picture."""
-    if wbc([*command.split(), str(path)]) != 0:
-        raise RuntimeError(f"wbc {command} has failed")
+    """The soft foot of the rig on stones, as the paper's application draws it."""
+    script = Path(__file__).parents[1] / "examples" / "paper" / "foot.py"
+    words = ["--stiffness", "5", "--terrain", "stones", "--amplitude", "0.03", "--seed", "1", "-o"]
+    subprocess.run([sys.executable, str(script), *words, str(path)], check=True)
 
 
 def small(path: Path) -> None:

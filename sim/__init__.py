@@ -14,7 +14,7 @@ from wbc.sim.plant.plant import Plant
 from wbc.sim.plant.robot import DivergedError
 from wbc.sim.plant.sensors import SensorNoise, SignalNoise
 from wbc.sim.plant.settings import Machine, PhysicsSettings
-from wbc.sim.rig.actions import press
+from wbc.sim.rig.actions import pitch, press
 from wbc.sim.rig.spec import FootTest
 from wbc.sim.scenes.base import Scene, make_scene, scene_kind
 from wbc.sim.studies.journal import Journal, read_journal
@@ -76,6 +76,7 @@ __all__ = [
     "scene_kind",
     # Rig: tests of one foot
     "FootTest",
+    "pitch",
     "press",
     # Studies: many trials, journals and tables
     "Cell",

@@ -28,9 +28,6 @@ PRESETS = ("default", "frizza", "no_bias")
 """Names of presets: the best settings on all soles, the law of the paper, and the same without bias estimate, with the
 gains of mc_rtc."""
 
-NO_BIAS = {"legacy": "no_bias"}
-"""Names of presets in specs of walks before version 9."""
-
 PAPER_GAINS = {"dcm_p": 3.4, "dcm_i": 0.0, "dcm_d": 2.1}
 """Gains of the paper's stabilizer: kP (1/s) and kD of its data set, tuned on a flat floor, and kI = 0 because a bias
 estimator takes its place (sections II-C and IV-B, Table II)."""

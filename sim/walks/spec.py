@@ -6,7 +6,7 @@ import copy
 from collections.abc import Mapping
 from dataclasses import field
 from functools import lru_cache
-from typing import Annotated, Any, ClassVar, Self
+from typing import Annotated, Any, ClassVar
 
 from pydantic import PlainValidator
 
@@ -21,14 +21,13 @@ from wbc.robots.registry import stamped
 from wbc.sim.plant.places import body_frame
 from wbc.sim.plant.settings import Machine
 from wbc.sim.scenes.base import Scene, make_scene
-from wbc.sim.terrain.spec import RAMP, Terrain
+from wbc.sim.terrain.spec import Terrain
 from wbc.sim.terrain.spec import terrain as terrain_by_name
 from wbc.sim.trial.push import WalkPush
 from wbc.sim.trial.spec import CONTROL_PERIOD, TrialSpec
 from wbc.sim.walks.plans import WalkPlan
 from wbc.sim.walks.prepare import PreparedWalk, prepare
 from wbc.sim.walks.settings import (
-    NO_BIAS,
     Eyes,
     Law,
     SteppingTrialSettings,
@@ -61,9 +60,6 @@ SOURCE = "source"
 
 RAMP_NAME = "ramp"
 """Parameter of a ground for the length of its ramp: always in a written spec."""
-
-_WHOLE = ("terrain", "terrain_params", "noise_seed", "control_period", "timestep", "start")
-"""Some of the names that every spec has that was written by a program, and hardly one that was written by hand."""
 
 
 @settings(kw_only=True)
@@ -259,29 +255,6 @@ class WalkSpec(TrialSpec):
         if self.scene is None:
             del data["scene"], data["scene_params"]
         return data
-
-    @classmethod
-    def from_json(cls, data: Mapping[str, Any]) -> Self:
-        """Return the spec that `to_json` wrote, or a shorter one: what is left out has its default.
-
-        The grounds of a whole spec without a ramp, as those of walks before version 9, begin with a sharp edge.
-
-        Raises:
-            UnknownNameError: A key that a spec does not have.
-            InputError: A value that cannot be used.
-        """
-        values = dict(data)
-        if "gains" in values:
-            values["gains"] = NO_BIAS.get(str(values["gains"]), values["gains"])
-        return super().from_json(with_ramp(values))
-
-
-def with_ramp(data: Mapping[str, Any]) -> Mapping[str, Any]:
-    """Return plain values of a spec, with the sharp edge of its ground said if a walk before version 9 wrote them."""
-    params = data.get("terrain_params")
-    if not (set(_WHOLE) <= set(data) and isinstance(params, Mapping)) or RAMP_NAME in params:
-        return data
-    return {**data, "terrain_params": {RAMP_NAME: RAMP if data["terrain"] == "flat" else 0.0, **params}}
 
 
 @lru_cache(maxsize=256)

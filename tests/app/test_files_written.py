@@ -90,8 +90,6 @@ INPUTS: list[tuple[list[str], str]] = [
     (WRITERS["signals.png"], "log.arrow"),
     (["view", "log.arrow", "-o"], "log.arrow"),
     (IMAGE, "heights.csv"),
-    (["foot", "press", *["--terrain", *IMAGE[1:]]], "heights.csv"),
-    (["foot", "pitch", *["--terrain", *IMAGE[1:]]], "heights.csv"),
     (WRITERS["spec.json"], "journal.jsonl"),
     (["walk", "--spec", "study.json", "--record"], "study.json"),
     (["walk", "--distance", "0.05", "--param", "source=heights.csv", "--record"], "heights.csv"),

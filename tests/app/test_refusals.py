@@ -42,7 +42,6 @@ REFUSED = {
     "foot press --foot sotf": "soft",
     "foot press --robot g1 --foot-param width=0.3": "wide",
     "foot pitch --ankle-stiffness 0": "ankle",
-    "foot press --plot no/folder/a.png": "no/folder",
     "foot press --rate 100": "--rate",
     "terrain stone": "stones",
     "terrain stones --param density": "density",

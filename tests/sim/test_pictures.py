@@ -1,4 +1,4 @@
-"""Pictures of grounds and of feet on the rig show the numbers that they are made of."""
+"""Pictures of grounds show the numbers that they are made of."""
 
 from __future__ import annotations
 
@@ -6,25 +6,17 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
-from matplotlib.collections import PathCollection
 from matplotlib.figure import Figure
 
-from wbc.feet import foot
-from wbc.sim.rig import plot as rig_plot
-from wbc.sim.rig.actions import pitch, press
-from wbc.sim.rig.spec import FootTest
 from wbc.sim.terrain import plot as terrain_plot
 from wbc.sim.terrain.spec import terrain
-
-STONES = terrain("stones", 0.03, 1)
 
 
 @pytest.fixture
 def drawn(monkeypatch: pytest.MonkeyPatch) -> Callable[..., Figure]:
     """Call a function that draws, and return its figure."""
     figures: list[Figure] = []
-    for module in (terrain_plot, rig_plot):
-        monkeypatch.setattr(module, "save_figure", lambda figure, path, *, dpi: figures.append(figure))
+    monkeypatch.setattr(terrain_plot, "save_figure", lambda figure, path, *, dpi: figures.append(figure))
 
     def draw(function: Callable[..., object], *arguments: object) -> Figure:
         function(*arguments, "picture.png")
@@ -51,23 +43,3 @@ def test_the_sheet_has_every_family(drawn: Callable[..., Figure], monkeypatch: p
     monkeypatch.setattr(terrain_plot, "terrain_families", lambda: names)
     axes = drawn(terrain_plot.plot_families).axes
     assert [ax.get_title().split()[0] for ax in axes if ax.axison] == names
-
-
-def test_contacts_of_a_press_are_drawn_where_they_are(drawn: Callable[..., Figure]) -> None:
-    test = FootTest(foot("soft"), STONES, yaw=0.8, load=300.0)
-    result = press(test, support=False)
-    assert result.hold is not None and result.hold.contacts > 3
-    _, top, _ = drawn(rig_plot.plot_press, test, result).axes
-    (spots,) = (each for each in top.collections if isinstance(each, PathCollection))
-    np.testing.assert_allclose(spots.get_offsets(), 1e3 * np.array(result.hold.contact_points)[:, :2])
-    np.testing.assert_allclose(top.lines[1].get_xydata(), [1e3 * np.array(result.hold.centre_of_pressure)])
-
-
-def test_a_pitched_foot_is_drawn_over_its_angle(drawn: Callable[..., Figure]) -> None:
-    test = FootTest(foot("rigid"), STONES, load=250.0)
-    result = pitch(test, rate=1.0)
-    curves = [ax.lines[0].get_data() for ax in drawn(rig_plot.plot_pitch, test, result).axes]
-    np.testing.assert_allclose(
-        curves[0], (np.degrees(result.pitch), 1e3 * np.array(result.centre_of_pressure))
-    )
-    assert len(curves) == 3

@@ -5,14 +5,11 @@ from __future__ import annotations
 import inspect
 import math
 from collections.abc import Mapping
-from functools import partial
-from pathlib import Path
 from typing import Annotated, Any, Literal
 
 from cyclopts import Parameter
 
 from wbc.app.arguments import NONE_GIVEN, Fields, attribute_docs
-from wbc.app.files import check_picture
 from wbc.app.output import Flat, Output, OutputOptions, Report, reports
 from wbc.core.changes import changed, read_changes, setting_names
 from wbc.core.errors import InputError
@@ -25,7 +22,6 @@ from wbc.robots import load, names
 from wbc.sim.plant.model import sole_geometries
 from wbc.sim.plant.settings import PhysicsSettings
 from wbc.sim.rig.actions import pitch, press
-from wbc.sim.rig.plot import plot_pitch, plot_press
 from wbc.sim.rig.results import PitchResult, PressResult
 from wbc.sim.rig.spec import HRP4C_SOLE, FootTest, fit_facts
 from wbc.sim.terrain.families.base import make_family
@@ -60,7 +56,6 @@ class FootOptions:
         timestep: Physics step, s.
         angle: Largest pitch that the ankle is asked for, degrees.
         rate: Speed of the pitch, degrees/s.
-        plot: Picture to write.
     """
 
     foot: str = "soft"
@@ -73,7 +68,6 @@ class FootOptions:
     timestep: float = PhysicsSettings.timestep
     angle: float = 5.0
     rate: float = 10.0
-    plot: Path | None = None
 
     def test(self, given: Mapping[str, Any], ground: Mapping[str, Any]) -> FootTest:
         """Return the test of one foot on one ground, with further fields of both.
@@ -125,20 +119,16 @@ def foot(
     for name in ("angle", "rate") if test == "press" else ():
         if getattr(options, name) != getattr(FootOptions, name):
             raise InputError(f"--{name} is no option of 'foot press'")
-    target = check_picture(options.plot, options.param)
     made = options.test(given, ground)
     result: PressResult | PitchResult
     if test == "press":
         result = pressed = press(made)
-        lines, draw = _press_lines(pressed), partial(plot_press, made, pressed)
+        lines = _press_lines(pressed)
     else:
         angle, rate = math.radians(options.angle), math.radians(options.rate)
         result = pitched = pitch(made, amplitude=angle, rate=rate)
-        lines, draw = _pitch_lines(pitched), partial(plot_pitch, made, pitched)
+        lines = _pitch_lines(pitched)
     data = {**made.describe(), **to_json(result)}
-    if target is not None and not result.diverged:
-        draw(target)
-        data["plot"] = str(target)
     return output.report(data, "\n".join([_headline(made), *lines]))
 
 

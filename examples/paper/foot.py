@@ -1,22 +1,26 @@
-"""Pictures of foot tests."""
+"""A foot on the rig: pressed on a ground and drawn from the side and from above, or its ankle pitched.
+
+python examples/paper/foot.py --stiffness 5 --terrain stones --amplitude 0.03 --seed 1 -o press.png
+python examples/paper/foot.py --pitch -o pitch.png
+"""
 
 from __future__ import annotations
 
+import argparse
 import math
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import Any
 
 import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.collections import QuadMesh
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
 
-from wbc.core.errors import Array, InputError
-from wbc.core.files import save_figure
-from wbc.sim.rig.results import Hold, PitchResult, PressResult, SupportPolygon
-from wbc.sim.rig.spec import FootTest
+from wbc.feet import foot
+from wbc.sim import FootTest, make_terrain, pitch, press
 
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.collections import QuadMesh
-    from matplotlib.figure import Figure
+Array = NDArray[np.float64]
 
 MARGIN = 0.03
 """Ground drawn around the foot, m."""
@@ -25,13 +29,8 @@ _GRID = 0.002  # m
 _SOLE, _CONTACT, _SUPPORT, _GROUND = "#d98d40", "#c22f2f", "#2f6fc2", "#8a8178"
 
 
-def plot_press(test: FootTest, result: PressResult, path: str | Path) -> None:
-    """Draw a pressed foot from the side and from above; the ending of the file is the format.
-
-    A simulation that diverged is an `InputError`.
-    """
-    if result.hold is None:
-        raise InputError("nothing to draw: the simulation diverged")
+def press_figure(test: FootTest, result: Any) -> Figure:
+    """Draw a pressed foot from the side and from above."""
     figure = _figure(8.0, 7.2)
     side, top = figure.subplots(2, 1, sharex=True, height_ratios=(3.0, 4.0))
     _draw_side(side, test, result.hold)
@@ -47,13 +46,11 @@ def plot_press(test: FootTest, result: PressResult, path: str | Path) -> None:
         f"{1e4 * hold.contact_area:.0f} cm²{support}",
         fontsize=9,
     )
-    save_figure(figure, path, dpi=150)
+    return figure
 
 
-def plot_pitch(test: FootTest, result: PitchResult, path: str | Path) -> None:
-    """Draw centre of pressure, ankle moment and ankle height over the pitch of the ankle; see `plot_press`."""
-    if result.diverged:
-        raise InputError("nothing to draw: the simulation diverged")
+def pitch_figure(test: FootTest, result: Any) -> Figure:
+    """Draw centre of pressure, ankle moment and ankle height over the pitch of the ankle."""
     figure = _figure(9.0, 3.4)
     angle = np.degrees(result.pitch)
     panels = (
@@ -66,7 +63,7 @@ def plot_pitch(test: FootTest, result: PitchResult, path: str | Path) -> None:
         axes.set_xlabel("pitch, toe down (°)")
         axes.set_ylabel(label)
     figure.suptitle(f"{_named(test)}, pitched with {test.load:g} N on the ankle", fontsize=9)
-    save_figure(figure, path, dpi=150)
+    return figure
 
 
 def _named(test: FootTest) -> str:
@@ -77,12 +74,10 @@ def _named(test: FootTest) -> str:
 
 
 def _figure(width: float, height: float) -> Figure:
-    from matplotlib.figure import Figure  # noqa: PLC0415 - slow to import, and walking needs no pictures
-
     return Figure(figsize=(width, height), layout="compressed")
 
 
-def _ground(test: FootTest, hold: Hold, x: Array, y: Array) -> Array:
+def _ground(test: FootTest, hold: Any, x: Array, y: Array) -> Array:
     """Return the height of the ground at plan points, m."""
     ankle = test.foot.fit(test.robot_sole).sole.ankle
     cos, sin = math.cos(test.yaw), math.sin(test.yaw)
@@ -91,7 +86,7 @@ def _ground(test: FootTest, hold: Hold, x: Array, y: Array) -> Array:
     return np.asarray(test.ground.height(place[0] + cos * dx - sin * dy, place[1] + sin * dx + cos * dy))
 
 
-def _draw_side(axes: Axes, test: FootTest, hold: Hold) -> None:
+def _draw_side(axes: Axes, test: FootTest, hold: Any) -> None:
     fitted = test.foot.fit(test.robot_sole).sole
     x = np.arange(-fitted.length / 2.0 - MARGIN, fitted.length / 2.0 + MARGIN, _GRID)
     y = np.linspace(-fitted.width / 2.0, fitted.width / 2.0, 41)
@@ -116,7 +111,7 @@ def _draw_side(axes: Axes, test: FootTest, hold: Hold) -> None:
     axes.set_aspect("equal")
 
 
-def _draw_top(axes: Axes, test: FootTest, hold: Hold, support: SupportPolygon | None) -> QuadMesh:
+def _draw_top(axes: Axes, test: FootTest, hold: Any, support: Any) -> QuadMesh:
     fitted = test.foot.fit(test.robot_sole).sole
     half = (fitted.length / 2.0 + MARGIN, fitted.width / 2.0 + MARGIN)
     x, y = np.arange(-half[0], half[0], _GRID), np.arange(-half[1], half[1], _GRID)
@@ -137,3 +132,30 @@ def _draw_top(axes: Axes, test: FootTest, hold: Hold, support: SupportPolygon | 
     axes.set_ylabel("y (mm)")
     axes.set_aspect("equal")
     return image
+
+
+def main() -> None:
+    """Test one foot, and draw it."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--foot", default="soft")
+    parser.add_argument("--stiffness", type=float, help="of the hinges of a soft sole, Nm/rad")
+    parser.add_argument("--terrain", default="flat")
+    parser.add_argument("--amplitude", type=float, help="m")
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--load", type=float, default=200.0, help="on the ankle, N")
+    parser.add_argument("--pitch", action="store_true", help="pitch the ankle instead")
+    parser.add_argument("-o", "--out", type=Path, required=True, help="picture")
+    options = parser.parse_args()
+    design = foot(options.foot, **({} if options.stiffness is None else {"stiffness": options.stiffness}))
+    ground = make_terrain(options.terrain, options.amplitude, options.seed)
+    test = FootTest(design, ground, load=options.load)
+    result = pitch(test) if options.pitch else press(test)
+    if result.diverged:
+        raise SystemExit("the simulation diverged")
+    (pitch_figure if options.pitch else press_figure)(test, result).savefig(options.out, dpi=150)
+
+
+if __name__ == "__main__":
+    main()
