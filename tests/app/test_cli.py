@@ -105,7 +105,7 @@ def test_robots_in_a_table_and_one_in_full(capfd: Captured) -> None:
 def test_an_internal_failure_is_told_apart_from_bad_input(
     capfd: Captured, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def broken(options: Any) -> None:
+    def broken(options: Any, **_: object) -> None:
         raise ZeroDivisionError("something of ours")
 
     monkeypatch.setattr(balance, "StandTrial", broken)

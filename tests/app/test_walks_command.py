@@ -50,7 +50,7 @@ def spec_of(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str])
     """Return the spec that words of the command line make, as JSON; nothing walks."""
     made: list[Any] = []
 
-    def stop(spec: WalkSpec) -> None:
+    def stop(spec: WalkSpec, **_: object) -> None:
         made.append(json.loads(json.dumps(spec.to_json())))
         raise InputError("it would walk now")
 

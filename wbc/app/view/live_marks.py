@@ -191,7 +191,7 @@ class _Footsteps:
         picture.marks += [*self._planned.values(), *self._real]
         middle = np.asarray(np.mean([pose[:3, 3] for pose in soles], axis=0), dtype=np.float64)
         picture.text += walk_lines(walking)
-        back: Array = np.linalg.inv(drift)
+        back = np.asarray(np.linalg.inv(drift), dtype=np.float64)
         off, turn = (
             float(np.linalg.norm((moved(back, middle) - middle)[:2])),
             math.degrees(heading(drift[:3, :3])),
