@@ -65,7 +65,7 @@ class Player:
         self._page.draw(picture)
         self._text = [f"**{picture.time:.2f} s**", *picture.text]
         self._meanings |= legend([picture])
-        self._widgets.show(picture.time)
+        self._widgets.speak()
 
     def run(self) -> None:
         """Play until the program is interrupted; a page at the end begins anew when it is played."""
