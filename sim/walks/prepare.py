@@ -19,13 +19,14 @@ from wbc.sim.terrain.spec import Terrain
 from wbc.sim.terrain.spec import terrain as terrain_by_name
 from wbc.sim.walks.arrival import Arrival
 from wbc.sim.walks.plans import WalkPlan
-from wbc.sim.walks.settings import SteppingTrialSettings, TrialSettings
+from wbc.sim.walks.settings import AnyTrialSettings, AutoTrialSettings
+from wbc.walking.auto import home_of
 from wbc.walking.control import WalkingControl
 from wbc.walking.planning.footsteps import FootstepPlan, mean_heading
 from wbc.walking.planning.gait import Gait
 from wbc.walking.planning.reach import check_plan
 from wbc.walking.planning.size import sized
-from wbc.walking.stepping.control import SteppingControl
+from wbc.walking.stepping.control import SteppingControl, SteppingControlSettings
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,7 +49,7 @@ class PreparedWalk:
     plant_description: RobotDescription
     controller_description: RobotDescription
     foot: Foot
-    settings: TrialSettings | SteppingTrialSettings
+    settings: AnyTrialSettings
     configuration: Array
     plan: FootstepPlan
     way: FootstepPlan
@@ -89,7 +90,7 @@ def prepare(
     foot: Foot,
     plan: WalkPlan,
     gait: Gait,
-    settings: TrialSettings | SteppingTrialSettings,
+    settings: AnyTrialSettings,
     period: float,
     start: tuple[float, float, float],
     extent: tuple[float, float, float, float] | None,
@@ -108,13 +109,16 @@ def prepare(
     steps, notes = replace(steps, gait=gait), notes + more
     if stairs is not None:
         _ = stairs.surface  # raises if a stair does not fit into its track
-    if isinstance(settings, SteppingTrialSettings):
-        orders, time = _orders(plan, steps, SteppingControl(model, period, settings))
+    planned = settings if not isinstance(settings, AutoTrialSettings) else settings.lipm
+    if isinstance(settings, AutoTrialSettings) and plan.footsteps is None and plan.stairs is None:
+        planned = settings.stepping if home_of(model) == "stepping" or plan.drive is not None else planned
+    if isinstance(planned, SteppingControlSettings):
+        orders, time = _orders(plan, steps, SteppingControl(model, period, planned))
         still = replace(steps, steps=())
         return PreparedWalk(
             plant_description, description, foot, settings, q, still, steps, orders, time, notes
         )
-    walking = WalkingControl(model, steps, period, settings, extent=extent)
+    walking = WalkingControl(model, steps, period, planned, extent=extent)
     check_plan(steps, model, walking.walk.reach, extent)
     swings = len(steps) * (gait.single_support + gait.double_support) - gait.double_support
     time = gait.initial_double_support + swings + gait.final_double_support

@@ -18,6 +18,7 @@ from wbc.tasks.scheduling.record import StiffnessTiming
 from wbc.tasks.stabilizer.bias import BiasSettings
 from wbc.tasks.stabilizer.distribution import DistributionSettings
 from wbc.tasks.stabilizer.gains import StabilizerGains
+from wbc.walking.auto import AutoControlSettings
 from wbc.walking.pattern.preview import PreviewSettings
 from wbc.walking.planning.phases import PhaseSettings
 from wbc.walking.settings import WalkingControlSettings
@@ -35,8 +36,9 @@ estimator takes its place (sections II-C and IV-B, Table II)."""
 Eyes = Literal["none", "depth", "toes"]
 """What a robot sees of the ground: nothing, by a depth camera, or by range sensors at the toes."""
 
-Law = Literal["lipm", "stepping"]
-"""Law of the steps: "lipm" plans footsteps and holds them with a stabilizer, "stepping" decides each as it goes."""
+Law = Literal["lipm", "stepping", "auto"]
+"""Law of the steps: "lipm" plans footsteps and holds them with a stabilizer, "stepping" decides each as it goes,
+"auto" changes between them while the robot stands."""
 
 DERIVED = {
     "mode": "the option 'mode'",
@@ -106,17 +108,23 @@ class SteppingTrialSettings(Surroundings, SteppingControlSettings):
     observer: ObserverSettings = OBSERVER
 
 
-def preset_of(law: Law, gains: str) -> TrialSettings | SteppingTrialSettings:
+@settings
+class AutoTrialSettings(Surroundings, AutoControlSettings):
+    """Settings of a simulated walk whose law changes: those of the controller, and those of what surrounds it."""
+
+
+AnyTrialSettings = TrialSettings | SteppingTrialSettings | AutoTrialSettings
+
+
+def preset_of(law: Law, gains: str) -> AnyTrialSettings:
     """Return the settings that a walk by a law of the steps begins with, by the name of a preset."""
     if law == "lipm":
         return TrialSettings.preset(gains)
-    choose("gains of a stepping walk", gains, PRESETS[:1])
-    return SteppingTrialSettings()
+    choose(f"gains of a walk by the law '{law}'", gains, PRESETS[:1])
+    return SteppingTrialSettings() if law == "stepping" else AutoTrialSettings()
 
 
-def trial_settings(
-    law: Law, preset: str, changes: Changes, mode: Mode, timestep: float
-) -> TrialSettings | SteppingTrialSettings:
+def trial_settings(law: Law, preset: str, changes: Changes, mode: Mode, timestep: float) -> AnyTrialSettings:
     """Return a preset with changes that `checked_changes` returned."""
     trial = changed(preset_of(law, preset), changes)
     return replace(trial, mode=mode, physics=replace(trial.physics, timestep=timestep))

@@ -28,10 +28,9 @@ from wbc.sim.trial.spec import CONTROL_PERIOD, TrialSpec
 from wbc.sim.walks.plans import WalkPlan
 from wbc.sim.walks.prepare import PreparedWalk, prepare
 from wbc.sim.walks.settings import (
+    AnyTrialSettings,
     Eyes,
     Law,
-    SteppingTrialSettings,
-    TrialSettings,
     checked_changes,
     trial_settings,
 )
@@ -81,12 +80,13 @@ class WalkSpec(TrialSpec):
         scene_params: Parameters of the scene.
         seed: Fixes the ground and the errors of the sensors.
         noise_seed: Another seed for the errors of the sensors.
-        mode: Command of the drives; position if not given, hybrid on soft servos, torque if the law is stepping.
+        mode: Command of the drives; position if not given, hybrid on soft servos, torque if the law is not lipm.
         machine: Delays, friction, payload and which sensors there are. The delays are stated to the observer
             unless settings state others ("observer.command_delay").
         plan: Distance, velocity, turn, stairs, footsteps or velocities over time.
         gait: Sizes and timings of steps of a LIPM walk.
-        law: lipm plans footsteps, stepping decides place and time of each as it goes, every 2 ms in any mode.
+        law: lipm plans footsteps, stepping decides place and time of each as it goes, every 2 ms in any mode, auto
+            changes between them while the robot stands.
         eyes: What the robot sees of the ground: none, depth (a camera) or toes (range sensors).
         gains: Preset of settings: default, frizza for the paper's law, no_bias for the same without bias estimate.
         changes: Settings that differ from the preset; see `wbc.sim.walks.settings.TrialSettings`.
@@ -122,7 +122,7 @@ class WalkSpec(TrialSpec):
 
         store("robot", stamped(self.robot))
         load(self.robot).needs_feet("a walk")
-        if self.law == "stepping" and self.mode is None:
+        if self.law != "lipm" and self.mode is None:
             store("mode", "torque")
         super().__post_init__()
         if max(self.seed, self.noise_seed or 0) >= SEED_LIMIT:
@@ -151,7 +151,7 @@ class WalkSpec(TrialSpec):
 
     def _usual_period(self) -> float:
         """Return the control period when none is given, s: steps are decided anew every 2 ms on any drives."""
-        return CONTROL_PERIOD["torque"] if self.law == "stepping" else super()._usual_period()
+        return super()._usual_period() if self.law == "lipm" else CONTROL_PERIOD["torque"]
 
     def foot_design(self) -> Foot:
         """Return the foot.
@@ -193,7 +193,7 @@ class WalkSpec(TrialSpec):
         """Least and greatest x, least and greatest y of the ground, m; None for the floor, which has no end."""
         return None if self.terrain == "flat" else self.ground().extent
 
-    def settings(self) -> TrialSettings | SteppingTrialSettings:
+    def settings(self) -> AnyTrialSettings:
         """Return preset and changes as settings."""
         stated = {name: getattr(self.machine, name) for name in ("measurement_delay", "command_delay")}
         given = dict(self.changes)

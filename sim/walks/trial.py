@@ -32,12 +32,13 @@ from wbc.sim.walks.meter import WalkMeter
 from wbc.sim.walks.plans import Drive, WalkPlan
 from wbc.sim.walks.prepare import PreparedWalk, moved
 from wbc.sim.walks.result import WalkResult, WallClock, identity, objective
-from wbc.sim.walks.settings import SteppingTrialSettings, TrialSettings
+from wbc.sim.walks.settings import AnyTrialSettings, AutoTrialSettings, SteppingTrialSettings
 from wbc.sim.walks.spec import WalkSpec
 from wbc.sim.walks.stiffness_meter import StiffnessMeter
 from wbc.sim.walks.stiffness_policy import make_policy
 from wbc.tasks.scheduling.policies import PolicyLike
 from wbc.tasks.scheduling.stiffness import StiffnessScheduler
+from wbc.walking.auto import AutoControl
 from wbc.walking.control import ReferenceControl, WalkingControl
 from wbc.walking.stepping.control import SteppingControl
 
@@ -243,7 +244,7 @@ def _walking(
 ) -> tuple[ReferenceControl, float | None]:
     """Return the controller of a robot that stands at the start, and the height of its CoM while it walks, m."""
     settings = prepared.settings
-    stepping = isinstance(settings, SteppingTrialSettings)
+    stepping = isinstance(settings, (SteppingTrialSettings, AutoTrialSettings))
     # Only a walk on torques needs more of the estimate than where its parts are and how they move.
     observer = Observer(robot, settings.observer, adopt=spec.mode != "position", dynamics=stepping)
     observer.reset(prepared.configuration)
@@ -254,6 +255,18 @@ def _walking(
             robot, spec.period, settings, observer=observer, stiffness=scheduler, ground=ground
         )
         return walking, walking.source.gait.scale.height
+    if isinstance(settings, AutoTrialSettings):
+        auto = AutoControl(
+            robot,
+            spec.period,
+            settings,
+            plan=prepared.plan if prepared.plan.steps else None,
+            observer=observer,
+            stiffness=scheduler,
+            extent=spec.extent,
+            ground=ground,
+        )
+        return auto, auto.source.com_height
     return WalkingControl(
         robot,
         prepared.plan,
@@ -296,7 +309,7 @@ def _name(policy: PolicyLike) -> str:
     return policy.__name__ if hasattr(policy, "__name__") else type(policy).__name__
 
 
-def _range_sensor(spec: WalkSpec, settings: TrialSettings | SteppingTrialSettings) -> RangeSensor | None:
+def _range_sensor(spec: WalkSpec, settings: AnyTrialSettings) -> RangeSensor | None:
     """Return the range sensor under each toe; None for soles without a policy."""
     if spec.policy is None:
         return None
@@ -306,9 +319,7 @@ def _range_sensor(spec: WalkSpec, settings: TrialSettings | SteppingTrialSetting
     return sensor
 
 
-def _eyes(
-    spec: WalkSpec, settings: TrialSettings | SteppingTrialSettings
-) -> tuple[DepthCamera | ToeSensors, ...]:
+def _eyes(spec: WalkSpec, settings: AnyTrialSettings) -> tuple[DepthCamera | ToeSensors, ...]:
     """Return what sees the ground, perfectly with the sensor noise "none"."""
     if spec.eyes == "none":
         return ()

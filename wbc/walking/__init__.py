@@ -1,11 +1,12 @@
 """Walking: sources of references (a LIPM walk, a stepping walk, a stand), and the control that follows them.
 
-Whatever decides on footsteps goes into `planning`, on reference motion into `pattern`; feedback is in
-`wbc.tasks.stabilizer`. Another source derives from `ReferenceSource`.
+What both laws share stands here: swing, contact, ground, tasks, control. The law that plans is in `planning`, `pattern`
+and `lipm`, the one that decides steps as they go in `stepping`; another source derives from `ReferenceSource`.
 """
 
 from wbc.core.control import State
 from wbc.tasks.stabilizer.pendulum import Pendulum
+from wbc.walking.auto import AutoControl, AutoControlSettings
 from wbc.walking.control import WalkingControl
 from wbc.walking.hands.hand import HandSettings, HandState
 from wbc.walking.hands.reaching import ArmSettings
@@ -26,6 +27,9 @@ __all__ = [
     # Control: a measurement in, a command out
     "WalkingControl",
     "WalkingControlSettings",
+    # A walk that changes its law while it stands
+    "AutoControl",
+    "AutoControlSettings",
     # Sources of references
     "Reference",
     "ReferenceSource",

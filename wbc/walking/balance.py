@@ -66,6 +66,9 @@ class Balance:
             "give its hands targets by walking.arms"
         )
 
+    def begin(self) -> None:
+        """Forget what was felt, on both feet."""
+
     def correct(self, state: State) -> State:
         """Return the state with the DCM that references are to be compared with."""
         return state
@@ -141,6 +144,16 @@ class Stabilized(Balance):
         if self._hands is None:
             raise InputError(f"'{self._robot.name}' has no hands in its description")
         return self._hands
+
+    def begin(self) -> None:
+        """Forget what was felt, on both feet."""
+        self.stabilizer = self._task.stabilizer
+        self._contact, self.output, self.leaning = (True, True), None, UPRIGHT
+        self._area = self._support_area()
+        if self.lean is not None:
+            self.lean.reset()
+        if self.bias is not None:
+            self.bias.pause()
 
     def correct(self, state: State) -> State:
         """Return the state with the DCM that references are to be compared with.

@@ -24,6 +24,7 @@ from wbc.core.drive.hybrid import HybridControl
 from wbc.core.drive.position import PositionControl
 from wbc.core.drive.torque import TorqueControl
 from wbc.core.errors import InputError, as_period, shown
+from wbc.core.estimation.inertial import InertialSettings
 from wbc.core.estimation.observer import Observer
 from wbc.core.qp.controller import Controller
 from wbc.core.robot import Robot
@@ -55,11 +56,13 @@ class Law(NamedTuple):
         source: Where the references come from.
         tasks: Tasks and contacts, with the weights, gains and boxes of the law.
         balance: Feedback beside the steps.
+        estimate: Time constants of the estimate; None leaves them as they are.
     """
 
     source: ReferenceSource
     tasks: WalkTasks
     balance: Balance
+    estimate: InertialSettings | None = None
 
 
 class ReferenceControl:
@@ -92,7 +95,7 @@ class ReferenceControl:
         ground: KnownGround | None = None,
     ) -> None:
         """Put the parts together; see the attributes."""
-        self.source, self.tasks, self.balance = law
+        self.source, self.tasks, self.balance, _ = law
         self.control, self.controller, self.dt = control, control.controller, control.controller.dt
         self.arms, self.body = arms, body
         self.falls, self.stiffness, self.ground = FallDetector(falls), stiffness, ground

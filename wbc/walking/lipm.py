@@ -86,7 +86,7 @@ class LipmWalk(ReferenceSource):
         )
         self.settings, self.com_height, self.ground = s.drive, height, walk.ground
         self.planner: FootstepSource | None = None
-        self._robot, self._extent = robot, extent
+        self._robot, self._extent, self._walk_settings = robot, extent, s.walk
         self._soles = [robot.placement(sole.frame) for sole in robot.soles]
         plan = walk.phases.plan
         self._gait = replace(plan.gait, feet_spacing=plan.spacing)
@@ -98,6 +98,17 @@ class LipmWalk(ReferenceSource):
         self._steered = not len(plan)  # a plan from the start is walked as it is
         if len(plan):
             walk.start()
+
+    def begin(self) -> None:
+        """Stand where the robot stands now; all steps and orders before are forgotten."""
+        robot, before = self._robot, self.walk
+        plan, com = FootstepPlan.standing(robot, self._gait), np.array(robot.com)
+        self.walk = walk = Walk(
+            robot, plan, self.com_height, before.period, self._walk_settings, reach=before.reach, com=com
+        )
+        walk.ground.sight = before.ground.sight
+        self.ground, self.planner, self._planned, self._steered = walk.ground, None, (None, None), True
+        self.reason, self._pace, self._next = "", 0.0, 0.0
 
     def update(self, state: State) -> Reference:
         """Plan the footsteps anew if it is time to, and return the references of the walk."""

@@ -89,7 +89,7 @@ class WalkTasks:
         held by a task of its own; `stance` says how feet carry that no stabilizer loads. It is position control when
         `torque` is False.
         """
-        robot = controller.robot
+        robot, self._controller = controller.robot, controller
         self.contacts, self._stance, self._torque = list(contacts), stance, torque
         self.com = controller.add(com)
         self._swing_weight = np.array(swing["weight"], dtype=float)
@@ -134,6 +134,23 @@ class WalkTasks:
             foot.set_by("walking.velocity, walking.go_to or a plan of footsteps")
         for task in self._trunk:
             task.set_by("walking.body.lean and walking.body.turn")
+
+    def leave(self) -> None:
+        """Take all out of the controller."""
+        self._controller.remove(*self._all)
+
+    def enter(self, before: WalkTasks) -> None:
+        """Put all back, on both feet, with the posture of the tasks that have left."""
+        self.posture.target = before.posture.target
+        for contact in self.contacts:
+            contact.active = True
+        for swing in self._swings:
+            swing.weight = 0.0
+        if self._stance is not None:
+            self._stance.forget()
+        self._trunk_target = (None, UPRIGHT)
+        first, *others = self._all
+        self._controller.add(first, *others)
 
     def switch(self, side: int, contact: bool) -> None:
         """Put a foot (0 left, 1 right) on the ground, or take it off."""
@@ -222,6 +239,10 @@ class Stance:
     least_force: float
     unloaded: float
     _state: list[object] = field(default_factory=list)  # of the last tick
+
+    def forget(self) -> None:
+        """Write all anew in the next tick."""
+        self._state.clear()
 
     def switch(self, tasks: WalkTasks, reference: Reference, support: Support) -> None:
         """Switch contacts, and the weights that go with them, where they change."""

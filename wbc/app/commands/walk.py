@@ -9,7 +9,7 @@ from contextlib import ExitStack
 from dataclasses import fields, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, cast
 
 from wbc.app.arguments import NONE_GIVEN, Fields
 from wbc.app.files import check_target, read_object
@@ -27,7 +27,7 @@ from wbc.core.settings import Positive, nested_settings, settings, to_json
 from wbc.sim.trial.loop import TrialHook
 from wbc.sim.walks.plans import KINDS
 from wbc.sim.walks.presets import WALK_PRESETS
-from wbc.sim.walks.settings import SteppingTrialSettings, TrialSettings
+from wbc.sim.walks.settings import Law, preset_of
 from wbc.sim.walks.spec import WalkSpec
 from wbc.sim.walks.trial import WalkTrial
 
@@ -243,7 +243,7 @@ def place_of(name: str, law: str) -> str:
     if name in own or name.partition(".")[0] in PAIRS:
         return name
     found = [path for path in own if path.endswith(f".{name}")]
-    known = setting_names(SteppingTrialSettings() if stepping else TrialSettings())
+    known = setting_names(preset_of(cast(Law, law), "default"))
     others = [path for path in known if path == name or path.endswith(f".{name}")]
     if found and len(others) == 1:
         raise InputError(f"setting '{name}' could be {found[0]} or {others[0]}; give more of its name")

@@ -360,6 +360,10 @@ class Arms:
         self._turns = self._swing_turns() if settings.swing > 0.0 else None
         self._spared: tuple[str, ...] = ()
 
+    def follow(self, com: CoMTask, posture: PostureTask) -> None:
+        """Go on with other tasks of the CoM and of all joints."""
+        self._com, self._posture, self._spared = com, posture, ()
+
     def __getitem__(self, name: str) -> Arm:
         """Return a hand by its role.
 

@@ -128,6 +128,9 @@ class SteppingGait:
         self._pace = self.settings.step_time  # mean time of the last steps, s
         self._level = 0.0  # height of the feet that carry, low-passed, m
         self._from: Vector = LEVEL  # CoM at the start of the shift
+        self._high: tuple[float, float] | None = (
+            None  # reference of the CoM over the feet, m, and its speed, m/s
+        )
         self._ticks = 0
         self._cop_gain, self._time_gain = lag_gain(dt, c.cop_lag), dt / max(c.time_lag, dt)
         self._level_gain = lag_gain(dt, c.level_lag)
@@ -230,12 +233,12 @@ class SteppingGait:
         s, c, omega = self.settings, self.constants, dcm.omega
         feet = [self._carrying_point(state, side) for side in (0, 1)]
         middle = [0.5 * (a + b) for a, b in zip(*feet, strict=True)]
-        height = self.scale.height + middle[2]
+        high, speed = self._sink(state.com[2] - middle[2])
         if self._mode is _Mode.STANDING:
             # The ZMP beyond the DCM brings it back: p = ξ + k (ξ − middle).
             wanted = [xi + c.stand_gain * (xi - at) for xi, at in zip(dcm[:2], middle[:2], strict=True)]
             acceleration = [omega * omega * (x - p) for x, p in zip(state.com[:2], wanted, strict=True)]
-            phase, duration, heights = Phase.STANDING, 0.0, (height, 0.0)
+            phase, duration = Phase.STANDING, 0.0
         else:
             share = min(1.0, self._elapsed / c.shift_time)
             rise = share * share * (3.0 - 2.0 * share)
@@ -249,9 +252,7 @@ class SteppingGait:
             for x, v, start, end in zip(state.com[:2], state.velocity[:2], self._from[:2], goal, strict=True):
                 way = end - start
                 acceleration.append(stiffness * (start + way * rise - x) + damping * (way * rise_speed - v))
-            way = height - self._from[2]
             phase, duration = Phase.DOUBLE, c.shift_time + c.rest
-            heights = self._from[2] + way * rise, way * rise_speed
         return self._reference(
             state,
             dcm,
@@ -259,10 +260,25 @@ class SteppingGait:
             events,
             phase=phase,
             most_force=(c.most_force, c.most_force),
-            height=heights,
+            height=(high + middle[2], speed),
             acceleration=(acceleration[0], acceleration[1]),
             duration=duration,
         )
+
+    def _sink(self, now: float) -> tuple[float, float]:
+        """Move the CoM's height over the feet on by a tick, from that of the start, m, to that of the steps."""
+        high, speed = (now, 0.0) if self._high is None else self._high
+        omega = self.scale.omega
+        speed += omega * (omega * (self.scale.height - high) - 2.0 * speed) * self._dt
+        self._high = high + speed * self._dt, speed
+        return self._high
+
+    def leaves(self, state: BodyState, share: float) -> bool:
+        """Return True if the DCM of a robot on both feet has left their standing boxes, scaled by `share`."""
+        (x, y, z), (u, v, _), (left, right) = state.com, state.velocity, state.places
+        height = max(z - 0.5 * (left[2] + right[2]), 0.5 * self.scale.height)
+        omega = math.sqrt(GRAVITY / height)
+        return self._outside(state, Divergent(x + u / omega, y + v / omega, omega), share) > 0.0
 
     # ---- stepping ---------------------------------------------------------------------------------------------
 
@@ -285,6 +301,7 @@ class SteppingGait:
                 return self._on_both_feet(state, dcm, frames, events)
             swing, landing = self._decide(state, dcm, frames, steps)
         self._level += self._level_gain * (state.places[self.stance][2] - self._level)
+        high, speed = self._sink(state.com[2] - self._level)
         return self._reference(
             state,
             dcm,
@@ -292,7 +309,7 @@ class SteppingGait:
             events,
             phase=Phase.SINGLE,
             most_force=self._most_forces(state),
-            height=(self.scale.height + self._level, 0.0),
+            height=(high + self._level, speed),
             duration=self._time,
             swing=swing,
             landing=landing,

@@ -38,21 +38,35 @@ class SteppingWalk(ReferenceSource):
 
         A robot without two feet, or steps that cannot be walked, are an `InputError`.
         """
-        settings = settings or SteppingSettings()
-        scale = Scale.of(robot, settings.bend, com_height)
+        self._settings, self._height, self._dt = settings or SteppingSettings(), com_height, dt
+        self._made_for = robot
+        self.begin(heading(robot.placement(robot.base_frame).rotation))
+
+    def begin(self, towards: float) -> None:
+        """Stand where the robot stands now, with a heading, rad; all steps and orders before are forgotten."""
+        scale = Scale.of(self._made_for, self._settings.bend, self._height)
+        sight = None if self.ground is None else self.ground.sight
         self.com_height = scale.height
-        self.gait = SteppingGait(settings, scale, heading(robot.placement(robot.base_frame).rotation), dt)
+        self.gait = SteppingGait(self._settings, scale, towards, self._dt)
         self._steering, self.ground = self.gait.steering, self.gait.ground
+        self.ground.sight = sight
         self._robot: Robot | None = None  # that of the state
 
     def update(self, state: State) -> Reference:
         """Decide the step, and return where it leaves the robot."""
+        return self.gait.update(self._body(state), self._frames)
+
+    def leaves(self, state: State, share: float) -> bool:
+        """Return True if the DCM of a robot that stands has left the soles' boxes, scaled by `share`."""
+        return self.gait.leaves(self._body(state), share)
+
+    def _body(self, state: State) -> BodyState:
         robot = state.robot
         if robot is not self._robot:  # in the first tick
             self._robot, (left, right) = robot, robot.soles
             self._frames = robot.placement(left.frame), robot.placement(right.frame)
         left_sole, right_sole = self._frames
-        body = BodyState(
+        return BodyState(
             robot.com.tolist(),
             robot.com_velocity.tolist(),
             robot.data.hg.angular.tolist(),
@@ -60,7 +74,6 @@ class SteppingWalk(ReferenceSource):
             (left_sole.rotation.tolist(), right_sole.rotation.tolist()),
             state.measurement.wrenches.tolist(),
         )
-        return self.gait.update(body, self._frames)
 
     def progress(self, last: Reference | None) -> Progress:
         """Return phase and steps now."""

@@ -1,0 +1,83 @@
+"""A walk whose law changes while the robot stands: references go on, orders choose the law, steps keep it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import wbc
+from wbc.core.errors import InputError
+from wbc.sim.plant.falls import TrueFallDetector
+from wbc.walking import AutoControl, FootstepPlan, walk_distance
+
+DT = 0.002
+
+
+def standing(name: str = "g1") -> tuple[wbc.Plant, AutoControl]:
+    description = wbc.load_robot(name)
+    plant = wbc.Plant(description, noise="realistic", seed=3, control_period=DT)
+    return plant, AutoControl(description.robot(), DT)
+
+
+def run(plant: wbc.Plant, walking: AutoControl, seconds: float) -> None:
+    falls, end = TrueFallDetector(plant.robot), plant.time + seconds
+    while plant.time < end - 1e-9:
+        plant.step(walking.command(plant.measure()))
+        assert not falls.fallen(plant.truth().q), f"fallen at {plant.time:.2f} s by {walking.law}"
+
+
+def test_a_change_of_law_in_a_stand_leaves_references_and_posture_where_they_are() -> None:
+    plant, walking = standing()
+    assert walking.law == walking.home == "stepping"
+    run(plant, walking, 0.8)
+    for law in ("lipm", "stepping", "lipm"):
+        before, posture = walking.reference, walking.tasks.posture.target
+        walking.change(law)  # type: ignore[arg-type]
+        plant.step(walking.command(plant.measure()))
+        after = walking.reference
+        assert walking.law == law and before is not None and after is not None
+        assert walking.control.failures == 0 and after.contact == (True, True)
+        np.testing.assert_allclose(after.pendulum.com, before.pendulum.com, atol=5e-3)
+        np.testing.assert_allclose(after.pendulum.com_velocity, before.pendulum.com_velocity, atol=0.05)
+        assert after.heading == pytest.approx(before.heading, abs=0.02)
+        for foot, same in zip(after.feet, before.feet, strict=True):
+            np.testing.assert_allclose(foot.placement.translation, same.placement.translation, atol=2e-3)
+        np.testing.assert_allclose(walking.tasks.posture.target, posture)
+        walking.home = law  # stays for the stand
+        run(plant, walking, 0.3)
+    assert walking.fallen is None
+
+
+def test_orders_choose_the_law_of_a_robot_that_stands_and_not_of_one_that_steps() -> None:
+    description = wbc.load_robot("hrp4_class")
+    wide = replace(description, soles=tuple(replace(sole, width=0.1) for sole in description.soles))
+    robot = wide.robot()
+    walking = AutoControl(robot, DT)
+    assert walking.home == walking.law == "lipm"
+    walking.velocity = (0.2, 0.0, 0.0)
+    assert walking.law == "lipm"
+    walking.velocity = None
+    walking = AutoControl(wide.robot(), DT)
+    walking.velocity = (0.7, 0.0, 0.0)  # more than a plan gives
+    assert walking.law == "stepping" and walking.velocity == (0.7, 0.0, 0.0)
+
+
+@pytest.mark.slow
+def test_a_plan_is_walked_after_a_drive_once_the_robot_stands() -> None:
+    plant, walking = standing()
+    run(plant, walking, 0.5)
+    walking.velocity = (0.3, 0.0, 0.0)
+    run(plant, walking, 2.0)
+    assert walking.law == "stepping"
+    with pytest.raises(InputError, match="law"):
+        walking.change("lipm")
+    walking.stop()
+    run(plant, walking, 2.5)
+    assert walking.finished
+    walking.follow(walk_distance(FootstepPlan.standing(walking.controller.robot), 0.1))
+    assert walking.law == "lipm"
+    steps = walking.steps_done
+    run(plant, walking, 4.0)
+    assert walking.steps_done >= steps + 2 and walking.source.reason == ""

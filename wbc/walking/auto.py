@@ -1,0 +1,285 @@
+"""A walk whose law changes while the robot stands: planned steps where soles carry, steps as they go elsewhere.
+
+    planned steps ── a push that the soles cannot hold; a velocity beyond a plan ──▶ steps as they go
+          ◀── calm for a while, on wide soles; a plan of footsteps; hands that press ──
+
+Both laws share robot, controller, drives, estimate, arms and body; source, tasks and balance are exchanged between two
+ticks. In the middle of a step they are not: the plan has the contacts as constraints and its CoM at another height.
+"""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Sequence
+from dataclasses import field, replace
+from typing import Annotated, Literal
+
+import numpy as np
+
+from wbc.core.arguments import checked
+from wbc.core.control import State
+from wbc.core.errors import InputError, as_period
+from wbc.core.estimation.observer import Observer
+from wbc.core.qp.controller import Controller
+from wbc.core.robot import Robot
+from wbc.core.settings import NonNegative, settings
+from wbc.ground import KnownGround
+from wbc.tasks.scheduling.stiffness import StiffnessScheduler
+from wbc.walking.balance import Balance, Stabilized
+from wbc.walking.body import Body
+from wbc.walking.contact import Phase
+from wbc.walking.control import Law, ReferenceControl, drive_control
+from wbc.walking.falls import FallSettings
+from wbc.walking.hands.hands import Hands
+from wbc.walking.hands.reaching import Arms
+from wbc.walking.lipm import LipmWalk
+from wbc.walking.planning.footsteps import FootstepPlan, heading
+from wbc.walking.planning.sources import FootstepSource, Velocity, checked_velocity
+from wbc.walking.settings import WalkingControlSettings
+from wbc.walking.source import Progress
+from wbc.walking.stepping.control import OBSERVER, SteppingControlSettings
+from wbc.walking.stepping.tasks import stepping_tasks
+from wbc.walking.stepping.walk import SteppingWalk
+from wbc.walking.tasks import stabilized_tasks
+
+logger = logging.getLogger(__name__)
+
+WIDE = 0.08
+"""Width of a sole from which on planned steps walk over rough ground, m: on the 60 mm of `g1` they complete 2 of 18
+walks over stones of 20 mm, on the 104 mm of the default sole of `hrp4_class` 295 of 340 over all families."""
+
+HOLDS = 1.0
+"""Distance of the DCM of a robot that stands, in standing boxes of the stepping walk, from which on it steps: the soles
+end at 1.5, but a step that begins there comes too late."""
+
+
+@settings
+class AutoControlSettings:
+    """Settings of a walk whose law changes.
+
+    Attributes:
+        mode: "torque" or "hybrid": a stepping walk on stiff servos has another period and other references.
+        lipm: Settings of the law that plans; its falls, arms, safety and solver count for both.
+        stepping: Settings of the law that decides steps as they go.
+        calm: Time of a stand after which a robot on wide soles goes back to planned steps, s.
+    """
+
+    mode: Literal["torque", "hybrid"] = "torque"
+    lipm: WalkingControlSettings = field(default_factory=WalkingControlSettings)
+    stepping: SteppingControlSettings = field(default_factory=SteppingControlSettings)
+    calm: Annotated[NonNegative, "s"] = 1.0
+
+    @property
+    def falls(self) -> FallSettings:
+        """Limits beyond which the robot has fallen."""
+        return self.lipm.falls
+
+
+def home_of(robot: Robot) -> Literal["lipm", "stepping"]:
+    """Return the law of a robot of which nothing more is asked: planned steps on wide soles."""
+    return "lipm" if min(sole.width for sole in robot.soles) >= WIDE else "stepping"
+
+
+class AutoControl(ReferenceControl):
+    """Control of a robot that walks by the law that suits what is asked for, and changes it while it stands.
+
+        walking = AutoControl(robot, plant.control_period)
+        walking.velocity = (0.3, 0.0, 0.0)
+        walking.follow(plan)  # comes to a stand first, if it steps as it goes
+
+    Attributes:
+        law: Name of the law now, "lipm" or "stepping".
+        home: Law of a robot of which nothing more is asked: "lipm" on wide soles.
+        laws: Both laws.
+    """
+
+    @checked
+    def __init__(
+        self,
+        robot: Robot,
+        dt: float,
+        settings: AutoControlSettings | None = None,
+        *,
+        plan: FootstepPlan | None = None,
+        observer: Observer | None = None,
+        stiffness: StiffnessScheduler | None = None,
+        extent: tuple[float, float, float, float] | None = None,
+        ground: KnownGround | None = None,
+    ) -> None:
+        """Make all parts for a robot that stands.
+
+        Args:
+            robot: The robot, standing.
+            dt: Control period, s.
+            settings: Settings; the defaults when None.
+            plan: Footsteps to begin with; a stand when None.
+            observer: Estimates the robot's state; a new one when None.
+            stiffness: Sets the soles while they swing; needs feet of variable stiffness.
+            extent: Least and greatest x, least and greatest y of the ground, m; endless when None.
+            ground: What is known of the ground; None walks blind.
+
+        Raises:
+            InputError: A robot without two feet, steps or a plan that cannot be walked.
+        """
+        self.settings = s = settings or AutoControlSettings()
+        dt, lipm = as_period(dt), replace(s.lipm, mode=s.mode)
+        controller = Controller(robot, dt, settings=lipm.solver)
+        observer = observer or Observer(robot, adopt=True)
+        given = plan or FootstepPlan.standing(robot)
+        planned = LipmWalk(robot, given, dt, lipm, extent)
+        stepping = SteppingWalk(robot, dt, s.stepping.gait, s.stepping.com_height)
+        tasks = stabilized_tasks(
+            controller, lipm.tasks, lipm.gains, lipm.distribution, observer.robot, torque=True
+        )
+        height = planned.com_height
+        arms = Arms(controller, tasks.com, tasks.posture, dt, lipm.arms)
+        body = Body(controller, height, dt, waist=False, lift=self._lift)
+        control = drive_control(s.mode, controller, observer, lipm.safety)
+        first = Law(
+            planned, tasks, Stabilized(control, tasks, arms, lipm, height), observer.inertial.settings
+        )
+        tasks.leave()
+        gait = stepping.gait
+        others = stepping_tasks(controller, gait.settings.friction, gait.constants, gait.scale)
+        others.leave()
+        tasks.enter(others)
+        first.balance.begin()
+        self.laws = {"lipm": first, "stepping": Law(stepping, others, Balance(), OBSERVER.inertial)}
+        self.law = "lipm"
+        self.home = home_of(robot)
+        self._stood = 0.0  # time of a stand by the law that is not at home, s
+        self._before = 0  # steps done by laws before
+        self._waiting: FootstepPlan | FootstepSource | None = None  # footsteps, until the robot stands
+        super().__init__(first, control, arms, body, lipm.falls, stiffness, ground)
+        if ground is not None:
+            stepping.see(ground)
+        if plan is None and self.home != self.law:
+            self.change(self.home)
+
+    def _lift(self) -> float:
+        """Return the height by which the law now lifts feet, m."""
+        return self.source.lift()
+
+    @property
+    def stands(self) -> bool:
+        """True if the robot stands, and may change its law."""
+        reference = self.reference
+        return reference is None or (reference.phase is Phase.STANDING and not self._pressing)
+
+    @property
+    def _pressing(self) -> bool:
+        balance = self.laws["lipm"].balance
+        return bool(self.controller.robot.frames) and self.law == "lipm" and balance.hands.active
+
+    def change(self, law: Literal["lipm", "stepping"]) -> None:
+        """Change the law of a robot that stands; all orders before are forgotten.
+
+        Raises:
+            InputError: The robot is in a step, or its hands press on something.
+        """
+        if law == self.law:
+            return
+        if not self.stands:
+            raise InputError(f"the law changes while the robot stands; it is in {self.progress.phase.value}")
+        logger.info("law of the walk: %s", law)
+        self._before = self.progress.steps_done
+        towards = heading(self.controller.robot.placement(self.controller.robot.base_frame).rotation)
+        if self.reference is not None:
+            towards = self.reference.heading
+        old, self.law = self.laws[self.law], law
+        new = self.laws[law]
+        old.tasks.leave()
+        new.tasks.enter(old.tasks)
+        if isinstance(new.source, SteppingWalk):
+            new.source.begin(towards)
+        elif isinstance(new.source, LipmWalk):
+            new.source.begin()
+        self.source, self.tasks, self.balance, estimate = new
+        self.balance.begin()
+        if estimate is not None:
+            self.control.observer.inertial.settings = estimate
+        self.control.reach = self.balance.reach
+        self.arms.follow(self.tasks.com, self.tasks.posture)
+        self._stood = 0.0
+
+    def _follow(self, state: State) -> None:
+        """Change the law if the stand asks for it, and set the targets of this tick."""
+        stepping = self.laws["stepping"].source
+        assert isinstance(stepping, SteppingWalk)
+        if self.stands and self.source.finished:
+            if self.law == "lipm" and stepping.leaves(state, HOLDS):
+                self.change("stepping")  # which steps out in this tick
+            elif self._waiting is not None:
+                self.change("lipm")
+                source, self._waiting = self._waiting, None
+                self.source.follow(source)
+            elif self.law != self.home:
+                self._stood += self.dt
+                if self._stood > self.settings.calm:
+                    self.change(self.home)
+        else:
+            self._stood = 0.0
+        super()._follow(state)
+
+    @property
+    def progress(self) -> Progress:
+        """Phase and steps now, those by laws before with them."""
+        progress = super().progress
+        return progress._replace(steps_done=progress.steps_done + self._before)
+
+    @property
+    def finished(self) -> bool:
+        """True when all that was asked for is done and the robot stands."""
+        return super().finished and self._waiting is None
+
+    @property
+    def hands(self) -> Hands:
+        """Hands that press on things and hold on to them; a robot that stands changes its law for them.
+
+        An `InputError` for a robot without hands, and for one that steps as it goes.
+        """
+        if self.law != "lipm" and self.stands and self.source.finished:
+            self.change("lipm")
+        return self.balance.hands
+
+    @property
+    def velocity(self) -> Velocity | None:
+        """Commanded velocity; one that planned steps cannot give changes the law of a robot that stands."""
+        return self.source.velocity
+
+    @velocity.setter
+    def velocity(self, velocity: Sequence[float] | None) -> None:
+        x, y, turn = checked_velocity(velocity)
+        self._waiting = None
+        if self.stands and self.source.finished and np.count_nonzero((x, y, turn)):
+            forward, back, aside, most = self.laws["lipm"].source.limits
+            planned = -back <= x <= forward and abs(y) <= aside and abs(turn) <= most
+            self.change("lipm" if planned and self.home == "lipm" else "stepping")
+        ReferenceControl.velocity.__set__(self, velocity)  # type: ignore[attr-defined]
+
+    def go_to(self, x: float, y: float, yaw: float) -> None:
+        """Walk to a place (m) and heading (rad), and stand there; see `ReferenceControl.go_to`."""
+        self._waiting = None
+        if self.stands and self.source.finished:
+            self.change(self.home)
+        super().go_to(x, y, yaw)
+
+    def follow(self, source: FootstepPlan | FootstepSource) -> None:
+        """Take the footsteps from a plan or a planner: at once, or when the robot that steps as it goes stands.
+
+        Raises:
+            InputError: Neither a plan nor a planner, or a body that is set too low to lift a foot.
+        """
+        if self.law == "stepping" and not (self.stands and self.source.finished):
+            if not isinstance(source, (FootstepPlan, FootstepSource)):
+                raise InputError(f"footsteps come from a FootstepPlan or a FootstepSource, got {source!r}")
+            self.source.stop()
+            self._waiting, self.stopped = source, False
+            return
+        self.change("lipm")
+        super().follow(source)
+
+    def stop(self) -> None:
+        """Come to a stand safely."""
+        self._waiting = None
+        super().stop()
