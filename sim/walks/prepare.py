@@ -26,6 +26,7 @@ from wbc.walking.planning.footsteps import FootstepPlan, mean_heading
 from wbc.walking.planning.gait import Gait
 from wbc.walking.planning.reach import check_plan
 from wbc.walking.planning.size import sized
+from wbc.walking.settings import WalkingControlSettings
 from wbc.walking.stepping.control import SteppingControl, SteppingControlSettings
 
 
@@ -109,7 +110,8 @@ def prepare(
     steps, notes = replace(steps, gait=gait), notes + more
     if stairs is not None:
         _ = stairs.surface  # raises if a stair does not fit into its track
-    planned = settings if not isinstance(settings, AutoTrialSettings) else settings.lipm
+    planned: WalkingControlSettings | SteppingControlSettings
+    planned = settings.lipm if isinstance(settings, AutoTrialSettings) else settings
     if isinstance(settings, AutoTrialSettings) and plan.footsteps is None and plan.stairs is None:
         planned = settings.stepping if home_of(model) == "stepping" or plan.drive is not None else planned
     if isinstance(planned, SteppingControlSettings):

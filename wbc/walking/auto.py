@@ -17,7 +17,7 @@ from typing import Annotated, Literal
 import numpy as np
 
 from wbc.core.arguments import checked
-from wbc.core.control import State
+from wbc.core.control import Mode, State
 from wbc.core.errors import InputError, as_period
 from wbc.core.estimation.observer import Observer
 from wbc.core.qp.controller import Controller
@@ -64,10 +64,14 @@ class AutoControlSettings:
         calm: Time of a stand after which a robot on wide soles goes back to planned steps, s.
     """
 
-    mode: Literal["torque", "hybrid"] = "torque"
+    mode: Mode = "torque"
     lipm: WalkingControlSettings = field(default_factory=WalkingControlSettings)
     stepping: SteppingControlSettings = field(default_factory=SteppingControlSettings)
     calm: Annotated[NonNegative, "s"] = 1.0
+
+    def __post_init__(self) -> None:
+        if self.mode == "position":
+            raise InputError("a walk whose law changes is in torque or hybrid control, got mode 'position'")
 
     @property
     def falls(self) -> FallSettings:

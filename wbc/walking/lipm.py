@@ -56,6 +56,8 @@ class LipmWalk(ReferenceSource):
         reason: Reason for which the last planner was dropped; empty if none was.
     """
 
+    com_height: float
+
     def __init__(
         self,
         robot: Robot,
