@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Annotated
+from typing import Annotated, Any
 
 import numpy as np
 import pinocchio as pin
@@ -128,7 +128,7 @@ class WalkTasks:
         for contact in self.contacts:
             controller.add(contact)
         controller.add(limits[1])
-        self._all = [self.com, *self._swings, *self._trunk, self.posture, *limits, *self.contacts]
+        self._all: list[Any] = [self.com, *self._swings, *self._trunk, self.posture, *limits, *self.contacts]
         com.set_by("walking.body.com_height for its height, walking.velocity or walking.go_to for its place")
         for foot in self._swings:
             foot.set_by("walking.velocity, walking.go_to or a plan of footsteps")
