@@ -60,7 +60,8 @@ class LoggedMarks:
             mark = Mark(f"scan {k}", "line", points, SCAN_COLOUR, 2.0 * LINE, "ground as scanned")
             self._spans.append((landed, end, mark))
         grounds = _grounds(log, drift)
-        for (begin, points), (until, _) in zip(grounds, [*grounds[1:], (end, None)], strict=True):
+        untils = [*(tick for tick, _ in grounds[1:]), end]
+        for (begin, points), until in zip(grounds, untils, strict=False):
             self._spans.append((begin, until, ground_mark(points)))
         self._dcm = drift(np.column_stack([log["dcm/estimated"], log["zmp/reference/z"]]))
 

@@ -266,7 +266,7 @@ class _Ground:
         if self._ground.version != self._version:
             self._version, (points, _) = self._ground.version, self._ground.map.known()
             drift = drift_of(self._robot, self._walking)
-            self._points = points @ drift[:3, :3].T + drift[:3, 3]
+            self._points = np.asarray(points @ drift[:3, :3].T + drift[:3, 3])
         if len(self._points):
             picture.marks.append(ground_mark(self._points))
         for k, camera in enumerate(self._cameras):
