@@ -163,6 +163,7 @@ def test_a_controller_takes_over_by_and_by() -> None:
     np.testing.assert_allclose(np.array(damping) / damping[0], 1.0 - np.arange(50) / 50.0, atol=0.03)
 
 
+@pytest.mark.slow
 def test_a_control_in_position_mode_stands_on_the_servos_until_it_takes_over_and_hangs_when_lifted() -> None:
     machine = SimulatedMachine(SimulatedTime(), bent())
     runner, read = (

@@ -213,6 +213,7 @@ def test_the_friction_that_soles_need_is_that_of_the_forces_and_of_the_yaw_momen
     assert 0.97 * needed < best < 1.02 * needed
 
 
+@pytest.mark.slow
 def test_contacts_are_found_and_flight_is_refused_with_its_time(g1: Robot) -> None:
     clip = make_motion(g1, "one_leg", 1)
     motion = BodyMotion.of(g1, clip.configurations(g1), clip.rate)
@@ -237,6 +238,7 @@ def test_contacts_are_found_and_flight_is_refused_with_its_time(g1: Robot) -> No
 # The filter
 
 
+@pytest.mark.slow
 def test_steps_out_of_reach_are_shortened_and_the_body_comes_along(
     g1: Robot, stepping: tuple[BodyMotion, np.ndarray]
 ) -> None:
@@ -347,6 +349,7 @@ def test_limits_are_kept_that_a_clip_exceeds(g1: Robot, arms: MotionClip) -> Non
     assert times[0] == 0.0 and times[-1] == pytest.approx(wild.duration) and times.max() <= wild.duration
 
 
+@pytest.mark.slow
 def test_a_motion_that_is_too_fast_takes_longer() -> None:
     hrp4 = load_robot("hrp4_class").robot()
     dance = make_motion(hrp4, "dance")

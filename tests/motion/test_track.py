@@ -114,6 +114,7 @@ def test_a_foot_goes_over_to_the_clip_from_where_it_was_lifted_and_may_land_earl
     assert update(landing, 0.0).contact[side] and source.landings == 1
 
 
+@pytest.mark.slow
 def test_arms_are_tracked_while_the_robot_stands(g1: Robot) -> None:
     """A second of a dance: fast arms are no disturbance."""
     clip = make_motion(g1, "dance", 1)
@@ -182,6 +183,7 @@ def test_a_centre_of_mass_beyond_the_toes_is_brought_back_over_the_middle_of_the
     assert check_motion(g1, clip).zmp_worst > 0.5 and off.max() < 1e-3
 
 
+@pytest.mark.slow
 def test_the_command_tracks_a_clip_that_is_feasible_as_it_is(
     g1: Robot, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -118,6 +118,7 @@ def test_both_hands_press_on_a_table_and_a_loss_is_noticed_within_50_ms() -> Non
     assert np.abs(hands.shift).max() < 1e-3, "and the balance is again that of the feet alone"
 
 
+@pytest.mark.slow
 def test_the_qp_gives_a_hand_no_more_force_than_its_arm_has_torque_for() -> None:
     """The asked force within the friction cone; what is left where a shoulder gets weaker, and the balance knows it."""
     trial, hands = pressing()

@@ -35,6 +35,7 @@ def handed_over(share: float, noise: str) -> tuple[Trial, float]:
     return trial, share * plant.robot.mass
 
 
+@pytest.mark.slow
 def test_a_load_in_the_hands_is_found_taken_over_by_both_models_and_let_go_of() -> None:
     """20 % of the weight 0.35 m ahead, handed over in a second, with realistic sensors."""
     trial, mass = handed_over(0.2, "realistic")

@@ -294,6 +294,7 @@ def test_a_swinging_leg_pushes_the_centre_of_mass_of_the_whole_robot(name: str) 
     assert zmp == pytest.approx(centre, abs=1e-3)
 
 
+@pytest.mark.slow
 def test_the_reaction_to_a_swing_stays_bounded_and_obeys_the_pendulum() -> None:
     """c̈ = ω² (c − z) + κ ẍ tick by tick, and back at the pendulum after the swing."""
     omega, dt, share, duration, way = 3.9, 1e-4, 0.07, 0.4, 0.5

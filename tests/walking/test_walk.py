@@ -258,6 +258,7 @@ def test_a_plan_from_feet_that_landed_high_steps_back_to_the_expected_ground() -
     assert settled.z == pytest.approx(ground.height) == 0.02
 
 
+@pytest.mark.slow
 def test_feet_land_in_time_on_ground_that_keeps_falling() -> None:
     wanted: dict[int, tuple[float, float]] = {}
 
@@ -299,6 +300,7 @@ def test_a_foot_that_stands_is_wanted_where_it_landed_wherever_its_corrections_t
     assert landed is not None and walk.steps_done == len(walk.phases.plan)
 
 
+@pytest.mark.slow
 def test_step_adjustment_survives_greater_pushes() -> None:
     plan = walk_distance(START, 0.4)
     survived = {}

@@ -184,6 +184,7 @@ def walk_as_commanded(yaw: float, distance: float) -> dict[str, np.ndarray]:
     return {name: np.array(values) for name, values in out.items()}
 
 
+@pytest.mark.slow
 def test_the_commanded_robot_follows_its_references_over_a_walk_in_any_direction() -> None:
     ahead, turned_away = (walk_as_commanded(yaw, 0.1) for yaw in (0.0, 2.0))
     assert ahead["feet"].max() < 5e-3 and np.abs(ahead["com"]).max() < 5e-3
