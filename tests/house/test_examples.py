@@ -105,7 +105,8 @@ def test_stand_keeps_the_centre_of_mass(load: Load, mode: str, robot: str, bound
     assert run(load("stand"), "--mode", mode, "--robot", robot, seconds=0.5)["com_error_mm"] < bound
 
 
-@pytest.mark.parametrize("mode", ["position", pytest.param("torque", marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("mode", ["position", "torque"])
 def test_a_source_of_ones_own_marches(load: Load, mode: str) -> None:
     assert run(load("own_source"), "--mode", mode, seconds=3.5)["lifted_mm"] > 25.0
 
@@ -130,6 +131,7 @@ def test_own_robot_stands_though_pushed(load: Load, capsys: pytest.CaptureFixtur
     assert "half-sitting of the legs solved for" in capsys.readouterr().out
 
 
+@pytest.mark.slow
 def test_a_clip_becomes_feasible_and_is_tracked(load: Load) -> None:
     result = run(load("motion"))
     assert result["zmp_outside_mm"] < 5.0 and result["joints_rms_deg"] < 2.0
@@ -150,6 +152,7 @@ def walk(module: ModuleType, *arguments: str) -> dict[str, Any]:
     return result
 
 
+@pytest.mark.slow
 def test_walk_arrives(load: Load) -> None:
     result = walk(load("walk"), "--distance", "0.1")
     assert result["distance_m"] == pytest.approx(0.1, abs=0.03)
