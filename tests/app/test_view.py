@@ -166,7 +166,7 @@ def test_meshes_that_are_missing_or_broken_become_sticks(tmp_path: Path) -> None
 
 def test_marks_are_drawn_at_their_points() -> None:
     points = np.array([[1.0, 2.0, 0.1], [1.5, 2.0, 0.4], [1.2, 2.4, 0.1]])
-    for kind in ("ball", "arrow", "line", "area", "cloud"):
+    for kind in ("ball", "arrow", "line", "area"):
         mesh, position, rotation, scale = placed(
             Mark("m", kind, points[:2] if kind == "arrow" else points, (1, 1, 1, 1), 0.01)
         )

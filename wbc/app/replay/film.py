@@ -39,8 +39,8 @@ GIF_RATE = 20.0
 FOLLOW_TIME = 0.5
 """Time constant with which the camera follows the robot, s."""
 
-MOST_MARKS = 5000
-"""Geoms of marks in a picture."""
+MOST_MARKS, MOST_POINTS = 5000, 3000
+"""Geoms of marks in a picture, and points of a cloud."""
 
 
 class RenderError(WbcError):
@@ -178,8 +178,9 @@ def add_marks(scene: mujoco.MjvScene, marks: Sequence[Mark]) -> None:
     for mark in marks:
         points = np.asarray(mark.points, dtype=np.float64)
         if mark.kind in ("ball", "cloud"):
-            for point in points:
-                add(kinds.mjGEOM_SPHERE, mark.colour, mark.size, point)
+            kind = kinds.mjGEOM_SPHERE if mark.kind == "ball" else kinds.mjGEOM_BOX
+            for point in points[:: 1 + len(points) // MOST_POINTS]:
+                add(kind, mark.colour, mark.size, point)
         elif mark.kind == "arrow":
             add(kinds.mjGEOM_ARROW, mark.colour, mark.size, points[0], points[1])
         else:

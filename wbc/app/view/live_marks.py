@@ -55,6 +55,9 @@ MAX_STEPS = 64
 PATH_POINTS, PATH_SPACING = 128, 0.04
 """Points of the path that are drawn, and the distance between them, m."""
 
+MAP_PERIOD = 0.5
+"""Time from which on the map of the ground is drawn anew, s: it has thousands of cells."""
+
 Draw = Callable[[Picture, "Measurement | None"], None]
 """Function that adds its marks, and lines of text, to a picture; the latest measurement is None without one."""
 
@@ -258,12 +261,13 @@ class _Ground:
 
     def __init__(self, robot: SimulatedRobot, walking: ReferenceControl, ground: KnownGround) -> None:
         self._robot, self._walking, self._ground = robot, walking, ground
-        self._version, self._points = -1, np.empty((0, 3))
+        self._version, self._points, self._drawn = -1, np.empty((0, 3)), -math.inf
         eyes = robot.eyes if isinstance(robot, Plant) else None
         self._cameras = [] if eyes is None else eyes.cameras
 
     def __call__(self, picture: Picture, measurement: Measurement | None) -> None:
-        if self._ground.version != self._version:
+        if self._ground.version != self._version and not 0.0 <= picture.time - self._drawn < MAP_PERIOD:
+            self._drawn = picture.time
             self._version, (points, _) = self._ground.version, self._ground.map.known()
             drift = drift_of(self._robot, self._walking)
             self._points = np.asarray(points @ drift[:3, :3].T + drift[:3, 3])

@@ -201,7 +201,7 @@ class Placed(NamedTuple):
 
 
 def placed(mark: Mark) -> Placed:
-    """Return the triangles of a mark: one mesh for all balls and arrows, those of its points for the others."""
+    """Return the triangles of a mark but a cloud: one mesh for all balls and arrows, else those of its points."""
     points, origin = mark.points, np.zeros(3)
     if mark.kind == "ball":
         return Placed(_unit_ball(), points[0], np.eye(3), np.full(3, mark.size))
@@ -212,16 +212,8 @@ def placed(mark: Mark) -> Placed:
     if mark.kind == "area":
         count = np.arange(1, len(points) - 1, dtype=np.uint32)
         faces = np.stack([np.zeros_like(count), count, count + 1], axis=1)
-    elif mark.kind == "line":
-        points, faces = _ribbon(points, mark.size)
     else:
-        octahedron = mark.size * np.array(
-            [(1, 0, 0), (-1, 0, 0), (0, 1, 0), (0, -1, 0), (0, 0, 1), (0, 0, -1)]
-        )
-        points = (points[:, None] + octahedron).reshape(-1, 3)
-        first = 6 * np.arange(len(mark.points), dtype=np.uint32)[:, None, None]
-        sides = np.array([(i, j, k) for i in (0, 1) for j in (2, 3) for k in (4, 5)], dtype=np.uint32)
-        faces = (first + sides).reshape(-1, 3)
+        points, faces = _ribbon(points, mark.size)
     both = np.concatenate([faces, faces[:, ::-1]])  # seen from above and from below
     return Placed(Mesh(points, both), origin, np.eye(3), np.ones(3))
 

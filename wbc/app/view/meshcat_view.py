@@ -70,7 +70,7 @@ class MeshcatView(View):
         for number, (body, colour, mesh) in enumerate(body_meshes(self.stage.model)):
             self._set(f"body/{body}/{number}", mesh, colour)
             self._names.setdefault(body, []).append(f"body/{body}/{number}")
-        self._marks: dict[str, tuple[Mark, Mesh]] = {}  # marks and their triangles as they are shown
+        self._marks: dict[str, tuple[Mark, Mesh | None]] = {}  # marks and their triangles as they are shown
         self._pictures: queue.Queue[tuple[Picture, Array, Array] | None] = queue.Queue()
         self._sender = threading.Thread(target=self._send_all, daemon=True)
         self._sender.start()
@@ -101,7 +101,7 @@ class MeshcatView(View):
         for name in gone:
             self._page[f"{ROOT}/mark/{name}"].delete()
             del self._marks[name]
-            self._shown.pop(f"mark/{name}")
+            self._shown.pop(f"mark/{name}", None)
         for mark in picture.marks:
             old, path = self._marks.get(mark.name), f"mark/{mark.name}"
             if (
@@ -109,6 +109,10 @@ class MeshcatView(View):
                 and old[0].colour == mark.colour
                 and np.array_equal(old[0].points, mark.points)
             ):
+                continue
+            if mark.kind == "cloud":
+                self._set_cloud(f"{path}/shape", mark)
+                self._marks[mark.name] = (mark, None)
                 continue
             mesh, position, rotation, scale = placed(mark)
             if old is None or old[1] is not mesh or old[0].colour != mark.colour:
@@ -122,12 +126,22 @@ class MeshcatView(View):
         """Show triangles at a path."""
         from meshcat import geometry  # noqa: PLC0415 - slow
 
-        red, green, blue = (round(255 * part) for part in colour[:3])
-        options: dict[str, Any] = {"color": (red << 16) + (green << 8) + blue, "opacity": colour[3]}
+        options: dict[str, Any] = {"color": _hexadecimal(colour), "opacity": colour[3]}
         if on_top:  # drawn last and not hidden by anything
             options |= {"transparent": True, "depthTest": False}
         shape = geometry.TriangularMeshGeometry(mesh.vertices.astype(np.float32), mesh.faces)
         self._page[f"{ROOT}/{path}"].set_object(shape, geometry.MeshLambertMaterial(**options))
+
+    def _set_cloud(self, path: str, mark: Mark) -> None:
+        """Show points at a path."""
+        from meshcat import geometry  # noqa: PLC0415 - slow
+
+        places = np.ascontiguousarray(mark.points.T, dtype=np.float32)
+        colours = np.tile(np.array(mark.colour[:3], dtype=np.float32)[:, None], len(mark.points))
+        material = geometry.PointsMaterial(2.0 * mark.size)
+        self._page[f"{ROOT}/{path}"].set_object(
+            geometry.Points(geometry.PointsGeometry(places, colours), material)
+        )
 
     def _move(self, path: str, matrix: Array) -> None:
         """Move a path, if it is not there already."""
@@ -152,6 +166,12 @@ class MeshcatView(View):
         self._sender.join()
         self._page.window.zmq_socket.close()
         self._finalizer()
+
+
+def _hexadecimal(colour: Colour) -> int:
+    """Return red, green and blue as one number."""
+    red, green, blue = (round(255 * part) for part in colour[:3])
+    return (red << 16) + (green << 8) + blue
 
 
 def _matrix(position: Array, axes: Array | None = None) -> Array:

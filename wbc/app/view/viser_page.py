@@ -76,7 +76,9 @@ class ViserPage:
                 _let_pull(made, link, pull)
         self._shown = np.full((model.nbody, 7), np.nan)
         self._colours: dict[int, Colour] = {}
-        self._marks: dict[str, tuple[Any, Mark, Mesh]] = {}  # node, mark and its triangles as they are shown
+        self._marks: dict[
+            str, tuple[Any, Mark, Mesh | None]
+        ] = {}  # node, mark and its triangles as they are shown
 
     def draw(self, picture: Picture) -> None:
         """Show a picture."""
@@ -107,11 +109,21 @@ class ViserPage:
                 and np.array_equal(old[1].points, mark.points)
             ):
                 continue
+            name = f"{ROOT}/marks/{mark.name}"
+            if mark.kind == "cloud":
+                cloud = self._server.scene.add_point_cloud(
+                    name,
+                    mark.points,
+                    _paint(mark.colour)["color"],
+                    point_size=2.0 * mark.size,
+                    precision="float32",
+                )
+                self._marks[mark.name] = (cloud, mark, None)
+                continue
             mesh, position, rotation, scale = placed(mark)
             if old is not None and old[2] is mesh and old[1].colour == mark.colour:
                 node = old[0]
             else:
-                name = f"{ROOT}/marks/{mark.name}"
                 paint = _paint(mark.colour)
                 node = self._server.scene.add_mesh_simple(
                     name, mesh.vertices, mesh.faces, **paint, cast_shadow=False
