@@ -13,7 +13,6 @@ from typing import Any, Unpack
 import numpy as np
 import pinocchio as pin
 
-from wbc.core.arguments import check_fields, checked
 from wbc.core.drive.servos import Servos
 from wbc.core.errors import Array, InputError, ModelError, choose
 from wbc.core.html import html_text
@@ -121,7 +120,6 @@ class RobotDescription:
         return partial(type(self), **values), ()
 
     @classmethod
-    @checked
     def from_urdf(
         cls,
         source: str | Path,
@@ -174,7 +172,6 @@ class RobotDescription:
         )
 
     @classmethod
-    @checked
     def from_mjcf(
         cls,
         source: object,
@@ -234,7 +231,6 @@ class RobotDescription:
             )
         )
 
-    @checked
     def with_servos(self, gains: Sequence[str]) -> RobotDescription:
         """Return the same robot with other servo gains.
 

@@ -7,7 +7,6 @@ from collections.abc import Callable
 from functools import cache
 from pathlib import Path
 
-from wbc.core.arguments import checked
 from wbc.core.errors import InputError, shown, unknown_name
 from wbc.core.registry import Registry
 from wbc.robots import saved
@@ -77,7 +76,6 @@ def _file(name: str) -> Path | None:
     return saved.folder() / f"{name}.toml" if name in saved.own_robots() else None
 
 
-@checked
 def load(name: str) -> RobotDescription:
     """Return the description of a robot, the same object at every call.
 

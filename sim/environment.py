@@ -18,7 +18,6 @@ import pinocchio as pin
 from numpy.typing import ArrayLike
 from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
 
-from wbc.core.arguments import checked
 from wbc.core.errors import ROUNDING, Array, InputError, choose, finite_array
 from wbc.core.estimation.observer import Observer
 from wbc.core.robot import GRAVITY
@@ -62,7 +61,6 @@ class WbcEnv(gymnasium.Env[Array, Array]):  # type: ignore[misc]
 
     metadata: dict[str, Any] = {"render_modes": []}
 
-    @checked
     def __init__(
         self,
         task: str = "walk",

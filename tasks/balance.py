@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from typing import Annotated
 
-from wbc.core.arguments import checked
 from wbc.core.limits.rows import JointLimits, TorqueLimits
 from wbc.core.qp.contact import SoleContact
 from wbc.core.qp.controller import Controller
@@ -78,7 +77,6 @@ class BalanceGains(BodyGains):
     friction: Positive = 0.7
 
 
-@checked
 def balance_controller(
     robot: Robot, dt: float, gains: BalanceGains | None = None, *, solver: SolverSettings | None = None
 ) -> Controller:

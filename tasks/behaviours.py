@@ -20,7 +20,6 @@ from typing import Annotated, Any
 
 import numpy as np
 
-from wbc.core.arguments import checked
 from wbc.core.errors import ROUNDING, InputError, WbcError, positive, shown, unknown_name
 from wbc.core.qp.controller import Controller, Item, ItemT
 from wbc.core.settings import Positive
@@ -51,7 +50,6 @@ class Scope:
         began: Time at which the state began, s.
     """
 
-    @checked
     def __init__(self, program: Program, path: str) -> None:
         """Begin now."""
         self.program, self.path, self.began = program, path, program.time
@@ -99,20 +97,17 @@ Condition = Callable[[Scope], bool]
 """Condition of a state: a function of its scope, called once a tick."""
 
 
-@checked
 def after(seconds: Annotated[Positive, "s"]) -> Condition:
     """Return a condition that holds from a time after the start of the state on, s."""
     return lambda now: now.elapsed >= seconds - ROUNDING
 
 
-@checked
 def reached(*things: Any) -> Condition:
     """Return a condition that holds once every target is reached: tasks, hands, `walking.body`."""
     _check(things, "reached")
     return lambda now: all(thing.reached for thing in things)
 
 
-@checked
 def error_below(thing: object, bound: Positive) -> Condition:
     """Return a condition that holds while no component of an error is above a bound and the target does not move.
 
@@ -125,7 +120,6 @@ def error_below(thing: object, bound: Positive) -> Condition:
     return lambda now: not getattr(thing, "moving", False) and float(np.abs(settling.error).max()) < bound
 
 
-@checked
 def speed_below(thing: object, bound: Positive) -> Condition:
     """Return a condition that holds while a task or hand is slower than a bound, its unit per second."""
     _check((thing,), "speed")
@@ -133,14 +127,12 @@ def speed_below(thing: object, bound: Positive) -> Condition:
     return lambda now: bool(settling.speed < bound)
 
 
-@checked
 def any_of(*conditions: Condition) -> Condition:
     """Return a condition that holds while one of several does."""
     _check_callable("conditions", conditions)
     return lambda now: any(condition(now) for condition in conditions)
 
 
-@checked
 def all_of(*conditions: Condition) -> Condition:
     """Return a condition that holds while all of several do."""
     _check_callable("conditions", conditions)
@@ -158,7 +150,6 @@ class Behaviour:
         outcomes: Outcome → condition, in the order in which they are looked at.
     """
 
-    @checked
     def __init__(
         self,
         name: str,
@@ -236,7 +227,6 @@ class StateMachine(Behaviour):
         transitions: State → outcome → state, or the end.
     """
 
-    @checked
     def __init__(
         self,
         name: str,
@@ -391,7 +381,6 @@ class Program:
         history: Time (s), path and outcome of every state that has ended.
     """
 
-    @checked
     def __init__(
         self, machine: StateMachine, control: object, *, fallen: Callable[[], bool] | None = None
     ) -> None:

@@ -7,7 +7,6 @@ import copy
 import numpy as np
 import pinocchio as pin
 
-from wbc.core.arguments import checked
 from wbc.core.errors import Array, InputError
 from wbc.core.qp.task import MotionTask, SelectionTask, evaluated
 from wbc.core.robot import BASE_DOF, Robot
@@ -20,7 +19,6 @@ TOLERANCE = 1e-5
 """Largest difference, relative to the greatest number of the rows where that is above 1."""
 
 
-@checked
 def check_task(
     task: MotionTask | SelectionTask,
     robot: Robot,

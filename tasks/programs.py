@@ -20,7 +20,6 @@ from typing import Annotated, Any
 import numpy as np
 import pinocchio as pin
 
-from wbc.core.arguments import checked
 from wbc.core.errors import (
     InputError,
     UnknownNameError,
@@ -96,7 +95,6 @@ class StateTable:
     next: dict[str, str] = field(default_factory=dict)
 
 
-@checked
 def read_state_machine(source: str | Path | dict[str, Any], control: object) -> StateMachine:
     """Return the machine of a TOML file, its names looked up in what it is to drive.
 

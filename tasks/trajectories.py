@@ -20,7 +20,6 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.interpolate import BSpline, make_interp_spline
 
-from wbc.core.arguments import checked
 from wbc.core.errors import Array, InputError, finite_array, positive
 
 ValueT = TypeVar("ValueT", float, Array)
@@ -103,7 +102,6 @@ class Trajectory:
     the least mean squared jerk, which makes it a spline of degree 5 (de Boor, "A Practical Guide to Splines", ch. 13).
     """
 
-    @checked
     def __init__(
         self,
         points: Sequence[ArrayLike] | Array,

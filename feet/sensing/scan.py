@@ -11,7 +11,6 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from pydantic import Field
 
-from wbc.core.arguments import checked
 from wbc.core.errors import ROUNDING, Array, InputError, finite_array, positive, shown
 from wbc.core.settings import Positive, settings
 
@@ -112,7 +111,6 @@ class GroundScan:
         outside: Hits beyond the capacity since the start; not used.
     """
 
-    @checked
     def __init__(self, settings: ScanSettings | None = None) -> None:
         """Start along the world's x axis."""
         self.settings = ScanSettings() if settings is None else settings

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from typing import Any
 
-from wbc.core.arguments import checked
 from wbc.core.errors import InputError, shown
 from wbc.core.registry import Registry, call_checked
 from wbc.feet.soles.foot import Foot
@@ -37,7 +36,6 @@ def foot_names() -> tuple[str, ...]:
     return _FEET.names()
 
 
-@checked
 def foot(name: str, **parameters: Any) -> Foot:
     """Return a foot by name, with some of its parameters changed.
 

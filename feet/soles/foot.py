@@ -6,7 +6,6 @@ from abc import ABC, abstractmethod
 from dataclasses import field
 from typing import Annotated, Any
 
-from wbc.core.arguments import check_fields, checked
 from wbc.core.errors import InputError
 from wbc.core.settings import Positive, settings
 from wbc.feet.soles.contact import ContactSpheres
@@ -26,10 +25,6 @@ class Foot(ABC):
     """
 
     contact: ContactSpheres = field(default_factory=ContactSpheres)
-
-    def __post_init__(self) -> None:
-        if "__pydantic_validator__" not in vars(type(self)):  # a design made with `@dataclass` alone
-            check_fields(self)
 
     @abstractmethod
     def fit(self, sole: SoleGeometry) -> FootFit:
@@ -66,7 +61,6 @@ LARGEST_FOOT = 2.0
 """Largest length, width and height of a foot, m."""
 
 
-@checked
 def fitted_sole(
     sole: SoleGeometry,
     *,

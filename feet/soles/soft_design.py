@@ -112,7 +112,6 @@ class SoftDesign(Foot):
     encoders: bool = False
 
     def __post_init__(self) -> None:
-        super().__post_init__()
         if self.hinge_height > self.thickness:
             raise InputError(
                 f"hinge_height (m), the height of the sole hinges, must be at most the thickness, {self.thickness:g}, "

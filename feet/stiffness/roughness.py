@@ -11,7 +11,6 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.linalg import solveh_banded
 
-from wbc.core.arguments import checked
 from wbc.core.errors import Array, InputError, choose, finite_array, positive
 from wbc.core.settings import Positive, settings
 from wbc.feet.sensing.scan import PROFILE_STEP, Profile
@@ -115,7 +114,6 @@ class Roughness:
         return dict(zip(PARAMETERS, self.values.tolist(), strict=True))
 
 
-@checked
 def roughness(x: ArrayLike, z: ArrayLike, settings: RoughnessSettings | None = None) -> Roughness:
     """Return the roughness of profiles on a uniform grid.
 
@@ -132,7 +130,6 @@ def roughness(x: ArrayLike, z: ArrayLike, settings: RoughnessSettings | None = N
     return Roughness(_roughness(heights, step, given))
 
 
-@checked
 def profile_roughness(profile: Profile, settings: RoughnessSettings | None = None) -> Roughness:
     """Return the roughness of one scanned profile; see `roughness`."""
     return roughness(profile.x, profile.z, settings)

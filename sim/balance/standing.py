@@ -8,7 +8,6 @@ from typing import Annotated, Any, ClassVar, Literal, get_args
 
 import numpy as np
 
-from wbc.core.arguments import checked
 from wbc.core.control import Mode
 from wbc.core.drive.hybrid import HybridControl
 from wbc.core.drive.position import PositionControl
@@ -178,7 +177,6 @@ class Sway(TrialHook):
         self.zmp.append(centre_of_pressure(truth))
 
 
-@checked
 def stand(spec: StandSpec | None = None, **values: Any) -> StandResult:
     """Simulate a standing robot.
 

@@ -8,7 +8,6 @@ from typing import Annotated
 
 import numpy as np
 
-from wbc.core.arguments import checked
 from wbc.core.control import Mode
 from wbc.core.conventions import rotation_of
 from wbc.core.errors import Array
@@ -186,7 +185,6 @@ class _TrackMeter(TrialHook):
             self.slide = max(self.slide, float(np.linalg.norm((place - anchor)[:2])))
 
 
-@checked
 def track_motion(
     clip: MotionClip, spec: TrackSpec | None = None, *, hooks: Sequence[TrialHook] = ()
 ) -> TrackResult:

@@ -17,7 +17,6 @@ import mujoco
 import numpy as np
 from numpy.typing import ArrayLike
 
-from wbc.core.arguments import checked
 from wbc.core.errors import Array, InputError, whole_number
 from wbc.core.robot import checked_configuration
 from wbc.core.signals import Command
@@ -63,7 +62,6 @@ class MujocoLoop(SimulatedRobot):
         notes: What is doubtful about model and description, one line each.
     """
 
-    @checked
     def __init__(
         self,
         description: RobotDescription,

@@ -9,7 +9,6 @@ import mujoco
 import numpy as np
 import pinocchio as pin
 
-from wbc.core.arguments import checked
 from wbc.core.errors import Array, InputError, choose, finite_array
 from wbc.core.signals import Command, Measurement
 from wbc.feet import Foot
@@ -49,7 +48,6 @@ class SharedPlant:
         control_period: Time that `step` advances, s.
     """
 
-    @checked
     def __init__(
         self,
         robots: Mapping[str, RobotDescription],

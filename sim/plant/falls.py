@@ -9,7 +9,6 @@ from typing import Annotated
 import numpy as np
 import pinocchio as pin
 
-from wbc.core.arguments import checked
 from wbc.core.errors import Array
 from wbc.core.robot import Robot
 from wbc.core.settings import Positive, settings
@@ -42,7 +41,6 @@ class TrueFallDetector:
         limits: Limits of the pelvis.
     """
 
-    @checked
     def __init__(self, robot: Robot, limits: PelvisLimits | None = None) -> None:
         """Take the robot's half-sitting as upright.
 

@@ -7,7 +7,6 @@ from xml.etree.ElementTree import Element, SubElement
 
 import pinocchio as pin
 
-from wbc.core.arguments import checked
 from wbc.core.errors import ROUNDING, InputError
 from wbc.feet import Foot
 from wbc.robots import urdf
@@ -19,7 +18,6 @@ MASS_SUFFIX = "/mass"
 """Suffix of a sole's name in the name of the link that carries the mass of its foot."""
 
 
-@checked
 def with_feet(description: RobotDescription, foot: Foot, *, mass: bool = False) -> RobotDescription:
     """Return the description of a robot on other feet, for its controller.
 

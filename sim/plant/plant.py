@@ -19,7 +19,6 @@ import mujoco
 import numpy as np
 from numpy.typing import ArrayLike
 
-from wbc.core.arguments import checked
 from wbc.core.conventions import configuration_to_mujoco, velocity_to_mujoco
 from wbc.core.errors import Array, finite_array, non_negative, whole_number
 from wbc.core.robot import checked_configuration
@@ -71,7 +70,6 @@ class Plant(SimulatedRobot):
         eyes: Sensors that see the ground; None without.
     """
 
-    @checked
     def __init__(
         self,
         description: RobotDescription,

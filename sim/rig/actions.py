@@ -6,7 +6,6 @@ import math
 
 import numpy as np
 
-from wbc.core.arguments import checked
 from wbc.core.errors import Array, InputError, finite_scalar, positive
 from wbc.core.hull import hull_and_area
 from wbc.sim.rig.fixture import Rig
@@ -34,7 +33,6 @@ LONGEST = 60.0
 """Longest motion of a test, s."""
 
 
-@checked
 def press(test: FootTest, *, support: bool = True) -> PressResult:
     """Drop the foot onto the ground, let it settle under its load and measure it at rest.
 

@@ -26,7 +26,6 @@ from typing import Annotated, Any, ClassVar, TypeVar
 import mujoco
 from pydantic import Field
 
-from wbc.core.arguments import checked
 from wbc.core.registry import Registry, call_checked
 from wbc.core.settings import NonNegative, settings
 from wbc.sim.terrain.families.base import param
@@ -137,7 +136,6 @@ def scene_kinds() -> dict[str, type[Scene]]:
     return dict(sorted(_SCENES.items()))
 
 
-@checked
 def make_scene(name: str, **parameters: Any) -> Scene:
     """Return a scene by its name.
 

@@ -9,7 +9,6 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from wbc.core.arguments import checked
 from wbc.core.errors import Array, InputError
 from wbc.sim.terrain.heightmap import HeightMap
 from wbc.sim.terrain.shapes import Box, Capsule, Cylinder, Ellipsoid, Pyramid, Shape, Sphere
@@ -54,7 +53,6 @@ FLOOR = "terrain_floor"
 """Name of the geom of the floor; solids are "terrain_0", …, a height field is "terrain_field"."""
 
 
-@checked
 def add_to_spec(spec: mujoco.MjSpec, terrain: Terrain, *, sole_radius: float | None = None) -> Terrain:
     """Draw a terrain into the world body of a model.
 

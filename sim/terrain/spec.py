@@ -15,7 +15,6 @@ import numpy as np
 from numpy.typing import ArrayLike
 from pydantic import Field
 
-from wbc.core.arguments import checked
 from wbc.core.errors import ROUNDING, Array, InputError, finite_scalar, non_negative, positive
 from wbc.core.settings import NonNegative, Positive, Seed, settings
 from wbc.feet.sensing.scan import PROFILE_STEP
@@ -411,7 +410,6 @@ def _jsonable(value: Any) -> Any:
     return value if value is None or isinstance(value, (bool, int, float, str)) else str(value)
 
 
-@checked
 def terrain(
     name: str | Family,
     amplitude: float | None = None,

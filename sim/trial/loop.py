@@ -28,7 +28,6 @@ from typing import Any
 import numpy as np
 from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
 
-from wbc.core.arguments import checked
 from wbc.core.errors import InputError, MeasurementError, WbcError
 from wbc.core.signals import Command, Control, Measurement
 from wbc.sim.plant.falls import PelvisLimits, TrueFallDetector
@@ -108,7 +107,6 @@ class Trial:
         loop_time: Wall time of `run` but that in `hooks`, s.
     """
 
-    @checked
     def __init__(
         self,
         plant: Plant,

@@ -14,7 +14,6 @@ from typing import Any
 import numpy as np
 from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
 
-from wbc.core.arguments import checked
 from wbc.core.errors import InputError, UnknownNameError, choose
 from wbc.core.estimation.observer import Observer
 from wbc.core.robot import GRAVITY, Robot
@@ -49,7 +48,6 @@ LEAST_WAY = 0.05
 FIELDS = (*(f.name for f in fields(WalkSpec)), *PLAN_FIELDS)
 
 
-@checked
 def walk(
     spec: WalkSpec | None = None,
     *,
@@ -104,7 +102,6 @@ class WalkTrial(Trial):
         sole_meter: Measures the figures of soles of variable stiffness; None without a policy.
     """
 
-    @checked
     def __init__(self, spec: WalkSpec, *, policy: PolicyLike | None = None, visuals: bool = False) -> None:
         """Build plant and controller.
 

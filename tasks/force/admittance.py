@@ -7,7 +7,6 @@ from typing import Unpack
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
-from wbc.core.arguments import checked
 from wbc.core.errors import Array
 from wbc.core.qp.task import read_only
 from wbc.tasks.force.compliance import ComplianceTask, six
@@ -29,7 +28,6 @@ class AdmittanceTask(ComplianceTask):
 
     _kind = "admittance"
 
-    @checked
     def __init__(
         self,
         frame: str,

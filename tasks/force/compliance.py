@@ -22,7 +22,6 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
-from wbc.core.arguments import checked
 from wbc.core.errors import (
     Array,
     InputError,
@@ -56,7 +55,6 @@ class ComplianceTask(PoseTargetTask):
     _kind = "compliance"
     _period = 0.0  # that of the ticks so far, s
 
-    @checked
     def __init__(
         self, frame: str, target: pin.SE3 | None = None, **options: Unpack[ComplianceOptions]
     ) -> None:

@@ -8,7 +8,6 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
-from wbc.core.arguments import checked
 from wbc.core.errors import Array
 from wbc.core.qp.task import read_only
 from wbc.tasks.force.compliance import ComplianceTask, six
@@ -45,7 +44,6 @@ class ImpedanceTask(ComplianceTask):
 
     _kind = "impedance"
 
-    @checked
     def __init__(
         self,
         frame: str,

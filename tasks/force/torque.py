@@ -7,7 +7,6 @@ from typing import Unpack
 
 import numpy as np
 
-from wbc.core.arguments import checked
 from wbc.core.errors import Array
 from wbc.core.qp.problem import Problem
 from wbc.core.qp.task import VariableTask
@@ -25,7 +24,6 @@ class JointTorqueTask(JointTask, VariableTask):
 
     unit = "Nm"
 
-    @checked
     def __init__(
         self,
         target: JointValues | None = None,

@@ -8,7 +8,6 @@ from typing import Any, Unpack
 import numpy as np
 from numpy.typing import ArrayLike
 
-from wbc.core.arguments import checked
 from wbc.core.errors import Array, InputError, finite_array, unknown_name
 from wbc.core.qp.contact import AXES, Contact
 from wbc.core.qp.problem import Problem
@@ -27,7 +26,6 @@ class WrenchTask(VariableTask):
 
     unit = "N|Nm"
 
-    @checked
     def __init__(
         self,
         contact: Contact | str,

@@ -8,7 +8,6 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
-from wbc.core.arguments import checked
 from wbc.core.errors import Array, InputError
 from wbc.core.robot import Robot
 from wbc.tasks.motion.axes import POSITION_AXES
@@ -28,7 +27,6 @@ class CoMTask(TargetTask[Array]):
 
     unit = "m"
 
-    @checked
     def __init__(self, target: ArrayLike | None = None, **options: Unpack[MotionOptions]) -> None:
         """Describe the task.
 
@@ -74,7 +72,6 @@ class CoMOverFeetTask(CoMTask):
     The target is the vector from the middle of the soles' frames to the centre of mass, in world axes, m.
     """
 
-    @checked
     def __init__(self, target: ArrayLike | None = None, **options: Unpack[MotionOptions]) -> None:
         """Describe the task.
 

@@ -9,7 +9,6 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
-from wbc.core.arguments import checked
 from wbc.core.errors import ROUNDING, Array, InputError, finite_array
 from wbc.core.qp.task import read_only
 from wbc.core.robot import Robot
@@ -54,7 +53,6 @@ class DirectionTask(FrameTask[Array]):
     unit = "rad"
     _what = "direction"
 
-    @checked
     def __init__(
         self,
         frame: str,

@@ -9,7 +9,6 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
-from wbc.core.arguments import checked
 from wbc.core.errors import Array, InputError, finite_array
 from wbc.core.robot import Robot
 from wbc.tasks.motion.axes import POSE_AXES, POSITION_AXES, ROTATION_AXES
@@ -86,7 +85,6 @@ class PositionTask(FrameTask[Array]):
 
     unit = "m"
 
-    @checked
     def __init__(self, frame: str, target: ArrayLike | None = None, **options: Unpack[MotionOptions]) -> None:
         """Describe the task.
 
@@ -121,7 +119,6 @@ class OrientationTask(FrameTask[Array]):
     unit = "rad"
     _course_of = Turning
 
-    @checked
     def __init__(self, frame: str, target: ArrayLike | None = None, **options: Unpack[MotionOptions]) -> None:
         """Describe the task.
 
@@ -169,7 +166,6 @@ class PoseTask(PoseTargetTask):
     (rad/s²)². Weight 1 and stiffness 30 1/s² by default.
     """
 
-    @checked
     def __init__(self, frame: str, target: pin.SE3 | None = None, **options: Unpack[MotionOptions]) -> None:
         """Describe the task.
 

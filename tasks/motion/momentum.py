@@ -8,7 +8,6 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
-from wbc.core.arguments import checked
 from wbc.core.errors import Array, InputError, finite_array
 from wbc.core.qp.task import evaluated
 from wbc.core.robot import BASE_DOF, Robot
@@ -35,7 +34,6 @@ class MomentumTask(TargetTask[Array]):
 
     unit = "kg m/s|kg m²/s"
 
-    @checked
     def __init__(self, target: ArrayLike | None = None, **options: Unpack[MotionOptions]) -> None:
         """Describe the task.
 

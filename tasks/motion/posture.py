@@ -8,7 +8,6 @@ from typing import Any, Unpack
 import numpy as np
 from numpy.typing import ArrayLike
 
-from wbc.core.arguments import checked
 from wbc.core.errors import Array, non_negative
 from wbc.core.qp.task import SelectionTask
 from wbc.core.robot import BASE_DOF, Robot
@@ -26,7 +25,6 @@ class PostureTask(MovingTask, JointTask, SelectionTask):
 
     unit = "rad"
 
-    @checked
     def __init__(
         self,
         target: JointValues | None = None,

@@ -7,7 +7,6 @@ from typing import Unpack
 import numpy as np
 import pinocchio as pin
 
-from wbc.core.arguments import checked
 from wbc.core.errors import Array, InputError
 from wbc.core.robot import Robot
 from wbc.tasks.motion.axes import POSE_AXES
@@ -23,7 +22,6 @@ class RelativeFrameTask(PoseTargetTask):
     the orientation. Moving both frames together costs nothing. Weight 1 and stiffness 30 1/s² by default.
     """
 
-    @checked
     def __init__(
         self, frame: str, reference: str, target: pin.SE3 | None = None, **options: Unpack[MotionOptions]
     ) -> None:

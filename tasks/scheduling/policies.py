@@ -11,7 +11,6 @@ from typing import Annotated, Any, ClassVar, TypeAlias
 
 import numpy as np
 
-from wbc.core.arguments import checked
 from wbc.core.errors import Array, InputError, finite_scalar, shown
 from wbc.core.registry import Registry, call_checked
 from wbc.core.settings import NonNegative, settings
@@ -222,7 +221,6 @@ def stiffness_policy_names() -> tuple[str, ...]:
     return _POLICIES.names()
 
 
-@checked
 def stiffness_policy(name: str, **parameters: Any) -> StiffnessPolicy:
     """Make a policy: `stiffness_policy("fixed", stiffness=5.0)`, `stiffness_policy("model", path="model.json")`.
 

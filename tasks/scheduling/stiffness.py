@@ -10,7 +10,6 @@ from typing import Any
 
 import numpy as np
 
-from wbc.core.arguments import checked
 from wbc.core.errors import ROUNDING, Array, InputError, choose
 from wbc.core.robot import SIDES, Robot
 from wbc.core.signals import Measurement
@@ -42,7 +41,6 @@ class StiffnessScheduler:
         steps: Records of the last swings, the latest last; each is added when its foot lands.
     """
 
-    @checked
     def __init__(
         self,
         robot: Robot,

@@ -15,7 +15,6 @@ from typing import NamedTuple
 import numpy as np
 import pinocchio as pin
 
-from wbc.core.arguments import checked
 from wbc.core.errors import Array, finite_array, positive
 from wbc.core.robot import GRAVITY
 from wbc.tasks.stabilizer.admittance import ComAdmittance, FootAdmittance, FootCorrection
@@ -67,7 +66,6 @@ class Stabilizer:
         feet: Admittances of the feet; reset a foot when it leaves or meets the ground.
     """
 
-    @checked
     def __init__(
         self, mass: float, distribution: WrenchDistribution, gains: StabilizerGains | None = None
     ) -> None:

@@ -21,7 +21,6 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
-from wbc.core.arguments import checked
 from wbc.core.errors import Array, InputError
 from wbc.core.qp.contact import SoleContact
 from wbc.core.qp.task import read_only
@@ -50,7 +49,6 @@ class StabilizerTask(CoMTask):
         output: Output of the stabilizer in the last tick; None before the first one.
     """
 
-    @checked
     def __init__(
         self,
         contacts: Sequence[SoleContact],

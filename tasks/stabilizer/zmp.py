@@ -7,7 +7,6 @@ from collections.abc import Sequence
 import numpy as np
 import pinocchio as pin
 
-from wbc.core.arguments import checked_on_failure
 from wbc.core.errors import Array, WbcError
 from wbc.core.vectors import add_cross, turned_all
 
@@ -35,7 +34,6 @@ def cop(wrench: Array) -> Array:
     return np.array([-wrench[4] / force, wrench[3] / force])
 
 
-@checked_on_failure
 def zmp(wrench: Array, plane: pin.SE3) -> Array:
     """Return the zero-tilting moment point of a wrench in a plane.
 

@@ -102,5 +102,3 @@ def test_sources_that_the_stabilizer_cannot_follow_are_refused() -> None:
     robot = DESCRIPTION.robot()
     with pytest.raises(InputError, match="balance"):
         WalkingControl(robot, SteppingWalk(robot, 0.005), 0.005)
-    with pytest.raises(InputError, match="source"):
-        WalkingControl(robot, "stand", 0.005)  # type: ignore[arg-type]

@@ -33,7 +33,6 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from wbc.core.arguments import checked_on_failure
 from wbc.core.errors import Array
 
 Index = NDArray[np.intp]
@@ -52,7 +51,6 @@ def rotation_of(quaternion: Array) -> Array:
     )
 
 
-@checked_on_failure
 def configuration_to_mujoco(q: Array, joint_qpos: Index | None = None, out: Array | None = None) -> Array:
     """Translate a configuration to MuJoCo's `qpos`.
 
@@ -72,7 +70,6 @@ def configuration_to_mujoco(q: Array, joint_qpos: Index | None = None, out: Arra
     return qpos
 
 
-@checked_on_failure
 def configuration_from_mujoco(
     qpos: Array, joint_qpos: Index | None = None, out: Array | None = None
 ) -> Array:
@@ -95,7 +92,6 @@ def configuration_from_mujoco(
     return q
 
 
-@checked_on_failure
 def velocity_to_mujoco(q: Array, v: Array, joint_dof: Index | None = None, out: Array | None = None) -> Array:
     """Translate a velocity to MuJoCo's `qvel`.
 
@@ -115,7 +111,6 @@ def velocity_to_mujoco(q: Array, v: Array, joint_dof: Index | None = None, out: 
     return qvel
 
 
-@checked_on_failure
 def velocity_from_mujoco(
     q: Array, qvel: Array, joint_dof: Index | None = None, out: Array | None = None
 ) -> Array:

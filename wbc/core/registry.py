@@ -10,7 +10,7 @@ from functools import cache
 from importlib.metadata import EntryPoint, entry_points
 from typing import Any, TypeVar
 
-from wbc.core.errors import InputError, choose, shown, unknown_name
+from wbc.core.errors import InputError, WbcError, choose, shown, unknown_name
 
 logger = logging.getLogger(__name__)
 
@@ -105,7 +105,12 @@ def call_checked(what: str, make: Callable[..., T], parameters: Mapping[str, Any
         needed = parameter.default is parameter.empty and parameter.kind is not parameter.VAR_KEYWORD
         if needed and parameter.name not in parameters:
             raise InputError(f"the {what} needs a value for '{parameter.name}'")
-    return make(**parameters)
+    try:
+        return make(**parameters)
+    except (TypeError, AttributeError, LookupError) as error:  # of a value of another kind
+        if isinstance(error, WbcError):
+            raise
+        raise InputError(f"the {what} cannot use {shown(dict(parameters))}: {error}") from error
 
 
 @cache

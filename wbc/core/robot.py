@@ -13,7 +13,6 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
-from wbc.core.arguments import checked
 from wbc.core.drive.servos import Servos
 from wbc.core.errors import (
     Array,
@@ -137,7 +136,6 @@ class Robot:
             torques are part of `bias`. None without any.
     """
 
-    @checked
     def __init__(
         self,
         model: pin.Model,
@@ -406,7 +404,6 @@ class Robot:
         """
         return self.data.oMf[frame if isinstance(frame, int) else self.frame_id(frame)]
 
-    @checked
     def joints_between(self, frame: str, trunk: str) -> list[int]:
         """Return the joints that move a frame but not a trunk, those of the trunk's side first.
 
@@ -428,7 +425,6 @@ class Robot:
         """Joints between the soles and the base, as indices in arrays of shape (na,)."""
         return [j for sole in self.soles for j in self.joints_between(sole.frame, self.base_frame)]
 
-    @checked
     def configuration(self, joints: Mapping[str, float] | None = None) -> Array:
         """Return half-sitting with some joints changed and the lower sole, if there is one, on the ground z = 0.
 

@@ -7,7 +7,6 @@ from typing import Protocol
 
 import numpy as np
 
-from wbc.core.arguments import checked
 from wbc.core.errors import Array, InputError, WbcError, as_period, check_parts, shown
 from wbc.core.signals import Command, Measurement
 from wbc.robots import RobotDescription
@@ -89,7 +88,6 @@ class DriverLoop:
         control_period: Period of the machine's measurements, s.
     """
 
-    @checked
     def __init__(self, driver: Driver, control_period: float) -> None:
         """Store the driver.
 

@@ -16,7 +16,6 @@ from typing import Annotated, Any
 import numpy as np
 from pydantic import Field
 
-from wbc.core.arguments import checked
 from wbc.core.control import DriveControl
 from wbc.core.drive.position import PositionControl
 from wbc.core.drive.torque import TorqueControl
@@ -99,7 +98,6 @@ class RunSettings:
 class Runner:
     """The loop of one run, for programs that stop it from elsewhere; `run` is this in one call."""
 
-    @checked
     def __init__(
         self,
         driver: Driver,

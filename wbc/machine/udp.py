@@ -44,7 +44,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from wbc.core.arguments import checked
 from wbc.core.errors import InputError
 from wbc.core.signals import Command, Measurement
 from wbc.machine.loop import MachineError, with_gains
@@ -182,7 +181,6 @@ class UdpDriver:
         address: Host and port of the robot.
     """
 
-    @checked
     def __init__(
         self,
         description: RobotDescription,
@@ -298,7 +296,6 @@ class UdpRobot:
         sender: Address of the owner, the last one included; None before there is one.
     """
 
-    @checked
     def __init__(
         self,
         description: RobotDescription,

@@ -11,7 +11,6 @@ import numpy as np
 from scipy.interpolate import CubicHermiteSpline
 from scipy.spatial.transform import Rotation, Slerp
 
-from wbc.core.arguments import checked
 from wbc.core.conventions import rotation_of
 from wbc.core.errors import Array, InputError, finite_array, finite_scalar, shown
 from wbc.core.robot import Robot
@@ -105,7 +104,6 @@ class MotionClip:
         """Time of each frame, shape (T,), s."""
         return np.arange(len(self)) / self.rate
 
-    @checked
     def configurations(self, robot: Robot) -> Array:
         """Return configurations of a robot; joints that the clip does not have stay half-sitting.
 
@@ -130,7 +128,6 @@ class MotionClip:
         """Return the clip of all joints of a robot from configurations, shape (T, nq); the rest as above."""
         return cls(robot.joint_names, rate, q[:, :7], q[:, 7:], name, standing)
 
-    @checked
     def sampled(self, times: Array, rate: float) -> MotionClip:
         """Return the clip at other times of its own, as frames of a new rate: resampling, slowing down, easing in.
 

@@ -26,7 +26,6 @@ from scipy.interpolate import CubicSpline
 from scipy.ndimage import gaussian_filter1d
 from scipy.spatial.transform import Rotation, RotationSpline
 
-from wbc.core.arguments import checked
 from wbc.core.control import State
 from wbc.core.errors import ROUNDING, Array, InputError, as_period
 from wbc.core.robot import GRAVITY, Robot
@@ -94,7 +93,6 @@ class MotionSource(ReferenceSource):
         "a robot that tracks a clip cannot be steered, nor stopped before: it stands when the clip is over"
     )
 
-    @checked
     def __init__(self, robot: Robot, clip: MotionClip, dt: float) -> None:
         """Put the clip where the robot stands; the motion begins with the first tick.
 

@@ -16,7 +16,6 @@ from typing import Annotated, Literal
 
 import numpy as np
 
-from wbc.core.arguments import checked
 from wbc.core.control import Mode, State
 from wbc.core.errors import InputError, as_period
 from wbc.core.estimation.observer import Observer
@@ -97,7 +96,6 @@ class AutoControl(ReferenceControl):
         laws: Both laws.
     """
 
-    @checked
     def __init__(
         self,
         robot: Robot,

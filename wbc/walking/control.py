@@ -18,7 +18,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from wbc.core.arguments import checked
 from wbc.core.control import Mode, SafetySettings, State
 from wbc.core.drive.hybrid import HybridControl
 from wbc.core.drive.position import PositionControl
@@ -358,7 +357,6 @@ class WalkingControl(ReferenceControl):
 
     stabilizer: Stabilizer
 
-    @checked
     def __init__(
         self,
         robot: Robot,

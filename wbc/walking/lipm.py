@@ -15,7 +15,6 @@ from dataclasses import replace
 
 import numpy as np
 
-from wbc.core.arguments import checked
 from wbc.core.control import State
 from wbc.core.errors import InputError, shown
 from wbc.core.robot import SIDES, Robot
@@ -199,7 +198,6 @@ class LipmWalk(ReferenceSource):
         self.reason, self._steered = "", True
         self._next = 0.0
 
-    @checked
     def go_to(self, x: float, y: float, yaw: float) -> None:
         """Walk to a place of the middle between the feet in the world, m, with a heading, rad, and stand there.
 

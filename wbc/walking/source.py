@@ -14,7 +14,6 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import pinocchio as pin
 
-from wbc.core.arguments import checked
 from wbc.core.control import State
 from wbc.core.errors import Array, InputError
 from wbc.core.robot import SIDES, Robot
@@ -284,7 +283,6 @@ class Stand(ReferenceSource):
 
     unsteered = "a robot that stands cannot be steered"
 
-    @checked
     def __init__(self, robot: Robot) -> None:
         """Stand as the robot stands.
 

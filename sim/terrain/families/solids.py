@@ -6,7 +6,6 @@ import math
 
 import numpy as np
 
-from wbc.core.arguments import checked_on_failure
 from wbc.core.errors import Array
 from wbc.sim.terrain.shapes import Box, Capsule, Ellipsoid, Shape, Sphere, tilted_rotation, yaw_rotation
 
@@ -14,7 +13,6 @@ BURIED = 0.005
 """Depth of solids below the floor, m: no gap shows at a tilted base."""
 
 
-@checked_on_failure
 def dome(x: float, y: float, radius: float, top: float) -> Shape:
     """Make a round stone on the floor at z = 0: a cap of a ball, or half an ellipsoid where the cap would overhang.
 
@@ -30,13 +28,11 @@ def dome(x: float, y: float, radius: float, top: float) -> Shape:
     return Sphere(np.array([x, y, top - ball]), ball)
 
 
-@checked_on_failure
 def stone(x: float, y: float, semi_axes: tuple[float, float], top: float, yaw: float) -> Ellipsoid:
     """Make half an ellipsoid on the floor at z = 0 (semi-axes and top in m, yaw in rad)."""
     return Ellipsoid(np.array([x, y, 0.0]), np.array([*semi_axes, top]), yaw_rotation(yaw))
 
 
-@checked_on_failure
 def bar(x: float, y: float, length: float, yaw: float, width: float, top: float) -> list[Shape]:
     """Make a round-topped bar lying on the floor at z = 0, across the track at yaw 0.
 
@@ -63,7 +59,6 @@ def bar(x: float, y: float, length: float, yaw: float, width: float, top: float)
     return parts
 
 
-@checked_on_failure
 def plate(
     x: float,
     y: float,

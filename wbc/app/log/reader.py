@@ -17,7 +17,6 @@ from pyarrow import ipc
 from wbc.app.log.header import decode
 from wbc.app.log.signals import Kind, Signal
 from wbc.app.log.writer import MAGIC, TYPES
-from wbc.core.arguments import checked, checked_on_failure
 from wbc.core.errors import Array, InputError, unknown_name
 from wbc.core.files import decoding
 
@@ -47,7 +46,6 @@ class Log:
         self._arrays: dict[str, Any] = {}
 
     @staticmethod
-    @checked
     def open(path: str | Path) -> Log:
         """Read a log. One that ends early is read up to the break, and `broken` says why.
 
@@ -96,7 +94,6 @@ class Log:
         """Time of each tick, shape (ticks,), s."""
         return self["time"]
 
-    @checked_on_failure
     def __getitem__(self, name: str) -> Array:
         """Return the values of a signal, or of a group of signals.
 
@@ -128,7 +125,6 @@ class Log:
         """Return a signal as the file holds it: a pyarrow column."""
         return self._table.column(name)
 
-    @checked_on_failure
     def parts(self, group: str) -> list[str]:
         """Return the names of the signals of a group that hold numbers.
 
@@ -145,7 +141,6 @@ class Log:
             unknown_name("signal", group, groups | set(self.signals))
         return names
 
-    @checked_on_failure
     def texts(self, name: str) -> NDArray[np.object_]:
         """Return the texts of a signal, shape (ticks,); None in ticks without one.
 
@@ -155,7 +150,6 @@ class Log:
         """
         return self._objects(name, "text")
 
-    @checked_on_failure
     def lists(self, name: str) -> list[Array | None]:
         """Return the lists of a signal, one a tick; None in ticks without one.
 

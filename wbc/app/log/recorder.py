@@ -16,7 +16,6 @@ from wbc.app.log.header import make_header
 from wbc.app.log.signals import Control, Read, Signal, Signals, Tick, drives_of
 from wbc.app.log.sources import tick_signals
 from wbc.app.log.writer import LogWriter
-from wbc.core.arguments import checked
 from wbc.core.errors import Array, InputError
 from wbc.core.files import FileError
 from wbc.core.qp.controller import Controller
@@ -43,7 +42,6 @@ class Recorder(TrialHook):
         path: The file.
     """
 
-    @checked
     def __init__(
         self,
         path: str | Path,

@@ -9,7 +9,6 @@ from matplotlib.figure import Figure
 from wbc.app.log.reader import Log
 from wbc.app.plot.balance import draw_balance, draw_plan
 from wbc.app.plot.stiffness import draw_stiffness
-from wbc.core.arguments import checked
 from wbc.core.errors import InputError, choose
 from wbc.core.robot import SIDES
 
@@ -45,7 +44,6 @@ def missing(name: str, log: Log) -> str | None:
     return None
 
 
-@checked
 def draw(name: str, logs: Sequence[Log]) -> Figure:
     """Draw a ready-made figure.
 

@@ -10,13 +10,11 @@ from matplotlib.backends.backend_pdf import PdfPages
 from matplotlib.figure import Figure
 
 from wbc.app.files import PICTURES, check_target
-from wbc.core.arguments import checked
 from wbc.core.files import replacing, save_figure
 
 DPI = 130
 
 
-@checked
 def save(figures: Mapping[str, Figure], path: str | Path) -> list[Path]:
     """Write figures: several into the pages of one PDF, or into files whose names end in theirs.
 

@@ -11,7 +11,6 @@ from matplotlib.figure import Figure
 
 from wbc.app.log.reader import Log
 from wbc.app.plot.style import COLOURS, STYLES, grid, labels, legend, mark_states, new_figure
-from wbc.core.arguments import checked
 from wbc.core.errors import InputError, unknown_name
 
 if TYPE_CHECKING:
@@ -46,7 +45,6 @@ def select(logs: Sequence[Log], words: Sequence[str]) -> list[str]:
     return list(chosen)
 
 
-@checked
 def draw_signals(logs: Sequence[Log], words: Sequence[str]) -> Figure:
     """Draw signals over time: one panel for each unit, one colour for each signal, one line style for each log.
 

@@ -19,7 +19,6 @@ from wbc.app.log.signals import Signal
 from wbc.app.replay.replay import Replay
 from wbc.app.view.marks import Mark, placed
 from wbc.app.view.meshes import body_meshes
-from wbc.core.arguments import checked
 from wbc.core.errors import InputError
 from wbc.core.files import replacing
 from wbc.core.settings import Positive
@@ -36,7 +35,6 @@ def check_conversion(path: str | Path, inputs: Iterable[str | Path] = ()) -> Pat
     return target
 
 
-@checked
 def convert_log(
     log: Log,
     path: str | Path,

@@ -21,7 +21,6 @@ from wbc.app.replay.replay import Replay
 from wbc.app.view.marks import Mark, Picture
 from wbc.app.view.meshes import Colour
 from wbc.app.view.stage import Stage
-from wbc.core.arguments import checked
 from wbc.core.errors import Array, InputError, WbcError
 from wbc.core.files import replacing
 
@@ -76,7 +75,6 @@ def renderer(model: mujoco.MjModel, width: int, height: int, samples: int = 0) -
         raise RenderError(f"cannot draw with MUJOCO_GL={kind} ({reason}): {GL_HELP}") from error
 
 
-@checked
 def render_video(
     replay: Replay,
     path: str | Path,

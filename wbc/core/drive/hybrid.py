@@ -6,7 +6,6 @@ from typing import Annotated
 
 import numpy as np
 
-from wbc.core.arguments import checked
 from wbc.core.control import FailurePolicy, SafetySettings, State
 from wbc.core.drive.torque import TorqueControl
 from wbc.core.errors import Array, InputError, finite_array, scalar
@@ -33,7 +32,6 @@ class HybridControl(TorqueControl):
         v: Joint velocities of the last references, shape (na,), rad/s.
     """
 
-    @checked
     def __init__(
         self,
         controller: Controller,

@@ -12,7 +12,6 @@ from typing import Annotated, Literal
 import numpy as np
 import pinocchio as pin
 
-from wbc.core.arguments import checked
 from wbc.core.control import DriveControl, FailurePolicy, SafetySettings, State
 from wbc.core.errors import Array, InputError, scalar, shown
 from wbc.core.estimation.observer import Observer
@@ -35,7 +34,6 @@ class PositionControl(DriveControl):
         v: Its velocity, shape (nv,).
     """
 
-    @checked
     def __init__(
         self,
         controller: Controller,

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from wbc.core.arguments import checked
 from wbc.core.control import DriveControl, FailurePolicy, SafetySettings, State
 from wbc.core.errors import Array
 from wbc.core.estimation.observer import Observer
@@ -14,7 +13,6 @@ from wbc.core.signals import Command
 class TorqueControl(DriveControl):
     """Torque control: sends the torques of the solution; the controller's robot is the estimated one."""
 
-    @checked
     def __init__(
         self,
         controller: Controller,

@@ -22,7 +22,6 @@ import numpy as np
 import pinocchio as pin
 from pydantic import Field
 
-from wbc.core.arguments import checked
 from wbc.core.errors import Array, InputError, MeasurementError, finite_array
 from wbc.core.estimation.delay import DelayPredictor
 from wbc.core.estimation.inertial import InertialFilter, InertialSettings
@@ -100,7 +99,6 @@ class Observer:
         outside: Observer of the wrench of the surroundings besides the ground; None leaves it out.
     """
 
-    @checked
     def __init__(
         self,
         robot: Robot,

@@ -12,7 +12,6 @@ import coal
 import numpy as np
 import pinocchio as pin
 
-from wbc.core.arguments import checked
 from wbc.core.errors import ROUNDING, Array, InputError, shown
 from wbc.core.limits.rows import RowLimit, limit_time_constant
 from wbc.core.robot import Robot
@@ -95,7 +94,6 @@ class SelfCollisionLimit(RowLimit):
     for links that come within `influence` at no more than the speed allowed there.
     """
 
-    @checked
     def __init__(
         self,
         pairs: Iterable[tuple[str, str]],

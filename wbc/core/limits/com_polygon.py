@@ -14,7 +14,6 @@ from typing import Annotated
 import numpy as np
 from numpy.typing import ArrayLike
 
-from wbc.core.arguments import checked
 from wbc.core.errors import Array, InputError
 from wbc.core.hull import convex_hull
 from wbc.core.limits.rows import RowLimit, damped_bound, limit_time_constant
@@ -33,7 +32,6 @@ class CoMPolygonLimit(RowLimit):
     edge: that suffices inside, and outside `recovery` brings the CoM back.
     """
 
-    @checked
     def __init__(
         self,
         polygon: ArrayLike | None = None,

@@ -12,7 +12,6 @@ from typing import Annotated
 import numpy as np
 from numpy.typing import ArrayLike
 
-from wbc.core.arguments import checked, checked_on_failure
 from wbc.core.errors import Array, InputError, finite_array, positive, scalar
 from wbc.core.robot import Robot
 from wbc.core.settings import NonNegative, Ratio
@@ -81,7 +80,6 @@ def _joint_bound(what: str, value: ArrayLike, na: int) -> Array:
 class JointLimits:
     """Position, velocity and acceleration bounds of every actuated joint, as one interval of its acceleration."""
 
-    @checked
     def __init__(
         self,
         *,
@@ -188,7 +186,6 @@ class JointLimits:
 class TorqueLimits:
     """Bounds of the joint torques, and of how fast they change."""
 
-    @checked
     def __init__(self, *, ratio: Ratio = 1.0, rate: ArrayLike | None = None) -> None:
         """Choose the bounds.
 
@@ -261,7 +258,6 @@ class RowLimit(ABC):
         """
 
 
-@checked_on_failure
 def damped_bound(distance: Array, velocity: Array, dt: float, time_constant: float) -> Array:
     """Return the greatest acceleration towards a bound with which the speed is distance / time constant at most.
 

@@ -16,7 +16,6 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
-from wbc.core.arguments import checked, checked_on_failure
 from wbc.core.errors import (
     ROUNDING,
     Array,
@@ -54,7 +53,6 @@ def mean_distance(half_length: float, half_width: float) -> float:
     return float(np.hypot(x, y) / 3 + x**2 / (6 * y) * np.arcsinh(y / x) + y**2 / (6 * x) * np.arcsinh(x / y))
 
 
-@checked_on_failure
 def rectangle_wrench_cone(
     half_length: float, half_width: float, friction: float, *, even: bool = False
 ) -> Array:
@@ -486,7 +484,6 @@ class SoleContact(_HeldFrame):
     10⁻⁵ per N² of shear, 10⁻⁶ per N² of normal force and 10⁻³ per (Nm)².
     """
 
-    @checked
     def __init__(
         self,
         sole: str,
@@ -658,7 +655,6 @@ class PointContact(Contact):
 
     dim = 3
 
-    @checked
     def __init__(
         self,
         frame: str,
@@ -721,7 +717,6 @@ class FixedContact(_HeldFrame):
     along the z axis both ways, 10⁶ N by default.
     """
 
-    @checked
     def __init__(self, frame: str, **options: Unpack[ContactOptions]) -> None:
         """Describe the contact.
 

@@ -12,7 +12,6 @@ from typing import Any, TypeVar, overload
 
 import numpy as np
 
-from wbc.core.arguments import checked
 from wbc.core.errors import Array, InputError, WbcError, as_period, choose, shown, unknown_name
 from wbc.core.html import html_text
 from wbc.core.limits.rows import JointLimits, RowLimit, TorqueLimits
@@ -41,7 +40,6 @@ class Controller:
             robot that does not stand yet. They enter the dynamics of every tick; None for none.
     """
 
-    @checked
     def __init__(
         self,
         robot: Robot,

@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from wbc.core.attributes import FixedAttributes
-from wbc.core.errors import Array, InputError, WbcError, finite_array, shown, whole_number
+from wbc.core.errors import Array, InputError, WbcError, finite_array, shown, unknown_name, whole_number
 from wbc.core.qp.problem import Problem
 from wbc.core.robot import Robot
 from wbc.core.signals import Measurement
@@ -29,6 +29,10 @@ from wbc.core.signals import Measurement
 ERROR_BOUNDS = {"m": 0.1, "rad": 1.0}
 """Unit → greatest component of an error that acts, unless a task is given another: far above those of a motion that is
 followed. Errors of other units have no bound."""
+
+
+OPTIONS = ("name", "weight", "stiffness", "damping", "error_bound", "hard", "axes", "joints")
+"""Options of tasks; axes are those of motion tasks."""
 
 
 @dataclass(slots=True)
@@ -89,6 +93,7 @@ class Task(FixedAttributes):
         damping: ArrayLike | None = None,
         error_bound: ArrayLike | None = None,
         hard: bool = False,
+        **unknown: object,
     ) -> None:
         """Set gains; they can be changed at any time.
 
@@ -101,12 +106,16 @@ class Task(FixedAttributes):
             error_bound: Greatest component of the error that acts, `unit`, scalar or shape (dim,), > 0; that of
                 `ERROR_BOUNDS` when None.
             hard: Make the rows a constraint.
+            **unknown: None: an option of another name is an error with the nearest ones.
 
         Raises:
+            UnknownNameError: An option that tasks do not have.
             InputError: A gain that is negative, not finite or of the wrong shape.
         """
         if not isinstance(name, str):
             raise InputError(f"the name of a task must be text, got {shown(name)}")
+        for option in unknown:
+            unknown_name(f"option of task '{name}'", option, {*OPTIONS} - {option})
         self._dim = whole_number(f"number of rows of task '{name}'", dim, low=1)
         self.name = name
         self._rows = Rows.zeros(self._dim)

@@ -12,7 +12,6 @@ from typing import Any
 
 import numpy as np
 
-from wbc.core.arguments import checked
 from wbc.core.errors import Array, InputError
 from wbc.core.gate import CommandGate
 from wbc.core.signals import Command, Measurement
@@ -56,7 +55,6 @@ class UnitreeDriver:
         warnings: Errors and temperatures of motors in the last state.
     """
 
-    @checked
     def __init__(
         self,
         description: RobotDescription,

@@ -12,7 +12,6 @@ import itertools
 import json
 import time
 
-from wbc.core.arguments import checked
 from wbc.core.errors import InputError
 from wbc.core.settings import Positive
 from wbc.machine.unitree.dds import REQUEST_TOPIC, RESPONSE_TOPIC, DdsError, Topics, message
@@ -31,7 +30,6 @@ class MotionSwitcher:
     the robot then carries nothing and must hang.
     """
 
-    @checked
     def __init__(self, interface: str = "lo", *, domain: int = 1, timeout: Positive = 5.0) -> None:
         """Join the topics.
 
@@ -74,7 +72,6 @@ class MotionSwitcher:
             name = self.mode()
         return first
 
-    @checked
     def select(self, name: str) -> None:
         """Give the motors to a built-in controller.
 

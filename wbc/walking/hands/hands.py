@@ -23,7 +23,6 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
-from wbc.core.arguments import checked
 from wbc.core.errors import ROUNDING, Array, InputError, choose, finite_array, finite_scalar
 from wbc.core.estimation.turn import GyroTurn
 from wbc.core.qp.controller import Controller
@@ -169,7 +168,6 @@ class Hands:
         place: Array = arm.shoulder + reach * np.array([c * ahead - s * left, s * ahead + c * left, -below])
         return place
 
-    @checked
     def press(
         self,
         hand: str,
@@ -197,7 +195,6 @@ class Hands:
         """
         self._start(hand, force, direction, at, firm=firm, grip=False)
 
-    @checked
     def grip(self, hand: str, at: ArrayLike, direction: ArrayLike, limit: float) -> None:
         """Go with a hand to a handle, and keep it before the robot from then on, wherever it walks.
 

@@ -20,7 +20,6 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
-from wbc.core.arguments import checked
 from wbc.core.errors import Array, InputError, choose, finite_array
 from wbc.core.qp.controller import Controller
 from wbc.core.robot import BASE_DOF
@@ -164,7 +163,6 @@ class Arm:
             return False
         return bool(np.linalg.norm(error[:3]) < NEAR["m"] and np.linalg.norm(error[3:]) < NEAR["rad"])
 
-    @checked
     def reach(
         self,
         target: ArrayLike | pin.SE3,
@@ -377,7 +375,6 @@ class Arms:
         """Hands of the robot."""
         return tuple(self._hands.values())
 
-    @checked
     def place(self, name: str, where: pin.SE3, velocity: ArrayLike | None = None) -> None:
         """State where an object is; call it again whenever it has moved.
 

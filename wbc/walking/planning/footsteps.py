@@ -13,7 +13,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pinocchio as pin
 
-from wbc.core.arguments import check_fields
 from wbc.core.errors import Array, InputError, choose, finite_scalar
 from wbc.core.robot import SIDES, Robot
 from wbc.walking.planning.gait import Gait
@@ -119,7 +118,6 @@ class FootstepPlan:
     gait: Gait
 
     def __post_init__(self) -> None:
-        check_fields(self)
         object.__setattr__(self, "steps", tuple(self.steps))
         if self.left.side != "left" or self.right.side != "right":
             raise InputError("left and right of a plan must be footsteps of those sides")

@@ -11,7 +11,6 @@ import numpy as np
 import pinocchio as pin
 from pydantic import Field
 
-from wbc.core.arguments import checked
 from wbc.core.errors import ROUNDING, InputError, choose, finite_array
 from wbc.core.robot import SIDES
 from wbc.core.settings import Positive
@@ -24,7 +23,6 @@ MOST_STEPS = 10_000
 """Greatest number of steps of a plan, three hours of walking: a greater one is a slip of the finger."""
 
 
-@checked
 def walk_distance(start: FootstepPlan, distance: float, *, first: str = "left") -> FootstepPlan:
     """Walk straight on with equal steps and close up at the end.
 
@@ -43,7 +41,6 @@ def walk_distance(start: FootstepPlan, distance: float, *, first: str = "left") 
     return walk_path(start, [(distance / count, 0.0, 0.0)] * count, first=first)
 
 
-@checked
 def walk_velocity(
     start: FootstepPlan, velocity: Sequence[float], steps: int, *, first: str | None = None
 ) -> FootstepPlan:
@@ -78,7 +75,6 @@ def walk_velocity(
     return _path(start, [move] * steps, first or leaders[0 if vy else 1], leaders, close=True)
 
 
-@checked
 def turn_in_place(
     start: FootstepPlan, angle: float, *, per_step: Turn = 0.25, ahead: float = 0.0
 ) -> FootstepPlan:
@@ -105,7 +101,6 @@ def turn_in_place(
     return _path(start, [(0.0, -ahead * turn, turn)] * (2 * pairs), leader, (leader, leader), close=False)
 
 
-@checked
 def walk_path(
     start: FootstepPlan,
     moves: Iterable[tuple[float, float, float]],
@@ -147,7 +142,6 @@ def _path(
     return replace(start, steps=tuple(steps))
 
 
-@checked
 def climb_stairs(
     start: FootstepPlan,
     *,

@@ -10,7 +10,6 @@ from __future__ import annotations
 from dataclasses import field
 from typing import Annotated
 
-from wbc.core.arguments import checked
 from wbc.core.control import Mode, SafetySettings
 from wbc.core.errors import as_period
 from wbc.core.estimation.inertial import InertialSettings
@@ -70,7 +69,6 @@ class SteppingControl(ReferenceControl):
 
     source: SteppingWalk
 
-    @checked
     def __init__(
         self,
         robot: Robot,

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from wbc.core.arguments import checked
 from wbc.core.control import State
 from wbc.core.robot import Robot
 from wbc.ground import KnownGround
@@ -114,7 +113,6 @@ class SteppingWalk(ReferenceSource):
         """Greatest velocities that are granted."""
         return self._steering.limits
 
-    @checked
     def go_to(self, x: float, y: float, yaw: float) -> None:
         """Walk to a place in the world, m, with a heading, rad, and stand there."""
         self._steering.go_to(x, y, yaw)
