@@ -8,7 +8,7 @@ import sys
 from collections.abc import Callable, Mapping
 from functools import cache
 from importlib.metadata import EntryPoint, entry_points
-from typing import Any, TypeVar
+from typing import Any, TypeVar, get_args
 
 from wbc.core.errors import InputError, WbcError, choose, shown, unknown_name
 
@@ -98,9 +98,13 @@ def call_checked(what: str, make: Callable[..., T], parameters: Mapping[str, Any
     Raises `UnknownNameError` for a parameter that it does not have, `InputError` for one that is missing or out of
     range.
     """
-    known = inspect.signature(make).parameters
+    known = inspect.signature(make, eval_str=True).parameters
+    names = {name for name, each in known.items() if each.kind is not each.VAR_KEYWORD}
+    for each in known.values():
+        if each.kind is each.VAR_KEYWORD:  # Unpack[Options]
+            names |= {*get_args(each.annotation)[0].__annotations__}
     for name in parameters:
-        choose(f"parameter of the {what}", name, known)
+        choose(f"parameter of the {what}", name, names)
     for parameter in known.values():
         needed = parameter.default is parameter.empty and parameter.kind is not parameter.VAR_KEYWORD
         if needed and parameter.name not in parameters:

@@ -174,7 +174,7 @@ def _refuse(kind: Any, error: ValidationError) -> NoReturn:
     for part in loc:
         path += f"[{part}]" if isinstance(part, int) else f".{part}" if path else part
         if part in getattr(owner, FIELDS, ()):
-            hint = _hints(owner)[part]
+            hint = _hints(owner)[str(part)]
             owner, unit = next(_classes_in(hint), None), unit_of(hint)
     if first["type"] == "unexpected_keyword_argument":
         unknown_name(f"setting of {getattr(owner, '__name__', path)}", loc[-1], getattr(owner, FIELDS, ()))
