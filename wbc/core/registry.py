@@ -102,7 +102,8 @@ def call_checked(what: str, make: Callable[..., T], parameters: Mapping[str, Any
     names = {name for name, each in known.items() if each.kind is not each.VAR_KEYWORD}
     for each in known.values():
         if each.kind is each.VAR_KEYWORD:  # Unpack[Options]
-            names |= {*get_args(each.annotation)[0].__annotations__}
+            options = get_args(each.annotation)
+            names |= {*(options[0].__annotations__ if options else parameters)}
     for name in parameters:
         choose(f"parameter of the {what}", name, names)
     for parameter in known.values():
