@@ -79,7 +79,7 @@ class RobotDescription:
     derived: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
-        check_fields(self)
+        object.__setattr__(self, "soles", tuple(self.soles))
         for mapping in (
             "half_sitting",
             "armature",

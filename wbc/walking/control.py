@@ -22,7 +22,7 @@ from wbc.core.control import Mode, SafetySettings, State
 from wbc.core.drive.hybrid import HybridControl
 from wbc.core.drive.position import PositionControl
 from wbc.core.drive.torque import TorqueControl
-from wbc.core.errors import InputError, as_period, shown
+from wbc.core.errors import InputError, as_period, finite_array, shown
 from wbc.core.estimation.inertial import InertialSettings
 from wbc.core.estimation.observer import Observer
 from wbc.core.qp.controller import Controller
@@ -311,7 +311,7 @@ class ReferenceControl:
                 lift a foot.
         """
         self.body.check_steps(self.source.swing_height)
-        self.source.go_to(x, y, yaw)
+        self.source.go_to(*finite_array("goal (m, m, rad)", (x, y, yaw), (3,)).tolist())
         self.stopped = False
 
     def follow(self, source: FootstepPlan | FootstepSource) -> None:
