@@ -96,7 +96,7 @@ def test_every_velocity_gives_steps_within_reach(name: str) -> None:
             plan = source.footsteps(now._replace(begun=begun, time=float(begun)))
             check_plan(plan, robot, reach)
             assert len(plan) >= 3
-            limits = (0.4 if x > 0 else 0.3, 0.2, 0.5)
+            limits = (0.3, 0.2, 0.5)
             for granted, wish, limit in zip(source.granted, (x, y, turn), limits, strict=True):
                 assert abs(granted) <= min(abs(wish), limit) + 1e-9 and granted * wish >= 0.0
             step = plan.steps[0]
@@ -299,26 +299,18 @@ def test_gait_for_a_speed() -> None:
         assert quicker.landing_speed >= slower.landing_speed and quicker.apex >= slower.apex
 
 
-@pytest.mark.parametrize(("name", "least"), [("hrp4_class", 0.4), ("talos", 0.4), ("g1", 0.4)])
-def test_the_reach_of_every_robot_grants_its_speed(name: str, least: float) -> None:
-    """Short legs get it by quicker steps, straight ones by bent knees, which robots with bent ones keep."""
+@pytest.mark.parametrize("name", ["hrp4_class", "talos", "g1"])
+def test_the_reach_of_every_robot_grants_its_speed(name: str) -> None:
+    """Straight legs get it by bent knees, which robots with bent ones keep."""
     robot = ROBOTS[name]
     height = bent_height(robot, DriveSettings().stretch)
     assert height <= robot.com[2] + 1e-9 and (height < robot.com[2] - 0.01) == (name == "g1")
-    calm = VelocitySource(Reach.of(robot, height), SIZES[name])
-    source = VelocitySource(Reach.of(robot, height), SIZES[name], DriveSettings(pace_limit=0.6))
-    source.target = calm.target = (0.4, 0.0, 0.0)
-    now = standing(name)
-    for i in range(30):
-        source.footsteps(now._replace(time=0.1 * i))
-        calm.footsteps(now._replace(time=0.1 * i))
-    assert source.granted[0] == pytest.approx(least)
-    assert (source.pace > 0.45) == (name == "g1")  # the others reach far enough at the pace of 0.4 m/s
-    assert calm.pace == pytest.approx(0.4) and (calm.granted[0] < 0.38) == (name == "g1")
-    source.target = (0.2, 0.0, 0.0)
-    for i in range(30, 60):
-        source.footsteps(now._replace(time=0.1 * i))
-    assert source.granted == (0.2, 0.0, 0.0) and source.pace == 0.2
+    source = VelocitySource(Reach.of(robot, height), SIZES[name])
+    for target in (0.3, 0.2):
+        source.target = (target, 0.0, 0.0)
+        for i in range(30):
+            source.footsteps(standing(name)._replace(time=0.1 * i))
+        assert source.granted[0] == pytest.approx(target, abs=0.02) and source.pace == target
 
 
 def test_a_standing_robot_is_not_done_once_it_has_somewhere_to_go() -> None:

@@ -13,13 +13,11 @@ from scipy.spatial import ConvexHull
 
 from wbc.core.errors import InputError
 from wbc.core.qp.solver import Status
-from wbc.robots import load
 from wbc.tasks.stabilizer.pendulum import Pendulum
 from wbc.tasks.trajectories import Quintic
 from wbc.walking.pattern.height import HeightProfile
 from wbc.walking.pattern.pattern import Pattern
 from wbc.walking.pattern.preview import PreviewController, PreviewSettings
-from wbc.walking.pattern.reaction import TRUNK, SwingReaction, Travel, leg_share
 from wbc.walking.planning.footsteps import Footstep, FootstepPlan
 from wbc.walking.planning.gait import Gait
 from wbc.walking.planning.planners import climb_stairs, walk_distance, walk_velocity
@@ -270,50 +268,3 @@ def test_from_rest_the_weight_is_shifted_within_the_feet() -> None:
     zmp = np.array([pattern.at(t).zmp[:2] for t in np.arange(0.0, 0.8, 0.02)])
     assert max(inside(area, z) for z in zmp) < 1e-6
     assert zmp[:, 1].max() > 0.01 and zmp[-1, 1] < -0.04  # first away from the stance foot, then to it
-
-
-@pytest.mark.parametrize("name", ["hrp4_class", "talos", "g1"])
-def test_a_swinging_leg_pushes_the_centre_of_mass_of_the_whole_robot(name: str) -> None:
-    """A foot that accelerates, and a CoM that gives way by κ of it: the ground's force stays under the CoM."""
-    robot = load(name).robot()
-    model, data, q = robot.model, robot.model.createData(), robot.half_sitting
-    frame = robot.frame_id(robot.soles[0].frame)
-    jacobian = pin.computeFrameJacobian(model, data, q, frame, pin.LOCAL_WORLD_ALIGNED)
-    com = pin.jacobianCenterOfMass(model, data, q)
-    ground = pin.framesForwardKinematics(model, data, q) or float(data.oMf[frame].translation[2])
-    height = float(data.com[0][2]) - ground
-    joints = [model.idx_vs[j] for j in model.supports[model.frames[frame].parentJoint] if j > 1]
-    a = np.zeros(model.nv)
-    a[joints] = np.linalg.lstsq(jacobian[:, joints], np.array((1.0, 0, 0, 0, 0, 0)), rcond=None)[0]
-    a[:3] += (leg_share(robot, height), 0.0, 0.0) - (com @ a) * (1.0, 0.0, 0.0)  # the base is not turned
-    wrench = data.oMi[1].act(pin.Force(pin.rnea(model, data, q, np.zeros(model.nv), a)[:6]))
-    zmp = (-wrench.angular[1] - ground * -wrench.linear[0]) / wrench.linear[2]
-    rest = data.oMi[1].act(pin.Force(pin.rnea(model, data, q, np.zeros(model.nv), np.zeros(model.nv))[:6]))
-    centre = -rest.angular[1] / rest.linear[2]
-    # c̈ = ω² (c − z) + κ ẍ with the ZMP under the CoM
-    assert zmp == pytest.approx(centre, abs=1e-3)
-
-
-@pytest.mark.slow
-def test_the_reaction_to_a_swing_stays_bounded_and_obeys_the_pendulum() -> None:
-    """c̈ = ω² (c − z) + κ ẍ tick by tick, and back at the pendulum after the swing."""
-    omega, dt, share, duration, way = 3.9, 1e-4, 0.07, 0.4, 0.5
-    reaction, rest = SwingReaction(share, omega, dt), Pendulum.at_rest(np.array([0.0, 0.0, 0.645]))
-    rest = rest._replace(omega=omega)
-    path = Quintic((0.0, 0.0, 0.0), (way, 0.0, 0.0), duration)
-    coms, pushes, dcms = [], [], []
-    for i in range(round(2.5 / dt)):
-        time = i * dt - 1.0
-        reaction.update([Travel(time, duration, way, 0.0)], 1.0)
-        moved = reaction.moved(rest)
-        coms.append(moved.com[0])
-        dcms.append(reaction.dcm[0])
-        pushes.append(TRUNK * share * path.at(time)[2] if 0.0 <= time <= duration else 0.0)
-        assert moved.dcm[0] == pytest.approx(reaction.dcm[0], abs=1e-12)
-        assert reaction.acceleration[0] == pytest.approx(pushes[-1], abs=1e-9)
-        assert moved.com_acceleration[0] == pytest.approx(omega**2 * moved.com[0], abs=1e-12)
-    acceleration = np.diff(coms, 2) / dt**2
-    error = acceleration - omega**2 * np.array(coms[1:-1]) - np.array(pushes[1:-1])
-    assert np.abs(error).max() < 0.01 * max(pushes)
-    assert 0.005 < max(np.abs(dcms)) < 0.05 and dcms[0] == pytest.approx(0.0, abs=1e-3)
-    assert abs(coms[-1]) < 1e-3

@@ -21,7 +21,6 @@ from wbc.core.robot import SIDES, Robot
 from wbc.ground import KnownGround
 from wbc.walking.contact import Phase
 from wbc.walking.planning.footsteps import FootstepPlan, check_start
-from wbc.walking.planning.gait import reaction
 from wbc.walking.planning.reach import Reach, bent_height, check_plan
 from wbc.walking.planning.sources import (
     AT_REST,
@@ -78,10 +77,8 @@ class LipmWalk(ReferenceSource):
         if not len(plan):
             if s.com_height is None:
                 height = min(height, bent_height(robot, s.drive.stretch))
-            # Bent knees reach further ahead; to the side ankles must roll by what the robot sways, less in quick steps.
-            reach = Reach.of(robot, height)
-            narrow = Reach.of(robot).max_spacing
-            reach = replace(reach, max_spacing=narrow, quick_spacing=reach.max_spacing)
+            # Bent knees reach further ahead; to the side ankles must roll by what the robot sways.
+            reach = replace(Reach.of(robot, height), max_spacing=Reach.of(robot).max_spacing)
         self.walk = walk = Walk(
             robot, plan, height, dt, s.walk, reach=reach, extent=extent, com=np.array(robot.com)
         )
@@ -239,7 +236,7 @@ class LipmWalk(ReferenceSource):
         try:
             plan = planner.footsteps(now)
             self._check(plan, now, planner)
-            self._steer(plan, planner)
+            self._steer(plan)
             self._pace = planner.pace
         except Exception as error:  # of a planner of the user's own, too: the robot comes to a stand
             self._drop(error, now)
@@ -264,18 +261,13 @@ class LipmWalk(ReferenceSource):
         if planner.within_reach and self._extent is None:
             return
         checked = replace(plan, left=now.start.left, right=now.start.right)
-        reach = self.walk.reach
-        if planner.within_reach:
-            reach = replace(reach, max_spacing=reach.widest)
-        check_plan(checked, self._robot, reach, self._extent)
+        check_plan(checked, self._robot, self.walk.reach, self._extent)
 
-    def _steer(self, plan: FootstepPlan, planner: FootstepSource) -> None:
+    def _steer(self, plan: FootstepPlan) -> None:
         walk = self.walk
         if not plan.steps and walk.phases.step >= len(walk.phases.plan):
             return  # it stands, or comes to rest
         gait = plan.gait
-        if plan.steps:
-            walk.reaction = reaction(planner.pace)
         if gait is not walk.phases.plan.gait:
             gait, _ = gait.on_grid(walk.period)
         walk.steer(plan.steps, gait)
@@ -291,7 +283,7 @@ class LipmWalk(ReferenceSource):
         )
         self.planner = stand = self.velocity_source()
         try:
-            self._steer(stand.footsteps(now), stand)
+            self._steer(stand.footsteps(now))
         except InputError:
             side = now.first
             self.walk.steer(() if side is None else close_up(now.start, side).steps)

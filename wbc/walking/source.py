@@ -28,8 +28,6 @@ from wbc.walking.swing import FootMotion
 if TYPE_CHECKING:
     from wbc.walking.stepping.law import Divergent
 
-NO_REACTION = (0.0, 0.0)
-
 
 class Support(NamedTuple):
     """Load of each foot of a robot that balances by its steps.
@@ -80,7 +78,6 @@ class Reference(NamedTuple):
         phase: Phase of the feet.
         step: Index of the step that swings, or that swings next; number of the steps that have ended.
         events: Events of this tick.
-        reaction: Acceleration of the CoM beyond that of the pendulum, by the reaction to the swing, x and y, m/s².
         landing: Planned landing of the foot in the air; None where none is planned.
         elapsed: Time in this phase, s.
         duration: Planned length of this phase, s.
@@ -95,7 +92,6 @@ class Reference(NamedTuple):
     phase: Phase = Phase.STANDING
     step: int = 0
     events: tuple[Event, ...] = ()
-    reaction: tuple[float, float] = NO_REACTION
     landing: Footstep | None = None
     elapsed: float = 0.0
     duration: float = 0.0

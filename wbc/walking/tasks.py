@@ -174,14 +174,14 @@ class WalkTasks:
             return
         if isinstance(self.com, StabilizerTask):
             places = [motion.placement for motion in reference.feet]
-            self.com.apply(pendulum, reference.contact, places, reference.reaction)
+            self.com.apply(pendulum, reference.contact, places)
         else:
             self.com.follow(pendulum.com, pendulum.com_velocity, pendulum.com_acceleration)
         self._turn_trunk(reference.heading, lean, twist)
 
     def _follow_body(self, reference: Reference, body: WholeBody, lean: LeanMotion) -> None:
         """Set the targets of a source that gives the motion of all joints."""
-        com, pendulum, beyond = self.com, reference.pendulum, reference.reaction
+        com, pendulum, beyond = self.com, reference.pendulum, (0.0, 0.0)
         assert isinstance(com, StabilizerTask)
         if self._torque:  # the feedback's acceleration is about that of the pendulum
             x, y = (body.com_acceleration[:2] - pendulum.com_acceleration[:2]).tolist()

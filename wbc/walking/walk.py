@@ -25,7 +25,6 @@ from wbc.walking.contact import Event, Phase
 from wbc.walking.ground import LAST_LOOK, NOTICED, Ground
 from wbc.walking.pattern.pattern import Pattern
 from wbc.walking.pattern.preview import PreviewController, PreviewSettings
-from wbc.walking.pattern.reaction import SwingReaction, Travel, leg_share
 from wbc.walking.planning.adjustment import AdjustmentSettings, StepAdjuster
 from wbc.walking.planning.footsteps import Footstep, FootstepPlan, heading, mean_heading
 from wbc.walking.planning.gait import Gait
@@ -36,10 +35,6 @@ from wbc.walking.source import Reference
 from wbc.walking.swing import FootMotion, SwingFoot
 
 logger = logging.getLogger(__name__)
-
-STEADY = 0.3
-"""Least time to touch-down to which a step is hurried while the CoM gives way to the reaction, s: a swing that is quick
-already has no time to spare."""
 
 TOUCH_DOWNS = (Event.EARLY_TOUCH_DOWN, Event.TOUCH_DOWN, Event.LATE_TOUCH_DOWN, Event.NO_TOUCH_DOWN)
 
@@ -94,8 +89,6 @@ class Walk:
         omega: Natural frequency of the pendulum, 1/s.
         com_height: Height of the CoM over the support while walking, m.
         ground: What is known of the ground.
-        reaction: Ratio of the reaction to the swing of a leg that the CoM yields to, 0 to 1; the feet hold the
-            rest.
     """
 
     def __init__(
@@ -146,13 +139,9 @@ class Walk:
             preview = replace(preview, target=replace(preview.target, inward=0.5 * room))
         self._preview = PreviewController(self.sole_sizes, com_height, preview)
         self.omega, self.com_height = self._preview.omega, com_height
-        self.reaction = 0.0
-        self._reaction = SwingReaction(leg_share(robot, com_height), self.omega, self.period)
         self._adjuster: StepAdjuster | None = None
         if s.adjustment is not None:
             self._adjuster = StepAdjuster(self.omega, self.reach, self.sole_sizes, s.adjustment)
-            steady = replace(s.adjustment, shortest=max(s.adjustment.shortest, STEADY))
-            self._steady = StepAdjuster(self.omega, self.reach, self.sole_sizes, steady)
 
         self.phases = WalkPhases(plan, robot.mass * GRAVITY, s.phases)
         self._robot, self._mass = robot, robot.mass
@@ -258,7 +247,7 @@ class Walk:
             if self._time > 0.0:  # a swing that begins has planned already
                 self._replan()
         elif dcm is not None and self._adjuster and self._swing is not None and not overdue:
-            self._adjust(dcm, self._steady if self.reaction > 0.0 else self._adjuster, self._swing)
+            self._adjust(dcm, self._adjuster, self._swing)
         if self._swing is not None:
             if self.ground.news:
                 self._look(self._swing)
@@ -266,41 +255,14 @@ class Walk:
             self._feet[side] = motion = self._swing.at(self.phases.elapsed)
             self._yaws[side] = heading(motion.placement.rotation)
         return Reference(
-            self._reacted(self._pattern.at(self._time)) if self._rest is None else self._rest,
+            self._pattern.at(self._time) if self._rest is None else self._rest,
             (self._feet[0], self._feet[1]),
             self.phases.contact,
             mean_heading(*self._yaws),
             self.phases.phase,
             self.phases.step,
             events,
-            self._reaction.acceleration,
         )
-
-    def _reacted(self, pendulum: Pendulum) -> Pendulum:
-        """Pendulum with the deviation by the legs that swing."""
-        if self.reaction > 0.0 or not self._reaction.rests:
-            self._reaction.update(self._travels(), self.reaction)
-            return self._reaction.moved(pendulum)
-        return pendulum
-
-    def _travels(self) -> list[Travel]:
-        """Displacements of the foot in the air and of the next one."""
-        phases, swing = self.phases, self._swing_gait
-        plan, step, lead = phases.plan, phases.step, phases.duration - phases.elapsed
-        on_way = swing.takeoff_time + swing.landing_time
-        travels = []
-        if phases.phase is Phase.SINGLE and self._planned_swing is not None:
-            # As planned at lift-off: adjustments are judged by what this leaves of the DCM's error.
-            planned, lift = self._planned_swing, plan.lift_off(step)
-            time, landing = phases.elapsed - swing.takeoff_time, planned.landing
-            travels.append(Travel(time, planned.duration - on_way, landing.x - lift.x, landing.y - lift.y))
-            step, lead = step + 1, lead + plan.gait.double_support
-        if step < len(plan) and phases.phase is not Phase.STANDING:
-            lift, landing = plan.lift_off(step), plan.steps[step]
-            time = -max(lead, 0.0) - swing.takeoff_time
-            duration = plan.gait.single_support - on_way
-            travels.append(Travel(time, duration, landing.x - lift.x, landing.y - lift.y))
-        return travels
 
     def _lift(self, placements: list[pin.SE3]) -> None:
         """Start a swing from the foot's placement."""
@@ -390,13 +352,8 @@ class Walk:
         elapsed, remaining = phases.elapsed, planned.duration - phases.elapsed
         if phases.remaining <= settings.freeze or remaining <= settings.freeze:
             return
-        if self.reaction > 0.0 and phases.step + 1 >= len(phases.plan):
-            return  # after a quick step that closes up both feet hold what is left; hurrying it would trip the robot
-        measured = np.asarray(dcm)[:2]
-        if not self._reaction.rests:  # the plan is that without
-            measured = measured - self._reaction.dcm
         landing, time = adjuster.adjust(
-            measured,
+            np.asarray(dcm)[:2],
             planned.pattern.dcm_at(elapsed - planned.begin),
             planned.dcm,
             planned.landing,

@@ -86,12 +86,6 @@ SPEEDS = {
 speed, twice the sideways speed and 0.6 m of the turning one. Quick swings are low and land without slowing down first:
 a knee's greatest speed is needed to lift the foot."""
 
-SLOW = 0.3
-"""Speed up to which the feet hold the reaction to the swing of a leg, m/s; from `QUICK` on the CoM yields to it."""
-
-QUICK = 0.35
-"""Speed from which the CoM yields to the whole reaction, m/s."""
-
 GRID = {name: 0.01 for name in (*TIMINGS, "takeoff_time", "landing_time")}
 """Values of a gait for a speed are multiples of this (s), the other ones of 0.001."""
 
@@ -216,11 +210,6 @@ def pace(velocity: Sequence[float]) -> float:
     """Return the speed by which the gait of a velocity (forward, left, m/s, and turn, rad/s) goes, m/s."""
     forward, left, turn = (abs(float(part)) for part in velocity)
     return max(forward, 2.0 * left, 0.6 * turn)
-
-
-def reaction(speed: float) -> float:
-    """Return the ratio of the reaction to a leg's swing that the CoM yields to, at a speed of the gait (m/s)."""
-    return min(1.0, max(0.0, (speed - SLOW) / (QUICK - SLOW)))
 
 
 @lru_cache(maxsize=256)

@@ -45,8 +45,6 @@ class Reach:
         max_yaw: Greatest turn outwards, rad; half of it inwards.
         max_height: Greatest difference in height, m.
         max_swing_height: Greatest swing height, m.
-        quick_spacing: Greatest lateral distance in quick steps, in which the robot sways less and its ankles roll less,
-            m; `max_spacing` when None.
     """
 
     max_length: Annotated[Positive, "m"]
@@ -55,18 +53,12 @@ class Reach:
     max_yaw: Annotated[Positive, "rad"]
     max_height: Annotated[Positive, "m"]
     max_swing_height: Annotated[Positive, "m"]
-    quick_spacing: Annotated[Positive, "m"] | None = None
 
     def __post_init__(self) -> None:
         if self.min_spacing >= self.max_spacing:
             raise InputError(
                 f"min_spacing must be below max_spacing, got {self.min_spacing:g} and {self.max_spacing:g} m"
             )
-
-    @property
-    def widest(self) -> float:
-        """Greatest lateral distance of any step, m."""
-        return self.max_spacing if self.quick_spacing is None else max(self.quick_spacing, self.max_spacing)
 
     @staticmethod
     def of(robot: Robot, com_height: float | None = None) -> Reach:

@@ -26,7 +26,7 @@ from wbc.walking.planning.footsteps import (
     mean_heading,
     other,
 )
-from wbc.walking.planning.gait import SLOW, SPEEDS, Gait, pace
+from wbc.walking.planning.gait import Gait, pace
 from wbc.walking.planning.phases import WalkPhases
 from wbc.walking.planning.reach import Reach, soles_overlap
 from wbc.walking.planning.schedule import SoleSizes
@@ -45,9 +45,6 @@ LEADER_TURN = 4.0 / 3.0
 TURN_REACH = 0.9
 """Ratio of the greatest turn of a foot that steps may use."""
 
-FINER = 0.02
-"""Step of the speed by which a gait is made quicker until the legs reach, m/s."""
-
 TRIES = 2
 """Landings beside a goal after which a robot stands as near to it as its landings are to their plans."""
 
@@ -61,8 +58,6 @@ class DriveSettings:
         fastest: Greatest velocity granted: forward, left or right (m/s) and turn (rad/s). The defaults are for the
             built-in robots.
         fastest_back: Greatest velocity granted backwards, m/s.
-        pace_limit: Speed of the gait up to which steps become quicker where the legs do not reach; what they still do
-            not reach is not granted. With 0.6 m/s `g1` walks at 0.4 m/s; robots that are pushed then fall more often.
         reach: Ratio of the legs' reach forward and to the side that steps may use; the rest is for step adjustment.
         stretch: Ratio of their length to which the legs stretch of a robot that is driven and whose legs are
             straighter than 0.95 in half-sitting (`g1`): straight legs take no long steps. A given CoM height comes
@@ -75,9 +70,8 @@ class DriveSettings:
     """
 
     acceleration: Annotated[tuple[Positive, Positive, Positive], "m/s², m/s², rad/s²"] = (0.25, 0.25, 1.0)
-    fastest: Annotated[tuple[NonNegative, NonNegative, NonNegative], "m/s, m/s, rad/s"] = (0.4, 0.2, 0.5)
+    fastest: Annotated[tuple[NonNegative, NonNegative, NonNegative], "m/s, m/s, rad/s"] = (0.3, 0.2, 0.5)
     fastest_back: Annotated[NonNegative, "m/s"] = 0.3
-    pace_limit: Annotated[NonNegative, "m/s"] = 0.4
     reach: Share = 0.75
     stretch: Share = 0.92
     steps: Annotated[int, Field(ge=2, le=20)] = 4
@@ -127,7 +121,7 @@ class FootstepSource(ABC):
     Attributes:
         target: Commanded velocity; None for a planner that takes none.
         granted: Velocity of the present plan; None for the mean of its next two steps.
-        pace: Speed of the gait (`SPEEDS`), m/s, from which on the CoM yields to the reaction of quick legs.
+        pace: Speed of the gait (`SPEEDS`), m/s.
         within_reach: True if the steps are within reach by construction, also quick ones, which reach further.
     """
 
@@ -155,7 +149,7 @@ class VelocitySource(FootstepSource):
         target: Commanded velocity.
         granted: Velocity of the present plan: the commanded one, limited in change, by the settings and by the reach of
             the legs.
-        pace: Speed of the gait (`SPEEDS`), m/s: that of the velocity, or more where the legs reach less far.
+        pace: Speed of the gait (`SPEEDS`), m/s: that of the velocity.
     """
 
     target: Velocity
@@ -228,24 +222,14 @@ class VelocitySource(FootstepSource):
             self.granted, self._wish, self.pace = AT_REST, AT_REST, 0.0
             return start
         if left < 2 or math.hypot(2.0 * dx, 2.0 * dy) < self.settings.stopping:
-            self.granted = self._wish = AT_REST
-            if self.pace <= SLOW:
-                self.pace = 0.0
+            self.granted, self._wish, self.pace = AT_REST, AT_REST, 0.0
             return close_up(start, now.first)
         return replace(start, steps=self._steps(start, now.first, [(dx, dy, turn)]))
 
     def _fit(self, velocity: Velocity, spacing: float, gait: Gait) -> tuple[float, float]:
-        """Return the speed of the gait for a velocity, and the greatest ratio of the velocity within reach.
-
-        Where the legs do not reach, steps are quicker.
-        """
+        """Return the speed of the gait for a velocity, and the greatest ratio of the velocity within reach."""
         speed = pace(velocity)
-        quickest = max(speed, min(self.settings.pace_limit, max(SPEEDS)))
-        while not self._within(velocity, speed, spacing, gait, 1.0):
-            if speed >= quickest:
-                break
-            speed = min(speed + FINER, quickest)
-        else:
+        if self._within(velocity, speed, spacing, gait, 1.0):
             return speed, 1.0
         low, high = 0.0, 1.0
         for _ in range(8):
@@ -262,9 +246,7 @@ class VelocitySource(FootstepSource):
         gait = Gait.at_speed(speed, gait)
         cycle = gait.single_support + gait.double_support
         dx, dy, turn = (share * cycle * part for part in velocity)
-        swift = min(1.0, max(0.0, (speed - SLOW) / (max(SPEEDS) - SLOW)))
-        widest = r.max_spacing + swift * (r.widest - r.max_spacing)
-        wider = s * (widest - spacing)
+        wider = s * (r.max_spacing - spacing)
         outer, inner = (abs(turn) * part for part in (LEADER_TURN, 2.0 - LEADER_TURN))
         # Steps that are long and wide at once take more of the hip than each alone.
         effort = (dx / (s * r.max_length)) ** 2 + (2.0 * dy / max(wider, 1e-6)) ** 2
@@ -274,7 +256,7 @@ class VelocitySource(FootstepSource):
             stance = Footstep(other(side), 0.0, 0.0)
             step = self._step(_middle(stance, spacing), side, (dx, dy, turn), 0.5 * spacing, 0.0)[0]
             forward, left, _, _ = step.seen_from(stance)
-            far = abs(forward) > s * r.max_length or not r.min_spacing <= abs(left) <= widest
+            far = abs(forward) > s * r.max_length or not r.min_spacing <= abs(left) <= r.max_spacing
             if far or soles_overlap(stance, step, self._sizes):
                 return False
         return True

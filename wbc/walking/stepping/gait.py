@@ -25,7 +25,7 @@ from wbc.walking.contact import Event, Phase, Touch, touch_down
 from wbc.walking.ground import LAST_LOOK, Ground
 from wbc.walking.planning.footsteps import Footstep
 from wbc.walking.planning.gait import SwingShape
-from wbc.walking.source import NO_REACTION, Reference, Support
+from wbc.walking.source import Reference, Support
 from wbc.walking.stepping.law import (
     SIDEWAYS,
     Constants,
@@ -531,7 +531,6 @@ class SteppingGait:
             phase,
             self.steps_done,
             events,
-            NO_REACTION,
             landing,
             self._elapsed,
             duration,
