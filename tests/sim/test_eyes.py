@@ -126,7 +126,7 @@ class Sent(TrialHook):
             self._change(trial)
 
     def tick(self, tick) -> None:
-        self.commands.append(tick.command.joint_position.copy())
+        self.commands.append(tick.command.joint_torque.copy())
 
 
 def walked(change=None, **values) -> tuple[object, Sent, WalkTrial]:
@@ -150,6 +150,38 @@ def test_a_walk_that_knows_nothing_walks_as_a_blind_one_to_the_bit(blind: Sent) 
     _, sent, trial = walked(eyes="depth", changes={"camera.end": 0.0})
     assert trial.walking.ground is not None
     assert all(np.array_equal(a, b) for a, b in zip(blind.commands, sent.commands, strict=True))
+
+
+@pytest.mark.slow
+def test_a_stepping_walk_lands_on_what_it_sees_and_is_blind_where_it_sees_nothing() -> None:
+    """Steps of 30 mm come as expected; a camera that is dead changes nothing, to the bit."""
+    errors: dict[str, float] = {}
+    sent: dict[str, list[np.ndarray]] = {}
+    for name, values in {
+        "blind": {},
+        "depth": {"eyes": "depth"},
+        "dead": {"eyes": "depth", "changes": {"camera.end": 0.0}},
+    }.items():
+        landings: list[float] = []
+
+        def listen(trial: WalkTrial, landings=landings) -> None:
+            ground = trial.walking.source.gait.ground
+            if trial.walking.time == 0.0:
+                land = ground.land
+                ground.land = lambda e, *rest: (landings.append(abs(e)), land(e, *rest))[0]
+
+        result, hook, _ = walked(
+            listen,
+            law="stepping",
+            foot="rigid",
+            plan=WalkPlan(distance=1.2),
+            terrain_params={"ramp": 0.0},
+            **values,
+        )
+        assert result.failures == 0
+        errors[name], sent[name] = float(np.mean(landings)), hook.commands
+    assert all(np.array_equal(a, b) for a, b in zip(sent["blind"], sent["dead"], strict=True))
+    assert errors["depth"] < errors["blind"]
 
 
 def _map(height: float):

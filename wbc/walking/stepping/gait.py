@@ -98,7 +98,7 @@ class SteppingGait:
         self.settings, self.scale, self._dt = settings.in_si(scale), scale, dt
         self.constants = c = in_si(Constants(), scale)
         self.steering = Steering(self.settings, scale, c.brisk, heading, dt)
-        self.ground = Ground(c.ground_share, 0.0)
+        self.ground = Ground(c.ground_share, 0.0, scale.leg / 3.0)
         self.steps_done = 0
         self._shape = SwingShape(
             self.settings.swing_height,
