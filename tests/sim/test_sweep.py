@@ -100,6 +100,7 @@ def test_results_of_other_code_count_only_if_wanted(tmp_path: Path) -> None:
     assert own.version == provenance() and marks_of(marks) == {1: 1}
 
 
+@pytest.mark.slow
 def test_own_processes_survive_a_trial_that_kills_one(tmp_path: Path) -> None:
     marks, path = tmp_path / "marks", tmp_path / "journal.jsonl"
     kinds = ["work", "die"]
