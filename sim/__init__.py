@@ -8,6 +8,7 @@ from wbc.sim.balance.tracking import TrackSpec, track_motion
 from wbc.sim.loop.mujoco_loop import MujocoLoop
 from wbc.sim.loop.server import RobotServer
 from wbc.sim.loop.shared import SharedPlant
+from wbc.sim.plant.eyes import DepthCamera, DepthView, ToeSensors
 from wbc.sim.plant.falls import TrueFallDetector
 from wbc.sim.plant.fitting import with_feet
 from wbc.sim.plant.plant import Plant
@@ -39,6 +40,10 @@ __all__ = [
     "Plant",
     "TrueFallDetector",
     "with_feet",
+    # Sensors that see the ground
+    "DepthCamera",
+    "DepthView",
+    "ToeSensors",
     # A MuJoCo model of one's own
     "MujocoLoop",
     "RobotServer",

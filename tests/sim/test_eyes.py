@@ -11,8 +11,7 @@ import pytest
 from wbc.core.errors import InputError
 from wbc.ground import ElevationMap, KnownGround, PointCloud
 from wbc.robots import load
-from wbc.sim import Plant, WalkPlan, WalkSpec, make_terrain
-from wbc.sim.plant.eyes import DepthCamera, ToeSensors
+from wbc.sim import DepthCamera, DepthView, Plant, ToeSensors, WalkPlan, WalkSpec, make_terrain
 from wbc.sim.trial.loop import TrialHook
 from wbc.sim.walks.trial import WalkTrial
 
@@ -86,6 +85,17 @@ def test_toes_see_the_ground_under_them() -> None:
         assert points.shape == (3, 3)
         assert np.abs(points[:, 2]).max() < 1e-3
         assert np.ptp(points[:, 1]) == pytest.approx(plant.feet[0].fit.sole.width, abs=1e-3)
+
+
+def test_a_camera_looks_at_any_model_with_a_robot_in_it() -> None:
+    plant = Plant(ROBOT, terrain=make_terrain("stones", 0.05))
+    view = DepthView(EXACT, plant.robot, plant.places, plant.data)
+    (cloud,) = view.clouds(plant.time)
+    points = world(cloud, plant)
+    ahead = points[:, 0] > 0.4
+    assert ahead.sum() > 300
+    near = plant.terrain.height(points[ahead, 0, None] + [-1e-3, 0.0, 1e-3], points[ahead, 1, None])
+    assert (points[ahead, 2] < near.max(axis=1) + 1e-3).all()
 
 
 def test_a_camera_dies() -> None:

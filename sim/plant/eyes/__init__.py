@@ -3,7 +3,7 @@
 A new one is settings with `rate` and `latency`, whose `start` returns what makes a cloud of a plant as it is now.
 """
 
-from wbc.sim.plant.eyes.depth import DepthCamera
+from wbc.sim.plant.eyes.depth import DepthCamera, DepthView
 from wbc.sim.plant.eyes.toes import ToeSensors
 
-__all__ = ["DepthCamera", "ToeSensors"]
+__all__ = ["DepthCamera", "DepthView", "ToeSensors"]
