@@ -25,6 +25,7 @@ import wbc
 from wbc import Command, Measurement
 from wbc.core.errors import InputError
 from wbc.core.robot import GRAVITY
+from wbc.ground import PointCloud
 from wbc.machine import MachineError, Runner, RunSettings, guard
 from wbc.machine.clock import ask_priority
 from wbc.machine.loads import SoleLoads
@@ -161,6 +162,23 @@ def test_a_controller_takes_over_by_and_by() -> None:
     assert len(blended) == 50 and all(command.kp is None for command in taken[50:])  # 0.2 s
     damping = [float(command.kd[0]) for command in blended if command.kd is not None]
     np.testing.assert_allclose(np.array(damping) / damping[0], 1.0 - np.arange(50) / 50.0, atol=0.03)
+
+
+def test_clouds_of_a_driver_reach_a_controller_that_sees_and_trouble_no_other() -> None:
+    for sees in (True, False):
+        machine, sent, seen = SimulatedMachine(SimulatedTime()), [], []
+
+        def clouds(sent: list[PointCloud] = sent, machine: SimulatedMachine = machine) -> list[PointCloud]:
+            sent.append(PointCloud(np.zeros((5, 3)), machine.clock.time, "pelvis"))
+            return sent[-1:]
+
+        machine.clouds = clouds  # type: ignore[attr-defined]
+        control = types.SimpleNamespace(command=lambda measurement: Command(np.zeros(NA)))
+        if sees:
+            control.see = seen.append
+        make(machine, control, load=0.0).run(0.2)
+        assert len(sent) > 20
+        assert [cloud.time for cloud in seen] == ([cloud.time for cloud in sent] if sees else [])
 
 
 @pytest.mark.slow
