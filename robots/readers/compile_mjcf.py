@@ -95,9 +95,15 @@ def _texts(path: Path) -> dict[str, str]:
     texts: dict[str, str] = {}
     waiting = [path.name]
     for name in waiting:
-        if name not in texts and (path.parent / name).is_file():
+        if name in texts or not (path.parent / name).is_file():
+            continue
+        try:
             texts[name] = read_xml(path.parent / name, "MJCF")
-            waiting += re.findall(r"<include\s[^>]*?file\s*=\s*[\"']([^\"']+)", texts[name])
+        except InputError:
+            if not texts:
+                raise
+            continue  # MuJoCo reads, or refuses, what is included
+        waiting += re.findall(r"<include\s[^>]*?file\s*=\s*[\"']([^\"']+)", texts[name])
     return texts
 
 
