@@ -60,6 +60,25 @@ FULL_LEG = 6
 def facts(robot: Any) -> dict[str, Any]:
     """Return mass, size, soles, joints and sources of a robot, ready for JSON."""
     model = robot.robot()
+    values = {
+        "velocity": model.velocity_limit,
+        "torque": model.torque_limit,
+        "half_sitting": model.half_sitting[7:],
+        "armature": robot.armature_array,
+        "kp": robot.kp,
+        "kd": robot.kd,
+    }
+    joints: dict[str, dict[str, Any]] = {}
+    for i, name in enumerate(robot.joint_names):
+        slides = model.model.joints[i + 2].shortname().startswith("JointModelP")
+        joints[name] = {
+            "unit": "m" if slides else "rad",
+            "position": [float(model.position_lower[i]), float(model.position_upper[i])],
+            **{key: float(array[i]) for key, array in values.items()},
+            "damping": float(robot.damping.get(name, 0.0)),
+            "frictionloss": float(robot.frictionloss.get(name, 0.0)),
+            "gains": robot.servo_gains[name].source,
+        }
     return {
         "name": robot.name,
         "mass_kg": model.mass,
@@ -67,7 +86,7 @@ def facts(robot: Any) -> dict[str, Any]:
         "com_height_m": float(model.com[2]),
         "dof": model.na,
         "nv": model.nv,
-        "legs": {"left": list(robot.legs[0]), "right": list(robot.legs[1])},
+        "legs": dict(zip(SIDES, map(list, robot.legs), strict=True)),
         "soles": {
             sole.name: {
                 "frame": sole.frame,
@@ -81,26 +100,22 @@ def facts(robot: Any) -> dict[str, Any]:
         "imu": robot.imu.frame,
         "hands": dict(robot.hands),
         "sensors": dict(robot.sensors),
-        "joints": {
-            name: {
-                "unit": "m" if model.model.joints[i + 2].shortname().startswith("JointModelP") else "rad",
-                "position": [float(model.position_lower[i]), float(model.position_upper[i])],
-                "velocity": float(model.velocity_limit[i]),
-                "torque": float(model.torque_limit[i]),
-                "half_sitting": float(robot.half_sitting[name]),
-                "armature": float(robot.armature[name]),
-                "damping": float(robot.damping.get(name, 0.0)),
-                "frictionloss": float(robot.frictionloss.get(name, 0.0)),
-                "kp": robot.servo_gains[name].kp,
-                "kd": robot.servo_gains[name].kd,
-                "gains": robot.servo_gains[name].source,
-            }
-            for i, name in enumerate(robot.joint_names)
-        },
+        "joints": joints,
         "source": robot.source,
         "licence": robot.licence,
         "derived": list(robot.derived),
     }
+
+
+HEADINGS = {
+    "velocity": "rad/s",
+    "torque": "Nm",
+    "half_sitting": "sitting",
+    "armature": "kg m²",
+    "kp": "kp",
+    "kd": "kd",
+}
+"""Columns of the joints in a report: key of the facts → heading."""
 
 
 def report(facts: Mapping[str, Any]) -> str:
@@ -119,24 +134,18 @@ def report(facts: Mapping[str, Any]) -> str:
             f"  {name:<10} {sole['frame']}: {length:.0f} x {width:.0f} mm, ankle at ({x:.0f}, {y:.0f}, {z:.0f}) mm"
         )
     lines.append(f"  torso {facts['torso']}, IMU {facts['imu']}, hands {facts['hands'] or 'none'}")
-    lines.append(
-        f"  {'joint':<28}{'range deg':>16}{'rad/s':>10}{'Nm':>9}{'half-sitting deg':>18}{'kg m²':>9}{'kp':>9}{'kd':>8}"
-        "  gains"
-    )
-    sliding = [name for name, joint in facts["joints"].items() if joint["unit"] == "m"]
+    heads = "".join(f" {heading:>9}" for heading in HEADINGS.values())
+    lines.append(f"  {'joint (half-sitting in deg)':<28} {'range deg':>15}{heads}  gains")
     for name, joint in facts["joints"].items():
         shown = 1e3 if joint["unit"] == "m" else np.degrees(1.0)
         low, high = shown * np.array(joint["position"])
-        lines.append(
-            f"  {name:<28}{f'{low:.0f} .. {high:.0f}':>16}{joint['velocity']:>10.2f}{joint['torque']:>9.1f}"
-            f"{shown * joint['half_sitting']:>18.2f}{joint['armature']:>9.4f}{joint['kp']:>9.0f}{joint['kd']:>8.1f}"
-            f"  {joint['gains']}"
-        )
-    if sliding:
+        values = joint | {"half_sitting": shown * joint["half_sitting"]}
+        columns = "".join(f" {values[key]:>9.4g}" for key in HEADINGS)
+        lines.append(f"  {name:<28} {f'{low:.0f} .. {high:.0f}':>15}{columns}  {joint['gains']}")
+    if sliding := [name for name, joint in facts["joints"].items() if joint["unit"] == "m"]:
         lines.append(f"  sliding joints, in mm, m/s, N and kg: {', '.join(sliding)}")
     if facts["derived"]:
-        lines.append("  derived from the model:")
-        lines += [f"    {line}" for line in facts["derived"]]
+        lines += ["  derived from the model:", *(f"    {line}" for line in facts["derived"])]
     return "\n".join(lines)
 
 
