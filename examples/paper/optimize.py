@@ -26,7 +26,7 @@ from sklearn.gaussian_process.kernels import ConstantKernel, Matern, WhiteKernel
 from walks import by_sole, gain, markdown, shown, walks
 
 from wbc.sim import Journal, Study, WalkSpec, sweep
-from wbc.sim.studies import read_journal, study_table
+from wbc.sim.studies import local_executor, read_journal, study_table
 
 Array = NDArray[np.float64]
 
@@ -407,7 +407,7 @@ def main() -> None:
     options = parser.parse_args()
     grounds = tuple(TABLE_II) if options.grounds == ["table2"] else options.grounds
     found = {}
-    with Journal(options.journal) as journal:
+    with Journal(options.journal) as journal, local_executor(options.workers) as executor:
         for ground in grounds:
             task = Optimisation.of(
                 ground, options.law, distance=options.distance, seed=options.seed, batch=options.workers
@@ -417,11 +417,11 @@ def main() -> None:
             if options.bounds is not None:
                 task = replace(task, bounds=BOUNDS[options.bounds])
             found[task] = optimum(
-                *optimise(task, options.budget, journal, workers=options.workers), task.bounds, options.seed
+                *optimise(task, options.budget, journal, executor=executor), task.bounds, options.seed
             )
         study = validation(found, options.validate) if options.validate else None
         if study is not None:
-            sweep([trial.spec for trial in study.trials()], journal, workers=options.workers)
+            sweep([trial.spec for trial in study.trials()], journal, executor=executor)
     print(table_two({task.ground: each for task, each in found.items()}))
     for task, each in found.items():
         best = ", ".join(f"{name} {value:.3g}" for name, value in each.best.items())
