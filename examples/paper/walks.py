@@ -20,7 +20,7 @@ LAYOUT = ["terrain", "amplitude", "cutoff", "seed"]
 """Columns that tell a layout: a ground of one seed."""
 
 SIDEWAYS = ("left", "right", "outward", "inward")
-"""Directions of a fall seen from the stance foot, as journals before version 9 have them in place of its cause."""
+"""Causes of a fall, or its directions seen from the stance foot in journals before version 9, which are sideways."""
 
 
 def sole(spec: Mapping[str, Any]) -> str:

@@ -198,7 +198,8 @@ def cause_of(result: Mapping[str, Any]) -> str | None:
     fall = result.get("fall")
     if not fall:
         return None
-    return "dropped" if fall.get("reason") == "height" else fall.get("cause")
+    cause: str | None = "dropped" if fall.get("reason") == "height" else fall.get("cause")
+    return "sideways" if cause in ("left", "right") else cause
 
 
 def study_frame(study: Study, entries: Mapping[str, Entry]) -> pd.DataFrame:

@@ -202,7 +202,7 @@ def journal_of(study: Study, outcome: dict[str, list[Any]]) -> dict[str, Entry]:
             status = value[0]
         else:
             done = value[0] == 22
-            fall = None if done else {"cause": "sideways"}
+            fall = None if done else {"cause": "left"}
             result = {
                 "outcome": "completed" if done else "fell",
                 "fall_reason": None if done else "tilt",
