@@ -51,7 +51,8 @@ TABLES = re.compile(r"^<!-- (settings of ([\w.]+)|commands|studies) -->$", re.MU
 
 def fill_tables(app: Sphinx, docname: str, source: list[str]) -> None:
     """Put tables in the place of comments, made from the code, so that nothing is written twice."""
-    source[0] = TABLES.sub(lambda match: _table(match[1], match[2]), source[0])
+    text = TABLES.sub(lambda match: _table(match[1], match[2]), source[0])
+    source[0] = text.replace("](../examples/paper/README", "](path:../examples/paper/README")  # no page of these
 
 
 def _table(what: str, settings: str | None) -> str:
