@@ -48,11 +48,13 @@ napoleon_preprocess_types = False
 TABLES = re.compile(r"^<!-- (settings of ([\w.]+)|commands|studies) -->$", re.MULTILINE)
 """Comments in whose place a table is put: of a settings class, of all commands, of all studies."""
 
+PAPER = re.compile(r"\]\((\.\./examples/paper/README\.md)(?:#[\w-]+)?\)")
+
 
 def fill_tables(app: Sphinx, docname: str, source: list[str]) -> None:
     """Put tables in the place of comments, made from the code, so that nothing is written twice."""
     text = TABLES.sub(lambda match: _table(match[1], match[2]), source[0])
-    source[0] = text.replace("](../examples/paper/README", "](path:../examples/paper/README")  # no page of these
+    source[0] = PAPER.sub(r"](path:\1)", text)  # which is no page of these
 
 
 def _table(what: str, settings: str | None) -> str:
