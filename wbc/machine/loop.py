@@ -42,8 +42,8 @@ class Driver(Protocol):
 
     A driver opens its wire at the first call, so that it can be made here and used in another process. It may have
     `fault`, a reason for which the joints must be damped, empty while there is none, `gains`, kp and kd of the machine
-    where they are not the description's, each of shape (na,), and `clouds`, a method that returns the clouds of points of
-    the ground that have come since its last call, which a controller that sees takes.
+    where they are not the description's, each of shape (na,), and `clouds`, a method that returns the clouds of
+    points that have come since its last call, which a controller that sees takes.
     """
 
     @property
