@@ -16,9 +16,10 @@ import pinocchio as pin
 from wbc.core.drive.servos import Servos
 from wbc.core.errors import Array, InputError, ModelError, choose
 from wbc.core.html import html_text
+from wbc.core.limits.collision import CollisionCapsule, CollisionSphere
 from wbc.core.robot import Robot, Sole, joints_to
 from wbc.robots import frames, urdf
-from wbc.robots.derivation import inertia, posture
+from wbc.robots.derivation import inertia, posture, shapes
 from wbc.robots.derivation.complete import check_values, complete, from_geometry
 from wbc.robots.derivation.defaults import feet_hint
 from wbc.robots.derivation.servo import ServoGains, ServoRule, effective_inertia, read_gains
@@ -285,6 +286,13 @@ class RobotDescription:
     def urdf_without_geometry(self) -> str:
         """Return the URDF without visuals, collisions and meshes: the same kinematics and inertias."""
         return urdf.without_geometry(self.urdf)
+
+    def collision_shapes(self) -> dict[str, list[CollisionSphere | CollisionCapsule]]:
+        """Return link → spheres and capsules for `SelfCollisionLimit`, of its collision geometry, or of what is seen.
+
+        A box, and a mesh as the box around it, is a capsule along its longest side, as thick as the second one.
+        """
+        return shapes.capsules(self)
 
     def attachment(self, frame: str) -> tuple[str, pin.SE3]:
         """Return the moving link that carries a frame, and the placement of the frame in this link.

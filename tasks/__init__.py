@@ -17,7 +17,7 @@ from wbc.tasks.behaviours import (
     reached,
     speed_below,
 )
-from wbc.tasks.check import check_task
+from wbc.tasks.check import check_contact, check_limit, check_task
 from wbc.tasks.force.admittance import AdmittanceTask
 from wbc.tasks.force.compliance import ComplianceTask
 from wbc.tasks.force.impedance import ImpedanceTask
@@ -88,6 +88,8 @@ __all__ = [
     "SelectionTask",
     "VariableTask",
     "ComplianceTask",
+    "check_contact",
+    "check_limit",
     "check_task",
     # Stiffness scheduling
     "StiffnessScheduler",

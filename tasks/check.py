@@ -1,4 +1,4 @@
-"""Check of a task of one's own: its rows against finite differences of its error."""
+"""Checks of tasks, contacts and limits of one's own: rows against finite differences, bounds that agree."""
 
 from __future__ import annotations
 
@@ -8,6 +8,8 @@ import numpy as np
 import pinocchio as pin
 
 from wbc.core.errors import Array, InputError
+from wbc.core.limits.rows import RowLimit
+from wbc.core.qp.contact import Contact
 from wbc.core.qp.task import MotionTask, SelectionTask, evaluated
 from wbc.core.robot import BASE_DOF, Robot
 from wbc.core.settings import Seed
@@ -80,6 +82,91 @@ def check_task(
     _compare(task, "drift", drift, (ends[0] - ends[1]) / (2.0 * STEP))
 
 
+def check_contact(contact: Contact, robot: Robot, *, seed: Seed = 0) -> None:
+    """Check Jacobian and drift of a contact at a random state of a robot, in motion.
+
+    The error of a contact falls as its frame moves: its derivative is −J v, and that of J v is the drift.
+
+    Args:
+        contact: The contact, before it is added to a controller.
+        robot: The robot; a copy of it is moved.
+        seed: Fixes the state.
+
+    Raises:
+        InputError: Rows that are not filled, not finite or not what finite differences say; a cone of another shape.
+    """
+    robot, contact = robot.clone(), copy.deepcopy(contact)
+    q, v = _random_state(robot, np.random.default_rng(seed))
+    robot.update(q, v)
+    contact.bind(robot)
+    if contact.cone.ndim != 2 or contact.cone.shape[1] != contact.dim:
+        raise InputError(
+            f"cone of contact '{contact.name}' must have shape (rows, {contact.dim}), got {contact.cone.shape}"
+        )
+    jacobian, _, drift = _rows_of(contact, robot)
+    if not jacobian.any():
+        raise InputError(f"contact '{contact.name}' must move with some joint, its Jacobian is zero")
+    ends = []
+    for step in (STEP, -STEP):
+        robot.update(pin.integrate(robot.model, q, step * v), v)
+        ends.append(_rows_of(contact, robot))
+    _compare(contact, "change of the error", (ends[0][1] - ends[1][1]) / (2.0 * STEP), -jacobian @ v)
+    _compare(contact, "drift", drift, (ends[0][0] @ v - ends[1][0] @ v) / (2.0 * STEP))
+
+
+def _rows_of(contact: Contact, robot: Robot) -> tuple[Array, Array, Array]:
+    """Return the motion rows of a contact, which are finite."""
+    rows = (
+        np.full((contact.dim, robot.nv), np.nan),
+        np.full(contact.dim, np.nan),
+        np.full(contact.dim, np.nan),
+    )
+    contact.evaluate(*rows)
+    for what, values in zip(("Jacobian", "error", "drift"), rows, strict=True):
+        if not np.isfinite(values).all():
+            raise InputError(
+                f"{what} of contact '{contact.name}' must be filled with finite numbers, got {values}"
+            )
+    return rows
+
+
+def check_limit(
+    limit: RowLimit, robot: Robot, *, dt: float = 0.005, states: int = 50, seed: Seed = 0
+) -> None:
+    """Check that a limit contradicts nothing, itself included, at random states of a robot in motion.
+
+    Args:
+        limit: The limit, before it is added to a controller.
+        robot: The robot; a copy of it is moved.
+        dt: Control period, s.
+        states: Number of states.
+        seed: Fixes the states.
+
+    Raises:
+        InputError: Rows or bounds that are not filled or NaN, a lower bound above the upper one, or bounds without zero
+            in them on a row that no acceleration changes: the QP would have no solution.
+    """
+    robot, random = robot.clone(), np.random.default_rng(seed)
+    limit.bind(robot)
+    for _ in range(states):
+        robot.update(*_random_state(robot, random))
+        rows = np.full((limit.dim, robot.nv), np.nan)
+        lower, upper = np.full(limit.dim, np.nan), np.full(limit.dim, np.nan)
+        limit.write(dt, rows, lower, upper)
+        still = ~np.abs(rows).any(axis=1)
+        for what, wrong in (
+            ("row that is not finite", ~np.isfinite(rows).all(axis=1)),
+            ("bound that is NaN", np.isnan(lower) | np.isnan(upper)),
+            ("lower bound above the upper one", lower > upper),
+            ("row of zeros whose bounds zero does not keep", still & ((lower > 0.0) | (upper < 0.0))),
+        ):
+            if wrong.any():
+                row = int(np.argmax(wrong))
+                raise InputError(
+                    f"limit '{limit.name}' has a {what}: row {row}, from {lower[row]:.6g} to {upper[row]:.6g}"
+                )
+
+
 def _check_jacobian(
     task: MotionTask | SelectionTask, robot: Robot, q: Array, v: Array, *, partial: bool
 ) -> None:
@@ -99,12 +186,14 @@ def _check_jacobian(
         _compare(task, f"Jacobian by {name}", jacobian[:, column], (ends[1] - ends[0]) / (2.0 * STEP), hint)
 
 
-def _compare(task: MotionTask | SelectionTask, what: str, given: Array, found: Array, hint: str = "") -> None:
+def _compare(
+    item: MotionTask | SelectionTask | Contact, what: str, given: Array, found: Array, hint: str = ""
+) -> None:
     """Refuse rows that are not what finite differences say."""
     if not _close(given, found):
         row = int(np.abs(given - found).argmax())
         raise InputError(
-            f"task '{task.name}': {what} is {given[row]:.6g} in row {row}, finite differences give {found[row]:.6g}"
+            f"'{item.name}': {what} is {given[row]:.6g} in row {row}, finite differences give {found[row]:.6g}"
             f"{hint}"
         )
 

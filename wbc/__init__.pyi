@@ -22,6 +22,7 @@ from .core.estimation.observer import Observer as Observer
 from .core.limits.collision import CollisionCapsule as CollisionCapsule
 from .core.limits.collision import CollisionSphere as CollisionSphere
 from .core.limits.collision import SelfCollisionLimit as SelfCollisionLimit
+from .core.limits.collision import srdf_pairs as srdf_pairs
 from .core.limits.com_polygon import CoMPolygonLimit as CoMPolygonLimit
 from .core.limits.rows import JointLimits as JointLimits
 from .core.limits.rows import RowLimit as RowLimit

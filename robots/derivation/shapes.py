@@ -10,6 +10,7 @@ import numpy as np
 import pinocchio as pin
 
 from wbc.core.errors import Array
+from wbc.core.limits.collision import CollisionCapsule, CollisionSphere
 from wbc.robots import urdf
 from wbc.robots.derivation.soles import mesh_vertices, numbers, origin_of, resolve
 
@@ -73,6 +74,25 @@ def _shape(link: str, element: urdf.Element, package_dirs: tuple[str, ...]) -> L
         path = resolve(shape.get("filename", ""), package_dirs, None)
         return None if path is None else _box(link, path, numbers(shape.get("scale", "1 1 1")), place)
     return None
+
+
+def capsules(description: RobotDescription) -> dict[str, list[CollisionSphere | CollisionCapsule]]:
+    """Return link → spheres and capsules: a box is a capsule along its longest side, as thick as the second one."""
+    found: dict[str, list[CollisionSphere | CollisionCapsule]] = {}
+    for shape in link_shapes(description):
+        place, size = shape.placement, shape.size
+        if shape.kind == "box":
+            _, radius, half = sorted(size)
+            axis = np.eye(3)[int(np.argmax(size))]
+            half = half - radius
+        else:
+            radius, half, axis = size[0], size[-1] if len(size) > 1 else 0.0, np.array([0.0, 0.0, 1.0])
+        if half < SMALLEST:
+            made: CollisionSphere | CollisionCapsule = CollisionSphere(radius, place.translation)
+        else:
+            made = CollisionCapsule(radius, place.act(-half * axis), place.act(half * axis))
+        found.setdefault(shape.link, []).append(made)
+    return found
 
 
 def _box(link: str, path: Path, scale: Array, place: pin.SE3) -> LinkShape | None:

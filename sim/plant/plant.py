@@ -165,6 +165,10 @@ class Plant(SimulatedRobot):
             self.eyes = Eyes(self, eyes)
             self.eyes.look(self.time)
 
+    def __repr__(self) -> str:
+        ground, foot = f"{self.terrain.name} {self.terrain.amplitude:g} m", type(self.foot).__name__
+        return f"{type(self).__name__}('{self.description.name}', {foot}, {ground}, t={self.time:.3f} s)"
+
     @property
     def time(self) -> float:
         """Simulated time since the start, s."""

@@ -135,9 +135,48 @@ class GazeTask(DirectionTask):
 
     _what = "gaze"
 
+    def __init__(
+        self,
+        frame: str,
+        target: ArrayLike | str | None = None,
+        *,
+        axis: ArrayLike = (1.0, 0.0, 0.0),
+        **options: Unpack[MotionOptions],
+    ) -> None:
+        """Describe the task.
+
+        Args:
+            frame: Frame of the robot.
+            target: Point in the world, shape (3,), m, or a frame of the robot to follow, such as a hand; a point 1 m
+                ahead when None.
+            axis: Axis of the frame, shape (3,), of any length.
+            **options: See `MotionOptions`.
+        """
+        self._followed: str | None = None
+        self._followed_id: int | None = None
+        if isinstance(target, str):
+            self._followed, target = target, None
+        super().__init__(frame, target, axis=axis, **options)
+
+    @property
+    def target(self) -> Array:
+        """Point in the world, shape (3,), m, read-only; assign one, or a frame of the robot to follow."""
+        if self._followed_id is not None:
+            return read_only(self._data.oMf[self._followed_id].translation)
+        return super().target
+
+    @target.setter
+    def target(self, value: ArrayLike | str) -> None:
+        if isinstance(value, str):
+            self._followed, self._followed_id = value, self.robot.frame_id(value)
+            return
+        DirectionTask.target.fset(self, value)  # type: ignore[attr-defined]
+        self._followed = self._followed_id = None
+
     def bind(self, robot: Robot) -> None:
         """Resolve names; see `Task.bind`."""
         super().bind(robot)
+        self._followed_id = None if self._followed is None else robot.frame_id(self._followed)
         carriers = [robot.joint_names[joint] for joint in robot.joints_between(self.frame, robot.base_frame)]
         if self._only_joints is None and carriers:
             self._unused = other_columns(robot, carriers)
@@ -148,6 +187,11 @@ class GazeTask(DirectionTask):
         linear = pin.getFrameJacobian(self._model, self._data, self._id, self._world)[:3]
         v = pin.getFrameVelocity(self._model, self._data, self._id, self._world).linear
         rising = pin.getFrameClassicalAcceleration(self._model, self._data, self._id, self._world).linear
+        if (other := self._followed_id) is not None:  # from a target that moves
+            data, world = self._data, self._world
+            linear = linear - pin.getFrameJacobian(self._model, data, other, world)[:3]
+            v = v - pin.getFrameVelocity(self._model, data, other, world).linear
+            rising = rising - pin.getFrameClassicalAcceleration(self._model, data, other, world).linear
         d, r = self._direction(), self._distance()
         along = float(d @ v)
         full += pin.skew(d) @ linear / r
@@ -158,6 +202,8 @@ class GazeTask(DirectionTask):
 
     def _way(self) -> Array:
         assert self._target is not None
+        if self._followed_id is not None:
+            return np.asarray(self._data.oMf[self._followed_id].translation - self._translation)
         return np.asarray(self._target - self._translation)
 
     def _direction(self) -> Array:

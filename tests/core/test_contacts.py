@@ -10,11 +10,11 @@ import pinocchio as pin
 import pytest
 from properties import by_default
 from scipy.optimize import nnls
-from task_factory import ROBOTS, integrate, left_hand, make_robot, near_half_sitting, standing
+from task_factory import ROBOTS, integrate, left_hand, make_robot, standing
 
 from wbc.core.errors import Array, InputError
 from wbc.core.qp.contact import (
-    AXES,
+    Contact,
     ContactOptions,
     FixedContact,
     PointContact,
@@ -23,7 +23,7 @@ from wbc.core.qp.contact import (
     rectangle_wrench_cone,
 )
 from wbc.core.qp.controller import Controller
-from wbc.tasks import CoMTask, PostureTask
+from wbc.tasks import CoMTask, PostureTask, check_contact
 
 robots = pytest.mark.parametrize("name", by_default(ROBOTS, "hrp4_class"))
 RECTANGLES = [(0.1, 0.05, 0.7), (0.05, 0.1, 0.25), (0.12, 0.065, 1.3)]
@@ -113,27 +113,6 @@ def test_force_range_ramps_up_and_down_without_a_jump() -> None:
     assert not contact.engaged
 
 
-@pytest.mark.parametrize("axis", ["x", "y", "roll", "pitch", "yaw"])
-def test_free_axis_has_no_force_and_may_move(axis: str) -> None:
-    rng = np.random.default_rng(3)
-    index = AXES.index(axis)
-    controller = standing("hrp4_class")
-    robot = controller.robot
-    controller.remove(controller.contact("left_foot"))
-    sole = SoleContact("left_foot", free_axes=(axis,), stiffness=0.0, damping=0.0, wrench_weight=1e-11)
-    controller.add(sole, CoMTask(np.array(robot.com) + [0.03, 0.02, -0.05]))
-    q, _ = near_half_sitting(robot, rng, 0.02)
-    controller.update(q, np.zeros(robot.nv))
-    solution = controller.solve()
-    assert solution.ok
-    np.testing.assert_allclose(solution.wrenches["left_foot"][index], 0.0, atol=1e-6)
-    data = robot.model.createData()
-    pin.forwardKinematics(robot.model, data, robot.q, robot.v, solution.accelerations)
-    moved = pin.getFrameAcceleration(robot.model, data, robot.frame_id(sole.frame), pin.LOCAL).vector
-    np.testing.assert_allclose(np.delete(moved, index), 0.0, atol=1e-6)
-    assert abs(moved[index]) > 1e-4
-
-
 def test_loaded_foot_follows_target_and_velocity_of_its_contact() -> None:
     controller = standing("g1")
     robot = controller.robot
@@ -159,11 +138,6 @@ def test_loaded_foot_follows_target_and_velocity_of_its_contact() -> None:
     np.testing.assert_array_equal(contact.velocity, 0.0)
     with pytest.raises(InputError):
         contact.velocity = [0.0, float("nan"), 0.0, 0.0, 0.0, 0.0]
-
-
-def test_normal_axis_cannot_be_free() -> None:
-    with pytest.raises(InputError, match="'z'"):
-        SoleContact("left_foot", free_axes=("z",))
 
 
 @pytest.mark.parametrize("normal", [(0.0, 0.0, 1.0), (1.0, 0.0, 0.0), (-0.5, 0.3, 0.7)])
@@ -283,3 +257,35 @@ def test_a_configuration_stands_on_its_lower_sole() -> None:
         expected = np.array(robot.half_sitting)
         expected[[2, 7 + knee]] += q[2] - expected[2], bend
         np.testing.assert_allclose(q, expected, atol=1e-12)
+
+
+class Edge(Contact):
+    """An edge that a foot rolls over: a contact of one's own."""
+
+    dim = 3
+
+    def __init__(self, frame: str, scale: float = 1.0) -> None:
+        super().__init__(f"edge of {frame}", frame, friction_pyramid(0.6))
+        self._scale = scale
+
+    def evaluate(self, jacobian: Array, error: Array, drift: Array) -> None:
+        model, data, world = self.robot.model, self.robot.data, pin.LOCAL_WORLD_ALIGNED
+        jacobian[:] = pin.getFrameJacobian(model, data, self.frame_id, world)[:3]
+        error[:] = self._scale * (self.target.translation - self.placement.translation)
+        drift[:] = pin.getFrameClassicalAcceleration(model, data, self.frame_id, world).linear
+
+
+def test_a_contact_of_ones_own_carries_the_robot_and_is_checked() -> None:
+    controller = standing("hrp4_class")
+    robot = controller.robot
+    frame = robot.sole("left_foot").frame
+    for contact in (Edge(frame), SoleContact("left_foot"), PointContact("left_hand"), FixedContact(frame)):
+        check_contact(contact, robot)
+    with pytest.raises(InputError, match="change of the error"):
+        check_contact(Edge(frame, scale=2.0), robot)
+    controller.remove(controller.contact("left_foot"))
+    edge = controller.add(Edge(frame), CoMTask())[0]
+    for _ in range(50):
+        solution = controller.solve()
+    assert solution.ok and solution.wrenches[edge.name][2] > 20.0
+    assert (edge.cone @ solution.wrenches[edge.name] <= 1e-5).all()

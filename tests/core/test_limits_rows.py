@@ -18,13 +18,13 @@ from task_factory import (
 )
 
 from wbc.core.errors import Array, InputError, UnknownNameError
-from wbc.core.limits.collision import CollisionCapsule, CollisionSphere, SelfCollisionLimit
+from wbc.core.limits.collision import CollisionCapsule, CollisionSphere, SelfCollisionLimit, srdf_pairs
 from wbc.core.limits.com_polygon import CoMPolygonLimit
 from wbc.core.limits.rows import JointLimits, RowLimit
 from wbc.core.qp.contact import SoleContact
 from wbc.core.qp.controller import Controller
 from wbc.core.robot import Robot
-from wbc.tasks import CoMTask, OrientationTask, PositionTask, PostureTask
+from wbc.tasks import CoMTask, OrientationTask, PositionTask, PostureTask, check_limit
 
 robots = pytest.mark.parametrize("name", by_default(ROBOTS, "hrp4_class"))
 STEP = 1e-6
@@ -225,6 +225,46 @@ def test_a_pair_that_no_joint_separates_is_refused_with_its_distance(
     controller = Controller(robot, 0.005)
     controller.add(SoleContact("left_foot"), SoleContact("right_foot"), PostureTask(), CoMTask(), limit)
     assert controller.solve().ok
+
+
+@pytest.mark.parametrize(
+    ("name", "pair"),
+    [
+        ("talos", ("arm_left_7_link", "leg_left_3_link")),
+        ("talos", ("gripper_left_base_link", "torso_2_link")),
+        ("g1", ("left_wrist_yaw_link", "torso_link")),
+        ("g1", ("left_knee_link", "right_knee_link")),
+    ],
+)
+def test_links_whose_geometry_is_meshes_have_shapes_as_shipped(name: str, pair: tuple[str, str]) -> None:
+    limit = SelfCollisionLimit([pair], shapes=description(name).collision_shapes())
+    check_limit(limit, make_robot(name), states=20)
+    limit.bind(make_robot(name))
+    assert 0.01 < limit.distances[pair] < 0.6
+
+
+def test_pairs_come_from_an_srdf_that_leaves_some_out() -> None:
+    srdf = '<robot name="r"><disable_collisions link1="b" link2="a" reason="Adjacent"/></robot>'
+    assert srdf_pairs(srdf, ["a", "b", "c"]) == [("a", "c"), ("b", "c")]
+    with pytest.raises(InputError, match="SRDF"):
+        srdf_pairs("<robot", ["a", "b"])
+
+
+class Contradicting(RowLimit):
+    """A limit whose bounds cannot both be kept."""
+
+    name, dim = "contradicting", 1
+
+    def bind(self, robot: Robot) -> None: ...
+
+    def write(self, dt: float, rows: Array, lower: Array, upper: Array) -> None:
+        rows[:], lower[:], upper[:] = 1.0, 1.0, -1.0
+
+
+def test_a_limit_that_contradicts_itself_is_named() -> None:
+    with pytest.raises(InputError, match="'contradicting'.*lower bound above the upper"):
+        check_limit(Contradicting(), make_robot("hrp4_class"))
+    check_limit(CoMPolygonLimit(), make_robot("hrp4_class"))
 
 
 # ---- centre of mass over a polygon --------------------------------------------------------------------------------

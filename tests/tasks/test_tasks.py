@@ -19,13 +19,14 @@ from task_factory import (
     standing,
 )
 
-from wbc.core.errors import Array, InputError
+from wbc.core.errors import Array, InputError, UnknownNameError
 from wbc.core.qp.controller import Controller
-from wbc.core.qp.task import MotionTask
+from wbc.core.qp.task import MotionTask, evaluated
 from wbc.core.robot import Robot
 from wbc.tasks import (
     AdmittanceTask,
     CoMTask,
+    GazeTask,
     MomentumTask,
     OrientationTask,
     PoseTask,
@@ -339,3 +340,36 @@ def test_an_error_beyond_its_bound_acts_as_one_of_that_size_in_its_direction() -
 
     np.testing.assert_allclose(acceleration(2.0), acceleration(0.1), atol=1e-6)
     np.testing.assert_allclose(acceleration(2.0), (5.0, 2.5, 0.0, 0.0, 0.0, 10.0), atol=0.01)
+
+
+def test_a_gaze_follows_a_frame_that_moves() -> None:
+    robot = make_robot("hrp4_class")
+    hand = robot.frames["left_hand"]
+    q, v = near_half_sitting(robot, np.random.default_rng(3), 0.2, 1.0)
+    robot.update(q, v)
+    axis = robot.placement(robot.torso_frame).actInv(robot.placement(hand).translation)
+    task = GazeTask(robot.torso_frame, hand, axis=axis, joints=("base", *robot.joint_names))
+    task.bind(robot)
+    jacobian, error, drift = evaluated(task)
+    np.testing.assert_allclose(error, 0.0, atol=1e-9)
+    ends = []
+    for step in (1e-6, -1e-6):
+        robot.update(pin.integrate(robot.model, q, step * v), v)
+        rows = evaluated(task)
+        ends.append((rows[1], rows[0] @ v))
+    np.testing.assert_allclose((ends[0][0] - ends[1][0]) / 2e-6, -jacobian @ v, atol=1e-5)
+    np.testing.assert_allclose((ends[0][1] - ends[1][1]) / 2e-6, drift, atol=1e-4)
+    controller = standing("hrp4_class")
+    robot = controller.robot
+    gaze = controller.add(GazeTask(robot.torso_frame, hand))
+    np.testing.assert_array_equal(gaze.target, robot.placement(hand).translation)
+    q = np.array(robot.q)
+    q[7:] += 0.1
+    robot.update(q, robot.v)
+    np.testing.assert_array_equal(gaze.target, robot.placement(hand).translation)
+    gaze.target = [1.0, 0.0, 1.0]
+    np.testing.assert_array_equal(gaze.target, [1.0, 0.0, 1.0])
+    gaze.target = "right_hand"
+    np.testing.assert_array_equal(gaze.target, robot.placement("right_hand").translation)
+    with pytest.raises(UnknownNameError, match="did you mean 'left_hand'"):
+        controller.add(GazeTask(robot.torso_frame, "left_hant", name="other"))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 import xml.etree.ElementTree as ET
 from collections.abc import Iterable, Mapping, Sequence
@@ -63,6 +64,29 @@ class CollisionCapsule:
 Shape = CollisionSphere | CollisionCapsule
 
 
+def srdf_pairs(srdf: str | Path, links: Iterable[str]) -> list[tuple[str, str]]:
+    """Return the pairs of links that an SRDF does not leave out, for `SelfCollisionLimit`.
+
+    Args:
+        srdf: SRDF, a path or the XML itself: its `disable_collisions` are what is left out.
+        links: Links of which the pairs are made, such as those of `RobotDescription.collision_shapes`.
+
+    Raises:
+        InputError: No SRDF.
+    """
+    root = _xml(srdf, "SRDF")
+    left_out = {frozenset((each.get("link1"), each.get("link2"))) for each in root.iter("disable_collisions")}
+    return [pair for pair in itertools.combinations(links, 2) if frozenset(pair) not in left_out]
+
+
+def _xml(source: str | Path, what: str) -> ET.Element:
+    text = str(source)
+    try:
+        return ET.fromstring(text) if text.lstrip().startswith("<") else ET.parse(text).getroot()
+    except (ET.ParseError, OSError) as error:
+        raise InputError(f"cannot read the {what} of a collision limit: {error}") from error
+
+
 class _Body(NamedTuple):
     """Velocity and acceleration of a body at one tick, in the world."""
 
@@ -110,7 +134,8 @@ class SelfCollisionLimit(RowLimit):
 
         Args:
             pairs: Pairs of links or frames.
-            shapes: Link or frame → its shapes, in its own coordinates.
+            shapes: Link or frame → its shapes, in its own coordinates; `RobotDescription.collision_shapes` has those of
+                all links.
             urdf: URDF, a path or the XML itself, whose primitive collision geometry (boxes, spheres, cylinders,
                 capsules) is the shape of links that are not in `shapes`; meshes are left out.
             margin: Smallest distance, m.
@@ -175,8 +200,9 @@ class SelfCollisionLimit(RowLimit):
             if not made:
                 known = ", ".join(sorted({*self._shapes, *(primitives or {})})) or "none"
                 raise InputError(
-                    f"limit '{self.name}' has no shape for '{frame}': give it in `shapes`, or a URDF in which it has "
-                    f"primitive collision geometry (it has it for: {known})"
+                    f"limit '{self.name}' has no shape for '{frame}': give it in `shapes`, where "
+                    "`RobotDescription.collision_shapes()` has those of meshes, or a URDF in which it has primitive "
+                    f"collision geometry (it has it for: {known})"
                 )
             objects[frame] = []
             for number, item in enumerate(made):
@@ -328,11 +354,7 @@ def _geometry_object(robot: Robot, frame: str, shape: Shape) -> pin.GeometryObje
 
 def _urdf_primitives(robot: Robot, urdf: str | Path) -> dict[str, list[pin.GeometryObject]]:
     """Collision geometry of a URDF that is made of primitives, by link; that of another robot is an `InputError`."""
-    text = str(urdf)
-    try:
-        root = ET.fromstring(text) if text.lstrip().startswith("<") else ET.parse(text).getroot()
-    except (ET.ParseError, OSError) as error:
-        raise InputError(f"cannot read the URDF of a collision limit: {error}") from error
+    root = _xml(urdf, "URDF")
     for link in root.iter("link"):
         for item in (*link.findall("visual"), *link.findall("collision")):
             if item.tag == "visual" or item.find("geometry/mesh") is not None:

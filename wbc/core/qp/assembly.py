@@ -68,10 +68,6 @@ class _ContactSlot:
     cone_upper: Array
     normal_lower: Array
     normal_upper: Array
-    partly_free: bool
-    full: (
-        Array | None
-    )  # Jacobian of the force, where the equalities are not it: free axes that keep theirs, or a cost
     revision: int = -1
     engaged: bool | None = None
 
@@ -164,7 +160,7 @@ class Assembly:
         self._place_row_limits(row_limits, other_limits.start)
 
         # Views of the dynamics, [M, −Jᵀ], split into the base (equalities) and the joints (torque rows).
-        self._yielding = [slot for slot in self._slots if slot.full is not None]
+        self._yielding = [slot for slot in self._slots if slot.motion_weight is not None]
         mass = robot.mass_matrix.T  # symmetric, stored by columns: the transpose is contiguous by rows
         self._mass = mass[:BASE_DOF], mass[BASE_DOF:]
         self._base_bias, self._joint_bias = robot.bias[:BASE_DOF], robot.bias[BASE_DOF:]
@@ -215,7 +211,6 @@ class Assembly:
             p.inequality_groups[f"wrench cone of contact '{contact.name}'"] = slice(cone.start, normal.stop)
             self._limit_names += [f"wrench cone of {contact.name}"] * contact.cone.shape[0]
             self._limit_names += [f"normal force of {contact.name}"]
-            partly_free = bool(contact.free.any())
             self._slots.append(
                 _ContactSlot(
                     contact=contact,
@@ -233,12 +228,6 @@ class Assembly:
                     cone_upper=p.upper[cone],
                     normal_lower=p.lower[normal],
                     normal_upper=p.upper[normal],
-                    partly_free=partly_free,
-                    full=p.rows[motion, :nv]
-                    if yields
-                    else np.zeros((contact.dim, nv))
-                    if contact.free_force and partly_free
-                    else None,
                 )
             )
             at, column, cone_at = rows.stop, columns.stop, normal.stop
@@ -318,9 +307,8 @@ class Assembly:
         np.negative(self._contact_base_t, out=self._base_force)
         np.negative(self._contact_joint_t, out=self._joint_force)
         for slot in self._yielding:
-            assert slot.full is not None
-            np.negative(slot.full[:, :BASE_DOF].T, out=self._base_force[:, slot.columns])
-            np.negative(slot.full[:, BASE_DOF:].T, out=self._joint_force[:, slot.columns])
+            np.negative(slot.jacobian[:, :BASE_DOF].T, out=self._base_force[:, slot.columns])
+            np.negative(slot.jacobian[:, BASE_DOF:].T, out=self._joint_force[:, slot.columns])
 
         for motion, jacobian, error, drift in self._motion:
             if not motion.idle:
@@ -370,26 +358,16 @@ class Assembly:
         engaged = contact.engaged
         if engaged:
             contact.evaluate(slot.jacobian, slot.error, slot.drift)
-            if slot.partly_free:
-                if slot.full is not None:
-                    slot.full[:] = slot.jacobian
-                slot.jacobian[contact.free] = 0.0
-                slot.error[contact.free] = 0.0
-                slot.drift[contact.free] = 0.0
-                contact.velocity[contact.free] = 0.0
         if engaged != slot.engaged:
             slot.engaged = engaged
             slot.revision = -1
-            zero_force = contact.free & (not contact.free_force)
-            yields = slot.motion_weight is not None
-            slot.force[:] = np.diag(zero_force.astype(float)) if engaged else np.eye(contact.dim)
+            slot.force[:] = 0.0 if engaged else np.eye(contact.dim)
             # A contact that is off has zero force: its cone rows are moved off their bounds, where they would all be
             # active at once.
             slot.cone_upper[:] = 0.0 if engaged else 1.0
-            self.problem.set_empty(slot.rows, engaged & (yields | (contact.free & contact.free_force)))
+            yields = engaged and slot.motion_weight is not None
+            self.problem.set_empty(slot.rows, np.full(contact.dim, yields))
             if not engaged:
-                if slot.full is not None:
-                    slot.full[:] = 0.0
                 slot.jacobian[:], slot.error[:], slot.drift[:], contact.velocity[:] = 0.0, 0.0, 0.0, 0.0
         if slot.revision != contact.revision:
             slot.revision = contact.revision

@@ -1,15 +1,14 @@
 """Contacts: motion constraints of a frame, and the wrenches that it may transmit.
 
-Each contact has as many force variables as motion rows. Along an axis that the contact holds, the row is "this frame
-does not accelerate"; along one that it leaves free, or everywhere while it is inactive, the same row is "this force is
-zero" (or empty, if a free axis keeps its force). Switching a contact therefore never changes the size of the QP.
+Each contact has as many force variables as motion rows. While it holds its frame, the rows are "this frame does not
+accelerate"; while it is inactive, the same rows are "this force is zero". Switching a contact therefore never changes
+the size of the QP.
 """
 
 from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
 from typing import Annotated, TypedDict, Unpack
 
 import numpy as np
@@ -22,7 +21,6 @@ from wbc.core.errors import (
     InputError,
     finite_array,
     finite_scalar,
-    names_in,
     non_negative,
     positive,
     shown,
@@ -33,7 +31,6 @@ from wbc.core.vectors import add_cross
 
 AXES = ("x", "y", "z", "roll", "pitch", "yaw")
 """Names of the axes of a contact frame, in the order of its wrench."""
-
 
 LEAST_FORCE = 10.0
 """Normal force that a sole in contact carries at least by default, N: without load its CoP means nothing."""
@@ -111,10 +108,6 @@ class ContactOptions(TypedDict, total=False):
         damping: Damping of contact velocity, 1/s; critical when None, the default.
         wrench_weight: Cost per N² and (Nm)² of the force variables, scalar or shape (dim,), above zero.
         active: Start active, with full load allowed; True by default.
-        free_axes: Axes of the contact frame that are not held: x, y, roll, pitch, yaw of a sole, x and y of a point;
-            none by default.
-        free_force: Along a free axis, let the force be anything within the cone, as mc_rtc does: for a foot that a CoP
-            task turns, whose ankle torque is not zero. When False, the default, it is zero, as on a hinge.
         motion_weight: Cost of the contact's motion per (m/s²)² and (rad/s²)², scalar or shape (dim,): the contact may
             then give way, on ground of unknown shape, and can make no QP infeasible. None, the default: the contact
             does not move, which is a constraint.
@@ -127,8 +120,6 @@ class ContactOptions(TypedDict, total=False):
     damping: float | None
     wrench_weight: ArrayLike
     active: bool
-    free_axes: str | Sequence[str]
-    free_force: bool
     motion_weight: ArrayLike | None
 
 
@@ -140,12 +131,14 @@ class Contact(ABC):
         frame: Frame of the robot that is in contact.
         dim: Number of motion rows and of force variables.
         force_axis: Place of the normal force among the force variables.
-        free: Mask of the axes that are not held, shape (dim,).
         cone: Matrix F with F f ≤ 0, shape (number of rows, dim).
         revision: Number that changes with the cone, the range of the normal force, gains and weights.
 
-    The options of `ContactOptions` are attributes as well; all but `free_axes` and `free_force` can be assigned at any
-    time, and `motion_weight` where the contact was made with one.
+    The options of `ContactOptions` are attributes as well; they can be assigned at any time, `motion_weight` where the
+    contact was made with one.
+
+    A contact of one's own has `dim`, calls this constructor with its cone, and fills its motion rows in `evaluate`,
+    from `robot`, `frame_id`, `placement` and `target`; `wbc.tasks.check_contact` compares them with finite differences.
     """
 
     dim: int
@@ -164,10 +157,23 @@ class Contact(ABC):
         damping: float | None = None,
         wrench_weight: ArrayLike = 1e-5,
         active: bool = True,
-        free_axes: Sequence[str] = (),
-        free_force: bool = False,
         motion_weight: ArrayLike | None = None,
     ) -> None:
+        """Describe the contact.
+
+        Args:
+            name: Name in status tables and solutions.
+            frame: Frame of the robot.
+            cone: Matrix F with F f ≤ 0, shape (number of rows, dim); without rows for any force.
+            min_force: See `ContactOptions`, as the others.
+            max_force: N.
+            ramp: s.
+            stiffness: 1/s².
+            damping: 1/s.
+            wrench_weight: Cost per N² and (Nm)².
+            active: True to start with full load allowed.
+            motion_weight: Cost of the motion; None for a constraint.
+        """
         self.name = name
         self.frame = frame
         self.cone = cone
@@ -182,33 +188,11 @@ class Contact(ABC):
         if damping is not None:
             self.damping = damping
         self.wrench_weight = wrench_weight
-        self.free = np.zeros(self.dim, dtype=bool)
-        for axis in names_in(f"free axes of contact '{name}'", free_axes):
-            if axis not in AXES[: self.dim] or axis == AXES[self.force_axis]:
-                choices = ", ".join(a for i, a in enumerate(AXES[: self.dim]) if i != self.force_axis)
-                raise InputError(f"contact '{name}' cannot leave axis '{axis}' free; choices: {choices}")
-            self.free[AXES.index(axis)] = True
-        self._free_force = bool(free_force)
         self._motion_weight = None if motion_weight is None else self._motion_costs(motion_weight)
-        if motion_weight is not None and self.free.any():
-            raise InputError(
-                f"contact '{name}' has a motion_weight: give its free axes a weight of zero there; got free_axes "
-                f"{self.free_axes}"
-            )
         self._load = 1.0 if active else 0.0  # share of the greatest normal force allowed now
         self._active = bool(active)
         self._robot: Robot | None = None
         self._velocity = np.zeros(self.dim)
-
-    @property
-    def free_axes(self) -> tuple[str, ...]:
-        """Axes of the contact frame that are not held."""
-        return tuple(axis for axis, free in zip(AXES, self.free, strict=False) if free)
-
-    @property
-    def free_force(self) -> bool:
-        """True if the force along a free axis may be anything within the cone; False if it is zero."""
-        return self._free_force
 
     @property
     def friction(self) -> float:
@@ -218,7 +202,7 @@ class Contact(ABC):
     @friction.setter
     def friction(self, value: float) -> None:
         self._friction = positive(f"friction of contact '{self.name}'", value)
-        self._make_cone()
+        self.update_cone()
 
     @property
     def min_force(self) -> float:
@@ -348,6 +332,27 @@ class Contact(ABC):
             self.max_force = 4.0 * robot.mass * GRAVITY
         self._hold()
 
+    @property
+    def robot(self) -> Robot:
+        """The robot of the controller that has the contact.
+
+        Raises:
+            InputError: The contact has not been added to a controller yet.
+        """
+        self._check_bound()
+        assert self._robot is not None
+        return self._robot
+
+    @property
+    def frame_id(self) -> int:
+        """Number of the frame in the robot's model."""
+        return self.robot.frame_id(self.frame)
+
+    @property
+    def placement(self) -> pin.SE3:
+        """Placement of the frame in the world, a view that changes with the robot."""
+        return self.robot.placement(self.frame)
+
     def reset(self) -> None:
         """Take the present placement of the frame as the place of the contact, and end the force ramp.
 
@@ -430,9 +435,8 @@ class Contact(ABC):
             drift: To fill: acceleration at zero generalised acceleration, shape (dim,).
         """
 
-    @abstractmethod
-    def _make_cone(self) -> None:
-        """Write the cone anew, as after a change of friction."""
+    def update_cone(self) -> None:  # noqa: B027 (optional)
+        """Write `cone` anew and raise `revision`, as after a change of friction; that of the constructor stays here."""
 
     def _check_bound(self) -> None:
         if self._robot is None:
@@ -531,7 +535,7 @@ class SoleContact(_HeldFrame):
         sole = robot.sole(self.name)
         self.name, self.frame = sole.name, sole.frame
         self._size = sole.length, sole.width
-        self._make_cone()
+        self.update_cone()
         if not self._force_given:
             self.min_force = LEAST_FORCE * robot.force_scale
         super().bind(robot)
@@ -546,7 +550,7 @@ class SoleContact(_HeldFrame):
         before = self._margin
         self._margin = non_negative(f"CoP margin of contact '{self.name}' (m)", value)
         try:
-            self._make_cone()
+            self.update_cone()
         except InputError:
             self._margin = before
             raise
@@ -561,7 +565,7 @@ class SoleContact(_HeldFrame):
         if not isinstance(value, (bool, np.bool_)):
             raise InputError(f"even of contact '{self.name}' must be true or false, got {shown(value)}")
         self._even = bool(value)
-        self._make_cone()
+        self.update_cone()
 
     @property
     def centre(self) -> Array:
@@ -591,9 +595,10 @@ class SoleContact(_HeldFrame):
                 f"the box of contact '{self.name}' on flat ground is centred, got centre {centre}"
             )
         self._centre[:2] = place
-        self._make_cone()
+        self.update_cone()
 
-    def _make_cone(self) -> None:
+    def update_cone(self) -> None:
+        """Write the cone; see `Contact.update_cone`."""
         size = self._box or self._size
         if size is None:
             return  # the box is that of a robot's sole
@@ -698,7 +703,8 @@ class PointContact(Contact):
         """Rotation from the contact frame, in which forces and velocities are given, to the world, shape (3, 3)."""
         return np.array(self._world_to_contact.T)
 
-    def _make_cone(self) -> None:
+    def update_cone(self) -> None:
+        """Write the cone; see `Contact.update_cone`."""
         self.cone[:] = friction_pyramid(self._friction)
         self.revision += 1
 
@@ -736,6 +742,3 @@ class FixedContact(_HeldFrame):
         """Smallest and greatest force along the z axis of the frame allowed now, N."""
         _, high = super().normal_force_range
         return -high, high
-
-    def _make_cone(self) -> None:
-        """Nothing: no cone bounds the wrench."""
