@@ -1,7 +1,9 @@
 """A walk whose law changes while the robot stands: planned steps where soles carry, steps as they go elsewhere.
 
-    planned steps ── a push that the soles cannot hold; a velocity beyond a plan ──▶ steps as they go
-          ◀── calm for a while, on wide soles; a plan of footsteps; hands that press ──
+    planned steps ── calm for a while; a push that the soles cannot hold; a velocity beyond a plan ──▶ steps as they go
+          ◀── a plan of footsteps; hands that press; a velocity or a goal on wide soles ──
+
+A robot that is asked for nothing stands by the law that steps out of pushes.
 
 Both laws share robot, controller, drives, estimate, arms and body; source, tasks and balance are exchanged between two
 ticks. In the middle of a step they are not: the plan has the contacts as constraints and its CoM at another height.
@@ -60,7 +62,7 @@ class AutoControlSettings:
         mode: "torque" or "hybrid": a stepping walk on stiff servos has another period and other references.
         lipm: Settings of the law that plans; its falls, arms, safety and solver count for both.
         stepping: Settings of the law that decides steps as they go.
-        calm: Time of a stand after which a robot on wide soles goes back to planned steps, s.
+        calm: Time of a stand after planned steps from which on the robot is ready to step out of pushes, s.
     """
 
     mode: Mode = "torque"
@@ -79,7 +81,7 @@ class AutoControlSettings:
 
 
 def home_of(robot: Robot) -> Literal["lipm", "stepping"]:
-    """Return the law of a robot of which nothing more is asked: planned steps on wide soles."""
+    """Return the law of a velocity or a goal that both can walk: planned steps on wide soles."""
     return "lipm" if min(sole.width for sole in robot.soles) >= WIDE else "stepping"
 
 
@@ -92,7 +94,7 @@ class AutoControl(ReferenceControl):
 
     Attributes:
         law: Name of the law now, "lipm" or "stepping".
-        home: Law of a robot of which nothing more is asked: "lipm" on wide soles.
+        home: Law of a velocity or a goal that both can walk: "lipm" on wide soles.
         laws: Both laws.
     """
 
@@ -149,14 +151,15 @@ class AutoControl(ReferenceControl):
         self.laws = {"lipm": first, "stepping": Law(stepping, others, Balance(), OBSERVER.inertial)}
         self.law = "lipm"
         self.home = home_of(robot)
-        self._stood = 0.0  # time of a stand by the law that is not at home, s
+        self._stood = 0.0  # time of a stand by the law that plans, s
+        self._handy = False  # hands have been asked for: the law that counts their forces stays
         self._before = 0  # steps done by laws before
         self._waiting: FootstepPlan | FootstepSource | None = None  # footsteps, until the robot stands
         super().__init__(first, control, arms, body, lipm.falls, stiffness, ground)
         if ground is not None:
             stepping.see(ground)
-        if plan is None and self.home != self.law:
-            self.change(self.home)
+        if plan is None:
+            self.change("stepping")
 
     def _lift(self) -> float:
         """Return the height by which the law now lifts feet, m."""
@@ -167,6 +170,11 @@ class AutoControl(ReferenceControl):
         """True if the robot stands, and may change its law."""
         reference = self.reference
         return reference is None or (reference.phase is Phase.STANDING and not self._pressing)
+
+    @property
+    def _idle(self) -> bool:
+        """True if the robot stands and has no step to take."""
+        return self.stands and (self.law == "stepping" or self.source.finished)
 
     @property
     def _pressing(self) -> bool:
@@ -215,10 +223,10 @@ class AutoControl(ReferenceControl):
                 self.change("lipm")
                 source, self._waiting = self._waiting, None
                 self.source.follow(source)
-            elif self.law != self.home:
+            elif self.law == "lipm" and not self._handy:
                 self._stood += self.dt
                 if self._stood > self.settings.calm:
-                    self.change(self.home)
+                    self.change("stepping")
         else:
             self._stood = 0.0
         super()._follow(state)
@@ -240,8 +248,9 @@ class AutoControl(ReferenceControl):
 
         An `InputError` for a robot without hands, and for one that steps as it goes.
         """
-        if self.law != "lipm" and self.stands and self.source.finished:
+        if self.law != "lipm" and self._idle:
             self.change("lipm")
+        self._handy = self.law == "lipm"
         return self.balance.hands
 
     @property
@@ -252,8 +261,8 @@ class AutoControl(ReferenceControl):
     @velocity.setter
     def velocity(self, velocity: Sequence[float] | None) -> None:
         x, y, turn = checked_velocity(velocity)
-        self._waiting = None
-        if self.stands and self.source.finished and np.count_nonzero((x, y, turn)):
+        self._waiting, self._handy = None, False
+        if self._idle and np.count_nonzero((x, y, turn)):
             forward, back, aside, most = self.laws["lipm"].source.limits
             planned = -back <= x <= forward and abs(y) <= aside and abs(turn) <= most
             self.change("lipm" if planned and self.home == "lipm" else "stepping")
@@ -261,8 +270,8 @@ class AutoControl(ReferenceControl):
 
     def go_to(self, x: float, y: float, yaw: float) -> None:
         """Walk to a place (m) and heading (rad), and stand there; see `ReferenceControl.go_to`."""
-        self._waiting = None
-        if self.stands and self.source.finished:
+        self._waiting, self._handy = None, False
+        if self._idle:
             self.change(self.home)
         super().go_to(x, y, yaw)
 
@@ -272,7 +281,7 @@ class AutoControl(ReferenceControl):
         Raises:
             InputError: Neither a plan nor a planner, or a body that is set too low to lift a foot.
         """
-        if self.law == "stepping" and not (self.stands and self.source.finished):
+        if self.law == "stepping" and not self._idle:
             if not isinstance(source, (FootstepPlan, FootstepSource)):
                 raise InputError(f"footsteps come from a FootstepPlan or a FootstepSource, got {source!r}")
             self.source.stop()
