@@ -14,6 +14,9 @@ from wbc.robots.models.example_robots import share_directory
 from wbc.robots.readers.compile_mjcf import compiled_with_files
 
 PAGE = Path(__file__).parents[2] / "docs" / "robots.md"
+EARLIER = "†"
+"""Mark of a cell that an earlier version has walked."""
+
 PROGRAM = Path(__file__).parents[1] / "benchmarks" / "robot_table.py"
 
 
@@ -51,7 +54,14 @@ def test_a_humanoid_from_its_file_does_what_the_table_says(name: str) -> None:
     if TABLE.ROBOTS[name][1] and TABLE.find(TABLE.ROBOTS[name][1]) is None:
         pytest.skip(f"wheel {TABLE.ROBOTS[name][0]} is not installed")
     line = next(row for row in PAGE.read_text(encoding="utf-8").splitlines() if row.startswith(f"| {name} |"))
-    assert line == TABLE.markdown([TABLE.row(name)]).splitlines()[-1]
+    said = dict(zip(TABLE.COLUMNS, (cell.strip() for cell in line.strip("|").split("|")), strict=True))
+    made = TABLE.row(name)
+    for column in ("stands", "LIPM", "stepping"):
+        if not said[column].endswith(EARLIER):
+            ends = [
+                cell.partition(":")[0] if ":" in cell else "well" for cell in (said[column], made[column])
+            ]
+            assert ends[0] == ends[1], column
 
 
 def test_every_robot_of_the_table_has_a_row_in_the_page() -> None:
