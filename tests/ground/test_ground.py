@@ -273,3 +273,19 @@ def test_a_map_of_ones_own_is_used_where_nothing_else_is_known():
 def test_bad_input_is_named(make, name):
     with pytest.raises(InputError, match=name):
         make()
+
+
+@pytest.mark.parametrize(("edge", "height"), [(0.5, 0.0), (0.24, 0.15)])
+def test_a_sole_that_stands_beside_an_edge_or_on_it_contradicts_nothing(edge, height):
+    """A step of 150 mm lies under the rim of a sole that stands below it, or under half of one that stands on it."""
+    robot, ground = known()
+    sole = robot.soles[0]
+    placement = robot.placement(sole.frame).copy()
+    placement.translation[2] = height
+    heights = np.zeros((100, 100))
+    heights[:, round((1.0 + edge * sole.width - 0.018) / 0.02) :] = 0.15
+    ground.add(ElevationMap(heights, 0.02, (*(placement.translation[:2] - 1.0), 0.0)))
+    ground.update(robot, 0.03)
+    ground.stand(0, placement)
+    assert ground.status == ""
+    assert ground.support(0, *placement.translation[:2], 0.0) is not None

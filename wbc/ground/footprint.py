@@ -124,6 +124,7 @@ class Footprint:
         step = length / (nu - 1), width / (nv - 1)
         self._near, self._wide = _Lattice(size, step, 1), _Lattice(size, step, MOVES + 1)
         self._sole = _Lattice(size, step, 0).nodes
+        self._inside = np.arange(nu * nv).reshape(size)[1:-1, 1:-1].ravel()
         # Resting planes are found over blocks of two by two nodes, whose highest counts: a quarter of the work.
         rows, columns = (np.minimum(np.arange(0, n, 2)[:, None] + (0, 1), n - 1) for n in size)
         self._blocks = (rows[:, None, :, None] * nv + columns[None, :, None, :]).reshape(-1, 4)
@@ -170,17 +171,20 @@ class Footprint:
         z, std = ground(nodes)
         return float(np.fmax.reduce(z - self.settings.trust * std, initial=-math.inf))
 
-    def over(self, ground: Heights, place: Array, rotation: Array) -> float:
-        """Return the height of the ground over a sole that stands, m; NaN where too little is known.
+    def over(self, ground: Heights, place: Array, rotation: Array) -> tuple[float, float, float]:
+        """Return how high the ground is over a sole that stands: where it carries, at most, and inside the rim, m.
 
-        The sole has a place, shape (3,), m, and a rotation to the world, shape (3, 3).
+        The sole has a place, shape (3,), m, and a rotation to the world, shape (3, 3). Ground beside an edge may lie in
+        the rim by an error of the place; inside, half of the nodes are below the last value. All are NaN where too
+        little is known.
         """
         nodes = rotation[:, :2] @ (self._sole.real, self._sole.imag) + place[:, None]
         z, std = ground(nodes[0] + 1j * nodes[1])
         over = z - self.settings.trust * std - nodes[2]
-        if np.isnan(over).mean() > 1.0 - self.settings.least_known:
-            return math.nan
-        return float(np.fmax.reduce(over))
+        inside = over[self._inside]
+        if np.isnan(over).mean() > 1.0 - self.settings.least_known or np.isnan(inside).all():
+            return math.nan, math.nan, math.nan
+        return float(np.nanquantile(over, 0.95)), float(np.nanmax(over)), float(np.nanmedian(inside))
 
     def _low(self, ground: Heights, nodes: Places, x: float, y: float, yaw: float) -> Array:
         """Return lower bounds of the heights at nodes about a place; `NOTHING` where unknown."""

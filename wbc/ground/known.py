@@ -160,13 +160,14 @@ class KnownGround:
         if no frame of points has moved it since the last one.
         """
         s = self.settings
-        self.difference = over = self._footprints[side].over(
-            self._at, placement.translation, placement.rotation
-        )
-        if abs(over) > s.contradiction:
-            self._doubt(
-                "stance", f"the ground known under the {self._names[side]} sole is {over:+.3f} m from it"
-            )
+        over, most, inside = self._footprints[side].over(self._at, placement.translation, placement.rotation)
+        self.difference = over
+        off = max(inside, 0.0) + min(
+            most, 0.0
+        )  # how deep the sole would be in the ground, or how high it would hang
+        if abs(off) > s.contradiction:
+            name = self._names[side]
+            self._doubt("stance", f"the ground known under the {name} sole is {off:+.3f} m from it")
             return
         self._doubt("stance", "")
         if not self._moved and math.isfinite(over):
