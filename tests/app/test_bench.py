@@ -74,6 +74,7 @@ def test_random_problems_are_solved_within_tolerance() -> None:
     assert reported == sorted(reported) and reported[-1] == 100
 
 
+@pytest.mark.slow
 def test_parts_make_up_the_period_of_a_walk(monkeypatch: pytest.MonkeyPatch) -> None:
     few = [name for name in CASES if name == "flat floor, flat soles, fast mode"]
     monkeypatch.setattr("walk_cost.CASES", {name: CASES[name] for name in few})

@@ -137,6 +137,7 @@ def test_a_result_that_cannot_be_printed_is_one_line() -> None:
     assert (done.returncode, done.stderr) == (FAILED, "wbc: [Errno 28] No space left on device\n")
 
 
+@pytest.mark.slow
 def test_a_trial_without_a_result_is_run_again_by_the_printed_command(folder: Path, capsys: Captured) -> None:
     entries = list(read_journal("journal.jsonl").values())
     with Journal("bad journal.jsonl") as journal:

@@ -85,6 +85,7 @@ def test_a_part_of_a_walk_from_a_file_and_what_is_given_comes_first(
     assert other["plan"] == {"velocity": [0.1, 0.0, 0.0], "steps": 22}
 
 
+@pytest.mark.slow
 def test_a_fall_is_a_result(capsys: pytest.CaptureFixture[str]) -> None:
     push = "impulse=1.2,direction=90,step=1,phase=0.3"
     assert main(["walk", "--distance", "0.05", "--push", push]) == RAN
