@@ -102,6 +102,7 @@ class _SlowHook(TrialHook):
         sleep(0.0006)
 
 
+@pytest.mark.slow
 def test_a_profile_finds_a_slow_task_and_a_slow_hook_by_name_and_leaves_the_walk_alone() -> None:
     quick = Gait(single_support=0.5, initial_double_support=0.5)
     spec = WalkSpec(

@@ -64,6 +64,7 @@ def test_a_press_says_what_was_pressed(run: Run) -> None:
     assert facts["added_mass_kg"] == pytest.approx(0.30)
 
 
+@pytest.mark.slow
 def test_a_drop_is_harder_from_higher_up(run: Run) -> None:
     low, high = (data_of(run, "foot", "press", "--drop", h)["impact"] for h in ("0.01", "0.05"))
     assert high["peak_force"] > low["peak_force"] and high["speed"] > 2.0 * low["speed"]

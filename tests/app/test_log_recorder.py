@@ -182,6 +182,7 @@ def test_own_signals_of_every_kind(tmp_path: Path) -> None:
     assert log["own/height"] == pytest.approx(log["truth/com/z"])
 
 
+@pytest.mark.slow
 def test_what_soles_have_seen_and_decided_is_recorded_once_a_step() -> None:
     path, steps = recorded_scans()
     log = Log.open(path)

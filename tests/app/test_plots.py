@@ -153,6 +153,7 @@ def test_signals_are_chosen_by_name_group_or_pattern(log: Log) -> None:
         select([log], ["joint"])
 
 
+@pytest.mark.slow
 def test_pictures_are_what_their_names_say(standing: Log, tmp_path: Path) -> None:
     figures = {"balance": draw("balance", [standing]), "com": draw_signals([standing], ["com/estimated"])}
     png = save(figures, tmp_path / "walk.png")

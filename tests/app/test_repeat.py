@@ -55,6 +55,7 @@ def test_an_end_by_interrupt_is_recorded_and_repeated(
     assert second["spec"] == first["spec"] and interventions_of(again) == interventions_of(log)
 
 
+@pytest.mark.slow
 def test_a_log_that_was_cut_off_is_repeated_as_far_as_it_goes(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -255,6 +255,7 @@ def test_robots_made_of_meshes_can_be_filmed(tmp_path: Path, robot: str) -> None
 # ---- files for Rerun ------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_rerun_opens_an_rrd(tmp_path: Path) -> None:
     pytest.importorskip("rerun")
     half, whole = tmp_path / "walk.arrow", recorded_walk().read_bytes()

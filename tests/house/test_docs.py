@@ -30,7 +30,16 @@ sys.path.insert(0, str(ROOT / "docs"))
 import measured  # noqa: E402 - of docs
 
 PAGES = [*sorted((ROOT / "docs").glob("*.md")), ROOT / "CONTRIBUTING.md"]
-LONG = ("logs.md", "motion.md", "own_loop.md", "stiffness.md", "studies.md", "walking.md")
+LONG = (
+    "logs.md",
+    "motion.md",
+    "own_loop.md",
+    "programs.md",
+    "seeing.md",
+    "stiffness.md",
+    "studies.md",
+    "walking.md",
+)
 """Pages whose programs take seconds: they run with -m slow."""
 
 FENCE = re.compile(r"^```(\w*)\n(.*?)^```$", re.MULTILINE | re.DOTALL)

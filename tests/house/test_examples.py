@@ -175,6 +175,7 @@ def test_reach_walking_carries_one_hand_and_arrives_with_the_other(load: Load) -
     assert result["carried_rms_mm"] < 10.0 and result["distance_mm"] < 40.0
 
 
+@pytest.mark.slow
 def test_drive_walks_an_s_without_a_terminal(load: Load, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("sys.stdin", io.StringIO())
     result = load("drive").main(["--seconds", "4"])

@@ -283,10 +283,8 @@ def test_both_soles_stay_loaded_where_no_step_is_near(g1: Robot) -> None:
     )
 
 
-@pytest.mark.parametrize(
-    "name",
-    [pytest.param(n, marks=pytest.mark.slow) if n != "squat" else n for n in sorted(MOTIONS)],
-)
+@pytest.mark.slow
+@pytest.mark.parametrize("name", sorted(MOTIONS))
 def test_motions_become_feasible(g1: Robot, name: str) -> None:
     clip = make_motion(g1, name, 1)
     result = make_feasible(g1, clip)

@@ -116,6 +116,7 @@ def hill(points: np.ndarray) -> np.ndarray:
     return np.array([-40.0 * np.log10(v["k"] / 20.0) ** 2 - 4.0 * (v["kP"] - 3.0) ** 2 - 1.0 for v in values])
 
 
+@pytest.mark.slow
 def test_an_optimisation_finds_the_top_of_a_noisy_hill_and_asks_the_same_again() -> None:
     rng = np.random.default_rng(0)
     X: list[tuple[float, ...]] = []

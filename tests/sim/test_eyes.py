@@ -156,6 +156,7 @@ def blind() -> Sent:
     return walked()[1]
 
 
+@pytest.mark.slow
 def test_a_walk_that_knows_nothing_walks_as_a_blind_one_to_the_bit(blind: Sent) -> None:
     _, sent, trial = walked(eyes="depth", changes={"camera.end": 0.0})
     assert trial.walking.ground is not None
@@ -202,6 +203,7 @@ def _map(height: float):
     return change
 
 
+@pytest.mark.slow
 def test_a_map_that_contradicts_the_soles_is_not_used(blind: Sent) -> None:
     result, sent, trial = walked(_map(40.0), eyes="depth", changes={"camera.end": 0.0})
     assert "sole" in trial.walking.ground.status
@@ -209,6 +211,7 @@ def test_a_map_that_contradicts_the_soles_is_not_used(blind: Sent) -> None:
     assert result.failures == 0
 
 
+@pytest.mark.slow
 def test_wrong_clouds_never_fail_a_tick() -> None:
     random = np.random.default_rng(0)
 
@@ -222,6 +225,7 @@ def test_wrong_clouds_never_fail_a_tick() -> None:
     assert result.failures == 0
 
 
+@pytest.mark.slow
 def test_feet_land_where_the_ground_is() -> None:
     """Over steps of 30 mm a walk that sees expects the height at which it lands, and comes to its goal."""
     found: dict[str, list[float]] = {}

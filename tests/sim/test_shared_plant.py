@@ -51,6 +51,7 @@ def test_robots_begin_again_where_they_began() -> None:
     np.testing.assert_array_equal(plant.data.qpos, after)
 
 
+@pytest.mark.slow
 def test_a_robot_that_is_pushed_into_another_moves_it() -> None:
     places = {"two": (0.45, 0.0, 0.0)}
     moved = []

@@ -148,6 +148,7 @@ def test_fallen_means_low_or_tilted_or_lost_wherever_and_whichever_way(robot: st
         assert detector.fallen(lost)
 
 
+@pytest.mark.slow
 def test_a_weak_push_is_recovered_and_a_strong_one_is_not() -> None:
     weak = push_standing(StandPushSpec(impulse=0.2, before=0.2, after=1.3))
     assert weak.recovered and weak.fell_at is None and 0.005 < weak.com_offset < 0.1

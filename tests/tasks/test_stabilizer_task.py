@@ -79,6 +79,7 @@ def test_a_reset_takes_the_heading_anew() -> None:
     np.testing.assert_allclose(outputs[1], outputs[0], atol=1e-9)
 
 
+@pytest.mark.slow
 def test_the_com_follows_a_target_that_moves() -> None:
     plant, control, task = standing("torque")
     run(plant, control, 0.2)

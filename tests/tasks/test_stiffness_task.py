@@ -319,6 +319,7 @@ def test_held_readings_of_a_slow_sensor_are_not_put_at_new_places() -> None:
 # --- policies ---------------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_the_model_decides_what_it_would_say_of_the_profile(model: StiffnessModel) -> None:
     for name, amplitude, least, most in (
         ("cobble_stones", 0.025, 30.0, 60.0),
