@@ -187,7 +187,7 @@ def seen_roughness(
     return roughness(place, np.array(heights), recipe.roughness).values
 
 
-SOFT_LENGTH = 0.278
+SOFT_LENGTH = 0.27782
 """Length of the soft sole, m."""
 
 
