@@ -45,6 +45,9 @@ POINT = 0.02
 LONGEST = 1.5
 """Longest arrow of a force, in weights of the robot: one of a landing would grow out of the picture."""
 
+NOTICED = 5e-4
+"""Distance from which on a mark that has moved is drawn anew, m."""
+
 HEAD_LENGTH, HEAD_WIDTH = 0.25, 2.5
 """Length of an arrow's head, share of the arrow, and its radius, in radii of the shaft."""
 
@@ -69,6 +72,11 @@ class Mark:
     colour: Colour
     size: float = LINE
     meaning: str = ""
+
+    def looks_like(self, other: Mark) -> bool:
+        """Return true if a mark that is shown need not be drawn anew for this one."""
+        a, b = self.points, other.points
+        return self.colour == other.colour and a.shape == b.shape and bool((np.abs(a - b) < NOTICED).all())
 
 
 @dataclass(eq=False)

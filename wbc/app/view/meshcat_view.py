@@ -33,7 +33,7 @@ class _Pipeline:
     """Socket that takes MeshCat's commands without waiting for the answer to each: half the time."""
 
     def __init__(self, address: str) -> None:
-        self._socket = zmq.Context.instance().socket(zmq.DEALER)
+        self._socket: Any = zmq.Context.instance().socket(zmq.DEALER)
         self._socket.connect(address)
         self._open = 0
 
@@ -101,9 +101,14 @@ class MeshcatView(View):
         )
         self._names: dict[int, list[str]] = {}
         self._shown: dict[str, Any] = {}
+        # A path is that of the parent, and a body is sent when it has moved from there: few have, most of the time.
+        self._paths = ["body"]
+        for body, parent in enumerate(self.stage.model.body_parentid[1:].tolist(), start=1):
+            self._paths.append(f"{self._paths[parent]}/{body}")
         for number, (body, colour, mesh) in enumerate(body_meshes(self.stage.model)):
-            self._set(f"body/{body}/{number}", mesh, colour)
-            self._names.setdefault(body, []).append(f"body/{body}/{number}")
+            name = f"{self._paths[body]}/mesh {number}"
+            self._set(name, mesh, colour)
+            self._names.setdefault(body, []).append(name)
         self._pipeline.wait()
         self._marks: dict[str, tuple[Mark, Mesh | None]] = {}  # marks and their triangles as they are shown
         self._pictures: queue.Queue[tuple[Picture, Array, Array] | None] = queue.Queue()
@@ -125,9 +130,11 @@ class MeshcatView(View):
 
     def _draw(self, picture: Picture, positions: Array, rotations: Array) -> None:
         """Send a picture, and where the bodies are in it: positions, shape (n, 3), m, and matrices, shape (n, 9)."""
-        for body in self._names:
-            if body > 0:
-                self._move(f"body/{body}", _matrix(positions[body], rotations[body].reshape(3, 3)))
+        axes, parents = rotations.reshape(-1, 3, 3), self.stage.model.body_parentid
+        back = axes[parents].transpose(0, 2, 1)
+        turns, ways = back @ axes, np.einsum("bij,bj->bi", back, positions - positions[parents])
+        for path, way, turn in zip(self._paths[1:], ways[1:], turns[1:], strict=True):
+            self._move(path, _matrix(way, turn))
         for body, colour in picture.colours.items():
             if self._shown.get(f"colour of {body}") != colour:
                 self._shown[f"colour of {body}"] = colour
@@ -140,11 +147,7 @@ class MeshcatView(View):
             self._shown.pop(f"mark/{name}", None)
         for mark in picture.marks:
             old, path = self._marks.get(mark.name), f"mark/{mark.name}"
-            if (
-                old is not None
-                and old[0].colour == mark.colour
-                and np.array_equal(old[0].points, mark.points)
-            ):
+            if old is not None and mark.looks_like(old[0]):
                 continue
             if mark.kind == "cloud":
                 self._set_cloud(f"{path}/shape", mark)
@@ -181,7 +184,7 @@ class MeshcatView(View):
 
     def _move(self, path: str, matrix: Array) -> None:
         """Move a path, if it is not there already."""
-        if self._shown.get(path) != (place := matrix.round(DIGITS).tobytes()):
+        if self._shown.get(path) != (place := (matrix.round(DIGITS) + 0.0).tobytes()):
             self._shown[path] = place
             self._page[path if path.startswith("/") else f"{ROOT}/{path}"].set_transform(matrix)
 

@@ -103,11 +103,7 @@ class ViserPage:
             self._marks.pop(name)[0].remove()
         for mark in picture.marks:
             old = self._marks.get(mark.name)
-            if (
-                old is not None
-                and old[1].colour == mark.colour
-                and np.array_equal(old[1].points, mark.points)
-            ):
+            if old is not None and mark.looks_like(old[1]):
                 continue
             name = f"{ROOT}/marks/{mark.name}"
             if mark.kind == "cloud":
