@@ -15,6 +15,9 @@ from meshcat.servers.zmqserver import WebSocketHandler, ZMQWebSocketBridge
 
 LOCAL = "127.0.0.1"
 
+LAST = 0.5
+"""Time in which pages take the last picture, s."""
+
 
 class Page(WebSocketHandler):  # type: ignore[misc]
     """Connection of a page: it only watches."""
@@ -51,7 +54,7 @@ if __name__ == "__main__":
     def wait_for_end() -> None:
         """Stop the server when the program that has started it has ended."""
         sys.stdin.read()
-        bridge.ioloop.add_callback(bridge.ioloop.stop)
+        bridge.ioloop.add_callback(bridge.ioloop.call_later, LAST, bridge.ioloop.stop)
 
     threading.Thread(target=wait_for_end, daemon=True).start()
     bridge.run()
