@@ -15,7 +15,6 @@ import pinocchio as pin
 
 from wbc.core.drive.servos import Servos
 from wbc.core.errors import Array, InputError, ModelError, choose
-from wbc.core.html import html_text
 from wbc.core.limits.collision import CollisionCapsule, CollisionSphere
 from wbc.core.robot import Robot, Sole, joints_to
 from wbc.robots import frames, urdf
@@ -427,9 +426,6 @@ class RobotDescription:
     def __repr__(self) -> str:
         mass = pin.computeTotalMass(self._model)
         return f"RobotDescription('{self.name}', {len(self.joint_names)} joints, {mass:.1f} kg)"
-
-    def _repr_html_(self) -> str:
-        return html_text(self.report())
 
     def doubts(self) -> tuple[str, ...]:
         """Return what is doubtful, one line each: guessed limits, soft servos, legs that differ, …."""

@@ -29,7 +29,6 @@ from wbc.tasks.motion.frame import OrientationTask, PoseTask, PositionTask
 from wbc.tasks.motion.momentum import MomentumTask
 from wbc.tasks.motion.posture import PostureTask
 from wbc.tasks.motion.relative import RelativeFrameTask
-from wbc.tasks.programs import read_state_machine
 from wbc.tasks.scheduling.policies import (
     FixedPolicy,
     GroundPolicy,
@@ -76,7 +75,6 @@ __all__ = [
     "Behaviour",
     "StateMachine",
     "Program",
-    "read_state_machine",
     "after",
     "reached",
     "error_below",

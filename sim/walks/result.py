@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
-from wbc.core.html import html_table
 from wbc.core.settings import to_json
 from wbc.sim.trial.result import TrialResult
 from wbc.sim.walks.spec import WalkSpec
@@ -183,18 +182,6 @@ class WalkResult(TrialResult):
     def __repr__(self) -> str:
         steps = f"{self.steps_done} of {self.steps_planned} steps"
         return f"WalkResult({self.robot} on {self.terrain}: {self.outcome}, {steps})"
-
-    def _repr_html_(self) -> str:
-        rows: dict[str, object] = {
-            "outcome": self.outcome if self.fall is None else f"{self.outcome} ({self.fall_reason})",
-            "steps": f"{self.steps_done} of {self.steps_planned}",
-            "distance": f"{self.distance:.2f} m in {self.seconds:.1f} s",
-            "landing peak": "" if self.impact is None else f"{self.impact:.2f} x weight",
-            "cost of transport": "" if self.cost_of_transport is None else f"{self.cost_of_transport:.2f}",
-        }
-        errors = {"ZMP": self.zmp_error, "CoM": self.com_error, "DCM": self.dcm_error}
-        rows |= {f"{name} error": f"{1e3 * (each.mean or 0.0):.1f} mm" for name, each in errors.items()}
-        return html_table(f"{self.robot} on {self.foot} feet, {self.terrain}", rows)
 
     def record(self) -> dict[str, Any]:
         """Return all that follows from the spec, as plain values."""

@@ -164,15 +164,9 @@ class MovingTask(Task):
         Raises:
             InputError: As in `move_to`; no target at all, or the same twice in a row.
         """
-        owner, self._trajectory, self._on = self._curve(targets, duration, speed, acceleration, moves=True)
+        owner, self._trajectory, self._on = self._curve(targets, duration, speed, acceleration)
         self._elapsed, self._held = 0.0, True
         owner.move(self)
-
-    def check_move(
-        self, target: Any, *, duration: float | None = None, speed: ArrayLike | None = None
-    ) -> None:
-        """Refuse what `move_to` would refuse, with the same errors, and move nothing: for programs that are read."""
-        self._curve([target], duration, speed, None, moves=False)
 
     def _curve(
         self,
@@ -180,8 +174,6 @@ class MovingTask(Task):
         duration: float | None,
         speed: ArrayLike | None,
         acceleration: ArrayLike | None,
-        *,
-        moves: bool,
     ) -> tuple[Controller, Trajectory, Course]:
         """Return the controller and the trajectory through targets, from the present motion or from rest on."""
         owner: Controller | None = (vars(self).get("_owner") or (lambda: None))()
@@ -190,7 +182,7 @@ class MovingTask(Task):
         if not isinstance(targets, (Sequence, np.ndarray)) or len(targets) == 0:
             raise InputError(f"task '{self.name}' moves through one or more targets, got {targets!r}")
         self._refuse_if_set()
-        velocity, push = self._rates() if moves else (None, None)
+        velocity, push = self._rates()
         course = self._course()
         points = [course.start]
         for target in targets:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import logging
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -13,19 +12,15 @@ from task_factory import left_hand, standing
 
 from wbc.core.errors import InputError, UnknownNameError
 from wbc.core.limits.rows import TorqueLimits
-from wbc.robots import load
 from wbc.tasks import (
     Behaviour,
     CoMTask,
-    PoseTask,
     PositionTask,
     Program,
     StateMachine,
     after,
     all_of,
-    balance_controller,
     reached,
-    read_state_machine,
     speed_below,
 )
 from wbc.tasks.behaviours import BehaviourError, Scope
@@ -228,30 +223,3 @@ def test_an_exception_anywhere_has_the_outcome_that_its_transition_says(
 def test_what_cannot_run_is_refused_before_it_runs(make: Any, named: str) -> None:
     with pytest.raises((InputError, UnknownNameError), match=named):
         make()
-
-
-def test_a_program_in_a_file_moves_what_it_names_and_waits_for_it(tmp_path: Path) -> None:
-    controller = balance_controller(load("hrp4_class").robot(), DT)
-    hand = controller.add(PoseTask(left_hand(controller.robot), name="hand", weight=10.0))
-    turned = hand.target.rotation
-    (tmp_path / "squat.toml").write_text(
-        '[[state]]\nname = "low"\ntask.com = { by = [0.0, 0.0, -0.04], duration = 0.5 }\n'
-        "task.hand = { by = [0.05, 0.0, 0.0] }\n"
-        '[[state]]\nname = "both"\n[[state.state]]\nname = "bend"\ndone = { any = [{ after = 3.0 }, "reached"] }\n'
-        "task.posture = { to = { right_elbow_pitch = -0.9 }, speed = 1.0 }\n"
-        '[[state]]\nname = "hold"\ndone = { all = [{ after = 0.1 }, { error_below = { com = 0.01 } }] }\n'
-    )
-    program, before = (
-        Program(read_state_machine(tmp_path / "squat.toml", controller), controller),
-        controller.robot.com[2],
-    )
-    assert run(program) == "done"
-    assert [path for _, path, _ in program.history] == [
-        "squat/low",
-        "squat/both/bend",
-        "squat/both",
-        "squat/hold",
-        "squat",
-    ]
-    assert controller.robot.com[2] - before == pytest.approx(-0.04, abs=5e-3)
-    np.testing.assert_allclose(hand.target.rotation, turned, atol=1e-12)  # of a pose the point moves

@@ -13,7 +13,6 @@ from typing import Any, TypeVar, overload
 import numpy as np
 
 from wbc.core.errors import Array, InputError, WbcError, as_period, choose, shown, unknown_name
-from wbc.core.html import html_text
 from wbc.core.limits.rows import JointLimits, RowLimit, TorqueLimits
 from wbc.core.qp.assembly import Assembly, Limit
 from wbc.core.qp.contact import Contact
@@ -378,9 +377,6 @@ class Controller:
         }
         held = "; ".join(f"{kind} {listed}" for kind, listed in names.items() if listed)
         return f"Controller({self.robot!r}, dt={self._dt:g} s{f'; {held}' if held else ''})"
-
-    def _repr_html_(self) -> str:
-        return html_text(self.status_table() if self._solution is not None else repr(self))
 
     def status_table(self) -> str:
         """Return a table of tasks, contacts and limits as of the last tick, to print."""

@@ -9,7 +9,6 @@ from typing import NamedTuple
 import numpy as np
 
 from wbc.core.errors import Array
-from wbc.core.html import html_table
 from wbc.core.qp.solver import Status
 
 
@@ -73,14 +72,6 @@ class Solution:
     def __repr__(self) -> str:
         limits = self.active_limits
         return f"Solution({self.status.name.lower()}, {len(limits)} active limits, {1e6 * self.timings.total:.0f} µs)"
-
-    def _repr_html_(self) -> str:
-        rows: dict[str, object] = {
-            f"residual of {name} ({self.layout.units[name]})": f"{np.linalg.norm(values):.3g}"
-            for name, values in self.residuals.items()
-        }
-        rows |= {f"wrench of {name} (N, Nm)": np.round(values, 1) for name, values in self.wrenches.items()}
-        return html_table(repr(self), rows | {"active limits": ", ".join(self.active_limits) or "none"})
 
     @property
     def ok(self) -> bool:
