@@ -226,6 +226,7 @@ def test_wrong_clouds_never_fail_a_tick() -> None:
 
 
 @pytest.mark.slow
+@pytest.mark.slow
 def test_feet_land_where_the_ground_is() -> None:
     """Over steps of 30 mm a walk that sees expects the height at which it lands, and comes to its goal."""
     found: dict[str, list[float]] = {}
