@@ -291,7 +291,7 @@ class RobotDescription:
 
         A box, and a mesh as the box around it, is a capsule along its longest side, as thick as the second one.
         """
-        return shapes.capsules(self)
+        return shapes.capsules(self.urdf, self.package_dirs)
 
     def attachment(self, frame: str) -> tuple[str, pin.SE3]:
         """Return the moving link that carries a frame, and the placement of the frame in this link.

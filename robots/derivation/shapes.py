@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from functools import lru_cache
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal, NamedTuple
+from typing import Literal, NamedTuple
 
 import numpy as np
 import pinocchio as pin
@@ -13,9 +13,6 @@ from wbc.core.errors import Array
 from wbc.core.limits.collision import CollisionCapsule, CollisionSphere
 from wbc.robots import urdf
 from wbc.robots.derivation.soles import mesh_vertices, numbers, origin_of, resolve
-
-if TYPE_CHECKING:
-    from wbc.robots.description import RobotDescription
 
 SMALLEST = 0.002
 """Least half size of a shape, m."""
@@ -37,16 +34,12 @@ class LinkShape(NamedTuple):
     placement: pin.SE3
 
 
-def link_shapes(description: RobotDescription) -> list[LinkShape]:
-    """Return the shapes of all links: collision geometry where a link has any, visual geometry otherwise.
+@lru_cache(maxsize=16)
+def link_shapes(text: str, package_dirs: tuple[str, ...]) -> tuple[LinkShape, ...]:
+    """Return the shapes of all links of a URDF: collision geometry where a link has any, visual geometry otherwise.
 
     A mesh becomes the least box about its principal axes. What cannot be read is left out.
     """
-    return list(_link_shapes(description.urdf, description.package_dirs))
-
-
-@lru_cache(maxsize=16)
-def _link_shapes(text: str, package_dirs: tuple[str, ...]) -> tuple[LinkShape, ...]:
     shapes: list[LinkShape] = []
     for link in urdf.read(text).findall("link"):
         for tag in ("collision", "visual"):
@@ -76,10 +69,10 @@ def _shape(link: str, element: urdf.Element, package_dirs: tuple[str, ...]) -> L
     return None
 
 
-def capsules(description: RobotDescription) -> dict[str, list[CollisionSphere | CollisionCapsule]]:
+def capsules(text: str, package_dirs: tuple[str, ...]) -> dict[str, list[CollisionSphere | CollisionCapsule]]:
     """Return link → spheres and capsules: a box is a capsule along its longest side, as thick as the second one."""
     found: dict[str, list[CollisionSphere | CollisionCapsule]] = {}
-    for shape in link_shapes(description):
+    for shape in link_shapes(text, package_dirs):
         place, size = shape.placement, shape.size
         if shape.kind == "box":
             _, radius, half = sorted(size)

@@ -21,7 +21,7 @@ def add_body_shapes(spec: mujoco.MjSpec, description: RobotDescription, robot: R
     """Let all links but the feet touch things and the ground, not each other; each hand has a site in the model."""
     feet = {description.attachment(sole.frame)[0] for sole in description.soles}
     shaped = set()
-    for shape in link_shapes(description):
+    for shape in link_shapes(description.urdf, description.package_dirs):
         body = spec.body(shape.link)
         if body is None or description.attachment(shape.link)[0] in feet:
             continue
