@@ -1,5 +1,6 @@
 from . import app as app
 from . import feet as feet
+from . import ground as ground
 from . import machine as machine
 from . import motion as motion
 from . import robots as robots

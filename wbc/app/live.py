@@ -10,14 +10,17 @@ from typing import TYPE_CHECKING, Annotated, Any, TypeVar
 
 from cyclopts import Parameter
 from pydantic import Field
+from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 
+from wbc.app.output import progress_console
 from wbc.core.errors import InputError
 from wbc.core.settings import settings
+from wbc.sim.trial.loop import TrialHook
 
 if TYPE_CHECKING:
     from wbc.app.repeat import RepeatWalk
     from wbc.app.view.walk_hook import WatchWalk
-    from wbc.sim.trial.loop import Trial
+    from wbc.sim.trial.loop import Trial, TrialTick
 
 TrialT = TypeVar("TrialT", bound="Trial")
 ResultT = TypeVar("ResultT")
@@ -88,7 +91,7 @@ class LiveView:
                 trial = make()
                 for hook in hooks:
                     hook.open(trial)
-                with ended_by_interrupt(trial):
+                with ended_by_interrupt(trial), shown_progress(trial, watched=self.watched):
                     result = simulate(trial, hooks)
                 if not any(hook.restarted(outcome(result)) for hook in hooks):
                     return result, trial, hooks
@@ -129,6 +132,35 @@ def with_changes(
 def ending(trial: Trial) -> list[dict[str, Any]]:
     """Return the end of a run by Ctrl-C as an intervention; empty before, and for a run that ends by itself."""
     return [] if trial.last is None else [{"time": trial.last, "what": "end"}]
+
+
+@contextmanager
+def shown_progress(trial: Trial, *, watched: bool) -> Iterator[None]:
+    """Show how far a trial has come on a terminal, unless a page shows it."""
+    console = progress_console()
+    if watched or not console.is_terminal:
+        yield
+        return
+    columns = SpinnerColumn(), TextColumn("{task.description}"), TimeElapsedColumn()
+    with Progress(*columns, console=console, transient=True) as bar:
+        trial.hooks.append(ProgressLine(bar))
+        yield
+
+
+class ProgressLine(TrialHook):
+    """Line of a trial on the terminal: simulated time, and steps of a walk."""
+
+    def __init__(self, bar: Progress) -> None:
+        self._bar, self._task, self._next = bar, bar.add_task("simulating"), 0.0
+
+    def tick(self, tick: TrialTick) -> None:
+        """See `TrialHook`."""
+        time = tick.plant.time
+        if time >= self._next:
+            self._next = time + 0.1
+            steps = getattr(tick.walking, "steps_done", None)
+            text = f"{time:.1f} s simulated" + ("" if steps is None else f", {steps} steps")
+            self._bar.update(self._task, description=text)
 
 
 @contextmanager
