@@ -71,7 +71,7 @@ def test_neither_phase_nor_ground_nor_a_scan_has_a_gain() -> None:
     for arm in [arm for arm in steps.columns if arm.startswith(("phase", "edge"))]:
         assert gain(steps, arm, "soft, 80", "terrain")[0].mean <= 0.05
     known = choice(steps[list(SOLES[1:])], chosen_by=10)
-    assert shown(known.over["soft, 80"], 2) == "0.18 [0.04, 0.45]"
+    assert shown(known.over["soft, 80"], 2) == "0.18 [−0.04, 0.45]"
     scanned = steps.join(by_sole(walks("learnt_ramp")), how="inner")
     for arm, expected in (("ramp_model", "−0.5 [−1.2, 0.0]"), ("ramp_model_regression", "−0.4 [−1.3, 0.1]")):
         assert shown(gain(scanned, arm, "soft, 80", "terrain")[0]) == expected
