@@ -503,7 +503,7 @@ class SoleContact(_HeldFrame):
         Args:
             sole: Name of one of the robot's soles, or its frame.
             friction: Coulomb coefficient; 0.7 as in the soft-foot experiments of Frizza et al., 2022.
-            margin: Distance that the CoP keeps from the edge of the box, m.
+            margin: Distance that the CoP keeps from the edge of the box, m; no share of the box: it is for round edges.
             even: Bound the yaw moment as under even pressure (`rectangle_wrench_cone`).
             torsion: Greatest yaw moment over the normal force on ground of unknown shape, m; None for flat ground.
             **options: See `ContactOptions`.
