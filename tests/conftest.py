@@ -1,16 +1,13 @@
 """For all folders: the profile of the property tests, and files that stay whole when processes share the tests."""
 
 import gc
-import os
-import sys
-from ctypes.util import find_library
 
 import pytest
 from properties import load_profile
 
+import wbc.app.offscreen  # noqa: F401 - before MuJoCo is imported
+
 load_profile()
-if sys.platform == "linux" and not os.environ.get("DISPLAY") and find_library("EGL"):
-    os.environ.setdefault("MUJOCO_GL", "egl")  # films, without a display; MuJoCo reads it when it is imported
 gc.disable()  # until all tests are collected: half a million objects that stay
 
 

@@ -11,6 +11,7 @@ from collections.abc import Sequence
 
 from cyclopts import App, ArgumentCollection, CycloptsError, Parameter
 
+import wbc.app.offscreen  # noqa: F401 - before MuJoCo is imported
 from wbc._version import __version__
 from wbc.app.commands import COMMANDS, GROUPS, summary
 from wbc.core.errors import InputError, WbcError

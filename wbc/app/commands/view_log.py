@@ -60,7 +60,6 @@ def view(
     output: OutputOptions = Output(),
 ) -> Report:
     """Replay a log in the browser with a time slider, or write it as a film or for Rerun."""
-    # Films come first: MuJoCo reads how it is to render when it is imported.
     from wbc.app.replay.convert import check_conversion, convert_log  # noqa: PLC0415, I001 - slow
     from wbc.app.replay.film import check_film, render_video  # noqa: PLC0415 - slow
     from wbc.app.replay.replay import Replay  # noqa: PLC0415 - slow

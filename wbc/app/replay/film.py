@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import os
-import sys
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from ctypes.util import find_library
 from pathlib import Path
 
-if sys.platform == "linux" and not os.environ.get("DISPLAY") and find_library("EGL"):
-    os.environ.setdefault("MUJOCO_GL", "egl")  # which MuJoCo reads when it is imported
+import wbc.app.offscreen  # noqa: F401 - before MuJoCo is imported
 
+# isort: split
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
