@@ -1,4 +1,4 @@
-"""Soles on ground of unknown shape, and contacts whose motion is a cost: rows against rigid-body mechanics, QPs that are always feasible."""
+"""Soles on ground of unknown shape, and contacts whose motion is a cost: rows against mechanics, QPs feasible."""
 
 from __future__ import annotations
 
