@@ -12,6 +12,8 @@ from __future__ import annotations
 
 import contextlib
 import logging
+import os
+import threading
 import time
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Mapping
@@ -217,7 +219,7 @@ def local_executor(workers: int) -> Iterator[Executor]:
     from joblib.externals import loky  # noqa: PLC0415 - only sweeps need it
 
     pool = loky.ProcessPoolExecutor(
-        workers, context=loky.backend.get_context("loky_init_main"), env=ONE_THREAD, initializer=_quiet
+        workers, context=loky.backend.get_context("loky_init_main"), env=ONE_THREAD, initializer=_start_worker
     )
     try:
         yield pool
@@ -227,9 +229,17 @@ def local_executor(workers: int) -> Iterator[Executor]:
     pool.shutdown()
 
 
-def _quiet() -> None:
-    """Let a local process log errors alone: what it warns of, it warns of for every trial."""
+def _start_worker() -> None:
+    """Prepare a local process: it logs errors alone, and ends with the process that has started it, killed or not."""
     logging.getLogger().setLevel(logging.ERROR)
+    parent = os.getppid()
+
+    def follow() -> None:
+        while os.getppid() == parent:
+            time.sleep(1.0)
+        os._exit(1)
+
+    threading.Thread(target=follow, daemon=True, name="follow the sweep").start()
 
 
 def _run(spec: Trial, timeout: float | None, version: Mapping[str, Any], stuck_ends: bool) -> Outcome:
