@@ -63,6 +63,7 @@ def test_random_streams_are_hard_and_repeat_themselves() -> None:
     assert np.abs(first - accelerations(4)).max() > 1.0
 
 
+@pytest.mark.slow
 def test_random_problems_are_solved_within_tolerance() -> None:
     reported: list[int] = []
     options = BenchSolverOptions(ticks=100, stream=25, sample=10, scattered=0.5)

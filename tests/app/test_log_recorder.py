@@ -72,6 +72,7 @@ def test_a_log_holds_every_tick(tmp_path: Path) -> None:
     assert log.events[0] == (0.0, Event.STARTED.value)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("mode", ["position", pytest.param("torque", marks=pytest.mark.slow)])
 def test_recording_changes_nothing(tmp_path: Path, mode: str) -> None:
     runs = []

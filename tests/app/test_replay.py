@@ -114,6 +114,7 @@ def test_footsteps_appear_when_feet_have_landed(replay: Replay) -> None:
     assert any("steps done" in line for line in text) and any("estimate" in line for line in text)
 
 
+@pytest.mark.slow
 def test_soles_and_scans_are_shown_as_they_were() -> None:
     path, steps = recorded_scans()
     replay = Replay(Log.open(path))

@@ -194,6 +194,7 @@ def test_a_foot_that_stands_under_a_turning_base_is_at_rest() -> None:
     assert np.abs(turns[5:]).max() < 2e-3
 
 
+@pytest.mark.slow
 def test_a_wrong_initial_tilt_and_a_gyro_bias_fade() -> None:
     sensors, qs, vs = sway(dt=0.01, seconds=20.0)
     robot = biped()
@@ -302,6 +303,7 @@ def spinning(seconds: float) -> tuple[list[Measurement], np.ndarray, np.ndarray]
     return sensors, qs[1:-1], vs
 
 
+@pytest.mark.slow
 def test_a_foot_that_spins_does_not_turn_the_estimate_and_holds_it_when_it_rests() -> None:
     sensors, qs, _ = spinning(11.0)
     bias = np.array([0.0, 0.0, 0.004])  # rad/s, 0.04 rad over the whole time

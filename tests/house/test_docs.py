@@ -33,6 +33,7 @@ PAGES = [*sorted((ROOT / "docs").glob("*.md")), ROOT / "CONTRIBUTING.md"]
 LONG = (
     "logs.md",
     "motion.md",
+    "coming_from.md",
     "own_loop.md",
     "programs.md",
     "seeing.md",

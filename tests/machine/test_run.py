@@ -151,6 +151,7 @@ def test_a_stop_holds_the_joints_where_they_are_while_stiffness_and_torques_fall
     assert np.abs(stop[-1].joint_torque).max() < 0.1 * np.abs(stop[0].joint_torque).max()
 
 
+@pytest.mark.slow
 def test_a_controller_takes_over_by_and_by() -> None:
     """From half-sitting held by the servos to the controller's own command, here no torque at all."""
     machine = SimulatedMachine(SimulatedTime())

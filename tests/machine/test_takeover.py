@@ -247,6 +247,7 @@ def test_no_bad_signal_gets_past_the_inlet() -> None:
             assert np.isfinite(getattr(inlet.good, signal)).all(), (name, signal)
 
 
+@pytest.mark.slow
 def test_measurements_that_stay_bad_end_in_damping() -> None:
     class Dead(HangingMachine):
         def read(self, timeout: float) -> Any:

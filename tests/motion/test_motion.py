@@ -357,6 +357,7 @@ def test_a_motion_that_is_too_fast_takes_longer() -> None:
     assert not result.after.joint_speed and result.after.feasible and result.stretched > 1.5
 
 
+@pytest.mark.slow
 def test_commands_check_and_filter_a_clip(
     g1: Robot, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

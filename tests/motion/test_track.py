@@ -52,6 +52,7 @@ def references(g1: Robot, steps: MotionClip) -> tuple[Reference, ...]:
     return clip_references(g1, steps, steps.standing, 0.0, DT)[1]
 
 
+@pytest.mark.slow
 def test_references_are_derivatives_of_each_other(
     g1: Robot, steps: MotionClip, references: tuple[Reference, ...]
 ) -> None:

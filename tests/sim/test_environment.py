@@ -23,6 +23,7 @@ def test_gymnasium_finds_nothing_wrong(name: str) -> None:
     )
 
 
+@pytest.mark.slow
 def test_a_walk_is_driven_and_the_same_seed_gives_the_same_episode() -> None:
     env = WbcEnv("walk", seconds=1.5, period=0.5)
     first, _ = env.reset(seed=3)

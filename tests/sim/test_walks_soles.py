@@ -33,6 +33,7 @@ def walked() -> WalkResult:
     return walk(SPEC)
 
 
+@pytest.mark.slow
 def test_every_swing_is_accounted_for() -> None:
     result = walked()
     assert result.outcome == "completed" and result.policy == "model"

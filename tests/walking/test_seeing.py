@@ -127,6 +127,7 @@ def test_unknown_ground_is_walked_blind_to_the_bit() -> None:
     assert blind == nothing
 
 
+@pytest.mark.slow
 @given(st.floats(-20.0, 20.0), st.floats(-20.0, 20.0), st.floats(-math.pi, math.pi))
 @settings(max_examples=4, deadline=None)
 def test_a_walk_is_the_same_in_a_moved_and_turned_world(x: float, y: float, yaw: float) -> None:

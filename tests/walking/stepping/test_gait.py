@@ -63,6 +63,7 @@ def replay(
     return references
 
 
+@pytest.mark.slow
 def test_a_mirrored_world_gives_mirrored_references() -> None:
     ticks = pushed_aside()
     x, y, turn = VELOCITY
@@ -144,6 +145,7 @@ def test_a_larger_robot_does_the_same_in_larger_steps_and_longer_times(k: float)
             assert (b.landing.x, b.landing.y) == pytest.approx(expected, abs=1e-6)
 
 
+@pytest.mark.slow
 def test_the_foot_comes_down_quicker_the_more_uneven_the_last_steps_were() -> None:
     """Softly on level ground, faster for each height between the feet, up to a greatest speed, and softly again."""
     body = PointMass()
