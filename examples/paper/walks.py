@@ -12,6 +12,7 @@ from typing import Any
 import pandas as pd
 
 from wbc.sim.studies import Entry, Estimate, holm, mean_interval, rate_interval, read_journal, sign_flip_p
+from wbc.walking import StepGait
 
 PAPER = Path(__file__).parent
 JOURNALS, STUDIES, MODELS = (PAPER / name for name in ("journals", "studies", "models"))
@@ -59,7 +60,7 @@ def _row(entry: Entry) -> dict[str, Any]:
         "ramp": spec["terrain_params"].get("ramp", 0.0),  # before version 9 grounds began with an edge
         "sole": sole(spec),
         "foot_changes": spec["foot_changes"],
-        "apex": spec["gait"]["apex"],
+        "apex": spec["gait"]["apex"] or StepGait.apex,
         "status": entry.status,
         "arrived": result.get("outcome") == "completed",
         "steps": result.get("steps_done"),

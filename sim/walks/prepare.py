@@ -103,11 +103,11 @@ def prepare(
     model = description.robot()
     q = moved(model.half_sitting, start)
     model.update(q, np.zeros(model.nv))
-    gait, notes = sized(gait, model).on_grid(period)
     ground = stairs if stairs is not None else terrain_by_name("flat")
+    gait, notes = sized(gait, model).on_grid(period)
     steps = plan.build(FootstepPlan.standing(model, gait), ground)
-    gait, more = steps.gait.on_grid(period)  # that of a velocity
-    steps, notes = replace(steps, gait=gait), notes + more
+    step_gait, more = steps.gait.full.on_grid(period)  # that of a velocity, and defaults
+    notes += more
     if stairs is not None:
         _ = stairs.surface  # raises if a stair does not fit into its track
     planned: WalkingControlSettings | SteppingControlSettings
@@ -122,12 +122,11 @@ def prepare(
         )
     walking = WalkingControl(model, steps, period, planned, extent=extent)
     check_plan(steps, model, walking.walk.reach, extent)
-    swings = len(steps) * (gait.single_support + gait.double_support) - gait.double_support
-    time = gait.initial_double_support + swings + gait.final_double_support
+    cycle = step_gait.single_support + step_gait.double_support
+    swings = len(steps) * cycle - step_gait.double_support
+    time = step_gait.initial_double_support + swings + step_gait.final_double_support
     if plan.drive is not None:
-        time = (
-            plan.drive[-1][0] + 2.0 * (gait.single_support + gait.double_support) + gait.final_double_support
-        )
+        time = plan.drive[-1][0] + 2.0 * cycle + step_gait.final_double_support
     return PreparedWalk(
         plant_description, description, foot, settings, q, steps, steps, plan.drive, time, notes
     )

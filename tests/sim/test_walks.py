@@ -20,7 +20,7 @@ from wbc.sim.walks.spec import WalkSpec
 from wbc.sim.walks.trial import WalkTrial, walk
 from wbc.walking.contact import Event
 from wbc.walking.falls import FallReason
-from wbc.walking.planning.gait import Gait
+from wbc.walking.planning.gait import Gait, StepGait
 
 TWO_STEPS = WalkPlan(distance=0.1)
 QUICK = Gait(single_support=0.65, double_support=0.25, initial_double_support=0.5, final_double_support=0.5)
@@ -126,7 +126,7 @@ def test_a_push_has_its_impulse_at_its_phase_and_a_hard_one_is_a_fall() -> None:
     result = trial.run([hook])
     assert hook.total == pytest.approx([0.0, 0.9 * trial.plant.robot.mass, 0.0], rel=1e-9, abs=1e-9)
     assert hook.first is not None and hook.lift_off is not None
-    gait = Gait()
+    gait = StepGait()
     assert hook.first - hook.lift_off == pytest.approx(
         0.3 * (gait.single_support + gait.double_support), abs=0.0051
     )

@@ -12,10 +12,12 @@ import pinocchio as pin
 import pytest
 from pendulum import BY_TIME
 
+from wbc.core.settings import from_json, to_json
 from wbc.robots import load
 from wbc.walking import (
     FootstepPlan,
     Gait,
+    StepGait,
     WalkingControl,
     WalkingControlSettings,
     walk_distance,
@@ -285,11 +287,12 @@ def test_a_planner_that_fails_brings_the_robot_to_a_stand(
 
 
 def test_gait_for_a_speed() -> None:
-    """Quicker and lower steps at higher speed; explicit values win."""
-    assert Gait.for_speed((0.0, 0.0, 0.0)) == Gait()
-    slow = Gait.for_speed((0.4, 0.0, 0.0), Gait(single_support=0.9))
-    assert slow.single_support == 0.9 and slow.double_support < 0.3
-    assert Gait.for_speed((0.15, 0.0, 0.0)) == Gait()
+    """Quicker and lower steps at higher speed; what is given stays, also where it is the default."""
+    assert Gait.for_speed((0.0, 0.0, 0.0)) == StepGait()
+    for given in (Gait(single_support=0.9), Gait(single_support=0.8), replace(Gait(), single_support=0.8)):
+        slow = Gait.for_speed((0.4, 0.0, 0.0), from_json(Gait, to_json(given)))
+        assert slow.single_support == given.single_support and slow.double_support < 0.3
+    assert Gait.for_speed((0.15, 0.0, 0.0)) == StepGait()
     gaits = [Gait.for_speed((speed, 0.0, 0.0)) for speed in (0.15, 0.3, 0.4, 0.5, 0.6)]
     for slower, quicker in zip(gaits, gaits[1:], strict=False):
         assert quicker.single_support < slower.single_support

@@ -71,7 +71,7 @@ def test_sideways_and_in_a_turn_each_the_foot_on_its_side_opens() -> None:
 
 
 def test_a_velocity_is_reached() -> None:
-    gait = START.gait
+    gait = START.gait.full
     duration = gait.single_support + gait.double_support
     plan = walk_velocity(START, (0.12, 0.03, 0.0), 10)
     middle = 0.5 * (plan.final[0].position + plan.final[1].position)

@@ -76,7 +76,7 @@ def moved(state: Pendulum, world: pin.SE3) -> Pendulum:
 
 
 def test_the_schedule_covers_the_plan() -> None:
-    gait = START.gait
+    gait = START.gait.full
     assert sum(s.duration for s in WALK) == pytest.approx(
         gait.initial_double_support + gait.final_double_support + 6 * 0.8 + 5 * 0.3
     )

@@ -56,7 +56,7 @@ def until(w: WalkPhases, loads: Loads, event: Event, limit: float = 10.0) -> flo
 @pytest.mark.parametrize("dt", [0.005, 0.002])
 def test_an_ideal_walk_keeps_the_plans_time(dt: float) -> None:
     w = walking()
-    gait, n = w.plan.gait, len(w.plan)
+    gait, n = w.plan.gait.full, len(w.plan)
     assert n == 4
     total = gait.initial_double_support + gait.final_double_support + n * 0.8 + (n - 1) * 0.3
     events = run(w, ideal, total + 0.5, dt)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import math
 import re
 from pathlib import Path
@@ -14,7 +13,7 @@ import pytest
 from wbc.core.robot import Robot
 from wbc.robots import RobotDescription, load
 from wbc.walking.planning.footsteps import FootstepPlan
-from wbc.walking.planning.gait import Gait
+from wbc.walking.planning.gait import Gait, StepGait
 from wbc.walking.planning.planners import walk_distance
 from wbc.walking.planning.reach import CARRIED, ROOM, carried_height, check_plan, leg_geometry
 from wbc.walking.planning.size import LENGTHS, SMALLEST, SPEEDS, TIMES, sized
@@ -87,14 +86,14 @@ def test_the_default_gait_has_the_size_of_the_robot(factor: float) -> None:
     """Lengths as the robot, times and speeds as their root; the default walk is within its reach."""
     robot = small(factor)
     scale = leg_geometry(robot).com_height / SMALLEST
-    gait, default = sized(Gait(), robot), Gait()
+    gait, default = sized(Gait(), robot).full, StepGait()
     for names, power in ((LENGTHS, 1.0), (TIMES, 0.5), (SPEEDS, 0.5)):
         for name in names:
             assert getattr(gait, name) == pytest.approx(getattr(default, name) * scale**power, abs=1e-4)
     check_plan(walk_distance(FootstepPlan.standing(robot, gait), 3.0), robot)
-    own = dataclasses.replace(Gait(), swing_height=0.03, step_length=0.02)
+    own = Gait(swing_height=default.swing_height, step_length=0.02)
     kept = sized(own, robot)
-    assert (kept.swing_height, kept.step_length) == (0.03, 0.02)
+    assert (kept.swing_height, kept.step_length) == (default.swing_height, 0.02)
 
 
 def test_a_default_step_is_within_reach_of_straight_legs() -> None:
@@ -104,5 +103,5 @@ def test_a_default_step_is_within_reach_of_straight_legs() -> None:
     posture = {f"{side}_{name}": value for side in ("left", "right") for name, value in q.items()}
     robot = RobotDescription.from_urdf(BIPED, half_sitting=posture, **FEET).robot()
     gait = sized(Gait(), robot)
-    assert gait.step_length < 0.14
+    assert gait.full.step_length < 0.14
     check_plan(walk_distance(FootstepPlan.standing(robot, gait), 3.0), robot)

@@ -13,16 +13,16 @@ from properties import examples
 
 from wbc.core.errors import InputError
 from wbc.walking.planning.footsteps import Footstep
-from wbc.walking.planning.gait import EDGE_SHARE, Gait, SwingShape
+from wbc.walking.planning.gait import EDGE_SHARE, StepGait, SwingShape
 from wbc.walking.swing import SwingFoot
 
-GAIT = Gait()
+GAIT = StepGait()
 HERE = Footstep("left", 0.0, 0.0875)
 THERE = Footstep("left", 0.29, 0.0875)
 
 
 def swing(
-    landing: Footstep = THERE, start: Footstep = HERE, gait: Gait = GAIT, duration: float = 0.8
+    landing: Footstep = THERE, start: Footstep = HERE, gait: StepGait = GAIT, duration: float = 0.8
 ) -> SwingFoot:
     return SwingFoot(start.placement, landing, duration, gait.swing)
 

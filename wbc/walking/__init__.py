@@ -12,7 +12,7 @@ from wbc.walking.hands.hand import HandSettings, HandState
 from wbc.walking.hands.reaching import ArmSettings
 from wbc.walking.load import LoadSettings
 from wbc.walking.planning.footsteps import Footstep, FootstepPlan
-from wbc.walking.planning.gait import Gait
+from wbc.walking.planning.gait import Gait, StepGait
 from wbc.walking.planning.phases import PhaseSettings
 from wbc.walking.planning.planners import climb_stairs, turn_in_place, walk_distance, walk_path, walk_velocity
 from wbc.walking.planning.sources import DriveSettings, FootstepSource, Standing
@@ -38,6 +38,7 @@ __all__ = [
     "Pendulum",
     "FootMotion",
     # A walk that balances by its steps
+    "StepGait",
     "SteppingControl",
     "SteppingControlSettings",
     "SteppingSettings",

@@ -86,9 +86,8 @@ class LipmWalk(ReferenceSource):
         self.planner: FootstepSource | None = None
         self._robot, self._extent, self._walk_settings = robot, extent, s.walk
         self._soles = [robot.placement(sole.frame) for sole in robot.soles]
-        plan = walk.phases.plan
-        self._gait = replace(plan.gait, feet_spacing=plan.spacing)
-        self.swing_height = plan.gait.swing_height
+        self._gait, _ = replace(plan.gait, feet_spacing=plan.spacing).on_grid(dt)
+        self.swing_height = walk.phases.plan.gait.full.swing_height
         self._pace = 0.0  # of the last plan, m/s
         self._next = 0.0  # time of the next plan, s
         self._planned: tuple[FootstepSource | None, Velocity | None] = (None, None)
@@ -117,7 +116,7 @@ class LipmWalk(ReferenceSource):
     def progress(self, last: Reference | None) -> Progress:
         """Return phase and steps now."""
         phases = self.walk.phases
-        steps, gait, swing = phases.plan.steps, phases.plan.gait, phases.swing
+        steps, gait, swing = phases.plan.steps, phases.plan.gait.full, phases.swing
         return Progress(
             phases.phase,
             None if swing is None else SIDES.index(swing),
@@ -267,7 +266,7 @@ class LipmWalk(ReferenceSource):
         walk = self.walk
         if not plan.steps and walk.phases.step >= len(walk.phases.plan):
             return  # it stands, or comes to rest
-        gait = plan.gait
+        gait = plan.gait.full
         if gait is not walk.phases.plan.gait:
             gait, _ = gait.on_grid(walk.period)
         walk.steer(plan.steps, gait)
@@ -296,5 +295,6 @@ def _mean_velocity(walk: Walk) -> Velocity:
     if step + 2 > len(plan):
         return AT_REST
     forward, left, _, turn = plan.steps[step + 1].seen_from(plan.stance(step))
-    two = 2.0 * (plan.gait.single_support + plan.gait.double_support)
+    gait = plan.gait.full
+    two = 2.0 * (gait.single_support + gait.double_support)
     return forward / two, left / two, turn / two

@@ -27,7 +27,7 @@ from wbc.walking.pattern.pattern import Pattern
 from wbc.walking.pattern.preview import PreviewController, PreviewSettings
 from wbc.walking.planning.adjustment import AdjustmentSettings, StepAdjuster
 from wbc.walking.planning.footsteps import Footstep, FootstepPlan, heading, mean_heading
-from wbc.walking.planning.gait import Gait
+from wbc.walking.planning.gait import StepGait
 from wbc.walking.planning.phases import PhaseSettings, WalkPhases
 from wbc.walking.planning.reach import Reach, check_plan
 from wbc.walking.planning.schedule import SoleSizes, ZmpTarget
@@ -117,7 +117,7 @@ class Walk:
         self.settings = s = settings or WalkSettings()
         self.period = as_period(period)
         self.reach = reach or Reach.of(robot, com_height)
-        gait, self.notes = plan.gait.on_grid(period)
+        gait, self.notes = plan.gait.full.on_grid(period)
         for note in self.notes:
             logger.warning("%s", note)
         if gait.single_support < gait.swing.shortest:
@@ -195,7 +195,7 @@ class Walk:
         if self._swing is not None:
             self._plan_swing(self._swing.landing)
 
-    def steer(self, steps: Sequence[Footstep], gait: Gait | None = None) -> None:
+    def steer(self, steps: Sequence[Footstep], gait: StepGait | None = None) -> None:
         """Replace all steps that have not begun; a robot that stands sets off with the next update.
 
         `steps` are landings after that of the foot in the air, none for a stand; the gait counts from the next phase
@@ -334,7 +334,7 @@ class Walk:
 
     def _plan_swing(self, landing: Footstep) -> None:
         """Keep the swing as it is planned now: adjustments are made against it."""
-        phases, gait = self.phases, self.phases.plan.gait
+        phases, gait = self.phases, self.phases.plan.gait.full
         last = phases.step + 1 >= len(phases.plan)
         transfer = 0.5 * (gait.final_double_support if last else gait.double_support)
         begin, duration = phases.elapsed, phases.duration

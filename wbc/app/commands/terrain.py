@@ -22,7 +22,7 @@ from wbc.sim.terrain.families.base import make_family, terrain_families
 from wbc.sim.terrain.plot import plot_families, plot_terrain
 from wbc.sim.terrain.spec import Terrain
 from wbc.sim.terrain.spec import terrain as make_terrain
-from wbc.walking.planning.gait import Gait
+from wbc.walking.planning.gait import StepGait
 
 TRACK = Fields(
     Terrain,
@@ -43,7 +43,7 @@ class TerrainOptions:
     """
 
     param: tuple[str, ...] = ()
-    clearance: float = Gait.swing_height
+    clearance: float = StepGait.swing_height
     plot: Path | None = None
 
 

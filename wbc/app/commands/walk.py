@@ -124,7 +124,7 @@ def walk(
         original = Log.open(options.repeat)
         spec, changes = recorded_walk(original)
     if spec.plan.stairs is None:  # a swing over stairs counts its height from the higher end
-        spec.ground().clears(spec.gait.swing_height)
+        spec.ground().clears(spec.gait.full.swing_height)
     acting: list[WatchWalk | RepeatWalk] = []
     record: Recorder | None = None
     profile: tuple[ProfileRow, ...] = ()

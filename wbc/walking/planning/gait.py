@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
-from functools import lru_cache
-from typing import Annotated, Any, NamedTuple
+from dataclasses import fields, replace
+from functools import cached_property, lru_cache
+from typing import Annotated, Any, NamedTuple, Self
 
 import numpy as np
 from pydantic import Field
@@ -92,10 +92,10 @@ GRID = {name: 0.01 for name in (*TIMINGS, "takeoff_time", "landing_time")}
 
 @settings
 class Gait:
-    """Sizes and timings of steps.
+    """Sizes and timings of steps as far as they are given.
 
-    The defaults are those of the soft-footed robot of Frizza et al., Humanoids 2022 (the authors' published
-    plan: 0.8 s / 0.3 s, 60 mm swing); 0.145 m per step makes 22 steps of 3 m.
+    What is None fits the robot's size (`sized`) and, where a velocity is commanded, the velocity (`for_speed`); else it
+    is as in `StepGait`. What is given stays.
 
     Attributes:
         step_length: Greatest forward distance from stance foot to landing, m.
@@ -113,12 +113,98 @@ class Gait:
             comes early is met gently as well; 0 in a plan with stairs, whose heights are known.
         search_depth: Depth below the landing to which the foot searches for ground that comes late, m.
         search_time: Time from touch-down as planned until the foot is at that depth, s.
-        by_speed: Let a commanded velocity set the timings and the shape of the swing that are the defaults; False
-            walks with these values at any velocity.
+    """
+
+    step_length: Annotated[Size, "m"] | None = None
+    feet_spacing: Annotated[Positive, "m"] | None = None
+    single_support: Annotated[Size, "s"] | None = None
+    double_support: Annotated[Size, "s"] | None = None
+    initial_double_support: Annotated[Size, "s"] | None = None
+    final_double_support: Annotated[Size, "s"] | None = None
+    swing_height: Annotated[Size, "m"] | None = None
+    apex: Annotated[float, Field(ge=0.3, le=0.7)] | None = None
+    takeoff_time: Annotated[SizeOrZero, "s"] | None = None
+    landing_time: Annotated[SizeOrZero, "s"] | None = None
+    landing_speed: Annotated[SizeOrZero, "m/s"] | None = None
+    landing_height: Annotated[SizeOrZero, "m"] | None = None
+    search_depth: Annotated[Size, "m"] | None = None
+    search_time: Annotated[Size, "s"] | None = None
+
+    def __post_init__(self) -> None:
+        gait = self.full
+        if gait.takeoff_time + gait.landing_time > 0.5 * gait.single_support:
+            raise InputError(
+                f"takeoff_time + landing_time must be at most half of the single support, "
+                f"{0.5 * gait.single_support:g} s, got {gait.takeoff_time + gait.landing_time:g} s"
+            )
+
+    @cached_property
+    def full(self) -> StepGait:
+        """The gait with a number for every value: the default of each that is not given."""
+        return self if isinstance(self, StepGait) else StepGait(**self.given)
+
+    @property
+    def given(self) -> dict[str, Any]:
+        """Values that are given, by name."""
+        values = {field.name: getattr(self, field.name) for field in fields(self)}
+        return {name: value for name, value in values.items() if value is not None}
+
+    def on_grid(self, period: float) -> tuple[Self, tuple[str, ...]]:
+        """Return the gait with its given timings rounded to multiples of a period, s, and a message for each change.
+
+        Raises:
+            InputError: A period that is not above zero or longer than half of a timing.
+        """
+        period = as_period(period)
+        changed: dict[str, Any] = {}
+        notes = []
+        for name in TIMINGS:
+            value = getattr(self, name)
+            if value is None:
+                continue
+            ticks = round(value / period)
+            if ticks < 2:
+                raise InputError(
+                    f"{name} of {value:g} s must span two control periods of {period:g} s or more"
+                )
+            if abs(ticks * period - value) > ROUNDING:
+                changed[name] = ticks * period
+                notes.append(
+                    f"{name} of {value:g} s rounded to {ticks * period:g} s, a multiple of the control period"
+                )
+        return replace(self, **changed), tuple(notes)
+
+    @staticmethod
+    def for_speed(velocity: Sequence[float], gait: Gait | None = None) -> StepGait:
+        """Return the gait for a velocity: quicker steps at higher speed.
+
+        Values between the rows of `SPEEDS` are interpolated; the timings are multiples of 10 ms.
+
+        Args:
+            velocity: Forward (m/s), left (m/s) and turn (rad/s).
+            gait: Gait whose given values stay.
+
+        Raises:
+            InputError: A velocity that is not three finite numbers.
+        """
+        what = "velocity (forward m/s, left m/s, turn rad/s)"
+        return Gait.at_speed(pace(finite_array(what, velocity, (3,)).tolist()), gait)
+
+    @staticmethod
+    def at_speed(speed: float, gait: Gait | None = None) -> StepGait:
+        """Return the gait of a speed of the table (m/s); see `for_speed`."""
+        return _at_speed(round(speed, 2), gait or Gait())
+
+
+@settings
+class StepGait(Gait):
+    """Gait with a number for every value: that of which steps are made.
+
+    The defaults are those of the soft-footed robot of Frizza et al., Humanoids 2022 (the authors' published plan:
+    0.8 s / 0.3 s, 60 mm swing); 0.145 m per step makes 22 steps of 3 m.
     """
 
     step_length: Annotated[Size, "m"] = 0.145
-    feet_spacing: Annotated[Positive, "m"] | None = None
     single_support: Annotated[Size, "s"] = 0.8
     double_support: Annotated[Size, "s"] = 0.3
     initial_double_support: Annotated[Size, "s"] = 0.8
@@ -131,14 +217,6 @@ class Gait:
     landing_height: Annotated[SizeOrZero, "m"] = 0.02
     search_depth: Annotated[Size, "m"] = 0.04
     search_time: Annotated[Size, "s"] = 0.3
-    by_speed: bool = True
-
-    def __post_init__(self) -> None:
-        if self.takeoff_time + self.landing_time > 0.5 * self.single_support:
-            raise InputError(
-                f"takeoff_time + landing_time must be at most half of the single support, "
-                f"{0.5 * self.single_support:g} s, got {self.takeoff_time + self.landing_time:g} s"
-            )
 
     @property
     def swing(self) -> SwingShape:
@@ -154,56 +232,12 @@ class Gait:
             self.search_time,
         )
 
-    @staticmethod
-    def for_speed(velocity: Sequence[float], gait: Gait | None = None) -> Gait:
-        """Return the gait for a velocity: quicker steps at higher speed.
-
-        Values between the rows of `SPEEDS` are interpolated; the timings are multiples of 10 ms.
-
-        Args:
-            velocity: Forward (m/s), left (m/s) and turn (rad/s).
-            gait: Gait whose explicit values win: those that differ from the defaults stay, without `by_speed` all.
-
-        Raises:
-            InputError: A velocity that is not three finite numbers.
-        """
-        what = "velocity (forward m/s, left m/s, turn rad/s)"
-        return Gait.at_speed(pace(finite_array(what, velocity, (3,)).tolist()), gait)
-
-    @staticmethod
-    def at_speed(speed: float, gait: Gait | None = None) -> Gait:
-        """Return the gait of a speed of the table (m/s); see `for_speed`."""
-        return _at_speed(round(speed, 2), gait or Gait())
-
-    def for_stairs(self) -> Gait:
+    def for_stairs(self) -> StepGait:
         """Return the gait for a plan with stairs, whose heights are known: feet need all their time to lift.
 
         A foot is highest half way, and slows down, to half the speed, at the very end alone.
         """
         return replace(self, apex=0.5, landing_speed=0.5 * self.landing_speed, landing_height=0.0)
-
-    def on_grid(self, period: float) -> tuple[Gait, tuple[str, ...]]:
-        """Return the gait with timings rounded to multiples of a period, s, and a message for each that was changed.
-
-        Raises:
-            InputError: A period that is not above zero or longer than half of a timing.
-        """
-        period = as_period(period)
-        changed: dict[str, Any] = {}
-        notes = []
-        for name in TIMINGS:
-            value = getattr(self, name)
-            ticks = round(value / period)
-            if ticks < 2:
-                raise InputError(
-                    f"{name} of {value:g} s must span two control periods of {period:g} s or more"
-                )
-            if abs(ticks * period - value) > ROUNDING:
-                changed[name] = ticks * period
-                notes.append(
-                    f"{name} of {value:g} s rounded to {ticks * period:g} s, a multiple of the control period"
-                )
-        return replace(self, **changed), tuple(notes)
 
 
 def pace(velocity: Sequence[float]) -> float:
@@ -213,14 +247,10 @@ def pace(velocity: Sequence[float]) -> float:
 
 
 @lru_cache(maxsize=256)
-def _at_speed(speed: float, gait: Gait) -> Gait:
-    """Gait for a speed (m/s) with the explicit values of another one."""
-    if not gait.by_speed:
-        return gait
-    default, values = Gait(), dict[str, Any]()
+def _at_speed(speed: float, gait: Gait) -> StepGait:
+    """Gait for a speed (m/s) with the given values of another one."""
+    values = dict[str, Any]()
     for name, column in zip(BY_SPEED, zip(*SPEEDS.values(), strict=True), strict=True):
-        value = float(np.interp(speed, list(SPEEDS), column))
-        if getattr(gait, name) == getattr(default, name):
-            grid = GRID.get(name, 0.001)
-            values[name] = round(value / grid) * grid
-    return replace(gait, **values)
+        grid = GRID.get(name, 0.001)
+        values[name] = round(float(np.interp(speed, list(SPEEDS), column)) / grid) * grid
+    return StepGait(**{**values, **gait.given})

@@ -122,7 +122,7 @@ class WalkPhases:
         """Begin to walk; `InputError` if the robot walks already, or there is no step to take."""
         if self.phase is not Phase.STANDING or self.step >= len(self.plan):
             raise InputError("a walk can only start from standing, with steps left to take")
-        self._enter(Phase.DOUBLE, self.plan.gait.initial_double_support)
+        self._enter(Phase.DOUBLE, self.plan.gait.full.initial_double_support)
         return Event.STARTED
 
     def stop(self) -> None:
@@ -135,7 +135,7 @@ class WalkPhases:
             return
         self.plan = self.plan.stopping_after(self.step - 1)
         if self.step >= len(self.plan):
-            self.duration = self.elapsed + self.plan.gait.final_double_support
+            self.duration = self.elapsed + self.plan.gait.full.final_double_support
 
     def steer(self, steps: Sequence[Footstep], gait: Gait | None = None) -> None:
         """Replace all steps that have not begun, also by none; steps long taken are forgotten.
@@ -154,9 +154,9 @@ class WalkPhases:
         if self.phase is not Phase.DOUBLE:
             return
         if waited and not steps:
-            self.duration = self.elapsed + gait.final_double_support
+            self.duration = self.elapsed + gait.full.final_double_support
         elif steps and not waited:  # off again before the robot stood: the weight has yet to come over
-            self.duration = self.elapsed + gait.initial_double_support
+            self.duration = self.elapsed + gait.full.initial_double_support
 
     def retime(self, remaining: float) -> None:
         """Let the present single support end after a time (s), to catch the pendulum."""
@@ -198,7 +198,7 @@ class WalkPhases:
             return ()
         self.step += 1
         self.completed += 1
-        gait = self.plan.gait
+        gait = self.plan.gait.full
         last = self.step >= len(self.plan)
         self._enter(Phase.DOUBLE, credit + (gait.final_double_support if last else gait.double_support))
         return (event,)
@@ -214,7 +214,7 @@ class WalkPhases:
         free = loads[leaving] <= s.lift_off * self.weight and loads[1 - leaving] >= s.stance * self.weight
         if not free and self.elapsed < self.duration + s.max_wait - ROUNDING:
             return ()
-        self._enter(Phase.SINGLE, self.plan.gait.single_support)
+        self._enter(Phase.SINGLE, self.plan.gait.full.single_support)
         return (Event.LIFT_OFF if free else Event.FORCED_LIFT_OFF,)
 
     def _enter(self, phase: Phase, duration: float) -> None:

@@ -36,7 +36,7 @@ def walk_distance(start: FootstepPlan, distance: float, *, first: str = "left") 
     """
     if abs(distance) < 1e-6:
         raise InputError("distance (m) must not be zero; a plan without steps stands")
-    count = max(1, math.ceil(abs(distance) / start.gait.step_length - ROUNDING))
+    count = max(1, math.ceil(abs(distance) / start.gait.full.step_length - ROUNDING))
     _check_count("distance (m)", distance, count)
     return walk_path(start, [(distance / count, 0.0, 0.0)] * count, first=first)
 
@@ -64,7 +64,8 @@ def walk_velocity(
     if steps < 1:
         raise InputError(f"steps must be at least 1, got {steps}")
     _check_count("steps", steps, steps)
-    duration = start.gait.single_support + start.gait.double_support
+    gait = start.gait.full
+    duration = gait.single_support + gait.double_support
     if abs(2.0 * turn * duration) >= math.pi:
         raise InputError(
             f"velocity turns a foot by {2.0 * turn * duration:.2f} rad in a step of {duration:g} s; half a turn "

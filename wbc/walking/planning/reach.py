@@ -237,9 +237,10 @@ def check_plan(
     ground, whose `extent` is its least and greatest x, least and greatest y, m; endless when None.
     """
     reach = reach or Reach.of(robot)
-    if plan.gait.swing_height > reach.max_swing_height:
+    height = plan.gait.full.swing_height
+    if height > reach.max_swing_height:
         raise InputError(
-            f"swing_height of {plan.gait.swing_height:g} m is out of reach; '{robot.name}' lifts a foot "
+            f"swing_height of {height:g} m is out of reach; '{robot.name}' lifts a foot "
             f"by up to {reach.max_swing_height:.3f} m"
         )
     sizes = {side: (s.length, s.width) for side, s in zip(SIDES, robot.soles[:2], strict=True)}

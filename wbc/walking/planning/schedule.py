@@ -46,7 +46,7 @@ class SupportPhase:
 
 def schedule(plan: FootstepPlan) -> tuple[SupportPhase, ...]:
     """Return the supports of a whole plan, from standing to standing."""
-    gait, count = plan.gait, len(plan)
+    gait, count = plan.gait.full, len(plan)
     if count == 0:
         total = gait.initial_double_support + gait.final_double_support
         return (SupportPhase(total, (plan.left, plan.right), 0, total),)

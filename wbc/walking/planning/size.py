@@ -6,7 +6,7 @@ import math
 from dataclasses import replace
 
 from wbc.core.robot import Robot
-from wbc.walking.planning.gait import Gait
+from wbc.walking.planning.gait import Gait, StepGait
 from wbc.walking.planning.reach import Reach, leg_geometry
 
 SMALLEST = 0.67
@@ -24,18 +24,19 @@ STEP = 0.99
 
 
 def sized(gait: Gait, robot: Robot) -> Gait:
-    """Return a gait whose defaults fit a robot; values that differ from the defaults stay.
+    """Return a gait whose values that are not given fit a robot.
 
     Lengths of a robot below `SMALLEST` shrink with the height of its CoM, times and speeds with the root of it, and a
     step is within the reach of its legs.
     """
     scale = min(1.0, leg_geometry(robot).com_height / SMALLEST)
-    default, changes = Gait(), {}
+    default, changes = StepGait(), dict[str, float]()
     for names, factor in ((LENGTHS, scale), (TIMES, math.sqrt(scale)), (SPEEDS, math.sqrt(scale))):
         for name in names:
-            if scale < 1.0 and getattr(gait, name) == getattr(default, name):
+            if scale < 1.0 and getattr(gait, name) is None:
                 changes[name] = round(factor * getattr(default, name), 4)
-    if gait.step_length == default.step_length:
+    if gait.step_length is None:
         reach = STEP * Reach.of(robot).max_length
-        changes["step_length"] = min(reach, changes.get("step_length", default.step_length))
+        if reach < changes.get("step_length", default.step_length):
+            changes["step_length"] = reach
     return replace(gait, **changes)

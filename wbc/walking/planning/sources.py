@@ -369,7 +369,7 @@ class PlanSource(FootstepSource):
     def __init__(self, plan: FootstepPlan) -> None:
         """Begin with the first step of a plan; its feet at the start are not looked at."""
         self.plan = plan
-        self._gait = plan.gait.for_stairs() if plan.climbs else plan.gait
+        self._gait = plan.gait.full.for_stairs() if plan.climbs else plan.gait.full
         self._begun: int | None = None
 
     def footsteps(self, now: Standing) -> FootstepPlan:
