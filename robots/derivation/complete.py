@@ -26,7 +26,8 @@ AHEAD = 0.01
 
 
 LOWEST_ANKLE = 2e-3
-"""Height of the ankle over the sole below which the sole is taken for one that nobody placed, m."""
+"""Height of the ankle over the sole below which the sole is taken for one that nobody placed, m: an error of
+rounding, far below the ankle of any robot."""
 
 
 def from_geometry(

@@ -142,12 +142,12 @@ def complete_sole(
     probe = model.copy()
     frames.add_frame(probe, frames.frame_at("__probe__", link, placement))
     rectangle = sole_rectangle(root, probe, "__probe__", package_dirs, base)
-    centre = np.zeros(3)
-    if rectangle is not None and not plausible(*rectangle[1:]):
+    centre, leg = np.zeros(3), float(np.linalg.norm(in_base.translation))
+    if rectangle is not None and not plausible(*rectangle[1:], leg):
         notes.append(f"{name}: {no_sole(*rectangle[1:])}")
         units = UNITS.values() if size is not None else ()  # the size says which one
         scaled = (sole_rectangle(root, probe, "__probe__", package_dirs, base, factor) for factor in units)
-        rectangle = next((each for each in scaled if each is not None and plausible(*each[1:])), None)
+        rectangle = next((each for each in scaled if each is not None and plausible(*each[1:], leg)), None)
     if size is not None:
         length, width = size
         if rectangle is not None and isinstance(given, str):

@@ -16,10 +16,14 @@ from wbc.robots import frames
 from wbc.robots.urdf import Element, moving_link_of
 
 SLICE = 5e-3
-"""Thickness of the slice of the foot above its lowest point that counts as touching the ground, m."""
+"""Thickness of the slice of the foot above its lowest point that counts as touching the ground, m: no share of its
+size, as it is for the roundness of edges and for meshes that are not flat."""
 
 PLAUSIBLE = (0.03, 0.6)
 """Range of the sides of a sole, m; geometry outside it is not that of a foot."""
+
+LEAST_SHARE, LEAST_SIDE = 0.05, 0.005
+"""Least side of a small robot's sole over the distance from its root, and in m: smaller geometry is in another unit."""
 
 UNITS = {"in millimetres": 1e-3, "in centimetres": 1e-2, "with one scale of 0.001 less": 1e3}
 """Mistakes of unit → what mends them."""
@@ -67,7 +71,7 @@ def sole_rectangle(
         length, width = (upper - lower)[:2].tolist()
         centre = 0.5 * (lower + upper)
         centre[2] = low
-        if not plausible(length, width):
+        if not plausible(length, width, float(np.linalg.norm(here.translation))):
             other = other or (centre, length, width)
         elif width <= length:
             return centre, length, width
@@ -76,9 +80,10 @@ def sole_rectangle(
     return wide or other
 
 
-def plausible(length: float, width: float) -> bool:
-    """Return True for the sides of a sole, m."""
-    return all(PLAUSIBLE[0] <= side <= PLAUSIBLE[1] for side in (length, width))
+def plausible(length: float, width: float, leg: float = np.inf) -> bool:
+    """Return True for the sides of a sole, m, at a distance from the root of the robot, m."""
+    least = max(LEAST_SIDE, min(PLAUSIBLE[0], LEAST_SHARE * leg))
+    return all(least <= side <= PLAUSIBLE[1] for side in (length, width))
 
 
 def no_sole(length: float, width: float) -> str:

@@ -228,7 +228,8 @@ def _sole(
         middle = axes @ np.array([*(0.5 * (low + high))[:2], low[2]])
         if foot.origin is None:
             centre = middle
-        if size is None and not plausible(length, width):
+        leg = float(np.linalg.norm(data.xpos[foot.body] - data.xpos[model.body_rootid[foot.body]]))
+        if size is None and not plausible(length, width, leg):
             raise ModelError(
                 f"{name}, body '{link}': {no_sole(length, width)}; give sole_size. A humanoid needs two feet; "
                 "feet=False describes a robot without, such as a quadruped"

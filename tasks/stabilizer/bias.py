@@ -16,6 +16,7 @@ clamp is applied in the yaw frame.
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import Annotated
 
 import numpy as np
@@ -45,6 +46,14 @@ class BiasSettings:
     drift_std: Annotated[NonNegative, "m/s"] = 0.02
     initial_std: Annotated[NonNegative, "m"] = 0.01
     limit: Annotated[tuple[Limit, Limit], "m"] = (0.02, 0.02)
+
+    def sized(self, scale: float) -> BiasSettings:
+        """Return the settings with their limit times a factor, for a small robot (`Robot.length_scale`).
+
+        Noise stays: it is that of sensors.
+        """
+        forward, aside = self.limit
+        return replace(self, limit=(scale * forward, scale * aside))
 
 
 REFERENCE_PERIOD = 0.005

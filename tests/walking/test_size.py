@@ -10,13 +10,13 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from wbc.core.robot import Robot
+from wbc.core.robot import FULL_HEIGHT, Robot
 from wbc.robots import RobotDescription, load
 from wbc.walking.planning.footsteps import FootstepPlan
 from wbc.walking.planning.gait import Gait, StepGait
 from wbc.walking.planning.planners import walk_distance
 from wbc.walking.planning.reach import CARRIED, ROOM, carried_height, check_plan, leg_geometry
-from wbc.walking.planning.size import LENGTHS, SMALLEST, SPEEDS, TIMES, sized
+from wbc.walking.planning.size import LENGTHS, SPEEDS, TIMES, sized
 from wbc.walking.stepping.settings import Scale, SteppingSettings
 
 BIPED = (Path(__file__).parents[2] / "examples" / "biped.urdf").read_text(encoding="utf-8")
@@ -85,7 +85,7 @@ def test_robots_that_the_gaits_were_made_for_walk_as_before(name: str) -> None:
 def test_the_default_gait_has_the_size_of_the_robot(factor: float) -> None:
     """Lengths as the robot, times and speeds as their root; the default walk is within its reach."""
     robot = small(factor)
-    scale = leg_geometry(robot).com_height / SMALLEST
+    scale = leg_geometry(robot).com_height / FULL_HEIGHT
     gait, default = sized(Gait(), robot).full, StepGait()
     for names, power in ((LENGTHS, 1.0), (TIMES, 0.5), (SPEEDS, 0.5)):
         for name in names:

@@ -6,6 +6,7 @@ are plain attributes. Frames and joints are looked up by name once, when a task 
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from typing import Annotated, NoReturn
 
@@ -34,6 +35,10 @@ UNLIMITED = 1e5
 
 FULL_MASS = 30.0
 """Mass from which on forces in settings are taken as they are, kg; a lighter robot takes them in proportion."""
+
+FULL_HEIGHT = 0.67
+"""Height of the CoM from which on lengths in settings are taken as they are, m: that of the G1; a smaller robot takes
+them in proportion."""
 
 SIDES = ("left", "right")
 """Sides of a robot: order of its soles and legs, and prefix of every name that a foot adds to a model."""
@@ -243,6 +248,16 @@ class Robot:
         self.q = np.array(self.half_sitting)
         self.v = np.zeros(self.nv)
         self.update(self.q, self.v)
+        self.length_scale = min(1.0, self._com_height() / FULL_HEIGHT)
+
+    def _com_height(self) -> float:
+        """Height of the CoM over the first sole in half-sitting, m; infinity without soles."""
+        if not self.soles:
+            return math.inf
+        data = self.model.createData()
+        pin.centerOfMass(self.model, data, self.half_sitting)
+        sole = pin.updateFramePlacement(self.model, data, self.model.getFrameId(self.soles[0].frame))
+        return float(data.com[0][2]) - float(sole.translation[2])
 
     @property
     def mass(self) -> float:

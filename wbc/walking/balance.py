@@ -112,7 +112,7 @@ class Stabilized(Balance):
         self._task = tasks.com
         self.stabilizer = tasks.com.stabilizer
         self.lean = None if s.lean is None else Lean(robot.mass, height, s.lean)
-        self.bias = None if s.bias is None else BiasEstimator(s.bias)
+        self.bias = None if s.bias is None else BiasEstimator(s.bias.sized(robot.length_scale))
         self._hands: Hands | None = None
         estimate = control.observer.robot
         if robot.frames:  # a loss is survived within a sole: while the robot walks it has no more

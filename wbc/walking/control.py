@@ -97,7 +97,8 @@ class ReferenceControl:
         self.source, self.tasks, self.balance, _ = law
         self.control, self.controller, self.dt = control, control.controller, control.controller.dt
         self.arms, self.body = arms, body
-        self.falls, self.stiffness, self.ground = FallDetector(falls), stiffness, ground
+        self.falls = FallDetector(falls.sized(control.controller.robot.length_scale))
+        self.stiffness, self.ground = stiffness, ground
         if ground is not None:
             self.source.see(ground)
         self.reference: Reference | None = None

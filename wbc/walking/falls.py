@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import enum
 import math
+from dataclasses import replace
 from typing import Annotated
 
 import numpy as np
@@ -42,6 +43,10 @@ class FallSettings:
     dcm_time: Annotated[Positive, "s"] = 0.1
     failures: Count = 20
     speed: Annotated[Positive, "m/s, rad/s"] = 100.0
+
+    def sized(self, scale: float) -> FallSettings:
+        """Return the settings with their lengths times a factor, for a small robot (`Robot.length_scale`)."""
+        return replace(self, drop=scale * self.drop, dcm=scale * self.dcm)
 
 
 TOPPLING = 0.7

@@ -28,7 +28,7 @@ LAST_LOOK = 0.12
 """Time before touch-down from which on the height of a landing stays, s: the foot could no longer follow."""
 
 NOTICED = 0.003
-"""Change of the height of a landing from which on its swing is changed, m: less is noise of sensors."""
+"""Change of the height of a landing from which on its swing is changed, m: less is noise of sensors, at any size."""
 
 HIGHEST = 0.06
 """Greatest height by which the way raises the apex over the higher end, m: more is a wall, or an error."""

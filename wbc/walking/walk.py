@@ -134,6 +134,7 @@ class Walk:
             self._swing_gait = gait.for_stairs()
             if preview.target.inward > s.climbing_inward:
                 preview = replace(preview, target=replace(preview.target, inward=s.climbing_inward))
+        preview = replace(preview, margin=preview.margin * robot.length_scale)
         room = 0.5 * min(left.width, right.width) - preview.margin
         if preview.target.inward > room > 0.0:
             preview = replace(preview, target=replace(preview.target, inward=0.5 * room))
@@ -141,7 +142,8 @@ class Walk:
         self.omega, self.com_height = self._preview.omega, com_height
         self._adjuster: StepAdjuster | None = None
         if s.adjustment is not None:
-            self._adjuster = StepAdjuster(self.omega, self.reach, self.sole_sizes, s.adjustment)
+            adjustment = s.adjustment.sized(robot.length_scale)
+            self._adjuster = StepAdjuster(self.omega, self.reach, self.sole_sizes, adjustment)
 
         self.phases = WalkPhases(plan, robot.mass * GRAVITY, s.phases)
         self._robot, self._mass = robot, robot.mass

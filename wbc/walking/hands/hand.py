@@ -82,7 +82,7 @@ class HandSettings:
         reach: Time in which a hand moves to the start of its approach, s.
         length: From the frame of a hand to its tip, m.
         approach: Speed towards a surface, m/s.
-        touch: Force above which the hand has touched the surface, N.
+        touch: Force above which the hand has touched the surface, N; of a light robot, its share.
         ramp: Time over which a force is built up, reduced or changed, s.
         lag: Delay T of force sensor and servos together, s; the admittance is 1 / (4 T K).
         edge: Ratio of the distance to the edge of the soles that the ZMP of the feet moves for planned forces before
@@ -127,6 +127,7 @@ class Hand:
         """Begin free: the controller gets task and contacts of the hand with its first order."""
         self.name, self.index, self._settings = name, index, settings
         self._controller, self._robot = controller, controller.robot
+        self._touch = settings.touch * self._robot.force_scale
         frame = self._robot.frames[name]
         self.arm = HandArm(self._robot, frame)
         compliance = self.arm.compliance() or COMPLIANCE
@@ -274,7 +275,7 @@ class Hand:
         if self.state in (HandState.REACH, HandState.APPROACH):
             if self.state is HandState.REACH:
                 first = self._elapsed == 0.0  # an offset may be more than a touch
-                if first or float(np.linalg.norm(wrench[:3])) < self._settings.touch:
+                if first or float(np.linalg.norm(wrench[:3])) < self._touch:
                     self.tare += dt / (self._elapsed + dt) * wrench
                 if self._reach(dt):
                     self.state = HandState.GRIP if self._grips else HandState.APPROACH
@@ -300,9 +301,7 @@ class Hand:
             if self.force.goal == 0.0 and self.force.value == 0.0:
                 self._free()
                 return
-            self.extra = min(
-                max(self.extra, min(0.0, self._settings.touch - self.planned)), self._most - self.planned
-            )
+            self.extra = min(max(self.extra, min(0.0, self._touch - self.planned)), self._most - self.planned)
             self._force.follow(np.array((0.0, 0.0, self.force.value + self.extra)))
             task.target_wrench = np.concatenate((rotation.T @ self.contact.rotation @ given, NO_MOMENT))
             task.measured_wrench = np.concatenate((wrench[:3], NO_MOMENT))
@@ -351,18 +350,18 @@ class Hand:
         self._move(place.translation, middle.velocity(place.translation), np.zeros(3))
         task.target_wrench = np.zeros(6)
         task.measured_wrench = np.concatenate((self.excess @ rotation, NO_MOMENT))
-        self.bounded = bool(np.abs(self.excess[:2]).max() > self._settings.touch)
+        self.bounded = bool(np.abs(self.excess[:2]).max() > self._touch)
 
     def _approach(self, dt: float) -> None:
         settings, task = self._settings, self.task
-        self._felt = self._felt + dt if self.pressed > settings.touch else 0.0
+        self._felt = self._felt + dt if self.pressed > self._touch else 0.0
         if self._felt >= 2.0 * dt - ROUNDING:
             self.state, self._short = HandState.HOLD, 0.0
             self.contact.normal, self.contact.active = -self.direction, True
             task.weight = (*[WEIGHT] * 3, *[HOLD_WEIGHT] * 3)
             task.feedforward_velocity = np.zeros(6)
             goal = self.force.goal
-            self.force = Ramp(min(settings.touch, goal))
+            self.force = Ramp(min(self._touch, goal))
             self._force.follow(np.array((0.0, 0.0, self.force.value)))
             self.force.to(goal, settings.ramp)
             return
@@ -377,7 +376,7 @@ class Hand:
     def _watch(self, dt: float) -> None:
         """Detect the loss of the contact from a force that stays too small."""
         least = min(self.planned, self.target)
-        short = self.pressed < LOSS * least and least > 2.0 * self._settings.touch
+        short = self.pressed < LOSS * least and least > 2.0 * self._touch
         self._short = self._short + dt if short else 0.0
         if self._short > LOSS_TIME + ROUNDING:
             self._lose()

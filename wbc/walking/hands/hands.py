@@ -52,7 +52,8 @@ HELP_TIME = 0.02
 """Time constant with which hands take over a moment that the feet cannot give, s."""
 
 HELP_FROM = 1.0
-"""Moment that the feet cannot give from which hands help, Nm: their distribution leaves a little at any time."""
+"""Moment that the feet cannot give from which hands help, Nm; of a light robot, its share: their distribution leaves a
+little at any time."""
 
 HELP_LEAK = 0.05
 """Ratio of their help by which hands reduce it in each `HELP_TIME`, so that it ends once the feet give all moment."""
@@ -440,7 +441,8 @@ class Hands:
         ).T
         # The measured forces of the hands contain their help: `missing` is the moment that lacks beside it.
         size = math.hypot(missing[0], missing[1])
-        lacks = missing * (max(0.0, 1.0 - HELP_FROM / size) if size > 0.0 else 0.0)
+        least = HELP_FROM * self._robot.force_scale
+        lacks = missing * (max(0.0, 1.0 - least / size) if size > 0.0 else 0.0)
         self._missing += -math.expm1(-dt / HELP_TIME) * (lacks - self._missing)
         square = levers @ levers.T + 1e-3 * np.eye(2)
         wanted = self.settings.help * levers.T @ np.linalg.solve(square, self._missing)

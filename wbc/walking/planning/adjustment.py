@@ -69,6 +69,17 @@ class AdjustmentSettings:
     longest: Annotated[NonNegative, "s"] = 0.1
     freeze: Annotated[NonNegative, "s"] = 0.05
 
+    def sized(self, scale: float) -> AdjustmentSettings:
+        """Return the settings with their lengths times a factor, for a small robot (`Robot.length_scale`)."""
+        forward, aside = self.max_shift
+        return replace(
+            self,
+            margin=scale * self.margin,
+            backward=scale * self.backward,
+            threshold=scale * self.threshold,
+            max_shift=(scale * forward, scale * aside),
+        )
+
 
 class StepAdjuster:
     """QP of step adjustment for one robot."""

@@ -7,10 +7,7 @@ from dataclasses import replace
 
 from wbc.core.robot import Robot
 from wbc.walking.planning.gait import Gait, StepGait
-from wbc.walking.planning.reach import Reach, leg_geometry
-
-SMALLEST = 0.67
-"""Height of the CoM, m, down to which robots walk with the default gait: that of the G1."""
+from wbc.walking.planning.reach import Reach
 
 LENGTHS = ("step_length", "swing_height", "landing_height", "search_depth")
 TIMES = (
@@ -26,10 +23,10 @@ STEP = 0.99
 def sized(gait: Gait, robot: Robot) -> Gait:
     """Return a gait whose values that are not given fit a robot.
 
-    Lengths of a robot below `SMALLEST` shrink with the height of its CoM, times and speeds with the root of it, and a
-    step is within the reach of its legs.
+    Lengths of a small robot shrink with the height of its CoM (`Robot.length_scale`), times and speeds with its root,
+    and a step is within the reach of its legs.
     """
-    scale = min(1.0, leg_geometry(robot).com_height / SMALLEST)
+    scale = robot.length_scale
     default, changes = StepGait(), dict[str, float]()
     for names, factor in ((LENGTHS, scale), (TIMES, math.sqrt(scale)), (SPEEDS, math.sqrt(scale))):
         for name in names:
