@@ -35,6 +35,9 @@ from wbc.sim.balance.standing import (
 from wbc.sim.plant.falls import LARGEST_TILT, LOWEST_SHARE, TrueFallDetector
 from wbc.sim.plant.fitting import with_feet
 from wbc.sim.plant.plant import Plant
+from wbc.sim.walks.plans import WalkPlan
+from wbc.sim.walks.spec import WalkSpec
+from wbc.sim.walks.trial import WalkTrial
 from wbc.tasks import balance_controller
 
 BIPED = (Path(__file__).parents[2] / "examples" / "biped.urdf").read_text()
@@ -185,3 +188,36 @@ def test_a_light_robot_stands_as_a_heavy_one(
         plant.step(control.command(plant.measure()))
     assert control.failures == 0
     np.testing.assert_allclose(plant.truth().com, start, atol=2e-3)
+
+
+def test_a_small_light_robot_walks(tmp_path: Path) -> None:
+    """The example's biped of 1.5 kg with its CoM at 0.185 m shifts its weight, takes four LIPM steps and stands."""
+    size, mass = 0.3, 0.0577
+    powers = {
+        "xyz": (1, 0),
+        "size": (1, 0),
+        "radius": (1, 0),
+        "length": (1, 0),
+        "effort": (1, 1),
+        "mass value": (0, 1),
+    }
+
+    def change(match: re.Match[str]) -> str:
+        a, b = powers.get(match[1], (2, 1))
+        return (
+            f'{match[1]}="{" ".join(f"{float(each) * size**a * mass**b:.9g}" for each in match[2].split())}"'
+        )
+
+    origins = re.sub(r'<axis xyz="([^"]*)"', r'<axis way="\1"', BIPED)
+    names = "|".join((*powers, "i[xyz]{2}"))
+    text = re.sub(rf'\b({names})="([^"]*)"', change, origins).replace("<axis way=", "<axis xyz=")
+    (tmp_path / "small.urdf").write_text(text, encoding="utf-8")
+    toml = 'file = "small.urdf"\nleft_sole = "left_foot"\nright_sole = "right_foot"\n'
+    (tmp_path / "small.toml").write_text(toml, encoding="utf-8")
+    robot = str(tmp_path / "small.toml")
+    plan = WalkPlan(distance=0.1)
+    spec = WalkSpec(robot=robot, plan=plan, terrain="flat", foot="flat", noise="none")
+    trial = WalkTrial(spec)
+    result = trial.run()
+    assert trial.plant.robot.mass == pytest.approx(1.5, abs=0.01)
+    assert result.outcome == "completed" and result.steps_done == result.steps_planned == 4

@@ -81,7 +81,7 @@ def test_robots_that_the_gaits_were_made_for_walk_as_before(name: str) -> None:
     assert sized(Gait(), robot) == Gait()
 
 
-@pytest.mark.parametrize("factor", [0.4, 0.7])
+@pytest.mark.parametrize("factor", [0.25, 0.4, 0.7])
 def test_the_default_gait_has_the_size_of_the_robot(factor: float) -> None:
     """Lengths as the robot, times and speeds as their root; the default walk is within its reach."""
     robot = small(factor)
