@@ -34,7 +34,7 @@ PAPER_GAINS = {"dcm_p": 3.4, "dcm_i": 0.0, "dcm_d": 2.1}
 estimator takes its place (sections II-C and IV-B, Table II)."""
 
 Eyes = Literal["none", "depth", "toes"]
-"""What a robot sees of the ground: nothing, by a depth camera, or by range sensors at the toes."""
+"""Eyes of a walk: none, a depth camera, or range sensors at the toes."""
 
 Law = Literal["lipm", "stepping", "auto"]
 """Law of the steps: "lipm" plans footsteps and holds them with a stabilizer, "stepping" decides each as it goes,

@@ -1,4 +1,4 @@
-"""What is known of the ground is the ground, within its noise, wherever the world lies; what is wrong is not used."""
+"""The map is the ground, within its noise, wherever the world lies; wrong knowledge is not used."""
 
 from __future__ import annotations
 

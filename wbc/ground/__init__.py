@@ -1,4 +1,4 @@
-"""What is known of the ground: heights from clouds of points and maps, and what a sole would meet on them.
+"""Knowledge of the ground: heights from clouds of points and maps, and the contact of a sole on them.
 
 A new kind of input becomes a `PointCloud` or an `ElevationMap`; a new question about a landing is a method of
 `Footprint`.

@@ -1,4 +1,4 @@
-"""What a sole would meet at a place: the height of its first contact, how it would rest, and the ground on its way.
+"""Footprint of a sole at a place: height of its first contact, plane of its rest, and the ground on its way.
 
 The sole is a grid of nodes. It touches first at the highest of them; the height is taken as the mean over small errors
 of the place, because neither map nor landing is exact: a tip under the middle of the sole counts in full, an edge under

@@ -1,4 +1,4 @@
-"""What one robot knows of the ground: clouds and maps placed by its estimate, and whether they are to be used.
+"""Ground as one robot knows it: clouds and maps placed by its estimate, with the doubts about them.
 
     ground.add(cloud)                    whenever one comes
     ground.update(robot, time)           in every tick: the pose is remembered, what has come is fused
@@ -68,7 +68,7 @@ class GroundSettings:
 
 
 class KnownGround:
-    """What one robot knows of the ground.
+    """Ground as one robot knows it.
 
     Attributes:
         settings: Settings.
@@ -112,7 +112,7 @@ class KnownGround:
 
     @property
     def status(self) -> str:
-        """What is not used, and why; empty if all is well."""
+        """Reasons for which knowledge is not used; empty if all is well."""
         return "; ".join(self.doubts.values())
 
     def add(self, seen: PointCloud | ElevationMap) -> None:

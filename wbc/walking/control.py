@@ -49,7 +49,7 @@ from wbc.walking.walk import Walk
 
 
 class Law(NamedTuple):
-    """What differs between walks: who decides where and when the next foot lands, and what balances the robot.
+    """Law of a walk: decides where and when the next foot lands, and balances the robot.
 
     Attributes:
         source: Where the references come from.

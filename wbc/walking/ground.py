@@ -1,4 +1,4 @@
-"""What is known of the ground that feet land on: the heights of the landings so far, and what is seen.
+"""Estimate of the ground that feet land on: heights of the landings so far, and of the map that is seen.
 
     landing = ground.expect(planned)          at lift-off: height of a landing that is planned
     landing = ground.under(landing)           whenever a landing has moved, or more is seen
@@ -35,7 +35,7 @@ HIGHEST = 0.06
 
 
 class Sight(Protocol):
-    """What is seen of the ground: heights in the world, m, None or −∞ where nothing is known."""
+    """Seen ground: heights in the world, m, None or −∞ where nothing is known."""
 
     @property
     def version(self) -> int:

@@ -215,7 +215,7 @@ class WalkTasks:
 
 @dataclass(frozen=True, slots=True)
 class Stance:
-    """How feet carry that steps balance: costs of their motion, boxes of their pressure, forces; in SI units.
+    """Contacts of feet that steps balance: costs of their motion, boxes of their pressure, forces; in SI units.
 
     Attributes:
         held: Cost of the motion of a foot that stands, shape (6,).

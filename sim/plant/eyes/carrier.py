@@ -1,4 +1,4 @@
-"""What carries eyes: a plant, as far as its eyes read it."""
+"""Carrier of eyes: a plant, as far as its eyes read it."""
 
 from __future__ import annotations
 

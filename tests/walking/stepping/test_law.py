@@ -228,7 +228,7 @@ def test_an_impact_leaves_the_dcm_about_its_own_point_as_it_is(name: str) -> Non
 
 
 def carries(ahead: float, inwards: float, out: float, on: float = 0.0, speed: float = 0.2) -> bool:
-    """Whether a foot in contact takes over, by offsets of the DCM from it and from the foot that stands."""
+    """Return True if a foot in contact takes over, by offsets of the DCM from it and from the foot that stands."""
     orbit = Orbit.of((speed, 0.0), 1.0, WIDTH, TIME, TIME, OMEGA)
     return takes_over((ahead, inwards), (on, out), orbit, 0.054, 0.2, 1.5)
 

@@ -81,7 +81,7 @@ class Mark:
 
 @dataclass(eq=False)
 class Picture:
-    """What a view draws beside the bodies of the model at an instant.
+    """Marks that a view draws beside the bodies of the model at an instant.
 
     Attributes:
         time: s.

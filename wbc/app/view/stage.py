@@ -32,7 +32,7 @@ MIN_LOAD = 1.0
 
 
 class Stage(Protocol):
-    """What a view or film draws: bodies of a model in the state of its data, and sizes for marks and camera.
+    """Scene of a view or film: bodies of a model in the state of its data, and sizes for marks and camera.
 
     Attributes:
         title: Name of the robot.

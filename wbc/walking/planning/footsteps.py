@@ -21,7 +21,7 @@ LEAST_STAIR = 0.02
 """Difference in height from which two footholds are on a stair, m."""
 
 PLACES = ("free", "fixed")
-"""Whether a walk that sees may choose another place nearby for a footstep."""
+"""Freedom of a footstep: a walk that sees may choose another place nearby, or not."""
 
 CLOSED = (0.01, 0.05)
 """Distance (m) and turn (rad) up to which a foot that stands beside the other one need not close up."""
