@@ -17,7 +17,7 @@ from wbc.tasks.stabilizer.gains import StabilizerGains
 from wbc.tasks.stabilizer.pendulum import Pendulum, natural_frequency
 from wbc.tasks.stabilizer.stabilizer import Stabilizer
 from wbc.walking.contact import Event, Phase
-from wbc.walking.ground import Ground
+from wbc.walking.ground import GroundEstimate
 from wbc.walking.planning.adjustment import AdjustmentSettings, StepAdjuster
 from wbc.walking.planning.footsteps import Footstep, FootstepPlan
 from wbc.walking.planning.gait import Gait
@@ -239,7 +239,7 @@ def test_stones_bring_early_and_late_landings_and_the_walk_goes_on() -> None:
 
 
 def test_the_estimate_of_the_ground_learns_a_constant_slope() -> None:
-    ground, slope = Ground(0.5, 0.1), 0.02
+    ground, slope = GroundEstimate(0.5, 0.1), 0.02
     errors = []
     for step in range(60):
         expected = ground.expect(Footstep("left", 0.0, 0.0, 0.0, 0.0)).z
@@ -250,7 +250,7 @@ def test_the_estimate_of_the_ground_learns_a_constant_slope() -> None:
 
 
 def test_a_plan_from_feet_that_landed_high_steps_back_to_the_expected_ground() -> None:
-    ground = Ground(0.5, 0.1)
+    ground = GroundEstimate(0.5, 0.1)
     ground.land(0.04)
     steps = [Footstep("left", 0.2, 0.1, 0.04, 0.0)]
     assert ground.settled(steps, swings=True) is steps

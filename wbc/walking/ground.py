@@ -54,7 +54,7 @@ class Sight(Protocol):
         """Return the highest ground under a sole on its way; −∞ where it is unknown."""
 
 
-class Ground:
+class GroundEstimate:
     """Estimate of the height of the ground over a plan, as landings find it and `sight` sees it.
 
     A foot that lands e higher than expected moves the next landings up by a share of e, and by a smaller share the rise

@@ -20,7 +20,7 @@ from wbc.core.robot import SIDES, Robot
 from wbc.ground import KnownGround
 from wbc.tasks.stabilizer.pendulum import Pendulum
 from wbc.walking.contact import Event, Phase
-from wbc.walking.ground import Ground
+from wbc.walking.ground import GroundEstimate
 from wbc.walking.planning.footsteps import Footstep, FootstepPlan, heading
 from wbc.walking.planning.sources import AT_REST, FootstepSource, Velocity
 from wbc.walking.swing import FootMotion
@@ -166,7 +166,7 @@ class ReferenceSource(ABC):
     com_height: float | None = None
     swing_height = 0.0
     reason = ""
-    ground: Ground | None = None
+    ground: GroundEstimate | None = None
 
     @abstractmethod
     def update(self, state: State) -> Reference:

@@ -22,7 +22,7 @@ from wbc.core.robot import GRAVITY, SIDES, Robot
 from wbc.core.settings import Positive, Share, settings
 from wbc.tasks.stabilizer.pendulum import Pendulum
 from wbc.walking.contact import Event, Phase
-from wbc.walking.ground import LAST_LOOK, NOTICED, Ground
+from wbc.walking.ground import LAST_LOOK, NOTICED, GroundEstimate
 from wbc.walking.pattern.pattern import Pattern
 from wbc.walking.pattern.preview import PreviewController, PreviewSettings
 from wbc.walking.planning.adjustment import AdjustmentSettings, StepAdjuster
@@ -160,7 +160,7 @@ class Walk:
         self._pattern = self._preview.plan(self.phases.supports(), rest)
         self._pattern_status = self._preview.status
         self._time = 0.0  # since the pattern was planned, s
-        self.ground = Ground(s.ground_memory, s.rise_memory, self.reach.max_height)
+        self.ground = GroundEstimate(s.ground_memory, s.rise_memory, self.reach.max_height)
 
     @property
     def finished(self) -> bool:

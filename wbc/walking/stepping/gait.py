@@ -22,7 +22,7 @@ from wbc.core.robot import GRAVITY, SIDES
 from wbc.core.vectors import Rows, Vector
 from wbc.tasks.stabilizer.pendulum import Pendulum
 from wbc.walking.contact import Event, Phase, Touch, touch_down
-from wbc.walking.ground import LAST_LOOK, Ground
+from wbc.walking.ground import LAST_LOOK, GroundEstimate
 from wbc.walking.planning.footsteps import Footstep
 from wbc.walking.planning.gait import SwingShape
 from wbc.walking.source import Reference, Support
@@ -98,7 +98,7 @@ class SteppingGait:
         self.settings, self.scale, self._dt = settings.in_si(scale), scale, dt
         self.constants = c = in_si(Constants(), scale)
         self.steering = Steering(self.settings, scale, c.brisk, heading, dt)
-        self.ground = Ground(c.ground_share, 0.0, scale.leg / 3.0)
+        self.ground = GroundEstimate(c.ground_share, 0.0, scale.leg / 3.0)
         self.steps_done = 0
         self._shape = SwingShape(
             self.settings.swing_height,
