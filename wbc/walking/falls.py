@@ -28,7 +28,8 @@ class FallSettings:
     """Limits beyond which a walk counts as a fall; the defaults of drop and tilt are those of the first study of walks.
 
     Attributes:
-        drop: Greatest distance of the CoM, or in the true state of the pelvis, below its target, m.
+        drop: Greatest distance of the CoM, or in the true state of the pelvis, below its target, m; this and `dcm` are
+            in proportion for a small robot (`Robot.length_scale`).
         tilt: Greatest angle of the torso to the vertical, rad; acos(0.8).
         dcm: Greatest distance of the DCM beyond an edge of the hull of both soles, as they stood when a foot was last
             lifted or put down, m.

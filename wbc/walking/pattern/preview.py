@@ -51,7 +51,7 @@ class PreviewSettings:
     Attributes:
         knots: Number of knots N.
         interval: Greatest time between knots, s; each support is cut into equal parts.
-        margin: Distance of the ZMP from the edge of the support, m.
+        margin: Distance of the ZMP from the edge of the support, m; `Walk` gives a small robot its share.
         rate_weight: Cost r of the velocity of the ZMP against the reference's, s².
         slack_weight: Cost s of a DCM that no ZMP inside the supports takes to the plan, 1/s² against the distance of
             the ZMP over a second; the slack is zero unless the constraints cannot be met without it.

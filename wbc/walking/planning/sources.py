@@ -63,9 +63,10 @@ class DriveSettings:
             straighter than 0.95 in half-sitting (`g1`): straight legs take no long steps. A given CoM height comes
             first.
         steps: Steps that are planned ahead, before the one that closes up.
-        stopping: Length of a step above which the robot takes a shorter one before it closes up, m.
+        stopping: Length of a step above which the robot takes a shorter one before it closes up, m; no step of a robot
+            of half a metre is as long.
         replan: Time between plans of the footsteps on both feet, s.
-        goal: Distance and turn to a goal below which it is reached, m and rad.
+        goal: Distance and turn to a goal below which it is reached, m and rad: of the place, at any size.
         far: Distance to a goal above which the robot walks towards it face first, m.
     """
 
