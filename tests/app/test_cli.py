@@ -122,11 +122,11 @@ def test_whatever_is_printed_meanwhile_goes_to_stderr(capfd: Captured) -> None:
         os.write(1, b"from C\n")
         return output.report({"nan": float("nan"), "path": Path("a"), "pair": (1, 2.0)}, "done")
 
-    noisy(output=Output(json=True))
+    noisy(json=True)
     out, err = capfd.readouterr()
     assert json.loads(out) == {"nan": None, "path": "a", "pair": [1, 2.0]}
     assert "from Python" in err and "from C" in err
-    noisy(output=Output())
+    noisy()
     assert capfd.readouterr().out == "done\n"
 
 

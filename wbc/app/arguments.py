@@ -1,13 +1,15 @@
-"""Options of commands, between the words of a command line and settings or specs."""
+"""Options of commands: fields of settings and specs as parameters that cyclopts reads.
+
+cyclopts converts the words of an option by the type of its field; the settings check the values.
+"""
 
 from __future__ import annotations
 
 import functools
 import inspect
-import types
 import typing
 from collections.abc import Callable, Mapping
-from dataclasses import MISSING, Field, dataclass, field, fields, is_dataclass, make_dataclass
+from dataclasses import MISSING, dataclass, field, fields, is_dataclass
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -17,11 +19,6 @@ from cyclopts import App, ArgumentCollection, Parameter
 from wbc.core.changes import read_changes
 from wbc.core.errors import InputError
 from wbc.core.settings import nested_settings, usable_path
-
-UNIONS = (typing.Union, types.UnionType)
-
-NONE_GIVEN: Mapping[str, Any] = types.MappingProxyType({})
-"""Default of a parameter of a command that is annotated with `Fields`."""
 
 
 def prepare(app: App, commands: tuple[str, ...], arguments: ArgumentCollection) -> None:
@@ -54,76 +51,102 @@ class Fields:
     Attributes:
         spec: Class of the spec.
         fields: Fields, with spaces between; option=field where they differ, plan.distance of a field that is settings.
+            All when empty.
         defaults: Field → value shown as its default, where the command has another one than the spec.
         help: Option → help in place of the spec's.
     """
 
     spec: type
-    fields: str
+    fields: str = ""
     defaults: Mapping[str, Any] = field(default_factory=dict)
     help: Mapping[str, str] = field(default_factory=dict)
 
     @functools.cached_property
     def options(self) -> dict[str, str]:
         """Option → field."""
-        pairs = (word.rpartition("=") for word in self.fields.split())
-        return {option or field.replace("_", "-"): field for option, _, field in pairs}
+        pairs = (word.rpartition("=") for word in (self.fields or " ".join(_paths(self.spec))).split())
+        return {option or name.replace("_", "-"): name for option, _, name in pairs}
 
-    def made(self) -> type:
-        """Return a dataclass with a field for each option; what is not given is None, or empty."""
-        made = [
-            (option.replace("-", "_"), self._hint(option), field(default=() if self._texts(option) else None))
-            for option in self.options
-        ]
-        return make_dataclass(
-            "Given", made, kw_only=True, namespace={"__fields_of__": self, "__module__": __name__}
-        )
+    def parameters(self) -> list[inspect.Parameter]:
+        """Return a parameter for each option; of a whole spec, without a default where it has none."""
+        return [self._parameter(option, *_owner(self.spec, path)) for option, path in self.options.items()]
 
-    def given(self, made: Any) -> dict[str, Any]:
-        """Return what was given as plain values by field, fields of a field in an object of their own."""
+    def take(self, words: dict[str, Any]) -> dict[str, Any]:
+        """Take the options out of the parameters of a call; return what was given, fields of a field in a mapping."""
         values: dict[str, Any] = {}
         for option, path in self.options.items():
-            value = getattr(made, option.replace("-", "_"))
+            value = words.pop(_identifier(option), None)
             if value is None or value == ():
                 continue
-            kind = self._texts(option)
-            if kind == "pairs":
-                value = read_changes(value)
-            elif kind == "settings":
+            inside = _item(_hint(*_owner(self.spec, path)))
+            if is_dataclass(inside):
                 value = [read_changes(text.split(",")) for text in value]
+            elif typing.get_origin(inside) is tuple:
+                value = read_changes(value)
             *group, name = path.split(".")
             (values.setdefault(group[0], {}) if group else values)[name] = value
         return values
 
-    def _field(self, option: str) -> tuple[type, str]:
-        kind, name = self.spec, self.options[option]
-        if "." in name:
-            group, _, name = name.partition(".")
-            kind = nested_settings(kind, group)
-        return kind, name
+    def _parameter(self, option: str, kind: type, name: str) -> inspect.Parameter:
+        own = next(each for each in fields(kind) if each.name == name)
+        about, hint = self.help.get(option) or attribute_docs(kind)[name], _hint(kind, name)
+        default = self.defaults.get(name, own.default)
+        if default is not MISSING and default is not None and default is not False and default != ():
+            shown = ", ".join(map(str, default)) if isinstance(default, tuple) else default
+            about += f" [default: {shown}]"
+        item = _item(hint)
+        if is_dataclass(item) or typing.get_origin(item) is tuple:
+            hint = tuple[str, ...]
+        missing = own.default is MISSING and own.default_factory is MISSING and not self.fields
+        return inspect.Parameter(
+            _identifier(option),
+            inspect.Parameter.KEYWORD_ONLY,
+            default=inspect.Parameter.empty if missing else None if item is None else (),
+            annotation=Annotated[
+                hint if item is not None else hint | None,
+                Parameter(name=f"--{option}", help=about, show_default=False),
+                *(each for each in _marks(_hint(kind, name, extras=True)) if isinstance(each, Parameter)),
+            ],
+        )
 
-    def _bare(self, option: str) -> Any:
-        kind, name = self._field(option)
-        return _plain(typing.get_type_hints(kind, include_extras=True)[name])
 
-    def _texts(self, option: str) -> str:
-        """Return what texts of an option hold: pairs of name and value, settings, or themselves; empty for no texts."""
-        bare = self._bare(option)
-        inside = typing.get_args(bare)
-        if typing.get_origin(bare) is not tuple or inside[-1] is not ...:
-            return ""
-        if is_dataclass(inside[0]):
-            return "settings"
-        return "pairs" if typing.get_origin(inside[0]) is tuple else "texts"
+def with_options(command: Callable[..., None]) -> Callable[..., None]:
+    """Return a command of which each parameter that is settings, or `Fields` of a spec, is as many options."""
+    hints = typing.get_type_hints(command, include_extras=True)
+    parameters, groups = [], {}
+    for name, parameter in inspect.signature(command).parameters.items():
+        chosen = next((mark for mark in _marks(hints[name]) if isinstance(mark, Fields)), None)
+        if chosen is None and is_dataclass(hints[name]):
+            chosen = Fields(hints[name])
+        if chosen is None:
+            parameters.append(parameter.replace(annotation=hints[name]))
+        else:
+            groups[name] = chosen
+            parameters += chosen.parameters()
 
-    def _hint(self, option: str) -> Any:
-        kind, name = self._field(option)
-        about = self.help.get(option) or attribute_docs(kind)[name]
-        default = self.defaults.get(name, next(each.default for each in fields(kind) if each.name == name))
-        if isinstance(default, (str, int, float)) and not isinstance(default, bool):
-            about += f" [default: {default}]"
-        hint = tuple[str, ...] if self._texts(option) else self._bare(option) | None
-        return Annotated[hint, Parameter(help=about, show_default=False)]
+    @functools.wraps(command)
+    def run(*words: Any, **values: Any) -> None:
+        given = {name: chosen.take(values) for name, chosen in groups.items()}
+        made = {
+            name: made_of(hints[name], part) if is_dataclass(hints[name]) else part
+            for name, part in given.items()
+        }
+        command(*words, **values, **made)
+
+    run.__annotations__ = {parameter.name: parameter.annotation for parameter in parameters}
+    run.__dict__["__signature__"] = inspect.Signature(parameters)
+    del run.__dict__["__wrapped__"]
+    return run
+
+
+def made_of(kind: Any, given: Mapping[str, Any]) -> Any:
+    """Return settings of a class with the values that are given."""
+    parts = {
+        name: made_of(nested_settings(kind, name), value)
+        for name, value in given.items()
+        if type(value) is dict
+    }
+    return kind(**{**given, **parts})
 
 
 def attribute_docs(kind: type) -> dict[str, str]:
@@ -137,77 +160,41 @@ def attribute_docs(kind: type) -> dict[str, str]:
     return found
 
 
-def plain_options(command: Callable[..., None]) -> Callable[..., None]:
-    """Return a command whose settings classes cyclopts reads as plain dataclasses, without their checks.
-
-    cyclopts passes words to a Pydantic dataclass unconverted, and words the errors of its fields itself. Here it
-    converts the words, and the settings, made from the plain dataclass, check the values.
-    """
-
-    @functools.wraps(command)
-    def run(*args: Any, **values: Any) -> None:
-        command(*map(_settings, args), **{name: _settings(value) for name, value in values.items()})
-
-    hints = typing.get_type_hints(command, include_extras=True)
-    parameters = []
-    for name, parameter in inspect.signature(command).parameters.items():
-        chosen = next(
-            (item for item in getattr(hints[name], "__metadata__", ()) if isinstance(item, Fields)), None
-        )
-        hint, default = _plain(hints[name]), _twin_of(parameter.default)
-        if chosen is not None:
-            kind = chosen.made()
-            hint, default = Annotated[kind, Parameter(name="*")], kind()
-        parameters.append(parameter.replace(annotation=hint, default=default))
-    run.__annotations__ = {parameter.name: parameter.annotation for parameter in parameters}
-    run.__dict__["__signature__"] = inspect.Signature(parameters)
-    del run.__dict__["__wrapped__"]
-    return run
+def _paths(kind: type) -> list[str]:
+    """Return all fields of settings; of fields that are settings, theirs."""
+    paths = []
+    for each in fields(kind):
+        inner = nested_settings(kind, each.name)
+        paths += [f"{each.name}.{path}" for path in _paths(inner)] if inner else [each.name]
+    return paths
 
 
-def _plain(hint: Any) -> Any:
-    """Return an annotation without ranges and units, and with plain dataclasses for settings."""
-    inside = typing.get_args(hint)
-    if typing.get_origin(hint) is Annotated:
-        kept = [item for item in inside[1:] if isinstance(item, Parameter)]
-        return Annotated[(_plain(inside[0]), *kept)] if kept else _plain(inside[0])
-    if typing.get_origin(hint) in UNIONS:
-        return typing.Union[tuple(map(_plain, inside))]  # noqa: UP007 - of a tuple of types
-    if typing.get_origin(hint) is tuple:
-        return tuple[tuple(item if item is ... else _plain(item) for item in inside)]  # type: ignore[misc]
-    return _twin(hint) if isinstance(hint, type) and is_dataclass(hint) else hint
+def _owner(kind: type, path: str) -> tuple[type, str]:
+    """Return the settings of which a path of a spec is a field, and its name there."""
+    group, _, name = path.rpartition(".")
+    return (nested_settings(kind, group), name) if group else (kind, name)
 
 
 @functools.cache
-def _twin(kind: type) -> type:
-    """Return a dataclass of the same fields, defaults and documentation, without checks."""
-    hints = typing.get_type_hints(kind, include_extras=True)
-    own = [(each.name, _plain(hints[each.name]), _default(each)) for each in fields(kind)]
-    bases = tuple(_twin(base) for base in kind.__bases__ if is_dataclass(base))
-    namespace = {"__doc__": kind.__doc__, "__module__": kind.__module__, "__settings__": kind}
-    return make_dataclass(kind.__name__, own, bases=bases, namespace=namespace)
+def _hints(kind: type, extras: bool) -> dict[str, Any]:
+    return typing.get_type_hints(kind, include_extras=extras)
 
 
-def _default(of: Field[Any]) -> Any:
-    made = of.default if of.default_factory is MISSING else of.default_factory()
-    if is_dataclass(made):
-        return field(default_factory=lambda: _twin_of(made), kw_only=of.kw_only)
-    return field(default=made, kw_only=of.kw_only)
+def _hint(kind: type, name: str, extras: bool = False) -> Any:
+    """Return the type of a field, without ranges and units unless they are asked for."""
+    return _hints(kind, extras)[name]
 
 
-def _twin_of(value: Any) -> Any:
-    """Return settings as their plain dataclass; anything else as it is."""
-    if not is_dataclass(value) or isinstance(value, type):
-        return value
-    return _twin(type(value))(**{each.name: _twin_of(getattr(value, each.name)) for each in fields(value)})
+def _marks(hint: Any) -> tuple[Any, ...]:
+    """Return what an annotation says beside the type."""
+    return getattr(hint, "__metadata__", ())
 
 
-def _settings(value: Any) -> Any:
-    """Return the settings of a plain dataclass, or the fields of a spec that were given; anything else as it is."""
-    chosen = getattr(type(value), "__fields_of__", None)
-    if chosen is not None:
-        return chosen.given(value)
-    kind = getattr(type(value), "__settings__", None)
-    if kind is None:
-        return value
-    return kind(**{each.name: _settings(getattr(value, each.name)) for each in fields(value)})
+def _item(hint: Any) -> Any:
+    """Return the type of the values of a field that takes any number of them; None for one that does not."""
+    inside = typing.get_args(hint)
+    return inside[0] if typing.get_origin(hint) is tuple and inside[-1] is ... else None
+
+
+def _identifier(option: str) -> str:
+    return option.replace("-", "_").replace(".", "_")

@@ -8,7 +8,6 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from typing import TYPE_CHECKING, Annotated, Any, TypeVar
 
-from cyclopts import Parameter
 from pydantic import Field
 from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 
@@ -106,11 +105,6 @@ class LiveDrive(LiveView):
     """
 
     drive: bool = False
-
-
-LiveOptions = Annotated[LiveView, Parameter(name="*")]
-DriveOptions = Annotated[LiveDrive, Parameter(name="*")]
-"""Types of the argument `live` of a command, and of one that can be driven."""
 
 
 def with_changes(

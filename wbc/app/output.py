@@ -13,20 +13,15 @@ from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Annotated, Any, ParamSpec, TypeVar
+from typing import Any, ParamSpec
 
-from cyclopts import Parameter
 from rich.console import Console
 
-from wbc.app.arguments import plain_options
+from wbc.app.arguments import with_options
 from wbc.core.errors import WbcError
 from wbc.core.settings import settings
 
 P = ParamSpec("P")
-T = TypeVar("T")
-
-Flat = Annotated[T, Parameter(name="*")]
-"""Annotation of a parameter of a command that is a settings class: each field is an option."""
 
 
 @settings(kw_only=True)
@@ -44,10 +39,6 @@ class Output:
     def report(self, data: Mapping[str, Any], text: str, failure: WbcError | None = None) -> Report:
         """Make the report of a command that has ended: plain values, text, failure of a part such as a recording."""
         return Report(dict(data), text, self.json, failure)
-
-
-OutputOptions = Annotated[Output, Parameter(name="*")]
-"""Annotation of the parameter `output`, which every command has."""
 
 
 @dataclass(frozen=True)
@@ -71,7 +62,7 @@ class Report:
 
 
 def reports(function: Callable[P, Report]) -> Callable[P, None]:
-    """Make a command of a function that returns a report; its settings are read as `plain_options` says.
+    """Make a command of a function that returns a report; see `with_options`.
 
     While it runs, everything written to stdout (by C++ libraries, too) goes to stderr; then the report is printed.
     """
@@ -91,7 +82,7 @@ def reports(function: Callable[P, Report]) -> Callable[P, None]:
         if report.failure is not None:
             raise report.failure
 
-    return plain_options(run)
+    return with_options(run)
 
 
 @contextmanager

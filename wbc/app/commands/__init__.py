@@ -1,9 +1,9 @@
 """The commands of `wbc`: one module a subject; a new command is a function here with a line in `COMMANDS`.
 
-Words such as the name of a study are parameters of the function. Options are the fields of a settings class (or of
-several) that it takes as `options: Flat[…]`; their defaults, ranges, choices and help come from that class. Fields of a
-spec become options by an annotation `wbc.app.arguments.Fields`. The function also takes `output: OutputOptions`, is
-decorated with `wbc.app.output.reports` and returns `output.report(…)`.
+Words such as the name of a study are parameters of the function. A parameter that is settings becomes an option for
+each of its fields; defaults, ranges, choices and help come from there. Chosen fields of a spec become options by an
+annotation `wbc.app.arguments.Fields`. The function also takes `output: Output`, is decorated with
+`wbc.app.output.reports` and returns `output.report(…)`.
 """
 
 import re

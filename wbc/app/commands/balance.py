@@ -6,8 +6,8 @@ import logging
 
 from rich.progress import track
 
-from wbc.app.live import LiveOptions, LiveView, with_changes
-from wbc.app.output import Flat, Output, OutputOptions, Report, progress_console, quiet, reports
+from wbc.app.live import LiveView, with_changes
+from wbc.app.output import Output, Report, progress_console, quiet, reports
 from wbc.core.errors import WbcError
 from wbc.core.settings import to_json
 from wbc.sim.balance.push_recovery import PushTableSpec, format_push_table, push_table
@@ -16,10 +16,10 @@ from wbc.sim.balance.standing import StandSpec, StandTrial
 
 @reports
 def stand(
-    options: Flat[StandSpec] = StandSpec(),
+    options: StandSpec,
     *,
-    live: LiveOptions = LiveView(),
-    output: OutputOptions = Output(),
+    live: LiveView,
+    output: Output,
 ) -> Report:
     """Let a robot stand in the simulator, and report how still it stands and how fast the controller is."""
     result, trial, hooks = live.run(
@@ -47,9 +47,9 @@ def stand(
 
 @reports
 def push(
-    options: Flat[PushTableSpec] = PushTableSpec(),
+    options: PushTableSpec,
     *,
-    output: OutputOptions = Output(),
+    output: Output,
 ) -> Report:
     """Push standing robots on the torso from all sides: largest impulse per kg that they recover from."""
     total = len(options.specs())

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from wbc.app.bench import BenchTickOptions, bench_tick
-from wbc.app.output import Flat, Output, OutputOptions, Report, reports
+from wbc.app.output import Output, Report, reports
 
 
 @reports
 def tick(
-    options: Flat[BenchTickOptions] = BenchTickOptions(),
+    options: BenchTickOptions,
     *,
-    output: OutputOptions = Output(),
+    output: Output,
 ) -> Report:
     """Time a tick of the controller: two soles, a swaying centre of mass, posture, joint and torque limits."""
     facts = bench_tick(options)

@@ -9,7 +9,7 @@ from typing import Annotated, Any
 
 from cyclopts import Parameter
 
-from wbc.app.output import Output, OutputOptions, Report, reports
+from wbc.app.output import Output, Report, reports
 from wbc.core.errors import InputError, WbcError
 from wbc.core.settings import to_json
 from wbc.machine import conformance
@@ -33,7 +33,7 @@ def check_plant(
     *,
     robot: Annotated[str, Parameter(help="Robot of the plant.")] = "hrp4_class",
     delay: Annotated[float, Parameter(help="Delay that the loop is known to have, s.")] = 0.0,
-    output: OutputOptions = Output(),
+    output: Output,
 ) -> Report:
     """Check a loop by exciting it a little: order, signs, units, frames, gains, delay and clock, each by name."""
     made: Any = Plant(load(robot), control_period=0.002) if loop is None else _made(loop)

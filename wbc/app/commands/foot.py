@@ -9,8 +9,8 @@ from typing import Annotated, Any, Literal
 
 from cyclopts import Parameter
 
-from wbc.app.arguments import NONE_GIVEN, Fields, attribute_docs
-from wbc.app.output import Flat, Output, OutputOptions, Report, reports
+from wbc.app.arguments import Fields, attribute_docs
+from wbc.app.output import Output, Report, reports
 from wbc.core.changes import changed, read_changes, setting_names
 from wbc.core.errors import InputError
 from wbc.core.settings import settings, to_json
@@ -104,10 +104,10 @@ def foot(
     test: Annotated[Test | None, Parameter(help="Test; the feet are listed when left out.")] = None,
     /,
     *,
-    options: Flat[FootOptions] = FootOptions(),
-    given: Annotated[Mapping[str, Any], SHARED] = NONE_GIVEN,
-    ground: Annotated[Mapping[str, Any], GROUND] = NONE_GIVEN,
-    output: OutputOptions = Output(),
+    options: FootOptions,
+    given: Annotated[Mapping[str, Any], SHARED],
+    ground: Annotated[Mapping[str, Any], GROUND],
+    output: Output,
 ) -> Report:
     """List the feet, or test one on a rig: press it on a ground, or pitch its ankle.
 

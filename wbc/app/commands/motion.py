@@ -11,8 +11,8 @@ from cyclopts import Parameter
 
 from wbc import robots
 from wbc.app.files import check_target
-from wbc.app.live import LiveOptions, LiveView, with_changes
-from wbc.app.output import Flat, Output, OutputOptions, Report, reports
+from wbc.app.live import LiveView, with_changes
+from wbc.app.output import Output, Report, reports
 from wbc.core.errors import InputError
 from wbc.core.robot import Robot
 from wbc.core.settings import Positive, settings, to_json
@@ -58,9 +58,9 @@ def motion(
     clip: Annotated[Path, Parameter(help="Clip, .npz or .csv.")],
     /,
     *,
-    options: Flat[MotionOptions] = MotionOptions(),
-    live: LiveOptions = LiveView(),
-    output: OutputOptions = Output(),
+    options: MotionOptions,
+    live: LiveView,
+    output: Output,
 ) -> Report:
     """Check, filter or track a clip of joint positions.
 

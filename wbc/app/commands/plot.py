@@ -11,7 +11,7 @@ from cyclopts import Parameter
 
 from wbc.app.files import PICTURES, check_target
 from wbc.app.log.reader import Log
-from wbc.app.output import Flat, Output, OutputOptions, Report, reports
+from wbc.app.output import Output, Report, reports
 from wbc.core.errors import InputError
 from wbc.core.settings import settings, usable_path
 
@@ -35,8 +35,8 @@ class PlotOptions:
 @reports
 def plot(
     *words: Annotated[str, Parameter(help="Logs, then what to draw.", show_default=False)],
-    options: Flat[PlotOptions] = PlotOptions(),
-    output: OutputOptions = Output(),
+    options: PlotOptions,
+    output: Output,
 ) -> Report:
     """Draw figures from one log, or compare several: balance, plan, stiffness, any signals.
 

@@ -7,7 +7,7 @@ from typing import Annotated, Any
 
 from cyclopts import Parameter
 
-from wbc.app.output import Flat, Output, OutputOptions, Report, reports
+from wbc.app.output import Output, Report, reports
 from wbc.core.errors import InputError, finite_scalar
 from wbc.core.settings import Positive, settings
 from wbc.robots import RobotDescription, load, names, others, saved
@@ -78,8 +78,8 @@ def robots(
             help="A robot to describe; or check and a file; or add and a file. All in a table when left out."
         ),
     ],
-    options: Flat[RobotFileOptions] = RobotFileOptions(),
-    output: OutputOptions = Output(),
+    options: RobotFileOptions,
+    output: Output,
 ) -> Report:
     """List the robots, describe one, check the file of one of your own, or add it under a name for --robot.
 

@@ -10,9 +10,9 @@ from typing import Annotated, Any
 
 from cyclopts import Parameter
 
-from wbc.app.arguments import NONE_GIVEN, Fields
+from wbc.app.arguments import Fields
 from wbc.app.files import check_picture
-from wbc.app.output import Flat, Output, OutputOptions, Report, reports
+from wbc.app.output import Output, Report, reports
 from wbc.core.changes import read_changes
 from wbc.core.errors import InputError
 from wbc.core.settings import settings, unit_and_choices
@@ -52,9 +52,9 @@ def terrain(
     name: Annotated[str | None, Parameter(help="Family; all of them, and the scenes, when left out.")] = None,
     /,
     *,
-    given: Annotated[Mapping[str, Any], TRACK] = NONE_GIVEN,
-    options: Flat[TerrainOptions] = TerrainOptions(),
-    output: OutputOptions = Output(),
+    given: Annotated[Mapping[str, Any], TRACK],
+    options: TerrainOptions,
+    output: Output,
 ) -> Report:
     """Describe or draw a ground, or list the families of grounds and the scenes with their parameters."""
     if name is not None:
@@ -81,14 +81,14 @@ def terrain(
 
 
 def describe_terrain(
-    name: str, options: TerrainOptions = TerrainOptions(), given: Mapping[str, Any] = NONE_GIVEN
+    name: str, options: TerrainOptions = TerrainOptions(), given: Mapping[str, Any] | None = None
 ) -> dict[str, Any]:
     """Return `Terrain.describe()`, roughness and whether the swing foot clears it; draw it if asked to.
 
     Raises `UnknownNameError` for no such family or parameter, `InputError` for a value out of range; a ground higher
     than the clearance is warned of.
     """
-    ground = make_terrain(make_family(name, read_changes(options.param)), **given)
+    ground = make_terrain(make_family(name, read_changes(options.param)), **(given or {}))
     target = check_picture(options.plot, options.param)
     facts = ground.describe() | {
         "roughness": _named_roughness(ground),

@@ -14,7 +14,7 @@ from rich.progress import Progress
 from wbc.app.files import FILMS
 from wbc.app.live import Port
 from wbc.app.log.reader import Log
-from wbc.app.output import Flat, Output, OutputOptions, Report, progress_console, reports
+from wbc.app.output import Output, Report, progress_console, reports
 from wbc.core.errors import InputError
 from wbc.core.settings import Count, Positive, settings
 
@@ -56,8 +56,8 @@ def view(
     log: Annotated[Path, Parameter(help="Log to replay, as --record has written it.")],
     /,
     *,
-    options: Flat[ViewOptions] = ViewOptions(),
-    output: OutputOptions = Output(),
+    options: ViewOptions,
+    output: Output,
 ) -> Report:
     """Replay a log in the browser with a time slider, or write it as a film or for Rerun."""
     from wbc.app.replay.convert import check_conversion, convert_log  # noqa: PLC0415, I001 - slow

@@ -11,12 +11,12 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Annotated, Any, cast
 
-from wbc.app.arguments import NONE_GIVEN, Fields
+from wbc.app.arguments import Fields
 from wbc.app.files import check_target, read_object
-from wbc.app.live import DriveOptions, LiveDrive, ending, with_changes
+from wbc.app.live import LiveDrive, ending, with_changes
 from wbc.app.log.reader import Log
 from wbc.app.log.recorder import Recorder
-from wbc.app.output import Flat, Output, OutputOptions, Report, reports
+from wbc.app.output import Output, Report, reports
 from wbc.app.profile import ProfileRow, profile_text, profile_walk
 from wbc.app.repeat import RepeatWalk, differing_versions, first_difference, recorded_walk
 from wbc.app.walk_report import walk_text
@@ -97,11 +97,11 @@ class WalkOptions:
 
 @reports
 def walk(
-    given: Annotated[Mapping[str, Any], OPTIONS] = NONE_GIVEN,
+    given: Annotated[Mapping[str, Any], OPTIONS],
     *,
-    options: Flat[WalkOptions] = WalkOptions(),
-    live: DriveOptions = LiveDrive(),
-    output: OutputOptions = Output(),
+    options: WalkOptions,
+    live: LiveDrive,
+    output: Output,
 ) -> Report:
     """Walk in the simulator, and report how far the robot came, how well, and how it ended: by a fall, or by Ctrl-C."""
     if options.repeat is not None and (

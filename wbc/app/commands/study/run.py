@@ -21,7 +21,7 @@ from rich.progress import (
 
 from wbc.app.commands.study.show import PartOptions, StudyName, entries_of
 from wbc.app.files import check_target
-from wbc.app.output import Flat, Output, OutputOptions, Report, progress_console, reports
+from wbc.app.output import Output, Report, progress_console, reports
 from wbc.core.errors import InputError, unknown_name
 from wbc.core.files import write_text
 from wbc.core.settings import Count, Positive, settings
@@ -94,9 +94,9 @@ def run(
     study: StudyName | None = None,
     /,
     *,
-    options: Flat[RunOrRerunOptions],
-    part: Flat[PartOptions] = PartOptions(),
-    output: OutputOptions = Output(),
+    options: RunOrRerunOptions,
+    part: PartOptions,
+    output: Output,
 ) -> Report:
     """Run the trials of a study that its journal does not have; it can be stopped, and continues from there.
 

@@ -11,7 +11,7 @@ from typing import Annotated, Any
 from cyclopts import Parameter
 
 from wbc.app.files import check_picture, check_target, read_object
-from wbc.app.output import Flat, Output, OutputOptions, Report, reports
+from wbc.app.output import Output, Report, reports
 from wbc.core.errors import InputError
 from wbc.core.files import replacing, write_text
 from wbc.core.settings import Positive, settings, to_json
@@ -111,8 +111,8 @@ def show(
     ] = None,
     /,
     *,
-    part: Flat[ShownPartOptions] = ShownPartOptions(),
-    output: OutputOptions = Output(),
+    part: ShownPartOptions,
+    output: Output,
 ) -> Report:
     """Print a study as JSON, to be changed and run, or list those that come with the library."""
     if study is None:
@@ -131,9 +131,9 @@ def table(
     study: StudyName,
     /,
     *,
-    options: Flat[TableOptions],
-    part: Flat[PartOptions] = PartOptions(),
-    output: OutputOptions = Output(),
+    options: TableOptions,
+    part: PartOptions,
+    output: Output,
 ) -> Report:
     """Make a table of a study from its journal, a figure or a spreadsheet."""
     target, figure = options.out, False
