@@ -13,7 +13,6 @@ from typing import Any
 import pytest
 from properties import by_default
 
-import wbc
 from wbc.app import cli
 from wbc.app.commands import COMMANDS, balance
 from wbc.app.output import Output, Report, reports
@@ -89,10 +88,6 @@ def test_help_lists_every_command_and_the_exit_codes(capfd: Captured) -> None:
     assert wbc_command(capfd) == (cli.RAN, out, "")
 
 
-def test_version(capfd: Captured) -> None:
-    assert wbc_command(capfd, "--version") == (cli.RAN, f"{wbc.__version__}\n", "")
-
-
 def test_robots_in_a_table_and_one_in_full(capfd: Captured) -> None:
     _, out, _ = wbc_command(capfd, "robots")
     assert [line.split()[0] for line in out.splitlines()[1:]] == [*names(), *others()]
@@ -128,16 +123,6 @@ def test_whatever_is_printed_meanwhile_goes_to_stderr(capfd: Captured) -> None:
     assert "from Python" in err and "from C" in err
     noisy()
     assert capfd.readouterr().out == "done\n"
-
-
-def test_a_command_loads_what_it_needs_alone() -> None:
-    program = (
-        "import sys; from wbc.app.cli import main; code = main(['robots', '--json']); "
-        "sys.exit(code or 10 * any(m in sys.modules for m in ('mujoco', 'matplotlib', 'meshcat')))"
-    )
-    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=False)
-    assert done.returncode == 0, done.stderr
-    assert set(names()) == {robot["name"] for robot in json.loads(done.stdout)["robots"]}
 
 
 def test_the_list_of_commands_loads_none_of_them() -> None:

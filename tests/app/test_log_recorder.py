@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from recorded import GAIT, SECONDS, make_walk, recorded_scans, recorded_stand, recorded_walk, run
+from recorded import GAIT, SECONDS, make_walk, recorded_scans, recorded_walk, run
 
 import wbc
 from wbc.app.log.plain import from_plain, to_plain
@@ -73,11 +73,10 @@ def test_a_log_holds_every_tick(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("mode", ["position", pytest.param("torque", marks=pytest.mark.slow)])
-def test_recording_changes_nothing(tmp_path: Path, mode: str) -> None:
+def test_recording_changes_nothing(tmp_path: Path) -> None:
     runs = []
     for recorded in (False, True):
-        plant, walk = make_walk(mode)
+        plant, walk = make_walk()
         states: list[np.ndarray] = []
 
         def watch(plant: wbc.Plant, walk: object, m: object, command: Command, into: Any = states) -> None:
@@ -104,26 +103,6 @@ def test_header_says_where_the_numbers_come_from() -> None:
     assert header["robot"]["torque_limit_Nm"]["left_knee_pitch"] > 0.0
     assert log.time[-1] == pytest.approx(SECONDS - 0.005)
     assert (log["own/answer"] == 42.0).all() and log.units["own/answer"] == "m"
-
-
-@pytest.mark.parametrize("torque", [False, True])
-@pytest.mark.parametrize("with_plant", [False, True])
-def test_controllers_that_do_not_walk_are_recorded_too(
-    tmp_path: Path, torque: bool, with_plant: bool
-) -> None:
-    log = recorded_stand(
-        tmp_path / "stand.arrow",
-        ticks=20,
-        control=wbc.TorqueControl if torque else wbc.PositionControl,
-        shown=lambda plant: plant if with_plant else None,
-        control_period=0.002,
-    )
-    assert len(log) == 20 and log.events == []
-    assert ("truth/com/x" in log) is with_plant
-    assert ("base/commanded/position/x" in log) is not torque
-    assert np.isnan(log["joint/position_reference"]).all() == torque
-    assert np.isfinite(log["foot/left/wrench_solved/fz"]).all()
-    assert (log["com/estimated/z"] > 0.5).all()
 
 
 def test_tasks_that_come_and_go_leave_right_numbers_and_gaps(tmp_path: Path) -> None:

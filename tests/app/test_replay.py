@@ -84,15 +84,6 @@ def test_forces_are_those_of_the_sensors(replay: Replay) -> None:
     assert force == pytest.approx(measured, abs=0.02 * measured + 2.0)
 
 
-def test_a_push_is_shown_while_it_lasts(tmp_path: Path) -> None:
-    plant, walk = make_walk()
-    plant.push("torso", (0.0, 30.0, 0.0), 0.05)
-    with Recorder(tmp_path / "walk.arrow") as record:
-        run(plant, walk, 0.2, record)
-    replay = Replay(Log.open(tmp_path / "walk.arrow"))
-    assert [len(named(replay, i, "push")) for i in range(len(replay))] == [0] + [1] * 10 + [0] * 29
-
-
 def test_pictures_come_at_the_rate_asked_for(replay: Replay) -> None:
     for rate, speed in ((10.0, 1.0), (30.0, 1.0), (10.0, 0.5), (25.0, 4.0)):
         times = replay.log.time[replay.ticks(rate, speed)]
@@ -226,31 +217,12 @@ def test_a_film_as_mp4(replay: Replay, tmp_path: Path) -> None:
 
 
 @drawing
-@pytest.mark.parametrize("ending", ["gif", "mp4"])
-def test_a_film_on_a_full_disk_leaves_the_old_one(replay: Replay, tmp_path: Path, ending: str) -> None:
-    if ending == "mp4":
-        pytest.importorskip("imageio_ffmpeg")
-    path = tmp_path / f"walk.{ending}"
+def test_a_film_on_a_full_disk_leaves_the_old_one(replay: Replay, tmp_path: Path) -> None:
+    path = tmp_path / "walk.gif"
     path.write_text("old")
     with limited_file_size(1000), pytest.raises((FileError, RenderError)):
         render_video(replay, path, rate=2.0, size=SIZE)
     assert path.read_text() == "old" and list(tmp_path.iterdir()) == [path]
-
-
-@drawing
-@pytest.mark.parametrize("size", [(95, 72), (0, 0), (8, 8)])
-def test_film_sizes_are_checked(replay: Replay, tmp_path: Path, size: tuple[int, int]) -> None:
-    with pytest.raises(InputError, match="size"):
-        render_video(replay, tmp_path / "walk.gif", size=size)
-
-
-@drawing
-@pytest.mark.slow
-@pytest.mark.parametrize("robot", ["talos", "g1"])
-def test_robots_made_of_meshes_can_be_filmed(tmp_path: Path, robot: str) -> None:
-    replay = Replay(recorded_stand(tmp_path / "stand.arrow", robot, ticks=30))
-    render_video(replay, tmp_path / "stand.gif", rate=10.0, size=SIZE)
-    assert replay.model.nmesh >= 30
 
 
 # ---- files for Rerun ------------------------------------------------------------------------------------------------

@@ -63,24 +63,6 @@ def test_add_makes_a_name_for_every_later_command(capfd: Captured, file: Path, c
         load("mime")
 
 
-def test_inertias_that_no_body_can_have_are_repaired_when_asked(
-    capfd: Captured, tmp_path: Path, configuration: Path
-) -> None:
-    """A shin whose moments break the triangle inequality: refused with the option that helps, then added with it."""
-    text = (Path(__file__).parents[2] / "examples" / "biped.urdf").read_text()
-    wrong = re.sub(r'<inertia ixx="[^"]*"', '<inertia ixx="9.0"', text, count=1)
-    assert wrong != text
-    (tmp_path / "bad.urdf").write_text(wrong)
-    feet = ("--left", "left_foot", "--right", "right_foot")
-    words = ("robots", "add", str(tmp_path / "bad.urdf"), *feet, "--name", "fixed")
-    code, _, err = wbc_command(capfd, *words)
-    assert code == cli.BAD_INPUT and "--repair" in err
-    code, *_ = wbc_command(capfd, *words, "--repair", "--package-dir", str(tmp_path))
-    assert code == cli.RAN
-    written = (configuration / "wbc" / "robots" / "fixed.toml").read_text()
-    assert "repair = true" in written and f'package_dirs = ["{tmp_path}"]' in written
-
-
 def test_a_urdf_whose_feet_are_not_named_is_described_and_said_not_to_walk(capfd: Captured) -> None:
     code, out, err = wbc_command(capfd, "robots", "check", "examples/biped.urdf")
     assert code == 0 and not err

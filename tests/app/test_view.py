@@ -5,10 +5,8 @@ from __future__ import annotations
 import json
 import math
 import socket
-import time
 import urllib.request
 from pathlib import Path
-from threading import Timer
 from typing import Any
 
 import mujoco
@@ -19,13 +17,12 @@ from foreign import foreign_model
 from numpy.typing import NDArray
 
 import wbc
-from wbc.app import MeshcatView, WatchWalk, live
+from wbc.app import MeshcatView, live
 from wbc.app.cli import BAD_INPUT, RAN, main
-from wbc.app.view.base import PortError, View, ViewError
+from wbc.app.view.base import PortError, ViewError
 from wbc.app.view.live_marks import drift_of
 from wbc.app.view.marks import LIFT, Mark, Picture, legend, placed, stiffness_colour
 from wbc.app.view.meshes import PLANE_DEPTH, SHOWN_GROUPS, body_meshes, geom_mesh
-from wbc.app.view.pace import Pace
 from wbc.app.view.stage import DescribedStage, SimulatedStage
 from wbc.core.errors import InputError
 from wbc.core.hull import convex_hull
@@ -33,10 +30,9 @@ from wbc.core.robot import GRAVITY
 from wbc.sim import MujocoLoop
 from wbc.sim.plant.model import drawing_model
 from wbc.sim.terrain.spec import terrain
-from wbc.sim.trial.loop import TrialHook, TrialTick
 from wbc.sim.walks.plans import WalkPlan
 from wbc.sim.walks.spec import WalkSpec
-from wbc.sim.walks.trial import WalkTrial, walk
+from wbc.sim.walks.trial import WalkTrial
 from wbc.walking.planning.gait import Gait
 
 HRP4 = wbc.load_robot("hrp4_class")
@@ -236,16 +232,6 @@ def test_what_is_planned_is_shown_where_it_lies_in_the_true_world() -> None:
     assert any(line.endswith(" mm and +90.0° off") for line in after.text)
 
 
-def test_a_stop_takes_footsteps_away() -> None:
-    trial = WalkTrial(short_walk(plan=WalkPlan(distance=1.0)))
-    stage = SimulatedStage(trial.plant, trial.walking)
-    while trial.walking.walk.phases.swing is None:
-        tick(trial)
-    assert len(named(stage.picture(None), "planned step")) == 8
-    trial.walking.stop()
-    assert len(named(stage.picture(None), "planned step")) == len(trial.walking.walk.phases.plan) <= 2
-
-
 def test_balance_is_shown_as_it_is_and_as_planned() -> None:
     trial = WalkTrial(short_walk(foot="soft", noise="none"))
     stage, walking = SimulatedStage(trial.plant, trial.walking), trial.walking
@@ -357,90 +343,6 @@ def test_meshcat_answers_on_this_machine_alone_and_shows_any_loop() -> None:
         view.update()
     with pytest.raises(OSError), socket.create_connection(("127.0.0.1", port), timeout=1.0):
         pass  # the server has ended with the view
-
-
-def test_what_does_not_belong_is_refused() -> None:
-    plant = wbc.Plant(HRP4)
-    trial = WalkTrial(short_walk())
-    bad: list[tuple[Any, Any, dict[str, Any]]] = [
-        (HRP4, trial.walking, {}),
-        (plant, 3.0, {}),
-        (object(), None, {}),
-        (plant, None, {"terrain": terrain("flat")}),
-        (plant, None, {"rate": 0.0}),
-        (plant, None, {"speed": -1.0}),
-    ]
-    for source, control, options in bad:
-        with pytest.raises(InputError):
-            MeshcatView(source, control, port=0, **options)
-
-
-class Pictures(View):
-    """A view without a page."""
-
-    RATE = 1e9
-
-    def _open(self, port: int) -> None:
-        self.url, self.shown = "", list[Picture]()
-
-    def _build(self) -> None:
-        pass
-
-    def _take_orders(self, time: float, picture: Any) -> None:
-        pass
-
-    def _send(self, picture: Picture) -> None:
-        self.shown.append(picture)
-
-    def _end(self) -> None:
-        pass
-
-    @property
-    def pages(self) -> int:
-        return 0
-
-
-class Commands(TrialHook):
-    """Recorder of all commands."""
-
-    def __init__(self) -> None:
-        self.all: list[bytes] = []
-
-    def tick(self, tick: TrialTick) -> None:
-        assert tick.command.joint_position is not None
-        self.all.append(tick.command.joint_position.tobytes())
-
-
-class Watch(WatchWalk):
-    """Takes pictures of every tick."""
-
-    def open(self, trial: Any) -> None:
-        self.view = Pictures(trial.plant, trial.walker)
-
-
-@pytest.mark.slow
-def test_a_walk_is_the_same_bit_for_bit_with_and_without_a_view() -> None:
-    spec = short_walk(foot="variable", terrain="stones", amplitude=0.01, plan=WalkPlan(distance=0.05))
-    alone, watched, watch = Commands(), Commands(), Watch()
-    plain = walk(spec, hooks=[alone])
-    result = walk(spec, hooks=[watch, watched])
-    assert isinstance(watch.view, Pictures) and len(watch.view.shown) > len(watched.all)
-    assert result.record() == plain.record() and watched.all == alone.all
-    assert plain.outcome == "completed" and watch.interventions == []
-
-
-def test_a_slow_run_waits_until_it_is_told_to_hurry() -> None:
-    pace = Pace(0.01)
-    begin = time.perf_counter()
-    for step in range(3):
-        pace.wait(0.002 * step)
-    assert time.perf_counter() - begin > 0.35
-    pace.speed = 1e-3
-    pace.wait(0.0)
-    Timer(0.1, setattr, (pace, "speed", None)).start()
-    begin = time.perf_counter()
-    pace.wait(0.005)  # 5 s
-    assert time.perf_counter() - begin < 4.0
 
 
 WALK = ("walk", "--distance", "0.02", "--set", "timestep=0.0025", "--json")

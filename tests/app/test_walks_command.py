@@ -18,6 +18,7 @@ from wbc.core.errors import InputError
 from wbc.sim import WalkSpec
 
 
+@pytest.mark.slow
 def test_a_walk_from_the_command_line_is_the_same_from_its_own_output(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

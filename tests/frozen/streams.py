@@ -14,10 +14,11 @@ import functools
 import hashlib
 import importlib
 import json
+import math
 import platform
 import sys
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import asdict, fields
 from importlib import metadata
 from pathlib import Path
@@ -50,14 +51,20 @@ DRIVE = ((0.0, 0.2, 0.0, 0.0), (1.5, 0.1, 0.05, 0.3), (3.0, 0.0, 0.0, 0.0))
 PUSH = WalkPush(time=2.0, impulse=0.1, direction=1.2)
 
 
+class EnoughError(Exception):
+    """Ends a run of which only the beginning is wanted."""
+
+
 @contextmanager
-def recorded() -> Iterator[list[Command]]:
-    """Give the list of all commands that plants get meanwhile."""
+def recorded(most: float) -> Iterator[list[Command]]:
+    """Give the list of all commands that plants get meanwhile; a number of them ends the run."""
     commands: list[Command] = []
     step = Plant.step
 
     @functools.wraps(step)
     def record(plant: Plant, command: Command) -> None:
+        if len(commands) >= most:
+            raise EnoughError
         commands.append(command)
         step(plant, command)
 
@@ -173,9 +180,10 @@ def _numbers(value: Any) -> Iterator[float]:
         yield float(value)
 
 
-def run(name: str) -> dict[str, Any]:
-    """Return the stream of a run."""
-    with recorded() as commands:
+def run(name: str, most: float = math.inf) -> dict[str, Any]:
+    """Return the stream of a run, or of its first commands."""
+    result: Any = None
+    with recorded(most) as commands, suppress(EnoughError):
         result = runs()[name]()
     if commands or isinstance(result, list):
         return stream(commands or result)

@@ -33,11 +33,8 @@ def test_the_smallest_stand_balances_a_humanoid_and_the_squat_in_one_line_squats
 
 
 def test_the_smallest_walk_walks(capsys: pytest.CaptureFixture[str]) -> None:
-    programs = blocks("python")[1:3]
-    names: dict[str, Any] = {}
-    for program in programs:
-        exec(program.replace("3.0", "0.1"), names)
-    assert capsys.readouterr().out.splitlines() == ["2 steps", "completed 2 of 2 steps"]
+    exec(blocks("python")[1].replace("3.0", "0.1"), {})
+    assert capsys.readouterr().out == "2 steps\n"
 
 
 @pytest.mark.slow

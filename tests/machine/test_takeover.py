@@ -95,6 +95,7 @@ def take_over(
     return Outcome(report, stood, wild, robot)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("pace", "stamped", "leaves"),
     [

@@ -75,6 +75,7 @@ def test_references_are_derivatives_of_each_other(
         np.testing.assert_allclose(np.gradient(place, DT, axis=0)[middle], speed[middle], atol=5e-3)
 
 
+@pytest.mark.slow
 def test_the_pendulum_has_the_zmp_of_the_whole_body(references: tuple[Reference, ...]) -> None:
     """The force that it asks for goes through that ZMP, whatever the arms do meanwhile."""
     for pendulum, *_ in references[::50]:
@@ -83,6 +84,7 @@ def test_the_pendulum_has_the_zmp_of_the_whole_body(references: tuple[Reference,
         np.testing.assert_allclose(meets, pendulum.zmp[:2], atol=1e-9)
 
 
+@pytest.mark.slow
 def test_a_foot_goes_over_to_the_clip_from_where_it_was_lifted_and_may_land_early(steps: MotionClip) -> None:
     robot = load_robot("g1").robot()
     q = steps.configurations(robot)[0]

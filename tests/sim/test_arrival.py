@@ -97,17 +97,3 @@ def test_a_robot_that_does_its_steps_elsewhere_has_strayed() -> None:
     assert result.outcome == "strayed" and not result.fell and result.steps_done == result.steps_planned
     assert (result.goal_error, result.track_error) == pytest.approx((0.0, 0.6), abs=0.03)
     assert "STRAYED   2 of 2 steps" in walk_text(result, spec)
-
-
-@pytest.mark.slow
-def test_a_walk_that_is_driven_or_steered_on_the_way_has_no_goal() -> None:
-    drive = WalkPlan(drive=((0.0, 0.1, 0.0, 0.0), (1.5, 0.0, 0.0, 0.0)))
-    driven = WalkTrial(WalkSpec(plan=drive, noise="none")).run([Carry(0.6, 1.0)])
-    assert driven.outcome == "completed" and driven.goal_error is None and driven.track_error is None
-
-    class Steer(TrialHook):
-        def tick(self, tick: TrialTick) -> None:
-            tick.walking.velocity = None
-
-    steered = WalkTrial(WalkSpec(plan=WalkPlan(distance=3.0), noise="none")).run([Steer()])
-    assert steered.outcome == "completed" and steered.goal_error is None

@@ -41,16 +41,6 @@ def test_a_walk_is_driven_and_the_same_seed_gives_the_same_episode() -> None:
     assert not np.array_equal(first, env.reset(seed=4)[0])
 
 
-def test_the_parts_of_an_episode_are_started(monkeypatch: pytest.MonkeyPatch) -> None:
-    started: list[object] = []
-    monkeypatch.setattr("wbc.sim.walks.meter.WalkMeter.start", lambda meter, trial: started.append(trial))
-    env = WbcEnv("walk", seconds=1.0, period=0.5)
-    for seed in (1, 2):
-        env.reset(seed=seed)
-        assert started[-1] is env.trial
-    assert len(started) == 2
-
-
 def test_a_stand_is_pushed_and_takes_postures() -> None:
     env = WbcEnv("stand", seconds=4.0, period=0.5)
     env.reset(seed=0)

@@ -19,7 +19,7 @@ from properties import examples
 from wbc import Measurement, Plant, PositionControl, TorqueControl, balance_controller
 from wbc.core.estimation.plausibility import OPTIONAL, SIGNALS
 from wbc.robots import load
-from wbc.sim import Machine, TrialHook, WalkPlan, WalkPush, WalkSpec, walk
+from wbc.sim import Machine, TrialHook, WalkPlan, WalkSpec, walk
 from wbc.sim.balance.standing import StandSpec, StandTrial
 from wbc.sim.plant.falls import TrueFallDetector
 from wbc.sim.trial.loop import TrialTick
@@ -198,31 +198,3 @@ def test_a_robot_that_cannot_be_caught_says_so_before_it_lies_on_the_ground() ->
         if "balance lost" in stand.control.status():
             said.append(stand.plant.time)
     assert stand.plant.time < 3.0 and said and 0.1 < said[0] < stand.plant.time - 0.1
-
-
-class Said(TrialHook):
-    """Time at which the status first says that balance is lost."""
-
-    def __init__(self) -> None:
-        self.time = math.inf
-
-    def tick(self, tick: TrialTick) -> None:
-        if "balance lost" in tick.walking.control.status():
-            self.time = min(self.time, tick.plant.time)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    ("law", "mode", "direction"),
-    [("lipm", "position", 1.8), ("lipm", "torque", -1.0), ("stepping", "torque", 1.1)],
-)
-def test_a_walk_that_a_push_fells_says_so_before_and_one_on_rough_ground_does_not(
-    law: Any, mode: Any, direction: float
-) -> None:
-    plan = WalkPlan(distance=0.3) if law == "lipm" else WalkPlan(velocity=(0.4, 0.0, 0.0), steps=6)
-    spec = WalkSpec(law=law, mode=mode, terrain="stones", amplitude=0.015, seed=5, plan=plan)
-    healthy, pushed = Said(), Said()
-    assert walk(spec, hooks=[healthy]).fall is None and healthy.time == math.inf
-    push = WalkPush(impulse=1.1, direction=direction, time=2.0)
-    fall = walk(replace(spec, pushes=(push,)), hooks=[pushed]).fall
-    assert fall is not None and pushed.time < fall.time - 0.03

@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import logging
 import lzma
-import math
 import os
 import subprocess
 from pathlib import Path
@@ -164,10 +163,6 @@ def test_the_version_of_a_clone_is_the_commit_of_its_sources_and_what_was_change
 def test_canonical_json_is_json(value: object) -> None:
     text = canonical(value)
     assert canonical(json.loads(text)) == text
-
-
-def test_what_is_no_number_is_null() -> None:
-    assert canonical({"x": math.nan, "y": [math.inf, 1.0]}) == '{"x":null,"y":[null,1.0]}'
 
 
 def test_a_compressed_journal_is_read_and_never_written(tmp_path: Path) -> None:

@@ -36,10 +36,3 @@ def test_a_terrain_is_drawn_from_above_and_from_the_side(drawn: Callable[..., Fi
     np.testing.assert_allclose(z[::20], 1e3 * ground.height(x, y[::20, None]), atol=1e-9)
     xs, zs = np.array(side.lines[0].get_data())
     np.testing.assert_allclose(zs, 1e3 * ground.height(xs, 0.0), atol=1e-9)
-
-
-def test_the_sheet_has_every_family(drawn: Callable[..., Figure], monkeypatch: pytest.MonkeyPatch) -> None:
-    names = ["flat", "image", "steps", "stones"]
-    monkeypatch.setattr(terrain_plot, "terrain_families", lambda: names)
-    axes = drawn(terrain_plot.plot_families).axes
-    assert [ax.get_title().split()[0] for ax in axes if ax.axison] == names

@@ -246,8 +246,3 @@ def test_a_new_stiffness_acts_at_once_as_if_compiled_in() -> None:
     np.testing.assert_allclose(told.data.qpos, built.data.qpos, atol=1e-13)
     np.testing.assert_allclose(told.measure().sole_wrench, built.measure().sole_wrench, atol=1e-9)
     assert np.abs(built.data.qpos - soft).max() > 1e-6
-
-
-def test_stiffness_of_feet_that_have_none_or_a_fixed_one() -> None:
-    assert np.isnan(Plant(load("g1")).measure().sole_stiffness).all()
-    np.testing.assert_array_equal(Plant(load("hrp4_class"), foot="soft").measure().sole_stiffness, [5.0, 5.0])

@@ -8,6 +8,8 @@ import subprocess
 import sys
 from pathlib import Path
 
+import pytest
+
 PACKAGE = """
 from dataclasses import dataclass
 import wbc
@@ -79,6 +81,7 @@ print(json.dumps(said))
 """
 
 
+@pytest.mark.slow
 def test_what_another_package_brings_is_listed_and_loaded_when_it_is_used_and_a_broken_one_is_named(
     tmp_path: Path,
 ) -> None:

@@ -157,15 +157,6 @@ def test_equal_terrains_are_one_key_and_survive_a_pickle() -> None:
     assert back == a and back.height(1.0, 0.1) == a.height(1.0, 0.1)
 
 
-def test_profile_samples_the_ground() -> None:
-    t = terrain("random", 0.03, 1)
-    x, z = t.profile()
-    assert x.size == 429 and x[0] == t.start  # as the authors' public profiles: 429 samples on 3 m
-    np.testing.assert_array_equal(z, t.height(x, 0.0))
-    x, _ = t.profile(0.5, 0.8, y=0.1, step=0.1)
-    np.testing.assert_allclose(x, [0.5, 0.6, 0.7, 0.8])
-
-
 @pytest.mark.parametrize("cutoff", [1e-3, 0.02, 0.1, 0.5])
 def test_low_pass_has_half_power_at_its_cutoff(cutoff: float) -> None:
     impulse = np.zeros(1 << 15)
@@ -219,11 +210,6 @@ def test_a_patchwork_is_what_its_stretches_say() -> None:
     orders = {tuple(name for name, *_ in stretches(replace(ground, seed=s))) for s in range(10)}
     assert len(orders) > 5
     assert stretches(terrain("stones", seed=1)) == [("stones", 0.3, 3.3)]
-
-
-def test_high_plates_do_not_lean_out_of_the_track() -> None:
-    for seed in range(8):
-        assert terrain("large_floor_tiles", 0.1, seed).shapes  # the ground is checked as it is built
 
 
 def test_height_field_of_solids_lies_on_the_solids() -> None:

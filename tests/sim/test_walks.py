@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import json
 import math
-from dataclasses import replace
-from typing import Any
 
 import numpy as np
 import pytest
@@ -62,14 +60,8 @@ def test_a_walk_takes_fields_of_spec_and_plan_by_name(monkeypatch: pytest.Monkey
         patch.setattr(WalkTrial, "run", lambda trial, hooks: specs.append(trial.spec))
         walk(WalkSpec(robot="talos", gait=QUICK), robot="hrp4_class", distance=0.1, seed=3)
     assert specs == [SPEC]
-    for values, message in (
-        ({"distanc": 1.0}, "did you mean 'distance'"),
-        ({"foto": "soft"}, "did you mean 'foot'"),
-        ({"plan": TWO_STEPS, "turn": 1.0}, "either a plan or turn"),
-        ({"foot": "soft", "policy": "model"}, "variable stiffness"),
-        ({"foot": "soft", "policy": lambda swing: 5.0}, "variable stiffness"),
-    ):
-        with pytest.raises(InputError, match=message):
+    for values, named in (({"distanc": 1.0}, "distance"), ({"plan": TWO_STEPS, "turn": 1.0}, "turn")):
+        with pytest.raises(InputError, match=named):
             walk(**values)  # type: ignore[arg-type]
 
 
@@ -83,18 +75,6 @@ def test_walks_the_plan(plain: WalkResult) -> None:
     )
     assert plain.dcm_error.mean is not None and 0.0 < plain.dcm_error.mean < plain.dcm_error_max < 0.05
     assert plain.contact_area.mean is not None and 0.01 < plain.contact_area.mean < 0.04
-
-
-def test_another_seed_is_another_walk(plain: WalkResult) -> None:
-    first = _after_ticks(WalkTrial(SPEC), 3)
-    other = _after_ticks(WalkTrial(replace(SPEC, noise_seed=4)), 3)
-    assert not np.array_equal(first, other)
-
-
-def _after_ticks(trial: WalkTrial, ticks: int) -> np.ndarray[Any, Any]:
-    for _ in range(ticks):
-        trial.plant.step(trial.walking.command(trial.plant.measure()))
-    return np.array(trial.plant.data.qpos)
 
 
 # Pushes and falls

@@ -208,23 +208,19 @@ def test_a_hand_goes_at_the_speed_that_it_is_given_and_says_when_it_is_there() -
     hand = walking.arms["right_hand"]
     start = np.array(robot.placement(hand.frame).translation)
     goal = start + [0.12, 0.02, 0.08]
-    for bad, message in (
-        ({"speed": 0.0}, "above zero"),
-        ({"duration": -1.0}, "duration"),
-        ({"acceleration": 1.0}, "needs a duration or a speed"),
-    ):
-        with pytest.raises(InputError, match=message):
+    for bad in ({"speed": 0.0}, {"duration": -1.0}, {"acceleration": 1.0}):
+        with pytest.raises(InputError):
             hand.reach(goal, **bad)
     assert hand.target is None and not hand.moving and not hand.reached
-    hand.reach(goal, speed=0.1)
+    hand.reach(goal, speed=0.2)
     speeds, since = [], None
     while plant.time < 4.0 and since is None:
         plant.step(walking.command(plant.measure()))
         speeds.append(hand.speed)
         since = plant.time if hand.reached else None
     way = float(np.linalg.norm(goal - start))
-    assert since == pytest.approx(1.875 * way / 0.1, abs=0.6) and not hand.moving
-    assert 0.09 < max(speeds) < 0.115
+    assert since == pytest.approx(1.875 * way / 0.2, abs=0.6) and not hand.moving
+    assert 0.18 < max(speeds) < 0.23
     np.testing.assert_allclose(robot.placement(hand.frame).translation, goal, atol=0.01)
     with pytest.raises(InputError, match=r"use walking\.arms\['right_hand'\]\.reach"):
         walking.controller.task("right_hand").target = hand.target

@@ -94,7 +94,7 @@ def test_both_hands_press_on_a_table_and_a_loss_is_noticed_within_50_ms() -> Non
     both, plant = hands.all.values(), trial.plant
     assert max(np.linalg.norm(hand.tare[:3]) for hand in both) > 1.0, "the sensors are off"
     felt: list[list[float]] = []
-    trial.advance(0.5, lambda: felt.append([hand.pressed for hand in both]))
+    trial.advance(0.2, lambda: felt.append([hand.pressed for hand in both]))
     assert np.array(felt) == pytest.approx(25.0, abs=2.5)
     truth, expected = plant.truth(), shift_of(trial)
     assert truth.other_force[2] == pytest.approx(50.0, rel=0.03), "whatever the wrists' offsets"
@@ -113,7 +113,7 @@ def test_both_hands_press_on_a_table_and_a_loss_is_noticed_within_50_ms() -> Non
         if model.body(model.geom_bodyid[geom]).name.startswith("scene/"):
             model.geom_contype[geom] = model.geom_conaffinity[geom] = 0
     lost: list[int] = []
-    trial.advance(1.4, lambda: lost.append(len(hands.lost)))
+    trial.advance(0.8, lambda: lost.append(len(hands.lost)))
     assert lost[round(0.05 / plant.control_period)] == 2
     assert np.abs(hands.shift).max() < 1e-3, "and the balance is again that of the feet alone"
 

@@ -50,7 +50,7 @@ def test_a_source_of_ones_own_is_followed_logged_and_shown(tmp_path: Path) -> No
     assert walking.progress == Progress(Phase.STANDING, None, 0, 0, 0.0, 0.0, (), 1.0)
     stage, sides, error = SimulatedStage(plant, walking), [], 0.0
     with Recorder(tmp_path / "own.arrow") as record:
-        while plant.time < 1.6:
+        while plant.time < 1.0:
             measurement = plant.measure()
             command = walking.command(measurement)
             record(plant, walking, measurement, command)

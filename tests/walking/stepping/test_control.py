@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-import math
-
 import pytest
 
 import wbc
 from wbc.core.control import Mode
-from wbc.core.errors import InputError
 from wbc.sim import walk
 from wbc.sim.plant.falls import TrueFallDetector
 from wbc.walking.contact import Phase
@@ -70,26 +67,6 @@ def test_a_robot_on_servos_walks_on_the_flat(mode: Mode, least: float) -> None:
 @pytest.mark.parametrize("robot", ["hrp4_class", "talos"])
 def test_other_robots_walk_by_the_same_numbers(robot: str) -> None:
     assert 0.4 < walk_ahead("torque", robot=robot) < 1.6
-
-
-def test_a_velocity_that_is_no_number_is_refused_and_changes_nothing() -> None:
-    plant, walking = standing()
-    walking.velocity = (0.2, 0.0, 0.1)
-    for bad in ((math.nan, 0.0, 0.0), (0.1, math.inf, 0.0), (0.1, 0.0), "ahead", (0.1, 0.0, 1e6)):
-        with pytest.raises(InputError):
-            walking.velocity = bad  # type: ignore[assignment]
-        assert walking.velocity == (0.2, 0.0, 0.1)
-        assert not walking.finished
-    for goal in ((math.nan, 0.0, 0.0), (0.0, 0.0, math.inf)):
-        with pytest.raises(InputError):
-            walking.go_to(*goal)
-        assert walking.velocity == (0.2, 0.0, 0.1)
-    walking.velocity = (9.0, -9.0, 9.0)  # more than can be had is limited, not refused
-    limits = walking.velocity_limits
-    run(plant, walking, 1.5)
-    assert walking.granted_velocity[2] == limits.turn
-    walking.velocity = (0.0, 0.0, 0.0)
-    assert walking.velocity is None, "zero is a stand"
 
 
 @pytest.mark.slow

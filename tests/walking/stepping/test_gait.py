@@ -96,7 +96,7 @@ def test_a_mirrored_world_gives_mirrored_references() -> None:
     assert steps > 500
 
 
-@examples(2)
+@examples(1)
 @given(st.floats(-math.pi, math.pi), st.floats(-5.0, 5.0), st.floats(-5.0, 5.0))
 def test_a_moved_and_turned_world_gives_moved_and_turned_references(yaw: float, x: float, y: float) -> None:
     ticks = pushed_aside()
@@ -284,7 +284,7 @@ def test_a_push_of_a_stand_is_answered_by_the_foot_on_its_side() -> None:
     np.testing.assert_allclose(body.com[:2], 0.0, atol=0.01)
 
 
-@pytest.mark.parametrize("speed", [0.55, 0.6, 0.7, 0.8])
+@pytest.mark.parametrize("speed", [0.55, 0.8])
 def test_feet_that_have_stepped_out_of_a_push_close_up_before_the_robot_stands(speed: float) -> None:
     """A wide stand has no room to the side, however well the DCM lies between the feet."""
     body = PointMass()
@@ -390,7 +390,7 @@ def test_a_foot_takes_over_by_where_it_will_carry_not_by_the_edge_with_which_it_
     for body in (PointMass(dt=0.002), EdgeFirst(dt=0.002)):
         body.run(0.6)
         body.gait.steering.command((0.2, 0.0, 0.0))
-        waits.append(waiting(body.run(6.0)))
+        waits.append(waiting(body.run(3.0)))
     assert waits[1] > 0.2 * waits[0] > 0, "no step waits that begins at the edge"
 
 
