@@ -113,7 +113,7 @@ def test_both_hands_press_on_a_table_and_a_loss_is_noticed_within_50_ms() -> Non
         if model.body(model.geom_bodyid[geom]).name.startswith("scene/"):
             model.geom_contype[geom] = model.geom_conaffinity[geom] = 0
     lost: list[int] = []
-    trial.advance(0.8, lambda: lost.append(len(hands.lost)))
+    trial.advance(1.1, lambda: lost.append(len(hands.lost)))
     assert lost[round(0.05 / plant.control_period)] == 2
     assert np.abs(hands.shift).max() < 1e-3, "and the balance is again that of the feet alone"
 
