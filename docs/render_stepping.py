@@ -71,7 +71,7 @@ def steps_of_a_walk(count: int) -> list[Step]:
         assert now is not None and walking.fallen is None
         event = next((e for e in now.events if e in LANDED), event)
         if Event.LIFT_OFF in now.events and rows:
-            sole = robot.soles[now.support.stance]
+            sole = robot.soles[now.stance]
             half = 0.5 * np.array([[1, 1], [-1, 1], [-1, -1], [1, -1]]) * (sole.length, sole.width)
             frame = robot.placement(sole.frame)
             corners = frame.translation[:2] + half @ frame.rotation[:2, :2].T
@@ -83,7 +83,7 @@ def steps_of_a_walk(count: int) -> list[Step]:
             rows, planned = [], []
         elif now.landing is not None:
             zmp = now.pendulum.zmp
-            rows.append((now.support.dcm.x, now.support.dcm.y, zmp[0], zmp[1], now.landing.x, now.landing.y))
+            rows.append((*walking.source.gait.dcm[:2], zmp[0], zmp[1], now.landing.x, now.landing.y))
             planned.append(now.duration)
     return steps
 

@@ -15,6 +15,7 @@ import pinocchio as pin
 from pendulum import com_after
 
 from wbc.core.errors import Array
+from wbc.walking.contact import Phase
 from wbc.walking.source import Reference
 from wbc.walking.stepping.gait import BodyState, SteppingGait
 from wbc.walking.stepping.settings import Scale, SteppingSettings
@@ -105,7 +106,7 @@ class PointMass:
     def _move(self, reference: Reference) -> None:
         dt, omega = self.dt, self.scale.omega
         com, speed = self.com[:2], self.speed
-        if reference.support.balanced:
+        if reference.phase is not Phase.SINGLE:
             acceleration: Array = reference.pendulum.com_acceleration[:2]
             self.com[:2], self.speed = (
                 com + speed * dt + 0.5 * acceleration * dt**2,
@@ -113,12 +114,12 @@ class PointMass:
             )
             self._load = [0.5, 0.5]
             return
-        stance = reference.support.stance
+        stance = reference.stance
         contact = self._feet[stance].act(np.array([self.gait.constants.carrying, 0.0, 0.0]))[:2]
         self.com[:2], self.speed = com_after(com, speed, contact, omega, dt)
         self._load = [0.0, 0.0]
         self._load[stance] = 1.0
-        swing = reference.support.swing
+        swing = reference.swing
         if swing is not None:
             motion = reference.feet[swing].placement
             self._feet[swing] = pin.SE3(

@@ -126,14 +126,9 @@ class DriveControl:
         monitor: Monitor of sensors that contradict each other.
         accelerometer: Check of the direction of the specific force.
         gate: Limits of commands.
-        reach: Distance of the DCM from the nearest sole from which on `status` says that balance is lost, as a multiple
-            of the height of the CoM; walks have their own.
-        topples: True while a walk finds that its torso tilts too far; `status` says that balance is lost.
     """
 
     _follows_estimate = True
-    reach = FEET_STAY
-    topples = False
 
     def __init__(
         self,
@@ -163,6 +158,7 @@ class DriveControl:
         self.time = 0.0
         self._torques = np.zeros(controller.robot.na)
         self._failing = 0
+        self._reach, self._topples = FEET_STAY, False
         self._stamp = math.nan  # of the last measurement with wrenches estimated, s
 
     @property
@@ -179,7 +175,7 @@ class DriveControl:
         """Clear failures, the last measurement, the last solution and the last torques."""
         self.controller.reset()
         self.solution = self.measurement = None
-        self.topples = False
+        self._topples = False
         self._torques = np.zeros_like(self._torques)
         self._failing = 0
         self.reason = ""
@@ -199,7 +195,7 @@ class DriveControl:
             parts.append(f"failing: {self.reason}")
         if self._balance_lost():
             parts.append("balance lost: the DCM is out of reach")
-        elif self.topples:
+        elif self._topples:
             parts.append("balance lost: the torso tilts")
         if self.plausibility.faults:
             parts.append(f"refused: {', '.join(self.plausibility.faults)}")
@@ -215,13 +211,23 @@ class DriveControl:
             parts.append(f"command clipped: {', '.join(self.gate.faults)}")
         return "; ".join(parts) or "ok"
 
+    def judge_balance(self, reach: float, *, topples: bool) -> None:
+        """Set what a walk knows of its balance, for `status`.
+
+        Args:
+            reach: Distance of the DCM from the nearest sole from which on balance is lost, as a multiple of the height
+                of the CoM.
+            topples: True while the torso tilts too far.
+        """
+        self._reach, self._topples = reach, topples
+
     def _balance_lost(self) -> bool:
         """Return True if the DCM is out of reach of feet and steps."""
         robot = self.observer.robot
         soles = [robot.placement(sole.frame).translation for sole in robot.soles]
         height = max(float(robot.com[2]) - min(float(sole[2]) for sole in soles), 0.0)
         dcm = robot.com[:2] + robot.com_velocity[:2] * math.sqrt(height / GRAVITY)
-        return min(math.hypot(*(dcm - sole[:2])) for sole in soles) > self.reach * height
+        return min(math.hypot(*(dcm - sole[:2])) for sole in soles) > self._reach * height
 
     def command(self, measurement: Measurement) -> Command:
         """Run one tick and return the command until the next one; targets of tasks and contacts are as they are.

@@ -200,15 +200,11 @@ class AutoControl(ReferenceControl):
         new = self.laws[law]
         old.tasks.leave()
         new.tasks.enter(old.tasks)
-        if isinstance(new.source, SteppingWalk):
-            new.source.begin(towards)
-        elif isinstance(new.source, LipmWalk):
-            new.source.begin()
+        new.source.begin(towards)
         self.source, self.tasks, self.balance, estimate = new
         self.balance.begin()
         if estimate is not None:
-            self.control.observer.inertial.settings = estimate
-        self.control.reach = self.balance.reach
+            self.control.observer.retune(estimate)
         self.arms.follow(self.tasks.com, self.tasks.posture)
         self._stood = 0.0
 

@@ -18,7 +18,6 @@ import numpy as np
 
 from wbc.core.control import FEET_AS_PLANNED, FEET_STEP, DriveControl, State
 from wbc.core.errors import Array, InputError, scalar
-from wbc.core.estimation.outside import OutsideWrench
 from wbc.core.robot import SIDES
 from wbc.tasks.stabilizer.bias import BiasEstimator
 from wbc.tasks.stabilizer.lean import UPRIGHT, Lean, LeanMotion
@@ -120,8 +119,7 @@ class Stabilized(Balance):
             self._hands = Hands(control.controller, estimate, s.hands, edges, height, arms)
         if s.load is not None:
             self.load = HeldLoad(estimate, s.load)
-            if control.observer.outside is None:
-                control.observer.outside = OutsideWrench(estimate)
+            self._outside = control.observer.observe_outside()
         self._feedforward = s.mode == "position"
         if self._feedforward:
             self.wrenches = {}
@@ -221,10 +219,8 @@ class Stabilized(Balance):
 
     def _hold(self, load: HeldLoad) -> None:
         """Follow the estimate of the load; the models have it from the next tick on."""
-        outside = self._control.observer.outside
-        assert outside is not None
         if self._hands is None or not self._hands.active:  # what they press on is no load
-            load.update(outside, self._dt)
+            load.update(self._outside, self._dt)
         mass = self._robot.mass
         if mass != self.stabilizer.mass:  # taken over, given back or let go of
             self.stabilizer.mass = mass

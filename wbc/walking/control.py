@@ -103,7 +103,6 @@ class ReferenceControl:
             self.source.see(ground)
         self.reference: Reference | None = None
         self.stopped = False
-        control.reach = self.balance.reach
         estimate = control.observer.robot
         self._torso = estimate.placement(estimate.torso_frame)  # a view, which moves on with the estimate
         standing = Robot(estimate.model, (), estimate.half_sitting)
@@ -179,7 +178,7 @@ class ReferenceControl:
         self.reference = reference = self.source.update(state)
         if body.active:
             body.update(reference.heading)
-            pendulum = body.raised(reference.pendulum, measured=reference.support is not None)
+            pendulum = body.raised(reference.pendulum, measured=self.source.by_steps)
             self.reference = reference = reference._replace(pendulum=pendulum)
             balance.sink(pendulum.omega)
         self.reference = reference = balance.update(reference, state)
@@ -205,7 +204,7 @@ class ReferenceControl:
             dcm_distance=self.balance.dcm_distance(),
             solved=(solution is None or solution.ok) and not self.control.stopped,
         )
-        self.control.topples = self.falls.topples
+        self.control.judge_balance(self.balance.reach, topples=self.falls.topples)
 
     def _with_stiffness(self, command: Command, scheduler: StiffnessScheduler) -> Command:
         """Return a command with the stiffness of both soles from the state of the swing."""

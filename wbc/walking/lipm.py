@@ -96,8 +96,9 @@ class LipmWalk(ReferenceSource):
         if len(plan):
             walk.start()
 
-    def begin(self) -> None:
-        """Stand where the robot stands now; all steps and orders before are forgotten."""
+    def begin(self, heading: float) -> None:
+        """Stand where the robot stands now, with the heading of its feet; steps and orders before are forgotten."""
+        del heading
         robot, before = self._robot, self.walk
         plan, com = FootstepPlan.standing(robot, self._gait), np.array(robot.com)
         self.walk = walk = Walk(
@@ -120,7 +121,7 @@ class LipmWalk(ReferenceSource):
         return Progress(
             phases.phase,
             None if swing is None else SIDES.index(swing),
-            1 - SIDES.index(steps[min(phases.step, len(steps) - 1)].side) if steps else 0,
+            phases.stance,
             phases.completed,
             phases.elapsed,
             phases.duration,

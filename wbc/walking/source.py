@@ -8,9 +8,10 @@ are sources beside each other; `Stand` is the smallest one.
 
 from __future__ import annotations
 
+import math
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import pinocchio as pin
 
@@ -24,27 +25,6 @@ from wbc.walking.ground import GroundEstimate
 from wbc.walking.planning.footsteps import Footstep, FootstepPlan, heading
 from wbc.walking.planning.sources import AT_REST, FootstepSource, Velocity
 from wbc.walking.swing import FootMotion
-
-if TYPE_CHECKING:
-    from wbc.walking.stepping.law import Divergent
-
-
-class Support(NamedTuple):
-    """Load of each foot of a robot that balances by its steps.
-
-    Attributes:
-        stance: Foot that carries: 0 left, 1 right.
-        swing: Foot that follows its motion; None on both feet, and while a foot that has met the ground waits.
-        most_force: Greatest normal force of each foot, N.
-        balanced: True if the CoM follows the pendulum horizontally too, on two feet; steps alone balance it otherwise.
-        dcm: Divergent component of motion, by the angular momentum about the contact.
-    """
-
-    stance: int
-    swing: int | None
-    most_force: tuple[float, float]
-    balanced: bool
-    dcm: Divergent
 
 
 class WholeBody(NamedTuple):
@@ -81,7 +61,9 @@ class Reference(NamedTuple):
         landing: Planned landing of the foot in the air; None where none is planned.
         elapsed: Time in this phase, s.
         duration: Planned length of this phase, s.
-        support: Of a robot that balances by its steps; None for the stabilizer.
+        stance: Foot that stands while the present or next step swings: 0 left, 1 right.
+        swing: Foot that follows its motion, and may still carry a part of its load; None for those without contact.
+        most_force: Greatest normal force of each foot, N; a stabilizer distributes the force within it.
         body: Motion of all joints and of the trunk; None for the posture, and for a trunk that is upright.
     """
 
@@ -95,7 +77,9 @@ class Reference(NamedTuple):
     landing: Footstep | None = None
     elapsed: float = 0.0
     duration: float = 0.0
-    support: Support | None = None
+    stance: int = 0
+    swing: int | None = None
+    most_force: tuple[float, float] = (math.inf, math.inf)
     body: WholeBody | None = None
 
 
@@ -152,6 +136,9 @@ class VelocityLimits(NamedTuple):
 class ReferenceSource(ABC):
     """Base of all sources of references; one of your own writes `update` and what it has to say of the rest.
 
+    The law of a walk is one that has three methods: `begin` from a stand, `update` (where and when the next foot lands,
+    and the pendulum until then) and `progress`.
+
     Attributes:
         by_steps: True if the references say how each foot carries: steps balance the robot, not a stabilizer.
         unsteered: Sentence with which a source refuses to be steered.
@@ -167,6 +154,17 @@ class ReferenceSource(ABC):
     swing_height = 0.0
     reason = ""
     ground: GroundEstimate | None = None
+
+    def begin(self, heading: float) -> None:
+        """Stand where the robot stands now; all steps and orders before are forgotten.
+
+        Args:
+            heading: Heading of the stand, rad.
+
+        Raises:
+            InputError: The source begins once.
+        """
+        raise InputError(f"{type(self).__name__} begins once")
 
     @abstractmethod
     def update(self, state: State) -> Reference:
@@ -285,9 +283,13 @@ class Stand(ReferenceSource):
         Args:
             robot: Robot with two soles.
         """
-        self.com = robot.com.copy()
-        self.places = [pin.SE3(robot.placement(sole.frame)) for sole in robot.soles]
-        self.heading = heading(robot.placement(robot.base_frame).rotation)
+        self._robot = robot
+        self.begin(heading(robot.placement(robot.base_frame).rotation))
+
+    def begin(self, heading: float) -> None:
+        """Stand where the robot stands now."""
+        self.com, self.heading = self._robot.com.copy(), heading
+        self.places = [pin.SE3(self._robot.placement(sole.frame)) for sole in self._robot.soles]
 
     def pendulum(self) -> Pendulum:
         """Return the pendulum that rests at `com`, over the ground between the soles."""

@@ -27,7 +27,7 @@ from wbc.tasks.stabilizer.task import StabilizerTask
 from wbc.walking.body import Twist
 from wbc.walking.contact import Phase
 from wbc.walking.planning.footsteps import heading
-from wbc.walking.source import Reference, Support, WholeBody
+from wbc.walking.source import Reference, WholeBody
 
 FREE_FRICTION = 2.0
 """Friction of the contacts in position control: the QP's own wrenches are not commanded there and must not bind."""
@@ -163,11 +163,11 @@ class WalkTasks:
 
     def follow(self, reference: Reference, lean: LeanMotion = UPRIGHT, twist: Twist | None = None) -> None:
         """Set all targets of a tick, after the stabilizer's; `UPRIGHT` itself is no lean, None no twist."""
-        pendulum, body, support = reference.pendulum, reference.body, reference.support
-        if support is not None and self._stance is not None:
-            self._stance.switch(self, reference, support)
+        pendulum, body = reference.pendulum, reference.body
+        if self._stance is not None:
+            self._stance.switch(self, reference)
         for side, (motion, stands) in enumerate(zip(reference.feet, reference.contact, strict=True)):
-            if not stands or (support is not None and side == support.swing):
+            if not stands or side == reference.swing:
                 self._swings[side].follow(*motion)
         if body is not None:
             self._follow_body(reference, body, lean)
@@ -244,14 +244,11 @@ class Stance:
         """Write all anew in the next tick."""
         self._state.clear()
 
-    def switch(self, tasks: WalkTasks, reference: Reference, support: Support) -> None:
+    def switch(self, tasks: WalkTasks, reference: Reference) -> None:
         """Switch contacts, and the weights that go with them, where they change."""
-        most, balanced, standing = (
-            support.most_force,
-            support.balanced,
-            reference.phase is Phase.STANDING,
-        )
-        state = [balanced, standing, reference.contact, most, support.stance, support.swing]
+        most, stance, phase = reference.most_force, reference.stance, reference.phase
+        balanced, standing = phase is not Phase.SINGLE, phase is Phase.STANDING
+        state = [balanced, standing, reference.contact, most, stance, reference.swing]
         if state == self._state:
             return
         before, self._state[:] = self._state[:2], state
@@ -264,11 +261,11 @@ class Stance:
         for side, contact in enumerate(tasks.contacts):
             on = reference.contact[side]
             tasks.switch(side, on)
-            if side == support.swing:
+            if side == reference.swing:
                 tasks.swing(side)
             if not on:
                 continue
-            full = balanced or side == support.stance
+            full = balanced or side == stance
             weight = self.firm if balanced else self.held
             contact.motion_weight = weight if full else self.yielding * weight
             contact.min_force = 0.0  # first: a foot that was unloading may have less than it must carry now

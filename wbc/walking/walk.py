@@ -182,17 +182,9 @@ class Walk:
         """Come to a stand safely; a walk that stands, or stops already, is left alone."""
         if self._rest is not None:
             return
-        plan, last = self.phases.plan, self.phases.step - (self._swing is None)
-        self.phases.stop()
-        if self.phases.plan is plan:
+        # The height of the last landing, at which the other foot closes up, contains that of the ground.
+        if not self.phases.stop(self.ground.height):
             return
-        plan = self.phases.plan
-        if len(plan) > last + 1:
-            # The step that closes up is at the height of the last landing, which contains that of the ground.
-            closing = plan.steps[-1]
-            self.phases.plan = plan.with_step(
-                len(plan) - 1, replace(closing, z=closing.z - self.ground.height)
-            )
         self._replan()
         if self._swing is not None:
             self._plan_swing(self._swing.landing)
@@ -234,7 +226,7 @@ class Walk:
         self._time += self.period
         if self._robot.mass != self._mass:  # a load is taken over, given back or let go of
             self._mass = self._robot.mass
-            self.phases.weight = self._mass * GRAVITY
+            self.phases.bear(self._mass * GRAVITY)
         events = self._events + self.phases.update(loads, self.period)
         self._events = ()
         placements = [motion.placement for motion in self._feet] if soles is None else list(soles)
@@ -264,6 +256,7 @@ class Walk:
             self.phases.phase,
             self.phases.step,
             events,
+            stance=self.phases.stance,
         )
 
     def _lift(self, placements: list[pin.SE3]) -> None:

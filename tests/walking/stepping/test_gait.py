@@ -74,10 +74,7 @@ def test_a_mirrored_world_gives_mirrored_references() -> None:
         assert reference.phase is real.phase and reference.events == real.events
         assert reference.heading == pytest.approx(-real.heading, abs=1e-9)
         assert reference.contact == real.contact[::-1]
-        assert reference.support.most_force == pytest.approx(real.support.most_force[::-1], abs=1e-6)
-        assert (reference.support.dcm.x, reference.support.dcm.y) == pytest.approx(
-            (real.support.dcm.x, -real.support.dcm.y), abs=1e-9
-        )
+        assert reference.most_force == pytest.approx(real.most_force[::-1], abs=1e-6)
         for name in ("com", "com_velocity", "com_acceleration", "zmp"):
             expected = MIRROR @ getattr(real.pendulum, name)
             np.testing.assert_allclose(getattr(reference.pendulum, name), expected, atol=1e-9)
@@ -104,7 +101,7 @@ def test_a_moved_and_turned_world_gives_moved_and_turned_references(yaw: float, 
     references = replay([moved(tick, place) for tick in ticks], yaw, VELOCITY)
     for tick, reference in list(zip(ticks, references, strict=True))[::7]:
         real = tick.reference
-        assert reference.phase is real.phase and reference.support.stance == real.support.stance
+        assert reference.phase is real.phase and reference.stance == real.stance
         assert angle(reference.heading, real.heading + yaw) == pytest.approx(0.0, abs=1e-9)
         np.testing.assert_allclose(reference.pendulum.com, place.act(real.pendulum.com), atol=1e-8)
         np.testing.assert_allclose(reference.pendulum.zmp, place.act(real.pendulum.zmp), atol=1e-8)
@@ -133,11 +130,9 @@ def test_a_larger_robot_does_the_same_in_larger_steps_and_longer_times(k: float)
     assert len(small.ticks) == len(large.ticks) and small.gait.steps_done >= 4
     for one, other in zip(small.ticks, large.ticks, strict=True):
         a, b = one.reference, other.reference
-        assert (a.phase, a.support.stance, a.events) == (b.phase, b.support.stance, b.events)
+        assert (a.phase, a.stance, a.events) == (b.phase, b.stance, b.events)
         assert b.duration == pytest.approx(root * a.duration, rel=1e-6)
-        assert b.support.most_force == pytest.approx(
-            [k**3 * force for force in a.support.most_force], rel=1e-6
-        )
+        assert b.most_force == pytest.approx([k**3 * force for force in a.most_force], rel=1e-6)
         np.testing.assert_allclose(b.pendulum.zmp, k * a.pendulum.zmp, atol=1e-6)
         if a.landing is not None:
             assert b.landing is not None
@@ -205,7 +200,7 @@ def test_phases_follow_each_other_and_steps_are_counted() -> None:
     assert body.gait.steps_done == len(landed) == events.count(Event.LIFT_OFF) >= 8
     s, c = body.gait.settings, body.gait.constants
     lifts = [tick for tick in body.ticks if Event.LIFT_OFF in tick.reference.events]
-    supports = [tick.reference.support for tick in lifts]
+    supports = [tick.reference for tick in lifts]
     first, *others = (support.most_force[1 - support.stance] for support in supports)
     assert first == 0.0 and others == pytest.approx([2.0 * c.share] * len(others))
     assert supports[0].stance == 1, "the right foot"
@@ -215,7 +210,7 @@ def test_phases_follow_each_other_and_steps_are_counted() -> None:
     place = body.com[:2].copy()
     body.run(2.0)
     np.testing.assert_allclose(body.com[:2], place, atol=5e-3)
-    assert body.ticks[-1].reference.contact == (True, True) and body.ticks[-1].reference.support.balanced
+    assert body.ticks[-1].reference.contact == (True, True)
 
 
 def test_feet_never_land_inside_each_other_nor_out_of_reach() -> None:
@@ -231,11 +226,11 @@ def test_feet_never_land_inside_each_other_nor_out_of_reach() -> None:
             landing, heading = tick.reference.landing, tick.reference.heading
             if landing is None:
                 continue
-            stance = tick.frames[tick.reference.support.stance]
+            stance = tick.frames[tick.reference.stance]
             foot = stance.act(np.array([carrying, 0.0, 0.0]))
             cos, sin = math.cos(heading), math.sin(heading)
             dx, dy = landing.x - foot[0], landing.y - foot[1]
-            assert landing.side == ("left", "right")[1 - tick.reference.support.stance]
+            assert landing.side == ("left", "right")[1 - tick.reference.stance]
             ahead = cos * dx + sin * dy + carrying
             aside = (cos * dy - sin * dx) * (1.0 if landing.side == "left" else -1.0)
             assert abs(ahead) <= settings.reach + 1e-9
@@ -253,7 +248,7 @@ def test_a_turn_turns_landings_and_heading_and_a_swing_foot_that_stays_level() -
     turned = steps[-1].reference.heading - steps[0].reference.heading
     assert turned == pytest.approx(0.5 * (steps[-1].time - steps[0].time), rel=0.01)
     for tick in steps:
-        reference, swing = tick.reference, tick.reference.support.swing
+        reference, swing = tick.reference, tick.reference.swing
         assert reference.landing is not None and reference.landing.yaw >= reference.heading
         if swing is not None:
             rotation = reference.feet[swing].placement.rotation
@@ -267,8 +262,8 @@ def test_a_push_of_a_stand_is_answered_by_the_foot_on_its_side() -> None:
         body = PointMass()
         body.run(0.7)
         body.speed += [0.0, sign * 0.6]
-        first = next(tick for tick in body.run(1.0) if tick.reference.support.swing is not None)
-        assert first.reference.support.swing == foot
+        first = next(tick for tick in body.run(1.0) if tick.reference.swing is not None)
+        assert first.reference.swing == foot
         body.run(2.0)
         assert body.gait.stands and abs(body.com[1]) < 0.5
     body = PointMass()  # while its weight shifts, too
@@ -312,14 +307,14 @@ def test_a_step_is_about_the_centre_of_pressure_of_its_stance_foot(
     body = PointMass()
     body.run(0.6)
     body.gait.steering.command((0.2, 0.0, 0.0))
-    while body.ticks[-1].reference.support.swing is None:
+    while body.ticks[-1].reference.swing is None:
         body.run(DT)
     tick, force = body.ticks[-1], load * SCALE.weight
-    stance, wrenches = tick.reference.support.stance, [[0.0] * 6, [0.0] * 6]
+    stance, wrenches = tick.reference.stance, [[0.0] * 6, [0.0] * 6]
     wrenches[stance] = [0.0, 0.0, force, cop[1] * force, -cop[0] * force, 0.0]
     for _ in range(25):  # five times the lag of the measured pressure
         reference = body.gait.update(tick.state._replace(wrenches=wrenches), tick.frames)
-    assert reference.support.stance == stance
+    assert reference.stance == stance
     place = tick.frames[stance].actInv(np.array(reference.pendulum.zmp))
     assert tuple(place[:2]) == pytest.approx(expected, abs=2e-3)
 
@@ -331,14 +326,14 @@ def test_a_foot_that_lands_early_waits_for_the_dcm_with_a_part_of_the_weight() -
     waits = [
         tick.reference
         for tick in body.run(4.0)
-        if tick.reference.phase is Phase.SINGLE and tick.reference.support.swing is None
+        if tick.reference.phase is Phase.SINGLE and tick.reference.swing is None
     ]
     assert waits, "feet come before the end of a step"
     settings = body.gait.constants
     for reference in waits:
         assert reference.contact == (True, True)
-        assert reference.support.most_force[1 - reference.support.stance] == pytest.approx(settings.share)
-        assert reference.support.most_force[reference.support.stance] == settings.most_force
+        assert reference.most_force[1 - reference.stance] == pytest.approx(settings.share)
+        assert reference.most_force[reference.stance] == settings.most_force
 
 
 def test_a_foot_that_loses_the_ground_while_the_other_one_holds_swings_on() -> None:
@@ -348,14 +343,14 @@ def test_a_foot_that_loses_the_ground_while_the_other_one_holds_swings_on() -> N
     while not any(waits := [waiting([tick]) for tick in body.run(DT)]):
         pass
     tick, gait, s = body.ticks[-1], body.gait, body.gait.constants
-    stance = tick.reference.support.stance
+    stance = tick.reference.stance
 
     def swings(load: float, held: float, seconds: float) -> bool:
         wrenches = [[0.0] * 6, [0.0] * 6]
         wrenches[stance][2], wrenches[1 - stance][2] = held, load
         for _ in range(round(seconds / DT)):
             reference = gait.update(tick.state._replace(wrenches=wrenches), tick.frames)
-        return bool(reference.support.swing == 1 - stance)
+        return bool(reference.swing == 1 - stance)
 
     assert waits and not swings(1.1 * s.lost, 2.0 * s.held, s.lost_time + 4 * DT), "it carries a little"
     assert not swings(0.9 * s.lost, 0.9 * s.held, 2 * DT), "nothing holds the robot"
@@ -370,9 +365,7 @@ class EdgeFirst(PointMass):
     def pressure(self, side: int) -> tuple[float, float]:
         """See `PointMass.pressure`."""
         x, y = super().pressure(side)
-        waits = (
-            bool(self.ticks) and self.ticks[-1].reference.support.stance != side and self._load[side] > 0.0
-        )
+        waits = bool(self.ticks) and self.ticks[-1].reference.stance != side and self._load[side] > 0.0
         self.since = self.since + 1 if waits else self.since * (self._load[side] == 1.0)
         inner = SCALE.sole[1] * (-1.0 if side == 0 else 1.0)
         return (x, inner) if waits and self.since <= 1 else (x, y)
@@ -380,9 +373,7 @@ class EdgeFirst(PointMass):
 
 def waiting(ticks: list[Tick]) -> int:
     """Return the number of ticks in which a foot in contact waits."""
-    return sum(
-        tick.reference.phase is Phase.SINGLE and tick.reference.support.swing is None for tick in ticks
-    )
+    return sum(tick.reference.phase is Phase.SINGLE and tick.reference.swing is None for tick in ticks)
 
 
 def test_a_foot_takes_over_by_where_it_will_carry_not_by_the_edge_with_which_it_meets_the_ground() -> None:

@@ -14,7 +14,7 @@ from wbc.core.robot import GRAVITY
 from wbc.tasks.stabilizer.lean import LeanMotion
 from wbc.walking.body import Twist
 from wbc.walking.contact import Phase
-from wbc.walking.source import Reference, Support
+from wbc.walking.source import Reference
 from wbc.walking.stepping.gait import BodyState, SteppingGait
 from wbc.walking.stepping.settings import Scale, SteppingSettings
 from wbc.walking.stepping.tasks import stepping_tasks
@@ -56,33 +56,32 @@ STATES: dict[str, tuple[tuple[bool, bool], tuple[float, float], int, int | None]
 def test_any_state_of_the_feet_may_follow_any_other() -> None:
     """A foot that has given up its load, and must carry at once, can."""
     controller, tasks, reference = standing()
-    assert reference.support is not None
     turn = Scale.of(ROBOT, 0.162, float(ROBOT.com[2])).height ** 2
     for name in itertools.chain(*itertools.permutations(STATES, 2)):
         changed, state = reference, STATES[name]
         if state is not None:
             contact, most, stance, swing = state
-            support = Support(stance, swing, most, False, reference.support.dcm)
-            changed = reference._replace(contact=contact, phase=Phase.SINGLE, support=support)
-        support = changed.support
-        assert support is not None
+            changed = reference._replace(
+                contact=contact, phase=Phase.SINGLE, stance=stance, swing=swing, most_force=most
+            )
+        balanced = changed.phase is not Phase.SINGLE
         tasks.follow(changed)
         solution = controller.solve()
         assert solution.ok
-        assert solution.wrenches[tasks.contacts[support.stance].name][2] > 0.01 * WEIGHT
+        assert solution.wrenches[tasks.contacts[changed.stance].name][2] > 0.01 * WEIGHT
         for side, foot in enumerate(tasks.contacts):
             wrench = solution.wrenches[foot.name]
-            assert wrench[2] <= support.most_force[side] + 1e-6
-            swings = np.repeat((20.0, 5.6 * turn), 3) * (support.swing == side)
+            assert wrench[2] <= changed.most_force[side] + 1e-6
+            swings = np.repeat((20.0, 5.6 * turn), 3) * (changed.swing == side)
             np.testing.assert_allclose(controller.task(f"{foot.name} swing").weight, swings)
             if not changed.contact[side]:
                 np.testing.assert_allclose(wrench, 0.0, atol=1e-7)
                 continue
-            full = support.balanced or side == support.stance
-            held = np.repeat((1000.0, (2780.0 if support.balanced else 8.3) * turn), 3)
+            full = balanced or side == changed.stance
+            held = np.repeat((1000.0, (2780.0 if balanced else 8.3) * turn), 3)
             np.testing.assert_allclose(foot.motion_weight, held * (1.0 if full else 0.1))
             least = tasks._stance.least_force * (0.2 if all(changed.contact) else 1.0)
-            assert foot.min_force == (least if full else 0.0) and foot.max_force == support.most_force[side]
+            assert foot.min_force == (least if full else 0.0) and foot.max_force == changed.most_force[side]
 
 
 def test_a_trunk_leans_and_twists_about_the_heading() -> None:

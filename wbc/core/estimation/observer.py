@@ -154,6 +154,16 @@ class Observer:
         self.stance_rotation: Vector = (0.0, 0.0, 0.0)
         self.reset(q)
 
+    def observe_outside(self) -> OutsideWrench:
+        """Estimate the wrench of the surroundings from the next tick on; return its observer."""
+        if self.outside is None:
+            self.outside = OutsideWrench(self.robot)
+        return self.outside
+
+    def retune(self, settings: InertialSettings) -> None:
+        """Go on with other time constants of attitude and velocity."""
+        self.inertial.settings = settings
+
     @property
     def load(self) -> Array:
         """Normal forces after the low-pass, shape (number of soles,), N."""

@@ -96,7 +96,7 @@ class Hands:
             role: Hand(controller, role, index, settings) for index, role in enumerate(self._robot.frames)
         }
         self.all: Mapping[str, Hand] = MappingProxyType(hands)
-        arms.occupied.update(hands)
+        arms.share(hands)
         self.outside = np.zeros(6)  # measured, filtered, at the world origin
         self._felt = np.zeros((len(hands), 6))  # measured, filtered, at each hand in world axes
         self._borne = np.zeros((len(hands), 6))  # the same, the slow part of hands that grip

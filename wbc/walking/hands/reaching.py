@@ -339,7 +339,7 @@ class Arms:
         walking.arms["right_hand"].reach([0.0, -0.1, 0.0], "box")
 
     Attributes:
-        occupied: Hands that may press or grip, role → hand; one that does is given no target.
+        settings: Settings.
     """
 
     def __init__(
@@ -350,13 +350,17 @@ class Arms:
         self._com, self._posture, self._controller = com, posture, controller
         robot = controller.robot
         self._objects: dict[str, tuple[pin.SE3, Array]] = {}
-        self.occupied: dict[str, Hand] = {}
+        self._occupied: dict[str, Hand] = {}
         self._hands = {
-            name: Arm(controller, name, dt, settings, self._objects, self.occupied) for name in robot.frames
+            name: Arm(controller, name, dt, settings, self._objects, self._occupied) for name in robot.frames
         }
         self._rest = np.array(posture.target)
         self._turns = self._swing_turns() if settings.swing > 0.0 else None
         self._spared: tuple[str, ...] = ()
+
+    def share(self, hands: Mapping[str, Hand]) -> None:
+        """Give no targets to hands that press or grip; role → hand."""
+        self._occupied.update(hands)
 
     def follow(self, com: CoMTask, posture: PostureTask) -> None:
         """Go on with other tasks of the CoM and of all joints."""

@@ -10,6 +10,7 @@ down, and the pendulum is held meanwhile). The machine moves nothing: it holds t
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Annotated
 
 from wbc.core.errors import ROUNDING, InputError, non_negative, positive
@@ -80,6 +81,12 @@ class WalkPhases:
         return self.plan.steps[self.step].side if self.phase is Phase.SINGLE else None
 
     @property
+    def stance(self) -> int:
+        """Foot that stands while the present or next step swings, the last one after it: 0 left, 1 right."""
+        steps = self.plan.steps
+        return 1 - SIDES.index(steps[min(self.step, len(steps) - 1)].side) if steps else 0
+
+    @property
     def contact(self) -> tuple[bool, bool]:
         """True for each foot on the ground, left and right."""
         return self.swing != "left", self.swing != "right"
@@ -125,17 +132,26 @@ class WalkPhases:
         self._enter(Phase.DOUBLE, self.plan.gait.full.initial_double_support)
         return Event.STARTED
 
-    def stop(self) -> None:
-        """Come to a stand safely: put down the foot in the air, bring the other beside it, stand."""
+    def bear(self, weight: float) -> None:
+        """Go on with another weight of the robot, N."""
+        self.weight = weight
+
+    def stop(self, height: float = 0.0) -> bool:
+        """Come to a stand safely: put down the foot in the air, bring the other beside it, stand.
+
+        The step that closes up is at the height of the last landing less one, m. Returns False if nothing has changed.
+        """
         if self.phase is Phase.STANDING or self._stopping:
-            return
+            return False
         self._stopping = True
-        if self.phase is Phase.SINGLE:
-            self.plan = self.plan.stopping_after(self.step)
-            return
-        self.plan = self.plan.stopping_after(self.step - 1)
-        if self.step >= len(self.plan):
+        last = self.step if self.phase is Phase.SINGLE else self.step - 1
+        self.plan = plan = self.plan.stopping_after(last)
+        if len(plan) > last + 1:
+            closing = plan.steps[-1]
+            self.plan = plan.with_step(len(plan) - 1, replace(closing, z=closing.z - height))
+        if self.step >= len(plan):
             self.duration = self.elapsed + self.plan.gait.full.final_double_support
+        return True
 
     def steer(self, steps: Sequence[Footstep], gait: Gait | None = None) -> None:
         """Replace all steps that have not begun, also by none; steps long taken are forgotten.

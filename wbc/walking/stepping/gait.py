@@ -25,7 +25,7 @@ from wbc.walking.contact import Event, Phase, Touch, touch_down
 from wbc.walking.ground import LAST_LOOK, GroundEstimate
 from wbc.walking.planning.footsteps import Footstep
 from wbc.walking.planning.gait import SwingShape
-from wbc.walking.source import Reference, Support
+from wbc.walking.source import Reference
 from wbc.walking.stepping.law import (
     SIDEWAYS,
     Constants,
@@ -88,7 +88,10 @@ class SteppingGait:
         ground: What is known of the ground; heights are those in the world.
         stance: Foot that carries, or carried last: 0 left, 1 right.
         steps_done: Steps that have ended.
+        dcm: Divergent component of motion in the last tick, by the angular momentum about the contact.
     """
+
+    dcm: Divergent
 
     def __init__(self, settings: SteppingSettings, scale: Scale, heading: float, dt: float) -> None:
         """Stand, with settings in units of the robot's size, the heading (rad) and the control period (s).
@@ -509,6 +512,7 @@ class SteppingGait:
         landing: Footstep | None = None,
     ) -> Reference:
         assert self._contact is not None
+        self.dcm = dcm
         (x, y, _), (u, v, _) = state.com, state.velocity
         pendulum = Pendulum(
             np.array((x, y, height[0])),
@@ -534,7 +538,9 @@ class SteppingGait:
             landing,
             self._elapsed,
             duration,
-            Support(self.stance, side, most_force, acceleration is not None, dcm),
+            self.stance,
+            side,
+            most_force,
         )
 
 

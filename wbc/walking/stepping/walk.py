@@ -77,12 +77,12 @@ class SteppingWalk(ReferenceSource):
     def progress(self, last: Reference | None) -> Progress:
         """Return phase and steps now."""
         cycle = self.gait.settings.step_time
-        if last is None or last.support is None:
+        if last is None:
             return Progress(Phase.STANDING, None, self.gait.stance, 0, 0.0, 0.0, (), cycle)
-        stance = last.support.stance
+        stance, done = self.gait.stance, self.gait.steps_done
         swing = 1 - stance if last.phase is Phase.SINGLE else None
         upcoming = () if last.landing is None else (last.landing,)
-        return Progress(last.phase, swing, stance, last.step, last.elapsed, last.duration, upcoming, cycle)
+        return Progress(last.phase, swing, stance, done, last.elapsed, last.duration, upcoming, cycle)
 
     @property
     def finished(self) -> bool:
