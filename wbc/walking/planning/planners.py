@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 from typing import Annotated
 
-import numpy as np
-import pinocchio as pin
 from pydantic import Field
 
 from wbc.core.errors import ROUNDING, InputError, choose, finite_array
@@ -18,6 +16,12 @@ from wbc.walking.planning.footsteps import Footstep, FootstepPlan, mean_heading,
 
 Turn = Annotated[float, Field(ge=1e-3, le=3.0), "rad"]
 """Turn of a step."""
+
+Place = tuple[float, float, float]
+"""x, y (m) and yaw (rad) in the world."""
+
+Shares = Callable[[str, float, float], tuple[float, float]]
+"""Ratios of a motion to the left, m, and of a turn, rad, that the step of a side takes."""
 
 MOST_STEPS = 10_000
 """Greatest number of steps of a plan, three hours of walking: a greater one is a slip of the finger."""
@@ -72,8 +76,10 @@ def walk_velocity(
             f"is {math.pi / 2.0 / duration:.2f} rad/s, and the robot's reach is less"
         )
     move = vx * duration, vy * duration, turn * duration
-    leaders = tuple("right" if value < 0.0 else "left" for value in (vy, turn))
-    return _path(start, [move] * steps, first or leaders[0 if vy else 1], leaders, close=True)
+    first = first or ("right" if (vy or turn) < 0.0 else "left")
+    return _path(
+        start, [move] * steps, first, lambda side, y, yaw: (2.0 * opens(side, y), 2.0 * opens(side, yaw))
+    )
 
 
 def turn_in_place(
@@ -99,7 +105,10 @@ def turn_in_place(
     if ahead > 0.0:  # the foot that goes aside: were the turn a step later, hands would pull at a cart
         leader = other(leader)
     # Each pair of steps turns by one opening, so that there is nothing left to close.
-    return _path(start, [(0.0, -ahead * turn, turn)] * (2 * pairs), leader, (leader, leader), close=False)
+    moves, shares = [(0.0, -ahead * turn, turn)] * (2 * pairs), (2.0, 2.0)
+    return _path(
+        start, moves, leader, lambda side, _y, _yaw: shares if side == leader else (0.0, 0.0), close=False
+    )
 
 
 def walk_path(
@@ -116,31 +125,59 @@ def walk_path(
         first: Side that steps first.
     """
     choose("side", first, SIDES)
-    return _path(start, moves, first, None, close=True)
+    return _path(start, moves, first, lambda _side, _y, _yaw: (1.0, 1.0))
 
 
 def _path(
-    start: FootstepPlan,
-    moves: Iterable[tuple[float, float, float]],
-    first: str,
-    leaders: tuple[str, ...] | None,
-    *,
-    close: bool,
+    start: FootstepPlan, moves: Iterable[Sequence[float]], first: str, shares: Shares, *, close: bool = True
 ) -> FootstepPlan:
-    """Place the feet beside a middle that moves; one side leads sideways, one turns, each foot itself when None."""
-    half = 0.5 * start.spacing
-    middle = _middle(start.left, start.right)
-    steps = []
-    side = first
-    for move in moves:
-        dx, dy, turn = finite_array("a move (m, m, rad)", move, (3,)).tolist()
-        aside, turned = (1.0, 1.0) if leaders is None else (2.0 * (side == leader) for leader in leaders)
-        middle = middle * _planar(dx, aside * dy, turned * turn)
-        steps.append(_beside(middle, side, half))
+    """Return the plan of steps beside a middle that moves from the middle of the feet at the start."""
+    checked = [finite_array("a move (m, m, rad)", move, (3,)).tolist() for move in moves]
+    middle, z = _middle(start)
+    return replace(start, steps=steps_along(middle, z, start.spacing, first, checked, shares, close=close))
+
+
+def steps_along(
+    middle: Place,
+    z: float,
+    spacing: float,
+    first: str,
+    moves: Iterable[Sequence[float]],
+    shares: Shares,
+    *,
+    close: bool = True,
+) -> tuple[Footstep, ...]:
+    """Return steps beside a middle that moves, at a height z, and one more that closes up; lengths in m.
+
+    Each move is forward, left (m) and turn (rad), of which a step takes its share.
+    """
+    steps, side = [], first
+    for dx, dy, turn in moves:
+        aside, turned = shares(side, dy, turn)
+        middle = moved(middle, dx, aside * dy, turned * turn)
+        steps.append(beside(middle, side, spacing, z))
         side = other(side)
     if close and steps:
-        steps.append(_beside(middle, side, half))
-    return replace(start, steps=tuple(steps))
+        steps.append(beside(middle, side, spacing, z))
+    return tuple(steps)
+
+
+def opens(side: str, left: float) -> bool:
+    """Return True for the foot on the side of a motion or turn to the left, which opens; the other one closes."""
+    return left > 0.0 if side == "left" else left < 0.0
+
+
+def moved(place: Place, dx: float, dy: float, turn: float) -> Place:
+    """Return a place moved by a motion in its own frame."""
+    x, y, yaw = place
+    c, s = math.cos(yaw), math.sin(yaw)
+    return x + c * dx - s * dy, y + s * dx + c * dy, yaw + turn
+
+
+def beside(middle: Place, side: str, spacing: float, z: float) -> Footstep:
+    """Return the foot of a side that stands beside a middle."""
+    x, y, yaw = moved(middle, 0.0, 0.5 * spacing if side == "left" else -0.5 * spacing, 0.0)
+    return Footstep(side, x, y, z, math.remainder(yaw, math.tau))
 
 
 def climb_stairs(
@@ -170,9 +207,7 @@ def climb_stairs(
     if rise == 0.0 or count < 1:
         raise InputError(f"a stair must have a rise and at least one step, got rise {rise} m, count {count}")
     _check_count("number of stairs", count, 2 * count + 2)
-    middle = _middle(start.left, start.right)
-    half = 0.5 * start.spacing
-    ground = 0.5 * (start.left.z + start.right.z)
+    middle, ground = _middle(start)
     # Centre of the tread of each stair, after an approach that ends half a tread before the edge.
     approach = first_edge - 0.5 * tread
     if approach < -ROUNDING:
@@ -186,9 +221,9 @@ def climb_stairs(
         steps.extend(plan.steps)
         side = other(steps[-1].side)
     for k in range(1, count + 1):
-        here = middle * _planar(approach + k * tread, 0.0, 0.0)
+        here = moved(middle, approach + k * tread, 0.0, 0.0)
         for _ in range(2 if together or k == count else 1):
-            steps.append(replace(_beside(here, side, half), z=ground + k * rise))
+            steps.append(beside(here, side, start.spacing, ground + k * rise))
             side = other(side)
     return replace(start, steps=tuple(steps))
 
@@ -198,16 +233,8 @@ def _check_count(what: str, value: float, count: int) -> None:
         raise InputError(f"{what} of {value:g} takes {count} steps; a plan has at most {MOST_STEPS}")
 
 
-def _planar(x: float, y: float, yaw: float) -> pin.SE3:
-    return pin.SE3(pin.rpy.rpyToMatrix(0.0, 0.0, yaw), np.array([x, y, 0.0]))
-
-
-def _middle(left: Footstep, right: Footstep) -> pin.SE3:
-    """Frame between two feet, at their mean heading and height."""
-    middle = _planar(0.0, 0.0, mean_heading(left.yaw, right.yaw))
-    middle.translation = 0.5 * (left.position + right.position)
-    return middle
-
-
-def _beside(middle: pin.SE3, side: str, half: float) -> Footstep:
-    return Footstep.of(side, middle * _planar(0.0, half if side == "left" else -half, 0.0))
+def _middle(start: FootstepPlan) -> tuple[Place, float]:
+    """Return the middle between the feet at the start, and its height, m."""
+    left, right = start.left, start.right
+    x, y, z = (0.5 * (left.position + right.position)).tolist()
+    return (x, y, mean_heading(left.yaw, right.yaw)), z

@@ -28,14 +28,12 @@ from wbc.walking.planning.footsteps import (
 )
 from wbc.walking.planning.gait import Gait, pace
 from wbc.walking.planning.phases import WalkPhases
+from wbc.walking.planning.planners import Place, moved, opens, steps_along
 from wbc.walking.planning.reach import Reach, soles_overlap
 from wbc.walking.planning.schedule import SoleSizes
 
 Velocity = tuple[float, float, float]
 """Forward (m/s), left (m/s) and turn (rad/s) of the robot's middle."""
-
-Place = tuple[float, float, float]
-"""x, y (m) and yaw (rad) in the world."""
 
 AT_REST: Velocity = (0.0, 0.0, 0.0)
 
@@ -191,7 +189,7 @@ class VelocitySource(FootstepSource):
         self.granted = _scaled(self._wish, self._share)
         dx, dy, turn = (cycle * part for part in self.granted)
         moves = [(dx, dy, turn)] * self.settings.steps
-        return replace(now.start, gait=gait, steps=self._steps(now.start, side, moves))
+        return replace(now.start, gait=gait, steps=_steps(now.start, side, moves))
 
     def leader(self) -> str:
         """Return the side of the motion, which steps first."""
@@ -225,7 +223,7 @@ class VelocitySource(FootstepSource):
         if left < 2 or math.hypot(2.0 * dx, 2.0 * dy) < self.settings.stopping:
             self.granted, self._wish, self.pace = AT_REST, AT_REST, 0.0
             return close_up(start, now.first)
-        return replace(start, steps=self._steps(start, now.first, [(dx, dy, turn)]))
+        return replace(start, steps=_steps(start, now.first, [(dx, dy, turn)]))
 
     def _fit(self, velocity: Velocity, spacing: float, gait: Gait) -> tuple[float, float]:
         """Return the speed of the gait for a velocity, and the greatest ratio of the velocity within reach."""
@@ -255,39 +253,14 @@ class VelocitySource(FootstepSource):
             return False
         for side in SIDES:
             stance = Footstep(other(side), 0.0, 0.0)
-            step = self._step(_middle(stance, spacing), side, (dx, dy, turn), 0.5 * spacing, 0.0)[0]
+            (step,) = steps_along(
+                _middle(stance, spacing), 0.0, spacing, side, [(dx, dy, turn)], _shares, close=False
+            )
             forward, left, _, _ = step.seen_from(stance)
             far = abs(forward) > s * r.max_length or not r.min_spacing <= abs(left) <= r.max_spacing
             if far or soles_overlap(stance, step, self._sizes):
                 return False
         return True
-
-    def _steps(
-        self, start: FootstepPlan, side: str, moves: Sequence[tuple[float, float, float]]
-    ) -> tuple[Footstep, ...]:
-        """Steps beside a middle that moves, and the one that closes up."""
-        half = 0.5 * start.spacing
-        stance = start.right if side == "left" else start.left
-        middle = _middle(stance, start.spacing)
-        steps = []
-        for move in moves:
-            step, middle = self._step(middle, side, move, half, stance.z)
-            steps.append(step)
-            side = other(side)
-        steps.append(_foot(middle, side, half, stance.z))
-        return tuple(steps)
-
-    @staticmethod
-    def _step(
-        middle: Place, side: str, move: tuple[float, float, float], half: float, z: float
-    ) -> tuple[Footstep, Place]:
-        """Step beside a middle that moves, and that middle."""
-        dx, dy, turn = move
-        outward = 1.0 if side == "left" else -1.0
-        share = 2.0 if outward * dy > 0.0 else 0.0
-        turned = LEADER_TURN if outward * turn > 0.0 else 2.0 - LEADER_TURN
-        middle = _moved(middle, dx, share * dy, turned * turn)
-        return _foot(middle, side, half, z), middle
 
 
 class GoalSource(FootstepSource):
@@ -415,20 +388,20 @@ def _scaled(velocity: Velocity, share: float) -> Velocity:
     return share * forward, share * left, share * turn
 
 
-def _moved(place: Place, dx: float, dy: float, turn: float) -> tuple[float, float, float]:
-    """Place (x, y, yaw) moved by a motion in its own frame."""
-    x, y, yaw = place
-    c, s = math.cos(yaw), math.sin(yaw)
-    return x + c * dx - s * dy, y + s * dx + c * dy, yaw + turn
+def _shares(side: str, left: float, turn: float) -> tuple[float, float]:
+    return 2.0 * opens(side, left), LEADER_TURN if opens(side, turn) else 2.0 - LEADER_TURN
+
+
+def _steps(
+    start: FootstepPlan, side: str, moves: Sequence[tuple[float, float, float]]
+) -> tuple[Footstep, ...]:
+    """Steps from the foot that stands, and the one that closes up."""
+    stance = start.right if side == "left" else start.left
+    return steps_along(_middle(stance, start.spacing), stance.z, start.spacing, side, moves, _shares)
 
 
 def _middle(foot: Footstep, spacing: float) -> Place:
-    """Middle between a foot and one that stands beside it."""
-    return _moved(
+    """Middle (x, y, yaw) between a foot and one that stands beside it."""
+    return moved(
         (foot.x, foot.y, foot.yaw), 0.0, -0.5 * spacing if foot.side == "left" else 0.5 * spacing, 0.0
     )
-
-
-def _foot(middle: Place, side: str, half: float, z: float) -> Footstep:
-    x, y, yaw = _moved(middle, 0.0, half if side == "left" else -half, 0.0)
-    return Footstep(side, x, y, z, yaw)
