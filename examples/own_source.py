@@ -12,10 +12,10 @@ from typing import Any
 from _common import parse, report, upright
 
 import wbc
-from wbc.walking import FootMotion, Reference, Stand, State, WalkingControl, WalkingControlSettings
+from wbc.walking import FootMotion, Reference, StandSource, State, WalkingControl, WalkingControlSettings
 
 
-class March(Stand):
+class March(StandSource):
     """Weight on one foot, the other foot up and down again, and so on."""
 
     def __init__(self, robot: wbc.Robot, period: float = 4.0, height: float = 0.03) -> None:

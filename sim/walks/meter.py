@@ -15,7 +15,7 @@ from wbc.sim.plant.plant import Plant
 from wbc.sim.trial.loop import Trial, TrialHook, TrialTick
 from wbc.sim.walks.result import Fall, Spread, Touchdowns
 from wbc.tasks.stabilizer.stabilizer import StabilizerOutput
-from wbc.walking.contact import Event, Phase
+from wbc.walking.contact import Event, GaitPhase
 from wbc.walking.control import ReferenceControl
 from wbc.walking.source import Progress, Reference
 
@@ -40,7 +40,7 @@ class _Moment(NamedTuple):
 
     time: float
     step: int
-    phase: Phase
+    phase: GaitPhase
     elapsed: float
     duration: float
     stance: int
@@ -163,7 +163,7 @@ class WalkMeter(TrialHook):
             dcm_error,
         )
         self._moments.append(moment)
-        if progress.phase is not Phase.SINGLE:
+        if progress.phase is not GaitPhase.SINGLE:
             return
         roll, pitch = moment.tilt
         self._roll.append(abs(roll))

@@ -11,7 +11,7 @@ import pinocchio as pin
 import pytest
 
 from wbc.sim.walks.meter import WalkMeter
-from wbc.walking.contact import Event, Phase
+from wbc.walking.contact import Event, GaitPhase
 
 
 class MadeUpWalk:
@@ -38,7 +38,7 @@ class MadeUpWalk:
             truth=lambda: truth,
         )
         self.truth = truth
-        progress = SimpleNamespace(phase=Phase.DOUBLE, steps_done=2)
+        progress = SimpleNamespace(phase=GaitPhase.DOUBLE, steps_done=2)
         self.walking: Any = SimpleNamespace(reference=None, output=None, progress=progress)
         self.meter = WalkMeter(self.plant, self.walking)
 
@@ -46,7 +46,7 @@ class MadeUpWalk:
         self,
         dcm: tuple[float, float] | None = (0.0, 0.0),
         *,
-        phase: Phase = Phase.SINGLE,
+        phase: GaitPhase = GaitPhase.SINGLE,
         stance: int = 0,
         elapsed: float = 0.0,
         step: int = 0,
@@ -177,7 +177,7 @@ def test_support_is_measured_in_the_middle_of_each_step_of_what_touches_the_stan
     for step, scale in ((0, 1.0), (1, 0.5)):
         touch(1, 100.0, 9.0)
         walk.tick(stance=1, elapsed=0.39, step=step)
-        walk.tick(stance=1, elapsed=0.5, step=step, phase=Phase.DOUBLE)
+        walk.tick(stance=1, elapsed=0.5, step=step, phase=GaitPhase.DOUBLE)
         touch(1, 100.0, scale)
         walk.tick(stance=1, elapsed=0.41, step=step)
         touch(1, 100.0, 9.0)

@@ -15,12 +15,12 @@ import pinocchio as pin
 from pendulum import com_after
 
 from wbc.core.errors import Array
-from wbc.walking.contact import Phase
+from wbc.walking.contact import GaitPhase
 from wbc.walking.source import Reference
 from wbc.walking.stepping.gait import BodyState, SteppingGait
-from wbc.walking.stepping.settings import Scale, SteppingSettings
+from wbc.walking.stepping.settings import RobotSize, SteppingSettings
 
-SCALE = Scale(height=0.6, leg=0.62, mass=33.0, sole=(0.085, 0.03), ankle=0.035)
+SCALE = RobotSize(height=0.6, leg=0.62, mass=33.0, sole=(0.085, 0.03), ankle=0.035)
 """Size of the robot g1, in round numbers."""
 
 Frames = tuple[pin.SE3, pin.SE3]
@@ -35,10 +35,10 @@ class Tick(NamedTuple):
     reference: Reference
 
 
-def scaled(k: float) -> Scale:
+def scaled(k: float) -> RobotSize:
     """Return the size of a robot k times as large, of the same material."""
     s = SCALE
-    return Scale(k * s.height, k * s.leg, k**3 * s.mass, (k * s.sole[0], k * s.sole[1]), k * s.ankle)
+    return RobotSize(k * s.height, k * s.leg, k**3 * s.mass, (k * s.sole[0], k * s.sole[1]), k * s.ankle)
 
 
 class PointMass:
@@ -54,7 +54,7 @@ class PointMass:
     """
 
     def __init__(
-        self, scale: Scale = SCALE, dt: float = 0.004, settings: SteppingSettings | None = None
+        self, scale: RobotSize = SCALE, dt: float = 0.004, settings: SteppingSettings | None = None
     ) -> None:
         """Stand at the origin, heading along x."""
         self.scale, self.dt = scale, dt
@@ -106,7 +106,7 @@ class PointMass:
     def _move(self, reference: Reference) -> None:
         dt, omega = self.dt, self.scale.omega
         com, speed = self.com[:2], self.speed
-        if reference.phase is not Phase.SINGLE:
+        if reference.phase is not GaitPhase.SINGLE:
             acceleration: Array = reference.pendulum.com_acceleration[:2]
             self.com[:2], self.speed = (
                 com + speed * dt + 0.5 * acceleration * dt**2,

@@ -22,7 +22,7 @@ from wbc.walking import (
     WalkingControlSettings,
     walk_distance,
 )
-from wbc.walking.contact import Phase
+from wbc.walking.contact import GaitPhase
 from wbc.walking.lipm import LipmWalk
 from wbc.walking.planning.reach import Reach, bent_height, check_plan
 from wbc.walking.planning.sources import (
@@ -165,10 +165,10 @@ def test_a_robot_that_is_told_to_go_on_as_it_closes_up_sets_off_without_a_jump(l
     stage.steer((0.3, 0.0, 0.0))
     stage.run(6.0)
     stage.steer(None)
-    while phases.phase is not Phase.SINGLE or phases.step + 1 < len(phases.plan):
+    while phases.phase is not GaitPhase.SINGLE or phases.step + 1 < len(phases.plan):
         stage.run(DT)
     stage.run(phases.duration - phases.elapsed - left)
-    assert phases.phase is Phase.SINGLE
+    assert phases.phase is GaitPhase.SINGLE
     steps = stage.walk.steps_done
     stage.steer((0.3, 0.0, 0.0))
     stage.run(3.0)

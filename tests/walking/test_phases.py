@@ -9,7 +9,7 @@ import pytest
 from pendulum import BY_TIME
 
 from wbc.core.errors import InputError
-from wbc.walking.contact import Event, Phase
+from wbc.walking.contact import Event, GaitPhase
 from wbc.walking.planning.footsteps import Footstep, FootstepPlan
 from wbc.walking.planning.gait import Gait
 from wbc.walking.planning.phases import PhaseSettings, WalkPhases
@@ -23,10 +23,10 @@ Loads = Callable[[WalkPhases], tuple[float, float]]
 
 def ideal(w: WalkPhases) -> tuple[float, float]:
     """A robot that is where the plan says: the weight moves over linearly, and the ground is where it should be."""
-    if w.phase is Phase.SINGLE:
+    if w.phase is GaitPhase.SINGLE:
         landed = 0.1 if w.elapsed >= w.duration - DT else 0.0
         return (landed, 1 - landed) if w.swing == "left" else (1 - landed, landed)
-    if w.phase is Phase.STANDING or w.step >= len(w.plan):
+    if w.phase is GaitPhase.STANDING or w.step >= len(w.plan):
         return 0.5, 0.5
     staying = 0.5 + 0.5 * min(1.0, w.elapsed / w.duration)
     return (1 - staying, staying) if w.plan.steps[w.step].side == "left" else (staying, 1 - staying)
@@ -86,30 +86,30 @@ def test_lift_off_waits_for_the_load_and_is_forced_in_the_end() -> None:
     w = walking()
 
     def slow(w: WalkPhases) -> tuple[float, float]:
-        return (0.4, 0.6) if w.phase is Phase.DOUBLE and w.elapsed < 0.9 else ideal(w)
+        return (0.4, 0.6) if w.phase is GaitPhase.DOUBLE and w.elapsed < 0.9 else ideal(w)
 
     assert until(w, slow, Event.LIFT_OFF) == pytest.approx(0.9, abs=0.02)
     w = walking()
     assert until(w, lambda w: (0.4, 0.6), Event.FORCED_LIFT_OFF) == pytest.approx(0.8 + 0.3, abs=0.01)
     w = walking()
     run(w, lambda w: (0.4, 0.6), 1.0)
-    assert w.phase is Phase.DOUBLE and w.overdue and w.remaining == pytest.approx(0.05)
+    assert w.phase is GaitPhase.DOUBLE and w.overdue and w.remaining == pytest.approx(0.05)
     assert w.supports()[0].duration == pytest.approx(0.05)
 
 
 def test_lift_off_needs_the_other_foot_to_carry() -> None:
     w = walking()
     run(w, lambda w: (0.1, 0.3), 1.0)  # light on both feet: half in the air
-    assert w.phase is Phase.DOUBLE
+    assert w.phase is GaitPhase.DOUBLE
 
 
 def test_early_ground_ends_the_swing_but_a_stumble_does_not() -> None:
     w = walking()
     until(w, ideal, Event.LIFT_OFF)
     run(w, lambda w: (0.3, 0.7), 0.45)
-    assert w.phase is Phase.SINGLE  # 56 % of the swing
+    assert w.phase is GaitPhase.SINGLE  # 56 % of the swing
     assert until(w, lambda w: (0.3, 0.7), Event.EARLY_TOUCH_DOWN) == pytest.approx(0.03, abs=0.011)
-    assert w.phase is Phase.DOUBLE and w.contact == (True, True) and w.step == 1
+    assert w.phase is GaitPhase.DOUBLE and w.contact == (True, True) and w.step == 1
     assert w.duration == pytest.approx(0.3 + 0.32, abs=0.011)  # the rhythm is kept
 
 
@@ -118,18 +118,18 @@ def test_a_spike_is_no_touch_down() -> None:
     until(w, ideal, Event.LIFT_OFF)
     spikes = iter([(0.0, 1.0), (0.3, 0.7)] * 70)
     run(w, lambda w: next(spikes), 0.7)
-    assert w.phase is Phase.SINGLE
+    assert w.phase is GaitPhase.SINGLE
 
 
 def test_late_ground_is_waited_for() -> None:
     w = walking()
     until(w, ideal, Event.LIFT_OFF)
     late = until(w, lambda w: (0.1, 0.9) if w.elapsed > 0.82 else (0.0, 1.0), Event.LATE_TOUCH_DOWN)
-    assert late == pytest.approx(0.83, abs=0.015) and w.phase is Phase.DOUBLE and w.completed == 1
+    assert late == pytest.approx(0.83, abs=0.015) and w.phase is GaitPhase.DOUBLE and w.completed == 1
     w = walking()
     until(w, ideal, Event.LIFT_OFF)
     run(w, lambda w: (0.0, 1.0), 1.0)
-    assert w.phase is Phase.SINGLE and w.overdue and w.remaining == pytest.approx(0.05)
+    assert w.phase is GaitPhase.SINGLE and w.overdue and w.remaining == pytest.approx(0.05)
     assert until(w, lambda w: (0.0, 1.0), Event.NO_TOUCH_DOWN) == pytest.approx(0.3, abs=0.01)
 
 
@@ -173,13 +173,13 @@ def test_landings_and_times_can_change_on_the_way() -> None:
     before = w.plan
     until(w, ideal, Event.LIFT_OFF)
     landing = before.steps[0]
-    w.land(Footstep(landing.side, landing.x + 0.03, landing.y + 0.02, 0.01))
+    w.set_landing(Footstep(landing.side, landing.x + 0.03, landing.y + 0.02, 0.01))
     for a, b in zip(before.steps, w.plan.steps, strict=True):
         np.testing.assert_allclose(b.position - a.position, [0.03, 0.02, 0.01])
     w.retime(0.4)
     assert w.remaining == pytest.approx(0.4)
     until(w, ideal, Event.TOUCH_DOWN)
-    w.land(landing, carry=False)  # where it has really landed
+    w.set_landing(landing, carry=False)  # where it has really landed
     assert w.plan.steps[0] == landing and w.plan.steps[1].x == pytest.approx(before.steps[1].x + 0.03)
     with pytest.raises(InputError, match="left foot"):
-        w.land(Footstep("right", 0.0, 0.0))
+        w.set_landing(Footstep("right", 0.0, 0.0))

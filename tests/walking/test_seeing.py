@@ -15,7 +15,7 @@ from wbc.ground import ElevationMap, KnownGround
 from wbc.robots import load
 from wbc.walking.planning.footsteps import Footstep, FootstepPlan
 from wbc.walking.planning.planners import walk_distance
-from wbc.walking.source import Stand
+from wbc.walking.source import StandSource
 from wbc.walking.walk import Walk
 
 ROBOT = load("hrp4_class").robot()
@@ -149,5 +149,5 @@ def test_ground_out_of_reach_is_no_landing() -> None:
 
 def test_a_source_without_feet_to_put_says_so() -> None:
     robot = standing()
-    with pytest.raises(InputError, match="Stand"):
-        Stand(robot).see(KnownGround(robot))
+    with pytest.raises(InputError, match="StandSource"):
+        StandSource(robot).see(KnownGround(robot))

@@ -17,7 +17,7 @@ from wbc.walking.planning.gait import Gait, StepGait
 from wbc.walking.planning.planners import walk_distance
 from wbc.walking.planning.reach import CARRIED, ROOM, carried_height, check_plan, leg_geometry
 from wbc.walking.planning.size import LENGTHS, SPEEDS, TIMES, sized
-from wbc.walking.stepping.settings import Scale, SteppingSettings
+from wbc.walking.stepping.settings import RobotSize, SteppingSettings
 
 BIPED = (Path(__file__).parents[2] / "examples" / "biped.urdf").read_text(encoding="utf-8")
 FEET = {"left_sole": "left_foot", "right_sole": "right_foot"}
@@ -71,13 +71,13 @@ def test_the_ankle_keeps_room_at_the_height_that_is_derived() -> None:
     robot = RobotDescription.from_urdf(BIPED, position_limits=limits, **FEET).robot()
     _, height = bent(robot, "left", 0.45 - ROOM)
     assert carried_height(robot) == pytest.approx(height, abs=5e-3)
-    assert Scale.of(robot, BEND).height == carried_height(robot)
+    assert RobotSize.of(robot, BEND).height == carried_height(robot)
 
 
 @pytest.mark.parametrize("name", ["hrp4_class", "talos", "g1"])
 def test_robots_that_the_gaits_were_made_for_walk_as_before(name: str) -> None:
     robot = load(name).robot()
-    assert carried_height(robot) < Scale.of(robot, BEND).height
+    assert carried_height(robot) < RobotSize.of(robot, BEND).height
     assert sized(Gait(), robot) == Gait()
 
 

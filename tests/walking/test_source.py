@@ -15,8 +15,8 @@ from wbc.app.log.recorder import Recorder
 from wbc.app.view.stage import SimulatedStage
 from wbc.core.errors import InputError
 from wbc.robots import load
-from wbc.walking import Reference, Stand, State, WalkingControl, WalkingControlSettings
-from wbc.walking.contact import Phase
+from wbc.walking import Reference, StandSource, State, WalkingControl, WalkingControlSettings
+from wbc.walking.contact import GaitPhase
 from wbc.walking.falls import FallSettings
 from wbc.walking.source import Progress, WholeBody
 from wbc.walking.stepping.walk import SteppingWalk
@@ -24,7 +24,7 @@ from wbc.walking.stepping.walk import SteppingWalk
 DESCRIPTION = load("hrp4_class")
 
 
-class Sway(Stand):
+class Sway(StandSource):
     """CoM that goes from side to side; says nothing of steering, progress or an end."""
 
     def update(self, state: State) -> Reference:
@@ -37,7 +37,7 @@ class Sway(Stand):
         return stand._replace(pendulum=pendulum)
 
 
-class Fails(Stand):
+class Fails(StandSource):
     def update(self, state: State) -> Reference:
         if state.time > 0.1025:  # from the 21st tick of 5 ms on
             raise RuntimeError("no reference")
@@ -47,7 +47,7 @@ class Fails(Stand):
 def test_a_source_of_ones_own_is_followed_logged_and_shown(tmp_path: Path) -> None:
     plant, robot = wbc.Plant(DESCRIPTION), DESCRIPTION.robot()
     walking = WalkingControl(robot, Sway(robot), plant.control_period)
-    assert walking.progress == Progress(Phase.STANDING, None, 0, 0, 0.0, 0.0, (), 1.0)
+    assert walking.progress == Progress(GaitPhase.STANDING, None, 0, 0, 0.0, 0.0, (), 1.0)
     stage, sides, error = SimulatedStage(plant, walking), [], 0.0
     with Recorder(tmp_path / "own.arrow") as record:
         while plant.time < 1.0:
@@ -71,7 +71,7 @@ def test_a_robot_that_bows_as_its_source_does_is_upright(torso: str, trunks: int
     robot = replace(DESCRIPTION, torso=torso).robot()
     still = np.zeros(robot.na)
 
-    class Bows(Stand):
+    class Bows(StandSource):
         def update(self, state: State) -> Reference:
             bow = pin.rpy.rpyToMatrix(0.0, min(0.2 * state.time, 0.1), 0.0)
             trunk = [(bow, np.zeros(3), np.zeros(3))] * trunks

@@ -16,7 +16,7 @@ from wbc.tasks.stabilizer.distribution import WrenchDistribution
 from wbc.tasks.stabilizer.gains import StabilizerGains
 from wbc.tasks.stabilizer.pendulum import Pendulum, natural_frequency
 from wbc.tasks.stabilizer.stabilizer import Stabilizer
-from wbc.walking.contact import Event, Phase
+from wbc.walking.contact import Event, GaitPhase
 from wbc.walking.ground import GroundEstimate
 from wbc.walking.planning.adjustment import AdjustmentSettings, StepAdjuster
 from wbc.walking.planning.footsteps import Footstep, FootstepPlan
@@ -186,7 +186,7 @@ def test_the_zmp_is_inward_and_less_so_on_stairs(climbing: bool, metre: Result) 
         walked = run(replace(plan, steps=steps), STEADY)
     settings, inward = STEADY, []
     for reference in walked.references[::10]:
-        if reference.phase is Phase.SINGLE:
+        if reference.phase is GaitPhase.SINGLE:
             side = 0 if reference.contact[0] else 1
             y = reference.feet[side].placement.actInv(np.array([*reference.pendulum.zmp[:2], 0.0]))[1]
             inward.append(-y if side == 0 else y)
@@ -263,7 +263,7 @@ def test_feet_land_in_time_on_ground_that_keeps_falling() -> None:
     wanted: dict[int, tuple[float, float]] = {}
 
     def note(walk: Walk, time: float) -> None:
-        if walk.phases.phase is Phase.SINGLE and walk.phases.elapsed <= 2 * DT:
+        if walk.phases.phase is GaitPhase.SINGLE and walk.phases.elapsed <= 2 * DT:
             step = walk.phases.plan.steps[walk.phases.step]
             wanted[walk.phases.step] = step.x, step.z
 
@@ -285,7 +285,7 @@ def test_a_foot_that_stands_is_wanted_where_it_landed_wherever_its_corrections_t
     while not walk.finished:
         step = walk.phases.plan.steps[min(walk.phases.step, len(walk.phases.plan) - 1)]
         swing = SIDES.index(step.side)
-        share = 0.1 if walk.phases.phase is Phase.SINGLE and walk.phases.remaining <= DT else 0.0
+        share = 0.1 if walk.phases.phase is GaitPhase.SINGLE and walk.phases.remaining <= DT else 0.0
         weight = [WEIGHT * (1.0 - share)] * 2
         weight[swing] = WEIGHT * share
         reference = walk.update(weight, soles)

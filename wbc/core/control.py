@@ -158,7 +158,7 @@ class DriveControl:
         self.time = 0.0
         self._torques = np.zeros(controller.robot.na)
         self._failing = 0
-        self._reach, self._topples = FEET_STAY, False
+        self._dcm_limit, self._topples = FEET_STAY, False
         self._stamp = math.nan  # of the last measurement with wrenches estimated, s
 
     @property
@@ -211,15 +211,15 @@ class DriveControl:
             parts.append(f"command clipped: {', '.join(self.gate.faults)}")
         return "; ".join(parts) or "ok"
 
-    def judge_balance(self, reach: float, *, topples: bool) -> None:
+    def judge_balance(self, dcm_limit: float, *, topples: bool) -> None:
         """Set what a walk knows of its balance, for `status`.
 
         Args:
-            reach: Distance of the DCM from the nearest sole from which on balance is lost, as a multiple of the height
-                of the CoM.
+            dcm_limit: Distance of the DCM from the nearest sole from which on balance is lost, over the height of the
+                CoM.
             topples: True while the torso tilts too far.
         """
-        self._reach, self._topples = reach, topples
+        self._dcm_limit, self._topples = dcm_limit, topples
 
     def _balance_lost(self) -> bool:
         """Return True if the DCM is out of reach of feet and steps."""
@@ -227,7 +227,7 @@ class DriveControl:
         soles = [robot.placement(sole.frame).translation for sole in robot.soles]
         height = max(float(robot.com[2]) - min(float(sole[2]) for sole in soles), 0.0)
         dcm = robot.com[:2] + robot.com_velocity[:2] * math.sqrt(height / GRAVITY)
-        return min(math.hypot(*(dcm - sole[:2])) for sole in soles) > self._reach * height
+        return min(math.hypot(*(dcm - sole[:2])) for sole in soles) > self._dcm_limit * height
 
     def command(self, measurement: Measurement) -> Command:
         """Run one tick and return the command until the next one; targets of tasks and contacts are as they are.

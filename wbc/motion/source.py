@@ -34,7 +34,7 @@ from wbc.motion.contacts import find_contacts
 from wbc.motion.kinematics import BodyMotion, Soles, least_lift, zmp_of
 from wbc.tasks.stabilizer.distribution import DistributionSettings
 from wbc.tasks.stabilizer.pendulum import Pendulum
-from wbc.walking.contact import Event, Phase
+from wbc.walking.contact import Event, GaitPhase
 from wbc.walking.planning.footsteps import heading, mean_heading
 from wbc.walking.planning.reach import bent_height
 from wbc.walking.planning.sources import DriveSettings
@@ -143,7 +143,9 @@ class MotionSource(ReferenceSource):
         loads = state.load.tolist()
         events = tuple(event for side in (0, 1) for event in self._switch(side, i, loads[side]))
         contact = (self._swings[0] is None, self._swings[1] is None)
-        phase = Phase.STANDING if self.finished else (Phase.DOUBLE if all(contact) else Phase.SINGLE)
+        phase = (
+            GaitPhase.STANDING if self.finished else (GaitPhase.DOUBLE if all(contact) else GaitPhase.SINGLE)
+        )
         feet = (self._foot(0, i), self._foot(1, i))
         return self.motion[i]._replace(
             feet=feet, contact=contact, phase=phase, step=self.landings, events=events

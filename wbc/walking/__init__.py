@@ -17,7 +17,7 @@ from wbc.walking.planning.phases import PhaseSettings
 from wbc.walking.planning.planners import climb_stairs, turn_in_place, walk_distance, walk_path, walk_velocity
 from wbc.walking.planning.sources import DriveSettings, FootstepSource, Standing
 from wbc.walking.settings import WalkingControlSettings
-from wbc.walking.source import Reference, ReferenceSource, Stand
+from wbc.walking.source import Reference, ReferenceSource, StandSource
 from wbc.walking.stepping.control import SteppingControl, SteppingControlSettings
 from wbc.walking.stepping.settings import SteppingSettings
 from wbc.walking.swing import FootMotion
@@ -33,7 +33,7 @@ __all__ = [
     # Sources of references
     "Reference",
     "ReferenceSource",
-    "Stand",
+    "StandSource",
     "State",
     "Pendulum",
     "FootMotion",

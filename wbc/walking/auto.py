@@ -28,7 +28,7 @@ from wbc.ground import KnownGround
 from wbc.tasks.scheduling.stiffness import StiffnessScheduler
 from wbc.walking.balance import Balance, Stabilized
 from wbc.walking.body import Body
-from wbc.walking.contact import Phase
+from wbc.walking.contact import GaitPhase
 from wbc.walking.control import Law, ReferenceControl, drive_control
 from wbc.walking.falls import FallSettings
 from wbc.walking.hands.hands import Hands
@@ -169,7 +169,7 @@ class AutoControl(ReferenceControl):
     def stands(self) -> bool:
         """True if the robot stands, and may change its law."""
         reference = self.reference
-        return reference is None or (reference.phase is Phase.STANDING and not self._pressing)
+        return reference is None or (reference.phase is GaitPhase.STANDING and not self._pressing)
 
     @property
     def _idle(self) -> bool:

@@ -38,7 +38,7 @@ class Balance:
     """Balance by steps alone.
 
     Attributes:
-        reach: Distance of the DCM from the nearest sole that nothing recovers, over the height of the CoM.
+        dcm_limit: Distance of the DCM from the nearest sole that nothing recovers, over the height of the CoM.
         stabilizer: Feedback and admittances; None without them, and so are lean, bias, load and output.
         lean: Lean of the trunk; None keeps it upright.
         bias: Estimator of the error of the measured DCM; None takes it as measured.
@@ -48,7 +48,7 @@ class Balance:
         wrenches: Name of a foot's contact → wrench that the torques are to make in place of the QP's; None for those.
     """
 
-    reach = FEET_STEP
+    dcm_limit = FEET_STEP
     stabilizer: Stabilizer | None = None
     lean: Lean | None = None
     bias: BiasEstimator | None = None
@@ -88,7 +88,7 @@ class Balance:
 class Stabilized(Balance):
     """Balance of one robot by its stabilizer."""
 
-    reach = FEET_AS_PLANNED
+    dcm_limit = FEET_AS_PLANNED
     stabilizer: Stabilizer
 
     def __init__(

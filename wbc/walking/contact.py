@@ -7,7 +7,7 @@ import enum
 from wbc.core.errors import ROUNDING
 
 
-class Phase(enum.Enum):
+class GaitPhase(enum.Enum):
     """Phase of the feet."""
 
     STANDING = "standing"

@@ -204,7 +204,7 @@ class ReferenceControl:
             dcm_distance=self.balance.dcm_distance(),
             solved=(solution is None or solution.ok) and not self.control.stopped,
         )
-        self.control.judge_balance(self.balance.reach, topples=self.falls.topples)
+        self.control.judge_balance(self.balance.dcm_limit, topples=self.falls.topples)
 
     def _with_stiffness(self, command: Command, scheduler: StiffnessScheduler) -> Command:
         """Return a command with the stiffness of both soles from the state of the swing."""

@@ -19,7 +19,7 @@ from wbc.core.control import State
 from wbc.core.errors import InputError, shown
 from wbc.core.robot import SIDES, Robot
 from wbc.ground import KnownGround
-from wbc.walking.contact import Phase
+from wbc.walking.contact import GaitPhase
 from wbc.walking.planning.footsteps import FootstepPlan, check_start
 from wbc.walking.planning.reach import Reach, bent_height, check_plan
 from wbc.walking.planning.sources import (
@@ -222,7 +222,7 @@ class LipmWalk(ReferenceSource):
         planner, phases = self.planner, self.walk.phases
         if planner is None:
             return
-        swings = phases.phase is Phase.SINGLE
+        swings = phases.phase is GaitPhase.SINGLE
         if swings:
             if (planner, planner.target) == self._planned or time < self._next or self._comes_to_rest:
                 self._landed = True

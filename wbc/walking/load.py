@@ -47,12 +47,12 @@ class LoadSettings:
     Attributes:
         hands: Roles or frames of the robot that hold loads, in equal parts; all of its hands when empty.
         largest: Greatest mass of the load over the robot's.
-        reach: Greatest horizontal distance of the load from the middle of the hands, m.
+        offset: Greatest horizontal distance of the load from the middle of the hands, m.
     """
 
     hands: tuple[str, ...] = ()
     largest: Annotated[float, Field(gt=0.0, le=1.0)] = 0.4
-    reach: Annotated[Positive, "m"] = 0.3
+    offset: Annotated[Positive, "m"] = 0.3
 
 
 class HeldLoad:
@@ -125,12 +125,10 @@ class HeldLoad:
         self.mass = mass = min(max(self.mass + gain * (mass - self.mass), 0.0), s.largest * self._own)
         if mass <= DEAD_BAND * self._own:
             mass = 0.0
-        moment, reach = (
-            self._applied_moment + complex(my, -mx) * heading.conjugate() / GRAVITY,
-            mass * s.reach,
-        )
+        moment = self._applied_moment + complex(my, -mx) * heading.conjugate() / GRAVITY
+        most = mass * s.offset
         moment = self._moment + gain * (moment - self._moment)
-        self._moment = complex(*(min(max(part, -reach), reach) for part in (moment.real, moment.imag)))
+        self._moment = complex(*(min(max(part, -most), most) for part in (moment.real, moment.imag)))
         if abs(mass - self.applied) + abs(self._moment - self._applied_moment) >= (
             STEP * self._own if mass > 0.0 else 1e-9
         ):

@@ -3,7 +3,7 @@
     reference = source.update(state)
 
 A source knows neither the QP nor the drives. `wbc.walking.lipm`, `wbc.walking.stepping.walk` and `wbc.motion.source`
-are sources beside each other; `Stand` is the smallest one.
+are sources beside each other; `StandSource` is the smallest one.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from wbc.core.errors import Array, InputError
 from wbc.core.robot import SIDES, Robot
 from wbc.ground import KnownGround
 from wbc.tasks.stabilizer.pendulum import Pendulum
-from wbc.walking.contact import Event, Phase
+from wbc.walking.contact import Event, GaitPhase
 from wbc.walking.ground import GroundEstimate
 from wbc.walking.planning.footsteps import Footstep, FootstepPlan, heading
 from wbc.walking.planning.sources import AT_REST, FootstepSource, Velocity
@@ -71,7 +71,7 @@ class Reference(NamedTuple):
     feet: tuple[FootMotion, FootMotion]
     contact: tuple[bool, bool] = (True, True)
     heading: float = 0.0
-    phase: Phase = Phase.STANDING
+    phase: GaitPhase = GaitPhase.STANDING
     step: int = 0
     events: tuple[Event, ...] = ()
     landing: Footstep | None = None
@@ -97,7 +97,7 @@ class Progress(NamedTuple):
         cycle: Planned time of one step, single and double support, s.
     """
 
-    phase: Phase
+    phase: GaitPhase
     swing: int | None
     stance: int
     steps_done: int
@@ -181,7 +181,7 @@ class ReferenceSource(ABC):
             last: References of the last tick; None before the first one.
         """
         if last is None:
-            return Progress(Phase.STANDING, None, 0, 0, 0.0, 0.0, (), 1.0)
+            return Progress(GaitPhase.STANDING, None, 0, 0, 0.0, 0.0, (), 1.0)
         swing = None if all(last.contact) else last.contact.index(False)
         upcoming = () if last.landing is None else (last.landing,)
         stance = 0 if swing is None else 1 - swing
@@ -266,7 +266,7 @@ class ReferenceSource(ABC):
         raise InputError(f"{type(self).__name__} puts no feet by what is known of the ground")
 
 
-class Stand(ReferenceSource):
+class StandSource(ReferenceSource):
     """Stand on both feet, with the CoM where it is or where it is sent; the start of a source of one's own.
 
     Attributes:

@@ -25,7 +25,7 @@ from wbc.tasks.stabilizer.gains import StabilizerGains
 from wbc.tasks.stabilizer.lean import UPRIGHT, LeanMotion
 from wbc.tasks.stabilizer.task import StabilizerTask
 from wbc.walking.body import Twist
-from wbc.walking.contact import Phase
+from wbc.walking.contact import GaitPhase
 from wbc.walking.planning.footsteps import heading
 from wbc.walking.source import Reference, WholeBody
 
@@ -79,7 +79,7 @@ class WalkTasks:
         swing: GainOptions,
         trunk: Mapping[str, GainOptions],
         posture: PostureTask,
-        stance: Stance | None = None,
+        stance: StanceContacts | None = None,
         *,
         torque: bool = True,
     ) -> None:
@@ -214,7 +214,7 @@ class WalkTasks:
 
 
 @dataclass(frozen=True, slots=True)
-class Stance:
+class StanceContacts:
     """Contacts of feet that steps balance: costs of their motion, boxes of their pressure, forces; in SI units.
 
     Attributes:
@@ -247,7 +247,7 @@ class Stance:
     def switch(self, tasks: WalkTasks, reference: Reference) -> None:
         """Switch contacts, and the weights that go with them, where they change."""
         most, stance, phase = reference.most_force, reference.stance, reference.phase
-        balanced, standing = phase is not Phase.SINGLE, phase is Phase.STANDING
+        balanced, standing = phase is not GaitPhase.SINGLE, phase is GaitPhase.STANDING
         state = [balanced, standing, reference.contact, most, stance, reference.swing]
         if state == self._state:
             return

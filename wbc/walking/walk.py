@@ -21,7 +21,7 @@ from wbc.core.errors import ROUNDING, Array, InputError, as_period
 from wbc.core.robot import GRAVITY, SIDES, Robot
 from wbc.core.settings import Positive, Share, settings
 from wbc.tasks.stabilizer.pendulum import Pendulum
-from wbc.walking.contact import Event, Phase
+from wbc.walking.contact import Event, GaitPhase
 from wbc.walking.ground import LAST_LOOK, NOTICED, GroundEstimate
 from wbc.walking.pattern.pattern import Pattern
 from wbc.walking.pattern.preview import PreviewController, PreviewSettings
@@ -204,7 +204,7 @@ class Walk:
         phases.steer(self.ground.settled(steps, swings=self._swing is not None), gait)
         self.ground.height = 0.0
         self._swing_gait = self._swing_gait if gait is None else gait
-        if phases.phase is Phase.STANDING and steps:
+        if phases.phase is GaitPhase.STANDING and steps:
             self._events = (phases.start(),)
             if self._rest is not None:
                 self._rest, self._time = None, 0.0
@@ -266,7 +266,7 @@ class Walk:
         side = SIDES.index(step.side)
         self.ground.lift(1 - side, placements[1 - side])
         landing = self.ground.expect(step, self._near(step))
-        self.phases.land(landing, carry=False)
+        self.phases.set_landing(landing, carry=False)
         over = self.ground.way(placements[side], landing)
         self._swing = SwingFoot(placements[side], landing, self.phases.duration, self._swing_gait.swing, over)
         self._replan()
@@ -300,7 +300,7 @@ class Walk:
         if abs(seen.z - now.z) < NOTICED:
             return
         self.ground.height += seen.z - now.z
-        phases.land(seen, carry=False)
+        phases.set_landing(seen, carry=False)
         swing.retarget(phases.elapsed, seen, swing.duration)
         self._replan()
 
@@ -315,7 +315,7 @@ class Walk:
         landed = Footstep.of(planned.side, placements[side])
         self.ground.land(landed.z - planned.z, landed.z - float(placements[1 - side].translation[2]))
         # Its tilt is that of a stone or of a correction: the pattern needs place and heading alone.
-        self.phases.land(replace(landed, pitch=planned.pitch, roll=planned.roll), carry=False)
+        self.phases.set_landing(replace(landed, pitch=planned.pitch, roll=planned.roll), carry=False)
         self._swing = None
 
     def _replan(self) -> None:
@@ -364,7 +364,7 @@ class Walk:
             return
         if self.ground.sight is not None:
             landing = self.ground.under(replace(landing, z=now.z))
-        phases.land(landing, carry=True)
+        phases.set_landing(landing, carry=True)
         phases.retime(time)
         swing.retarget(elapsed, landing, elapsed + time)
         self._replan()

@@ -8,7 +8,7 @@ import wbc
 from wbc.core.control import Mode
 from wbc.sim import walk
 from wbc.sim.plant.falls import TrueFallDetector
-from wbc.walking.contact import Phase
+from wbc.walking.contact import GaitPhase
 from wbc.walking.stepping.control import SteppingControl, SteppingControlSettings
 
 PERIOD = 0.002
@@ -20,7 +20,7 @@ def standing(mode: Mode = "torque", seed: int = 3, robot: str = "g1") -> tuple[w
     return plant, SteppingControl(description.robot(), PERIOD, SteppingControlSettings(mode=mode))
 
 
-def run(plant: wbc.Plant, walking: SteppingControl, until: float) -> set[Phase]:
+def run(plant: wbc.Plant, walking: SteppingControl, until: float) -> set[GaitPhase]:
     """Go on until a time, or until the robot falls, and return the phases on the way."""
     falls, phases = TrueFallDetector(plant.robot), set()
     while plant.time < until - 1e-9:
@@ -34,7 +34,7 @@ def walk_ahead(mode: Mode, seed: int = 3, robot: str = "g1") -> float:
     """Stand, walk forward at 0.3 m/s, stop; return the distance over that of the steps' velocity."""
     plant, walking = standing(mode, seed, robot)
     start = plant.truth().com[:2].copy()
-    assert run(plant, walking, 0.3) == {Phase.STANDING}
+    assert run(plant, walking, 0.3) == {GaitPhase.STANDING}
     walking.velocity = (0.3, 0.0, 0.0)
     expected = 0.0
     while plant.time < 2.5 - 1e-9:
@@ -45,7 +45,7 @@ def walk_ahead(mode: Mode, seed: int = 3, robot: str = "g1") -> float:
         plant.step(walking.command(plant.measure()))
         expected += walking.granted_velocity[0] * PERIOD
     assert walking.fallen is None and walking.control.failures == 0
-    assert walking.progress.phase is Phase.STANDING and walking.steps_done >= 5
+    assert walking.progress.phase is GaitPhase.STANDING and walking.steps_done >= 5
     travelled = plant.truth().com[:2] - start
     assert abs(travelled[1]) < 0.1
     assert not TrueFallDetector(plant.robot).fallen(plant.truth().q)

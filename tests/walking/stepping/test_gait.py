@@ -24,10 +24,10 @@ from point_mass import (
 )
 from properties import by_default, examples
 
-from wbc.walking.contact import Event, Phase
+from wbc.walking.contact import Event, GaitPhase
 from wbc.walking.source import Reference
 from wbc.walking.stepping.gait import BodyState, SteppingGait
-from wbc.walking.stepping.law import Constants
+from wbc.walking.stepping.law import SteppingConstants
 from wbc.walking.stepping.settings import SteppingSettings, in_si
 
 DT = 0.004
@@ -190,7 +190,7 @@ def test_phases_follow_each_other_and_steps_are_counted() -> None:
     body.run(0.6)
     assert body.gait.stands and body.gait.steps_done == 0
     body.gait.steering.command((0.2, 0.0, 0.0))
-    assert [tick.reference.phase for tick in body.run(0.1)][-1] is Phase.DOUBLE
+    assert [tick.reference.phase for tick in body.run(0.1)][-1] is GaitPhase.DOUBLE
     body.run(3.0)
     body.gait.steering.command(None)
     body.run(4.0)
@@ -244,7 +244,7 @@ def test_a_turn_turns_landings_and_heading_and_a_swing_foot_that_stays_level() -
     body = PointMass()
     body.run(0.5)
     body.gait.steering.command((0.1, 0.0, 0.5))
-    steps = [tick for tick in body.run(5.0) if tick.reference.phase is Phase.SINGLE]
+    steps = [tick for tick in body.run(5.0) if tick.reference.phase is GaitPhase.SINGLE]
     turned = steps[-1].reference.heading - steps[0].reference.heading
     assert turned == pytest.approx(0.5 * (steps[-1].time - steps[0].time), rel=0.01)
     for tick in steps:
@@ -275,7 +275,9 @@ def test_a_push_of_a_stand_is_answered_by_the_foot_on_its_side() -> None:
     body = PointMass()
     body.run(0.7)
     body.speed += [0.0, 0.1]
-    assert {tick.reference.phase for tick in body.run(2.0)} == {Phase.STANDING}, "a small push needs no step"
+    assert {tick.reference.phase for tick in body.run(2.0)} == {GaitPhase.STANDING}, (
+        "a small push needs no step"
+    )
     np.testing.assert_allclose(body.com[:2], 0.0, atol=0.01)
 
 
@@ -297,7 +299,7 @@ def test_feet_that_have_stepped_out_of_a_push_close_up_before_the_robot_stands(s
     [
         (1.0, (0.05, 0.01), (0.05, 0.01)),
         (1.0, (0.2, -0.1), (SCALE.sole[0], -SCALE.sole[1])),
-        (0.02, (0.05, 0.01), (in_si(Constants(), SCALE).carrying, 0.0)),
+        (0.02, (0.05, 0.01), (in_si(SteppingConstants(), SCALE).carrying, 0.0)),
     ],
     ids=["within the sole", "beyond its edges", "hardly any force"],
 )
@@ -326,7 +328,7 @@ def test_a_foot_that_lands_early_waits_for_the_dcm_with_a_part_of_the_weight() -
     waits = [
         tick.reference
         for tick in body.run(4.0)
-        if tick.reference.phase is Phase.SINGLE and tick.reference.swing is None
+        if tick.reference.phase is GaitPhase.SINGLE and tick.reference.swing is None
     ]
     assert waits, "feet come before the end of a step"
     settings = body.gait.constants
@@ -373,7 +375,7 @@ class EdgeFirst(PointMass):
 
 def waiting(ticks: list[Tick]) -> int:
     """Return the number of ticks in which a foot in contact waits."""
-    return sum(tick.reference.phase is Phase.SINGLE and tick.reference.swing is None for tick in ticks)
+    return sum(tick.reference.phase is GaitPhase.SINGLE and tick.reference.swing is None for tick in ticks)
 
 
 def test_a_foot_takes_over_by_where_it_will_carry_not_by_the_edge_with_which_it_meets_the_ground() -> None:

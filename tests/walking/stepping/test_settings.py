@@ -8,10 +8,10 @@ from task_factory import ROBOTS, make_robot
 
 from wbc.core.errors import InputError
 from wbc.core.robot import GRAVITY
-from wbc.walking.stepping.law import Constants
-from wbc.walking.stepping.settings import Scale, SteppingSettings, in_si
+from wbc.walking.stepping.law import SteppingConstants
+from wbc.walking.stepping.settings import RobotSize, SteppingSettings, in_si
 
-SCALE = Scale(height=0.6, leg=0.62, mass=33.0, sole=(0.105, 0.03), ankle=0.03)
+SCALE = RobotSize(height=0.6, leg=0.62, mass=33.0, sole=(0.105, 0.03), ankle=0.03)
 
 
 def test_lengths_times_and_forces_are_those_of_the_robot() -> None:
@@ -32,7 +32,7 @@ def test_lengths_times_and_forces_are_those_of_the_robot() -> None:
     assert si.acceleration == pytest.approx(0.02 * GRAVITY)
     assert si.bend == pytest.approx(0.2 * 0.62)
     assert si.friction == 0.4, "ratios stay"
-    law, given = in_si(Constants(), SCALE), Constants()
+    law, given = in_si(SteppingConstants(), SCALE), SteppingConstants()
     assert law.haste == pytest.approx(given.haste * omega) and law.apex == given.apex
     assert law.carrying == pytest.approx(given.carrying * 0.03)
     assert law.box == pytest.approx((given.box[0] * 0.21, given.box[1] * 0.06))
@@ -61,7 +61,7 @@ def test_steps_that_cannot_be_walked_are_refused_by_name(changes: dict[str, floa
 def test_the_size_of_a_robot_is_measured_and_its_state_stays(name: str) -> None:
     robot = make_robot(name)
     q, com = robot.q.copy(), np.array(robot.com)
-    scale = Scale.of(robot, 0.162)
+    scale = RobotSize.of(robot, 0.162)
     np.testing.assert_array_equal(robot.q, q)
     np.testing.assert_array_equal(robot.com, com)
     assert scale.mass == pytest.approx(robot.mass)
@@ -69,9 +69,9 @@ def test_the_size_of_a_robot_is_measured_and_its_state_stays(name: str) -> None:
     assert scale.sole == pytest.approx((0.5 * robot.soles[0].length, 0.5 * robot.soles[0].width))
     assert 0.5 < scale.leg / scale.height < 1.5
     assert scale.omega == pytest.approx(np.sqrt(GRAVITY / scale.height))
-    lower = Scale.of(robot, 0.262)
+    lower = RobotSize.of(robot, 0.262)
     assert scale.height - lower.height == pytest.approx(0.1 * scale.leg)
-    assert Scale.of(robot, 0.162, 0.5).height == 0.5
+    assert RobotSize.of(robot, 0.162, 0.5).height == 0.5
 
 
 @pytest.mark.parametrize("count", [1, 3])
@@ -79,4 +79,4 @@ def test_a_robot_without_two_soles_needs_two_feet(count: int) -> None:
     robot = make_robot("g1")
     robot.soles = (robot.soles * 2)[:count]
     with pytest.raises(InputError, match="two feet"):
-        Scale.of(robot, 0.162)
+        RobotSize.of(robot, 0.162)

@@ -9,15 +9,15 @@ import numpy as np
 import pytest
 
 import wbc
-from wbc.walking.stepping.law import Constants as LawConstants
-from wbc.walking.stepping.settings import Scale, SteppingSettings, in_si
-from wbc.walking.stepping.steering import Constants, Steering, Steps
+from wbc.walking.stepping.law import SteppingConstants
+from wbc.walking.stepping.settings import RobotSize, SteppingSettings, in_si
+from wbc.walking.stepping.steering import Steering, SteeringConstants, StepVelocity
 
 DT = 0.002
 
 
-SIZE = Scale.of(wbc.load_robot("g1").robot(), SteppingSettings().bend)
-BRISK = in_si(LawConstants(), SIZE).brisk
+SIZE = RobotSize.of(wbc.load_robot("g1").robot(), SteppingSettings().bend)
+BRISK = in_si(SteppingConstants(), SIZE).brisk
 
 
 @pytest.fixture(scope="module")
@@ -46,7 +46,7 @@ def turned(point: tuple[float, float], angle: float) -> tuple[float, float]:
     return c * point[0] - s * point[1], s * point[0] + c * point[1]
 
 
-def drive(steering: Steering, yaw: float, side: float) -> list[Steps]:
+def drive(steering: Steering, yaw: float, side: float) -> list[StepVelocity]:
     """Steps of a robot that is slower than them and sways to a side first, in a world turned by an angle."""
     place, steps, speed, seconds = (0.0, 0.0), [], (0.0, 0.0), 3.0
     for tick in range(round(seconds / DT)):
@@ -78,7 +78,7 @@ def test_a_turned_and_a_mirrored_world_are_steered_as_this_one(
 
 def test_the_velocity_to_a_goal(settings: SteppingSettings) -> None:
     """Far away along the way to it, slower the more it has to turn; near it every part in the time to a goal."""
-    s, c, steering = settings, in_si(Constants(), SIZE), steered(settings, 3.0)
+    s, c, steering = settings, in_si(SteeringConstants(), SIZE), steered(settings, 3.0)
     steering.go_to(-4.0, -0.3, 0.0)
     off = math.pi - 3.0 + math.atan2(0.3, 4.0)
     expected = (s.cruise * math.cos(off) ** 4, 0.0, off / c.goal_time)
@@ -104,7 +104,7 @@ def test_the_velocity_to_a_goal(settings: SteppingSettings) -> None:
 def test_steps_lead_back_to_the_path_and_make_up_for_what_the_robot_falls_short(
     settings: SteppingSettings,
 ) -> None:
-    s, c, steering = settings, in_si(Constants(), SIZE), steered(replace(settings, fastest=9.0))
+    s, c, steering = settings, in_si(SteeringConstants(), SIZE), steered(replace(settings, fastest=9.0))
     steering.rest((0.0, 0.0))
     steering.command((0.2, 0.0, 0.0))
     ramp = [steering.update((0.0, 0.0), (0.2, 0.0)).velocity[0] for _ in range(5)]

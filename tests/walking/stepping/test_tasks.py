@@ -13,10 +13,10 @@ from wbc.core.qp.controller import Controller
 from wbc.core.robot import GRAVITY
 from wbc.tasks.stabilizer.lean import LeanMotion
 from wbc.walking.body import Twist
-from wbc.walking.contact import Phase
+from wbc.walking.contact import GaitPhase
 from wbc.walking.source import Reference
 from wbc.walking.stepping.gait import BodyState, SteppingGait
-from wbc.walking.stepping.settings import Scale, SteppingSettings
+from wbc.walking.stepping.settings import RobotSize, SteppingSettings
 from wbc.walking.stepping.tasks import stepping_tasks
 from wbc.walking.tasks import WalkTasks
 
@@ -29,7 +29,7 @@ MOST = 1.4 * WEIGHT
 def standing() -> tuple[Controller, WalkTasks, Reference]:
     """Controller and tasks of a robot that stands, and the reference of its stand."""
     robot = make_robot("g1")
-    scale = Scale.of(robot, 0.162, float(robot.com[2]))  # as high as it stands
+    scale = RobotSize.of(robot, 0.162, float(robot.com[2]))  # as high as it stands
     gait = SteppingGait(SteppingSettings(), scale, 0.0, DT)
     controller = Controller(robot, DT)
     tasks = stepping_tasks(controller, gait.settings.friction, gait.constants, scale)
@@ -56,15 +56,15 @@ STATES: dict[str, tuple[tuple[bool, bool], tuple[float, float], int, int | None]
 def test_any_state_of_the_feet_may_follow_any_other() -> None:
     """A foot that has given up its load, and must carry at once, can."""
     controller, tasks, reference = standing()
-    turn = Scale.of(ROBOT, 0.162, float(ROBOT.com[2])).height ** 2
+    turn = RobotSize.of(ROBOT, 0.162, float(ROBOT.com[2])).height ** 2
     for name in itertools.chain(*itertools.permutations(STATES, 2)):
         changed, state = reference, STATES[name]
         if state is not None:
             contact, most, stance, swing = state
             changed = reference._replace(
-                contact=contact, phase=Phase.SINGLE, stance=stance, swing=swing, most_force=most
+                contact=contact, phase=GaitPhase.SINGLE, stance=stance, swing=swing, most_force=most
             )
-        balanced = changed.phase is not Phase.SINGLE
+        balanced = changed.phase is not GaitPhase.SINGLE
         tasks.follow(changed)
         solution = controller.solve()
         assert solution.ok

@@ -79,20 +79,20 @@ class HandSettings:
     """Settings of hands that press on things.
 
     Attributes:
-        reach: Time in which a hand moves to the start of its approach, s.
+        reach_time: Time in which a hand moves to the start of its approach, s.
         length: From the frame of a hand to its tip, m.
         approach: Speed towards a surface, m/s.
         touch: Force above which the hand has touched the surface, N; of a light robot, its share.
         ramp: Time over which a force is built up, reduced or changed, s.
         lag: Delay T of force sensor and servos together, s; the admittance is 1 / (4 T K).
         edge: Ratio of the distance to the edge of the soles that the ZMP of the feet moves for planned forces before
-            the CoM does: less lean, and less margin against disturbances.
+            the CoM does: less shift, and less margin against disturbances.
         help: Ratio of the moment missing at the feet that pressing hands take over; 0 leaves it to the trunk.
         share: Ratio of an arm's torque limits, beside its weight, that a force may use.
         margin: Distance of the DCM from the edge of the soles that must be left when a force is lost suddenly, m.
     """
 
-    reach: Annotated[Positive, "s"] = 3.0
+    reach_time: Annotated[Positive, "s"] = 3.0
     length: Annotated[NonNegative, "m"] = 0.14
     approach: Annotated[Positive, "m/s"] = 0.05
     touch: Annotated[Positive, "N"] = 4.0
@@ -320,7 +320,7 @@ class Hand:
         The displacement along the direction of approach comes first where it leads away from the surface, and last
         where it leads towards it, so that the hand does not brush along it.
         """
-        duration = self._settings.reach
+        duration = self._settings.reach_time
         self._elapsed = min(self._elapsed + dt, duration)
         along = float(self._path @ self.direction)
         early, late = (quintic_part(self._elapsed, duration, *span) for span in ((0.0, 0.6), (0.4, 1.0)))

@@ -30,7 +30,7 @@ from wbc.core.robot import GRAVITY, Robot
 from wbc.core.signals import Measurement
 from wbc.tasks.stabilizer.pendulum import Pendulum
 from wbc.tasks.stabilizer.zmp import zmp_offset
-from wbc.walking.contact import Phase
+from wbc.walking.contact import GaitPhase
 from wbc.walking.hands.hand import Hand, HandSettings, HandState
 from wbc.walking.hands.motion import Follower, MovingFrame
 from wbc.walking.hands.reaching import Arms
@@ -46,7 +46,7 @@ the ZMP. The servos of the arms get the same low-passed force as feed-forward.""
 
 RELAX = 0.1
 """Ratio of the forces on them to which hands that grip yield while the robot stands: forces that remain when a walk
-ends decay within about a second, as slowly as the CoM follows them, so that the next walk begins without a lean."""
+ends decay within about a second, as slowly as the CoM follows them, so that the next walk begins upright."""
 
 HELP_TIME = 0.02
 """Time constant with which hands take over a moment that the feet cannot give, s."""
@@ -327,7 +327,7 @@ class Hands:
         [force; moment] is at the world origin, shape (6,), N and Nm; `reference` is that of the walk without hands.
         """
         self._measurement = measurement
-        rests = reference.phase is Phase.STANDING
+        rests = reference.phase is GaitPhase.STANDING
         self._turn.update(measurement.angular_velocity, self._imu.rotation[2], rests, dt)
         if not rests:
             self.slip = math.remainder(self._turn.angle - (self._yaw - self._start_yaw), math.tau)
@@ -370,8 +370,8 @@ class Hands:
         self._yield(rests)
         self.outside += quick * (felt + pulled - self.outside)
         self._slow += slow * (pulled - self._slow)
-        lean = self._lean(-zmp_offset(planned + self._slow, zmp, self._weight), reference.heading)
-        self._shift.follow(lean - self._shift.value, dt)
+        goal = self._beyond_zmp(-zmp_offset(planned + self._slow, zmp, self._weight), reference.heading)
+        self._shift.follow(goal - self._shift.value, dt)
         moves = float(np.abs(self._shift.value).max() + np.abs(self._shift.velocity).max()) >= 1e-5
         self.active = pressing or moves or float(np.abs(self.outside[:3]).max()) > 0.1
         if not self.active:
@@ -411,7 +411,7 @@ class Hands:
         ahead, aside = abs(c * x + s * y) / size, abs(c * y - s * x) / size
         return min(self._edges[0] / max(ahead, ROUNDING), self._edges[1] / max(aside, ROUNDING))
 
-    def _lean(self, goal: Array, yaw: float) -> Array:
+    def _beyond_zmp(self, goal: Array, yaw: float) -> Array:
         """Return the shift of the CoM that remains once the ZMP of the feet has moved by `edge` of the distance."""
         size = math.hypot(goal[0], goal[1])
         if self.settings.edge == 0.0 or size < ROUNDING:

@@ -16,7 +16,7 @@ from typing import Annotated
 from wbc.core.errors import ROUNDING, InputError, non_negative, positive
 from wbc.core.robot import SIDES
 from wbc.core.settings import NonNegative, Positive, Share, settings
-from wbc.walking.contact import Event, Phase, Touch, touch_down
+from wbc.walking.contact import Event, GaitPhase, Touch, touch_down
 from wbc.walking.planning.footsteps import Footstep, FootstepPlan
 from wbc.walking.planning.gait import Gait
 from wbc.walking.planning.schedule import SupportPhase, schedule
@@ -67,7 +67,7 @@ class WalkPhases:
         self._schedule: tuple[FootstepPlan, tuple[SupportPhase, ...]] | None = None  # with its plan
         self.settings = settings or PhaseSettings()
         self.weight = positive("weight of the robot (N)", weight)
-        self.phase = Phase.STANDING
+        self.phase = GaitPhase.STANDING
         self.step = 0
         self.elapsed = 0.0
         self.duration = 0.0
@@ -78,7 +78,7 @@ class WalkPhases:
     @property
     def swing(self) -> str | None:
         """Side of the foot in the air; None on both feet."""
-        return self.plan.steps[self.step].side if self.phase is Phase.SINGLE else None
+        return self.plan.steps[self.step].side if self.phase is GaitPhase.SINGLE else None
 
     @property
     def stance(self) -> int:
@@ -94,7 +94,7 @@ class WalkPhases:
     @property
     def finished(self) -> bool:
         """True when the walk is over and the robot stands."""
-        return self.phase is Phase.STANDING and self.step >= len(self.plan)
+        return self.phase is GaitPhase.STANDING and self.step >= len(self.plan)
 
     @property
     def remaining(self) -> float:
@@ -108,28 +108,30 @@ class WalkPhases:
 
     @property
     def _waits(self) -> bool:
-        return self.phase is Phase.SINGLE or (self.phase is Phase.DOUBLE and self.step < len(self.plan))
+        return self.phase is GaitPhase.SINGLE or (
+            self.phase is GaitPhase.DOUBLE and self.step < len(self.plan)
+        )
 
     def supports(self) -> tuple[SupportPhase, ...]:
         """Return the schedule from now on."""
-        if self.step >= len(self.plan) > 0 and self.phase is Phase.STANDING:
+        if self.step >= len(self.plan) > 0 and self.phase is GaitPhase.STANDING:
             hold = self.settings.hold
             return (SupportPhase(hold, self.plan.final, self.step, hold),)
         if self._schedule is None or self._schedule[0] is not self.plan:
             self._schedule = self.plan, schedule(self.plan)
         whole = self._schedule[1]
-        if self.phase is Phase.STANDING:
+        if self.phase is GaitPhase.STANDING:
             return whole
-        index = 2 * self.step + (1 if self.phase is Phase.SINGLE else 0)
+        index = 2 * self.step + (1 if self.phase is GaitPhase.SINGLE else 0)
         now = whole[index]
         left = max(self.remaining, 1e-3)
         return (SupportPhase(left, now.feet, now.step, max(now.total, left)), *whole[index + 1 :])
 
     def start(self) -> Event:
         """Begin to walk; `InputError` if the robot walks already, or there is no step to take."""
-        if self.phase is not Phase.STANDING or self.step >= len(self.plan):
+        if self.phase is not GaitPhase.STANDING or self.step >= len(self.plan):
             raise InputError("a walk can only start from standing, with steps left to take")
-        self._enter(Phase.DOUBLE, self.plan.gait.full.initial_double_support)
+        self._enter(GaitPhase.DOUBLE, self.plan.gait.full.initial_double_support)
         return Event.STARTED
 
     def bear(self, weight: float) -> None:
@@ -141,10 +143,10 @@ class WalkPhases:
 
         The step that closes up is at the height of the last landing less one, m. Returns False if nothing has changed.
         """
-        if self.phase is Phase.STANDING or self._stopping:
+        if self.phase is GaitPhase.STANDING or self._stopping:
             return False
         self._stopping = True
-        last = self.step if self.phase is Phase.SINGLE else self.step - 1
+        last = self.step if self.phase is GaitPhase.SINGLE else self.step - 1
         self.plan = plan = self.plan.stopping_after(last)
         if len(plan) > last + 1:
             closing = plan.steps[-1]
@@ -163,11 +165,11 @@ class WalkPhases:
         feet = {"left": self.plan.left, "right": self.plan.right}
         for taken in self.plan.steps[: self.step]:
             feet[taken.side] = taken
-        begun = self.plan.steps[self.step : self.step + 1] if self.phase is Phase.SINGLE else ()
+        begun = self.plan.steps[self.step : self.step + 1] if self.phase is GaitPhase.SINGLE else ()
         gait = self.plan.gait if gait is None else gait
         self.plan = FootstepPlan(feet["left"], feet["right"], (*begun, *steps), gait)
         self.step, self._stopping = 0, False
-        if self.phase is not Phase.DOUBLE:
+        if self.phase is not GaitPhase.DOUBLE:
             return
         if waited and not steps:
             self.duration = self.elapsed + gait.full.final_double_support
@@ -176,20 +178,20 @@ class WalkPhases:
 
     def retime(self, remaining: float) -> None:
         """Let the present single support end after a time (s), to catch the pendulum."""
-        if self.phase is Phase.SINGLE:
+        if self.phase is GaitPhase.SINGLE:
             self.duration = self.elapsed + non_negative("remaining time of the swing (s)", remaining)
 
-    def land(self, step: Footstep, *, carry: bool = True) -> None:
+    def set_landing(self, step: Footstep, *, carry: bool = True) -> None:
         """Set the landing of the foot that swings, or has landed last; see `FootstepPlan.with_step`."""
-        index = self.step if self.phase is Phase.SINGLE else self.step - 1
+        index = self.step if self.phase is GaitPhase.SINGLE else self.step - 1
         self.plan = self.plan.with_step(index, step, carry=carry)
 
     def update(self, loads: Sequence[float], dt: float) -> tuple[Event, ...]:
         """Advance by one tick with the normal force on left and right foot, N; return its events."""
         self.elapsed += positive("control period (s)", dt)
-        if self.phase is Phase.SINGLE:
+        if self.phase is GaitPhase.SINGLE:
             return self._single(loads, dt)
-        if self.phase is Phase.DOUBLE:
+        if self.phase is GaitPhase.DOUBLE:
             return self._double(loads)
         return ()
 
@@ -216,23 +218,23 @@ class WalkPhases:
         self.completed += 1
         gait = self.plan.gait.full
         last = self.step >= len(self.plan)
-        self._enter(Phase.DOUBLE, credit + (gait.final_double_support if last else gait.double_support))
+        self._enter(GaitPhase.DOUBLE, credit + (gait.final_double_support if last else gait.double_support))
         return (event,)
 
     def _double(self, loads: Sequence[float]) -> tuple[Event, ...]:
         if self.elapsed < self.duration - ROUNDING:
             return ()
         if self.step >= len(self.plan):
-            self._enter(Phase.STANDING, 0.0)
+            self._enter(GaitPhase.STANDING, 0.0)
             return (Event.STOPPED,)
         s = self.settings
         leaving = SIDES.index(self.plan.steps[self.step].side)
         free = loads[leaving] <= s.lift_off * self.weight and loads[1 - leaving] >= s.stance * self.weight
         if not free and self.elapsed < self.duration + s.max_wait - ROUNDING:
             return ()
-        self._enter(Phase.SINGLE, self.plan.gait.full.single_support)
+        self._enter(GaitPhase.SINGLE, self.plan.gait.full.single_support)
         return (Event.LIFT_OFF if free else Event.FORCED_LIFT_OFF,)
 
-    def _enter(self, phase: Phase, duration: float) -> None:
+    def _enter(self, phase: GaitPhase, duration: float) -> None:
         self.phase, self.duration, self.elapsed = phase, duration, 0.0
         self._touch.lift()

@@ -17,7 +17,7 @@ from pydantic import Field
 from wbc.core.errors import finite_array, finite_scalar
 from wbc.core.robot import SIDES
 from wbc.core.settings import NonNegative, Positive, Share, settings
-from wbc.walking.contact import Phase
+from wbc.walking.contact import GaitPhase
 from wbc.walking.planning.footsteps import (
     CLOSED,
     Footstep,
@@ -102,13 +102,13 @@ class Standing(NamedTuple):
         """Return the feet of a walk as they stand now, with the gait of the plans that begin there."""
         plan, step = phases.plan, phases.step
         feet = {"left": plan.left, "right": plan.right}
-        swings = phases.phase is Phase.SINGLE
+        swings = phases.phase is GaitPhase.SINGLE
         for taken in plan.steps[: step + swings]:
             feet[taken.side] = taken
         first: str | None = None
         if swings:
             first = other(plan.steps[step].side)
-        elif phases.phase is Phase.DOUBLE and step < len(plan):
+        elif phases.phase is GaitPhase.DOUBLE and step < len(plan):
             first = plan.steps[step].side
         left, right = (replace(feet[side], pitch=0.0, roll=0.0) for side in SIDES)
         return cls(FootstepPlan(left, right, (), gait), first, phases.completed + swings, swings, time)

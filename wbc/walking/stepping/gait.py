@@ -21,24 +21,24 @@ from wbc.core.lag import lag_gain
 from wbc.core.robot import GRAVITY, SIDES
 from wbc.core.vectors import Rows, Vector
 from wbc.tasks.stabilizer.pendulum import Pendulum
-from wbc.walking.contact import Event, Phase, Touch, touch_down
+from wbc.walking.contact import Event, GaitPhase, Touch, touch_down
 from wbc.walking.ground import LAST_LOOK, GroundEstimate
 from wbc.walking.planning.footsteps import Footstep
 from wbc.walking.planning.gait import SwingShape
 from wbc.walking.source import Reference
 from wbc.walking.stepping.law import (
     SIDEWAYS,
-    Constants,
     Divergent,
     Orbit,
     Point,
+    SteppingConstants,
     divergent_component,
     landing_place,
     remaining_time,
     takes_over,
 )
-from wbc.walking.stepping.settings import Scale, SteppingSettings, in_si
-from wbc.walking.stepping.steering import Steering, Steps
+from wbc.walking.stepping.settings import RobotSize, SteppingSettings, in_si
+from wbc.walking.stepping.steering import Steering, StepVelocity
 from wbc.walking.swing import FootMotion, SwingFoot
 
 LOOKS = 4
@@ -82,24 +82,24 @@ class SteppingGait:
 
     Attributes:
         settings: Settings in SI units.
-        constants: Constants of the law in SI units.
+        constants: SteppingConstants of the law in SI units.
         scale: Size of the robot.
         steering: Velocity, goal and heading.
         ground: What is known of the ground; heights are those in the world.
         stance: Foot that carries, or carried last: 0 left, 1 right.
-        steps_done: Steps that have ended.
+        steps_done: StepVelocity that have ended.
         dcm: Divergent component of motion in the last tick, by the angular momentum about the contact.
     """
 
     dcm: Divergent
 
-    def __init__(self, settings: SteppingSettings, scale: Scale, heading: float, dt: float) -> None:
+    def __init__(self, settings: SteppingSettings, scale: RobotSize, heading: float, dt: float) -> None:
         """Stand, with settings in units of the robot's size, the heading (rad) and the control period (s).
 
         Raises `InputError` for steps that cannot be walked.
         """
         self.settings, self.scale, self._dt = settings.in_si(scale), scale, dt
-        self.constants = c = in_si(Constants(), scale)
+        self.constants = c = in_si(SteppingConstants(), scale)
         self.steering = Steering(self.settings, scale, c.brisk, heading, dt)
         self.ground = GroundEstimate(c.ground_share, 0.0, scale.leg / 3.0)
         self.steps_done = 0
@@ -241,7 +241,7 @@ class SteppingGait:
             # The ZMP beyond the DCM brings it back: p = ξ + k (ξ − middle).
             wanted = [xi + c.stand_gain * (xi - at) for xi, at in zip(dcm[:2], middle[:2], strict=True)]
             acceleration = [omega * omega * (x - p) for x, p in zip(state.com[:2], wanted, strict=True)]
-            phase, duration = Phase.STANDING, 0.0
+            phase, duration = GaitPhase.STANDING, 0.0
         else:
             share = min(1.0, self._elapsed / c.shift_time)
             rise = share * share * (3.0 - 2.0 * share)
@@ -255,7 +255,7 @@ class SteppingGait:
             for x, v, start, end in zip(state.com[:2], state.velocity[:2], self._from[:2], goal, strict=True):
                 way = end - start
                 acceleration.append(stiffness * (start + way * rise - x) + damping * (way * rise_speed - v))
-            phase, duration = Phase.DOUBLE, c.shift_time + c.rest
+            phase, duration = GaitPhase.DOUBLE, c.shift_time + c.rest
         return self._reference(
             state,
             dcm,
@@ -310,7 +310,7 @@ class SteppingGait:
             dcm,
             frames,
             events,
-            phase=Phase.SINGLE,
+            phase=GaitPhase.SINGLE,
             most_force=self._most_forces(state),
             height=(high + self._level, speed),
             duration=self._time,
@@ -318,7 +318,7 @@ class SteppingGait:
             landing=landing,
         )
 
-    def _orbit(self, dcm: Divergent, steps: Steps) -> Orbit:
+    def _orbit(self, dcm: Divergent, steps: StepVelocity) -> Orbit:
         """Return the orbit of the steps that are asked for."""
         s, side = self.settings, self._side
         # The feet of a robot that walks sideways come apart and together: so far apart that they do not touch.
@@ -326,7 +326,7 @@ class SteppingGait:
         return Orbit.of(steps.velocity, side, width, self.steering.step_time, self._pace, dcm.omega)
 
     def _decide(
-        self, state: BodyState, dcm: Divergent, frames: Frames, steps: Steps
+        self, state: BodyState, dcm: Divergent, frames: Frames, steps: StepVelocity
     ) -> tuple[SwingFoot, Footstep]:
         """Decide time and place of the step, and send the swing foot there."""
         s, c = self.settings, self.constants
@@ -411,7 +411,7 @@ class SteppingGait:
         else:
             self._carrying = _towards(self._carrying, self._centre_of_pressure(state, swing), self._cop_gain)
 
-    def _is_to_carry(self, dcm: Divergent, steps: Steps) -> bool:
+    def _is_to_carry(self, dcm: Divergent, steps: StepVelocity) -> bool:
         """Return True if the foot in contact is to carry: waiting does not help, or has lasted too long."""
         assert self._contact is not None
         if self._elapsed > self.settings.longest:
@@ -503,7 +503,7 @@ class SteppingGait:
         frames: Frames,
         events: tuple[Event, ...],
         *,
-        phase: Phase,
+        phase: GaitPhase,
         most_force: tuple[float, float],
         height: tuple[float, float],
         duration: float,

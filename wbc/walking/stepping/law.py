@@ -41,7 +41,7 @@ NEAR = 1e-3
 
 
 @dataclass(frozen=True, slots=True)
-class Constants:
+class SteppingConstants:
     """Constants of the law, in units of the robot; docs/stepping.md says what those are worth that were measured."""
 
     # Time and place.

@@ -21,7 +21,7 @@ from wbc.walking.planning.reach import carried_height
 
 
 @dataclasses.dataclass(frozen=True, slots=True)
-class Scale:
+class RobotSize:
     """Size of a robot, by which the settings are multiplied.
 
     Attributes:
@@ -49,7 +49,7 @@ class Scale:
         return self.mass * GRAVITY
 
     @staticmethod
-    def of(robot: Robot, bend: float, height: float | None = None) -> Scale:
+    def of(robot: Robot, bend: float, height: float | None = None) -> RobotSize:
         """Measure a robot with a left and a right sole; its state stays as it is.
 
         The CoM is at a height over the soles, m, else `bend`, in leg lengths, below its height on straight legs, or as
@@ -68,7 +68,7 @@ class Scale:
         heights = [float(at[2]) for at in joints]
         leg_length = max(heights) - min(heights)
         ankle = float(sole.actInv(data.oMi[legs[0][-1] + 2]).translation[0])
-        return Scale(
+        return RobotSize(
             height=max(com - bend * leg_length, carried_height(robot)) if height is None else height,
             leg=leg_length,
             mass=robot.mass,
@@ -122,7 +122,7 @@ class SteppingSettings:
     fastest_turn: Annotated[Positive, "ω"] = 0.15
     cruise: Annotated[Positive, "hω"] = 0.12
 
-    def in_si(self, scale: Scale) -> SteppingSettings:
+    def in_si(self, scale: RobotSize) -> SteppingSettings:
         """Return the settings of one robot in metres, seconds and newtons; ratios and angles stay.
 
         Steps that cannot be walked, shorter than a swing or within the other foot, are an `InputError`.
@@ -133,7 +133,7 @@ class SteppingSettings:
         self._check(si, scale)
         return si
 
-    def _check(self, si: SteppingSettings, scale: Scale) -> None:
+    def _check(self, si: SteppingSettings, scale: RobotSize) -> None:
         """Refuse steps that cannot be walked, by the settings in SI units."""
         if not si.shortest <= si.step_time <= si.longest:
             raise InputError(
@@ -153,7 +153,7 @@ class SteppingSettings:
             )
 
 
-def in_si(values: T, scale: Scale) -> T:
+def in_si(values: T, scale: RobotSize) -> T:
     """Return a dataclass of numbers in units of a robot, which its annotations name, in metres, seconds and newtons."""
     h, omega, (half_length, half_width) = scale.height, scale.omega, scale.sole
     units: dict[str, typing.Any] = {

@@ -10,12 +10,12 @@ from typing import Annotated, NamedTuple
 from wbc.walking.planning.sources import Velocity, checked_velocity
 from wbc.walking.source import VelocityLimits
 from wbc.walking.stepping.law import SIDEWAYS, Point, step_time
-from wbc.walking.stepping.settings import Scale, SteppingSettings, in_si
+from wbc.walking.stepping.settings import RobotSize, SteppingSettings, in_si
 
 
 @dataclass(frozen=True, slots=True)
-class Constants:
-    """Constants of the steering, in units of the robot."""
+class SteeringConstants:
+    """SteeringConstants of the steering, in units of the robot."""
 
     near: Annotated[float, "h"] = 0.8  # a goal within it is walked to without being faced: turns cost steps
     goal_time: Annotated[float, "1/ω"] = 4.0  # of the approach to a near goal, some two steps
@@ -28,7 +28,7 @@ class Constants:
     drift_speed: Annotated[float, "hω"] = 0.041
 
 
-class Steps(NamedTuple):
+class StepVelocity(NamedTuple):
     """Velocity of the next steps.
 
     Attributes:
@@ -55,13 +55,13 @@ class Steering:
     """
 
     def __init__(
-        self, settings: SteppingSettings, scale: Scale, brisk: float, heading: float, dt: float
+        self, settings: SteppingSettings, scale: RobotSize, brisk: float, heading: float, dt: float
     ) -> None:
         """Begin with a stand, with settings in SI units, a heading, rad, and the control period, s.
 
         Beyond the velocity `brisk`, m/s, steps take longer.
         """
-        self._s, self._c, self._brisk, self._dt = settings, in_si(Constants(), scale), brisk, dt
+        self._s, self._c, self._brisk, self._dt = settings, in_si(SteeringConstants(), scale), brisk, dt
         self.target: Velocity | None = None
         self.goal: tuple[float, float, float] | None = None
         self.heading = heading
@@ -106,7 +106,7 @@ class Steering:
         """Start again from a stand at a place, m."""
         self.velocity, self.turn, self._path, self._missing = (0.0, 0.0), 0.0, place, 0.0
 
-    def update(self, place: Point, speed: Point) -> Steps:
+    def update(self, place: Point, speed: Point) -> StepVelocity:
         """Return the velocity of the next steps, which changes by the acceleration at most.
 
         Place, m, and speed, m/s, are those of the centre of mass over the ground, in the world.
@@ -121,7 +121,7 @@ class Steering:
         self.heading += turn * dt
         held = self._held(place, turn)
         self._make_up(held, speed)
-        return Steps((held[0] + self._missing, held[1]), turn, self.pending)
+        return StepVelocity((held[0] + self._missing, held[1]), turn, self.pending)
 
     def _wanted(self, place: Point) -> Velocity:
         """Return the velocity that target or goal ask for, within the limits."""

@@ -10,9 +10,9 @@ from wbc.core.qp.controller import Controller
 from wbc.tasks.motion.com import CoMTask
 from wbc.tasks.motion.posture import PostureTask
 from wbc.tasks.options import GainOptions
-from wbc.walking.stepping.law import Constants
-from wbc.walking.stepping.settings import Scale
-from wbc.walking.tasks import Stance, WalkTasks
+from wbc.walking.stepping.law import SteppingConstants
+from wbc.walking.stepping.settings import RobotSize
+from wbc.walking.tasks import StanceContacts, WalkTasks
 
 # In units of the robot; costs are per (m/s²)², those of rotations per (h rad/s²)² with the height h of the CoM.
 COM = 10.0, 3.67, 3.46
@@ -38,7 +38,9 @@ FORCE, MOMENT = 1.1e-3, 2.0
 times half of the width of the sole."""
 
 
-def stepping_tasks(controller: Controller, friction: float, constants: Constants, scale: Scale) -> WalkTasks:
+def stepping_tasks(
+    controller: Controller, friction: float, constants: SteppingConstants, scale: RobotSize
+) -> WalkTasks:
     """Add all tasks, contacts and limits of a stepping walk; constants of the law are in SI units."""
     robot, omega, square, law = controller.robot, scale.omega, scale.omega**2, constants
     turn = scale.height**2  # from (h rad/s²)² to (rad/s²)²
@@ -57,7 +59,7 @@ def stepping_tasks(controller: Controller, friction: float, constants: Constants
         "stiffness": PELVIS[1] * square,
         "damping": PELVIS[2] * omega,
     }
-    stance = Stance(
+    stance = StanceContacts(
         held=_halves(HELD, HELD_TURN * turn),
         firm=_halves(HELD, STANDING_TURN * turn),
         yielding=YIELDING,

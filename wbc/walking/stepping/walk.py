@@ -7,12 +7,12 @@ from collections.abc import Sequence
 from wbc.core.control import State
 from wbc.core.robot import Robot
 from wbc.ground import KnownGround
-from wbc.walking.contact import Phase
+from wbc.walking.contact import GaitPhase
 from wbc.walking.planning.footsteps import heading
 from wbc.walking.planning.sources import Velocity
 from wbc.walking.source import Progress, Reference, ReferenceSource, VelocityLimits
 from wbc.walking.stepping.gait import BodyState, SteppingGait
-from wbc.walking.stepping.settings import Scale, SteppingSettings
+from wbc.walking.stepping.settings import RobotSize, SteppingSettings
 
 
 class SteppingWalk(ReferenceSource):
@@ -43,7 +43,7 @@ class SteppingWalk(ReferenceSource):
 
     def begin(self, towards: float) -> None:
         """Stand where the robot stands now, with a heading, rad; all steps and orders before are forgotten."""
-        scale = Scale.of(self._made_for, self._settings.bend, self._height)
+        scale = RobotSize.of(self._made_for, self._settings.bend, self._height)
         sight = None if self.ground is None else self.ground.sight
         self.com_height = scale.height
         self.gait = SteppingGait(self._settings, scale, towards, self._dt)
@@ -78,9 +78,9 @@ class SteppingWalk(ReferenceSource):
         """Return phase and steps now."""
         cycle = self.gait.settings.step_time
         if last is None:
-            return Progress(Phase.STANDING, None, self.gait.stance, 0, 0.0, 0.0, (), cycle)
+            return Progress(GaitPhase.STANDING, None, self.gait.stance, 0, 0.0, 0.0, (), cycle)
         stance, done = self.gait.stance, self.gait.steps_done
-        swing = 1 - stance if last.phase is Phase.SINGLE else None
+        swing = 1 - stance if last.phase is GaitPhase.SINGLE else None
         upcoming = () if last.landing is None else (last.landing,)
         return Progress(last.phase, swing, stance, done, last.elapsed, last.duration, upcoming, cycle)
 
