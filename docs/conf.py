@@ -6,6 +6,7 @@ import dataclasses
 import inspect
 import re
 import sys
+from collections.abc import Iterator
 from importlib import import_module
 from pathlib import Path
 from typing import Any
@@ -45,50 +46,57 @@ napoleon_numpy_docstring = False
 napoleon_use_ivar = True
 napoleon_preprocess_types = False
 
-TABLES = re.compile(r"^<!-- (settings of ([\w.]+)|commands|studies) -->$", re.MULTILINE)
-"""Comments in whose place a table is put: of a settings class, of all commands, of all studies."""
+TABLES = re.compile(r"^<!-- (?:settings of ([\w.]+)(?: as (\w+))?|commands|studies) -->$", re.MULTILINE)
+"""Comments in whose place tables are put: of a tree of settings, of all commands, of all studies."""
 
 PAPER = re.compile(r"\]\((\.\./examples/paper/README\.md)(?:#[\w-]+)?\)")
+
+SECTION = re.compile(r"(Args|Attributes|Raises|Returns|Yields|Source):.*")
 
 
 def fill_tables(app: Sphinx, docname: str, source: list[str]) -> None:
     """Put tables in the place of comments, made from the code, so that nothing is written twice."""
-    text = TABLES.sub(lambda match: _table(match[1], match[2]), source[0])
+    text = TABLES.sub(_tables, source[0])
     source[0] = PAPER.sub(r"](path:\1)", text)  # which is no page of these
 
 
-def _table(what: str, settings: str | None) -> str:
-    if settings is not None:
-        return _settings_table(settings)
-    if what == "studies":
+def _tables(match: re.Match[str]) -> str:
+    if match[1] is not None:
+        module, _, kind = match[1].rpartition(".")
+        return "\n".join(_settings(getattr(import_module(module), kind), match[2] or ""))
+    if "studies" in match[0]:
         from wbc.app.commands.study.show import study_facts  # noqa: PLC0415 - few pages need it
         from wbc.sim.studies.catalog import STUDIES  # noqa: PLC0415
 
-        facts = [(each["name"], each["trials"] or "", each["about"]) for each in map(study_facts, STUDIES)]
-        rows = [f"| `{name}` | {trials} | {about} |" for name, trials, about in facts]
-        return "\n".join(["| Study | Walks | Question |", "|---|---:|---|", *rows])
+        rows = [f"| `{each['name']}` | {each['about']} |" for each in map(study_facts, STUDIES)]
+        return "\n".join(["| Study | Question |", "|---|---|", *rows])
     from wbc.app.cli import make_app  # noqa: PLC0415
 
     text = make_app(None).generate_docs(heading_level=2, flatten_commands=True)
-    found = re.search(r"^## wbc \w+$", text, re.MULTILINE)  # before it: a list that the margin has, too
-    assert found is not None
-    return str(text[found.start() :])
+    return str(text[text.index("\n## wbc ") :])  # before it: a list that the margin has, too
 
 
-def _settings_table(name: str) -> str:
-    module, _, kind = name.rpartition(".")
-    settings = getattr(import_module(module), kind)
+def _settings(kind: type, path: str) -> Iterator[str]:
+    """Tables of a tree of settings, one a class: names as `--set` takes them, defaults, meanings."""
     about = {
-        each.arg_name: each.description for each in docstring_parser.parse(inspect.getdoc(settings)).params
+        each.arg_name: " ".join((each.description or "").split())
+        for parent in reversed(kind.__mro__)
+        for each in docstring_parser.parse(inspect.cleandoc(parent.__doc__ or "")).params
     }
-    lines = [f"| `{kind}` | Default | |", "|---|---|---|"]
-    for field in dataclasses.fields(settings):
-        if field.name in about:  # others are inherited, and described there
-            text = " ".join((about[field.name] or "").split()).replace("|", "\\|").replace("*", "\\*")
-            made = field.default_factory is not dataclasses.MISSING
-            default = type(field.default_factory()).__name__ if made else _shown(field.default)
-            lines.append(f"| `{field.name}` | {default} | {text} |")
-    return "\n".join(lines)
+    values, trees = [], []
+    for field in dataclasses.fields(kind):
+        made = field.default_factory
+        default = field.default if made is dataclasses.MISSING else made()
+        name = f"{path}.{field.name}".lstrip(".")
+        if dataclasses.is_dataclass(default):
+            trees.append((type(default), name))
+        elif field.name in about:
+            text = re.sub(r"([|*])", r"\\\1", about[field.name])
+            values.append(f"| `{name}` | {_shown(default)} | {text} |")
+    if values:
+        yield from (f"\n### {kind.__name__}\n", "| | Default | |", "|---|---|---|", *values)
+    for each, name in trees:
+        yield from _settings(each, name)
 
 
 def _shown(default: Any) -> str:
@@ -96,32 +104,22 @@ def _shown(default: Any) -> str:
         return ", ".join(map(_shown, default))
     if isinstance(default, float):
         return f"{default:g}"
-    return "–" if default is None else str(default)
+    return "–" if default in (None, dataclasses.MISSING) else str(default)
 
 
 def mark_blocks(app: Sphinx, what: str, name: str, obj: Any, options: Any, lines: list[str]) -> None:
     """Mark indented blocks as literal, before Google sections are read, and escape what is not reStructuredText."""
     out: list[str] = []
-    section = False
-    for i, line in enumerate(lines):
-        fresh = i == 0 or not lines[i - 1].strip()
+    section = block = False
+    for before, line in zip(["", *lines], lines, strict=False):
         if line and not line.startswith(" "):
-            section = bool(re.fullmatch(r"(Args|Attributes|Raises|Returns|Yields|Source):.*", line))
-        if line.startswith("    ") and fresh and not section and not (out and _in_block(out)):
+            section, block = bool(SECTION.fullmatch(line)), False
+        elif line.startswith("    ") and not (before.strip() or section or block):
             out += ["::", ""]
+            block = True
         literal = line.startswith(" ") and not section
         out.append(line if literal else re.sub(r"(?<![\w*`])\*(?=\w)|\|", r"\\\g<0>", line))
     lines[:] = out
-
-
-def _in_block(lines: list[str]) -> bool:
-    """Return True if the last line that is not blank belongs to an indented block."""
-    return next((line.startswith("    ") for line in reversed(lines) if line.strip()), False)
-
-
-def escape_types(app: Sphinx, what: str, name: str, obj: Any, options: Any, lines: list[str]) -> None:
-    """Keep types such as `np.str_`, which Google sections have been given, from being references."""
-    lines[:] = [re.sub(r"_(?=\W|$)", r"\\_", line) if line.startswith(":vartype") else line for line in lines]
 
 
 def skip_described(app: Sphinx, what: str, name: str, obj: Any, skip: bool, options: Any) -> bool | None:
@@ -134,6 +132,5 @@ def setup(app: Sphinx) -> dict[str, Any]:
     """Connect everything."""
     app.connect("source-read", fill_tables)
     app.connect("autodoc-process-docstring", mark_blocks, priority=400)
-    app.connect("autodoc-process-docstring", escape_types, priority=600)
     app.connect("autodoc-skip-member", skip_described)
     return {"parallel_read_safe": True, "parallel_write_safe": True}

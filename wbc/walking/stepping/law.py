@@ -42,7 +42,7 @@ NEAR = 1e-3
 
 @dataclass(frozen=True, slots=True)
 class SteppingConstants:
-    """Constants of the law, in units of the robot; docs/stepping.md says what those are worth that were measured."""
+    """Constants of the law, in units of the robot; docs/measured.md has what parts of it are worth."""
 
     # Time and place.
     brisk: Annotated[float, "hω"] = 0.23  # velocity about which steps begin to take longer: hips lack torque
