@@ -140,9 +140,9 @@ def test_logs_that_cannot_be_replayed_are_refused(tmp_path: Path) -> None:
     with pytest.raises(InputError):
         Replay(empty)
     other = recorded_stand(tmp_path / "c.arrow")
-    foot = {"foot": {"$class": "nowhere.at.all:Foot"}}
+    foot = {"foot": {"name": "sotf", "parameters": {}}}
     other.header = dict(other.header) | {"plant": other.header["plant"] | foot}
-    with pytest.raises(InputError, match=r"nowhere\.at\.all"):
+    with pytest.raises(InputError, match="sotf"):
         Replay(other)
     soft = recorded_stand(tmp_path / "d.arrow")
     soft.header = dict(soft.header) | {"plant": Log.open(recorded_walk()).header["plant"]}

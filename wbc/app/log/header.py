@@ -7,10 +7,10 @@ created         date and time (UTC)
 title, seed     of the run
 control_period  s; null for a controller of one's own
 robot           name, mass_kg, soles (name, length_m, width_m), torque_limit_Nm (joint → limit)
-spec            the specification of the run: its `to_json()`, else as `wbc.app.log.plain` writes dataclasses; null if
-                there was none
-plant           parts of the plant, likewise: description, foot, terrain, physics, scene; null without a plant
-description     the robot of another loop, likewise; null with a plant, or if only its model is known
+spec            the specification of the run as plain values; null if there was none
+plant           parts of the plant: description, foot (name, parameters), terrain (family, parameters, track), physics,
+                noise, scene; null without a plant
+description     the robot of another loop; null with a plant, or if only its model is known
 """
 
 from __future__ import annotations
@@ -22,10 +22,16 @@ from importlib import metadata
 from typing import Any
 
 from wbc._version import __version__
-from wbc.app.log.plain import to_plain
 from wbc.app.log.signals import Tick
-from wbc.core.errors import InputError
+from wbc.core.errors import InputError, unknown_name
+from wbc.core.settings import from_json, to_json
+from wbc.feet.soles.catalog import foot, foot_name
+from wbc.robots import RobotDescription
 from wbc.sim import Plant
+from wbc.sim.plant.settings import PhysicsSettings
+from wbc.sim.terrain.families.base import terrain_families
+from wbc.sim.terrain.families.image import GreyMap
+from wbc.sim.terrain.spec import Terrain
 
 FORMAT = 1
 """Format of the logs that this version writes; a new number when older readers would misread them."""
@@ -55,15 +61,15 @@ def make_header(tick: Tick, spec: Any = None, title: str = "", seed: int | None 
             "soles": [{"name": s.name, "length_m": s.length, "width_m": s.width} for s in robot.soles],
             "torque_limit_Nm": dict(zip(robot.joint_names, robot.torque_limit.tolist(), strict=True)),
         },
-        "spec": spec.to_json() if hasattr(spec, "to_json") else to_plain(spec),
+        "spec": spec.to_json() if hasattr(spec, "to_json") else to_json(spec),
         "plant": None if plant is None else _plant_parts(plant),
-        "description": to_plain(tick.description if plant is None else None),
+        "description": to_json(tick.description if plant is None else None),
     }
 
 
 def encode(header: dict[str, Any]) -> bytes:
     """Return the header as bytes."""
-    return json.dumps(header, allow_nan=False).encode()
+    return json.dumps(header, default=repr).encode()
 
 
 def decode(where: str, stored: dict[bytes, bytes] | None) -> dict[str, Any]:
@@ -84,16 +90,43 @@ def decode(where: str, stored: dict[bytes, bytes] | None) -> dict[str, Any]:
 
 
 def _plant_parts(plant: Plant) -> dict[str, Any]:
+    ground = to_json(plant.terrain)
+    if isinstance(source := ground["parameters"].get("source"), dict):
+        ground["parameters"]["source"] = GreyMap(**source).array.tolist()
     return {
-        "description": to_plain(plant.description),
-        "foot": to_plain(plant.foot),
-        "terrain": to_plain(plant.terrain),
-        "physics": to_plain(plant.physics),
-        "noise": to_plain(plant.noise),
+        "description": to_json(plant.description),
+        "foot": {"name": foot_name(plant.foot), "parameters": to_json(plant.foot)},
+        "terrain": {"family": plant.terrain.name, **ground},
+        "physics": to_json(plant.physics),
+        "noise": to_json(plant.noise),
         "timestep": plant.timestep,
         "scene": plant.scene,
         "start": plant.start.tolist(),
     }
+
+
+def read_description(plain: Any) -> RobotDescription:
+    """Return the robot that a header describes."""
+    return from_json(RobotDescription, plain)
+
+
+def read_plant(header: dict[str, Any]) -> Plant:
+    """Return the plant of a header, without sensor errors; feet and families of one's own must be registered."""
+    parts = header["plant"]
+    ground = dict(parts["terrain"])
+    name, families = ground.pop("family"), terrain_families()
+    family = families.get(name) or unknown_name("terrain", name, families)
+    return Plant(
+        read_description(parts["description"]),
+        foot=from_json(type(foot(parts["foot"]["name"])), parts["foot"]["parameters"]),
+        terrain=Terrain(**ground | {"parameters": from_json(family, ground["parameters"])}),
+        physics=from_json(PhysicsSettings, parts["physics"]),
+        timestep=float(parts["timestep"]),
+        control_period=float(header["control_period"]),
+        seed=int(header.get("seed") or 0),
+        scene=parts.get("scene"),
+        initial_configuration=parts.get("start"),
+    )
 
 
 def versions() -> dict[str, str]:

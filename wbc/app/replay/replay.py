@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import mujoco
 import numpy as np
 
-from wbc.app.log.plain import from_plain
+from wbc.app.log.header import read_description, read_plant
 from wbc.app.log.reader import Log
 from wbc.app.log.sources import position_signal
 from wbc.app.log.stances import Drift
@@ -54,7 +53,7 @@ class Replay:
         self._described: DescribedStage | None = None
         with decoding(log.path, "log that can be replayed"):
             parts = log.header.get("plant")
-            self.plant = None if parts is None else _plant_of(log, parts)
+            self.plant = None if parts is None else read_plant(dict(log.header))
             if self.plant is not None:
                 plant = self.plant
                 self.model, self.data, self._q = plant.model, plant.data, _states_of_plant(log, plant)
@@ -159,7 +158,7 @@ def _robot_of_loop(log: Log) -> tuple[DescribedStage, Array]:
     """Return the robot of any other loop and its true configurations, or the estimated ones; shape (ticks, nq)."""
     if log.header.get("description") is None:
         raise InputError(f"{log.path} was recorded without a plant: there is nothing to show")
-    description = from_plain(log.header["description"])
+    description = read_description(log.header["description"])
     base, joints = "truth/base", "truth/joint/position"
     if f"{base}/position/x" not in log:
         base, joints = "base/estimated", "joint/position"
@@ -172,18 +171,3 @@ def _robot_of_loop(log: Log) -> tuple[DescribedStage, Array]:
 
 def _unit(quaternions: Array) -> Array:
     return np.asarray(quaternions / np.linalg.norm(quaternions, axis=1, keepdims=True))
-
-
-def _plant_of(log: Log, parts: dict[str, Any]) -> Plant:
-    """Return the plant of the header of a log, without sensor errors."""
-    return Plant(
-        from_plain(parts["description"]),
-        foot=from_plain(parts["foot"]),
-        terrain=from_plain(parts["terrain"]),
-        physics=from_plain(parts["physics"]),
-        timestep=float(parts["timestep"]),
-        control_period=float(log.header["control_period"]),
-        seed=int(log.header.get("seed") or 0),
-        scene=parts.get("scene"),
-        initial_configuration=parts.get("start"),
-    )
