@@ -23,7 +23,7 @@ from wbc.walking import FootstepPlan, Gait, WalkingControl, walk_distance
 
 pytest.importorskip("viser")
 
-from wbc.app.view.workbench import Workbench, cone_margin  # noqa: E402
+from wbc.app.view.workbench import Workbench  # noqa: E402
 
 
 def stand() -> tuple[wbc.Plant, wbc.PositionControl]:
@@ -100,16 +100,14 @@ def test_a_task_that_a_state_adds_has_a_folder_as_long_as_it_is_there() -> None:
         def folders() -> list[str]:
             view._next = view._widgets._spoken = -math.inf  # the next picture, and its texts, are due
             view.update()
-            return [thing.name for thing, *_ in view._made]
+            return [task.name for task in view._tasks]
 
-        before, shown = folders(), len(view._widgets.live)
-        assert before == [thing.name for thing in (*controller.tasks, *controller.contacts)]
+        before, gizmos = folders(), len(view._widgets.gizmos)
+        assert before == [task.name for task in controller.tasks]
         hand = controller.add(wbc.PositionTask("left_hand", name="hand"))
-        assert (
-            set(folders()) - set(before) == {"hand"} and len(view._widgets.live) == shown + 2
-        )  # gizmo and plots
+        assert set(folders()) - set(before) == {"hand"} and len(view._widgets.gizmos) == gizmos + 1
         controller.remove(hand)
-        assert folders() == before and len(view._widgets.live) == shown
+        assert folders() == before and len(view._widgets.gizmos) == gizmos
 
 
 @pytest.mark.parametrize(
@@ -139,18 +137,6 @@ def test_a_task_is_switched_off_and_on_with_its_weight() -> None:
     assert not com.weight.any()
     controls.apply({"do": "task", "task": "com", "on": True})
     assert com.weight == pytest.approx(weight)
-
-
-def test_the_margin_to_a_cone_is_one_on_its_axis_and_zero_on_its_edge() -> None:
-    _, control = stand()
-    contact = control.controller.contacts[0]
-    axis = np.zeros(6)
-    axis[2] = 100.0
-    slides = axis + np.array([100.0 * contact.friction, 0.0, 0.0, 0.0, 0.0, 0.0])
-    assert cone_margin(contact, axis) == pytest.approx(1.0)
-    assert cone_margin(contact, slides) == pytest.approx(0.0)
-    assert cone_margin(contact, 0.5 * (axis + slides)) == pytest.approx(0.5)
-    assert math.isnan(cone_margin(contact, np.zeros(6)))
 
 
 # ---- the page -------------------------------------------------------------------------------------------------------

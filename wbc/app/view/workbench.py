@@ -1,7 +1,6 @@
 """Workbench: a live view whose page changes the run: drive, push, gains, tasks, targets, pause, restart.
 
-It needs viser (`pip install -e ".[workbench]"`). Folders are closed and plots are off until somebody asks for them, so
-that nothing is computed for a page that nobody looks at.
+It needs viser (`pip install -e ".[workbench]"`). Values over time are looked at in the log (`wbc plot`, Rerun).
 """
 
 from __future__ import annotations
@@ -23,10 +22,8 @@ from wbc.app.view.controls import DIRECTIONS, LiveControls
 from wbc.app.view.marks import Picture, legend
 from wbc.app.view.stage import SimulatedStage
 from wbc.app.view.viser_page import ViserPage, legend_html, start_server, stop_server
-from wbc.app.view.widgets import PLOT_PERIOD, PLOT_TIME, Widgets, round_up, when
-from wbc.core.errors import Array, InputError, finite_array, finite_scalar
-from wbc.core.qp.contact import Contact
-from wbc.core.qp.solution import Solution
+from wbc.app.view.widgets import Gizmo, Widgets, round_up, when
+from wbc.core.errors import Array, InputError, finite_scalar
 from wbc.core.qp.task import Task
 from wbc.robots import RobotDescription
 from wbc.sim.plant.robot import SimulatedRobot
@@ -63,7 +60,7 @@ ValueT = TypeVar("ValueT")
 
 @dataclass
 class Setting(Generic[ValueT]):
-    """Setting of a slider or gizmo of a program.
+    """Setting of a slider of a program.
 
     Attributes:
         value: Value at the present tick.
@@ -75,9 +72,8 @@ class Setting(Generic[ValueT]):
 class Workbench(View):
     """A live view with controls of everything that the run has: see `View` for what it shows.
 
-    Each task has a folder: gizmo on its target, weight, gains, on or off, error and residual as plots. Each contact
-    shows its force and margin to its cone, limits how often they act. Ctrl and the mouse pull at a link; a robot that
-    is steered is driven by sliders or keys. A program of one's own adds buttons, sliders, plots and gizmos.
+    Each task has a folder: gizmo on its target, weight, gains, on or off. Ctrl and the mouse pull at a link; a robot
+    that is steered is driven by sliders or keys. A program of one's own adds buttons and sliders.
     Orders are carried out at ticks and kept in `interventions`; `repeat` carries them out again. Whoever reaches the
     page, on this machine, changes the run.
 
@@ -131,8 +127,8 @@ class Workbench(View):
         self._pace.restart()
         self._said: tuple[str, ...] = ()
         self._meanings: dict[str, Any] = {}
-        self._rooms: dict[type, Any] = {}  # folders of all tasks and of all contacts
-        self._made: list[tuple[Any, Any, list[Any]]] = []  # task or contact, its folder, what it shows live
+        self._task_room: Any = None  # folder of all tasks
+        self._tasks: list[Task] = []  # that it shows
         with server.atomic():
             self._page = ViserPage(server, stage, None if robot is None else self._pull)
             self._fill(self._program)
@@ -244,59 +240,6 @@ class Workbench(View):
             self._widgets.slider(label, low, high, value, "", {"do": "own", "name": name})
         return setting
 
-    def plot(self, name: str, function: Callable[[], Any], unit: str = "") -> None:
-        """Add a plot over the last seconds.
-
-        Args:
-            name: Title.
-            function: Called with each picture, at most ten times a second; returns a number or a few.
-            unit: Unit for the title.
-
-        Raises:
-            InputError: Not a function.
-        """
-        if not callable(function):
-            raise InputError(f"plot '{name}' needs a function, got {function!r}")
-        with self._folder():
-            self._widgets.plot(lambda: True, {f"{name} ({unit})" if unit else name: function})
-
-    def gizmo(
-        self,
-        thing: Task | str,
-        place: pin.SE3 | None = None,
-        call: Callable[[pin.SE3], object] | None = None,
-    ) -> Setting[pin.SE3] | None:
-        """Show a gizmo on the target of a task, or a free one of which the setting is returned.
-
-        Args:
-            thing: A task with a point, orientation or pose as its target; or the name of a free gizmo.
-            place: Place of a free gizmo at the start, in the world; the origin when None.
-            call: Called with the place at the tick after a free gizmo has moved.
-
-        Raises:
-            InputError: A task of another controller, one whose target another part sets or is none of these; a name
-                that is taken.
-        """
-        if isinstance(thing, Task):
-            self.controls.check_task(thing)
-            if not _has_place(thing):
-                raise InputError(f"task '{thing.name}' has no point, orientation or pose as its target")
-            self._task_gizmo(thing, lambda: True)
-            return None
-        setting = Setting(pin.SE3.Identity() if place is None else pin.SE3(place))
-
-        def take(given: Any) -> None:
-            setting.value = pin.XYZQUATToSE3(finite_array(f"place of gizmo '{thing}' (m, xyzw)", given, (7,)))
-            if call is not None:
-                call(setting.value)
-
-        def order(place: pin.SE3) -> dict[str, Any]:
-            return {"do": "own", "name": thing, "value": pin.SE3ToXYZQUAT(place).tolist()}
-
-        self._add_own(thing, take, call)
-        self._widgets.gizmo(thing, self._gizmo_size, lambda: setting.value, order, lambda: True)
-        return setting
-
     def _add_own(self, name: str, take: Callable[[Any], object], call: object) -> None:
         if call is not None and not callable(call):
             raise InputError(f"control '{name}' needs a function, got {call!r}")
@@ -316,7 +259,7 @@ class Workbench(View):
         self._page.draw(picture)
         self._said = (f"**{picture.time:.2f} s**", *picture.text)
         self._meanings |= legend([picture])
-        if self._widgets.show(picture.time):
+        if self._widgets.show():
             self._match()
 
     def _status(self) -> str:
@@ -366,38 +309,24 @@ class Workbench(View):
                     "each foot takes it in its next swing",
                 )
                 self._widgets.slider("stiffness (Nm/rad)", low, high, value, hint, {"do": "stiffness"})
-        controller = self.controls.controller
-        if controller is None:
-            return
-        self._rooms = {
-            kind: gui.add_folder(name, expand_by_default=False)
-            for kind, name in ((Task, "tasks"), (Contact, "contacts"))
-        }
-        with gui.add_folder("limits", expand_by_default=False):
-            self._limits()
         self._match()
 
     def _match(self) -> None:
-        """Make the folders of tasks and contacts that have come, as with a state, and remove those of what has gone."""
-        controller = self.controls.controller
-        present: list[Any] = [] if controller is None else [*controller.tasks, *controller.contacts]
-        for thing, folder, live in [made for made in self._made if made[0] not in present]:
-            self._made.remove((thing, folder, live))
-            for show in live:
-                show(math.nan)  # takes its plots and gizmo away
-                self._widgets.live.remove(show)
-            folder.remove()
-        for thing in present:
-            if thing not in [made[0] for made in self._made]:
-                before, task = len(self._widgets.live), isinstance(thing, Task)
-                with self._rooms[Task if task else Contact]:
-                    folder = self._task_folder(thing) if task else self._contact_folder(thing)
-                self._made.append((thing, folder, self._widgets.live[before:]))
-
-    def _there(self, thing: object) -> bool:
-        """Return true while the controller has a task or contact."""
-        controller = self.controls.controller
-        return controller is not None and thing in (*controller.tasks, *controller.contacts)
+        """Make the folders of the tasks anew when tasks have come or gone, as with a state of a program."""
+        controller, gui = self.controls.controller, self._server.gui
+        present = [] if controller is None else list(controller.tasks)
+        if present == self._tasks:
+            return
+        self._tasks = present
+        for gone in self._widgets.gizmos:
+            gone.remove()
+        self._widgets.gizmos.clear()
+        if self._task_room is not None:
+            self._task_room.remove()
+        self._task_room = gui.add_folder("tasks", expand_by_default=False)
+        with self._task_room:
+            for task in present:
+                self._task_folder(task)
 
     def _folder(self) -> Any:
         """Folder of the program's own controls."""
@@ -450,9 +379,9 @@ class Workbench(View):
             )
             gui.add_markdown("Ctrl and the mouse pull at a link.")
 
-    def _task_folder(self, task: Task) -> Any:
+    def _task_folder(self, task: Task) -> None:
         gui, name, order = self._server.gui, task.name, {"do": "task", "task": task.name}
-        with (folder := gui.add_folder(name, expand_by_default=False)):
+        with gui.add_folder(name, expand_by_default=False):
             if task.hard:
                 gui.add_markdown("hard: a constraint")
             else:
@@ -478,80 +407,10 @@ class Workbench(View):
             if task.held_by is not None:
                 gui.add_markdown(f"Target set at every tick: use {task.held_by}")
             elif _has_place(task):
-                shown = gui.add_checkbox("gizmo on the target", False)
-                self._task_gizmo(task, lambda: shown.value and self._there(task))
-            plotted = gui.add_checkbox("plots", False)
-            self._widgets.plot(
-                lambda: plotted.value and self._there(task),
-                {
-                    f"error ({task.unit})": lambda: float(np.linalg.norm(task.error)),
-                    f"residual ({task.residual_unit})": lambda: self._residual(name),
-                },
-            )
-        return folder
+                self._widgets.checkbox("gizmo on the target", False, self._task_gizmo(task).ask)
 
-    def _residual(self, task: str) -> float:
-        """Return the norm of a task's residual, NaN before the first tick."""
-        rows = None if self._solution is None else self._solution.residuals.get(task)
-        return math.nan if rows is None else float(np.linalg.norm(rows))
-
-    def _contact_folder(self, contact: Contact) -> Any:
-        gui = self._server.gui
-
-        def force() -> float:
-            wrench = self._wrench(contact)
-            return math.nan if wrench is None else float(wrench[contact.force_axis])
-
-        def margin() -> float:
-            wrench = self._wrench(contact)
-            return math.nan if wrench is None else cone_margin(contact, wrench)
-
-        with (folder := gui.add_folder(contact.name, expand_by_default=False)):
-            plotted = gui.add_checkbox("plots", False)
-            self._widgets.plot(
-                lambda: plotted.value and self._there(contact),
-                {"normal force (N)": force, "margin to the cone (1: none used, 0: on its edge)": margin},
-            )
-        return folder
-
-    def _wrench(self, contact: Contact) -> Array | None:
-        return None if self._solution is None else self._solution.wrenches.get(contact.name)
-
-    @property
-    def _solution(self) -> Solution | None:
-        return None if self.controls.controller is None else self.controls.controller.solution
-
-    def _limits(self) -> None:
-        asked = self._server.gui.add_checkbox("show", False)
-        seen: deque[tuple[str, ...]] = deque(maxlen=round(PLOT_TIME / PLOT_PERIOD))
-
-        def look(_: float) -> None:
-            if asked.value and self._solution is not None:
-                seen.append(tuple(dict.fromkeys(self._solution.active_limits)))
-
-        def text() -> str:
-            if not asked.value or not seen:
-                return ""
-            names = dict.fromkeys(name for each in seen for name in each)
-            rows = [(sum(name in each for each in seen) / len(seen), name) for name in names]
-            now = {*seen[-1]}
-            return "  \n".join(
-                [f"{len(now)} active now; share of the last pictures in which each was:"]
-                + [
-                    f"{'**' if name in now else ''}{share:.0%} {name}{'**' if name in now else ''}"
-                    for share, name in sorted(rows, reverse=True)
-                ]
-            )
-
-        self._widgets.live.append(look)
-        self._widgets.text(text)
-
-    @property
-    def _gizmo_size(self) -> float:
-        return 0.25 * self.stage.scale.height
-
-    def _task_gizmo(self, task: Any, asked: Callable[[], bool]) -> None:
-        """Show a gizmo on the target of a task while it is asked for."""
+    def _task_gizmo(self, task: Any) -> Gizmo:
+        """Return the gizmo on the target of a task, which is shown when it is asked for."""
         robot, whole = task.robot, isinstance(task.target, pin.SE3)
         turns = whole or np.shape(task.target) == (3, 3)
         moves = whole or not turns
@@ -568,7 +427,8 @@ class Workbench(View):
             value = pin.SE3ToXYZQUAT(place) if whole else place.rotation if turns else place.translation
             return {"do": "task", "task": task.name, "target": np.asarray(value).tolist()}
 
-        self._widgets.gizmo(task.name, self._gizmo_size, place, order, asked, turns=turns, moves=moves)
+        size = 0.25 * self.stage.scale.height
+        return self._widgets.gizmo(task.name, size, place, order, turns=turns, moves=moves)
 
 
 def program_text(program: Program) -> str:
@@ -582,21 +442,6 @@ def program_text(program: Program) -> str:
         if not isinstance(machine, StateMachine):
             break
     return "  \n".join([*lines, *(f"{t:.2f} s {path}: {how}" for t, path, how in program.history[-5:])])
-
-
-def cone_margin(contact: Contact, wrench: Array) -> float:
-    """Return the margin of a wrench, force variables of a contact (N and Nm), to its cone.
-
-    1 for a force along the normal through the centre, 0 on the edge of the cone, below outside of it; NaN without a
-    normal force.
-    """
-    normal = float(wrench[contact.force_axis])
-    if not normal > 1.0:
-        return math.nan
-    allowed = -contact.cone[:, contact.force_axis] * normal
-    used = contact.cone @ wrench + allowed
-    bounds = allowed > 0.0
-    return float(1.0 - (used[bounds] / allowed[bounds]).max())
 
 
 def _has_place(task: Any) -> bool:
