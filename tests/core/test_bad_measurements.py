@@ -5,7 +5,6 @@ from __future__ import annotations
 import logging
 from dataclasses import replace
 from functools import cache
-from typing import Any
 
 import numpy as np
 import pytest
@@ -83,23 +82,6 @@ def test_a_measurement_that_is_not_finite_is_refused_and_leaves_no_trace(
     assert struck.failures == 0 and struck.plausibility.refused == 1 and struck.status() == "ok"
     np.testing.assert_allclose(after[0].joint_torque, after[1].joint_torque, atol=1e-2)
     assert np.isfinite(struck.observer.robot.q).all()
-
-
-@pytest.mark.parametrize(
-    "bad",
-    [{"time": NAN}, {"time": INF}, {"specific_force": np.zeros(4)}, {"angular_velocity": np.zeros(2)}],
-    ids=str,
-)
-def test_a_measurement_without_time_or_of_another_shape_leaves_no_trace(
-    bad: dict[str, Any], caplog: pytest.LogCaptureFixture
-) -> None:
-    caplog.set_level(logging.CRITICAL)
-    control = PositionControl(controller())
-    control.command(at_rest(shared_robot(), 0.0))
-    control.command(replace(at_rest(shared_robot(), DT), **bad))
-    assert control.failures == 1
-    control.command(at_rest(shared_robot(), 2 * DT))
-    assert control.failures == 1 and np.isfinite(control.observer.robot.q).all()
 
 
 @pytest.mark.parametrize("mode", ["position", "torque"])

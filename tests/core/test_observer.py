@@ -10,7 +10,6 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from wbc.core.errors import InputError, MeasurementError
 from wbc.core.estimation.consistency import ConsistencyMonitor
 from wbc.core.estimation.observer import Observer, ObserverSettings
 from wbc.core.estimation.plausibility import Plausibility
@@ -419,18 +418,3 @@ def test_aligning_with_gravity_sets_roll_and_pitch() -> None:
     force = robot.placement("imu").rotation.T @ (GRAVITY * UP)
     observer.reset(specific_force=force)
     np.testing.assert_allclose(observer.robot.placement("base").rotation[2], truth[2], atol=1e-6)
-
-
-def test_bad_measurements_are_refused_and_change_nothing() -> None:
-    sensors, _, _ = sway(seconds=2.0)
-    observer = Observer(biped())
-    before = np.array(observer.update(sensors[0]).q)
-    with pytest.raises(MeasurementError, match="joint_position"):
-        observer.update(replace(sensors[1], joint_position=sensors[1].joint_position * np.nan))
-    with pytest.raises(MeasurementError, match="shape"):
-        observer.update(replace(sensors[1], sole_wrench=np.zeros((1, 6))))
-    with pytest.raises(MeasurementError, match="older"):
-        observer.update(replace(sensors[1], time=-1.0))
-    np.testing.assert_array_equal(observer.robot.q, before)
-    with pytest.raises(InputError, match="configuration"):
-        observer.reset(np.zeros(3))

@@ -154,23 +154,3 @@ def test_files_that_do_not_fit_are_refused(
     for file in (path, tmp_path / "none.json"):
         with pytest.raises(InputError, match="stiffness model"):
             StiffnessModel.load(file)
-
-
-def test_bad_input_is_refused(model: StiffnessModel) -> None:
-    for make, name in (
-        (lambda: model.predict(VALUES[:2]), "one profile"),
-        (lambda: model.predict(np.full(10, np.nan)), "finite"),
-        (lambda: model.predict(np.zeros(9)), "shape"),
-        (lambda: StiffnessModel.fit(VALUES[:9], BEST[:9]), "neighbours"),
-        (lambda: StiffnessModel.fit(VALUES, BEST[:-1]), "shape"),
-        (lambda: StiffnessModel.fit(VALUES, BEST + 80.0), "clusters"),
-        (lambda: Clusters((0.0, 4.0, 4.0)), "edges"),
-        (lambda: Clusters((-1.0, 0.0, 1.0)), "edges"),
-        (lambda: Clusters().of(81.0), "clusters"),
-        *(
-            (lambda n=names: FeatureSet(n), "feature|parameter")
-            for names in ((), ("Sp", "Sp"), ("Sp^x",), ("sqrt(Ssk)",), ("Spp",))
-        ),
-    ):
-        with pytest.raises(InputError, match=name):
-            make()

@@ -23,7 +23,7 @@ from wbc.tasks import (
     reached,
     speed_below,
 )
-from wbc.tasks.behaviours import BehaviourError, Scope
+from wbc.tasks.behaviours import Scope
 
 DT = 0.005
 
@@ -170,21 +170,6 @@ def test_falls_and_ticks_without_a_solution_are_outcomes() -> None:
     assert run(program) == "infeasible" and program.history[1][1:] == ("m/torn", "infeasible")
     step(program)
     assert controller.solve().ok  # what the state added is gone
-
-
-def test_an_exception_names_the_state_or_is_an_outcome() -> None:
-    controller = standing("hrp4_class", dt=DT)
-
-    def bad(now: Scope) -> None:
-        raise ValueError("no such thing")
-
-    broken = Behaviour("broken", bad, done=after(1.0))
-    program = Program(StateMachine("m", [StateMachine("inner", [broken])]), controller)
-    with pytest.raises(BehaviourError, match="'m/inner/broken'"):
-        step(program)
-    outer = StateMachine("m", [StateMachine("inner", [broken]), *steps("c")], {"inner": {"error": "c"}})
-    program = Program(outer, controller)
-    assert run(program) == "done" and program.history[0][1:] == ("m/inner", "error")
 
 
 @pytest.mark.parametrize("part", ["start", "tick", "end of a nested one", "done"])

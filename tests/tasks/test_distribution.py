@@ -164,12 +164,3 @@ def test_the_costs_of_mc_rtc_are_its_own_over_100() -> None:
     costs = np.array((s.net_force, s.net_moment, s.ankle_torque, s.pressure))
     np.testing.assert_allclose(100.0 * costs, (1e4, 1e4, 100.0 * 1.0**2, 1.0))
     assert s.ankle_yaw == s.ankle_shear == s.ankle_normal == 1e-5
-
-
-def test_bad_input_is_refused() -> None:
-    net = through(np.zeros(3), np.array([0.0, 0.0, WEIGHT]))
-    distribution = WrenchDistribution(SIZES)
-    with pytest.raises(InputError, match="neither"):
-        distribution.solve(net, SOLES, np.zeros(3), 0.5, (False, False))
-    with pytest.raises(InputError, match="ratio"):
-        distribution.solve(net, SOLES, np.zeros(3), 1.5)

@@ -16,20 +16,18 @@ from properties import examples
 from wbc.core.errors import InputError, WbcError
 from wbc.core.robot import Robot, Sole
 from wbc.core.signals import Measurement
-from wbc.feet import SoftFoot, StiffnessActuator
+from wbc.feet import StiffnessActuator
 from wbc.feet.sensing.scan import PROFILE_STEP
 from wbc.feet.soles.actuator import StiffnessState
 from wbc.feet.soles.soft import VariableStiffnessFoot, toe_sensor
-from wbc.feet.stiffness.model import ModelSettings, ProfileRecipe, StiffnessModel, default_model
+from wbc.feet.stiffness.model import ModelSettings, ProfileRecipe, StiffnessModel
 from wbc.feet.stiffness.roughness import profile_roughness, roughness
 from wbc.sim.terrain.spec import Terrain, terrain
 from wbc.tasks.scheduling.policies import (
     FixedPolicy,
     GroundPolicy,
     ModelPolicy,
-    StiffnessPolicy,
     SwingScan,
-    stiffness_policy,
 )
 from wbc.tasks.scheduling.record import StepStiffness, StiffnessTiming
 from wbc.tasks.scheduling.stiffness import StiffnessScheduler, reachable
@@ -138,58 +136,6 @@ def make_task(
 
 PAPER: dict[str, object] = {"decide_at": 0.75, "early_landing": 0.0}
 """The paper decides at three quarters of the single support, and feet land in time."""
-
-
-class ByPhase(StiffnessPolicy):
-    """Stiff on both feet and at the landing, soft on one foot."""
-
-    needs_scan = False
-
-    def __init__(self, landing: float = 300.0, double: float = 400.0, single: float = 5.0) -> None:
-        self.landing, self.double, self.single = landing, double, single
-
-    def standing(self, single: bool) -> float:
-        return self.single if single else self.double
-
-    def decide(self, swing: SwingScan) -> float:
-        return self.landing
-
-
-def test_a_policy_by_phase_is_stiff_on_both_feet_and_soft_on_one_within_the_actuators_limits() -> None:
-    task = make_task(ByPhase())
-    rig = Rig(task)
-    for side in ("left", "right"):
-        rig.commands.clear()
-        record = rig.step(side)
-        assert record.requested == 300.0 and record.fallback is None
-        both, one = np.array(rig.commands[: round(DOUBLE / DT)]), np.array(rig.commands[-2])
-        assert (both[1:] == 400.0).all()
-        stands = 1 if side == "left" else 0
-        assert one[stands] == 5.0 and one[1 - stands] == 300.0
-        assert (np.array(rig.commands[-1]) == 400.0).all()
-        # The stance foot gets there within some ticks, as its actuator can.
-        assert rig.states[stands].reference > 5.0
-    with pytest.raises(InputError, match=r"\[1, 2000\]"):
-        make_task(ByPhase(single=0.5))
-
-
-@pytest.mark.parametrize("none", [None, np.float64(0.1), np.zeros(0), ["far", "far"], [None, None]])
-def test_sole_sensors_that_give_no_numbers_are_no_reading(none: object) -> None:
-    task = make_task(ModelPolicy(default_model()), scan_from=0.0, fallback=7.0)
-    measurement = Measurement(
-        0.0,
-        np.zeros(1),
-        np.zeros(1),
-        np.zeros(3),
-        np.zeros(3),
-        np.zeros((2, 6)),
-        none,
-        none,  # type: ignore[arg-type]
-    )
-    for swing, progress in (("left", 0.1), ("left", 0.9), (None, 0.0)):
-        task.update(swing, progress, 0.8 * (1.0 - progress), ROBOT, measurement)
-    (step,) = task.steps
-    assert "2 readings lost" in str(step.fallback) and step.requested == 7.0
 
 
 @pytest.fixture(scope="module")
@@ -432,21 +378,3 @@ def test_the_command_goes_as_far_as_it_can() -> None:
 
 
 # --- records and bad input --------------------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize(
-    ("make", "named"),
-    [
-        (lambda: stiffness_policy("fixd"), "fixed"),
-        (lambda: stiffness_policy("fixed", stifness=1.0), "stiffness"),
-        (lambda: stiffness_policy("fixed", stiffness=-1.0), "stiffness"),
-        (lambda: stiffness_policy("model", path="nowhere.json"), "nowhere.json"),
-        (lambda: StiffnessTiming(decide_at=0.2, scan_from=0.2), "decide_at"),
-        (lambda: StiffnessScheduler(ROBOT, SoftFoot(), FixedPolicy(5.0)), "SoftFoot"),  # type: ignore[arg-type]
-        (lambda: make_task(fallback=2100.0), "stiffness"),
-        (lambda: make_task(5.0), "StiffnessPolicy"),
-    ],
-)
-def test_what_no_sole_can_be_set_to_is_refused(make: Callable[[], object], named: str) -> None:
-    with pytest.raises(InputError, match=named):
-        make()

@@ -153,20 +153,6 @@ def test_a_footstep_can_be_read_off_a_robot_that_has_fallen() -> None:
     np.testing.assert_allclose(step.placement.homogeneous, world.homogeneous, atol=1e-12)
 
 
-def test_turned_soles_that_overlap_are_refused() -> None:
-    wide = Reach(0.4, 0.01, 0.5, 1.5, 0.2, 0.3)
-    crossed = replace(START, steps=(Footstep("left", 0.02, 0.02, yaw=-0.7),))
-    with pytest.raises(InputError, match="overlap at step 1"):
-        check_plan(crossed, ROBOT, wide)
-
-
-def test_a_plan_that_leaves_the_ground_is_refused() -> None:
-    plan = walk_distance(START, 3.0)
-    check_plan(plan, ROBOT, extent=(-0.5, 3.2, -0.5, 0.5))
-    with pytest.raises(InputError, match=r"step 21 leaves the ground at x = 3\.000"):
-        check_plan(plan, ROBOT, extent=(-0.5, 3.05, -0.5, 0.5))
-
-
 @pytest.mark.parametrize("name", ["hrp4_class", "talos", "g1"])
 def test_reach_is_sane_and_a_height_out_of_reach_is_refused(name: str) -> None:
     robot = load(name).robot()

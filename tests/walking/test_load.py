@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from wbc.core.errors import InputError
 from wbc.core.estimation.outside import OutsideSettings, OutsideWrench
 from wbc.core.robot import GRAVITY
 from wbc.robots import load as load_robot
@@ -120,10 +119,3 @@ def test_a_load_of_known_weight_is_found_from_the_wrench_it_makes() -> None:
     assert (load.place - load.middle)[:2] == pytest.approx([0.04, 0.03], abs=1e-3)
     load.release()
     assert load.mass == 0.0 and robot.mass == pytest.approx(DESCRIPTION.robot().mass)
-
-
-def test_loads_that_no_robot_carries_are_refused_before_anything_moves() -> None:
-    with pytest.raises(InputError, match="mass"):
-        Plant(DESCRIPTION).load("left_hand", -1.0)
-    with pytest.raises(InputError, match="mass"):
-        DESCRIPTION.robot().carry("left_hand", -1.0)

@@ -214,14 +214,6 @@ def test_plans_move_and_mirror_with_the_world() -> None:
             np.testing.assert_allclose(here.at(t).zmp * mirror, c.zmp, atol=1e-6)
 
 
-def test_bad_patterns_are_refused() -> None:
-    profile = HeightProfile(WALK, HEIGHT, REST)
-    with pytest.raises(InputError, match="increase"):
-        Pattern(np.array([0.0, 0.1, 0.1]), np.zeros((3, 2)), np.zeros(2), np.zeros(2), HEIGHT, profile)
-    with pytest.raises(InputError, match="height"):
-        Pattern(np.array([0.0, 0.1]), np.zeros((2, 2)), np.zeros(2), np.zeros(2), -1.0, profile)
-
-
 # Preview
 
 

@@ -15,10 +15,8 @@ from wbc.ground import ElevationMap, KnownGround
 from wbc.robots import load
 from wbc.walking.planning.footsteps import Footstep, FootstepPlan
 from wbc.walking.planning.planners import walk_distance
-from wbc.walking.source import StandSource
 from wbc.walking.walk import Walk
 
-ROBOT = load("hrp4_class").robot()
 DT = 0.005
 HEIGHT = 0.78
 
@@ -145,9 +143,3 @@ def test_ground_out_of_reach_is_no_landing() -> None:
     heights[45:] = 2.0
     _, landed = walk(standing(), heights)
     assert max(step.z for step in landed) < 0.3
-
-
-def test_a_source_without_feet_to_put_says_so() -> None:
-    robot = standing()
-    with pytest.raises(InputError, match="StandSource"):
-        StandSource(robot).see(KnownGround(robot))

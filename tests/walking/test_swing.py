@@ -11,7 +11,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 from properties import examples
 
-from wbc.core.errors import InputError
 from wbc.walking.planning.footsteps import Footstep
 from wbc.walking.planning.gait import EDGE_SHARE, StepGait, SwingShape
 from wbc.walking.swing import SwingFoot
@@ -167,13 +166,6 @@ def test_it_moves_and_mirrors_with_the_world() -> None:
         np.testing.assert_allclose(world.rotation @ a.velocity[3:], b.velocity[3:], atol=1e-9)
         np.testing.assert_allclose(sign * a.velocity, c.velocity, atol=1e-9)
         np.testing.assert_allclose(sign * a.acceleration, c.acceleration, atol=1e-8)
-
-
-def test_bad_swings_are_refused() -> None:
-    with pytest.raises(InputError, match="leaves less than"):
-        swing(duration=0.2)
-    with pytest.raises(InputError, match="landing"):
-        swing().retarget(0.1, Footstep("right", 0.0, 0.0), 0.8)
 
 
 STEPPING = SwingShape(
