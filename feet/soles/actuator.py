@@ -50,7 +50,7 @@ class StiffnessActuator:
     The defaults cross the whole range in the last 0.2 s of a swing of 0.8 s: 0.1 s of ramp, and 0.1 s, five time
     constants, until the error is 1 %.
 
-    Source: range: on 1–80 Nm/rad walks hardly differ (docs/stiffness.md); below 1 the sole hangs slack, at 2,000 it is
+    Source: range: on 1–80 Nm/rad walks hardly differ (docs/feet.md); below 1 the sole hangs slack, at 2,000 it is
     nearly rigid. Rate and lag are chosen here and stand for no existing actuator.
     """
 

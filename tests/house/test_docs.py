@@ -33,7 +33,6 @@ LONG = (
     "own_loop.md",
     "programs.md",
     "seeing.md",
-    "stiffness.md",
     "studies.md",
     "walking.md",
 )
