@@ -4,7 +4,8 @@ A new motion task is a file in `motion/`, a new force task a file in `force/`, e
 `balance` has the tasks of a robot that stands.
 """
 
-from wbc.core.qp.task import MotionTask, SelectionTask, VariableTask
+from wbc.core.qp.task import Task
+from wbc.core.trajectories import Trajectory
 from wbc.tasks.balance import BalanceGains, balance_controller
 from wbc.tasks.behaviours import (
     Behaviour,
@@ -17,7 +18,7 @@ from wbc.tasks.behaviours import (
     reached,
     speed_below,
 )
-from wbc.tasks.check import check_contact, check_limit, check_task
+from wbc.tasks.check import check_rows
 from wbc.tasks.force.admittance import AdmittanceTask
 from wbc.tasks.force.compliance import ComplianceTask
 from wbc.tasks.force.impedance import ImpedanceTask
@@ -25,10 +26,9 @@ from wbc.tasks.force.torque import JointTorqueTask
 from wbc.tasks.force.wrench import WrenchTask
 from wbc.tasks.motion.com import CoMOverFeetTask, CoMTask
 from wbc.tasks.motion.direction import DirectionTask, GazeTask
-from wbc.tasks.motion.frame import OrientationTask, PoseTask, PositionTask
+from wbc.tasks.motion.frame import OrientationTask, PoseTask, PositionTask, RelativeFrameTask
 from wbc.tasks.motion.momentum import MomentumTask
 from wbc.tasks.motion.posture import PostureTask
-from wbc.tasks.motion.relative import RelativeFrameTask
 from wbc.tasks.scheduling.policies import (
     FixedPolicy,
     GroundPolicy,
@@ -43,7 +43,6 @@ from wbc.tasks.scheduling.stiffness import StiffnessScheduler
 from wbc.tasks.stabilizer.gains import StabilizerGains
 from wbc.tasks.stabilizer.task import StabilizerTask
 from wbc.tasks.stabilizer.zmp import zmp
-from wbc.tasks.trajectories import Trajectory
 
 __all__ = [
     # Stabilizer: feedback of the DCM, wrenches of the feet, admittances
@@ -82,13 +81,9 @@ __all__ = [
     "any_of",
     "all_of",
     # Bases for tasks of one's own
-    "MotionTask",
-    "SelectionTask",
-    "VariableTask",
+    "Task",
     "ComplianceTask",
-    "check_contact",
-    "check_limit",
-    "check_task",
+    "check_rows",
     # Stiffness scheduling
     "StiffnessScheduler",
     "StiffnessPolicy",

@@ -1,4 +1,4 @@
-"""Checks of tasks, contacts and limits of one's own: rows against finite differences, bounds that agree."""
+"""Check of tasks, contacts and limits of one's own: rows against finite differences, bounds that agree."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import pinocchio as pin
 from wbc.core.errors import Array, InputError
 from wbc.core.limits.rows import RowLimit
 from wbc.core.qp.contact import Contact
-from wbc.core.qp.task import MotionTask, SelectionTask, evaluated
+from wbc.core.qp.task import Task, evaluated
 from wbc.core.robot import BASE_DOF, Robot
 from wbc.core.settings import Seed
 
@@ -20,135 +20,101 @@ STEP = 1e-6
 TOLERANCE = 1e-5
 """Largest difference, relative to the greatest number of the rows where that is above 1."""
 
+STATES = 50
+"""Number of states in which a limit is looked at."""
 
-def check_task(
-    task: MotionTask | SelectionTask,
+
+def check_rows(
+    item: Task | Contact | RowLimit,
     robot: Robot,
     *,
     frame: str | None = None,
     partial: bool = False,
+    dt: float = 0.005,
     seed: Seed = 0,
 ) -> None:
-    """Check Jacobian and drift of a task at a random state of a robot, in motion.
+    """Check the rows of a task, contact or limit at random states of a robot, in motion.
 
-        check_task(MyTask("head"), description.robot())
+        check_rows(MyTask("head"), description.robot())
 
-    The error falls as the task moves: its derivative is −J v, and that of J v is the drift. The error of a task on
-    velocities, such as a momentum, is its target − J v. A copy of the task is bound there, as a controller would do
-    it: a target that is not given is where the robot is, so that rotations, whose error has J as its derivative there
-    alone, are checked where they should be.
+    The error of a task or contact falls as it moves: its derivative is −J v, and that of J v is the drift. The error of
+    a task on velocities, such as a momentum, is its target − J v. A copy of the task is bound there, as a controller
+    would do it: a target that is not given is where the robot is, so that rotations, whose error has J as its
+    derivative there alone, are checked where they should be. A limit contradicts nothing, itself included.
 
     Args:
-        task: The task, before it is added to a controller: then its target is still open.
+        item: Task, contact or limit, before it is added to a controller: then a target is still open.
         robot: The robot; a copy of it is moved.
         frame: Frame along whose axes the rows are, in threes, where these turn with it; none when None.
         partial: True for a task that leaves joints to others: columns of zeros are not compared, nor is its drift.
-        seed: Fixes the state.
+        dt: Control period of a limit, s.
+        seed: Fixes the states.
 
     Raises:
         InputError: Rows that are not filled, not finite or not what finite differences say; the first one is named. A
-            task that has been added, or a frame of rows that are no threes.
+            lower bound above the upper one, or bounds without zero in them on a row that no acceleration changes: the
+            QP would have no solution. An item that has been added, or a frame of rows that are no threes.
     """
-    if task._robot is not None:
+    robot, random = robot.clone(), np.random.default_rng(seed)
+    if isinstance(item, RowLimit):
+        _check_limit(item, robot, dt, random)
+        return
+    if item._robot is not None:
         raise InputError(
-            f"task '{task.name}' must be checked before it is added to a controller; make another one"
+            f"'{item.name}' must be checked before it is added to a controller; make another one"
         )
-    robot, task = robot.clone(), copy.deepcopy(task)  # its filters and integrators stay as they are
-    q, v = _random_state(robot, np.random.default_rng(seed))
+    if frame is not None and item.dim % 3:
+        raise InputError(
+            f"rows along the axes of '{frame}' must come in threes, '{item.name}' has {item.dim}"
+        )
+    item = copy.deepcopy(item)  # its filters and integrators stay as they are
+    q, v = _random_state(robot, random)
     robot.update(q, v)
-    task.bind(robot)
-    jacobian, error, drift = evaluated(task)
+    item.bind(robot)
+    jacobian, error, drift = _rows(item)
     robot.update(q, np.zeros(robot.nv))
-    _, at_rest, _ = evaluated(task)
+    at_rest = _rows(item)[1]
     if _close(at_rest, error):
-        _check_jacobian(task, robot, q, v, partial=partial)
+        _check_jacobian(item, robot, q, v, partial=partial)
     else:
-        _compare(task, "change of the error with the velocity", error - at_rest, -jacobian @ v)
+        _compare(item, "change of the error with the velocity", error - at_rest, -jacobian @ v)
     if partial:
         return
-    if frame is not None and task.dim % 3:
-        raise InputError(
-            f"rows along the axes of '{frame}' must come in threes, task '{task.name}' has {task.dim}"
-        )
     turns = robot.placement(frame).rotation.copy() if frame is not None else None
     ends = []
     for step in (STEP, -STEP):
         robot.update(pin.integrate(robot.model, q, step * v), v)
-        velocity = evaluated(task)[0] @ v
+        velocity = _rows(item)[0] @ v
         if frame is not None and turns is not None:  # along the axes as they were
             change = turns.T @ robot.placement(frame).rotation
             velocity = (velocity.reshape(-1, 3) @ change.T).reshape(-1)
         ends.append(velocity)
-    _compare(task, "drift", drift, (ends[0] - ends[1]) / (2.0 * STEP))
+    _compare(item, "drift", drift, (ends[0] - ends[1]) / (2.0 * STEP))
 
 
-def check_contact(contact: Contact, robot: Robot, *, seed: Seed = 0) -> None:
-    """Check Jacobian and drift of a contact at a random state of a robot, in motion.
-
-    The error of a contact falls as its frame moves: its derivative is −J v, and that of J v is the drift.
-
-    Args:
-        contact: The contact, before it is added to a controller.
-        robot: The robot; a copy of it is moved.
-        seed: Fixes the state.
-
-    Raises:
-        InputError: Rows that are not filled, not finite or not what finite differences say; a cone of another shape.
-    """
-    robot, contact = robot.clone(), copy.deepcopy(contact)
-    q, v = _random_state(robot, np.random.default_rng(seed))
-    robot.update(q, v)
-    contact.bind(robot)
-    if contact.cone.ndim != 2 or contact.cone.shape[1] != contact.dim:
+def _rows(item: Task | Contact) -> tuple[Array, Array, Array]:
+    """Return Jacobian, error and drift at the present state, which are finite."""
+    if isinstance(item, Task):
+        return evaluated(item)
+    if item.cone.ndim != 2 or item.cone.shape[1] != item.dim:
         raise InputError(
-            f"cone of contact '{contact.name}' must have shape (rows, {contact.dim}), got {contact.cone.shape}"
+            f"cone of contact '{item.name}' must have shape (rows, {item.dim}), got {item.cone.shape}"
         )
-    jacobian, _, drift = _rows_of(contact, robot)
-    if not jacobian.any():
-        raise InputError(f"contact '{contact.name}' must move with some joint, its Jacobian is zero")
-    ends = []
-    for step in (STEP, -STEP):
-        robot.update(pin.integrate(robot.model, q, step * v), v)
-        ends.append(_rows_of(contact, robot))
-    _compare(contact, "change of the error", (ends[0][1] - ends[1][1]) / (2.0 * STEP), -jacobian @ v)
-    _compare(contact, "drift", drift, (ends[0][0] @ v - ends[1][0] @ v) / (2.0 * STEP))
-
-
-def _rows_of(contact: Contact, robot: Robot) -> tuple[Array, Array, Array]:
-    """Return the motion rows of a contact, which are finite."""
-    rows = (
-        np.full((contact.dim, robot.nv), np.nan),
-        np.full(contact.dim, np.nan),
-        np.full(contact.dim, np.nan),
-    )
-    contact.evaluate(*rows)
+    rows = np.full((item.dim, item.robot.nv), np.nan), np.full(item.dim, np.nan), np.full(item.dim, np.nan)
+    item.evaluate(*rows)
     for what, values in zip(("Jacobian", "error", "drift"), rows, strict=True):
         if not np.isfinite(values).all():
             raise InputError(
-                f"{what} of contact '{contact.name}' must be filled with finite numbers, got {values}"
+                f"{what} of contact '{item.name}' must be filled with finite numbers, got {values}"
             )
+    if not rows[0].any():
+        raise InputError(f"contact '{item.name}' must move with some joint, its Jacobian is zero")
     return rows
 
 
-def check_limit(
-    limit: RowLimit, robot: Robot, *, dt: float = 0.005, states: int = 50, seed: Seed = 0
-) -> None:
-    """Check that a limit contradicts nothing, itself included, at random states of a robot in motion.
-
-    Args:
-        limit: The limit, before it is added to a controller.
-        robot: The robot; a copy of it is moved.
-        dt: Control period, s.
-        states: Number of states.
-        seed: Fixes the states.
-
-    Raises:
-        InputError: Rows or bounds that are not filled or NaN, a lower bound above the upper one, or bounds without zero
-            in them on a row that no acceleration changes: the QP would have no solution.
-    """
-    robot, random = robot.clone(), np.random.default_rng(seed)
+def _check_limit(limit: RowLimit, robot: Robot, dt: float, random: np.random.Generator) -> None:
     limit.bind(robot)
-    for _ in range(states):
+    for _ in range(STATES):
         robot.update(*_random_state(robot, random))
         rows = np.full((limit.dim, robot.nv), np.nan)
         lower, upper = np.full(limit.dim, np.nan), np.full(limit.dim, np.nan)
@@ -167,12 +133,10 @@ def check_limit(
                 )
 
 
-def _check_jacobian(
-    task: MotionTask | SelectionTask, robot: Robot, q: Array, v: Array, *, partial: bool
-) -> None:
+def _check_jacobian(item: Task | Contact, robot: Robot, q: Array, v: Array, *, partial: bool) -> None:
     """Compare the Jacobian with the derivative of the error, column by column."""
     robot.update(q, v)
-    jacobian, error, _ = evaluated(task)
+    jacobian, error, _ = _rows(item)
     hint = "" if _close(error, np.zeros_like(error)) else "; its target is not where the robot is: give none"
     names = [f"{axis} of the base" for axis in ("x", "y", "z", "roll", "pitch", "yaw")]
     for column, name in enumerate([*names, *robot.joint_names]):
@@ -182,13 +146,11 @@ def _check_jacobian(
         for step in (STEP, -STEP):
             move[column] = step
             robot.update(pin.integrate(robot.model, q, move), v)
-            ends.append(evaluated(task)[1])
-        _compare(task, f"Jacobian by {name}", jacobian[:, column], (ends[1] - ends[0]) / (2.0 * STEP), hint)
+            ends.append(_rows(item)[1])
+        _compare(item, f"Jacobian by {name}", jacobian[:, column], (ends[1] - ends[0]) / (2.0 * STEP), hint)
 
 
-def _compare(
-    item: MotionTask | SelectionTask | Contact, what: str, given: Array, found: Array, hint: str = ""
-) -> None:
+def _compare(item: Task | Contact, what: str, given: Array, found: Array, hint: str = "") -> None:
     """Refuse rows that are not what finite differences say."""
     if not _close(given, found):
         row = int(np.abs(given - found).argmax())

@@ -33,7 +33,7 @@ from .core.qp.contact import PointContact as PointContact
 from .core.qp.contact import SoleContact as SoleContact
 from .core.qp.controller import Controller as Controller
 from .core.qp.solver import SolverSettings as SolverSettings
-from .core.qp.task import MotionTask as MotionTask
+from .core.qp.task import Task as Task
 from .core.robot import Robot as Robot
 from .core.settings import Count as Count
 from .core.settings import Positive as Positive

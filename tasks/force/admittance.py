@@ -8,9 +8,8 @@ import pinocchio as pin
 from numpy.typing import ArrayLike
 
 from wbc.core.errors import Array
-from wbc.core.qp.task import read_only
-from wbc.tasks.force.compliance import ComplianceTask, six
-from wbc.tasks.options import ComplianceOptions
+from wbc.core.qp.motion import read_only
+from wbc.tasks.force.compliance import ComplianceOptions, ComplianceTask, six
 
 
 class AdmittanceTask(ComplianceTask):
@@ -26,7 +25,8 @@ class AdmittanceTask(ComplianceTask):
     constant, and acceleration and velocity of the reference fed forward exactly.
     """
 
-    _kind = "admittance"
+    __slots__ = ("_admittance",)
+    law = "admittance"
 
     def __init__(
         self,

@@ -30,12 +30,14 @@ from wbc.core.errors import (
     non_negative,
     positive,
 )
-from wbc.core.qp.task import read_only
+from wbc.core.qp.axes import POSE_AXES
+from wbc.core.qp.motion import read_only
+from wbc.core.qp.move import Coordinates
+from wbc.core.qp.task import MotionOptions, Task
 from wbc.core.robot import Robot
 from wbc.core.signals import Measurement
-from wbc.tasks.motion.axes import POSE_AXES
-from wbc.tasks.motion.frame import PoseTargetTask
-from wbc.tasks.options import ComplianceOptions, MotionOptions
+from wbc.tasks.motion.frame import pose
+from wbc.tasks.motion.rotations import PoseCoordinates
 
 VELOCITY_BOUND = (0.1, 0.3)
 """Clamp of the compliance velocity, m/s and rad/s: the bounds of mc_rtc's walking stabilizer on CoP tasks."""
@@ -44,16 +46,64 @@ SMOOTHING = 0.02
 """Time constant of the low-pass on the wrench error, s: mc_rtc's admittance keeps 0.8 of the last value each 5 ms."""
 
 
-class ComplianceTask(PoseTargetTask):
+class ComplianceOptions(MotionOptions, total=False):
+    """Options of tasks that yield to a wrench: those of motion tasks, a filter and bounds.
+
+    Weight 10 and stiffness 100 1/s² by default: the gain with which the frame follows its reference.
+
+    Attributes:
+        time_constant: Time constant of the low-pass on the wrench error, s; none when 0.
+        velocity_bound: Clamp of the compliance velocity, shape (6,) or a pair (linear, angular), m/s and rad/s.
+        target_wrench: Wrench at which the frame does not yield, [force; moment] in the frame, shape (6,), N and Nm;
+            zero by default.
+        offset_bound: Greatest offset of the reference, shape (6,) or a pair (linear, angular), m and rad; none when
+            None, the default.
+    """
+
+    time_constant: float
+    velocity_bound: ArrayLike
+    target_wrench: ArrayLike | None
+    offset_bound: ArrayLike | None
+
+
+class ComplianceTask(Task):
     """Base of the wrench-driven motion tasks; subclass it with a law of your own in `comply`.
 
     Rows are along the axes of the frame itself: position, m, then rotation, rad. With no wrench error the task is a
     `PoseTask` whose rows are turned into the frame. Weight 10, stiffness 100 1/s², time constant 0.02 s and velocity
     bound 0.1 m/s and 0.3 rad/s by default.
+
+    Attributes:
+        frame: Frame of the robot.
     """
 
-    _kind = "compliance"
-    _period = 0.0  # that of the ticks so far, s
+    __slots__ = (
+        "_acceleration",
+        "_data",
+        "_frozen",
+        "_gain_of_period",
+        "_id",
+        "_measured_wrench",
+        "_model",
+        "_motion",
+        "_offset_bound",
+        "_offset_position",
+        "_offset_rotation",
+        "_period",
+        "_placement",
+        "_sole",
+        "_target_acceleration",
+        "_target_velocity",
+        "_target_wrench",
+        "_time_constant",
+        "_velocity",
+        "_velocity_bound",
+        "_wrench_error",
+        "_wrench_rate",
+        "frame",
+    )
+    unit = "m|rad"
+    law = "compliance"
 
     def __init__(
         self, frame: str, target: pin.SE3 | None = None, **options: Unpack[ComplianceOptions]
@@ -68,9 +118,10 @@ class ComplianceTask(PoseTargetTask):
         time_constant = options.pop("time_constant", SMOOTHING)
         velocity_bound = options.pop("velocity_bound", VELOCITY_BOUND)
         target_wrench, offset_bound = options.pop("target_wrench", None), options.pop("offset_bound", None)
+        usual: MotionOptions = {"weight": 10.0, "stiffness": 100.0}
         motion: MotionOptions = options
-        motion = {"weight": 10.0, "stiffness": 100.0, **motion}
-        super().__init__(frame, f"{frame} {self._kind}", POSE_AXES, motion)
+        self.frame, self._period = frame, 0.0  # period of the ticks so far, s
+        super().__init__(f"{frame} {self.law}", POSE_AXES, **(usual | motion))
         self._time_constant = non_negative(f"time constant of task '{self.name}' (s)", time_constant)
         self._frozen = np.ones(6, dtype=bool)  # what the task does not follow must not drift away either
         self._frozen[np.arange(6) if self._keep is None else self._keep] = False
@@ -85,7 +136,6 @@ class ComplianceTask(PoseTargetTask):
         self._sole: int | None = None
         self._gain_of_period = 1.0
         self._motion = np.zeros(6)
-        self._full_error = np.zeros(6)
         self.reset()
 
     # ---- targets and bounds ---------------------------------------------------------------------------------------
@@ -137,9 +187,8 @@ class ComplianceTask(PoseTargetTask):
 
     @feedforward_velocity.setter
     def feedforward_velocity(self, value: ArrayLike) -> None:
-        velocity = self._vector("feed-forward velocity", value)
-        if self._held:
-            self._take_over()
+        velocity = finite_array(f"feed-forward velocity of task '{self.name}'", value, (self.dim,))
+        self._take_over()
         self._target_velocity = velocity
 
     @property
@@ -149,9 +198,8 @@ class ComplianceTask(PoseTargetTask):
 
     @feedforward_acceleration.setter
     def feedforward_acceleration(self, value: ArrayLike) -> None:
-        acceleration = self._vector("feed-forward acceleration", value)
-        if self._held:
-            self._take_over()
+        acceleration = finite_array(f"feed-forward acceleration of task '{self.name}'", value, (self.dim,))
+        self._take_over()
         self._target_acceleration = acceleration
 
     @property
@@ -214,10 +262,22 @@ class ComplianceTask(PoseTargetTask):
             if self.frame in (sole.name, sole.frame):
                 self.frame, self._sole = sole.frame, index
         super().bind(robot)
-        self._local = pin.LOCAL
+        self._id = robot.frame_id(self.frame)
+        self._model, self._data, self._placement = robot.model, robot.data, robot.data.oMf[self._id]
+
+    def present(self, robot: Robot) -> pin.SE3:
+        """Return the pose of the frame."""
+        return pin.SE3(robot.placement(self.frame))
+
+    def checked(self, value: pin.SE3) -> pin.SE3:
+        """Return a pose after a check."""
+        return pose(f"target of task '{self.name}'", value)
+
+    def _coordinates(self) -> Coordinates:
+        return PoseCoordinates(self.target, self.checked)
 
     def _put(self, target: Any, velocity: Array, acceleration: Array) -> None:
-        back = self._rotation.T
+        back = self._placement.rotation.T
         rates = [np.concatenate([back @ rate[:3], back @ rate[3:]]) for rate in (velocity, acceleration)]
         keep = slice(None) if self._keep is None else self._keep
         self._target, self._target_velocity, self._target_acceleration = (
@@ -292,22 +352,18 @@ class ComplianceTask(PoseTargetTask):
             )
 
     def evaluate(self, jacobian: Array, error: Array, drift: Array) -> None:
-        """Fill the rows; see `MotionTask.evaluate`."""
-        model, data, frame = self._model, self._data, self._id
-        target = self._target
-        assert target is not None
-        rotation = self._rotation
+        """Fill the rows; see `Task.evaluate`."""
+        model, data, local = self._model, self._data, pin.LOCAL
+        target, rotation = self._target, self._placement.rotation
         goal = target.rotation
         difference = np.dot(goal, self._offset_position)
         difference += target.translation
-        difference -= self._translation
+        difference -= self._placement.translation
         turn = np.dot(rotation.T, np.dot(goal, self._offset_rotation))
-        full = self._full_error
-        np.dot(difference, rotation, out=full[:3])
-        full[3:] = pin.log3(turn)
-        full_jacobian = pin.getFrameJacobian(model, data, frame, self._local)
-        acceleration = pin.getFrameClassicalAcceleration(model, data, frame, self._local)
-        self._write((jacobian, error, drift), (full_jacobian, full, acceleration.vector))
+        np.dot(difference, rotation, out=error[:3])
+        error[3:] = pin.log3(turn)
+        jacobian[:] = pin.getFrameJacobian(model, data, self._id, local)
+        drift[:] = pin.getFrameClassicalAcceleration(model, data, self._id, local).vector
         keep, motion, rows = self._keep, self._motion, self._rows
 
         # From the axes of the reference, in which the frame yields, to those of the frame as it stands now.

@@ -9,9 +9,8 @@ import pinocchio as pin
 from numpy.typing import ArrayLike
 
 from wbc.core.errors import Array
-from wbc.core.qp.task import read_only
-from wbc.tasks.force.compliance import ComplianceTask, six
-from wbc.tasks.options import ComplianceOptions
+from wbc.core.qp.motion import read_only
+from wbc.tasks.force.compliance import ComplianceOptions, ComplianceTask, six
 
 SMOOTHING = 0.05
 """Time constant of the low-pass on the wrench error, s: cut-off period of mc_rtc's ImpedanceTask."""
@@ -42,7 +41,8 @@ class ImpedanceTask(ComplianceTask):
     itself.
     """
 
-    _kind = "impedance"
+    __slots__ = ("_damper", "_mass", "_spring")
+    law = "impedance"
 
     def __init__(
         self,

@@ -9,20 +9,21 @@ import numpy as np
 
 from wbc.core.errors import Array
 from wbc.core.qp.problem import Problem
-from wbc.core.qp.task import VariableTask
-from wbc.core.robot import BASE_DOF, Robot
+from wbc.core.qp.task import TaskOptions
+from wbc.core.robot import BASE_DOF
 from wbc.tasks.motion.joints import JointTask, JointValues
-from wbc.tasks.options import TaskOptions
 
 
-class JointTorqueTask(JointTask, VariableTask):
+class JointTorqueTask(JointTask):
     """Bring joint torques to given ones; with the default target, zero, keep them small.
 
     Rows and residual are in Nm (N for sliding joints); the weight is a cost per (Nm)², 10⁻⁴ by default. Torques are
     instantaneous: there is no stiffness, and no damping.
     """
 
+    __slots__ = ("_selection", "_torque_bias", "_torque_rows")
     unit = "Nm"
+    kind = "variables"
 
     def __init__(
         self,
@@ -39,18 +40,15 @@ class JointTorqueTask(JointTask, VariableTask):
             joints: Joint or joints of the task; all when None.
             **options: See `TaskOptions`.
         """
-        super().__init__("joint torques", target, joints, {"weight": 1e-4, **options})
-
-    def _present(self, robot: Robot) -> Array:
-        return np.zeros(self.dim)
+        usual: TaskOptions = {"weight": 1e-4}
+        super().__init__("joint torques", target, joints, usual | options)
 
     def bind_problem(self, problem: Problem) -> None:
-        """Find the torque rows; see `VariableTask.bind_problem`."""
+        """Find the torque rows; see `Task.bind_problem`."""
         self._torque_rows, self._torque_bias = problem.torque_matrix, problem.torque_bias
         self._selection = self._columns - BASE_DOF
 
-    def evaluate(self, matrix: Array, reference: Array) -> None:
-        """Fill the rows; see `VariableTask.evaluate`. Torque rows leave out the bias, which is added back."""
-        assert self._target is not None
-        matrix[:] = self._torque_rows[self._selection]
-        np.subtract(self._target, self._torque_bias[self._selection], out=reference)
+    def evaluate(self, jacobian: Array, error: Array, drift: Array) -> None:
+        """Fill the rows; see `Task.evaluate`. Torque rows leave out the bias, which is added back."""
+        jacobian[:] = self._torque_rows[self._selection]
+        np.subtract(self._target, self._torque_bias[self._selection], out=error)

@@ -3,20 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any, Unpack
+from typing import Unpack
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from wbc.core.errors import Array, InputError, finite_array, unknown_name
-from wbc.core.qp.contact import AXES, Contact
+from wbc.core.qp.axes import POSE_AXES
+from wbc.core.qp.contact import Contact
 from wbc.core.qp.problem import Problem
-from wbc.core.qp.task import VariableTask, read_only
-from wbc.tasks.motion.axes import axis_mask
-from wbc.tasks.options import TaskOptions
+from wbc.core.qp.task import Task, TaskOptions
+from wbc.core.robot import Robot
 
 
-class WrenchTask(VariableTask):
+class WrenchTask(Task):
     """Bring the wrench of one contact to a target.
 
     Rows and residual are along the chosen axes of the contact frame, N and Nm; the weight is a cost per N² and (Nm)²,
@@ -24,14 +24,16 @@ class WrenchTask(VariableTask):
     damping. A contact that is off has zero wrench, whatever the target.
     """
 
+    __slots__ = ("_axes", "_columns", "_contact", "_order", "_size")
     unit = "N|Nm"
+    kind = "variables"
 
     def __init__(
         self,
         contact: Contact | str,
         target: ArrayLike | None = None,
         *,
-        axes: Sequence[str] | None = None,
+        axes: str | Sequence[str] | None = None,
         **options: Unpack[TaskOptions],
     ) -> None:
         """Describe the task.
@@ -45,39 +47,26 @@ class WrenchTask(VariableTask):
             **options: See `TaskOptions`.
         """
         self._contact = contact
-        size = contact.dim if isinstance(contact, Contact) else len(AXES)
-        rest: dict[str, Any] = {"weight": 1e-3, **options}
-        name = rest.pop("name", None) or f"{self.contact} wrench"
-        mask = axis_mask(name, AXES[:size] if axes is None else axes, AXES[:size])
-        self._axes = np.flatnonzero(mask)
-        super().__init__(name, self._axes.size, **rest)
-        self._size = size
-        self.target = np.zeros(size) if target is None else target
+        self._size = contact.dim if isinstance(contact, Contact) else len(POSE_AXES)
+        every = POSE_AXES[: self._size]
+        usual: TaskOptions = {"weight": 1e-3}
+        chosen = every if axes is None else axes
+        super().__init__(f"{self.contact} wrench", every, axes=chosen, **(usual | options))
+        self._axes = np.arange(self._size) if self._keep is None else self._keep
+        self.target = np.zeros(self._size) if target is None else target
 
     @property
     def contact(self) -> str:
         """Name of the contact."""
         return self._contact.name if isinstance(self._contact, Contact) else self._contact
 
-    @property
-    def target(self) -> Array:
-        """Force variables in the contact frame, shape (6,), or (3,) for a point contact, N and Nm, read-only."""
-        return read_only(self._target)
+    def present(self, robot: Robot) -> Array:
+        """Return no wrench."""
+        return np.zeros(self._size)
 
-    @target.setter
-    def target(self, value: ArrayLike) -> None:
-        target = finite_array(f"target of task '{self.name}' (N, Nm)", value, (self._size,))
-        if self._held:
-            self._take_over()
-        self._target = target
-
-    def follow(self, target: Array) -> None:
-        """Set the target for one tick, unchecked: for a controller that makes it itself.
-
-        Args:
-            target: As `target`, shape (6,) or (3,), N and Nm; kept, not copied.
-        """
-        self._target = target
+    def checked(self, value: ArrayLike) -> Array:
+        """Return force variables in the contact frame after a check, shape (6,), or (3,) for a point, N and Nm."""
+        return finite_array(f"target of task '{self.name}' (N, Nm)", value, (self._size,))
 
     def waits_for(self) -> object | None:
         """Return the contact, where the task was given it and not its name."""
@@ -101,7 +90,7 @@ class WrenchTask(VariableTask):
         self._columns = block.start + self._axes
         self._order = np.arange(self.dim)
 
-    def evaluate(self, matrix: Array, reference: Array) -> None:
-        """Fill the rows; see `VariableTask.evaluate`."""
-        matrix[self._order, self._columns] = 1.0
-        reference[:] = self._target[self._axes]
+    def evaluate(self, jacobian: Array, error: Array, drift: Array) -> None:
+        """Fill the rows; see `Task.evaluate`."""
+        jacobian[self._order, self._columns] = 1.0
+        error[:] = self._target[self._axes]

@@ -8,24 +8,23 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
-from wbc.core.errors import Array, InputError
+from wbc.core.errors import Array, InputError, finite_array
+from wbc.core.qp.axes import POSITION_AXES
+from wbc.core.qp.task import MotionOptions, Task
 from wbc.core.robot import Robot
-from wbc.tasks.motion.axes import POSITION_AXES
-from wbc.tasks.motion.target import TargetTask
-from wbc.tasks.options import MotionOptions
 
 ERROR_BOUND = 0.3
 """Greatest component of the error that acts, m: a push moves the centre of mass further than a motion moves a hand."""
 
 
-class CoMTask(TargetTask[Array]):
+class CoMTask(Task):
     """Bring the centre of mass to a point of the world.
 
     Error and residual are along the chosen world axes, in m and m/s²; the weight is a cost per (m/s²)². Weight 100 and
     stiffness 30 1/s² by default.
     """
 
-    unit = "m"
+    __slots__ = ("_base_force", "_base_rotation", "_gravity", "_mass")
 
     def __init__(self, target: ArrayLike | None = None, **options: Unpack[MotionOptions]) -> None:
         """Describe the task.
@@ -34,15 +33,18 @@ class CoMTask(TargetTask[Array]):
             target: Point in the world, shape (3,), m; the present one when None.
             **options: See `MotionOptions`.
         """
-        super().__init__("com", POSITION_AXES, {"weight": 100.0, "stiffness": 30.0, **options})
+        usual: MotionOptions = {"weight": 100.0, "stiffness": 30.0, "error_bound": ERROR_BOUND}
+        super().__init__("com", POSITION_AXES, **(usual | options))
         if target is not None:
             self.target = target
 
-    def _default_bound(self) -> ArrayLike:
-        return ERROR_BOUND
-
-    def _present(self, robot: Robot) -> Array:
+    def present(self, robot: Robot) -> Array:
+        """Return the centre of mass, shape (3,), m."""
         return np.array(robot.com)
+
+    def checked(self, value: ArrayLike) -> Array:
+        """Return a point after a check, shape (3,), m."""
+        return finite_array(f"target of task '{self.name}' (m)", value, (3,))
 
     def bind(self, robot: Robot) -> None:
         """Resolve names; see `Task.bind`."""
@@ -51,19 +53,22 @@ class CoMTask(TargetTask[Array]):
         self._gravity, self._mass = np.array(robot.model.gravity.linear), robot.total_mass
         self._base_force = robot.bias[:3]
 
-    def evaluate(self, jacobian: Array, error: Array, drift: Array) -> None:
-        """Fill the rows; see `MotionTask.evaluate`.
+    def _acceleration(self) -> Array:
+        """Return the acceleration of the CoM at zero generalised acceleration, shape (3,), m/s².
 
-        The drift needs no second pass over the kinematics: at zero generalised acceleration the forces on the base
-        rows of the bias, turned into the world, are mass · (drift − gravity).
+        It needs no second pass over the kinematics: the forces on the base rows of the bias, turned into the world,
+        are mass · (drift − gravity).
         """
-        robot = self.robot
-        assert self._target is not None
-        difference = self._target - robot.com
-        acceleration = self._base_rotation.dot(self._base_force)
+        acceleration: Array = self._base_rotation.dot(self._base_force)
         acceleration /= self._mass
         acceleration += self._gravity
-        self._write((jacobian, error, drift), (robot.com_jacobian, difference, acceleration))
+        return acceleration
+
+    def evaluate(self, jacobian: Array, error: Array, drift: Array) -> None:
+        """Fill the rows; see `Task.evaluate`."""
+        robot = self.robot
+        jacobian[:], drift[:] = robot.com_jacobian, self._acceleration()
+        np.subtract(self._target, robot.com, out=error)
 
 
 class CoMOverFeetTask(CoMTask):
@@ -72,6 +77,8 @@ class CoMOverFeetTask(CoMTask):
     The target is the vector from the middle of the soles' frames to the centre of mass, in world axes, m.
     """
 
+    __slots__ = ("_soles",)
+
     def __init__(self, target: ArrayLike | None = None, **options: Unpack[MotionOptions]) -> None:
         """Describe the task.
 
@@ -79,10 +86,11 @@ class CoMOverFeetTask(CoMTask):
             target: Centre of mass minus the middle of the soles, shape (3,), m; the present one when None.
             **options: See `MotionOptions`.
         """
-        given: MotionOptions = {"name": "com over feet", **options}
-        super().__init__(target, **given)
+        named: MotionOptions = {"name": "com over feet"}
+        super().__init__(target, **(named | options))
 
-    def _present(self, robot: Robot) -> Array:
+    def present(self, robot: Robot) -> Array:
+        """Return the vector from the middle of the soles to the centre of mass, shape (3,), m."""
         return np.asarray(robot.com - self._middle(robot))
 
     def bind(self, robot: Robot) -> None:
@@ -97,16 +105,13 @@ class CoMOverFeetTask(CoMTask):
         self._soles = [robot.frame_id(sole.frame) for sole in robot.soles]
 
     def evaluate(self, jacobian: Array, error: Array, drift: Array) -> None:
-        """Fill the rows; see `MotionTask.evaluate`."""
+        """Fill the rows; see `Task.evaluate`."""
         robot, data, world = self.robot, self.robot.data, pin.LOCAL_WORLD_ALIGNED
-        assert self._target is not None
-        acceleration = self._base_rotation.dot(self._base_force) / self._mass + self._gravity
-        rows, share = np.array(robot.com_jacobian), 1.0 / len(self._soles)
+        jacobian[:], drift[:], share = robot.com_jacobian, self._acceleration(), 1.0 / len(self._soles)
         for sole in self._soles:
-            rows -= share * pin.getFrameJacobian(robot.model, data, sole, world)[:3]
-            acceleration -= share * pin.getFrameClassicalAcceleration(robot.model, data, sole, world).linear
-        difference = self._target + self._middle(robot) - robot.com
-        self._write((jacobian, error, drift), (rows, difference, acceleration))
+            jacobian -= share * pin.getFrameJacobian(robot.model, data, sole, world)[:3]
+            drift -= share * pin.getFrameClassicalAcceleration(robot.model, data, sole, world).linear
+        error[:] = self._target + self._middle(robot) - robot.com
 
     @staticmethod
     def _middle(robot: Robot) -> Array:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import Any, Unpack
 
 import numpy as np
@@ -10,11 +9,11 @@ import pinocchio as pin
 from numpy.typing import ArrayLike
 
 from wbc.core.errors import Array, InputError, finite_array
+from wbc.core.qp.axes import POSE_AXES, POSITION_AXES, ROTATION_AXES
+from wbc.core.qp.move import Coordinates
+from wbc.core.qp.task import MotionOptions, Task
 from wbc.core.robot import Robot
-from wbc.tasks.motion.axes import POSE_AXES, POSITION_AXES, ROTATION_AXES
-from wbc.tasks.motion.moving import Placing, Turning
-from wbc.tasks.motion.target import T, TargetTask
-from wbc.tasks.options import MotionOptions
+from wbc.tasks.motion.rotations import PoseCoordinates, RotationCoordinates
 
 
 def rotation_matrix(what: str, value: ArrayLike) -> Array:
@@ -23,17 +22,7 @@ def rotation_matrix(what: str, value: ArrayLike) -> Array:
     Raises `InputError` for one that is not finite, orthonormal and right-handed (to 1e-6).
     """
     matrix = finite_array(what, value, (3, 3))
-    (a, b, c), (d, e, f), (g, h, i) = matrix.tolist()
-    lengths = (a * a + b * b + c * c, d * d + e * e + f * f, g * g + h * h + i * i)
-    products = (a * d + b * e + c * f, a * g + b * h + c * i, d * g + e * h + f * i)
-    handedness = a * (e * i - f * h) - b * (d * i - f * g) + c * (d * h - e * g)
-    if not (
-        handedness > 0.0
-        and min(lengths) >= 1.0 - 1e-6
-        and max(lengths) <= 1.0 + 1e-6
-        and min(products) >= -1e-6
-        and max(products) <= 1e-6
-    ):
+    if np.linalg.det(matrix) <= 0.0 or abs(matrix @ matrix.T - np.eye(3)).max() > 1e-6:
         raise InputError(f"{what} must be a rotation matrix, got\n{matrix}")
     return matrix
 
@@ -51,17 +40,24 @@ def pose(what: str, value: pin.SE3) -> pin.SE3:
     )
 
 
-class FrameTask(TargetTask[T]):
+class FrameTask(Task):
     """Base of tasks on a frame.
 
     Attributes:
         frame: Frame of the robot.
     """
 
-    def __init__(self, frame: str, name: str, choices: Sequence[str], options: MotionOptions) -> None:
-        """Describe the task; see `TargetTask`. Stiffness 30 1/s² by default."""
+    __slots__ = ("_data", "_id", "_model", "_placement", "_rotation", "_translation", "_world", "frame")
+
+    def __init__(
+        self, frame: str, what: str, rows: tuple[str, ...], target: Any, options: MotionOptions
+    ) -> None:
+        """Describe the task, by default named after frame and `what`; see `Task`. Stiffness 30 1/s² by default."""
         self.frame = frame
-        super().__init__(name, choices, {"stiffness": 30.0, **options})
+        usual: MotionOptions = {"stiffness": 30.0}
+        super().__init__(f"{frame} {what}", rows, **(usual | options))
+        if target is not None:
+            self.target = target
 
     def bind(self, robot: Robot) -> None:
         """Resolve frame and joints.
@@ -76,14 +72,14 @@ class FrameTask(TargetTask[T]):
         self._model, self._data, self._world = robot.model, robot.data, pin.LOCAL_WORLD_ALIGNED
 
 
-class PositionTask(FrameTask[Array]):
+class PositionTask(FrameTask):
     """Bring the origin of a frame to a point of the world.
 
     Error and residual are along the chosen world axes, m and m/s²; the weight is a cost per (m/s²)². Weight 1 and
     stiffness 30 1/s² by default.
     """
 
-    unit = "m"
+    __slots__ = ()
 
     def __init__(self, frame: str, target: ArrayLike | None = None, **options: Unpack[MotionOptions]) -> None:
         """Describe the task.
@@ -93,31 +89,33 @@ class PositionTask(FrameTask[Array]):
             target: Point in the world, shape (3,), m; the present one when None.
             **options: See `MotionOptions`.
         """
-        super().__init__(frame, f"{frame} position", POSITION_AXES, options)
-        if target is not None:
-            self.target = target
+        super().__init__(frame, "position", POSITION_AXES, target, options)
 
-    def _present(self, robot: Robot) -> Array:
+    def present(self, robot: Robot) -> Array:
+        """Return the origin of the frame, shape (3,), m."""
         return np.array(robot.placement(self.frame).translation)
 
+    def checked(self, value: ArrayLike) -> Array:
+        """Return a point after a check, shape (3,), m."""
+        return finite_array(f"target of task '{self.name}' (m)", value, (3,))
+
     def evaluate(self, jacobian: Array, error: Array, drift: Array) -> None:
-        """Fill the rows; see `MotionTask.evaluate`."""
-        assert self._target is not None
-        full = pin.getFrameJacobian(self._model, self._data, self._id, self._world)
-        acceleration = pin.getFrameClassicalAcceleration(self._model, self._data, self._id, self._world)
-        difference = self._target - self._translation
-        self._write((jacobian, error, drift), (full[:3], difference, acceleration.linear))
+        """Fill the rows; see `Task.evaluate`."""
+        model, data, world = self._model, self._data, self._world
+        jacobian[:] = pin.getFrameJacobian(model, data, self._id, world)[:3]
+        drift[:] = pin.getFrameClassicalAcceleration(model, data, self._id, world).linear
+        np.subtract(self._target, self._translation, out=error)
 
 
-class OrientationTask(FrameTask[Array]):
+class OrientationTask(FrameTask):
     """Turn a frame, such as the pelvis or the torso, to an orientation in the world.
 
     The error is the rotation vector from the present to the target orientation, along the chosen world axes, rad; the
     weight is a cost per (rad/s²)². Weight 1 and stiffness 30 1/s² by default.
     """
 
+    __slots__ = ()
     unit = "rad"
-    _course_of = Turning
 
     def __init__(self, frame: str, target: ArrayLike | None = None, **options: Unpack[MotionOptions]) -> None:
         """Describe the task.
@@ -127,44 +125,36 @@ class OrientationTask(FrameTask[Array]):
             target: Rotation from the frame to the world, shape (3, 3); the present one when None.
             **options: See `MotionOptions`.
         """
-        super().__init__(frame, f"{frame} orientation", ROTATION_AXES, options)
-        if target is not None:
-            self.target = target
+        super().__init__(frame, "orientation", ROTATION_AXES, target, options)
 
-    def _present(self, robot: Robot) -> Array:
+    def present(self, robot: Robot) -> Array:
+        """Return the rotation of the frame, shape (3, 3)."""
         return np.array(robot.placement(self.frame).rotation)
 
-    def _checked(self, value: Any) -> Array:
+    def checked(self, value: ArrayLike) -> Array:
+        """Return a rotation after a check, shape (3, 3)."""
         return rotation_matrix(f"target of task '{self.name}'", value)
 
+    def _coordinates(self) -> Coordinates:
+        return RotationCoordinates(self.target, self.checked)
+
     def evaluate(self, jacobian: Array, error: Array, drift: Array) -> None:
-        """Fill the rows; see `MotionTask.evaluate`."""
-        assert self._target is not None
-        full = pin.getFrameJacobian(self._model, self._data, self._id, self._world)
-        acceleration = pin.getFrameClassicalAcceleration(self._model, self._data, self._id, self._world)
-        rotation = pin.log3(np.dot(self._target, self._rotation.T))
-        self._write((jacobian, error, drift), (full[3:], rotation, acceleration.angular))
+        """Fill the rows; see `Task.evaluate`."""
+        model, data, world = self._model, self._data, self._world
+        jacobian[:] = pin.getFrameJacobian(model, data, self._id, world)[3:]
+        drift[:] = pin.getFrameClassicalAcceleration(model, data, self._id, world).angular
+        error[:] = pin.log3(np.dot(self._target, self._rotation.T))
 
 
-class PoseTargetTask(FrameTask[pin.SE3]):
-    """Base of tasks on a frame whose target is a pose."""
-
-    unit = "m|rad"
-    _course_of = Placing
-
-    def _present(self, robot: Robot) -> pin.SE3:
-        return pin.SE3(robot.placement(self.frame))
-
-    def _checked(self, value: Any) -> pin.SE3:
-        return pose(f"target of task '{self.name}'", value)
-
-
-class PoseTask(PoseTargetTask):
+class PoseTask(FrameTask):
     """Bring a frame to a pose in the world.
 
     Rows are along the chosen world axes: position, m, then rotation, rad; the weight is a cost per (m/s²)² and
     (rad/s²)². Weight 1 and stiffness 30 1/s² by default.
     """
+
+    __slots__ = ()
+    unit = "m|rad"
 
     def __init__(self, frame: str, target: pin.SE3 | None = None, **options: Unpack[MotionOptions]) -> None:
         """Describe the task.
@@ -174,19 +164,109 @@ class PoseTask(PoseTargetTask):
             target: Pose in the world; the present one when None.
             **options: See `MotionOptions`.
         """
-        super().__init__(frame, f"{frame} pose", POSE_AXES, options)
-        self._difference = np.zeros(6)
-        if target is not None:
-            self.target = target
+        super().__init__(frame, "pose", POSE_AXES, target, options)
 
-    def _store(self, target: pin.SE3) -> None:
-        self._target, self._goal_rotation, self._goal = target, target.rotation, target.translation
+    def present(self, robot: Robot) -> pin.SE3:
+        """Return the pose of the frame."""
+        return pin.SE3(robot.placement(self.frame))
+
+    def checked(self, value: pin.SE3) -> pin.SE3:
+        """Return a pose after a check."""
+        return pose(f"target of task '{self.name}'", value)
+
+    def _coordinates(self) -> Coordinates:
+        return PoseCoordinates(self.target, self.checked)
 
     def evaluate(self, jacobian: Array, error: Array, drift: Array) -> None:
-        """Fill the rows; see `MotionTask.evaluate`."""
-        full = pin.getFrameJacobian(self._model, self._data, self._id, self._world)
-        acceleration = pin.getFrameClassicalAcceleration(self._model, self._data, self._id, self._world)
-        difference = self._difference
-        np.subtract(self._goal, self._translation, out=difference[:3])
-        difference[3:] = pin.log3(np.dot(self._goal_rotation, self._rotation.T))
-        self._write((jacobian, error, drift), (full, difference, acceleration.vector))
+        """Fill the rows; see `Task.evaluate`."""
+        model, data, world, target = self._model, self._data, self._world, self._target
+        jacobian[:] = pin.getFrameJacobian(model, data, self._id, world)
+        drift[:] = pin.getFrameClassicalAcceleration(model, data, self._id, world).vector
+        np.subtract(target.translation, self._translation, out=error[:3])
+        error[3:] = pin.log3(np.dot(target.rotation, self._rotation.T))
+
+
+class RelativeFrameTask(FrameTask):
+    """Bring a frame to a pose in another frame of the robot, such as one hand in the other.
+
+    Rows are along the axes of the reference frame: position of `frame`'s origin, m, then rotation, rad; the weight is
+    a cost per (m/s²)² and (rad/s²)². With axes x, y, z it is a task on the position alone, with roll, pitch, yaw on
+    the orientation. Moving both frames together costs nothing. Weight 1 and stiffness 30 1/s² by default.
+
+    Attributes:
+        reference: Frame that the pose is relative to.
+    """
+
+    __slots__ = ("_reference_id", "_reference_placement", "reference")
+    unit = "m|rad"
+
+    def __init__(
+        self, frame: str, reference: str, target: pin.SE3 | None = None, **options: Unpack[MotionOptions]
+    ) -> None:
+        """Describe the task.
+
+        Args:
+            frame: Frame of the robot.
+            reference: Frame of the robot that the pose is relative to.
+            target: Pose of `frame` in `reference`; the present one when None.
+            **options: See `MotionOptions`.
+        """
+        if frame == reference:
+            raise InputError(f"a relative task needs two frames, got '{frame}' twice")
+        self.reference = reference
+        super().__init__(frame, f"in {reference}", POSE_AXES, target, options)
+
+    def present(self, robot: Robot) -> pin.SE3:
+        """Return the pose of the frame in the other one."""
+        return robot.placement(self.reference).actInv(robot.placement(self.frame))
+
+    def checked(self, value: pin.SE3) -> pin.SE3:
+        """Return a pose after a check."""
+        return pose(f"target of task '{self.name}'", value)
+
+    def _coordinates(self) -> Coordinates:
+        return PoseCoordinates(self.target, self.checked)
+
+    def bind(self, robot: Robot) -> None:
+        """Resolve names; see `Task.bind`."""
+        super().bind(robot)
+        self._reference_id = robot.frame_id(self.reference)
+        self._reference_placement = robot.data.oMf[self._reference_id]
+
+    def evaluate(self, jacobian: Array, error: Array, drift: Array) -> None:
+        """Fill the rows; see `Task.evaluate`.
+
+        With d from the reference to the frame, ω the reference's angular velocity and R its rotation,
+
+            Rᵀ(v_f − v_r − ω × d)                                       velocity
+            Rᵀ(a_f − a_r − α × d − ω × (ω × d) − 2 ω × (v_f − v_r − ω × d)),  Rᵀ(α_f − α_r − ω × ω_f)   acceleration.
+        """
+        model, data, world = self._model, self._data, self._world
+        own, other = self._id, self._reference_id
+        rotation = self._reference_placement.rotation
+        back = rotation.T
+        offset = self._translation - self._reference_placement.translation
+
+        # [I, [d]×; 0, I] takes the reference's velocity to where the frame is; rotated, into the reference's axes.
+        mine = pin.getFrameJacobian(model, data, own, world)
+        theirs = pin.getFrameJacobian(model, data, other, world)
+        mine -= theirs
+        mine[:3] += np.dot(pin.skew(offset), theirs[3:])
+        jacobian[:3], jacobian[3:] = np.dot(back, mine[:3]), np.dot(back, mine[3:])
+
+        velocity = pin.getFrameVelocity(model, data, other, world)
+        moving = pin.getFrameVelocity(model, data, own, world)
+        turn = pin.skew(velocity.angular)
+        carried = np.dot(turn, offset)
+        slip = moving.linear - velocity.linear - carried
+        acceleration = pin.getFrameClassicalAcceleration(model, data, own, world)
+        base = pin.getFrameClassicalAcceleration(model, data, other, world)
+        linear = acceleration.linear - base.linear + np.dot(pin.skew(offset), base.angular)
+        linear -= np.dot(turn, carried + 2.0 * slip)
+        angular = acceleration.angular - base.angular - np.dot(turn, moving.angular)
+        np.dot(back, linear, out=drift[:3])
+        np.dot(back, angular, out=drift[3:])
+
+        target = self._target
+        np.subtract(target.translation, np.dot(back, offset), out=error[:3])
+        error[3:] = pin.log3(np.dot(target.rotation, np.dot(self._rotation.T, rotation)))

@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from wbc.core.errors import Array, InputError, finite_array, finite_scalar
-from wbc.core.qp.task import Task, read_only
+from wbc.core.qp.axes import distinct_joints, joint_columns
+from wbc.core.qp.motion import read_only
+from wbc.core.qp.task import GainOptions, Task, TaskOptions
 from wbc.core.robot import Robot
-from wbc.tasks.motion.axes import distinct_joints, joint_columns
 
 JointValues = ArrayLike | Mapping[str, float]
 """A value for each joint of a task, shape (number of joints,), or joint name → value for some of them."""
@@ -20,22 +20,20 @@ JointValues = ArrayLike | Mapping[str, float]
 class JointTask(Task):
     """Base of tasks on joints, of which each has a row and a target."""
 
+    __slots__ = ("_columns", "_joints", "_pending")
+
     def __init__(
         self,
         name: str,
         target: JointValues | None,
         joints: str | Sequence[str] | None,
-        options: Mapping[str, Any],
+        options: TaskOptions | GainOptions,
     ) -> None:
-        """Describe the task: name where the options give none, targets, joints (all when None) and checked options.
-
-        Raises `InputError` for no joint at all, a joint twice, or an option out of range.
-        """
+        """Describe the task: its name, targets, joints (all when None) and options, each where none is given."""
         self._joints = None if joints is None else distinct_joints(joints)
-        gains = dict(options)
-        super().__init__(gains.pop("name", None) or name, len(self._joints or [""]), **gains)
-        self._target: Array | None = None
-        self._pending = target
+        self._columns: NDArray[np.intp]
+        super().__init__(name, len(self._joints or [""]), **options)
+        self._pending = target  # until the joints are known
 
     def bind(self, robot: Robot) -> None:
         """Resolve the joints, and take the present values as targets where none were given.
@@ -44,19 +42,15 @@ class JointTask(Task):
             UnknownNameError: The robot has no such joint.
             InputError: A target of the wrong shape.
         """
-        super().bind(robot)
         if self._joints is None:
             self._joints = list(robot.joint_names)
             self._resize(robot.na)
         self._columns = joint_columns(robot, self._joints)
+        super().bind(robot)
         if not self.accepted:
-            self._target = self._present(robot)
+            self._target = self.present(robot)
             if self._pending is not None:
-                self._target = self._targets(self._pending, self._target)
-
-    def _present(self, robot: Robot) -> Array:
-        """Targets of joints for which none were given, shape (dim,); a new array."""
-        raise NotImplementedError
+                self._target = self.checked(self._pending)
 
     @property
     def joints(self) -> tuple[str, ...]:
@@ -72,29 +66,19 @@ class JointTask(Task):
 
     @target.setter
     def target(self, value: JointValues) -> None:
-        if self._target is None:
-            self._pending = value
-            return
         if not self.accepted:
             self._pending = value
-        target = self._targets(value, self._target)
-        if self._held:
-            self._take_over()
-        self._target = target
+        if self._target is not None:
+            Task.target.fset(self, value)  # type: ignore[attr-defined]
 
-    def _targets(self, value: JointValues, others: Array) -> Array:
-        """Return targets after a check, shape (dim,); those that are not given are those of `others`."""
+    def checked(self, value: JointValues, others: Array | None = None) -> Array:
+        """Return targets after a check, shape (dim,); those that are not given are those of `others`, or stay."""
         if not isinstance(value, Mapping):
             return finite_array(f"target of task '{self.name}' ({self.unit})", value, (self.dim,))
-        changed = np.array(others)
+        changed = np.array(self._target if others is None else others)
         for joint, target in value.items():
             changed[self._row(joint)] = finite_scalar(f"target of joint '{joint}' ({self.unit})", target)
         return changed
-
-    def saturate(self, error: Array) -> None:
-        """Bring the error of each joint into its bound; see `Task.saturate`."""
-        bound = self._rows.bound
-        np.minimum(np.maximum(error, -bound, out=error), bound, out=error)
 
     def _row(self, joint: str) -> int:
         self.robot.joint_index(joint)

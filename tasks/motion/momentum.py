@@ -2,22 +2,20 @@
 
 from __future__ import annotations
 
-from typing import Any, Unpack
+from typing import Unpack
 
 import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
 from wbc.core.errors import Array, InputError, finite_array
-from wbc.core.qp.task import evaluated
+from wbc.core.qp.axes import POSE_AXES
+from wbc.core.qp.move import Coordinates
+from wbc.core.qp.task import SLOW, MotionOptions, Task, evaluated
 from wbc.core.robot import BASE_DOF, Robot
-from wbc.tasks.motion.axes import POSE_AXES
-from wbc.tasks.motion.moving import SLOW, Course
-from wbc.tasks.motion.target import TargetTask
-from wbc.tasks.options import MotionOptions
 
 
-class MomentumTask(TargetTask[Array]):
+class MomentumTask(Task):
     """Bring the centroidal momentum to a target: linear, kg m/s, and angular about the centre of mass, kg m²/s.
 
     The rows are its rate, along the chosen world axes, in N and Nm; the weight is a cost per N² and (Nm)². A momentum
@@ -32,6 +30,7 @@ class MomentumTask(TargetTask[Array]):
     Source: Orin, Goswami, Lee, "Centroidal dynamics of a humanoid robot", Autonomous Robots 35, 2013.
     """
 
+    __slots__ = ("_base", "_gravity", "_map", "_momentum")
     unit = "kg m/s|kg m²/s"
 
     def __init__(self, target: ArrayLike | None = None, **options: Unpack[MotionOptions]) -> None:
@@ -41,16 +40,15 @@ class MomentumTask(TargetTask[Array]):
             target: [linear; angular] along the world axes, shape (6,), kg m/s and kg m²/s; zero when None.
             **options: See `MotionOptions`; no damping.
         """
-        rate: MotionOptions = {"weight": 1e-3, "stiffness": 5.0, **options, "damping": 0.0}
-        super().__init__("momentum", POSE_AXES, rate)
-        self.damping = options.get("damping", 0.0)
+        usual: MotionOptions = {"weight": 1e-3, "stiffness": 5.0, "damping": 0.0}
+        super().__init__("momentum", POSE_AXES, **(usual | options))
         self.target = np.zeros(6) if target is None else target
-        self._drift = np.zeros(6)
 
-    def _checked(self, value: Any) -> Array:
+    def checked(self, value: ArrayLike) -> Array:
+        """Return a momentum after a check, shape (6,), kg m/s and kg m²/s."""
         return finite_array(f"target of task '{self.name}' (kg m/s, kg m²/s)", value, (6,))
 
-    def _course(self) -> Course:
+    def _coordinates(self) -> Coordinates:
         raise InputError(f"task '{self.name}' has a momentum for its target, which is not moved: assign it")
 
     @property
@@ -65,7 +63,7 @@ class MomentumTask(TargetTask[Array]):
                 f"task '{self.name}' has no damping: its stiffness is a rate, 1/s; got {value!r}"
             )
         self._critical = False
-        self._rows.damping[:] = 0.0
+        self._set_damping(np.zeros(()))
 
     @property
     def residual_unit(self) -> str:
@@ -89,18 +87,15 @@ class MomentumTask(TargetTask[Array]):
         self._gravity = np.array(robot.model.gravity.linear)
 
     def evaluate(self, jacobian: Array, error: Array, drift: Array) -> None:
-        """Fill the rows; see `MotionTask.evaluate`.
+        """Fill the rows; see `Task.evaluate`.
 
         The drift needs no second pass over the dynamics: at zero generalised acceleration the wrench on the base rows
         of the bias is what changes the momentum, less the weight.
         """
-        robot, base = self.robot, self._base
-        bias = robot.bias
-        full = self._drift
+        robot, base, bias = self.robot, self._base, self.robot.bias
+        jacobian[:] = self._map
+        np.subtract(self._target, self._momentum.vector, out=error)
         force = np.dot(base.rotation, bias[:3])
-        np.add(force, robot.total_mass * self._gravity, out=full[:3])
-        np.dot(base.rotation, bias[3:BASE_DOF], out=full[3:])
-        full[3:] += np.dot(pin.skew(base.translation - robot.com), force)
-        assert self._target is not None
-        difference = self._target - self._momentum.vector
-        self._write((jacobian, error, drift), (self._map, difference, full))
+        np.add(force, robot.total_mass * self._gravity, out=drift[:3])
+        np.dot(base.rotation, bias[3:BASE_DOF], out=drift[3:])
+        drift[3:] += np.dot(pin.skew(base.translation - robot.com), force)

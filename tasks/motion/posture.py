@@ -9,21 +9,22 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from wbc.core.errors import Array, non_negative
-from wbc.core.qp.task import SelectionTask
+from wbc.core.qp.move import Coordinates
+from wbc.core.qp.task import GainOptions
 from wbc.core.robot import BASE_DOF, Robot
 from wbc.tasks.motion.joints import JointTask, JointValues
-from wbc.tasks.motion.moving import Course, MovingTask
-from wbc.tasks.options import GainOptions
 
 
-class PostureTask(MovingTask, JointTask, SelectionTask):
+class PostureTask(JointTask):
     """Bring joints to given positions, as far as the other tasks leave them free.
 
     Error and residual are in rad and rad/s² (m and m/s² for sliding joints); the weight is a cost per (rad/s²)².
     Weight 0.1 and stiffness 20 1/s² by default.
     """
 
+    __slots__ = ("_factor", "_factors", "_positions")
     unit = "rad"
+    kind = "selection"
 
     def __init__(
         self,
@@ -47,7 +48,8 @@ class PostureTask(MovingTask, JointTask, SelectionTask):
             joint: non_negative(f"weight of joint '{joint}' in a posture task", factor)
             for joint, factor in (joint_weights or {}).items()
         }
-        super().__init__("posture", target, joints, {"weight": 0.1, "stiffness": 20.0, **options})
+        usual: GainOptions = {"weight": 0.1, "stiffness": 20.0}
+        super().__init__("posture", target, joints, usual | options)
 
     def bind(self, robot: Robot) -> None:
         """Resolve the joints, and take the present posture where no target was given.
@@ -68,7 +70,8 @@ class PostureTask(MovingTask, JointTask, SelectionTask):
             self._factor = factor
             self._rows.weight *= factor
 
-    def _present(self, robot: Robot) -> Array:
+    def present(self, robot: Robot) -> Array:
+        """Return the present posture, shape (dim,), rad."""
         return np.array(robot.q[self._columns + 1])
 
     @property
@@ -78,45 +81,23 @@ class PostureTask(MovingTask, JointTask, SelectionTask):
 
     @weight.setter
     def weight(self, value: ArrayLike) -> None:
-        weight = self._gain("weight", value)
+        weight = self._checked_gain("weight", value)
         self._rows.weight[:] = weight if self._factor is None else weight * self._factor
 
-    def follow(self, positions: Array, velocity: Array, acceleration: Array) -> None:
-        """Set target and feed-forwards for one tick, unchecked: for a controller that makes them itself.
+    def _coordinates(self) -> Coordinates:
+        return _Joints(self.target, self.checked)
 
-        Args:
-            positions: Positions of the task's joints, shape (dim,), rad; kept, not copied.
-            velocity: Their velocities, shape (dim,), rad/s.
-            acceleration: Their accelerations, shape (dim,), rad/s².
-        """
-        self._target = positions
-        self._rows.velocity[:] = velocity
-        self._rows.acceleration[:] = acceleration
-
-    def _course(self) -> Course:
-        return _Joints(self.target, self._targets)
-
-    def _put(self, target: Any, velocity: Array, acceleration: Array) -> None:
-        self.follow(target, velocity, acceleration)
-
-    def _greatest(self, rows: Array) -> float:
-        return float(abs(rows).max())
-
-    def _within(self, rows: Array, bounds: Sequence[float]) -> bool:
-        return self._greatest(rows) <= bounds[0]
-
-    def evaluate(self, error: Array) -> None:
-        """Fill target − measured; see `SelectionTask.evaluate`."""
-        assert self._target is not None
+    def evaluate(self, jacobian: Array, error: Array, drift: Array) -> None:
+        """Fill target − measured; see `Task.evaluate`."""
         np.subtract(self._target, self.robot.q[self._positions], out=error)
 
 
-class _Joints(Course):
+class _Joints(Coordinates):
     """Joint positions; joints that a target does not name stay where they were before."""
 
-    def __init__(self, start: Array, targets: Callable[[JointValues, Array], Array]) -> None:
+    def __init__(self, start: Array, checked: Callable[[Any, Array], Array]) -> None:
         super().__init__(start, np.asarray, [slice(joint, joint + 1) for joint in range(start.size)])
-        self._targets = targets
+        self._values = checked
 
-    def point(self, target: Any, before: Array) -> Array:
-        return self._targets(target, before)
+    def of(self, target: Any, before: Array) -> Array:
+        return self._values(target, before)

@@ -23,12 +23,12 @@ from numpy.typing import ArrayLike
 
 from wbc.core.errors import Array, InputError
 from wbc.core.qp.contact import SoleContact
-from wbc.core.qp.task import read_only
+from wbc.core.qp.motion import read_only
+from wbc.core.qp.task import MotionOptions
 from wbc.core.robot import Robot
 from wbc.core.signals import Measurement
 from wbc.tasks.force.wrench import WrenchTask
 from wbc.tasks.motion.com import CoMTask
-from wbc.tasks.options import MotionOptions
 from wbc.tasks.stabilizer.distribution import LEAST_SHARE, DistributionSettings, WrenchDistribution
 from wbc.tasks.stabilizer.gains import StabilizerGains
 from wbc.tasks.stabilizer.pendulum import Pendulum
@@ -48,6 +48,25 @@ class StabilizerTask(CoMTask):
         parts: Tasks on the contacts' wrenches, which a controller takes and gives back with this one.
         output: Output of the stabilizer in the last tick; None before the first one.
     """
+
+    __slots__ = (
+        "_aim",
+        "_contacts",
+        "_estimate",
+        "_gains",
+        "_given",
+        "_moment_by_load",
+        "_places",
+        "_settings",
+        "_soles",
+        "_stabilizer",
+        "_stands",
+        "_torque",
+        "_wrench_weight",
+        "_yaw",
+        "output",
+        "parts",
+    )
 
     def __init__(
         self,
@@ -84,6 +103,9 @@ class StabilizerTask(CoMTask):
                 f"a stabilizer needs two feet: contacts of the left and the right sole, got {contacts!r}"
             )
         defaults: MotionOptions = {"weight": 100.0, "stiffness": STIFFNESS}
+        self._aim: tuple[Array, Array, Array] | None = (
+            None  # CoM of a robot that stands, velocity, acceleration
+        )
         super().__init__(target, **(defaults | options))
         self._torque = drives == "torque"
         if self._torque:  # horizontally the feedback gives the acceleration
@@ -99,19 +121,16 @@ class StabilizerTask(CoMTask):
         self.output: StabilizerOutput | None = None
         self._stabilizer: Stabilizer | None = None
         self._stands = True  # until something hands out a pendulum
-        self._aim: tuple[Array, Array, Array] | None = (
-            None  # CoM of a robot that stands, velocity, acceleration
-        )
 
     @property
     def target(self) -> Array:
         """CoM of a robot that stands, shape (3,), m, read-only; assign one, or see `move_to`."""
-        return super().target if self._aim is None else read_only(self._aim[0])
+        target: Array = super().target if self._aim is None else read_only(self._aim[0])
+        return target
 
     @target.setter
     def target(self, value: ArrayLike) -> None:
         CoMTask.target.fset(self, value)  # type: ignore[attr-defined]
-        assert self._target is not None
         self._aim = np.array(self._target), np.zeros(3), np.zeros(3)
 
     @property

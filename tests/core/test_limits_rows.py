@@ -24,7 +24,7 @@ from wbc.core.limits.rows import JointLimits, RowLimit
 from wbc.core.qp.contact import SoleContact
 from wbc.core.qp.controller import Controller
 from wbc.core.robot import Robot
-from wbc.tasks import CoMTask, OrientationTask, PositionTask, PostureTask, check_limit
+from wbc.tasks import CoMTask, OrientationTask, PositionTask, PostureTask, check_rows
 
 robots = pytest.mark.parametrize("name", by_default(ROBOTS, "hrp4_class"))
 STEP = 1e-6
@@ -238,7 +238,7 @@ def test_a_pair_that_no_joint_separates_is_refused_with_its_distance(
 )
 def test_links_whose_geometry_is_meshes_have_shapes_as_shipped(name: str, pair: tuple[str, str]) -> None:
     limit = SelfCollisionLimit([pair], shapes=description(name).collision_shapes())
-    check_limit(limit, make_robot(name), states=20)
+    check_rows(limit, make_robot(name))
     limit.bind(make_robot(name))
     assert 0.01 < limit.distances[pair] < 0.6
 
@@ -263,8 +263,8 @@ class Contradicting(RowLimit):
 
 def test_a_limit_that_contradicts_itself_is_named() -> None:
     with pytest.raises(InputError, match="'contradicting'.*lower bound above the upper"):
-        check_limit(Contradicting(), make_robot("hrp4_class"))
-    check_limit(CoMPolygonLimit(), make_robot("hrp4_class"))
+        check_rows(Contradicting(), make_robot("hrp4_class"))
+    check_rows(CoMPolygonLimit(), make_robot("hrp4_class"))
 
 
 # ---- centre of mass over a polygon --------------------------------------------------------------------------------

@@ -14,10 +14,10 @@ from scipy.ndimage import convolve1d
 
 from wbc.core.errors import Array
 from wbc.core.robot import Robot
+from wbc.core.trajectories import minimum_jerk
 from wbc.motion.clip import MotionClip
 from wbc.motion.inverse_kinematics import inverse_kinematics
 from wbc.motion.kinematics import BodyMotion
-from wbc.tasks.trajectories import minimum_jerk
 
 RATE = 100.0
 """Frames per second, Hz."""

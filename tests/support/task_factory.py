@@ -12,7 +12,7 @@ import pinocchio as pin
 from wbc.core.errors import Array
 from wbc.core.qp.contact import SoleContact
 from wbc.core.qp.controller import Controller
-from wbc.core.qp.task import MotionTask
+from wbc.core.qp.task import Task, evaluated
 from wbc.core.robot import Robot
 from wbc.robots import RobotDescription, load
 from wbc.tasks import (
@@ -45,7 +45,7 @@ class Case:
         selects: True if it may use some joints only: its velocity is then not that of the frame.
     """
 
-    make: Callable[[Robot], MotionTask]
+    make: Callable[[Robot], Task]
     feasible: bool = True
     in_frame: bool = False
     selects: bool = False
@@ -127,11 +127,9 @@ def near_half_sitting(
     return q, speed * rng.normal(size=robot.nv)
 
 
-def rows_of(task: MotionTask, robot: Robot) -> tuple[Array, Array, Array]:
+def rows_of(task: Task, robot: Robot) -> tuple[Array, Array, Array]:
     """Jacobian, error and drift at the present state of the robot."""
-    jacobian, error, drift = np.zeros((task.dim, robot.nv)), np.zeros(task.dim), np.zeros(task.dim)
-    task.evaluate(jacobian, error, drift)
-    return jacobian, error, drift
+    return evaluated(task)
 
 
 def standing(name: str, dt: float = 0.002, posture: bool = True) -> Controller:

@@ -21,7 +21,7 @@ from task_factory import (
 
 from wbc.core.errors import Array, InputError, UnknownNameError
 from wbc.core.qp.controller import Controller
-from wbc.core.qp.task import MotionTask, evaluated
+from wbc.core.qp.task import Task, evaluated
 from wbc.core.robot import Robot
 from wbc.tasks import (
     AdmittanceTask,
@@ -33,14 +33,14 @@ from wbc.tasks import (
     PositionTask,
     PostureTask,
     RelativeFrameTask,
-    check_task,
+    check_rows,
 )
 
 cases = pytest.mark.parametrize("case", MOTION_TASKS)
 robots = pytest.mark.parametrize("name", by_default(ROBOTS, "hrp4_class"))
 
 
-def bound(case: str, robot: Robot, rng: np.random.Generator) -> tuple[MotionTask, Array, Array]:
+def bound(case: str, robot: Robot, rng: np.random.Generator) -> tuple[Task, Array, Array]:
     """A task whose target is a random state, and that state."""
     q, v = random_state(robot, rng)
     robot.update(q, v)
@@ -56,15 +56,15 @@ def test_rows_are_what_finite_differences_say(name: str, case: str) -> None:
     q, v = np.array(robot.q), np.array(robot.v)
     task = known.make(robot)
     frame = left_hand(robot) if known.in_frame else None
-    check_task(task, robot, frame=frame, partial=known.selects)
+    check_rows(task, robot, frame=frame, partial=known.selects)
     np.testing.assert_array_equal(np.concatenate([robot.q, robot.v]), np.concatenate([q, v]))
     Controller(robot, 0.002).add(task)  # it has not been bound
 
 
 def test_selections_are_checked_as_well() -> None:
     robot = make_robot("hrp4_class")
-    check_task(PostureTask(), robot)
-    check_task(PostureTask(joints=arm(robot)), robot)
+    check_rows(PostureTask(), robot)
+    check_rows(PostureTask(joints=arm(robot)), robot)
 
 
 class Counts(PositionTask):
@@ -82,7 +82,7 @@ class Counts(PositionTask):
 def test_a_check_leaves_the_state_of_a_task_as_it_is() -> None:
     robot = make_robot("hrp4_class")
     task = Counts(left_hand(robot))
-    check_task(task, robot)
+    check_rows(task, robot)
     assert task.count == 0.0
 
 
@@ -123,7 +123,7 @@ class Wrong(PositionTask):
 def test_mistakes_in_a_task_are_named(mistake: str, words: str) -> None:
     robot = make_robot("hrp4_class")
     with pytest.raises(InputError, match=words):
-        check_task(Wrong(mistake, left_hand(robot)), robot)
+        check_rows(Wrong(mistake, left_hand(robot)), robot)
     controller = standing("hrp4_class")
     if mistake in ("rebinds", "shape", "nan"):
         with pytest.raises(InputError, match=words):

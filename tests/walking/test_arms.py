@@ -13,9 +13,9 @@ import pytest
 from wbc import load_robot
 from wbc.core.errors import InputError
 from wbc.core.robot import BASE_DOF
+from wbc.core.trajectories import minimum_jerk
 from wbc.sim import Plant, TrialHook, WalkPlan, WalkSpec, WalkTrial
 from wbc.sim.trial.loop import TrialTick
-from wbc.tasks.trajectories import minimum_jerk
 from wbc.walking import ArmSettings, FootstepPlan, WalkingControl, WalkingControlSettings
 from wbc.walking.swing import FootMotion
 

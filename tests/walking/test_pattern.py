@@ -13,8 +13,8 @@ from scipy.spatial import ConvexHull
 
 from wbc.core.errors import InputError
 from wbc.core.qp.solver import Status
+from wbc.core.trajectories import Quintic
 from wbc.tasks.stabilizer.pendulum import Pendulum
-from wbc.tasks.trajectories import Quintic
 from wbc.walking.pattern.height import HeightProfile
 from wbc.walking.pattern.pattern import Pattern
 from wbc.walking.pattern.preview import PreviewController, PreviewSettings

@@ -14,10 +14,10 @@ from wbc.core.drive.torque import TorqueControl
 from wbc.core.errors import Array
 from wbc.core.robot import GRAVITY, Robot
 from wbc.core.signals import Command, Measurement
+from wbc.core.trajectories import minimum_jerk
 from wbc.machine.loads import SoleLoads
 from wbc.robots import RobotDescription
 from wbc.tasks import BalanceGains, balance_controller
-from wbc.tasks.trajectories import minimum_jerk
 
 SETTLE = 1.5
 """Time in which trunk and pelvis turn from where the robot was caught to upright, s."""

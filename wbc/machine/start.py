@@ -8,8 +8,8 @@ import pinocchio as pin
 from wbc.core.errors import Array
 from wbc.core.robot import BASE_DOF, Robot
 from wbc.core.signals import Command, Measurement
+from wbc.core.trajectories import minimum_jerk
 from wbc.machine.loads import SoleLoads
-from wbc.tasks.trajectories import minimum_jerk
 
 MEAN = 0.5
 """Time constant of the lean of a robot that hangs, s."""

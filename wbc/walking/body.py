@@ -15,14 +15,13 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
-from wbc.core.attributes import FixedAttributes
 from wbc.core.errors import Array, InputError, finite_array, finite_scalar
 from wbc.core.qp.controller import Controller
 from wbc.core.robot import BASE_DOF, GRAVITY, Robot
+from wbc.core.trajectories import approach
 from wbc.tasks.motion.direction import GazeTask
 from wbc.tasks.stabilizer.lean import LeanMotion
 from wbc.tasks.stabilizer.pendulum import Pendulum
-from wbc.tasks.trajectories import approach
 from wbc.walking.planning.reach import hip_height, leg_geometry
 
 SPEED, ACCELERATION = 0.1, 0.5
@@ -74,7 +73,7 @@ class Twist(NamedTuple):
     by_waist: bool
 
 
-class Body(FixedAttributes):
+class Body:
     """Set-points of the body.
 
         walking.body.com_height = 0.70       # m over the soles
@@ -87,6 +86,29 @@ class Body(FixedAttributes):
     Attributes:
         active: False while nothing is set, and nothing has to be done.
     """
+
+    __slots__ = (
+        "_acceleration",
+        "_controller",
+        "_dt",
+        "_gaze",
+        "_gaze_weight",
+        "_goal",
+        "_lift",
+        "_look",
+        "_lowest",
+        "_most",
+        "_most_look",
+        "_neck",
+        "_nominal",
+        "_now",
+        "_off",
+        "_point",
+        "_rate",
+        "_robot",
+        "_waist",
+        "active",
+    )
 
     def __init__(
         self,

@@ -19,8 +19,8 @@ import pinocchio as pin
 
 from wbc.core.errors import ROUNDING, Array, InputError, positive
 from wbc.core.robot import GRAVITY
+from wbc.core.trajectories import Quintic
 from wbc.core.vectors import Vector
-from wbc.tasks.trajectories import Quintic
 from wbc.walking.planning.footsteps import Footstep
 from wbc.walking.planning.gait import SwingShape
 

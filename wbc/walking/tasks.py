@@ -13,13 +13,13 @@ from wbc.core.errors import Array
 from wbc.core.limits.rows import JointLimits, TorqueLimits
 from wbc.core.qp.contact import SoleContact
 from wbc.core.qp.controller import Controller
+from wbc.core.qp.task import GainOptions
 from wbc.core.robot import Robot
 from wbc.core.settings import Positive, settings
 from wbc.tasks.balance import BodyGains
 from wbc.tasks.motion.com import CoMTask
 from wbc.tasks.motion.frame import OrientationTask, PoseTask
 from wbc.tasks.motion.posture import PostureTask
-from wbc.tasks.options import GainOptions
 from wbc.tasks.stabilizer.distribution import DistributionSettings
 from wbc.tasks.stabilizer.gains import StabilizerGains
 from wbc.tasks.stabilizer.lean import UPRIGHT, LeanMotion

@@ -6,8 +6,9 @@ never empty. A joint that starts outside its limits is brought back instead of m
 
 from __future__ import annotations
 
+import weakref
 from abc import ABC, abstractmethod
-from typing import Annotated
+from typing import Annotated, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -79,6 +80,8 @@ def _joint_bound(what: str, value: ArrayLike, na: int) -> Array:
 
 class JointLimits:
     """Position, velocity and acceleration bounds of every actuated joint, as one interval of its acceleration."""
+
+    _owner: weakref.ref[Any] | None = None
 
     def __init__(
         self,
@@ -186,6 +189,8 @@ class JointLimits:
 class TorqueLimits:
     """Bounds of the joint torques, and of how fast they change."""
 
+    _owner: weakref.ref[Any] | None = None
+
     def __init__(self, *, ratio: Ratio = 1.0, rate: ArrayLike | None = None) -> None:
         """Choose the bounds.
 
@@ -241,6 +246,7 @@ class RowLimit(ABC):
 
     name: str
     dim: int
+    _owner: weakref.ref[Any] | None = None
 
     @abstractmethod
     def bind(self, robot: Robot) -> None:

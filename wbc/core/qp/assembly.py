@@ -30,12 +30,16 @@ import numpy as np
 from wbc.core.errors import Array
 from wbc.core.limits.rows import JointLimits, RowLimit, TorqueLimits
 from wbc.core.qp.contact import Contact
+from wbc.core.qp.motion import Rows
 from wbc.core.qp.problem import Problem
 from wbc.core.qp.solution import Layout
-from wbc.core.qp.task import MotionTask, Rows, SelectionTask, Task, VariableTask
+from wbc.core.qp.task import Task
 from wbc.core.robot import BASE_DOF, Robot
 
 Limit = JointLimits | TorqueLimits | RowLimit
+
+_NONE = np.zeros((0, 0))
+"""What a task does not fill: a selection its Jacobian, a task on variables its drift."""
 
 
 def _dim(tasks: Sequence[Task]) -> int:
@@ -98,9 +102,9 @@ class Assembly:
         for task in tasks:
             task.detach()
         self.listening = [t for t in tasks if getattr(t.observe, "__func__", None) is not Task.observe]
-        motion = [t for t in tasks if isinstance(t, MotionTask)]
-        selection = [t for t in tasks if isinstance(t, SelectionTask)]
-        variable = [t for t in tasks if isinstance(t, VariableTask)]
+        motion = [t for t in tasks if t.kind == "motion"]
+        selection = [t for t in tasks if t.kind == "selection"]
+        variable = [t for t in tasks if t.kind == "variables"]
         hard_first = [t for t in (*selection, *variable) if t.hard]
         hard_motion = [t for t in motion if t.hard]
         soft = [*(t for t in motion if not t.hard), *(t for t in variable if not t.hard)]
@@ -139,9 +143,9 @@ class Assembly:
         self._selected = self._rows.view(slice(n_shared, n_shared + n_selected))
 
         self._slots: list[_ContactSlot] = []
-        self._motion: list[tuple[MotionTask, Array, Array, Array]] = []
-        self._variable: list[tuple[VariableTask, Array, Array]] = []
-        self._selection: list[tuple[SelectionTask, Rows, Array, Array, Array | None]] = []
+        self._motion: list[tuple[Task, Array, Array, Array]] = []
+        self._variable: list[tuple[Task, Array, Array]] = []
+        self._selection: list[tuple[Task, Rows, Array, Array, Array | None]] = []
         self._row_blocks: list[tuple[RowLimit, Array, Array, Array]] = []
 
         self._place_hard_first(hard_first, hard_rows.start)
@@ -151,7 +155,7 @@ class Assembly:
         self._place_tasks(hard_motion, hard_motion_rows.start)
         self._place_tasks(soft, first_soft)
         for task in hard_first:
-            if isinstance(task, VariableTask):
+            if task.kind == "variables":
                 rows = self._places[task.name]
                 self._variable.append((task, p.rows[rows], p.target[rows]))
         for variable_task, _, _ in self._variable:
@@ -204,7 +208,7 @@ class Assembly:
             yields = contact.motion_weight is not None
             motion = slice(soft_at, soft_at + contact.dim) if yields else rows
             view = self._view(motion)
-            contact.attach(view.velocity)
+            contact.attach(view)
             p.inequality[normal, column + contact.force_axis] = 1.0
             p.contacts[contact.name] = columns
             p.equality_groups[f"{'force' if yields else 'motion'} of contact '{contact.name}'"] = rows
@@ -242,15 +246,15 @@ class Assembly:
             view = self._view(rows)
             task.attach(view)
             self._bounded.append((task, slice(rows.start - self._start, rows.stop - self._start)))
-            if isinstance(task, MotionTask):
+            if task.kind == "motion":
                 self._motion.append((task, p.rows[rows, :nv], view.error, view.drift))
-            elif isinstance(task, VariableTask):
+            elif task.kind == "variables":
                 self._variable.append((task, p.rows[rows], p.target[rows]))
             if task.hard:
                 p.equality_groups[f"hard task '{task.name}'"] = rows
             at = rows.stop
 
-    def _place_selections(self, tasks: Sequence[SelectionTask]) -> None:
+    def _place_selections(self, tasks: Sequence[Task]) -> None:
         """Place the selections: soft ones on the diagonal, their residuals after all rows; hard ones as equalities."""
         p, at = self.problem, 0
         for task in tasks:
@@ -312,14 +316,14 @@ class Assembly:
 
         for motion, jacobian, error, drift in self._motion:
             if not motion.idle:
-                motion.evaluate(jacobian, error, drift)
+                motion.fill(jacobian, error, drift)
         self._shared_matrix.dot(v, out=self._shared_velocity)
         for selection, rows, velocity, _, _ in self._selection:
-            selection.evaluate(rows.error)
+            selection.evaluate(_NONE, rows.error, rows.drift)
             velocity[:] = v[selection.columns]
         reference(self._rows, self._saturated(), self._velocity, self._targets)
         for task, matrix, row_target in self._variable:
-            task.evaluate(matrix, row_target)
+            task.evaluate(matrix, row_target, _NONE)
 
         self._acceleration_diagonal.fill(self._regularisation)
         self._linear.fill(0.0)

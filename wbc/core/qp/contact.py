@@ -8,7 +8,7 @@ the size of the QP.
 from __future__ import annotations
 
 import math
-from abc import ABC, abstractmethod
+from abc import abstractmethod
 from typing import Annotated, TypedDict, Unpack
 
 import numpy as np
@@ -19,18 +19,17 @@ from wbc.core.errors import (
     ROUNDING,
     Array,
     InputError,
+    choose,
     finite_array,
     finite_scalar,
     non_negative,
     positive,
     shown,
 )
+from wbc.core.qp.motion import Motion, Rows
 from wbc.core.robot import GRAVITY, Robot
 from wbc.core.settings import NonNegative, Positive
 from wbc.core.vectors import add_cross
-
-AXES = ("x", "y", "z", "roll", "pitch", "yaw")
-"""Names of the axes of a contact frame, in the order of its wrench."""
 
 LEAST_FORCE = 10.0
 """Normal force that a sole in contact carries at least by default, N: without load its CoP means nothing."""
@@ -123,7 +122,7 @@ class ContactOptions(TypedDict, total=False):
     motion_weight: ArrayLike | None
 
 
-class Contact(ABC):
+class Contact(Motion):
     """Base of contacts.
 
     Attributes:
@@ -138,61 +137,41 @@ class Contact(ABC):
     contact was made with one.
 
     A contact of one's own has `dim`, calls this constructor with its cone, and fills its motion rows in `evaluate`,
-    from `robot`, `frame_id`, `placement` and `target`; `wbc.tasks.check_contact` compares them with finite differences.
+    from `robot`, `frame_id`, `placement` and `target`; `wbc.tasks.check_rows` compares them with finite differences.
     """
 
-    dim: int
+    _kind = "contact"
     force_axis = 2
 
-    def __init__(
-        self,
-        name: str,
-        frame: str,
-        cone: Array,
-        *,
-        min_force: float = 0.0,
-        max_force: float | None = None,
-        ramp: float = 0.1,
-        stiffness: float = 100.0,
-        damping: float | None = None,
-        wrench_weight: ArrayLike = 1e-5,
-        active: bool = True,
-        motion_weight: ArrayLike | None = None,
-    ) -> None:
+    def __init__(self, name: str, frame: str, cone: Array, **options: Unpack[ContactOptions]) -> None:
         """Describe the contact.
 
         Args:
             name: Name in status tables and solutions.
             frame: Frame of the robot.
             cone: Matrix F with F f ≤ 0, shape (number of rows, dim); without rows for any force.
-            min_force: See `ContactOptions`, as the others.
-            max_force: N.
-            ramp: s.
-            stiffness: 1/s².
-            damping: 1/s.
-            wrench_weight: Cost per N² and (Nm)².
-            active: True to start with full load allowed.
-            motion_weight: Cost of the motion; None for a constraint.
+            **options: See `ContactOptions`.
+
+        Raises:
+            UnknownNameError: An unknown option.
+            InputError: A value out of range.
         """
-        self.name = name
+        for option in options:
+            choose(f"option of contact '{name}'", option, ContactOptions.__annotations__)
+        super().__init__(name, options.get("stiffness", 100.0), options.get("damping"))
         self.frame = frame
         self.cone = cone
-        self.revision = 0
         self._max_force: float | None = None
-        self._critical = True
-        self.min_force = min_force
-        if max_force is not None:
+        self.min_force = options.get("min_force", 0.0)
+        if (max_force := options.get("max_force")) is not None:
             self.max_force = max_force
-        self.ramp = ramp
-        self.stiffness = stiffness
-        if damping is not None:
-            self.damping = damping
-        self.wrench_weight = wrench_weight
-        self._motion_weight = None if motion_weight is None else self._motion_costs(motion_weight)
-        self._load = 1.0 if active else 0.0  # share of the greatest normal force allowed now
-        self._active = bool(active)
-        self._robot: Robot | None = None
-        self._velocity = np.zeros(self.dim)
+        self.ramp = options.get("ramp", 0.1)
+        self.wrench_weight = options.get("wrench_weight", 1e-5)
+        self._motion_weight: Array | None = None
+        if (motion_weight := options.get("motion_weight")) is not None:
+            self._motion_weight = self._motion_costs(motion_weight)
+        self._active = bool(options.get("active", True))
+        self._load = 1.0 if self._active else 0.0  # share of the greatest normal force allowed now
 
     @property
     def friction(self) -> float:
@@ -234,43 +213,13 @@ class Contact(ABC):
         self._ramp = non_negative(f"force ramp of contact '{self.name}' (s)", value)
 
     @property
-    def stiffness(self) -> float:
-        """Pull back to where the contact was made, 1/s²; it makes the damping critical unless that was set."""
-        return self._stiffness
-
-    @stiffness.setter
-    def stiffness(self, value: float) -> None:
-        self._stiffness = non_negative(f"stiffness of contact '{self.name}' (1/s²)", value)
-        if self._critical:
-            self._damping = 2.0 * float(np.sqrt(self._stiffness))
-        self.revision += 1
-
-    @property
-    def damping(self) -> float:
-        """Damping of contact velocity, 1/s; assign None to make it critical again."""
-        return self._damping
-
-    @damping.setter
-    def damping(self, value: float | None) -> None:
-        self._critical = value is None
-        if value is None:
-            self.stiffness = self._stiffness
-        else:
-            self._damping = non_negative(f"damping of contact '{self.name}' (1/s)", value)
-            self.revision += 1
-
-    @property
     def wrench_weight(self) -> Array:
         """Cost per N² and (Nm)² of the force variables, shape (dim,); assign that or a scalar, above zero."""
         return self._wrench_weight
 
     @wrench_weight.setter
     def wrench_weight(self, value: ArrayLike) -> None:
-        weight = finite_array(f"wrench weight of contact '{self.name}'", value)
-        if (weight <= 0.0).any() or weight.shape not in ((), (self.dim,)):
-            raise InputError(
-                f"wrench weight of contact '{self.name}' must be above zero, scalar or ({self.dim},), got {weight}"
-            )
+        weight = self._checked_gain("wrench weight", value, above_zero=True)
         self._wrench_weight = np.broadcast_to(weight, (self.dim,))  # read-only
         self.revision += 1
 
@@ -289,12 +238,7 @@ class Contact(ABC):
         self.revision += 1
 
     def _motion_costs(self, value: ArrayLike) -> Array:
-        weight = finite_array(f"motion weight of contact '{self.name}'", value)
-        if not ((weight >= 0.0) & (weight <= FIRMEST)).all() or weight.shape not in ((), (self.dim,)):
-            raise InputError(
-                f"motion weight of contact '{self.name}' must be from 0 to {FIRMEST:g}, scalar or ({self.dim},), got "
-                f"{weight}; leave it out for a contact that does not move"
-            )
+        weight = self._checked_gain("motion weight", value, most=FIRMEST)
         return np.broadcast_to(weight, (self.dim,))  # read-only
 
     @property
@@ -324,24 +268,13 @@ class Contact(ABC):
         Raises:
             UnknownNameError: The robot has no such frame.
         """
-        self._robot = robot
+        super().bind(robot)
         self._model, self._data = robot.model, robot.data
         self._id = robot.frame_id(self.frame)
         self._placement = robot.data.oMf[self._id]
         if self._max_force is None:
             self.max_force = 4.0 * robot.mass * GRAVITY
         self._hold()
-
-    @property
-    def robot(self) -> Robot:
-        """The robot of the controller that has the contact.
-
-        Raises:
-            InputError: The contact has not been added to a controller yet.
-        """
-        self._check_bound()
-        assert self._robot is not None
-        return self._robot
 
     @property
     def frame_id(self) -> int:
@@ -359,7 +292,7 @@ class Contact(ABC):
         Raises:
             InputError: The contact has not been added to a controller yet.
         """
-        self._check_bound()
+        _ = self.robot
         self._set_load(1.0 if self._active else 0.0)
         self._hold()
 
@@ -374,12 +307,12 @@ class Contact(ABC):
         Raises:
             InputError: The contact has not been added to a controller yet, or what is assigned is not a placement.
         """
-        self._check_bound()
+        _ = self.robot
         return self._target
 
     @target.setter
     def target(self, value: pin.SE3) -> None:
-        self._check_bound()
+        _ = self.robot
         if not isinstance(value, pin.SE3):
             raise InputError(f"target of contact '{self.name}' must be a pinocchio.SE3, got {value!r}")
         finite_array(f"target of contact '{self.name}'", value.homogeneous, (4, 4))
@@ -388,11 +321,11 @@ class Contact(ABC):
     @property
     def velocity(self) -> Array:
         """Velocity at which the held frame should move, in the contact frame, shape (dim,), m/s and rad/s."""
-        return self._velocity
+        return self._rows.velocity
 
     @velocity.setter
     def velocity(self, value: ArrayLike) -> None:
-        self._velocity[:] = finite_array(f"velocity of contact '{self.name}'", value, (self.dim,))
+        self._rows.velocity[:] = finite_array(f"velocity of contact '{self.name}'", value, (self.dim,))
 
     def follow(self, target: pin.SE3, velocity: Array) -> None:
         """Set `target` and `velocity` for one tick, unchecked: for a controller that makes them itself.
@@ -402,12 +335,12 @@ class Contact(ABC):
             velocity: In the contact frame, shape (dim,), m/s and rad/s.
         """
         self._target = target
-        self._velocity[:] = velocity
+        self._rows.velocity[:] = velocity
 
-    def attach(self, velocity: Array) -> None:
-        """Move the velocity into a view of the controller's arrays."""
-        velocity[:] = self._velocity
-        self._velocity = velocity
+    def attach(self, rows: Rows) -> None:
+        """Move the velocity into a view of the controller's arrays, which read the gains when `revision` changes."""
+        rows.velocity[:] = self._rows.velocity
+        self._rows.velocity = rows.velocity
 
     def advance(self, dt: float) -> None:
         """Advance the force ramp by one control period, s."""
@@ -437,10 +370,6 @@ class Contact(ABC):
 
     def update_cone(self) -> None:  # noqa: B027 (optional)
         """Write `cone` anew and raise `revision`, as after a change of friction; that of the constructor stays here."""
-
-    def _check_bound(self) -> None:
-        if self._robot is None:
-            raise InputError(f"contact '{self.name}' holds no place yet; add it to a controller first")
 
     def _set_forces(self, low: float, high: float | None) -> None:
         if high is not None and high <= low:
@@ -646,7 +575,7 @@ class SoleContact(_HeldFrame):
         acceleration[:3] += bend
         np.dot(change, acceleration, out=drift)
         error[:] = 0.0
-        if self.stiffness > 0.0:
+        if self._rows.stiffness.any():
             target = self._target
             error[:3] = change[:3, :3].dot(target.act(self._centre) - self._placement.act(self._centre))
             error[3:] = pin.log3(rotation.T.dot(target.rotation))

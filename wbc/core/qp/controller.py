@@ -20,7 +20,7 @@ from wbc.core.qp.diagnosis import groups_not_finite, status_table, violated_grou
 from wbc.core.qp.problem import Problem
 from wbc.core.qp.solution import Solution, Timings
 from wbc.core.qp.solver import QpSolver, SolverSettings
-from wbc.core.qp.task import MotionTask, SelectionTask, Task, VariableTask, evaluated
+from wbc.core.qp.task import Task, evaluated
 from wbc.core.robot import Robot
 from wbc.core.settings import Positive
 from wbc.core.signals import Measurement
@@ -144,9 +144,9 @@ class Controller:
         self._check_variable_tasks(new)
         for each in new:
             self._list_of(each).append(each)
-            vars(each)["_owner"] = weakref.ref(self)
+            each._owner = weakref.ref(self)
             if isinstance(each, Task):
-                each.accept()
+                each.accepted = True
         self._dirty = True
         return (item, *items) if items else item
 
@@ -169,7 +169,7 @@ class Controller:
         item.bind(self.robot)
         if isinstance(item, Task) and item._robot is None:
             raise InputError(f"{item!r} has not been bound: its bind must call super().bind(robot) first")
-        if isinstance(item, (MotionTask, SelectionTask)) and type(item).observe is Task.observe:
+        if isinstance(item, Task) and item.kind != "variables" and type(item).observe is Task.observe:
             evaluated(item)  # one that reads sensors has none yet
         if isinstance(item, RowLimit) and not _has_rows(item):
             raise InputError(
@@ -188,9 +188,8 @@ class Controller:
     def _check_variable_tasks(self, new: Sequence[Item]) -> None:
         """Refuse tasks on all variables that cannot be bound to the QP, or evaluated: they would fail at every tick."""
         contacts = [*self._contacts, *(item for item in new if isinstance(item, Contact))]
-        tasks = [
-            item for item in new if isinstance(item, VariableTask) and item.waits_for() in (None, *contacts)
-        ]
+        tasks = [item for item in new if isinstance(item, Task) and item.kind == "variables"]
+        tasks = [task for task in tasks if task.waits_for() in (None, *contacts)]
         if not tasks:
             return
         problem = Assembly(self.robot, [], contacts, [], self._regularisation).problem
@@ -198,7 +197,7 @@ class Controller:
             task.bind_problem(problem)
             rows = np.zeros((task.dim, problem.diagonal.size)), np.zeros(task.dim)
             try:
-                task.evaluate(*rows)
+                task.evaluate(*rows, np.zeros((0, 0)))
             except WbcError:
                 raise
             except Exception as failure:  # whatever a task of one's own may raise
@@ -226,7 +225,7 @@ class Controller:
             of_kind = self._list_of(item)
             of_kind[:] = [other for other in of_kind if other is not item]
             self._moving = [other for other in self._moving if other is not item]
-            del vars(item)["_owner"]
+            item._owner = None
         self._dirty = True
 
     def task(self, name: str) -> Task:

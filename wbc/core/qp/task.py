@@ -1,4 +1,4 @@
-"""Bases of tasks: rows of a least-squares objective, or of a hard constraint, over the variables of the QP.
+"""Base of tasks: rows of a least-squares objective, or of a hard constraint, over the variables of the QP.
 
 A task owns a block of rows in the arrays of its controller. Setting its weight, gains or feed-forward writes into
 that block at once, so that a tick only asks each task for what depends on the state: its Jacobian, its error and its
@@ -15,13 +15,16 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Sequence
-from dataclasses import dataclass
+from typing import Any, ClassVar, Literal, TypedDict, Unpack
 
 import numpy as np
-from numpy.typing import ArrayLike
+import pinocchio as pin
+from numpy.typing import ArrayLike, NDArray
 
-from wbc.core.attributes import FixedAttributes
 from wbc.core.errors import Array, InputError, WbcError, finite_array, shown, unknown_name, whole_number
+from wbc.core.qp.axes import POSITION_AXES, axis_mask, distinct_joints, other_columns
+from wbc.core.qp.motion import Motion, Rows, read_only
+from wbc.core.qp.move import USUAL_SPEED, Coordinates, Move
 from wbc.core.qp.problem import Problem
 from wbc.core.robot import Robot
 from wbc.core.signals import Measurement
@@ -30,109 +33,147 @@ ERROR_BOUNDS = {"m": 0.1, "rad": 1.0}
 """Unit → greatest component of an error that acts, unless a task is given another: far above those of a motion that is
 followed. Errors of other units have no bound."""
 
+NEAR = {"m": 0.01, "rad": 0.05}
+"""Unit → error within which a task has reached its target."""
 
-OPTIONS = ("name", "weight", "stiffness", "damping", "error_bound", "hard", "axes", "joints")
-"""Options of tasks; axes are those of motion tasks."""
-
-
-@dataclass(slots=True)
-class Rows:
-    """Per-row values of one or several tasks, each of shape (dim,); views into the controller's arrays once bound."""
-
-    error: Array
-    drift: Array
-    stiffness: Array
-    damping: Array
-    velocity: Array
-    acceleration: Array
-    weight: Array
-    bound: Array
-
-    @staticmethod
-    def zeros(dim: int) -> Rows:
-        """Return rows of zeros, whose error has no bound."""
-        rows = Rows(*(np.zeros(dim) for _ in range(8)))
-        rows.bound.fill(np.inf)
-        return rows
-
-    def view(self, rows: slice) -> Rows:
-        """Return the given rows as views."""
-        return Rows(*(getattr(self, field)[rows] for field in Rows.__dataclass_fields__))
-
-    def copy_from(self, other: Rows) -> None:
-        """Copy all values of `other`."""
-        for field in Rows.__dataclass_fields__:
-            getattr(self, field)[:] = getattr(other, field)
+SLOW = {"m": 0.05, "rad": 0.2}
+"""Unit → speed below which a task has reached its target, per second."""
 
 
-class Task(FixedAttributes):
-    """Base of all tasks; subclass `MotionTask`, `SelectionTask` or `VariableTask`, not this.
+class TaskOptions(TypedDict, total=False):
+    """Options of all tasks; an unknown one raises an `UnknownNameError`, a value out of range an `InputError`.
 
-    An attribute that a task does not have after its constructor, its `bind` and its first evaluation is refused.
+    Attributes:
+        name: Name in status tables and solutions, unique within a controller; made from the class and the frame or
+            contact when None.
+        weight: Cost per squared residual unit, scalar or shape (dim,), ≥ 0; without effect on a hard task.
+        hard: Make the rows a constraint instead of a cost; False by default.
+    """
+
+    name: str | None
+    weight: ArrayLike
+    hard: bool
+
+
+class GainOptions(TaskOptions, total=False):
+    """Options of tasks with an error: those of all tasks, and gains.
+
+    Attributes:
+        stiffness: Acceleration per error, 1/s², scalar or shape (dim,), ≥ 0.
+        damping: Acceleration per velocity error, 1/s, scalar or shape (dim,), ≥ 0; critical, 2·√stiffness, when None,
+            the default.
+        error_bound: Greatest component of the error that acts, in its unit (m, rad), scalar or shape (dim,), > 0: a
+            longer error acts as one of this length in its direction, so that a target out of reach pulls no harder
+            the further away it is. 0.1 m (of the centre of mass 0.3 m) and 1 rad by default; `math.inf` for none.
+    """
+
+    stiffness: ArrayLike
+    damping: ArrayLike | None
+    error_bound: ArrayLike | None
+
+
+class MotionOptions(GainOptions, total=False):
+    """Options of motion tasks: those of tasks with an error, and a choice of axes and joints.
+
+    Attributes:
+        axes: Axes to control, each with a row; all by default. Out of x, y, z for a position, roll (about x), pitch
+            (about y), yaw (about z) for an orientation, all six for a pose.
+        joints: Joints that the task may use, "base" for the floating base; all of them when None, the default.
+    """
+
+    axes: str | Sequence[str]
+    joints: str | Sequence[str] | None
+
+
+class Task(Motion):
+    """Base of all tasks.
+
+    A task of your own has `evaluate`, which fills its rows, and `bind`, which looks names up. With `present` and
+    `checked` it has a target that is checked, moved (`move_to`) and followed; a vector of shape (dim,) unless they say
+    otherwise.
 
     Attributes:
         name: Name in status tables and solutions, unique within a controller.
         dim: Number of rows; fixed once the task has been added to a controller.
-        unit: Unit of the error; the residual is in `unit`/s² for motion tasks.
+        unit: Unit of the error, with a bar between those of position and rotation; the residual is in `unit`/s² for
+            motion tasks.
+        kind: "motion": rows over the accelerations. "selection": rows that select the coordinates `columns`, which cost
+            nothing but a diagonal; `evaluate` fills the error alone. "variables": rows over all variables of the QP,
+            matrix · x = reference, for torques and wrenches.
+        columns: Velocity coordinates that a selection has, distinct, shape (dim,) or a slice.
+        spared_acceleration: Accelerations of the coordinates in `spared` as they are expected, shape (n,).
         idle: True while the weight is zero: the rows are left as they were, and cost no time.
         accepted: True once a controller has taken the task; from then on its target stays.
     """
 
-    unit = "m"
-    idle = False
-    _set_by: str | None = None
-    _held = False  # by another part that sets the target, or by a move
+    __slots__ = (
+        "_full",
+        "_hard",
+        "_keep",
+        "_linear_rows",
+        "_move",
+        "_n_rows",
+        "_only_joints",
+        "_set_by",
+        "_spared",
+        "_taken",
+        "_target",
+        "_unused",
+        "accepted",
+        "columns",
+        "dim",
+        "idle",
+        "spared_acceleration",
+    )
 
-    def __init__(
-        self,
-        name: str,
-        dim: int,
-        *,
-        weight: ArrayLike = 1.0,
-        stiffness: ArrayLike = 0.0,
-        damping: ArrayLike | None = None,
-        error_bound: ArrayLike | None = None,
-        hard: bool = False,
-        **unknown: object,
-    ) -> None:
-        """Set gains; they can be changed at any time.
+    unit: ClassVar[str] = "m"
+    kind: ClassVar[Literal["motion", "selection", "variables"]] = "motion"
+    columns: slice | NDArray[np.intp]
+
+    def __init__(self, name: str, rows: int | Sequence[str], /, **options: Unpack[MotionOptions]) -> None:
+        """Describe the task; gains can be changed at any time.
 
         Args:
-            name: Name of the task, unique within a controller.
-            dim: Number of rows, at least 1.
-            weight: Cost per squared residual unit, scalar or shape (dim,), ≥ 0; unused when `hard`.
-            stiffness: Acceleration per error, 1/s², scalar or shape (dim,), ≥ 0.
-            damping: Acceleration per velocity error, 1/s; critical, 2·√stiffness, when None.
-            error_bound: Greatest component of the error that acts, `unit`, scalar or shape (dim,), > 0; that of
-                `ERROR_BOUNDS` when None.
-            hard: Make the rows a constraint.
-            **unknown: None: an option of another name is an error with the nearest ones.
+            name: Name where the options give none.
+            rows: Number of rows, at least 1, or their names in order, of which the option `axes` chooses.
+            **options: See `MotionOptions`. Weight 1 and stiffness 0 by default.
 
         Raises:
-            UnknownNameError: An option that tasks do not have.
-            InputError: A gain that is negative, not finite or of the wrong shape.
+            UnknownNameError: An unknown option or axis.
+            InputError: An axis twice or out of order, a gain out of range or of the wrong shape.
         """
+        given: dict[str, Any] = {**options}
+        name = given.pop("name", None) or name
         if not isinstance(name, str):
             raise InputError(f"the name of a task must be text, got {shown(name)}")
-        for option in unknown:
-            unknown_name(f"option of task '{name}'", option, {*OPTIONS} - {option})
-        self._dim = whole_number(f"number of rows of task '{name}'", dim, low=1)
-        self.name = name
-        self._rows = Rows.zeros(self._dim)
-        self.hard = hard
-        self._critical = True
-        self._robot: Robot | None = None
-        self.accepted = False
-        self.weight = weight
-        self.stiffness = stiffness
-        self.error_bound = self._default_bound() if error_bound is None else error_bound
-        if damping is not None:
-            self.damping = damping
-
-    @property
-    def dim(self) -> int:
-        """Number of rows."""
-        return self._dim
+        self._keep: NDArray[np.intp] | None = None
+        self._linear_rows: int | None = None  # the others are of a rotation
+        self._n_rows = rows if isinstance(rows, int) else len(rows)  # of all axes
+        if isinstance(rows, int):
+            self.dim = whole_number(f"number of rows of task '{name}'", rows, low=1)
+        else:
+            mask = axis_mask(name, given.pop("axes", rows), rows)
+            self._keep = None if mask.all() else np.flatnonzero(mask)
+            self.dim = int(mask.sum())
+            self._linear_rows = int(mask[[axis in POSITION_AXES for axis in rows]].sum())
+        joints = given.pop("joints", None)
+        self._only_joints = None if joints is None else distinct_joints(joints)
+        self._unused: NDArray[np.intp] | None = None
+        self._full: tuple[Array, Array, Array] | None = None  # rows of all axes, where some are chosen
+        self._spared = np.zeros(0, dtype=np.intp)
+        self.spared_acceleration = np.zeros(0)
+        self._target: Any = None
+        self._taken = False  # the target is what was present when the task was bound
+        self._move: Move | None = None
+        self._set_by: str | None = None
+        self._hard = self.idle = self.accepted = False
+        super().__init__(name, given.pop("stiffness", 0.0), given.pop("damping", None))
+        self.weight = given.pop("weight", 1.0)
+        self.hard = given.pop("hard", False)
+        bound = given.pop("error_bound", None)
+        self.error_bound = self._usual_bound() if bound is None else bound
+        for option in given:
+            unknown_name(f"option of task '{name}'", option, {*MotionOptions.__annotations__} - {option})
 
     @property
     def hard(self) -> bool:
@@ -145,8 +186,7 @@ class Task(FixedAttributes):
 
     @hard.setter
     def hard(self, value: bool) -> None:
-        owner = vars(self).get("_owner")
-        if owner is not None and owner() is not None:
+        if self._owner is not None and self._owner() is not None:
             raise InputError(
                 f"task '{self.name}' is in a controller, where hard is fixed: remove it, assign hard, and add it again"
             )
@@ -156,57 +196,14 @@ class Task(FixedAttributes):
         self.idle = not (self._hard or self._rows.weight.any())
 
     @property
-    def robot(self) -> Robot:
-        """The robot whose state the task reads.
-
-        Raises:
-            InputError: The task has not been added to a controller yet.
-        """
-        if self._robot is None:
-            raise InputError(
-                f"task '{self.name}' belongs to no controller yet; add it first (its own `bind`, if it has one, calls "
-                "super().bind(robot))"
-            )
-        return self._robot
-
-    @property
     def weight(self) -> Array:
         """Cost per squared residual unit, shape (dim,), read-only; assign a scalar or an array."""
         return read_only(self._rows.weight)
 
     @weight.setter
     def weight(self, value: ArrayLike) -> None:
-        self._rows.weight[:] = self._gain("weight", value)
+        self._rows.weight[:] = self._checked_gain("weight", value)
         self.idle = not (self._hard or self._rows.weight.any())
-
-    @property
-    def stiffness(self) -> Array:
-        """Acceleration per error, 1/s², shape (dim,), read-only; assigning one makes an unset damping critical."""
-        return read_only(self._rows.stiffness)
-
-    @stiffness.setter
-    def stiffness(self, value: ArrayLike) -> None:
-        stiffness = self._gain("stiffness (1/s²)", value)
-        if self._critical:
-            self._set_damping(2.0 * np.sqrt(stiffness))
-        self._rows.stiffness[:] = stiffness
-
-    @property
-    def damping(self) -> Array:
-        """Acceleration per velocity error, 1/s, shape (dim,), read-only; assign None to make it critical again."""
-        return read_only(self._rows.damping)
-
-    @damping.setter
-    def damping(self, value: ArrayLike | None) -> None:
-        if value is None:
-            self._set_damping(2.0 * np.sqrt(self._rows.stiffness))
-        else:
-            self._set_damping(self._gain("damping (1/s)", value))
-        self._critical = value is None
-
-    def _set_damping(self, damping: Array) -> None:
-        """Take a damping over, 1/s, scalar or shape (dim,)."""
-        self._rows.damping[:] = damping
 
     @property
     def error_bound(self) -> Array:
@@ -217,33 +214,93 @@ class Task(FixedAttributes):
     def error_bound(self, value: ArrayLike) -> None:
         what = f"error_bound of task '{self.name}' ({self.unit})"
         try:
-            bound = np.broadcast_to(np.asarray(value, dtype=float), (self._dim,))
+            bound = np.broadcast_to(np.asarray(value, dtype=float), (self.dim,))
         except (TypeError, ValueError, OverflowError):
             raise InputError(
-                f"{what} must be a scalar or have shape ({self._dim},), got {shown(value)}"
+                f"{what} must be a scalar or have shape ({self.dim},), got {shown(value)}"
             ) from None
         if not (bound > 0.0).all():
             raise InputError(f"{what} must be above zero, got {shown(value)}")
         self._rows.bound[:] = bound
 
+    def _usual_bound(self) -> ArrayLike:
+        """Bound of the error of a task that is given none, `unit`, scalar or shape (dim,)."""
+        bounds = [ERROR_BOUNDS.get(unit, np.inf) for unit in self.unit.split("|")]
+        if self._linear_rows is None:
+            return bounds[0] if len(bounds) == 1 else np.inf
+        return np.where(np.arange(self.dim) < self._linear_rows, bounds[0], bounds[-1])
+
+    def _parts(self) -> list[tuple[str, slice]]:
+        """Unit and rows of each part of the error that is one vector."""
+        units, linear = self.unit.split("|"), self._linear_rows
+        if linear is None:
+            return [(self.unit, slice(0, self.dim))]
+        parts = ((units[0], slice(0, linear)), (units[-1], slice(linear, self.dim)))
+        return [(unit, part) for unit, part in parts if part.stop > part.start]
+
     def saturate(self, error: Array) -> None:
-        """Shorten an error that is beyond the bound to it, in its own direction.
+        """Shorten an error that is beyond the bound to it, in its own direction; that of a selection each by itself.
 
         Args:
             error: Error of the task, shape (dim,), `unit`; positions and rotations are shortened each by themselves.
         """
-        for part in self._vectors():
-            over = float((abs(error[part]) / self._rows.bound[part]).max())
+        bound = self._rows.bound
+        if self.kind == "selection":
+            np.minimum(np.maximum(error, -bound, out=error), bound, out=error)
+            return
+        for _, part in self._parts():
+            over = float((abs(error[part]) / bound[part]).max())
             if over > 1.0:
                 error[part] /= over
 
-    def _default_bound(self) -> ArrayLike:
-        """Bound of the error of a task that is given none, `unit`, scalar or shape (dim,)."""
-        return ERROR_BOUNDS.get(self.unit, np.inf)
+    @property
+    def error(self) -> Array:
+        """Target − measured at the last tick, shape (dim,), `unit`; a copy."""
+        return np.array(self._rows.error)
 
-    def _vectors(self) -> Sequence[slice]:
-        """Rows of the error that are one vector; all of them unless a task says otherwise."""
-        return (slice(0, self._dim),)
+    @property
+    def residual_unit(self) -> str:
+        """Unit of the residual: that of an acceleration of the error, or of the variables themselves."""
+        return (
+            self.unit if self.kind == "variables" else "|".join(f"{unit}/s²" for unit in self.unit.split("|"))
+        )
+
+    # ---- target ---------------------------------------------------------------------------------------------------
+
+    def present(self, robot: Robot) -> Any:
+        """Return the target at which the present error is zero, as a copy; zero unless a task says otherwise."""
+        return np.zeros(self.dim)
+
+    def checked(self, value: Any) -> Any:
+        """Return a target after a check, as a copy; a vector of shape (dim,) unless a task says otherwise."""
+        return finite_array(f"target of task '{self.name}' ({self.unit})", value, (self.dim,))
+
+    @property
+    def target(self) -> Any:
+        """Target, in the form and unit of the constructor, read-only or a copy; assign one, or see `move_to`."""
+        target = self.present(self.robot) if self._target is None else self._target
+        return target.copy() if isinstance(target, pin.SE3) else read_only(target)
+
+    @target.setter
+    def target(self, value: Any) -> None:
+        target = self.checked(value)
+        self._take_over()
+        self._taken = False
+        self._target = target
+
+    def follow(self, target: Any, velocity: Array | None = None, acceleration: Array | None = None) -> None:
+        """Set target and feed-forwards for one tick, unchecked: for a controller that makes them itself.
+
+        Args:
+            target: The target; kept, not copied.
+            velocity: Its velocity along the task's axes, shape (dim,), `unit`/s; unchanged when None.
+            acceleration: Its acceleration along them, shape (dim,), `unit`/s²; unchanged when None.
+        """
+        self._target = target
+        if velocity is not None:
+            self._rows.velocity[:] = velocity
+        if acceleration is not None:
+            self._rows.acceleration[:] = acceleration
 
     @property
     def feedforward_velocity(self) -> Array:
@@ -252,9 +309,8 @@ class Task(FixedAttributes):
 
     @feedforward_velocity.setter
     def feedforward_velocity(self, value: ArrayLike) -> None:
-        velocity = self._vector("feed-forward velocity", value)
-        if self._held:
-            self._take_over()
+        velocity = finite_array(f"feed-forward velocity of task '{self.name}'", value, (self.dim,))
+        self._take_over()
         self._rows.velocity[:] = velocity
 
     @property
@@ -264,20 +320,9 @@ class Task(FixedAttributes):
 
     @feedforward_acceleration.setter
     def feedforward_acceleration(self, value: ArrayLike) -> None:
-        acceleration = self._vector("feed-forward acceleration", value)
-        if self._held:
-            self._take_over()
+        acceleration = finite_array(f"feed-forward acceleration of task '{self.name}'", value, (self.dim,))
+        self._take_over()
         self._rows.acceleration[:] = acceleration
-
-    @property
-    def error(self) -> Array:
-        """Target − measured at the last tick, shape (dim,), `unit`; a copy."""
-        return np.array(self._rows.error)
-
-    @property
-    def residual_unit(self) -> str:
-        """Unit of the residual: that of an acceleration of the error."""
-        return "|".join(f"{unit}/s²" for unit in self.unit.split("|"))
 
     def set_by(self, setting: str | None) -> None:
         """State that another part sets the target at every tick: what is assigned from then on is an error, not lost.
@@ -286,15 +331,103 @@ class Task(FixedAttributes):
             setting: What to use instead, such as "walking.body.com_height"; None to let the target be assigned again.
         """
         self._set_by = setting
-        self._held = setting is not None
 
     @property
     def held_by(self) -> str | None:
         """What to use instead of assigning a target that another part sets at every tick; None where it is free."""
         return self._set_by
 
+    def _take_over(self) -> None:
+        """End a move, or refuse a target that another part sets."""
+        if self._set_by is not None:
+            raise InputError(
+                f"the target of task '{self.name}' is set at every tick by another part: use {self._set_by}"
+            )
+        self._stop()
+
+    # ---- a target that moves --------------------------------------------------------------------------------------
+
+    def move_to(
+        self,
+        target: Any,
+        *,
+        duration: float | None = None,
+        speed: ArrayLike | None = None,
+        acceleration: ArrayLike | None = None,
+    ) -> None:
+        """Move the target to another one on a minimum jerk trajectory, from the next tick on.
+
+        A move goes on from where the target is, with its present velocity, and sets target, feed-forward velocity and
+        acceleration at every tick. Whatever is assigned to one of these ends it.
+
+        Args:
+            target: As it is assigned to `target`.
+            duration: s; the least within the limits when None.
+            speed: Greatest speed of the target, `unit`/s; for a pose a pair (linear, angular), for joints that of each.
+                0.2 m/s and 1 rad/s when None and no duration is given.
+            acceleration: Greatest acceleration, `unit`/s², as `speed`; reaches that speed in 0.2 s when None and no
+                duration is given.
+
+        Raises:
+            InputError: A target that cannot be assigned, a duration, speed or acceleration that is not above zero or do
+                not agree, a task that no controller has, or whose target something else sets.
+        """
+        self.move_through([target], duration=duration, speed=speed, acceleration=acceleration)
+
+    def move_through(
+        self,
+        targets: Sequence[Any],
+        *,
+        duration: float | None = None,
+        speed: ArrayLike | None = None,
+        acceleration: ArrayLike | None = None,
+    ) -> None:
+        """Move the target through others, without a stop, to rest at the last; see `move_to`.
+
+        Args:
+            targets: One after the other; a rotation between two of them is the shorter turn.
+            duration: From the first target to the last, s.
+            speed: Greatest speed.
+            acceleration: Greatest acceleration.
+
+        Raises:
+            InputError: As in `move_to`; no target at all, or the same twice in a row.
+        """
+        owner = None if self._owner is None else self._owner()
+        if owner is None:
+            raise InputError(f"task '{self.name}' can move its target once a controller has it: add it first")
+        if not isinstance(targets, (Sequence, np.ndarray)) or len(targets) == 0:
+            raise InputError(f"task '{self.name}' moves through one or more targets, got {targets!r}")
+        if self._set_by is not None:
+            self._take_over()
+        rates: tuple[Array | None, Array | None] = (None, None)
+        if self._move is not None:  # to where the target is at the next tick
+            now = self._move.now()
+            self._put(*now)
+            rates = now[1:]
+        if duration is None and speed is None:
+            usual = [USUAL_SPEED[unit] for unit in self.unit.split("|") if unit in USUAL_SPEED]
+            speed = usual[0] if len(usual) == 1 else usual or None
+        limits = {"duration": duration, "speed": speed, "acceleration": acceleration}
+        self._move = Move(self._coordinates(), targets, rates, **limits)
+        owner.move(self)
+
+    def _coordinates(self) -> Coordinates:
+        """Return coordinates of targets, from the present one on."""
+        return Coordinates(self.target, self.checked)
+
+    def _put(self, target: Any, velocity: Array, acceleration: Array) -> None:
+        """Set the target of one tick of a move, and its rates along all axes."""
+        keep = slice(None) if self._keep is None else self._keep
+        self.follow(target, np.asarray(velocity)[keep], np.asarray(acceleration)[keep])
+
+    @property
+    def moving(self) -> bool:
+        """True while the target moves."""
+        return self._move is not None
+
     def move_on(self, dt: float) -> bool:
-        """Move a target that is on its way on by one tick; `wbc.tasks` has the tasks whose targets move.
+        """Move a target that is on its way on by one tick.
 
         Args:
             dt: Control period, s.
@@ -302,22 +435,58 @@ class Task(FixedAttributes):
         Returns:
             True if it is still on its way.
         """
-        return False
+        if self._move is None:
+            return False
+        self._put(*self._move.now())
+        if not self._move.advance(dt):
+            self._move = None
+        return self._move is not None
 
-    def _take_over(self) -> None:
-        """Refuse a target that another part sets; called by the setters of a target that is held."""
-        if self._set_by is not None:
-            raise InputError(
-                f"the target of task '{self.name}' is set at every tick by another part: use {self._set_by}"
-            )
+    def _stop(self) -> None:
+        """End a move, if there is one, where the target is."""
+        if self._move is not None:
+            still = np.zeros(self._move.coordinates.start.size)
+            self._move = None
+            self._put(self.target, still, still)
 
-    def reset(self) -> None:  # noqa: B027 (optional)
-        """Reset internal state, such as the offset of a compliance task; targets stay."""
+    @property
+    def velocity(self) -> Array:
+        """Measured velocity of the rows now, shape (dim,), `unit`/s."""
+        return np.asarray(evaluated(self)[0] @ self.robot.v)
+
+    @property
+    def speed(self) -> float:
+        """Measured speed now, `unit`/s: that of the fastest of position, rotation and joints."""
+        return max(self._sizes(self.velocity))
+
+    @property
+    def reached(self) -> bool:
+        """True once the target has arrived, and the robot there: within 10 mm and 0.05 rad, below 0.05 m/s, 0.2 rad/s.
+
+        It is the robot of the controller, in position control with open feedback the commanded one.
+        """
+        if self.moving:
+            return False
+        jacobian, error, _ = evaluated(self)
+        sizes = zip(self._parts(), self._sizes(error), self._sizes(jacobian @ self.robot.v), strict=True)
+        return all(off <= NEAR[unit] and speed <= SLOW[unit] for (unit, _), off, speed in sizes)
+
+    def _sizes(self, rows: Array) -> list[float]:
+        """Length of each part of some rows; of a selection the greatest component."""
+        if self.kind == "selection":
+            return [float(abs(rows).max())]
+        return [float(np.linalg.norm(rows[part])) for _, part in self._parts()]
+
+    # ---- what a controller calls ----------------------------------------------------------------------------------
+
+    def reset(self) -> None:
+        """Reset internal state, such as the offset of a compliance task, and end a move; targets stay."""
+        self._stop()
 
     def bind(self, robot: Robot) -> None:
         """Resolve names of frames and joints, and take the present state as target where none was given.
 
-        Called once, when the task is added to a controller. Override it; call `super().bind(robot)` first. The rows of
+        Called when the task is added to a controller. Override it; call `super().bind(robot)` first. The rows of
         a task that does not `observe` are then evaluated once, so that mistakes show before the first tick.
 
         Args:
@@ -326,13 +495,25 @@ class Task(FixedAttributes):
         Raises:
             UnknownNameError: A frame or joint that the robot does not have.
         """
-        self._robot = robot
-        self._fixed = False  # a task of one's own makes attributes here
+        super().bind(robot)
+        self._unused = other_columns(robot, self._only_joints)
+        if self._keep is not None:
+            size = self._n_rows
+            self._full = np.zeros((size, robot.nv)), np.zeros(size), np.zeros(size)
+        if self._target is None or (self._taken and not self.accepted):
+            self._target = self.present(robot)
+            self._taken = True
 
-    def accept(self) -> None:
-        """Keep target and attributes: a controller has taken the task."""
-        self.accepted = True
-        self.fix_attributes()
+    def bind_problem(self, problem: Problem) -> None:  # noqa: B027 (optional)
+        """Look up contacts or torque rows of a task on variables; called whenever the layout of the QP has changed.
+
+        Raises:
+            UnknownNameError: A contact that the controller does not have.
+        """
+
+    def waits_for(self) -> object | None:
+        """Return the contact object of the task, which may be added after it; None where nothing may."""
+        return None
 
     def observe(self, measurement: Measurement, dt: float) -> None:  # noqa: B027 (optional)
         """Read the sensors before the rows are written; does nothing unless a task overrides it.
@@ -342,6 +523,51 @@ class Task(FixedAttributes):
             dt: Control period, s.
         """
 
+    @abstractmethod
+    def evaluate(self, jacobian: Array, error: Array, drift: Array) -> None:
+        """Fill the rows from the present state of `self.robot`, those of all axes of the task.
+
+        Args:
+            jacobian: To fill: velocity of the task per generalised velocity, shape (rows, nv); of a task on variables
+                its matrix, shape (dim, number of variables).
+            error: To fill: target − measured, shape (rows,); of a task on variables its reference.
+            drift: To fill: task acceleration at zero generalised acceleration, J̇·v, shape (rows,); of a motion alone.
+        """
+
+    def fill(self, jacobian: Array, error: Array, drift: Array) -> None:
+        """Fill the rows of the chosen axes, with the chosen joints; as `evaluate`, for the controller."""
+        full = self._full
+        if full is None:
+            self.evaluate(jacobian, error, drift)
+        else:
+            self.evaluate(*full)
+            jacobian[:], error[:], drift[:] = (rows[self._keep] for rows in full)
+        if self._spared.size:
+            drift += jacobian[:, self._spared].dot(self.spared_acceleration)
+            self._leave_out(self._spared, jacobian, drift)
+        if self._unused is not None:
+            self._leave_out(self._unused, jacobian, drift)
+
+    def _leave_out(self, coordinates: NDArray[np.intp], jacobian: Array, drift: Array) -> None:
+        """Take coordinates out of the task; their velocities are damped as those of the others."""
+        drift += self._rows.damping * jacobian[:, coordinates].dot(self.robot.v[coordinates])
+        jacobian[:, coordinates] = 0.0
+
+    @property
+    def spared(self) -> NDArray[np.intp]:
+        """Velocity coordinates whose motion counts but that the task does not use, shape (n,); none until they are set.
+
+        They are, for the centre of mass, those of an arm with a task of its own, and for a hand those of the body that
+        carries it. Assigning them sets their expected accelerations to zero. The motion of joints that the option
+        `joints` leaves out counts as well, with no acceleration expected.
+        """
+        return self._spared
+
+    @spared.setter
+    def spared(self, value: NDArray[np.intp]) -> None:
+        self._spared = value
+        self.spared_acceleration = np.zeros(len(value))
+
     def attach(self, rows: Rows) -> None:
         """Move the row values into views of the controller's arrays."""
         rows.copy_from(self._rows)
@@ -349,122 +575,39 @@ class Task(FixedAttributes):
 
     def detach(self) -> None:
         """Move the row values back into separate arrays."""
-        self.attach(Rows.zeros(self._dim))
+        self.attach(Rows.zeros(self.dim))
 
     def _resize(self, dim: int) -> None:
         """Change the number of rows before the task is attached, keeping uniform gains."""
-        old, self._rows, self._dim = self._rows, Rows.zeros(dim), dim
+        old, self._rows, self.dim = self._rows, Rows.zeros(dim), dim
         for field in ("weight", "stiffness", "damping", "bound"):
             values = getattr(old, field)
             if values.size != dim and not (values == values[0]).all():
                 raise InputError(f"{field} of task '{self.name}' must be a scalar or have shape ({dim},)")
             getattr(self._rows, field)[:] = values if values.size == dim else values[0]
 
-    def _gain(self, what: str, value: ArrayLike) -> Array:
-        array = finite_array(f"{what} of task '{self.name}'", value)
-        if array.shape not in ((), (self._dim,)):
-            raise InputError(
-                f"{what} of task '{self.name}' must be a scalar or have shape ({self._dim},), got {array.shape}"
-            )
-        if (array < 0.0).any():
-            raise InputError(f"{what} of task '{self.name}' must not be negative, got {array}")
-        return array
-
-    def _vector(self, what: str, value: ArrayLike) -> Array:
-        return finite_array(f"{what} of task '{self.name}'", value, (self._dim,))
-
     def __repr__(self) -> str:
         return f"{type(self).__name__}('{self.name}', dim={self.dim}{', hard' if self.hard else ''})"
 
 
-def read_only(values: Array) -> Array:
-    """Return a view that cannot be written: what is assigned is checked, an element that is written is not."""
-    view = values.view()
-    view.flags.writeable = False
-    return view
-
-
-class MotionTask(Task):
-    """A task on a motion: rows over the generalised accelerations.
-
-    A task of your own needs `bind`, to look up names, and `evaluate`, to fill its rows.
-    """
-
-    @abstractmethod
-    def evaluate(self, jacobian: Array, error: Array, drift: Array) -> None:
-        """Fill the rows from the present state of `self.robot`.
-
-        Args:
-            jacobian: To fill: velocity of the task per generalised velocity, shape (dim, nv).
-            error: To fill: target − measured, shape (dim,).
-            drift: To fill: task acceleration at zero generalised acceleration, J̇·v, shape (dim,).
-        """
-
-
-class SelectionTask(Task):
-    """A task on single variables, whose Jacobian is a selection: it costs nothing but a diagonal.
-
-    Attributes:
-        columns: Velocity coordinates that the rows select, distinct, shape (dim,) or a slice.
-    """
-
-    columns: slice | np.ndarray[tuple[int], np.dtype[np.intp]]
-
-    @abstractmethod
-    def evaluate(self, error: Array) -> None:
-        """Fill target − measured, shape (dim,)."""
-
-
-class VariableTask(Task):
-    """A task on all variables of the QP, accelerations and contact forces: for torques and wrenches.
-
-    Its rows have no gains: the task is `matrix · x = reference`.
-    """
-
-    @property
-    def residual_unit(self) -> str:
-        """Unit of the residual: that of the variables themselves."""
-        return self.unit
-
-    def waits_for(self) -> object | None:
-        """Return the contact object of the task, which may be added after it; None where nothing may."""
-        return None
-
-    def bind_problem(self, problem: Problem) -> None:
-        """Look up contacts or torque rows; called whenever the layout of the QP has changed.
-
-        Raises:
-            UnknownNameError: A contact that the controller does not have.
-        """
-
-    @abstractmethod
-    def evaluate(self, matrix: Array, reference: Array) -> None:
-        """Fill the rows.
-
-        Args:
-            matrix: To fill, shape (dim, number of variables).
-            reference: To fill, shape (dim,).
-        """
-
-
-def evaluated(task: MotionTask | SelectionTask) -> tuple[Array, Array, Array]:
+def evaluated(task: Task) -> tuple[Array, Array, Array]:
     """Return Jacobian, shape (dim, nv), error and drift, shape (dim,), of a bound task at the present state, checked.
 
     Rows that cannot be evaluated, move with no joint, or have numbers that are not finite are an `InputError`.
     """
+    if task.kind == "variables":
+        raise InputError(f"task '{task.name}' is on variables of the QP: it has neither error nor speed")
     jacobian, error, drift = np.zeros((task.dim, task.robot.nv)), np.zeros(task.dim), np.zeros(task.dim)
     try:
-        if isinstance(task, SelectionTask):
-            jacobian = np.eye(task.robot.nv)[task.columns]
-            task.evaluate(error)
-        else:
-            task.evaluate(jacobian, error, drift)
+        task.fill(jacobian, error, drift)
     except WbcError:
         raise
     except Exception as failure:  # whatever a task of one's own may raise
         raise InputError(
             f"task '{task.name}' cannot be evaluated: {type(failure).__name__}: {failure}"
         ) from failure
+    if task.kind == "selection":
+        jacobian = np.eye(task.robot.nv)[task.columns]
     for what, rows in (("Jacobian", jacobian), ("error", error), ("drift", drift)):
         if not np.isfinite(rows).all():
             raise InputError(f"{what} of task '{task.name}' must be finite, got {shown(rows)}")

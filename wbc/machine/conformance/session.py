@@ -12,9 +12,9 @@ import pinocchio as pin
 from wbc.core.errors import Array, MeasurementError, shown
 from wbc.core.robot import GRAVITY
 from wbc.core.signals import Command, Measurement
+from wbc.core.trajectories import minimum_jerk
 from wbc.machine.loads import SoleLoads
 from wbc.machine.loop import Loop
-from wbc.tasks.trajectories import minimum_jerk
 
 UNIT = 57.2958
 """Degrees in a radian."""

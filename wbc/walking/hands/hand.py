@@ -31,7 +31,7 @@ from wbc.core.qp.controller import Controller, Item
 from wbc.core.settings import NonNegative, Positive, Share, settings
 from wbc.tasks.force.admittance import AdmittanceTask
 from wbc.tasks.force.wrench import WrenchTask
-from wbc.tasks.motion.direction import least_turn
+from wbc.tasks.motion.rotations import least_turn
 from wbc.walking.hands.arm import HandArm
 from wbc.walking.hands.motion import MovingFrame, Ramp, quintic_part
 

@@ -10,7 +10,7 @@ import numpy as np
 import pinocchio as pin
 
 from wbc.core.errors import Array
-from wbc.tasks.trajectories import Quintic
+from wbc.core.trajectories import Quintic
 
 FOLLOW = 0.25
 """Time constant of each of two low-passes with which a hand that grips follows the feet, s."""

@@ -22,14 +22,14 @@ from numpy.typing import ArrayLike
 
 from wbc.core.errors import Array, InputError, choose, finite_array
 from wbc.core.qp.controller import Controller
+from wbc.core.qp.task import NEAR, SLOW
 from wbc.core.robot import BASE_DOF
 from wbc.core.settings import NonNegative, Positive, settings
+from wbc.core.trajectories import Trajectory, approach
 from wbc.tasks.motion.com import CoMTask
-from wbc.tasks.motion.frame import PoseTask, pose
-from wbc.tasks.motion.moving import NEAR, SLOW, Placing
+from wbc.tasks.motion.frame import PoseTask, RelativeFrameTask, pose
 from wbc.tasks.motion.posture import PostureTask
-from wbc.tasks.motion.relative import RelativeFrameTask
-from wbc.tasks.trajectories import Trajectory, approach
+from wbc.tasks.motion.rotations import PoseCoordinates
 from wbc.walking.hands.hand import Hand
 from wbc.walking.swing import FootMotion
 
@@ -115,7 +115,7 @@ class Arm:
         self._point = False
         self._reference, self._velocity = pin.SE3.Identity(), np.zeros(6)
         self._trajectory: Trajectory | None = None
-        self._course, self._elapsed = Placing(self._reference, _any_pose), 0.0
+        self._coordinates, self._elapsed = PoseCoordinates(self._reference, _any_pose), 0.0
         self._ratio = 0.0  # of the weight
         self._on = False
 
@@ -207,9 +207,9 @@ class Arm:
             reference, velocity = pin.SE3(turn, reference.translation), velocity * ([1.0] * 3 + [0.0] * 3)
         if point:
             goal.rotation = reference.rotation
-        trajectory, course = None, Placing(reference, _any_pose)
+        trajectory, course = None, PoseCoordinates(reference, _any_pose)
         if duration is not None or speed is not None:
-            points = [course.start, course.point(goal, course.start)]
+            points = [course.start, course.of(goal, course.start)]
             trajectory = Trajectory(
                 points,
                 duration,
@@ -220,7 +220,7 @@ class Arm:
             )
         self._within, self._goal, self._point, self._on = frame, goal, point, True
         self._reference, self._velocity = reference, velocity
-        self._trajectory, self._course, self._elapsed = trajectory, course, 0.0
+        self._trajectory, self._coordinates, self._elapsed = trajectory, course, 0.0
         self._task_of(frame == PELVIS)
         for within, task in self._tasks.items():
             if within != (frame == PELVIS):
@@ -268,7 +268,7 @@ class Arm:
         if self._trajectory is not None:  # more slowly where the hand stays behind
             slower = pace[0] if self._point else min(pace)
             self._elapsed += slower * dt
-            self._reference, velocity, push = self._course.motion(*self._trajectory.at(self._elapsed))
+            self._reference, velocity, push = self._coordinates.target(*self._trajectory.at(self._elapsed))
             self._velocity = slower * velocity
             if self._elapsed >= self._trajectory.duration:
                 self._trajectory = None

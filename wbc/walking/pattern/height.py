@@ -11,8 +11,8 @@ from bisect import bisect_right
 from collections.abc import Sequence
 
 from wbc.core.errors import ROUNDING
+from wbc.core.trajectories import Quintic
 from wbc.tasks.stabilizer.pendulum import Pendulum
-from wbc.tasks.trajectories import Quintic
 from wbc.walking.planning.schedule import SupportPhase
 
 SHORTEST = 0.1

@@ -7,9 +7,9 @@ import numpy as np
 from wbc.core.errors import Array
 from wbc.core.qp.contact import SoleContact
 from wbc.core.qp.controller import Controller
+from wbc.core.qp.task import GainOptions
 from wbc.tasks.motion.com import CoMTask
 from wbc.tasks.motion.posture import PostureTask
-from wbc.tasks.options import GainOptions
 from wbc.walking.stepping.law import SteppingConstants
 from wbc.walking.stepping.settings import RobotSize
 from wbc.walking.tasks import StanceContacts, WalkTasks

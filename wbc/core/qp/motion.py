@@ -1,0 +1,148 @@
+"""Motion rows of the QP: what tasks and contacts have in common, a name, a robot and the gains of their reference."""
+
+from __future__ import annotations
+
+import weakref
+from abc import ABC
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from wbc.core.errors import Array, InputError, finite_array
+from wbc.core.robot import Robot
+
+
+@dataclass(slots=True)
+class Rows:
+    """Values of rows, one for each, of shape (dim,); views into the controller's arrays once bound."""
+
+    error: Array
+    drift: Array
+    stiffness: Array
+    damping: Array
+    velocity: Array
+    acceleration: Array
+    weight: Array
+    bound: Array
+
+    @staticmethod
+    def zeros(dim: int) -> Rows:
+        """Return rows of zeros, whose error has no bound."""
+        rows = Rows(*(np.zeros(dim) for _ in range(8)))
+        rows.bound.fill(np.inf)
+        return rows
+
+    def view(self, rows: slice) -> Rows:
+        """Return the given rows as views."""
+        return Rows(*(getattr(self, field)[rows] for field in Rows.__dataclass_fields__))
+
+    def copy_from(self, other: Rows) -> None:
+        """Copy all values of `other`."""
+        for field in Rows.__dataclass_fields__:
+            getattr(self, field)[:] = getattr(other, field)
+
+
+def read_only(values: Array) -> Array:
+    """Return a view that cannot be written: what is assigned is checked, an element that is written is not."""
+    view = values.view()
+    view.flags.writeable = False
+    return view
+
+
+class Motion(ABC):  # noqa: B024 (its subclasses have the abstract methods)
+    """Base of tasks and contacts: rows that follow a motion.
+
+    Attributes:
+        name: Name in status tables and solutions, unique within a controller.
+        dim: Number of rows.
+        revision: Number that changes with the gains.
+    """
+
+    __slots__ = ("_critical", "_owner", "_robot", "_rows", "name", "revision")
+
+    _kind: ClassVar[str] = "task"
+    dim: int
+    _owner: weakref.ref[Any] | None
+
+    def __init__(self, name: str, stiffness: ArrayLike, damping: ArrayLike | None) -> None:
+        """Allocate `dim` rows, and set their gains; see the properties."""
+        self.name, self.revision = name, 0
+        self._rows = Rows.zeros(self.dim)
+        self._robot: Robot | None = None
+        self._owner = None
+        self._critical = True
+        self.stiffness = stiffness
+        if damping is not None:
+            self.damping = damping
+
+    @property
+    def robot(self) -> Robot:
+        """Robot of the controller.
+
+        Raises:
+            InputError: No controller has it yet.
+        """
+        if self._robot is None:
+            raise InputError(
+                f"{self._kind} '{self.name}' belongs to no controller yet; add it first (its own `bind`, if it has "
+                "one, calls super().bind(robot))"
+            )
+        return self._robot
+
+    def bind(self, robot: Robot) -> None:
+        """Resolve names of frames and joints; called when a controller gets it. Call `super().bind(robot)` first.
+
+        Args:
+            robot: The robot of the controller, with its state up to date.
+
+        Raises:
+            UnknownNameError: A frame or joint that the robot does not have.
+        """
+        self._robot = robot
+
+    @property
+    def stiffness(self) -> Array:
+        """Acceleration per error, 1/s², shape (dim,), read-only; assigning one makes an unset damping critical."""
+        return read_only(self._rows.stiffness)
+
+    @stiffness.setter
+    def stiffness(self, value: ArrayLike) -> None:
+        stiffness = self._checked_gain("stiffness (1/s²)", value)
+        if self._critical:
+            self._set_damping(2.0 * np.sqrt(stiffness))
+        self._rows.stiffness[:] = stiffness
+        self.revision += 1
+
+    @property
+    def damping(self) -> Array:
+        """Acceleration per velocity error, 1/s, shape (dim,), read-only; assign None to make it critical again."""
+        return read_only(self._rows.damping)
+
+    @damping.setter
+    def damping(self, value: ArrayLike | None) -> None:
+        if value is None:
+            self._set_damping(2.0 * np.sqrt(self._rows.stiffness))
+        else:
+            self._set_damping(self._checked_gain("damping (1/s)", value))
+        self._critical = value is None
+        self.revision += 1
+
+    def _set_damping(self, damping: Array) -> None:
+        """Take a damping over, 1/s, scalar or shape (dim,)."""
+        self._rows.damping[:] = damping
+
+    def _checked_gain(
+        self, what: str, value: ArrayLike, *, most: float = np.inf, above_zero: bool = False
+    ) -> Array:
+        """Return a scalar or an array of shape (dim,) of numbers from zero on, or above it, after a check."""
+        gain = finite_array(f"{what} of {self._kind} '{self.name}'", value)
+        if gain.shape not in ((), (self.dim,)):
+            raise InputError(
+                f"{what} of {self._kind} '{self.name}' must be a scalar or have shape ({self.dim},), got {gain.shape}"
+            )
+        if (gain < 0.0).any() or (gain > most).any() or (above_zero and (gain == 0.0).any()):
+            rule = "above zero" if above_zero else "≥ 0" if most == np.inf else f"from 0 to {most:g}"
+            raise InputError(f"{what} of {self._kind} '{self.name}' must be {rule}, got {gain}")
+        return gain
