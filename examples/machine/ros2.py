@@ -20,12 +20,12 @@ import wbc
 TOPICS = {"joint_states": JointState, "imu": Imu, "left_sole": WrenchStamped, "right_sole": WrenchStamped}
 
 
-class RosDriver:
+class RosDriver(wbc.machine.Driver):
     """Driver of `wbc.run`; its node is made at the first call, as the guard of the run is another process."""
 
     def __init__(self, robot):
         self.description, self.joints, self.last = robot, robot.robot().joint_names, {}
-        self.gains = np.array([robot.kp, robot.kd])
+        self.gains = robot.kp, robot.kd
 
     @cached_property
     def out(self):  # noqa: D102
@@ -52,7 +52,9 @@ class RosDriver:
         return wbc.Measurement(when, q, v, gyro, force, on_soles, joint_torque=torque)
 
     def write(self, command):  # noqa: D102
-        kp, kd = self.gains * (command.joint_position is not None)  # without a position the servos are off
+        kp, kd = np.array(self.gains) * (
+            command.joint_position is not None
+        )  # without a position the servos are off
         own = {"joint_torque": 0, "joint_position": 0 * kp, "joint_velocity": 0 * kp, "kp": kp, "kd": kd}
         given = {name: getattr(command, name) for name in own}
         rows = [own[name] if row is None else row for name, row in given.items()]

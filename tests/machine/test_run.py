@@ -26,7 +26,7 @@ from wbc import Command, Measurement
 from wbc.core.errors import InputError
 from wbc.core.robot import GRAVITY
 from wbc.ground import PointCloud
-from wbc.machine import MachineError, Runner, RunSettings, guard
+from wbc.machine import Driver, MachineError, Runner, RunSettings, guard
 from wbc.machine.clock import ask_priority
 from wbc.machine.loads import SoleLoads
 from wbc.machine.report import Phase
@@ -43,7 +43,7 @@ def plant_model() -> mujoco.MjModel:
     return Plant(DESCRIPTION).model
 
 
-class SimulatedMachine:
+class SimulatedMachine(Driver):
     """A machine in simulated time, on the ground, that can fall silent."""
 
     def __init__(
@@ -173,7 +173,7 @@ def test_clouds_of_a_driver_reach_a_controller_that_sees_and_trouble_no_other() 
             sent.append(PointCloud(np.zeros((5, 3)), machine.clock.time, "pelvis"))
             return sent[-1:]
 
-        machine.clouds = clouds  # type: ignore[attr-defined]
+        machine.clouds = clouds  # type: ignore[method-assign]
         control = types.SimpleNamespace(command=lambda measurement: Command(np.zeros(NA)))
         if sees:
             control.see = seen.append
@@ -203,22 +203,36 @@ def test_a_control_in_position_mode_stands_on_the_servos_until_it_takes_over_and
     assert all((command.kp == DESCRIPTION.kp).all() for command in sent[Phase.STAND])
 
 
-ZERO, STOPPED = np.zeros(NA), types.SimpleNamespace(stopped=True, reason="too many failures")
-ENDS: dict[str, tuple[dict[str, Any], Callable[[SimulatedMachine, Runner], None] | None, str]] = {
+class Stopped(wbc.TorqueControl):
+    """A control that has given up."""
+
+    stopped = True  # type: ignore[assignment]
+
+
+def stopped() -> Stopped:
+    control = Stopped(wbc.balance_controller(DESCRIPTION.robot(), PERIOD))
+    control.reset = lambda q=None: setattr(control, "reason", "too many failures")  # type: ignore[method-assign]
+    return control
+
+
+ZERO = np.zeros(NA)
+ENDS: dict[str, tuple[dict[str, Any] | Callable[[], Any], Callable[[SimulatedMachine, Runner], None] | None, str]] = {
     "silence": ({}, lambda m, _: setattr(m, "silent_after", m.clock.time - 100.0), "no measurement for 1[5-9] ms"),
     "fault": ({}, lambda m, _: setattr(m, "fault", "motor off"), "fault of the machine: motor off$"),
     "emergency stop": ({}, lambda _, r: r.emergency_stop(), "emergency stop$"),
     "exception": ({"command": lambda _: 1 / 0}, None, "ZeroDivisionError of the controller: "),
-    "stopped": ({"command": lambda _: Command(ZERO), "control": STOPPED}, None, "the controller has stopped: too many failures"),
+    "stopped": (stopped, None, "the controller has stopped: too many failures"),
     "NaN": ({"command": lambda _: Command(ZERO * np.nan)}, None, "InputError of the controller: .*joint_torque of joint 'left_hip_pitch_joint' is not finite"),
 }  # fmt: skip
-"""Name → parts of another control, what happens in tick 20, and the reason of the end."""
+"""Name → another control, or its parts, what happens in tick 20, and the reason of the end."""
 
 
 @pytest.mark.parametrize("end", ENDS)
 def test_whatever_fails_ends_in_damping(end: str) -> None:
     machine, (parts, happens, reason) = SimulatedMachine(SimulatedTime()), ENDS[end]
-    runner = make(machine, types.SimpleNamespace(**parts) if parts else None, load=0.0)
+    runner = make(
+        machine, parts() if callable(parts) else types.SimpleNamespace(**parts) if parts else None, load=0.0
+    )
     sent = commands_by_phase(machine, runner)
 
     def until() -> bool:

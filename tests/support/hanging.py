@@ -14,6 +14,7 @@ import numpy as np
 
 import wbc
 from wbc import Command, Measurement
+from wbc.machine import Driver
 from wbc.machine.clock import Clock
 from wbc.machine.unitree.wire import machine_gains
 from wbc.sim import Machine, MujocoLoop, Plant
@@ -41,7 +42,7 @@ class SimulatedTime(Clock):
         self.time = max(self.time, deadline)
 
 
-class HangingMachine:
+class HangingMachine(Driver):
     """A G1 at a band, as a driver of `wbc.run`.
 
     Attributes:

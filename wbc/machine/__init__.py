@@ -1,6 +1,6 @@
 """Machines: what drives a robot that runs by itself, and the check of any loop.
 
-A new wire is a class with the three methods of `Driver`, in a module of its own.
+A new wire is a class derived from `Driver`, with its three methods, in a module of its own.
 """
 
 from wbc.machine.conformance import conformance

@@ -2,14 +2,20 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
+from collections.abc import Sequence
 from dataclasses import replace
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 
-from wbc.core.errors import Array, InputError, WbcError, as_period, check_parts, shown
-from wbc.core.signals import Command, Measurement
+from wbc.core.control import DriveControl
+from wbc.core.errors import Array, InputError, WbcError, as_period, shown
+from wbc.core.signals import Command, Control, Measurement
+from wbc.ground import PointCloud
 from wbc.robots import RobotDescription
+from wbc.tasks.behaviours import Program
+from wbc.walking.control import ReferenceControl
 
 LONGEST_WAIT = 1.0
 """Longest time without a measurement in a loop, s."""
@@ -37,19 +43,22 @@ class Loop(Protocol):
         """Advance by one control period under a command."""
 
 
-class Driver(Protocol):
+class Driver(ABC):
     """Wire to a machine that runs by itself, simulated in another process or real.
 
-    A driver opens its wire at the first call, so that it can be made here and used in another process. It may have
-    `fault`, a reason for which the joints must be damped, empty while there is none, `gains`, kp and kd of the machine
-    where they are not the description's, each of shape (na,), and `clouds`, a method that returns the clouds of
-    points that have come since its last call, which a controller that sees takes.
+    A driver opens its wire at the first call, so that it can be made here and used in another process.
+
+    Attributes:
+        description: The robot.
+        gains: kp and kd of the machine, each of shape (na,); None for the description's.
+        fault: Reason for which the joints must be damped; empty while there is none.
     """
 
-    @property
-    def description(self) -> RobotDescription:
-        """The robot as data."""
+    description: RobotDescription
+    gains: tuple[Array, Array] | None = None
+    fault: str = ""
 
+    @abstractmethod
     def read(self, timeout: float) -> Measurement | None:
         """Return the newest measurement that has not been returned before; None if there is none in time.
 
@@ -57,20 +66,49 @@ class Driver(Protocol):
             timeout: Longest time to wait, s; 0 looks and returns.
         """
 
+    @abstractmethod
     def write(self, command: Command) -> None:
         """Send a command; it does not wait."""
 
+    @abstractmethod
     def damp(self) -> None:
         """Send what lets the joints sink slowly: no stiffness, no torque, damping alone."""
+
+    def clouds(self) -> Sequence[PointCloud]:
+        """Return the clouds of points that have come since the last call, for a controller that sees."""
+        return ()
 
 
 def check_driver(driver: Driver) -> None:
     """Raise an `InputError` for something that is no driver of a described robot."""
-    check_parts("a driver", driver, "description", "read", "write", "damp")
-    if not isinstance(driver.description, RobotDescription):
-        raise InputError(
-            f"description of a driver must be a RobotDescription, got {shown(driver.description)}"
-        )
+    if not isinstance(driver, Driver):
+        raise InputError(f"a driver is a class derived from wbc.machine.Driver, got {shown(driver)}")
+    about = getattr(driver, "description", None)
+    if not isinstance(about, RobotDescription):
+        raise InputError(f"description of a driver must be a RobotDescription, got {shown(about)}")
+
+
+@runtime_checkable
+class Seeing(Protocol):
+    """Control that takes clouds of points, such as a `wbc.WalkingControl`."""
+
+    def see(self, seen: PointCloud, /) -> None:
+        """Take a cloud."""
+
+
+@runtime_checkable
+class Restartable(Protocol):
+    """Control that begins anew at half-sitting, such as a `wbc.TorqueControl`."""
+
+    def reset(self) -> None:
+        """Begin anew."""
+
+
+def drives_of(control: Control) -> DriveControl | None:
+    """Return the control of the drives that a control is, or that a walk or program has; None of one's own."""
+    while isinstance(control, (Program, ReferenceControl)):
+        control = control.control
+    return control if isinstance(control, DriveControl) else None
 
 
 def with_gains(command: Command, gains: tuple[Array, Array]) -> Command:

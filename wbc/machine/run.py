@@ -10,13 +10,12 @@ from __future__ import annotations
 import logging
 import signal
 import threading
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from typing import Annotated, Any
 
 import numpy as np
 from pydantic import Field
 
-from wbc.core.control import DriveControl
 from wbc.core.drive.position import PositionControl
 from wbc.core.drive.torque import TorqueControl
 from wbc.core.errors import ROUNDING, InputError, check_parts, non_negative, positive
@@ -25,12 +24,11 @@ from wbc.core.gate import CommandGate
 from wbc.core.robot import GRAVITY
 from wbc.core.settings import NonNegative, Positive, Share, settings
 from wbc.core.signals import Command, Control, Measurement
-from wbc.ground import PointCloud
 from wbc.machine.clock import Clock, Quiet, quiet
 from wbc.machine.guard import Guard
 from wbc.machine.inlet import Inlet
 from wbc.machine.loads import SoleLoads
-from wbc.machine.loop import Driver, MachineError, check_driver, with_gains
+from wbc.machine.loop import Driver, MachineError, Restartable, Seeing, check_driver, drives_of, with_gains
 from wbc.machine.report import Phase, RunReport
 from wbc.machine.stand import Stand, standing, warm_up
 from wbc.machine.start import SafeStart
@@ -54,10 +52,6 @@ REFUSAL = 0.1
 
 DAMP_TICKS = 50
 """Damping commands that are sent at the end."""
-
-
-def _unseen(cloud: PointCloud) -> None:
-    """Leave a cloud that the controller has no use for."""
 
 
 class _Over(Exception):
@@ -112,14 +106,11 @@ class Runner:
         check_driver(driver)
         check_parts("a controller", control, "command")
         self.period = 1.0 / positive("rate (1/s)", rate)
-        controller: Any = getattr(control, "controller", None)
-        if controller is not None and abs(controller.dt - self.period) > ROUNDING:
-            raise InputError(
-                f"rate must be that of the controller, {1.0 / controller.dt:g} Hz, got {rate:g} Hz"
-            )
+        self._drives = drives_of(control)
+        if self._drives is not None and abs((dt := self._drives.controller.dt) - self.period) > ROUNDING:
+            raise InputError(f"rate must be that of the controller, {1.0 / dt:g} Hz, got {rate:g} Hz")
         self.driver, self.control, self.description = driver, control, driver.description
-        self._clouds: Callable[[], Sequence[PointCloud]] = getattr(driver, "clouds", tuple)
-        self._see: Callable[[PointCloud], None] = getattr(control, "see", _unseen)
+        self._sees = control if isinstance(control, Seeing) else None
         self.settings = s = settings or RunSettings()
         shortest = min(s.robot_timeout, s.control_timeout)
         if self.period >= shortest:
@@ -225,10 +216,10 @@ class Runner:
         while True:
             got = self.driver.read(max(0.0, end - self._clock.now()))
             if got is not None:
-                position = getattr(got, "joint_position", None)
-                if isinstance(position, np.ndarray) and position.shape != (len(names),):
+                if isinstance(got, Measurement) and np.shape(got.joint_position) != (len(names),):
+                    count = np.size(got.joint_position)
                     raise MachineError(
-                        f"the machine has {position.size} joints, '{self.description.name}' has {len(names)}"
+                        f"the machine has {count} joints, '{self.description.name}' has {len(names)}"
                     )
                 self._inlet.take(got, self._clock.now())
             if self._inlet.good is not None:
@@ -243,16 +234,13 @@ class Runner:
     def _make_parts(self, first: Measurement) -> None:
         """Make what the phases need, before the time counts."""
         robot, period = self._robot, self.period
-        self._gains = getattr(self.driver, "gains", None) or (self.description.kp, self.description.kd)
+        self._gains = self.driver.gains or (self.description.kp, self.description.kd)
         self._gate = CommandGate(robot, period)
         self._loads = SoleLoads(self.description, period, self._gains)
         self._start = self._begin_start(first, self.settings.fade)
         soft = self._gains[1] if robot.servos is None else np.minimum(self._gains[1], robot.servos.soft()[1])
-        self._inner: Any = self.control
-        while not isinstance(self._inner, DriveControl) and hasattr(self._inner, "control"):
-            self._inner = self._inner.control  # of a walking robot, or of a program around one
         self._stand: Stand | None = None
-        if not isinstance(self._inner, PositionControl):  # its servos stand by themselves
+        if not isinstance(self._drives, PositionControl):  # its servos stand by themselves
             self._stand = Stand(self.description, period, self._loads, soft)
         warm_up(self.control, robot, period, forces=first.sole_wrench is not None)
 
@@ -315,7 +303,7 @@ class Runner:
         settings, inlet = self.settings, self._inlet
         if self._emergency.is_set():
             raise _Over("emergency stop")
-        if fault := getattr(self.driver, "fault", ""):
+        if fault := self.driver.fault:
             raise _Over(f"fault of the machine: {fault}")
         if now - self._seen >= settings.robot_timeout:
             raise _Over(f"no measurement for {1e3 * (now - self._seen):.0f} ms")
@@ -336,8 +324,9 @@ class Runner:
         if (not fresh or (inlet.refused and not self._checks_itself)) and self._last is not None:
             self.driver.write(self._last)
             return
-        for cloud in self._clouds():
-            self._see(cloud)
+        for cloud in self.driver.clouds():
+            if self._sees is not None:
+                self._sees.see(cloud)
         self._send(self._command(measurement, now))
         if self._until is not None and (
             now - self._begin >= self._until if isinstance(self._until, float) else self._until()
@@ -347,7 +336,7 @@ class Runner:
     @property
     def _checks_itself(self) -> bool:
         """True while a control runs that has a policy of its own for measurements that cannot be used."""
-        return self.phase is Phase.RUN and isinstance(self._inner, DriveControl)
+        return self.phase is Phase.RUN and self._drives is not None
 
     def _send(self, command: Command) -> None:
         """Send a command of whatever phase, unless no machine must get it."""
@@ -407,8 +396,8 @@ class Runner:
             if self._lasts(True, LIFTED, now):
                 self._lift(measurement, now)
         elif self._lasts(share >= settings.load and self._may_run, CARRIED, now):
-            if isinstance(self._inner, (TorqueControl, PositionControl)) and stand is not None:
-                self._inner.reset(standing(self._robot, np.array(stand.control.observer.robot.q)))
+            if isinstance(self._drives, (TorqueControl, PositionControl)) and stand is not None:
+                self._drives.reset(standing(self._robot, np.array(stand.control.observer.robot.q)))
             self._enter(Phase.RUN, now)
         return command
 
@@ -421,8 +410,9 @@ class Runner:
         except Exception as error:  # whatever a controller does, the machine is damped
             logger.exception("the controller failed")
             raise _Over(f"{type(error).__name__} of the controller: {error}") from error
-        if getattr(self._inner, "stopped", False):
-            raise _Over(f"the controller has stopped: {getattr(self._inner, 'reason', '')}")
+        drives = self._drives
+        if drives is not None and drives.stopped:
+            raise _Over(f"the controller has stopped: {drives.reason}")
         part = (now - self._since) / self.settings.blend
         if part < 1.0:
             if self._stand is not None:
@@ -431,11 +421,11 @@ class Runner:
                 before = self._start.command(measurement, now - self._started)
             self._loads.sent(command)
             return mixed(before, with_gains(command, self._gains), part)
-        seen = getattr(self._inner, "measurement", None)
-        if self.settings.load > 0.0 and isinstance(seen, Measurement) and seen.sole_wrench is not None:
+        seen = None if drives is None else drives.measurement
+        if self.settings.load > 0.0 and seen is not None and seen.sole_wrench is not None:
             carried = float(seen.sole_wrench[:, 2].sum()) / self._weight
             if self._lasts(carried < self.settings.touch / 3.0, LIFTED, now):
-                self._may_run = hasattr(self.control, "reset")
+                self._may_run = isinstance(self.control, Restartable)
                 self._lift(measurement, now)
         return command
 

@@ -13,9 +13,10 @@ from wbc.core.control import SafetySettings
 from wbc.core.drive.torque import TorqueControl
 from wbc.core.errors import Array
 from wbc.core.robot import GRAVITY, Robot
-from wbc.core.signals import Command, Measurement
+from wbc.core.signals import Command, Control, Measurement
 from wbc.core.trajectories import minimum_jerk
 from wbc.machine.loads import SoleLoads
+from wbc.machine.loop import Restartable
 from wbc.robots import RobotDescription
 from wbc.tasks import BalanceGains, balance_controller
 
@@ -116,18 +117,17 @@ def standing(robot: Robot, q: Array) -> Array:
     return q
 
 
-def warm_up(control: object, robot: Robot, period: float, *, forces: bool) -> None:
+def warm_up(control: Control, robot: Robot, period: float, *, forces: bool) -> None:
     """Run some ticks on a robot at rest, so that the first real ones do not load code and memory.
 
     A control that cannot be reset afterwards is left alone; `forces` tells whether the robot has force sensors.
     """
-    command, reset = getattr(control, "command", None), getattr(control, "reset", None)
-    if command is None or reset is None:
+    if not isinstance(control, Restartable):
         return
     wrench = np.zeros((len(robot.soles), 6))
     wrench[:, 2] = robot.mass * GRAVITY / len(robot.soles)
     up = robot.placement(robot.imu_frame).rotation.T @ np.array([0.0, 0.0, GRAVITY])
     rest, zero = np.array(robot.half_sitting[7:]), np.zeros(robot.na)
     for i in range(20):
-        command(Measurement(i * period, rest, zero, np.zeros(3), up, wrench if forces else None))
-    reset()
+        control.command(Measurement(i * period, rest, zero, np.zeros(3), up, wrench if forces else None))
+    control.reset()

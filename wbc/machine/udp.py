@@ -46,7 +46,7 @@ import numpy as np
 
 from wbc.core.errors import InputError
 from wbc.core.signals import Command, Measurement
-from wbc.machine.loop import MachineError, with_gains
+from wbc.machine.loop import Driver, MachineError, with_gains
 from wbc.robots import RobotDescription
 
 logger = logging.getLogger(__name__)
@@ -173,7 +173,7 @@ def _checked_secret(host: str, secret: str | None, unsigned: bool) -> str | None
     return secret
 
 
-class UdpDriver:
+class UdpDriver(Driver):
     """Driver of a robot that speaks the packets of this module.
 
     Attributes:

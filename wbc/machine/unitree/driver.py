@@ -15,7 +15,7 @@ import numpy as np
 from wbc.core.errors import Array, InputError
 from wbc.core.gate import CommandGate
 from wbc.core.signals import Command, Measurement
-from wbc.machine.loop import with_gains
+from wbc.machine.loop import Driver, with_gains
 from wbc.machine.unitree.dds import COMMAND_TOPIC, STATE_TOPIC, Topics
 from wbc.machine.unitree.wire import ENABLED, LOW_CMD, LOW_STATE, intact, machine_gains, motor_index, sealed
 from wbc.robots import RobotDescription
@@ -38,7 +38,7 @@ SWITCHED_ON = 0.5
 """Time after the first command from which a motor that is off is a fault, s."""
 
 
-class UnitreeDriver:
+class UnitreeDriver(Driver):
     """Driver of a G1 in its low-level mode.
 
     It echoes mode_machine, enables the motors of its joints, signs what it sends and drops what is signed wrongly; what
@@ -75,7 +75,7 @@ class UnitreeDriver:
         self.description, self._interface, self._domain = description, interface, domain
         self._names = tuple(description.joint_names)
         self._index = motor_index(self._names)
-        self.gains = machine_gains(self._names)
+        self.gains: tuple[Array, Array] = machine_gains(self._names)
         self._gate: CommandGate | None = None
         self._topics: Topics | None = None
         self._machine: int | None = None
