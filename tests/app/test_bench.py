@@ -9,9 +9,9 @@ import pytest
 from properties import by_default
 from solver_problems import BenchSolverOptions, bench_solver
 from walk_cost import CASES, BenchWalkOptions, bench_walk
+from walk_profile import profile_walk
 
 from wbc.app.bench import BenchTickOptions, bench_tick
-from wbc.app.profile import profile_walk
 from wbc.core.errors import Array
 from wbc.core.settings import to_json
 from wbc.robots import names

@@ -13,8 +13,8 @@ from dataclasses import replace
 from typing import Annotated, Any
 
 import mujoco
+from walk_profile import profile_walk
 
-from wbc.app.profile import profile_walk
 from wbc.core.settings import Count, Positive, Seed, settings, to_json
 from wbc.sim.walks.plans import WalkPlan
 from wbc.sim.walks.spec import WalkSpec

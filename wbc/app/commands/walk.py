@@ -17,13 +17,12 @@ from wbc.app.live import LiveDrive, ending, with_changes
 from wbc.app.log.reader import Log
 from wbc.app.log.recorder import Recorder
 from wbc.app.output import Output, Report, reports
-from wbc.app.profile import ProfileRow, profile_text, profile_walk
 from wbc.app.repeat import RepeatWalk, differing_versions, first_difference, recorded_walk
 from wbc.app.walk_report import walk_text
 from wbc.core.changes import read_changes, setting_names
 from wbc.core.errors import InputError, finite_scalar, shown, unknown_name
 from wbc.core.files import read_toml
-from wbc.core.settings import Positive, nested_settings, settings, to_json
+from wbc.core.settings import Positive, nested_settings, settings
 from wbc.sim.trial.loop import TrialHook
 from wbc.sim.walks.plans import KINDS
 from wbc.sim.walks.presets import WALK_PRESETS
@@ -83,7 +82,6 @@ class WalkOptions:
         spec: Walk to begin with: a preset (frizza, the paper's), or a file, whole or in part (JSON, TOML; --json prints
             one).
         record: File to write every tick to (.arrow).
-        profile: Divide the time of the walk, from physics to each task.
         repeat: Log of a walk to repeat, with changes from its page and its end, and to compare with.
     """
 
@@ -91,7 +89,6 @@ class WalkOptions:
     set: tuple[str, ...] = ()
     spec: str | None = None
     record: Path | None = None
-    profile: bool = False
     repeat: Path | None = None
 
 
@@ -127,11 +124,10 @@ def walk(
         spec.ground().clears(spec.gait.full.swing_height)
     acting: list[WatchWalk | RepeatWalk] = []
     record: Recorder | None = None
-    profile: tuple[ProfileRow, ...] = ()
     difference: str | None = None
 
     def simulate(trial: WalkTrial, watching: list[WatchWalk]) -> WalkResult:
-        nonlocal acting, record, profile, difference
+        nonlocal acting, record, difference
         hooks: list[TrialHook] = []
         acting = [*([] if original is None else [RepeatWalk(changes)]), *watching]
         with ExitStack() as stack:
@@ -143,11 +139,7 @@ def walk(
                 record.add("view/change", lambda: _news(acting, trial), about=CHANGE)
                 hooks.append(record)
             hooks += acting
-            result: WalkResult
-            if options.profile:
-                result, profile = profile_walk(trial, hooks)
-            else:
-                result = trial.run(hooks)
+            result = trial.run(hooks)
             if original is not None and place is not None and record is not None and record.loss is None:
                 difference = first_difference(original, Log.open(place))
             return result
@@ -162,9 +154,6 @@ def walk(
     lost = None if record is None else record.loss
     if options.record is not None:
         data |= {"record": str(options.record), "record_failure": None if lost is None else str(lost)}
-    if options.profile:
-        data |= {"profile": to_json(profile)}
-        text += f"\n\n{profile_text(profile)}"
     if original is not None and lost is None:
         versions = differing_versions(original)
         data |= {"same": difference is None, "difference": difference, "versions": versions}

@@ -1,4 +1,4 @@
-"""Time of a walk by part: `wbc walk --profile`.
+"""Time of a walk by part, each task, contact, limit and hook by name: `python tests/benchmarks/walk_profile.py`.
 
 Methods are replaced on the objects of one walk while it is profiled, and put back; a walk that is not profiled runs
 the code as it stands.
@@ -17,6 +17,7 @@ from wbc.core.qp.solution import Solution
 from wbc.core.qp.task import Task
 from wbc.sim.trial.loop import TrialHook
 from wbc.sim.walks.result import WalkResult
+from wbc.sim.walks.spec import WalkSpec
 from wbc.sim.walks.trial import WalkTrial
 from wbc.walking.lipm import LipmWalk
 
@@ -155,3 +156,7 @@ def _divided(result: object, spent: float, inner: float) -> Iterable[float]:
         return (spent - inner,)  # a task that raises does so in the assembly
     assembled, solved = result.timings.assembly, result.timings.solve
     return assembled - inner, solved, spent - assembled - solved
+
+
+if __name__ == "__main__":
+    print(profile_text(profile_walk(WalkTrial(WalkSpec()))[1]))
