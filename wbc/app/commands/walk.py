@@ -139,7 +139,7 @@ def walk(
                 record.add("view/change", lambda: _news(acting, trial), about=CHANGE)
                 hooks.append(record)
             hooks += acting
-            result = trial.run(hooks)
+            result: WalkResult = trial.run(hooks)
             if original is not None and place is not None and record is not None and record.loss is None:
                 difference = first_difference(original, Log.open(place))
             return result
