@@ -24,7 +24,7 @@ SLAB = 0.1
 """Length of track whose solids share a static body, m.
 
 MuJoCo pairs the world body with every moving body and walks the whole tree of its geoms; bodies of their own are
-sorted out by their bounding boxes first, if they are not too many. Two soft feet (`terrain_cost`), µs a step with all
+sorted out by their bounding boxes first, if they are not too many. Two soft feet, µs a step with all
 solids in one body / in slabs of 0.1 m / each in a body of its own: slats 35 / 23 / 23, large floor tiles 43 / 25 / 25,
 cobbles 67 / 41 / 41, stones 77 / 53 / 58, floor tiles 61 / 40 / 77, small stones 101 / 70 / 159. Slabs of 0.05 m gain
 nothing more.

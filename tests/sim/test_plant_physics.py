@@ -89,28 +89,6 @@ def test_servo_torque_is_its_law_within_the_limit(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", by_default(ROBOTS, "hrp4_class"))
-def test_stands_on_its_servos(name: str) -> None:
-    """Upright after three seconds, the ground carries the weight, and the centre of pressure is at rest.
-
-    Soft ankles let the robot sink into its balance with a time constant of a third of a second.
-    """
-    plant = Plant(load(name))
-    command, weight = plant.hold(), plant.robot.mass * plant.physics.gravity
-    zmp, height = [], plant.truth().com[2]
-    for tick in range(700):
-        plant.step(command)
-        if tick >= 600:
-            wrench = plant.measure().sole_wrench
-            assert wrench[:, 2].sum() == pytest.approx(weight, rel=1e-3)
-            zmp.append(np.array([-wrench[:, 4], wrench[:, 3]]).sum(axis=1) / wrench[:, 2].sum())
-    truth = plant.truth()
-    assert truth.com[2] == pytest.approx(height, abs=0.02)
-    assert pin.Quaternion(truth.q[3:7]).toRotationMatrix()[2, 2] > 0.999
-    assert np.ptp(zmp, axis=0).max() < 1e-4
-    assert np.abs(truth.v).max() < 1e-2
-
-
-@pytest.mark.parametrize("name", by_default(ROBOTS, "hrp4_class"))
 @pytest.mark.parametrize("foot", ["flat", "rigid"])
 def test_a_flat_sole_on_a_level_floor_needs_few_of_its_spheres(name: str, foot: str) -> None:
     """Eight or nine spheres a sole: the same corners, levers of friction within 12 %, and the same rest under load."""
