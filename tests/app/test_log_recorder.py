@@ -60,9 +60,9 @@ def test_a_log_holds_every_tick(tmp_path: Path) -> None:
     plant, walk = make_walk(velocity_ratio=0.25)  # so that limits push
     ticks: list[dict[str, Any]] = []
     with Recorder(tmp_path / "walk.arrow") as record:
-        run(plant, walk, 1.5, record, lambda *tick: ticks.append(seen(*tick)))
+        run(plant, walk, 0.9, record, lambda *tick: ticks.append(seen(*tick)))
     log = Log.open(tmp_path / "walk.arrow")
-    assert len(log) == len(ticks) == 300
+    assert len(log) == len(ticks) == 180
     for name in ticks[0]:
         expected = [tick[name] for tick in ticks]
         if isinstance(expected[0], str):

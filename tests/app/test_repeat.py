@@ -38,7 +38,11 @@ def run(capsys: pytest.CaptureFixture[str], *words: str) -> Any:
 
 @pytest.mark.usefixtures("interrupted")
 @pytest.mark.parametrize(
-    "words", [["--distance", "0.5"], ["--gait", "stepping", "--seconds", "9", "--drive"]]
+    "words",
+    [
+        ["--distance", "0.5"],
+        pytest.param(["--gait", "stepping", "--seconds", "9", "--drive"], marks=pytest.mark.slow),
+    ],
 )
 def test_an_end_by_interrupt_is_recorded_and_repeated(
     words: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch

@@ -63,7 +63,7 @@ def test_bodies_are_where_they_were(tmp_path: Path) -> None:
         coms.append(plant.truth().com)
 
     with Recorder(tmp_path / "walk.arrow") as record:
-        run(plant, walk, 1.3, record, watch)
+        run(plant, walk, 1.0, record, watch)
     replay = Replay(Log.open(tmp_path / "walk.arrow"))
     assert len(replay) == len(seen) and replay.model.nbody == plant.model.nbody
     for tick in range(0, len(seen), 20):

@@ -132,7 +132,7 @@ GARBAGE = st.one_of(
 NAMES = (*SIGNALS, *OPTIONAL)
 
 
-@examples(40)
+@examples(20)
 @given(data=st.data())
 def test_no_garbage_gets_a_command_beyond_the_limits_or_an_exception(data: st.DataObject) -> None:
     logging.disable(logging.CRITICAL)
