@@ -11,7 +11,7 @@ import tomllib
 from collections.abc import Iterator
 from functools import cache
 from graphlib import TopologicalSorter
-from importlib.metadata import packages_distributions
+from importlib.metadata import PackageNotFoundError, distribution
 from pathlib import Path
 
 import pytest
@@ -82,7 +82,7 @@ def test_what_is_imported_is_declared(at_import_time: bool) -> None:
     extras = [] if at_import_time else [*project["optional-dependencies"].values()]
     lines = [*project["dependencies"], *(line for extra in extras for line in extra)]
     declared = {canonical(re.split(r"[\[<>=!~; ]", line, maxsplit=1)[0]) for line in lines}
-    offered = distributions()
+    offered = {module for name in declared for module in modules_of(name)}
     unknown: dict[str, str] = {}
     for folder in FOLDERS.values():
         for file in sources(folder):
@@ -92,13 +92,19 @@ def test_what_is_imported_is_declared(at_import_time: bool) -> None:
                 top = module.split(".")[0]
                 if top == "wbc" or top in sys.stdlib_module_names:
                     continue
-                names = [IN_PREFIX[top]] if top in IN_PREFIX else offered.get(top, [top])
-                if not declared & {canonical(name) for name in names}:
+                if IN_PREFIX.get(top) not in declared and top not in offered:
                     unknown.setdefault(top, f"{file.relative_to(ROOT)}:{line}")
     assert not unknown, f"imported, but not among the dependencies: {unknown}"
 
 
-distributions = cache(packages_distributions)
+@cache
+def modules_of(name: str) -> set[str]:
+    """Return the modules at the top of a distribution; its own name where it is not installed."""
+    try:
+        files = distribution(name).files or ()
+    except PackageNotFoundError:
+        return {name.replace("-", "_")}
+    return {file.parts[0].partition(".")[0] for file in files}
 
 
 def canonical(distribution: str) -> str:

@@ -303,6 +303,7 @@ def test_a_feasible_motion_hardly_changes(g1: Robot) -> None:
     assert max(make_feasible(g1, first.clip).changes.values()) < np.radians(0.5)
 
 
+@pytest.mark.slow
 def test_feet_leave_and_reach_their_places_from_above(
     g1: Robot, stepping: tuple[BodyMotion, np.ndarray]
 ) -> None:
