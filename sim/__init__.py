@@ -9,8 +9,7 @@ from wbc.sim.loop.mujoco_loop import MujocoLoop
 from wbc.sim.loop.server import RobotServer
 from wbc.sim.loop.shared import SharedPlant
 from wbc.sim.plant.eyes import DepthCamera, DepthView, ToeSensors
-from wbc.sim.plant.falls import TrueFallDetector
-from wbc.sim.plant.fitting import with_feet
+from wbc.sim.plant.feet import with_feet
 from wbc.sim.plant.plant import Plant
 from wbc.sim.plant.robot import DivergedError
 from wbc.sim.plant.sensors import SensorNoise, SignalNoise
@@ -26,6 +25,7 @@ from wbc.sim.studies.trials import register_trial
 from wbc.sim.terrain.families.base import FieldFamily, ShapeFamily, family, param
 from wbc.sim.terrain.families.solids import bar, dome, plate, stone
 from wbc.sim.terrain.spec import terrain as make_terrain
+from wbc.sim.trial.falls import TrueFallDetector
 from wbc.sim.trial.loop import Trial, TrialHook
 from wbc.sim.trial.push import WalkPush
 from wbc.sim.walks.plans import WalkPlan

@@ -23,8 +23,8 @@ UNBOUNDED = (-math.inf, math.inf)
 
 
 @dataclass
-class Drives:
-    """Drives of the joints that move.
+class JointData:
+    """Drives and passive properties of the joints that move.
 
     Attributes:
         torque: Joint → least and greatest torque by the tightest limits that the file gives, Nm or N.
@@ -43,12 +43,12 @@ class Drives:
     springs: dict[str, tuple[float, float]] = field(default_factory=dict)
 
 
-def read_drives(tree: Tree) -> Drives:
+def read_drives(tree: Tree) -> JointData:
     """Return the drives of a robot; `tree` gets a note for each remark.
 
     An actuator that drives a tendon, a site or a body of the robot is a `ModelError`.
     """
-    model, drives = tree.model, Drives()
+    model, drives = tree.model, JointData()
     names = {number: name for name, number in tree.joints.items()}
     ranges: dict[str, tuple[float, float]] = {}
     for number, name in names.items():

@@ -23,8 +23,8 @@ STEEPEST = np.cos(np.radians(60.0))
 
 
 @dataclass
-class Foot:
-    """A foot found in the model.
+class FootGeoms:
+    """Body and geoms of a foot that was found in the model.
 
     Attributes:
         body: Body whose frame moves with the foot.
@@ -74,7 +74,7 @@ def _posture(tree: Tree, data: mujoco.MjData) -> None:
     mujoco.mj_kinematics(model, data)
 
 
-def _named(tree: Tree, name: str) -> Foot:
+def _named(tree: Tree, name: str) -> FootGeoms:
     model, kinds = tree.model, mujoco.mjtObj
     body = {tree.body_name(b): b for b in tree.bodies}
     if name in body:
@@ -88,25 +88,25 @@ def _named(tree: Tree, name: str) -> Foot:
         return foot
     geom = mujoco.mj_name2id(model, kinds.mjOBJ_GEOM, name)
     if geom >= 0 and int(model.geom_bodyid[geom]) in tree.carrier:
-        return Foot(int(model.geom_bodyid[geom]), name, [geom])
+        return FootGeoms(int(model.geom_bodyid[geom]), name, [geom])
     sites = [model.site(i).name for i in range(model.nsite) if int(model.site_bodyid[i]) in tree.carrier]
     geoms = [model.geom(i).name for i in range(model.ngeom) if int(model.geom_bodyid[i]) in tree.carrier]
     unknown_name("body, site or geom", name, [each for each in (*body, *sites, *geoms) if each])
 
 
-def _foot_of(tree: Tree, body: int, given: str | None) -> Foot:
+def _foot_of(tree: Tree, body: int, given: str | None) -> FootGeoms:
     """Return a foot with its geoms that touch the ground, or, without any, those of group 3, or all."""
     model = tree.model
     geoms = _geoms(tree, _below(tree, tree.carrier[body]))
     if touching := [g for g in geoms if _touches_ground(model, g)]:
-        return Foot(body, given, touching)
+        return FootGeoms(body, given, touching)
     third = [g for g in geoms if int(model.geom_group[g]) == 3]
     if geoms:
         tree.notes.append(
             f"body '{tree.body_name(body)}': no geom can touch the ground (contype, conaffinity, pairs); "
             f"the sole is from {'those of group 3' if third else 'all its geoms'}"
         )
-    return Foot(body, given, third or geoms)
+    return FootGeoms(body, given, third or geoms)
 
 
 def _touches_ground(model: mujoco.MjModel, geom: int) -> bool:
@@ -129,7 +129,7 @@ def _touches_ground(model: mujoco.MjModel, geom: int) -> bool:
     return any(own[0] & affinity or kind & own[1] for kind, affinity in [*floors, (1, 1)])
 
 
-def _lowest(tree: Tree, data: mujoco.MjData, left: Array, taken: list[int]) -> list[Foot]:
+def _lowest(tree: Tree, data: mujoco.MjData, left: Array, taken: list[int]) -> list[FootGeoms]:
     """Return the two feet with the lowest ends of limbs, left first, or the one beside a foot that is known."""
     inner = {
         tree.carrier[int(tree.model.body_parentid[b])]
@@ -193,7 +193,7 @@ def _sole(
     data: mujoco.MjData,
     base: Array,
     name: SoleName,
-    foot: Foot,
+    foot: FootGeoms,
     size: tuple[float, float] | None,
 ) -> SoleDescription:
     model = tree.model

@@ -14,7 +14,7 @@ from wbc.core.errors import Array
 from wbc.core.robot import GRAVITY
 from wbc.core.settings import NonNegative, settings
 from wbc.motion import MotionClip, MotionSource, tracking_settings
-from wbc.sim.plant.falls import PelvisLimits
+from wbc.sim.trial.falls import PelvisLimits
 from wbc.sim.trial.loop import Trial, TrialHook, TrialTick
 from wbc.sim.trial.result import TrialResult
 from wbc.sim.trial.spec import TrialSpec

@@ -26,7 +26,7 @@ from wbc.robots.report import UNMODELLED, listed
 from wbc.sim.loop.actuators import JointActuators
 from wbc.sim.plant.hands import check_clear
 from wbc.sim.plant.places import RobotPlaces
-from wbc.sim.plant.robot import SimulatedRobot
+from wbc.sim.plant.robot import SimulatedRobot, advance
 from wbc.sim.plant.sensors import NO_NOISE, SensorNoise
 from wbc.sim.plant.settings import Machine, steps_per_tick
 from wbc.sim.plant.signals import Imu
@@ -189,6 +189,21 @@ class MujocoLoop(SimulatedRobot):
         """
         step_together((self,), (command,))
 
+    def _follow(self, command: Command) -> None:
+        self._at_work = command
+
+    def _act(self) -> None:
+        self.actuators.apply(self.data, self._at_work)
+
+    def _integrate(self) -> None:
+        self._stepper(self.model, self.data)
+
+    def _refresh(self) -> None:
+        # After a step MuJoCo's frames and sensors are those of its begin.
+        mujoco.mj_fwdPosition(self.model, self.data)
+        mujoco.mj_fwdVelocity(self.model, self.data)
+        mujoco.mj_sensorVel(self.model, self.data)
+
     def _drive_torque(self, data: mujoco.MjData) -> Array:
         return self.actuators.torque(data)
 
@@ -265,36 +280,7 @@ def step_together(loops: Sequence[MujocoLoop], commands: Sequence[Command]) -> N
     for loop, command in zip(loops, commands, strict=True):
         loop.actuators.check(command)
     for loop, command in zip(loops, commands, strict=True):
-        loop._measurement = loop._truth = None
-        if loop._late is None:
-            loop._at_work = command
-        else:
-            loop._late.push(command)
-    model, data = loops[0].model, loops[0].data
-    for left in range(loops[0].steps - 1, -1, -1):
-        for loop in loops:
-            if loop._late is not None:
-                loop._at_work = loop._late.advance() or loop._at_work
-            loop.actuators.apply(data, loop._at_work)
-            if loop._pushes:
-                loop._pushes.apply(data, model.opt.timestep)
-        loops[0]._stepper(model, data)
-        for loop in loops:
-            loop._contacts.capture(data)
-            loop._signals.record(data, loop._signals.window[-1 - left])
-        reading = [
-            loop
-            for loop in loops
-            if loop._chain.oldest > 0 and loop._chain.newest <= left <= loop._chain.oldest
-        ]
-        if reading or left == 0:
-            # After a step MuJoCo's frames and sensors are those of its begin.
-            mujoco.mj_fwdPosition(model, data)
-            mujoco.mj_fwdVelocity(model, data)
-            mujoco.mj_sensorVel(model, data)
-            for loop in loops if left == 0 else reading:
-                loop._signals.sample(data)
-        for loop in reading:
-            loop._chain.push(loop._signals.values)
+        loop._take(command)
+    advance(loops)
     for loop in loops:
         loop._find_divergence(DIVERGED)

@@ -15,12 +15,11 @@ from wbc.feet import Foot
 from wbc.feet import foot as foot_by_name
 from wbc.robots import RobotDescription
 from wbc.sim.loop.mujoco_loop import MujocoLoop, step_together
-from wbc.sim.plant.body_shapes import SHAPE_GROUP
 from wbc.sim.plant.hands import SCENE_PREFIX, add_grips, check_clear
 from wbc.sim.plant.model import bare_spec, compiled, equip, furniture
 from wbc.sim.plant.sensors import NO_NOISE, SensorNoise
 from wbc.sim.plant.settings import Machine, PhysicsSettings
-from wbc.sim.plant.visuals import add_stage, add_visuals
+from wbc.sim.plant.shapes import SHAPE_GROUP, add_stage, add_visuals
 from wbc.sim.scenes.base import Scene
 from wbc.sim.terrain.render import add_to_spec
 from wbc.sim.terrain.spec import Terrain

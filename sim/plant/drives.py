@@ -60,15 +60,15 @@ class Drives:
         self._own = np.array(description.kp), np.array(description.kd)
         self.target, self._servo_part = np.zeros(model.nu), np.zeros(model.nu)
         self._gains: Gains | None = self._own  # those at work; None: servos off
-        self._next: Gains | None = self._own
+        self._read: tuple[Array, Gains | None] = self.target, self._own  # of the last command
 
     def reset(self, position: Array) -> None:
         """Hold joint positions, shape (na,), with the servos."""
         self._switch(self._own)
         np.multiply(self._own[0], position, out=self.target)
 
-    def read(self, command: Command) -> Array:
-        """Check a command and return its targets, shape (na,), valid until the next call; nothing else changes.
+    def read(self, command: Command) -> None:
+        """Check a command and compute its targets, for `follow`.
 
         `InputError`: no command, a reference of the wrong shape or not finite, a velocity or gains without a position,
         gains that are negative or not finite.
@@ -76,6 +76,7 @@ class Drives:
         if not isinstance(command, Command):
             raise InputError(f"a plant takes a Command, got {shown(command)}")
         position, velocity, torque = command.joint_position, command.joint_velocity, command.joint_torque
+        gains: Gains | None = None
         parts = [part for part in (position, velocity, command.kp, command.kd) if part is not None]
         if any(getattr(part, "shape", None) != self.target.shape for part in (torque, *parts)):
             command.check(self._joint_names)
@@ -85,28 +86,28 @@ class Drives:
                 raise InputError(
                     "a command with a velocity reference or gains needs a position reference, too"
                 )
-            target, self._next = torque, None
+            target = torque
         else:
-            gains = self._checked_gains(command)
-            target = np.multiply(gains[0], position, out=self._servo_part)
+            gains = own = self._checked_gains(command)
+            target = np.multiply(own[0], position, out=self._servo_part)
             if velocity is not None:
-                target += gains[1] * velocity
+                target += own[1] * velocity
             target += torque
-            self._next = gains
         if not math.isfinite(target.dot(target)):
             command.check(self._joint_names)
             raise InputError("command: references so large that their squares are not finite")
-        return target
+        self._read = target, gains
 
-    def follow(self, target: Array) -> None:
-        """Take targets, shape (na,), and gains that `read` returned last; gains change suddenly."""
-        if self._next is not self._gains:
-            self._switch(self._next)
+    def follow(self) -> None:
+        """Act on the command that was read last; gains change suddenly."""
+        target, gains = self._read
+        if gains is not self._gains:
+            self._switch(gains)
         self.target[:] = target
 
     def _switch(self, gains: Gains | None) -> None:
         """Set the gains of the servos: they are the bias of the actuators."""
-        self._gains = self._next = gains
+        self._gains = gains
         bias = self._model.actuator_biasprm
         bias[:, 1], bias[:, 2] = (0.0, 0.0) if gains is None else (-gains[0], -gains[1])
 

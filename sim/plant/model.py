@@ -13,12 +13,11 @@ from wbc.core.errors import ROUNDING, InputError, ModelError
 from wbc.core.hull import convex_hull
 from wbc.core.robot import SIDES, Robot
 from wbc.feet import Foot, FootParts
-from wbc.feet.soles.sole import SoleGeometry
 from wbc.robots.description import RobotDescription
-from wbc.sim.plant.body_shapes import add_body_shapes
+from wbc.sim.plant.feet import sole_geometries
 from wbc.sim.plant.hands import SCENE_PREFIX, add_grips, add_hand_sensors
 from wbc.sim.plant.settings import Machine, PhysicsSettings
-from wbc.sim.plant.visuals import add_stage, add_visuals, drop_meshes
+from wbc.sim.plant.shapes import add_body_shapes, add_stage, add_visuals, drop_meshes
 from wbc.sim.scenes.base import Scene, make_scene
 from wbc.sim.terrain.render import TERRAIN_GROUP, add_to_spec
 from wbc.sim.terrain.spec import Terrain
@@ -32,38 +31,6 @@ First half of a physics step with and without trees: 39.7 and 35.8 µs at 12 pai
 and 43.6 at 60 (soft, stones), 38.6 and 39.5 at 168 (soft, floor tiles), 51.9 and 26.2 at 240 (rigid, cobble stones),
 27.8 and 30.9 at 252 (flat, ellipsoids), 31.9 and 35.7 at 600 (rigid, stones).
 """
-
-
-def sole_geometries(robot: Robot) -> tuple[SoleGeometry, ...]:
-    """Return the robot's own soles as input for fitting feet, left first; `ModelError` for one on the floating base."""
-    data = robot.model.createData()
-    pin.framesForwardKinematics(robot.model, data, robot.half_sitting)
-    places = [data.oMf[robot.frame_id(sole.frame)] for sole in robot.soles]
-    spacing = float(abs((places[0].actInv(places[-1])).translation[1])) if len(places) > 1 else None
-    soles = []
-    for sole in robot.soles:
-        frame = robot.model.frames[robot.frame_id(sole.frame)]
-        if frame.parentJoint < 2:
-            raise ModelError(
-                f"sole '{sole.name}' must be on a leg, its frame '{sole.frame}' is on the floating base"
-            )
-        link = next(
-            f.name
-            for f in robot.model.frames
-            if f.parentJoint == frame.parentJoint and f.type == pin.FrameType.BODY
-        )
-        place = frame.placement
-        soles.append(
-            SoleGeometry(
-                str(link),
-                tuple(place.translation.tolist()),
-                tuple(pin.Quaternion(place.rotation).normalized().coeffs().tolist()),
-                sole.length,
-                sole.width,
-                spacing=spacing,
-            )
-        )
-    return tuple(soles)
 
 
 def build_model(

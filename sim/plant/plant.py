@@ -30,12 +30,12 @@ from wbc.robots.description import RobotDescription
 from wbc.sim.plant.drives import Drives
 from wbc.sim.plant.eyes import DepthCamera, ToeSensors
 from wbc.sim.plant.eyes.eyes import Eyes
-from wbc.sim.plant.foot_devices import FootDevices
+from wbc.sim.plant.feet import FootDevices
 from wbc.sim.plant.hands import HandSensor, check_clear
 from wbc.sim.plant.model import build_model, furniture
 from wbc.sim.plant.places import RobotPlaces
 from wbc.sim.plant.pushes import Loads
-from wbc.sim.plant.robot import DivergedError, SimulatedRobot
+from wbc.sim.plant.robot import DivergedError, SimulatedRobot, advance
 from wbc.sim.plant.sensors import NO_NOISE, SensorNoise
 from wbc.sim.plant.settings import Machine, PhysicsSettings, steps_per_tick, whole_steps
 from wbc.sim.plant.signals import Imu
@@ -230,7 +230,8 @@ class Plant(SimulatedRobot):
         self._late_feet.clear()
         self.ticks = 0
         self._begin(sensor_seed)
-        self._after_step()
+        self._begun = True
+        self._note_step()
         if self.eyes is not None:
             self.eyes.reset(self.seed)
             self.eyes.look(self.time)
@@ -291,21 +292,16 @@ class Plant(SimulatedRobot):
         """
         if self.diverged is not None:
             raise DivergedError(f"the simulation cannot go on: {self.diverged}; reset it")
-        devices = self._devices
-        target = self._drives.read(command)
-        devices.check(command.sole_stiffness)
-        if devices.advance(command.sole_stiffness, self.control_period):
-            # The springs' forces belong to the half of the coming step that is done already: do it again.
-            mujoco.mj_step1(self.model, self.data)
-        if self._late is None:
-            self._drives.follow(target)
-        else:
-            self._late.push(command)
+        self._drives.read(command)
+        self._devices.check(command.sole_stiffness)
+        if self._devices.advance(command.sole_stiffness, self.control_period):
+            self._refresh()  # the springs' forces belong to the half of the coming step that is done already
+        self._take(command)
         if self._loads.changing:
             self._loads.advance(self.control_period)
-        self._advance()
+        advance((self,))
         self.ticks += 1
-        self._after_step()
+        self._note_step()
         if self.eyes is not None:
             self.eyes.look(self.time)
 
@@ -341,41 +337,25 @@ class Plant(SimulatedRobot):
         """Mass of all loads now, kg."""
         return self._loads.mass
 
-    def _advance(self) -> None:
-        """Advance by one control period under the targets of the drives.
+    def _follow(self, command: Command) -> None:
+        self._drives.read(command)
+        self._drives.follow()
 
-        The first half of a physics step, in which MuJoCo computes positions, velocities and contacts, is done at the
-        end of the step before where sensors are read there, or pushes act.
-        """
-        model, data, drives, signals, late = self.model, self.data, self._drives, self._signals, self._late
-        newest, oldest = self._chain.newest, self._chain.oldest
-        data.ctrl[:] = drives.target
-        pushing, begun = bool(self._pushes), True  # begun: the first half of the coming step is done
-        for row, left in zip(signals.window, range(self.steps - 1, -1, -1), strict=True):
-            if late is not None and (due := late.advance()) is not None:
-                drives.follow(drives.read(due))
-                data.ctrl[:] = drives.target
-            if pushing:
-                self._pushes.apply(data, model.opt.timestep)
-                pushing = bool(self._pushes)
-            (mujoco.mj_step2 if begun else mujoco.mj_step)(model, data)
-            signals.record(data, row)
-            if left == 0:
-                self._contacts.capture(data)
-            read = newest <= left <= oldest
-            begun = left == 0 or read or pushing
-            if begun:
-                mujoco.mj_step1(model, data)
-            if read and oldest > 0:
-                signals.sample(data)
-                self._chain.push(signals.values)
+    def _act(self) -> None:
+        self.data.ctrl[:] = self._drives.target
 
-    def _after_step(self) -> None:
+    def _integrate(self) -> None:
+        # The first half of a step computes positions, velocities and contacts: `_refresh` may have done it.
+        (mujoco.mj_step2 if self._begun else mujoco.mj_step)(self.model, self.data)
+        self._begun = False
+
+    def _refresh(self) -> None:
+        mujoco.mj_step1(self.model, self.data)
+        self._begun = True
+
+    def _note_step(self) -> None:
+        """Keep what is read once a control period."""
         self.data.qfrc_actuator.take(self.places.joint_dof, out=self.joint_torque, mode="clip")
-        self._truth = None
-        self._measurement = None
-        if self._chain.oldest == 0:
-            self._signals.sample(self.data)
         if self._late_feet.maxlen:
             self._late_feet.append(self._feet_now())
         self._find_divergence()

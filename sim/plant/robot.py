@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 import math
+from abc import ABC, abstractmethod
 from collections.abc import Sequence
 
 import mujoco
@@ -13,7 +14,7 @@ from numpy.typing import ArrayLike
 from wbc.core.conventions import configuration_from_mujoco, velocity_from_mujoco
 from wbc.core.errors import Array, MeasurementError, WbcError, whole_number
 from wbc.core.robot import Robot
-from wbc.core.signals import Measurement
+from wbc.core.signals import Command, Measurement
 from wbc.ground import PointCloud
 from wbc.robots import RobotDescription
 from wbc.sim.plant.drives import DelayLine
@@ -38,7 +39,7 @@ class DivergedError(WbcError):
     """A step of a simulation that has diverged: its state has no meaning."""
 
 
-class SimulatedRobot:
+class SimulatedRobot(ABC):
     """A robot in a MuJoCo model, common to plants (`wbc.Plant`) and models of one's own (`wbc.sim.MujocoLoop`).
 
     Encoders, joint velocities and gyroscope are those of the present instant; accelerometer and forces are the mean
@@ -205,6 +206,30 @@ class SimulatedRobot:
             )
         return self._truth
 
+    def _take(self, command: Command) -> None:
+        """Take a checked command, which acts from now on, or after the delay of the machine."""
+        self._measurement = self._truth = None
+        if self._late is None:
+            self._follow(command)
+        else:
+            self._late.push(command)
+
+    @abstractmethod
+    def _follow(self, command: Command) -> None:
+        """Act on a checked command from the coming physics step on."""
+
+    @abstractmethod
+    def _act(self) -> None:
+        """Write the controls of the coming physics step."""
+
+    @abstractmethod
+    def _integrate(self) -> None:
+        """Advance by one physics step; what depends on the state need not be up to date then."""
+
+    @abstractmethod
+    def _refresh(self) -> None:
+        """Bring positions, velocities and sensors of them up to date with the state."""
+
     def _drive_torque(self, data: mujoco.MjData) -> Array:
         """Return the torques of the drives in the last physics step, a new array of shape (na,), Nm."""
         torque: Array = data.qfrc_actuator.take(self.places.joint_dof)
@@ -236,3 +261,35 @@ class SimulatedRobot:
         if names or not finite:
             why = ", ".join(names) or "NaN in the state"
             self.diverged = f"simulation diverged before {self.time:.4f} s ({why})"
+
+
+def advance(robots: Sequence[SimulatedRobot]) -> None:
+    """Advance robots in one simulation by a control period under the commands that they have taken.
+
+    Forces are recorded in each physics step. The rest is brought up to date at the end, and before that where sensors
+    are read, which have a latency then, or pushes act.
+    """
+    first = robots[0]
+    data = first.data
+    for step in range(first.steps):
+        left = first.steps - 1 - step
+        for robot in robots:
+            if robot._late is not None and (due := robot._late.advance()) is not None:
+                robot._follow(due)
+            robot._act()
+            if robot._pushes:
+                robot._pushes.apply(data, first.timestep)
+        first._integrate()
+        pushing = False
+        for robot in robots:
+            signals = robot._signals
+            if left == 0 or signals.of_contacts:
+                robot._contacts.capture(data)
+            signals.record(data, signals.window[step])
+            pushing = pushing or bool(robot._pushes)
+        reading = [robot for robot in robots if robot._chain.newest <= left <= robot._chain.oldest]
+        if left == 0 or reading or pushing:
+            first._refresh()
+        for robot in reading:
+            robot._signals.sample(data)
+            robot._chain.push(robot._signals.values)

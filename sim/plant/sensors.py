@@ -176,10 +176,12 @@ class SensorChain:
         self._head = 0
 
     def push(self, truth: Array) -> None:
-        """Store the true signals, shape (size,), of a physics step; needed only with a latency.
+        """Store the true signals, shape (size,), of a physics step `newest` to `oldest` before the next reading.
 
-        Call it after each physics step that lies `newest` to `oldest` steps before the next reading.
+        Nothing is stored where no signal has a latency.
         """
+        if self.oldest == 0:
+            return
         self._head = (self._head + 1) % len(self._history)
         self._history[self._head] = truth
 

@@ -74,6 +74,7 @@ class TrueSignals:
             for each hand with a sensor.
         window: Specific force, and reactions to the wrenches on soles and hands as MuJoCo's force sensors have them, in
             the last physics steps, shape (steps of a control period, 3 + 6 × number of soles and hands).
+        of_contacts: True if wrenches are sums of contacts, which must be captured in each step.
     """
 
     def __init__(
@@ -102,6 +103,7 @@ class TrueSignals:
             firsts += [place for hand in hands for place in (hand.force, hand.torque)]
             sensors = [place for first in firsts for place in range(first, first + 3)]
         self._sensors = np.array(sensors, dtype=np.intp) if sensors else None
+        self.of_contacts = self._sensors is None
         self.window = np.zeros((steps, 3 + 6 * (n + len(hands))))
         self._samples = scalar(steps)
         end = 2 * na + 6 + 6 * n

@@ -78,7 +78,6 @@ class FootTest:
             "terrain": self.ground.name,
             "amplitude_m": self.ground.amplitude,
             "seed": self.ground.seed,
-            "rendering": "height_field" if self.ground.is_height_field else "geoms",
             "load_n": self.load,
             "place_m": [self.x, self.y],
             "yaw_rad": self.yaw,

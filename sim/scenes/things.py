@@ -101,7 +101,7 @@ class Rail(Scene):
 
 
 @scene_kind("box")
-class Box(Scene):
+class BoxOnStand(Scene):
     """A box with a handle on either side, on a stand."""
 
     distance: Annotated[Place, "m"] = param(0.5, "Its middle from the origin")

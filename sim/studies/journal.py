@@ -36,7 +36,7 @@ from wbc.core.errors import InputError, WbcError, shown_path
 from wbc.core.files import decoding
 from wbc.core.settings import settings, to_json
 from wbc.sim.studies.provenance import provenance
-from wbc.sim.studies.trials import Status, Trial, trial_from_json
+from wbc.sim.studies.trials import AnyTrialSpec, Status, trial_from_json
 from wbc.sim.walks.stiffness_policy import CONTENT, FILE
 
 PACKED = ".xz"
@@ -330,7 +330,7 @@ class Journal:
     def __len__(self) -> int:
         return len(self.entries)
 
-    def entry(self, spec: Trial) -> Entry | None:
+    def entry(self, spec: AnyTrialSpec) -> Entry | None:
         """Return the entry of a trial; None if it has not been run."""
         return self.entries.get(trial_key(spec.to_json()))
 

@@ -22,7 +22,7 @@ from wbc.core.errors import InputError, choose, unknown_name
 from wbc.core.settings import Count, Seed, from_json, settings, to_json
 from wbc.sim.studies.journal import Entry, own_key, trial_key
 from wbc.sim.studies.provenance import differences
-from wbc.sim.studies.trials import KINDS, Trial, trial_from_json, with_seed
+from wbc.sim.studies.trials import KINDS, AnyTrialSpec, trial_from_json, with_seed
 
 FRESH_SEED = 100
 """First seed of the tables: gains are tuned on seeds 0 to 99, and tables are made on others."""
@@ -69,7 +69,7 @@ class StudyTrial:
     cell: str
     arm: str
     seed: int
-    spec: Trial
+    spec: AnyTrialSpec
     plain: Mapping[str, Any] = field(repr=False)
 
 
@@ -157,7 +157,7 @@ class Study:
         Raises:
             InputError: A spec that cannot be run; the message names its cell and arm.
         """
-        first: dict[tuple[str, str], tuple[Trial, dict[str, Any]]] = {}
+        first: dict[tuple[str, str], tuple[AnyTrialSpec, dict[str, Any]]] = {}
         for seed in self.seeds:
             last = {"seed": seed, "kind": self.kind}
             for cell in self.cells:

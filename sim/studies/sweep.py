@@ -25,7 +25,7 @@ from wbc.core.errors import InputError, WbcError, check_parts, positive, whole_n
 from wbc.core.settings import to_json
 from wbc.sim.studies.journal import Entry, Journal, trial_key
 from wbc.sim.studies.provenance import differences, provenance
-from wbc.sim.studies.trials import Outcome, Trial, run_trial
+from wbc.sim.studies.trials import AnyTrialSpec, Outcome, run_trial
 
 TIMEOUT = 600.0
 """Default time-out of a trial, s: a walk of 22 steps takes some ten seconds of wall time."""
@@ -78,12 +78,12 @@ class SweepSummary:
 Progress = Callable[[SweepSummary], None]
 """Function that is called when a sweep begins and after each trial."""
 
-Pending = deque[tuple[Trial, dict[str, Any]]]
+Pending = deque[tuple[AnyTrialSpec, dict[str, Any]]]
 Record = Callable[[dict[str, Any], Outcome], None]
 
 
 def sweep(
-    specs: Iterable[Trial],
+    specs: Iterable[AnyTrialSpec],
     journal: Journal,
     *,
     executor: Executor | None = None,
@@ -184,7 +184,7 @@ def _feed(
 
     Returned are trials that were not run to their end, such as those of a cluster whose scheduler was restarted.
     """
-    running: dict[Future[Outcome], tuple[Trial, dict[str, Any]]] = {}
+    running: dict[Future[Outcome], tuple[AnyTrialSpec, dict[str, Any]]] = {}
     lost: Pending = deque()
     try:
         while (pending and not lost) or running:
@@ -242,7 +242,7 @@ def _start_worker() -> None:
     threading.Thread(target=follow, daemon=True, name="follow the sweep").start()
 
 
-def _run(spec: Trial, timeout: float | None, version: Mapping[str, Any], stuck_ends: bool) -> Outcome:
+def _run(spec: AnyTrialSpec, timeout: float | None, version: Mapping[str, Any], stuck_ends: bool) -> Outcome:
     """Run a trial, by the code that the journal will name alone; its process may end when a library does not return.
 
     Other code, since sources have changed meanwhile or a cluster has its own, is a `SweepError`.

@@ -35,7 +35,7 @@ class TrialTimeout(Exception):  # noqa: N818 - it is no error of the trial
     """The time-out of a trial is over."""
 
 
-class Trial(Protocol):
+class AnyTrialSpec(Protocol):
     """Spec that a sweep can run."""
 
     kind: ClassVar[str]
@@ -109,7 +109,7 @@ def with_seed(spec: Any, seed: int) -> Any:
     return trial_from_json({**spec.to_json(), "seed": seed}) if seeded is None else seeded(spec, seed)
 
 
-def run_trial(spec: Trial, timeout: float | None = None, *, exit_when_stuck: bool = False) -> Outcome:
+def run_trial(spec: AnyTrialSpec, timeout: float | None = None, *, exit_when_stuck: bool = False) -> Outcome:
     """Run a trial, for `timeout` seconds of wall time at the most. Nothing is raised: an error is an outcome.
 
     `exit_when_stuck` ends the process when a call into a library does not return for twice that time and half a minute:

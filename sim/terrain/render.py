@@ -10,7 +10,7 @@ import mujoco
 import numpy as np
 
 from wbc.core.errors import Array, InputError
-from wbc.sim.terrain.heightmap import HeightMap
+from wbc.sim.terrain.ground import HeightField
 from wbc.sim.terrain.shapes import Box, Capsule, Cylinder, Ellipsoid, Pyramid, Shape, Sphere
 from wbc.sim.terrain.spec import Terrain
 
@@ -143,7 +143,7 @@ def _geom(spec: mujoco.MjSpec, name: str, shape: Shape, origin: Array) -> dict[s
             raise InputError(f"no MuJoCo geom for a solid of type {type(shape).__name__}")
 
 
-def _height_field(spec: mujoco.MjSpec, name: str, field: HeightMap) -> dict[str, Any]:
+def _height_field(spec: mujoco.MjSpec, name: str, field: HeightField) -> dict[str, Any]:
     """Add a height field asset and return its geom's fields."""
     low, high = float(field.z.min()), float(field.z.max())
     rows, columns = field.z.shape

@@ -9,7 +9,7 @@ import warnings
 from collections import Counter
 from dataclasses import fields, replace
 from functools import cached_property
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -19,13 +19,10 @@ from wbc.core.errors import ROUNDING, Array, InputError, finite_scalar, non_nega
 from wbc.core.settings import NonNegative, Positive, Seed, settings
 from wbc.feet.sensing.scan import PROFILE_STEP
 from wbc.feet.stiffness.roughness import LEAST_SAMPLES, Roughness, RoughnessSettings, roughness
-from wbc.sim.terrain.families.base import LATERAL_CELLS, Family, FieldFamily, ShapeFamily, make_family
+from wbc.sim.terrain.families.base import Family, FieldFamily, ShapeFamily, make_family
 from wbc.sim.terrain.families.site import Draws, Site, cells
 from wbc.sim.terrain.ground import FLOOR_GAP, Ground, strip
-from wbc.sim.terrain.heightmap import HeightMap
 from wbc.sim.terrain.shapes import Box, Shape, lowered
-
-Rendering = Literal["auto", "geoms", "height_field"]
 
 RAMP = 0.5
 """Default length over which heights grow from 0, m: about three steps. A strip that begins with an edge as high as the
@@ -34,11 +31,11 @@ ground fells soft soles there, whatever comes after."""
 SOLE_SPHERE_RADIUS = 0.007
 """Radius of the soft sole's contact spheres, m (half the height of its 14 mm phalanges)."""
 
-CELLS_PER_FEATURE = 3
-"""Cells needed across the smallest feature: fewer can miss the top of a stone or the bottom of a joint."""
-
 MAX_NODES = 10_000_000
 """Largest height field, nodes: 40 MB in single precision."""
+
+FINGERPRINT_STEP = 0.01
+"""Distance of the points of a fingerprint, m."""
 
 MAX_SOLIDS = 50_000_000
 """Largest number of features of a ground of solids: each is a geometry of the simulation."""
@@ -76,8 +73,6 @@ class Terrain:
         strip: Length of the flat strip before and after the rough part, m.
         ramp: Length of the first piece of the rough part, on which heights grow from 0 to their own, m; solids sink
             by the ratio at their middle. 0 for a sharp edge. The amplitude is that without the ramp.
-        rendering: "geoms" (solids), "height_field", or "auto": solids wherever the family is made of them.
-        resolution: Greatest cell of a height field, m; fine enough for family and sole when None.
         sole_radius: Radius of the spheres under the sole, m; a height field must be as fine.
     """
 
@@ -89,12 +84,10 @@ class Terrain:
     start: Annotated[float, Field(ge=-LONGEST_TRACK, le=LONGEST_TRACK), "m"] = 0.3
     strip: Annotated[Positive, Field(le=LONGEST_TRACK), "m"] = 1.0
     ramp: Annotated[NonNegative, Field(le=LONGEST_TRACK), "m"] = RAMP
-    rendering: Rendering = "auto"
-    resolution: Annotated[Positive, "m"] | None = None
     sole_radius: Annotated[Positive, "m"] = SOLE_SPHERE_RADIUS
 
     def __post_init__(self) -> None:
-        """Check the amplitude and the track against the family, and the rendering."""
+        """Check the amplitude and the track against the family."""
         if self.amplitude > self.parameters.largest_amplitude + 1e-12:
             raise InputError(
                 f"amplitude of {self.name} must be at most {self.parameters.largest_amplitude:g} m "
@@ -107,7 +100,6 @@ class Terrain:
         self.parameters.check_track(self.length, self.width)
         if self.ramp > 0.0 and not self.parameters.ramps:
             raise InputError(f"terrain '{self.name}' has no ramp, its heights are exact; got {self.ramp:g} m")
-        self._check_rendering()
         self._check_size()
 
     def __getstate__(self) -> dict[str, Any]:
@@ -145,80 +137,30 @@ class Terrain:
         values = {f.name: _jsonable(getattr(self.parameters, f.name)) for f in fields(self.parameters)}
         return json.dumps([self.name, round(1e9 * self.amplitude), values], sort_keys=True)
 
-    @property
-    def is_height_field(self) -> bool:
-        """True if the rough part is drawn as a height field."""
-        return self.rendering == "height_field" or isinstance(self.parameters, FieldFamily)
-
-    def _check_rendering(self) -> None:
-        """Check rendering and resolution before anything is built."""
-        if not self.is_height_field:
-            if self.resolution is not None:
-                raise InputError(f"terrain '{self.name}' is drawn as solids, which have no resolution")
-            return
-        if self.rendering == "geoms":
-            raise InputError(f"terrain '{self.name}' is not made of solids; use 'auto' or 'height_field'")
-        cell = self.cell
-        nodes = self.length / cell * (1.0 if self.parameters.unidirectional else self.width / cell)
-        if nodes > MAX_NODES:
-            raise InputError(
-                f"a height field of {self.length:g} m x {self.width:g} m in cells of {cell:.3g} m has "
-                f"{nodes:.3g} nodes; at most {MAX_NODES:.3g} are drawn: shorten the track or coarsen the family"
-            )
-
     def _check_size(self) -> None:
         """Check that the ground has a number of features that can be built, and its fingerprint one of points."""
-        feature = self._feature
-        across = 1.0 if self.parameters.unidirectional else max(1.0, self.width / feature)
-        count = max(1.0, self.length / feature) * across
-        if isinstance(self.parameters, ShapeFamily) and count > MAX_SOLIDS:
-            raise InputError(
-                f"terrain '{self.name}' of {self.length:g} m x {self.width:g} m has about {count:.3g} features of "
-                f"{feature:.3g} m; at most {MAX_SOLIDS} are built: shorten the track or coarsen the family"
-            )
-        placed = getattr(self.parameters, "density", 0.0) * self.length * self.width
-        if placed > MOST_PLACED:
-            raise InputError(
-                f"terrain '{self.name}' of {self.length:g} m x {self.width:g} m has about {placed:.3g} solids; at most "
-                f"{MOST_PLACED} are placed: shorten the track or take a lower density"
-            )
+        family, feature = self.parameters, self._feature
         x0, x1, y0, y1 = self.extent
-        points = (x1 - x0) * (y1 - y0) / 1e-4
-        if points > MAX_NODES:
-            raise InputError(
-                f"a track of {x1 - x0:g} m x {y1 - y0:g} m is larger than {1e-4 * MAX_NODES:g} m²: shorten it"
-            )
-
-    @property
-    def resolution_needed(self) -> float:
-        """Widest cell that a height field may have, m.
-
-        A wider one would show facets to the spheres of the sole, or miss the smallest feature.
-        """
-        return min(self.sole_radius, self._feature / CELLS_PER_FEATURE)
+        counts = {"points": ((x1 - x0) * (y1 - y0) / FINGERPRINT_STEP**2, MAX_NODES)}
+        if isinstance(family, FieldFamily):
+            cell = family.cell(self.sole_radius)
+            rows = 1.0 if family.unidirectional else self.width / cell
+            counts["nodes"] = self.length / cell * rows, MAX_NODES
+        else:
+            rows = 1.0 if family.unidirectional else max(1.0, self.width / feature)
+            counts["features"] = max(1.0, self.length / feature) * rows, MAX_SOLIDS
+            counts["solids"] = getattr(family, "density", 0.0) * self.length * self.width, MOST_PLACED
+        for what, (count, most) in counts.items():
+            if count > most:
+                raise InputError(
+                    f"terrain '{self.name}' of {self.length:g} m x {self.width:g} m has about {count:.3g} {what}; at "
+                    f"most {most:.3g} are built: shorten the track or coarsen the family"
+                )
 
     @property
     def _feature(self) -> float:
         """Smallest feature of the ground, m."""
         return self.parameters.feature_at(self.amplitude)
-
-    @property
-    def cell(self) -> float:
-        """Greatest cell of the height field, m; `InputError` if the resolution asked for is too coarse."""
-        needed = self.resolution_needed
-        if self.resolution is None:
-            if not isinstance(self.parameters, FieldFamily):
-                return needed
-            # A whole number of cells per cell of the family keeps its samples where they are.
-            grid = self.parameters.grid
-            return grid / max(1, math.ceil(grid / needed - ROUNDING))
-        if self.resolution > needed * (1.0 + ROUNDING):
-            raise InputError(
-                f"resolution {self.resolution:g} m is too coarse for terrain '{self.name}': at most {needed:.3g} m is "
-                f"needed (sole spheres of {self.sole_radius:g} m, smallest feature {self._feature:.3g} m in "
-                f"{CELLS_PER_FEATURE} cells)"
-            )
-        return self.resolution
 
     @cached_property
     def surface(self) -> Ground:
@@ -226,8 +168,7 @@ class Terrain:
         if isinstance(self.parameters, FieldFamily):
             return self._from_heights(self.parameters)
         assert isinstance(self.parameters, ShapeFamily)
-        ground = self._from_shapes(self.parameters)
-        return self._sampled(self.parameters, ground) if self.is_height_field else ground
+        return self._from_shapes(self.parameters)
 
     @property
     def shapes(self) -> tuple[Shape, ...]:
@@ -277,25 +218,12 @@ class Terrain:
     def _from_heights(self, family: FieldFamily) -> Ground:
         if self.amplitude == 0.0:
             return Ground(0.0)
-        field, start, stop = family.build(self.site(), self.cell)
+        field, start, stop = family.build(self.site(), family.cell(self.sole_radius))
         if self.ramp > 0.0:
             share = self._share(np.linspace(field.x0, field.x1, field.z.shape[1]))
             field, stop = replace(field, z=field.z * share), stop * float(share[-1])
         floor = float(field.z.min()) - FLOOR_GAP
         return Ground(floor, (), self._strips(start, stop, floor), field)
-
-    def _sampled(self, family: ShapeFamily, ground: Ground) -> Ground:
-        """Draw a ground made of solids as a height field."""
-        half = self.width / 2.0
-        rows = LATERAL_CELLS if family.unidirectional else cells(self.width, self.cell)
-        x = np.linspace(self.start, self.stop, cells(self.length, self.cell) + 1)
-        y = np.linspace(-half, half, rows + 1)
-        # Strips reach to the very edge of the rough part, so they must not be sampled with it.
-        z = Ground(ground.floor, ground.shapes).height(x[None, :], y[:, None])
-        stop = family.stop(self.site()) if self.amplitude > 0.0 else 0.0
-        floor = float(z.min()) - FLOOR_GAP
-        field = HeightMap(self.start, self.stop, -half, half, z)
-        return Ground(floor, (), self._strips(0.0, stop, floor), field)
 
     def height(self, x: ArrayLike, y: ArrayLike) -> Array:
         """Return the height of the ground as it is drawn, m, at world x and y (m), in their broadcast shape."""
@@ -365,8 +293,7 @@ class Terrain:
 
         The grid is laid off the edges of rough part and solids by an odd fraction of the step.
         """
-        step = 0.01
-        x0, x1, y0, y1 = self.extent
+        step, (x0, x1, y0, y1) = FINGERPRINT_STEP, self.extent
         x = np.arange(x0 + 0.3183 * step, x1, step)
         y = np.arange(y0 + 0.3183 * step, y1, step)
         z = np.round(self.height(x[None, :], y[:, None]) * 1e6).astype("<i8")
@@ -391,13 +318,11 @@ class Terrain:
             "ramp_m": self.ramp,
             "unidirectional": self.parameters.unidirectional,
             "rise_m": self.parameters.rise_at(self.amplitude),
-            "rendering": "geoms" if map_ is None else "height_field",
             "geoms": dict(Counter(type(s).__name__.lower() for s in ground.solids)),
             "nodes": None if map_ is None else list(map_.z.shape),
             "cell_m": None if map_ is None else list(map_.step),
             "height_field_bytes": 0 if map_ is None else 4 * map_.z.size,
             "smallest_feature_m": _jsonable(self._feature),
-            "resolution_needed_m": self.resolution_needed,
             **({} if self.amplitude == 0.0 else self.parameters.facts(self.site())),
             "fingerprint": self.fingerprint(),
         }
@@ -420,8 +345,6 @@ def terrain(
     start: float | None = None,
     strip: float | None = None,
     ramp: float | None = None,
-    rendering: Rendering = "auto",
-    resolution: float | None = None,
     sole_radius: float = SOLE_SPHERE_RADIUS,
     **params: Any,
 ) -> Terrain:
@@ -436,8 +359,6 @@ def terrain(
         start: x at which the rough part begins, m; 0.3 m when None.
         strip: Length of the flat strips, m; 1 m when None.
         ramp: Length on which heights grow from 0 to their own, m; 0 for a sharp edge, that of the family when None.
-        rendering: "geoms", "height_field" or "auto"; see `Terrain`.
-        resolution: Greatest cell of a height field, m.
         sole_radius: Radius of the spheres under the sole, m.
         **params: Parameters of the family that differ.
 
@@ -453,8 +374,6 @@ def terrain(
         parameters=parameters,
         amplitude=height,
         seed=seed,
-        rendering=rendering,
-        resolution=resolution,
         sole_radius=sole_radius,
         **track,
     )

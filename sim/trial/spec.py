@@ -16,7 +16,7 @@ from wbc.core.robot import Robot
 from wbc.core.settings import Positive, Seed, from_json, settings, to_json
 from wbc.feet.soles.catalog import foot as foot_by_name
 from wbc.robots import RobotDescription, load
-from wbc.sim.plant.fitting import with_feet
+from wbc.sim.plant.feet import with_feet
 from wbc.sim.plant.plant import Plant
 from wbc.sim.plant.sensors import NOISE_PRESETS
 from wbc.sim.plant.settings import Machine, steps_per_tick

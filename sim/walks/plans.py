@@ -8,7 +8,7 @@ from typing import Annotated, Literal
 
 from wbc.core.errors import ROUNDING, InputError
 from wbc.core.settings import Count, settings
-from wbc.sim.terrain.families.stairs import Steps
+from wbc.sim.terrain.families.stairs import Stairs
 from wbc.sim.terrain.spec import Terrain
 from wbc.sim.trial.loop import Trial, TrialHook
 from wbc.walking.control import ReferenceControl
@@ -165,7 +165,7 @@ def stair_of(terrain: Terrain) -> tuple[float, float, int, float]:
     Another ground, or stairs that lead both up and down, are an `InputError`.
     """
     family = terrain.parameters
-    if not isinstance(family, Steps) or terrain.amplitude <= 0.0:
+    if not isinstance(family, Stairs) or terrain.amplitude <= 0.0:
         raise InputError(f"there are no stairs on terrain '{terrain.name}'; use terrain 'steps'")
     if family.direction == "up_down":
         raise InputError(

@@ -75,7 +75,7 @@ class WalkSpec(TrialSpec):
         policy_params: Parameters of the policy: stiffness=5, path=model.json, of an oracle stones=5.
         terrain: Family of grounds that `wbc terrain` lists.
         amplitude: Highest minus lowest point of the ground, m.
-        terrain_params: Parameters of the ground, and length, width, start, strip, ramp, rendering.
+        terrain_params: Parameters of the ground, and length, width, start, strip, ramp.
         scene: Things on the ground: a scene that `wbc terrain` lists.
         scene_params: Parameters of the scene.
         seed: Fixes the ground and the errors of the sensors.

@@ -21,9 +21,9 @@ from wbc.feet import RangeSensor
 from wbc.feet.soles.soft import VariableStiffnessFoot
 from wbc.ground import KnownGround
 from wbc.sim.plant.eyes import DepthCamera, ToeSensors
-from wbc.sim.plant.falls import PelvisLimits
 from wbc.sim.plant.plant import Plant
 from wbc.sim.terrain.families.base import terrain_families
+from wbc.sim.trial.falls import PelvisLimits
 from wbc.sim.trial.loop import Trial, TrialHook
 from wbc.sim.trial.push import PushSchedule
 from wbc.sim.walks.arrival import Arrival, middle

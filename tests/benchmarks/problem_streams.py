@@ -24,7 +24,7 @@ from wbc.core.qp.solution import Solution
 from wbc.core.qp.solver import SolverSettings
 from wbc.core.robot import BASE_DOF
 from wbc.robots.description import RobotDescription
-from wbc.sim.plant.falls import TrueFallDetector
+from wbc.sim.trial.falls import TrueFallDetector
 from wbc.tasks.motion.com import CoMTask
 from wbc.tasks.motion.frame import OrientationTask, PoseTask, PositionTask
 from wbc.tasks.motion.posture import PostureTask

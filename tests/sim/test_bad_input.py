@@ -50,10 +50,8 @@ REFUSED: dict[str, list[tuple[Callable[[], object], str]]] = {
     "ground": [
         (lambda: terrain("stones", smallest=0.2), "smallest"),
         (lambda: terrain("flat", 0.01), "amplitude"),
-        (lambda: terrain("floor_tiles", rendering="height_field", resolution=0.02), "0.00567"),
-        (lambda: terrain("random", rendering="geoms"), "random"),
         (lambda: terrain("slope", length=0.5), "ramp"),
-        (lambda: terrain("flat", length=100.0, width=12.0), "1000 m²"),
+        (lambda: terrain("flat", length=100.0, width=12.0), "100 m x 12 m"),
         (lambda: ground("stones", 1e9), "amplitude"),
         (lambda: terrain("flat").profile(1.0, 0.5), "x1"),
         (lambda: terrain("patchwork", families="boards:0.5"), "height"),

@@ -21,7 +21,7 @@ from wbc.core.estimation.plausibility import OPTIONAL, SIGNALS
 from wbc.robots import load
 from wbc.sim import Machine, TrialHook, WalkPlan, WalkSpec, walk
 from wbc.sim.balance.standing import StandSpec, StandTrial
-from wbc.sim.plant.falls import TrueFallDetector
+from wbc.sim.trial.falls import TrueFallDetector
 from wbc.sim.trial.loop import TrialTick
 
 QUICK = {

@@ -12,9 +12,9 @@ from wbc.core.errors import InputError
 from wbc.core.robot import GRAVITY
 from wbc.robots import load
 from wbc.sim import Plant, make_scene
-from wbc.sim.plant.falls import TrueFallDetector
 from wbc.sim.plant.settings import Machine
 from wbc.sim.scenes.base import scene_kinds
+from wbc.sim.trial.falls import TrueFallDetector
 
 
 @pytest.mark.parametrize(

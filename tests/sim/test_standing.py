@@ -30,9 +30,9 @@ from wbc.sim.balance.standing import (
     centre_of_pressure,
     stand,
 )
-from wbc.sim.plant.falls import LARGEST_TILT, LOWEST_SHARE, TrueFallDetector
-from wbc.sim.plant.fitting import with_feet
+from wbc.sim.plant.feet import with_feet
 from wbc.sim.plant.plant import Plant
+from wbc.sim.trial.falls import LARGEST_TILT, LOWEST_SHARE, TrueFallDetector
 from wbc.sim.walks.plans import WalkPlan
 from wbc.sim.walks.spec import WalkSpec
 from wbc.sim.walks.trial import WalkTrial

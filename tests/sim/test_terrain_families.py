@@ -210,16 +210,3 @@ def test_a_patchwork_is_what_its_stretches_say() -> None:
     orders = {tuple(name for name, *_ in stretches(replace(ground, seed=s))) for s in range(10)}
     assert len(orders) > 5
     assert stretches(terrain("stones", seed=1)) == [("stones", 0.3, 3.3)]
-
-
-def test_height_field_of_solids_lies_on_the_solids() -> None:
-    for name in ("boards", "slats", "steps", "stones"):
-        solid = terrain(name, seed=4)
-        drawn = replace(solid, rendering="height_field")
-        field = drawn.surface.field
-        assert field is not None
-        x = np.linspace(field.x0, field.x1, field.z.shape[1])[1:-1]
-        y = np.linspace(field.y0, field.y1, field.z.shape[0])[1:-1]
-        np.testing.assert_allclose(
-            drawn.height(x[::7], y[::7, None]), solid.height(x[::7], y[::7, None]), atol=1e-9, err_msg=name
-        )

@@ -18,7 +18,7 @@ from wbc.core.limits.rows import JointLimits, TorqueLimits
 from wbc.core.signals import Command, Measurement
 from wbc.sim import Plant, WalkPlan, WalkSpec, WalkTrial
 from wbc.sim.balance.standing import StandSpec, StandTrial
-from wbc.sim.plant.falls import TrueFallDetector
+from wbc.sim.trial.falls import TrueFallDetector
 from wbc.tasks import CoMTask
 
 Fault = Callable[[Measurement, "Memory"], Any]

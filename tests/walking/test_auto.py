@@ -9,7 +9,7 @@ import pytest
 
 import wbc
 from wbc.core.errors import InputError
-from wbc.sim.plant.falls import TrueFallDetector
+from wbc.sim.trial.falls import TrueFallDetector
 from wbc.walking import AutoControl, FootstepPlan, walk_distance
 
 DT = 0.002

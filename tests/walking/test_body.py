@@ -10,7 +10,7 @@ from wbc import load_robot
 from wbc.core.errors import InputError
 from wbc.core.robot import GRAVITY
 from wbc.sim import Plant
-from wbc.sim.plant.falls import TrueFallDetector
+from wbc.sim.trial.falls import TrueFallDetector
 from wbc.tasks.stabilizer.lean import LeanMotion
 from wbc.tasks.stabilizer.pendulum import Pendulum
 from wbc.walking import FootstepPlan, SteppingControl, WalkingControl

@@ -30,11 +30,11 @@ from typing import Annotated, Any, ClassVar, TypeVar, dataclass_transform
 import numpy as np
 from pydantic import Field
 
-from wbc.core.errors import Array, InputError, shown
+from wbc.core.errors import ROUNDING, Array, InputError, shown
 from wbc.core.registry import Registry, call_checked
 from wbc.core.settings import settings
 from wbc.sim.terrain.families.site import Site, cells
-from wbc.sim.terrain.heightmap import HeightMap
+from wbc.sim.terrain.ground import HeightField
 from wbc.sim.terrain.shapes import Shape
 
 LATERAL_CELLS = 3
@@ -172,6 +172,10 @@ class FieldFamily(Family):
         """Default cell, m: eight cells a feature keep a sine to 2 % of its height."""
         return min(DEFAULT_CELL, self.smallest_feature / 8.0)
 
+    def cell(self, widest: float) -> float:
+        """Return the cell of a height field, m, at most `widest`: a whole number of them is a cell of the family."""
+        return self.grid / max(1, math.ceil(self.grid / widest - ROUNDING))
+
     def level(self, site: Site, x: Array, raw: Array) -> tuple[Array, float, float]:
         """Shift raw heights to the flat strips.
 
@@ -214,7 +218,7 @@ class FieldFamily(Family):
             raise InputError(f"{self.name}: all heights are equal, so no amplitude can be met")
         return x, raw, start, stop
 
-    def build(self, site: Site, step: float) -> tuple[HeightMap, float, float]:
+    def build(self, site: Site, step: float) -> tuple[HeightField, float, float]:
         """Sample the ground and scale it to the amplitude.
 
         Args:
@@ -228,7 +232,7 @@ class FieldFamily(Family):
         scale, half = site.amplitude / float(raw.max() - raw.min()), site.width / 2.0
         rows = LATERAL_CELLS + 1 if self.unidirectional else raw.shape[0]
         z = np.ascontiguousarray(np.broadcast_to(raw * scale, (rows, raw.shape[1])))
-        return HeightMap(site.x0, site.x1, -half, half, z), start * scale, stop * scale
+        return HeightField(site.x0, site.x1, -half, half, z), start * scale, stop * scale
 
 
 def _check(kind: object) -> None:

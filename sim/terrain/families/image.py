@@ -17,7 +17,7 @@ from wbc.core.files import decoding
 from wbc.core.settings import Positive
 from wbc.sim.terrain.families.base import FieldFamily, family, param
 from wbc.sim.terrain.families.site import Site
-from wbc.sim.terrain.heightmap import HeightMap
+from wbc.sim.terrain.ground import HeightField
 
 LARGEST_PICTURE = 50_000_000
 """Largest number of pixels of a picture."""
@@ -160,6 +160,6 @@ class Image(FieldFamily):
 
     def heights(self, site: Site, x: Array, y: Array) -> Array:
         length, width = self._size
-        whole = HeightMap(0.0, length, -width / 2.0, width / 2.0, self.source.array[::-1])
+        whole = HeightField(0.0, length, -width / 2.0, width / 2.0, self.source.array[::-1])
         bx, by = np.broadcast_arrays(np.clip(x - site.x0, 0.0, length), np.clip(y, -width / 2.0, width / 2.0))
         return whole.top(bx.ravel(), by.ravel()).reshape(bx.shape)

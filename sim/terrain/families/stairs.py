@@ -66,7 +66,7 @@ class _Climb(ShapeFamily):
 
 
 @family("steps")
-class Steps(_Climb):
+class Stairs(_Climb):
     """Stairs; the amplitude is the whole climb, divided into equal risers."""
 
     riser: Annotated[Positive, "m"] = param(0.03, "Greatest height of one step")

@@ -7,7 +7,7 @@ import pytest
 import wbc
 from wbc.core.control import Mode
 from wbc.sim import walk
-from wbc.sim.plant.falls import TrueFallDetector
+from wbc.sim.trial.falls import TrueFallDetector
 from wbc.walking.contact import GaitPhase
 from wbc.walking.stepping.control import SteppingControl, SteppingControlSettings
 

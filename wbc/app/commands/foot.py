@@ -35,7 +35,7 @@ SHARED = Fields(FootTest, "load ankle_stiffness x y drop settle hold")
 
 GROUND = Fields(
     Terrain,
-    "amplitude seed rendering resolution",
+    "amplitude seed",
     help={"amplitude": "Highest minus lowest point of the ground, m; the family's own if not given."},
 )
 """Options that are fields of the ground."""

@@ -26,7 +26,7 @@ from wbc.walking.planning.gait import StepGait
 
 TRACK = Fields(
     Terrain,
-    "amplitude seed length width start strip ramp rendering resolution sole_radius",
+    "amplitude seed length width start strip ramp sole_radius",
     help={"amplitude": "Highest minus lowest point of the rough part, m; the family's own if not given."},
 )
 """Options of the ground."""

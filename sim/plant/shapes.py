@@ -1,7 +1,7 @@
-"""Shapes by which a robot is drawn: geoms in the plant's model that touch nothing and weigh nothing.
+"""Shapes of a robot's links: those by which it is drawn, which touch nothing, and those with which it touches a scene.
 
-A link has its visual shapes; if none of them can be read (no visuals, a mesh that is not found), its collision shapes;
-if these cannot be read either, a stick figure of its joints.
+A link is drawn by its visual shapes; if none of them can be read (no visuals, a mesh that is not found), by its
+collision shapes; if these cannot be read either, as a stick figure of its joints.
 """
 
 from __future__ import annotations
@@ -17,6 +17,7 @@ import pinocchio as pin
 from wbc.core.errors import Array
 from wbc.core.robot import Robot
 from wbc.feet.soles.common_mjcf import VISUAL_GROUP
+from wbc.robots.derivation.shapes import LinkShape, link_shapes
 from wbc.robots.derivation.soles import numbers, origin_of, resolve
 from wbc.robots.description import RobotDescription
 from wbc.robots.frames import carrier_link
@@ -43,6 +44,12 @@ FLOOR_COLOUR: Colour = (0.85, 0.87, 0.88, 1.0)
 
 MESH = "visual:"
 """Beginning of the names of the robot's meshes, after the prefix of a robot among others."""
+
+SHAPE_GROUP = 3
+"""Geom group of these shapes: viewers do not show it, and range sensors do not see it."""
+
+HAND_RADIUS = 0.03
+"""Radius of the ball at a hand without geometry, m."""
 
 STL_HEADER, STL_TRIANGLE = 84, 50
 """Bytes of a binary STL before its triangles, and of each."""
@@ -104,6 +111,38 @@ def add_stage(spec: mujoco.MjSpec) -> None:
     quality = spec.visual.quality
     quality.shadowsize, quality.numslices, quality.numstacks = 2048, 16, 10
     spec.visual.map.zfar = 40.0
+
+
+def add_body_shapes(spec: mujoco.MjSpec, description: RobotDescription, robot: Robot) -> None:
+    """Let all links but the feet touch things and the ground, not each other; each hand has a site in the model."""
+    feet = {description.attachment(sole.frame)[0] for sole in description.soles}
+    shaped = set()
+    for shape in link_shapes(description.urdf, description.package_dirs):
+        body = spec.body(shape.link)
+        if body is None or description.attachment(shape.link)[0] in feet:
+            continue
+        shaped.add(description.attachment(shape.link)[0])
+        _add_body_shape(body, shape)
+    for role, frame in robot.frames.items():
+        if description.attachment(frame)[0] not in shaped:
+            site = spec.site(f"{role} site")
+            ball = LinkShape(frame, "sphere", (HAND_RADIUS,), pin.SE3(pin.Quaternion.Identity(), site.pos))
+            _add_body_shape(site.parent, ball)
+
+
+def _add_body_shape(body: mujoco.MjsBody, shape: LinkShape) -> None:
+    x, y, z, w = pin.Quaternion(shape.placement.rotation).normalized().coeffs()
+    body.add_geom(
+        type=GEOMS[shape.kind],
+        size=[*shape.size, *[0.0] * (3 - len(shape.size))],
+        pos=shape.placement.translation,
+        quat=[w, x, y, z],
+        mass=0.0,
+        group=SHAPE_GROUP,
+        contype=0,  # not with each other
+        conaffinity=1,
+        rgba=[0.0, 0.0, 0.0, 0.0],
+    )
 
 
 def drop_meshes(spec: mujoco.MjSpec) -> bool:

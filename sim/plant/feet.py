@@ -1,0 +1,208 @@
+"""Feet of a plant: the soles that they replace, descriptions with other feet, stiffness actuators and range sensors."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from xml.etree.ElementTree import Element, SubElement
+
+import mujoco
+import numpy as np
+import pinocchio as pin
+
+from wbc.core.errors import ROUNDING, Array, InputError, ModelError
+from wbc.core.robot import Robot
+from wbc.feet import Foot, FootParts, RangeSensor, SoftFoot
+from wbc.feet.soles.runtime_mjcf import RangeFinder, SoleStiffness
+from wbc.feet.soles.soft import VariableStiffnessFoot
+from wbc.feet.soles.sole import SoleGeometry
+from wbc.robots import urdf
+from wbc.robots.description import RobotDescription
+from wbc.robots.frames import SoleDescription
+from wbc.sim.terrain.render import TERRAIN_GROUP
+
+MASS_SUFFIX = "/mass"
+"""Suffix of a sole's name in the name of the link that carries the mass of its foot."""
+
+
+def sole_geometries(robot: Robot) -> tuple[SoleGeometry, ...]:
+    """Return the robot's own soles as input for fitting feet, left first; `ModelError` for one on the floating base."""
+    data = robot.model.createData()
+    pin.framesForwardKinematics(robot.model, data, robot.half_sitting)
+    places = [data.oMf[robot.frame_id(sole.frame)] for sole in robot.soles]
+    spacing = float(abs((places[0].actInv(places[-1])).translation[1])) if len(places) > 1 else None
+    soles = []
+    for sole in robot.soles:
+        frame = robot.model.frames[robot.frame_id(sole.frame)]
+        if frame.parentJoint < 2:
+            raise ModelError(
+                f"sole '{sole.name}' must be on a leg, its frame '{sole.frame}' is on the floating base"
+            )
+        link = next(
+            f.name
+            for f in robot.model.frames
+            if f.parentJoint == frame.parentJoint and f.type == pin.FrameType.BODY
+        )
+        place = frame.placement
+        soles.append(
+            SoleGeometry(
+                str(link),
+                tuple(place.translation.tolist()),
+                tuple(pin.Quaternion(place.rotation).normalized().coeffs().tolist()),
+                sole.length,
+                sole.width,
+                spacing=spacing,
+            )
+        )
+    return tuple(soles)
+
+
+def with_feet(description: RobotDescription, foot: Foot, *, mass: bool = False) -> RobotDescription:
+    """Return the description of a robot on other feet, for its controller.
+
+    Contacts, the observer and the force sensors then agree on where each sole is and how large.
+
+    Args:
+        description: The robot on its own soles.
+        foot: Foot under both ankles.
+        mass: Add mass and inertia of the feet in their rest shape; otherwise they stay unknown to the controller, as in
+            the paper. The plant builds the feet itself and takes a description without them.
+
+    Returns:
+        The same description if there is nothing to change.
+
+    Raises:
+        InputError: The foot does not fit.
+    """
+    robot = description.robot()
+    soles = []
+    tree = urdf.read(description.urdf)
+    for sole, geometry in zip(description.soles, sole_geometries(robot), strict=True):
+        fit = foot.fit(geometry)
+        if mass and fit.mass > 0.0:
+            _add_mass(tree, f"{sole.name}{MASS_SUFFIX}", geometry.ankle_link, fit.added_inertia)
+        fitted = fit.sole
+        unchanged = fitted.placement.isApprox(geometry.placement, ROUNDING)
+        if unchanged and (fitted.length, fitted.width) == (sole.length, sole.width):
+            soles.append(sole)
+            continue
+        link, _ = description.attachment(sole.frame)
+        soles.append(
+            SoleDescription(
+                frame=sole.frame if unchanged else f"{sole.name}_fitted",
+                link=sole.link if unchanged else link,
+                translation=sole.translation if unchanged else fitted.translation,
+                rpy=sole.rpy if unchanged else tuple(pin.rpy.matrixToRpy(fitted.rotation_matrix).tolist()),
+                name=sole.name,
+                length=fitted.length,
+                width=fitted.width,
+            )
+        )
+    if mass and len(tree) > len(urdf.read(description.urdf)):
+        description = replace(description, urdf=urdf.to_string(tree))
+    if tuple(soles) == description.soles:
+        return description
+    return replace(description, soles=(soles[0], soles[1]))
+
+
+def _add_mass(robot: Element, name: str, ankle: str, inertia: pin.Inertia) -> None:
+    """Fix a link of the given inertia (in the axes of the ankle link) to the ankle, if it is not there already.
+
+    A link of that name with another mass is an `InputError`.
+    """
+    for link in robot.findall("link"):
+        if link.get("name") == name:
+            worn = link.find("inertial/mass")
+            has = 0.0 if worn is None else float(worn.get("value", "0"))
+            if abs(has - inertia.mass) > ROUNDING:
+                raise InputError(
+                    f"the description wears other feet already, '{name}' has {has:g} kg, not {inertia.mass:g} kg; "
+                    "give one without them"
+                )
+            return
+    inertial = SubElement(SubElement(robot, "link", name=name), "inertial")
+    SubElement(inertial, "origin", xyz=" ".join(f"{value!r}" for value in inertia.lever.tolist()))
+    SubElement(inertial, "mass", value=repr(float(inertia.mass)))
+    moments = {
+        f"i{'xyz'[i]}{'xyz'[j]}": repr(float(inertia.inertia[i, j])) for i in range(3) for j in range(i, 3)
+    }
+    SubElement(inertial, "inertia", moments)
+    joint = SubElement(robot, "joint", name=f"{name}_fixed", type="fixed")
+    SubElement(joint, "parent", link=ankle)
+    SubElement(joint, "child", link=name)
+
+
+class FootDevices:
+    """Stiffness actuator and range sensor of every sole, left first."""
+
+    def __init__(
+        self,
+        model: mujoco.MjModel,
+        feet: Sequence[FootParts],
+        foot: Foot,
+        range_sensor: RangeSensor | None,
+    ) -> None:
+        """Find the devices in the model of the feet that were built under both ankles."""
+        self._model, self._feet, self._range_sensor = model, feet, range_sensor
+        actuator = foot.actuator if isinstance(foot, VariableStiffnessFoot) else None
+        damping = foot.damping_at if isinstance(foot, SoftFoot) and foot.damping_ratio is not None else None
+        self._variable = actuator is not None
+        self._soles = [
+            SoleStiffness(model, built, actuator, damping) for built in feet if built.variable_joints
+        ]
+        self._none = np.full(len(feet), np.nan)
+        self._none.setflags(write=False)
+        self._ranges: list[RangeFinder] = []
+
+    def reset(self, seeds: list[int]) -> None:
+        """Restore the stiffness at the start and restart the range sensors, each with the seed of its errors."""
+        for sole in self._soles:
+            sole.reset()
+        if self._range_sensor is not None:
+            self._ranges = [
+                RangeFinder(
+                    self._model,
+                    foot,
+                    ground_group=TERRAIN_GROUP,
+                    sensor=self._range_sensor,
+                    seed=seed,
+                )
+                for foot, seed in zip(self._feet, seeds, strict=True)
+            ]
+
+    def check(self, command: Array | None) -> None:
+        """Check a stiffness command, shape (number of soles,), Nm/rad; nothing changes.
+
+        Raises `InputError` for soles of fixed stiffness, a wrong shape, or a value outside the range of the actuator.
+        """
+        if command is None:
+            return
+        if not self._variable:
+            raise InputError(
+                "command: the soles of this plant have a fixed stiffness; choose foot='variable' to command it"
+            )
+        if np.shape(command) != self._none.shape:
+            raise InputError(
+                f"command: sole_stiffness must have shape {self._none.shape}, got {np.shape(command)}"
+            )
+        for sole, stiffness in zip(self._soles, command, strict=True):
+            sole.actuator.check(stiffness)
+
+    def advance(self, command: Array | None, duration: float) -> bool:
+        """Advance the stiffness actuators by a time, s, under a checked command, or the last; True for a change."""
+        changed = False
+        for i, sole in enumerate(self._soles if self._variable else ()):
+            before = sole.actual
+            commanded = sole.state.commanded if command is None else float(command[i])
+            changed |= sole.step(commanded, duration) != before
+        return changed
+
+    def stiffness(self) -> Array:
+        """Return the actual stiffness of each sole, shape (number of soles,), Nm/rad; NaN for a rigid one."""
+        return np.array([sole.actual for sole in self._soles]) if self._soles else self._none
+
+    def ranges(self, data: mujoco.MjData) -> Array:
+        """Return the reading of each range sensor, shape (number of soles,), m; NaN without a sensor or an echo."""
+        if not self._ranges:
+            return self._none
+        return np.array([finder.read(self._model, data) for finder in self._ranges])
