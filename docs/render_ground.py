@@ -19,8 +19,7 @@ from PIL import Image
 
 from wbc.core.errors import Array
 from wbc.feet import foot
-from wbc.sim.rig.fixture import Rig
-from wbc.sim.rig.spec import FootTest
+from wbc.sim.rig.rig import FootTest, Rig
 from wbc.sim.terrain.plot import plot_families
 from wbc.sim.terrain.spec import terrain
 
@@ -63,7 +62,8 @@ VIEWS: dict[str, FootTest] = {
 def foot_view(test: FootTest) -> Array:
     """A foot that has settled under its load, seen from the side and above, as pixels."""
     rig = Rig(test)
-    rig.step(rig.steps(test.settle))
+    for _ in range(rig.steps(test.settle)):
+        rig.step()
     model = rig.model
     model.vis.headlight.ambient[:], model.vis.headlight.diffuse[:] = 0.75, 0.55
     model.vis.global_.offwidth, model.vis.global_.offheight = PANEL

@@ -14,8 +14,8 @@ from wbc.sim.plant.plant import Plant
 from wbc.sim.plant.robot import DivergedError
 from wbc.sim.plant.sensors import SensorNoise, SignalNoise
 from wbc.sim.plant.settings import Machine, PhysicsSettings
-from wbc.sim.rig.actions import pitch, press
-from wbc.sim.rig.spec import FootTest
+from wbc.sim.rig.press import pitch, press
+from wbc.sim.rig.rig import FootTest
 from wbc.sim.scenes.base import Scene, make_scene, scene_kind
 from wbc.sim.studies.journal import Journal, read_journal
 from wbc.sim.studies.study import Cell, Study

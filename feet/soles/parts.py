@@ -27,7 +27,6 @@ class FootParts:
         variable_joints: Hinges whose stiffness follows the commanded one.
         arch_joint: Hinge of the frontal arch, None without one.
         loop_sites: Sites on the arch and on the sole that the loop closure holds together, None without one.
-        encoders: Angle sensors of `sole_joints`, in the same order; empty unless asked for.
     """
 
     side: str
@@ -43,4 +42,3 @@ class FootParts:
     variable_joints: tuple[str, ...] = ()
     arch_joint: str | None = None
     loop_sites: tuple[str, str] | None = None
-    encoders: tuple[str, ...] = ()

@@ -84,7 +84,6 @@ class SoftDesign(Foot):
         phalanx_mass: Mass of one phalanx, kg.
         frontal_arch_mass: Mass of the frontal arch, kg.
         backward_arch_mass: Mass of the backward arch, kg.
-        encoders: True to measure the angles of the sole hinges.
 
     Source: k, b, arch, loop and ten phalanges from the paper, sections II-A and II-B; footprint and ankle position from
     the authors' public controller configuration; masses of the public SoftFoot model (IIT): 0.07 kg each arch,
@@ -109,7 +108,6 @@ class SoftDesign(Foot):
     phalanx_mass: Annotated[Positive, "kg"] = 0.02
     frontal_arch_mass: Annotated[Positive, "kg"] = 0.07
     backward_arch_mass: Annotated[NonNegative, "kg"] = 0.07
-    encoders: bool = False
 
     def __post_init__(self) -> None:
         if self.hinge_height > self.thickness:

@@ -76,7 +76,6 @@ class SoftFootBuilder:
             variable_joints=hinges[self.foot.front_hinges :],
             arch_joint=arch_joint,
             loop_sites=loop_sites,
-            encoders=self._add_encoders(hinges),
         )
 
     def _add_phalanx(
@@ -135,18 +134,6 @@ class SoftFootBuilder:
             solimp=parameters.solimp,
         )
         return joint, sites
-
-    def _add_encoders(self, joints: tuple[str, ...]) -> tuple[str, ...]:
-        if not self.foot.encoders:
-            return ()
-        for joint in joints:
-            self.spec.add_sensor(
-                name=f"{joint}_angle",
-                type=mujoco.mjtSensor.mjSENS_JOINTPOS,
-                objtype=mujoco.mjtObj.mjOBJ_JOINT,
-                objname=joint,
-            )
-        return tuple(f"{joint}_angle" for joint in joints)
 
 
 def _add_hinge(body: mujoco.MjsBody, name: str, stiffness: float, damping: float) -> str:

@@ -20,8 +20,8 @@ import pytest
 import wbc
 from wbc.app.cli import main
 from wbc.feet import foot
-from wbc.sim.rig.actions import press
-from wbc.sim.rig.spec import FootTest
+from wbc.sim.rig.press import press
+from wbc.sim.rig.rig import FootTest
 from wbc.sim.terrain.spec import terrain
 
 ROOT = Path(__file__).resolve().parents[2]

@@ -17,7 +17,7 @@ from wbc.robots import load
 from wbc.sim import FootTest, Journal, Study, WalkPlan, WalkPush, WalkSpec, make_scene
 from wbc.sim import make_terrain as ground
 from wbc.sim.plant.settings import PhysicsSettings
-from wbc.sim.rig.actions import pitch
+from wbc.sim.rig.press import pitch
 from wbc.sim.studies.study import Cell
 from wbc.sim.terrain.spec import terrain
 from wbc.walking import Footstep, Gait

@@ -12,9 +12,8 @@ from properties import by_default
 
 from wbc.feet import Foot, foot
 from wbc.sim.plant.settings import PhysicsSettings
-from wbc.sim.rig.actions import pitch, press
-from wbc.sim.rig.fixture import Rig
-from wbc.sim.rig.spec import FootTest
+from wbc.sim.rig.press import pitch, press
+from wbc.sim.rig.rig import FootTest, Rig
 from wbc.sim.terrain.spec import Terrain, terrain
 
 FLAT = terrain("flat")
@@ -91,11 +90,10 @@ def test_energy_and_heat_of_a_foot_are_those_of_mujoco() -> None:
     mujoco.mj_energyPos(model, data)
     assert rig.spring_energy == pytest.approx(data.energy[0], rel=1e-9)
     power = -data.qfrc_damper * data.qvel
-    assert rig.sole_power == pytest.approx(power[model.jnt_dofadr[joints[:-1]]].sum(), rel=1e-9)
-    assert rig.arch_power == pytest.approx(power[model.jnt_dofadr[joints[-1]]], rel=1e-9)
-    np.testing.assert_array_equal(rig.sole_rates, data.qvel[model.jnt_dofadr[joints[:-1]]])
+    dofs = model.jnt_dofadr[joints]
+    assert rig.powers.tolist() == pytest.approx([power[dofs[:-1]].sum(), power[dofs[-1]]], rel=1e-9)
     bare = Rig(FootTest(foot("rigid"), FLAT))
-    assert bare.arch_power == bare.sole_power == bare.spring_energy == 0.0
+    assert not bare.powers.any() and bare.spring_energy == 0.0
 
 
 # --- support ---------------------------------------------------------------------------------------------------------
@@ -150,6 +148,3 @@ def test_pitching_the_toe_down_moves_the_centre_of_pressure_forward() -> None:
     assert np.nanmedian(centre[angle < -0.02]) == pytest.approx(-0.139, abs=0.005)
     # A force ahead of the ankle turns the toe up, about -y.
     assert np.nanmedian(moment[angle > 0.02]) < 0.0 < np.nanmedian(moment[angle < -0.02])
-
-
-# --- bad input -------------------------------------------------------------------------------------------------------

@@ -21,9 +21,8 @@ from wbc.feet.soles.sole import SoleGeometry
 from wbc.robots import load, names
 from wbc.sim.plant.model import sole_geometries
 from wbc.sim.plant.settings import PhysicsSettings
-from wbc.sim.rig.actions import pitch, press
-from wbc.sim.rig.results import PitchResult, PressResult
-from wbc.sim.rig.spec import HRP4C_SOLE, FootTest, fit_facts
+from wbc.sim.rig.press import PitchResult, PressResult, pitch, press
+from wbc.sim.rig.rig import HRP4C_SOLE, FootTest, fit_facts
 from wbc.sim.terrain.families.base import make_family
 from wbc.sim.terrain.spec import Terrain
 from wbc.sim.terrain.spec import terrain as make_terrain

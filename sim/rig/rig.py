@@ -1,20 +1,30 @@
-"""Rig: simulation of one foot under a loaded carriage in MuJoCo."""
+"""Rig: one foot under a loaded carriage on a ground, as data (`FootTest`) and as a simulation (`Rig`)."""
 
 from __future__ import annotations
 
 import copy
 import math
-from typing import Any
+from dataclasses import field, replace
+from typing import Annotated, Any
 
 import mujoco
 import numpy as np
+from pydantic import Field
 
-from wbc.core.errors import Array, ModelError
-from wbc.core.hull import hull_and_area
+from wbc.core.errors import Array, InputError, ModelError
+from wbc.core.settings import NonNegative, Positive, settings, to_json
+from wbc.feet import Foot, FootFit, foot
+from wbc.feet.soles.catalog import foot_name
 from wbc.feet.soles.common_mjcf import quaternion_wxyz
 from wbc.feet.soles.runtime_mjcf import GroundContacts, SoleProbe
-from wbc.sim.rig.spec import FootTest
+from wbc.feet.soles.sole import SoleGeometry
+from wbc.sim.plant.robot import DivergedError
+from wbc.sim.plant.settings import PhysicsSettings
 from wbc.sim.terrain.render import add_to_spec
+from wbc.sim.terrain.spec import Terrain, terrain
+
+HRP4C_SOLE = SoleGeometry.under_ankle(0.093, 0.160, 0.076)
+"""Sole and ankle height of HRP-4C, whose contact rectangle HRP-4J shares (hrp4c_description, BSD-3)."""
 
 ANKLE_INERTIA = 0.1
 """Inertia of the carriage about roll and pitch, kg m²: of the order of a shin about its ankle."""
@@ -28,6 +38,89 @@ MIN_CONTACT_SHARE = 0.005
 
 GROUND_GRID = 0.002
 """Grid for the highest point of the ground under a foot, m."""
+
+BAD = [int(getattr(mujoco.mjtWarning, f"mjWARN_BAD{what}")) for what in ("QPOS", "QVEL", "QACC")]
+"""Warnings of a simulation that diverges."""
+
+
+@settings
+class FootTest:
+    """One foot under a loaded ankle, over the middle of a ground.
+
+    The ankle slides up and down freely, carries a mass and is held level by a servo about roll and pitch.
+
+    Attributes:
+        foot: The foot.
+        ground: The ground under it.
+        load: Weight of the mass on the ankle, without the foot's own, N.
+        x: Position of the sole centre ahead of the middle of the rough part, m.
+        y: Position of the sole centre left of the track's middle, m.
+        yaw: Heading of the foot, rad.
+        ankle_stiffness: Stiffness of the servo that holds the ankle level, Nm/rad; 0 leaves roll and pitch free.
+        robot_sole: Ankle and sole of the robot that the foot is fitted to.
+        drop: Height of the sole over the highest point under it at the start, m.
+        settle: Time from the start until the hold is measured, s.
+        hold: Time over which the hold is measured, s.
+        physics: Integrator settings.
+
+    Source: 200 N and the drop of 10 mm from the foot's own stability measurements; 2000 Nm/rad is the ankle
+    servo of the walking sketch.
+    """
+
+    foot: Foot = field(default_factory=lambda: foot("soft"))
+    ground: Terrain = field(default_factory=lambda: terrain("flat"))
+    load: Annotated[Positive, "N"] = 200.0
+    x: Annotated[float, "m"] = 0.0
+    y: Annotated[float, "m"] = 0.0
+    yaw: Annotated[float, "rad"] = 0.0
+    ankle_stiffness: Annotated[NonNegative, "Nm/rad"] = 2000.0
+    robot_sole: SoleGeometry = HRP4C_SOLE
+    drop: Annotated[NonNegative, Field(le=1.0), "m"] = 0.01
+    settle: Annotated[Positive, "s"] = 1.4
+    hold: Annotated[Positive, "s"] = 0.5
+    physics: PhysicsSettings = field(default_factory=PhysicsSettings)
+
+    def __post_init__(self) -> None:
+        if self.hold < self.physics.timestep or self.settle < self.physics.timestep:
+            raise InputError(
+                f"settling and hold times must be at least one physics step of {self.physics.timestep:g} s, "
+                f"got {self.settle:g} s and {self.hold:g} s"
+            )
+        if self.physics.gravity == 0.0:
+            raise InputError("gravity (m/s²) must be above 0 for a foot test, whose load is a weight; got 0")
+        self.foot.fit(self.robot_sole)
+        # A height field has to be as fine as this sole's spheres; a coarser one is refused here.
+        if self.ground.sole_radius != self.foot.contact.radius:
+            object.__setattr__(self, "ground", replace(self.ground, sole_radius=self.foot.contact.radius))
+
+    def describe(self) -> dict[str, Any]:
+        """Return foot with its fit, ground, load and place as JSON values; names carry the units."""
+        return {
+            "foot": foot_name(self.foot),
+            "foot_parameters": to_json(self.foot),
+            **fit_facts(self.foot.fit(self.robot_sole)),
+            "terrain": self.ground.name,
+            "amplitude_m": self.ground.amplitude,
+            "seed": self.ground.seed,
+            "load_n": self.load,
+            "place_m": [self.x, self.y],
+            "yaw_rad": self.yaw,
+            "ankle_stiffness_nm_per_rad": self.ankle_stiffness,
+            "drop_m": self.drop,
+            "settle_s": self.settle,
+            "hold_s": self.hold,
+            "timestep_s": self.physics.timestep,
+        }
+
+
+def fit_facts(fit: FootFit) -> dict[str, Any]:
+    """Return footprint, ankle, added mass and height change as JSON values; names carry the units."""
+    return {
+        "footprint_m": [fit.sole.length, fit.sole.width],
+        "ankle_in_sole_m": fit.sole.ankle.tolist(),
+        "added_mass_kg": fit.mass,
+        "height_change_m": fit.height_change,
+    }
 
 
 class Rig:
@@ -88,15 +181,18 @@ class Rig:
         self.mass = float(self.model.body_mass.sum())
         self._dof = {name: int(self.model.joint(name).dofadr[0]) for name in ("lift", "pitch")}
         arch = () if self.foot.arch_joint is None else (self.foot.arch_joint,)
-        self._sole_joints, self._arch_joint = (
+        self._joints = [
             np.array([self.model.joint(name).id for name in names], dtype=int)
             for names in (self.foot.sole_joints, arch)
-        )
+        ]
         mujoco.mj_forward(self.model, self.data)
 
-    def step(self, count: int = 1) -> None:
-        """Advance by physics steps."""
-        mujoco.mj_step(self.model, self.data, nstep=count)
+    def step(self) -> None:
+        """Advance by one physics step; `DivergedError` if the state is no longer finite, or is about to be."""
+        mujoco.mj_step(self.model, self.data)
+        finite = math.isfinite(self.data.qpos @ self.data.qpos + self.data.qvel @ self.data.qvel)
+        if not finite or self.data.warning.number[BAD].any():
+            raise DivergedError(f"the rig has diverged after {self.data.time:.3f} s")
 
     def steps(self, duration: float) -> int:
         """Return the number of physics steps in a time (s), at least one."""
@@ -109,12 +205,9 @@ class Rig:
         return twin
 
     @property
-    def diverged(self) -> bool:
-        """True once the state is no longer finite, or MuJoCo has warned that it is about to be."""
-        kinds = mujoco.mjtWarning
-        bad = (kinds.mjWARN_BADQPOS, kinds.mjWARN_BADQVEL, kinds.mjWARN_BADQACC)
-        finite = np.isfinite(self.data.qpos).all() and np.isfinite(self.data.qvel).all()
-        return not finite or any(self.data.warning[int(kind)].number > 0 for kind in bad)
+    def weight(self) -> float:
+        """Weight of carriage and foot together, N."""
+        return self.mass * self.test.physics.gravity
 
     @property
     def vertical_force(self) -> float:
@@ -122,15 +215,9 @@ class Rig:
         return float(self.data.qfrc_constraint[self._dof["lift"]])
 
     @property
-    def ankle_height(self) -> float:
-        """World z of the ankle, m."""
-        return float(self.data.body(self.test.robot_sole.ankle_link).xpos[2])
-
-    @property
-    def ankle_position(self) -> tuple[float, float]:
-        """World x and y of the ankle, m."""
-        x, y, _ = self.data.body(self.test.robot_sole.ankle_link).xpos.tolist()
-        return x, y
+    def ankle(self) -> Array:
+        """Place of the ankle in the world, shape (3,), m."""
+        return np.asarray(self.data.body(self.test.robot_sole.ankle_link).xpos)
 
     @property
     def ankle_speed(self) -> float:
@@ -152,48 +239,35 @@ class Rig:
         self.data.ctrl[:] = (roll, pitch)
 
     @property
-    def sole_rates(self) -> Array:
-        """Rates of all sole hinges, rad/s."""
-        return np.asarray(self.data.qvel[self.model.jnt_dofadr[self._sole_joints]])
+    def powers(self) -> Array:
+        """Power that the dampers of the sole and that of the frontal arch turn into heat, shape (2,), W."""
+        dofs = [self.model.jnt_dofadr[joints] for joints in self._joints]
+        return np.array([self.model.dof_damping[dof] @ self.data.qvel[dof] ** 2 for dof in dofs])
 
     @property
-    def sole_power(self) -> float:
-        """Power that the dampers of the sole turn into heat, W."""
-        return self._heat(self._sole_joints)
-
-    @property
-    def arch_power(self) -> float:
-        """Power that the damper of the frontal arch turns into heat, W."""
-        return self._heat(self._arch_joint)
-
-    def _heat(self, joints: np.ndarray[Any, Any]) -> float:
-        dof = self.model.jnt_dofadr[joints]
-        return float(self.model.dof_damping[dof] @ self.data.qvel[dof] ** 2)
+    def mean_square_rate(self) -> float:
+        """Mean square of the rates of all sole hinges, (rad/s)²; 0 for a rigid sole."""
+        rates = self.data.qvel[self.model.jnt_dofadr[self._joints[0]]]
+        return float(np.mean(rates**2)) if rates.size else 0.0
 
     @property
     def spring_energy(self) -> float:
         """Energy stored in the springs of sole and arch, J."""
         model, q = self.model, self.data.qpos
-        parts = (self._sole_joints, self._arch_joint)
-        return float(sum(0.5 * model.jnt_stiffness[j] @ q[model.jnt_qposadr[j]] ** 2 for j in parts))
-
-    def contacts(self, min_force: float = 0.0) -> GroundContacts:
-        """Return the contacts that carry more than a normal force (N), in the world."""
-        return self.probe.contacts(self.model, self.data, min_force)
+        return float(sum(0.5 * model.jnt_stiffness[j] @ q[model.jnt_qposadr[j]] ** 2 for j in self._joints))
 
     @property
-    def min_contact_force(self) -> float:
-        """Smallest normal force of a contact that counts as support, N."""
-        return MIN_CONTACT_SHARE * self.mass * self.test.physics.gravity
+    def depth(self) -> float:
+        """Deepest penetration now, m."""
+        return -float(self.data.contact.dist.min()) if self.data.ncon else 0.0
 
-    def contact_area(self) -> float:
-        """Return the area of the convex hull of the supporting contact points in plan, m²."""
-        return hull_and_area(self.in_plan(self.contacts(self.min_contact_force).points))[1]
+    def contacts(self, share: float = 0.0) -> GroundContacts:
+        """Return the contacts that carry more than a share of the weight, in the world."""
+        return self.probe.contacts(self.model, self.data, share * self.weight)
 
     def in_plan(self, points: Array) -> Array:
         """Return world points as seen from above: forward and left of the sole centre under the ankle, (n, 2), m."""
-        ankle = self.data.body(self.test.robot_sole.ankle_link).xpos[:2]
-        return np.asarray((points[:, :2] - ankle) @ self._heading + self.foot.fit.sole.ankle[:2])
+        return np.asarray((points[:, :2] - self.ankle[:2]) @ self._heading + self.foot.fit.sole.ankle[:2])
 
     def centre_of_pressure(self) -> Array:
         """Return the centre of pressure in plan, shape (2,), m; NaN without load."""
@@ -206,9 +280,9 @@ class Rig:
         out of the sole. It is NaN where these contacts together bear less than a share of the weight.
         """
         contacts = self.contacts()
-        lift = np.where(contacts.forces[:, 2] >= self.min_contact_force, contacts.forces[:, 2], 0.0)
+        lift = np.where(contacts.forces[:, 2] >= MIN_CONTACT_SHARE * self.weight, contacts.forces[:, 2], 0.0)
         total = float(lift.sum())
-        if total < least * self.mass * self.test.physics.gravity:
+        if total < least * self.weight:
             return np.full(2, np.nan)
         return np.asarray(self.in_plan(lift @ contacts.points[:, :2][None] / total)[0])
 
@@ -220,13 +294,12 @@ class Rig:
 
     def skeleton(self) -> Array:
         """Return heel hinge, ankle and arch tip (rigid foot: sole centre, ankle) in plan and world z, (n, 3), m."""
-        points = [self.data.body(self.test.robot_sole.ankle_link).xpos]
-        if self.foot.sole_joints:
-            points.insert(0, self.data.joint(self.foot.sole_joints[-1]).xanchor)
-            if self.foot.loop_sites is not None:
-                points.append(self.data.site(self.foot.loop_sites[0]).xpos)
-        else:
-            points.insert(0, self.data.site(self.foot.wrench_site).xpos)
+        foot, data = self.foot, self.data
+        points = [data.site(foot.wrench_site).xpos, self.ankle]
+        if foot.sole_joints:
+            points[0] = data.joint(foot.sole_joints[-1]).xanchor
+        if foot.loop_sites is not None:
+            points.append(data.site(foot.loop_sites[0]).xpos)
         place = np.array(points)
         return np.column_stack([self.in_plan(place), place[:, 2]])
 

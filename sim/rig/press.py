@@ -1,0 +1,326 @@
+"""Press and pitch: pure functions of a foot test, and their results."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from wbc.core.errors import Array, InputError, finite_scalar, positive
+from wbc.core.hull import hull_and_area
+from wbc.sim.plant.robot import DivergedError
+from wbc.sim.rig.rig import MIN_CONTACT_SHARE, FootTest, Rig
+
+REBOUND_TIME = 0.3
+"""Time after the first contact in which the rebound is measured, s."""
+
+SUPPORT_TILT = math.radians(2.0)
+"""Largest ankle tilt of the equivalent support polygon, rad: a standing robot turns its foot less."""
+
+SUPPORT_DIRECTIONS = 8
+"""Directions in which the ankle is tilted: along the axes and the diagonals, which reach the corners."""
+
+SUPPORT_LOAD = 0.5
+"""Least vertical force, as a share of the weight, at which a centre of pressure counts for the support polygon. A tilt
+is so slow that the ground carries about the weight; a foot that rolls off a stone loses it for some ticks, and the
+quotient of two small moments and forces lies anywhere."""
+
+_RAMP = 0.6  # s for one tilt; ten times slower changes the polygons of the soft foot by less than 1 mm
+_SAMPLE = 0.005  # s between samples of the centre of pressure
+
+LONGEST = 60.0
+"""Longest motion of a test, s."""
+
+Points = tuple[tuple[float, ...], ...]
+
+
+@dataclass(frozen=True)
+class Impact:
+    """Landing from the start height until the foot rests.
+
+    Attributes:
+        speed: Downward speed of the ankle at the first contact, m/s.
+        peak_force: Largest vertical force, N.
+        drop_energy: Potential energy given up between start and rest, J; all of it is absorbed in the end.
+        sole_energy: Part of the drop energy turned to heat in the dampers of the sole, J.
+        arch_energy: Part of the drop energy turned to heat in the damper of the frontal arch, J.
+        spring_energy: Part of the drop energy stored in the springs at rest, J.
+        rebound_energy: Kinetic energy of the fastest upward motion after the first contact, J.
+        absorbed: Ratio of the drop energy that the rebound does not return.
+    """
+
+    speed: float
+    peak_force: float
+    drop_energy: float
+    sole_energy: float
+    arch_energy: float
+    spring_energy: float
+    rebound_energy: float
+    absorbed: float
+
+
+@dataclass(frozen=True)
+class Hold:
+    """The foot at rest under its load. Plan coordinates are forward and left of the sole centre at the start.
+
+    Attributes:
+        weight: Weight of load and foot, N.
+        force_mean: Mean vertical contact force, N.
+        force_std: Standard deviation of the vertical contact force, N.
+        balance_error: force_mean / weight − 1.
+        centre_of_pressure: In plan, m.
+        ankle_height: Height of the ankle over the level z = 0 of the ground, m.
+        ankle_place: World x and y of the ankle, m.
+        ankle_tilt: Roll and pitch of the ankle, rad.
+        contacts: Number of contact points that carry load.
+        contact_points: These points, in plan and world z, m.
+        contact_forces: Vertical forces at these points, N.
+        contact_area: Area of the convex hull of the contact points in plan, m².
+        sole_angles: Angles of the sole hinges from the toe to the heel, rad.
+        sole_line: Contact spheres' lowest points in plan and world z, row by row from the toe, m.
+        skeleton: Heel hinge, ankle and tip of the frontal arch (rigid foot: sole centre and ankle) in plan
+            and world z, m.
+        loop_gap: Largest distance between the sides of the loop closure in the hold, m.
+        loop_gap_peak: The same from the start on, m.
+        penetration: Largest penetration in the hold, m.
+        penetration_peak: The same from the start on, m.
+        jitter: Root mean square of the sole hinge rates in the hold, rad/s.
+    """
+
+    weight: float
+    force_mean: float
+    force_std: float
+    balance_error: float
+    centre_of_pressure: tuple[float, ...]
+    ankle_height: float
+    ankle_place: tuple[float, float]
+    ankle_tilt: tuple[float, float]
+    contacts: int
+    contact_points: Points
+    contact_forces: tuple[float, ...]
+    contact_area: float
+    sole_angles: tuple[float, ...]
+    sole_line: Points
+    skeleton: Points
+    loop_gap: float
+    loop_gap_peak: float
+    penetration: float
+    penetration_peak: float
+    jitter: float
+
+
+@dataclass(frozen=True)
+class SupportPolygon:
+    """Equivalent support polygon: the area in which the foot can put its centre of pressure.
+
+    The convex hull of the centres of pressure while the ankle was tilted a little in all directions and the ground
+    carried at least half of the weight, of contacts that push up with at least 0.5 % of it each.
+
+    Attributes:
+        tilt: Largest tilt of the ankle considered, rad.
+        polygon: Convex hull of the centres of pressure in plan, counter-clockwise, m.
+        area: Area of the polygon, m².
+        forward: Largest x, m.
+        backward: Smallest x, m.
+        left: Largest y, m.
+        right: Smallest y, m.
+    """
+
+    tilt: float
+    polygon: Points
+    area: float
+    forward: float
+    backward: float
+    left: float
+    right: float
+
+
+@dataclass(frozen=True)
+class PressResult:
+    """A foot dropped onto a ground and pressed.
+
+    Attributes:
+        diverged: True if the simulation diverged; the rest is None then.
+        impact: The landing.
+        hold: The foot at rest.
+        support: Equivalent support polygon; None if it was not asked for.
+    """
+
+    diverged: bool
+    impact: Impact | None = None
+    hold: Hold | None = None
+    support: SupportPolygon | None = None
+
+
+@dataclass(frozen=True)
+class PitchResult:
+    """A loaded foot whose ankle is pitched slowly back and forth.
+
+    Attributes:
+        diverged: True if the simulation diverged.
+        pitch: Pitch of the ankle, toe down positive, rad.
+        centre_of_pressure: x of the centre of pressure in plan, m.
+        moment: Ankle moment of the ground's force about the transverse axis, Nm.
+        ankle_height: Height of the ankle over the level z = 0 of the ground, m.
+    """
+
+    diverged: bool
+    pitch: tuple[float, ...] = ()
+    centre_of_pressure: tuple[float, ...] = ()
+    moment: tuple[float, ...] = ()
+    ankle_height: tuple[float, ...] = ()
+
+
+def press(test: FootTest, *, support: bool = True) -> PressResult:
+    """Drop the foot onto the ground, let it settle under its load and measure it at rest.
+
+    Args:
+        test: Foot, ground and load.
+        support: True to measure the equivalent support polygon as well (needs an ankle servo).
+    """
+    rig = Rig(test)
+    try:
+        impact, *peaks = _land(rig)
+        hold = _hold(rig, *peaks)
+        polygon = _support(rig) if support and test.ankle_stiffness > 0.0 else None
+    except DivergedError:
+        return PressResult(diverged=True)
+    return PressResult(False, impact, hold, polygon)
+
+
+def pitch(
+    test: FootTest, *, amplitude: float = math.radians(5.0), rate: float = math.radians(10.0)
+) -> PitchResult:
+    """Pitch the ankle of a loaded foot toe down, toe up and back, and follow the centre of pressure.
+
+    Args:
+        test: Foot, ground and load.
+        amplitude: Largest commanded pitch, rad.
+        rate: Speed of the command, rad/s.
+
+    Raises:
+        InputError: An ankle without a servo, or a motion that is too short or too long.
+    """
+    if test.ankle_stiffness == 0.0:
+        raise InputError("pitching needs an ankle servo: ankle_stiffness must be above 0 Nm/rad")
+    finite_scalar("pitch amplitude (rad)", amplitude, low=0.0, high=0.5 * math.pi, open_low=True)
+    duration = 4.0 * amplitude / positive("pitch rate (rad/s)", rate)
+    finite_scalar("duration of the pitch (s)", duration, low=2.0 * _SAMPLE, high=LONGEST)
+    path = np.array([0.0, amplitude, -amplitude, 0.0])
+    times = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(path)) / rate)])
+    rig = Rig(test)
+    commands = np.interp(test.physics.timestep * np.arange(1, rig.steps(float(times[-1])) + 1), times, path)
+    rows: list[tuple[float, float, float, float]] = []
+    try:
+        _land(rig)
+        for _ in _tilted(rig, np.zeros(commands.size), commands):
+            rows.append(
+                (rig.tilt[1], float(rig.centre_of_pressure()[0]), rig.pitch_moment, float(rig.ankle[2]))
+            )
+    except DivergedError:
+        return PitchResult(True)
+    return PitchResult(False, *(tuple(column) for column in zip(*rows, strict=True)))
+
+
+def _land(rig: Rig) -> tuple[Impact, float, float]:
+    """Drop the foot; return impact, largest loop gap (m) and deepest penetration (m)."""
+    dt, start, touched = rig.test.physics.timestep, float(rig.ankle[2]), -1
+    speed = peak = upward = gap = depth = 0.0
+    heat = np.zeros(2)
+    for step in range(rig.steps(rig.test.settle)):
+        before = rig.ankle_speed
+        rig.step()
+        force = rig.vertical_force
+        if touched < 0 and force > 0.0:
+            touched, speed = step, -before
+        peak = max(peak, force)
+        gap, depth = max(gap, rig.probe.loop_gap(rig.data)), max(depth, rig.depth)
+        heat += rig.powers * dt
+        if touched >= 0 and (step - touched) * dt <= REBOUND_TIME:
+            upward = max(upward, rig.ankle_speed)
+    energy = rig.weight * (start - float(rig.ankle[2]))
+    rebound = 0.5 * rig.mass * upward**2
+    impact = Impact(
+        speed=speed,
+        peak_force=peak,
+        drop_energy=energy,
+        sole_energy=float(heat[0]),
+        arch_energy=float(heat[1]),
+        spring_energy=rig.spring_energy,
+        rebound_energy=rebound,
+        absorbed=1.0 - rebound / energy if energy > 0.0 else math.nan,
+    )
+    return impact, gap, depth
+
+
+def _hold(rig: Rig, gap_peak: float, depth_peak: float) -> Hold:
+    forces, gap, depth, rates = [], 0.0, 0.0, 0.0
+    count = rig.steps(rig.test.hold)
+    for _ in range(count):
+        rig.step()
+        rates += rig.mean_square_rate
+        forces.append(rig.vertical_force)
+        gap, depth = max(gap, rig.probe.loop_gap(rig.data)), max(depth, rig.depth)
+    contacts = rig.contacts(MIN_CONTACT_SHARE)
+    plan = rig.in_plan(contacts.points)
+    x, y, z = rig.ankle.tolist()
+    return Hold(
+        weight=rig.weight,
+        force_mean=float(np.mean(forces)),
+        force_std=float(np.std(forces)),
+        balance_error=float(np.mean(forces)) / rig.weight - 1.0,
+        centre_of_pressure=tuple(rig.centre_of_pressure().tolist()),
+        ankle_height=z,
+        ankle_place=(x, y),
+        ankle_tilt=rig.tilt,
+        contacts=len(plan),
+        contact_points=_rows(np.column_stack([plan, contacts.points[:, 2]])),
+        contact_forces=tuple(contacts.forces[:, 2].tolist()),
+        contact_area=hull_and_area(plan)[1],
+        sole_angles=tuple(rig.probe.angles(rig.data).tolist()),
+        sole_line=_rows(rig.sole_line()),
+        skeleton=_rows(rig.skeleton()),
+        loop_gap=gap,
+        loop_gap_peak=max(gap, gap_peak),
+        penetration=depth,
+        penetration_peak=max(depth, depth_peak),
+        jitter=math.sqrt(rates / count),
+    )
+
+
+def _support(rig: Rig) -> SupportPolygon:
+    """Tilt the ankle in every direction from where it rests, and collect the centres of pressure."""
+    centres = [rig.supporting_centre(SUPPORT_LOAD)]
+    count = rig.steps(_RAMP)
+    # The servo yields under the moment of the ground, so its command goes beyond the tilt of the polygon.
+    yielding = rig.weight * rig.foot.fit.sole.length / rig.test.ankle_stiffness
+    ramp = (SUPPORT_TILT + yielding) * np.arange(1, count + 1) / count
+    for k in range(SUPPORT_DIRECTIONS):
+        twin, direction = rig.fork(), math.tau * k / SUPPORT_DIRECTIONS
+        for _ in _tilted(twin, ramp * math.sin(direction), ramp * math.cos(direction)):
+            if math.hypot(*twin.tilt) > SUPPORT_TILT:
+                break
+            centres.append(twin.supporting_centre(SUPPORT_LOAD))
+    points = np.array(centres)
+    points = points[np.isfinite(points).all(axis=1)]
+    if not len(points):  # a foot that has slipped off its stone
+        return SupportPolygon(SUPPORT_TILT, (), 0.0, math.nan, math.nan, math.nan, math.nan)
+    corners, area = hull_and_area(points)
+    (backward, right), (forward, left) = corners.min(axis=0).tolist(), corners.max(axis=0).tolist()
+    return SupportPolygon(SUPPORT_TILT, _rows(corners), area, forward, backward, left, right)
+
+
+def _tilted(rig: Rig, roll: Array, pitch: Array) -> Iterator[None]:
+    """Command roll and pitch of the ankle, rad, one of each in a physics step; yield where samples are taken."""
+    every = rig.steps(_SAMPLE)
+    for step, command in enumerate(zip(roll.tolist(), pitch.tolist(), strict=True), 1):
+        rig.set_tilt(*command)
+        rig.step()
+        if step % every == 0:
+            yield
+
+
+def _rows(points: Array) -> tuple[tuple[float, ...], ...]:
+    return tuple(tuple(row) for row in points.tolist())
