@@ -3,7 +3,7 @@
 Where to start, in the order of the data:
 
 - `description`: a robot as data, and the models made from it; `frames` are its soles and other frames.
-- `registry` and `saved`: robots by name; a file of one's own and its TOML.
+- `registry` and `files`: robots by name; a file of one's own and its TOML.
 - `urdf`: the one URDF string that Pinocchio and MuJoCo read. `readers/`: an MJCF, compiled by MuJoCo, becomes one:
   tree, drives, feet, forces that the controller does not know.
 - `derivation/`: what a file does not say; `complete` has the order, `defaults` the rules.

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from wbc.core.errors import InputError, shown, unknown_name
 from wbc.core.registry import Registry
-from wbc.robots import saved
+from wbc.robots import files
 from wbc.robots.description import RobotDescription
 from wbc.robots.models import example_robots, hrp4_class
 
@@ -32,12 +32,11 @@ def names() -> tuple[str, ...]:
 
 
 def others() -> tuple[str, ...]:
-    """Return the other robots that `load` knows: the user's own, those without feet, those of other packages.
+    """Return the other robots that `load` knows: those without feet, those of other packages.
 
     A package offers robots by entry points of the group "wbc.robots".
     """
-    known = dict.fromkeys((*_FACTORIES.offered(), *saved.own_robots(), *_FEETLESS))
-    return tuple(name for name in known if name not in _FACTORIES)
+    return tuple(name for name in (*_FACTORIES.offered(), *_FEETLESS) if name not in _FACTORIES)
 
 
 def register(name: str, factory: Callable[[], RobotDescription]) -> None:
@@ -64,16 +63,9 @@ def stamped(name: str) -> str:
     changed since the name was stamped.
     """
     description = load(name)
-    if name in _FACTORIES or STAMPED.fullmatch(name) or _file(name) is None:
+    if name in _FACTORIES or STAMPED.fullmatch(name) or not files.is_path(name):
         return name
     return f"{name}#{description.digest}"
-
-
-def _file(name: str) -> Path | None:
-    """Return the file of a robot that is in one, None for a robot that is not."""
-    if saved.is_path(name):
-        return Path(name).expanduser()
-    return saved.folder() / f"{name}.toml" if name in saved.own_robots() else None
 
 
 def load(name: str) -> RobotDescription:
@@ -95,9 +87,10 @@ def load(name: str) -> RobotDescription:
         return description
     if name in _FACTORIES:
         return _load(name)
-    if (own := _file(name)) is not None:
-        return _read(str(own), own.stat().st_mtime_ns if own.is_file() else 0)
-    if name in _FEETLESS or name in _FACTORIES.offered():
+    if files.is_path(name):
+        path = Path(name).expanduser()
+        return _read(str(path), path.stat().st_mtime_ns if path.is_file() else 0)
+    if name in others():
         return _load(name)
     unknown_name("robot", name, [*_FACTORIES, *others()])
 
@@ -116,4 +109,4 @@ def _load(name: str) -> RobotDescription:
 @cache
 def _read(path: str, _: int) -> RobotDescription:
     """Read a robot file, anew when it has changed."""
-    return saved.read(path)
+    return files.read(path)

@@ -8,7 +8,6 @@ import pytest
 from mjcf_biped import biped
 
 from wbc.app.cli import BAD_INPUT, main
-from wbc.robots import saved
 
 REFUSED = {
     "stnd": "stand",
@@ -41,8 +40,8 @@ REFUSED = {
     "robots check nowhere.xml": "nowhere.xml",
     "robots check biped.xml --lock waist": "waist",
     "robots check biped.xml --left lft_foot": "left_foot",
-    "robots add biped.xml": "--name",
-    "robots add biped.xml --name g1": "g1",
+    "robots check biped.xml -o biped.xml": "biped.xml",
+    "robots add biped.xml": "check",
 }
 """Command line → what its message names."""
 
@@ -70,7 +69,6 @@ def test_a_command_line_is_refused_and_writes_nothing(
     line: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(saved.platformdirs, "user_config_path", lambda name: tmp_path / "configuration")
     Path("empty.jsonl").touch()
     Path("biped.xml").write_text(biped())
     check_refused(line.split(), REFUSED[line], capsys)

@@ -1,27 +1,18 @@
-"""Robots in files: `wbc robots check`, `wbc robots add`, TOML descriptions and paths as names."""
+"""Robots in files: `wbc robots check`, TOML descriptions and paths as names."""
 
 from __future__ import annotations
 
 import json
 import re
-from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 from mjcf_biped import biped
 
 from wbc.app import cli
-from wbc.core.errors import UnknownNameError
-from wbc.robots import load, others, saved
+from wbc.robots import load
 
 Captured = pytest.CaptureFixture[str]
-
-
-@pytest.fixture(autouse=True)
-def configuration(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
-    folder = tmp_path / "configuration"
-    monkeypatch.setattr(saved.platformdirs, "user_config_path", lambda name: folder / name)
-    yield folder
 
 
 @pytest.fixture
@@ -48,19 +39,31 @@ def test_check_reports(capfd: Captured, file: Path) -> None:
     assert any("dry friction up to 0.1 Nm" in line for line in facts["doubts"])
 
 
-def test_add_makes_a_name_for_every_later_command(capfd: Captured, file: Path, configuration: Path) -> None:
-    words = ("robots", "add", str(file), "--left", "left_foot", "--right", "right_foot", "--name", "mine")
-    code, out, _ = wbc_command(capfd, *words, "--lock", "right_reach=0.1", "--json")
+def test_options_that_a_file_needs_are_kept_in_a_file(capfd: Captured, file: Path) -> None:
+    mine = file.with_name("mine.toml")
+    words = ("robots", "check", str(file), "--left", "left_foot", "--right", "right_foot", "-o", str(mine))
+    code, *_ = wbc_command(capfd, *words, "--lock", "right_reach=0.1")
     assert code == cli.RAN
-    assert Path(json.loads(out)["file"]) == configuration / "wbc" / "robots" / "mine.toml"
-    assert "mine" in others()
-    assert load("mine") is load("mine")
-    assert load("mine").name == "mine" and "right_reach" not in load("mine").joint_names
-    for robot in ("mine", str(file)):
-        code, out, _ = wbc_command(capfd, "stand", "--robot", robot, "--seconds", "0.05", "--json")
+    assert load(str(mine)).name == "mine" and "right_reach" not in load(str(mine)).joint_names
+    for robot in (mine, file):
+        code, out, _ = wbc_command(capfd, "stand", "--robot", str(robot), "--seconds", "0.05", "--json")
         assert code == cli.RAN and json.loads(out)["upright"]
-    with pytest.raises(UnknownNameError, match="'mine'"):
-        load("mime")
+
+
+def test_inertias_that_no_body_can_have_are_repaired_when_asked(capfd: Captured, tmp_path: Path) -> None:
+    """A shin whose moments break the triangle inequality: refused with the option that helps, then taken with it."""
+    text = (Path(__file__).parents[2] / "examples" / "biped.urdf").read_text()
+    wrong = re.sub(r'<inertia ixx="[^"]*"', '<inertia ixx="9.0"', text, count=1)
+    assert wrong != text
+    (tmp_path / "bad.urdf").write_text(wrong)
+    feet = ("--left", "left_foot", "--right", "right_foot")
+    words = ("robots", "check", str(tmp_path / "bad.urdf"), *feet, "-o", str(tmp_path / "fixed.toml"))
+    code, _, err = wbc_command(capfd, *words)
+    assert code == cli.BAD_INPUT and "--repair" in err
+    code, *_ = wbc_command(capfd, *words, "--repair", "--package-dir", str(tmp_path))
+    assert code == cli.RAN
+    written = (tmp_path / "fixed.toml").read_text()
+    assert "repair = true" in written and f'package_dirs = ["{tmp_path}"]' in written
 
 
 def test_a_urdf_whose_feet_are_not_named_is_described_and_said_not_to_walk(capfd: Captured) -> None:

@@ -10,7 +10,7 @@ import pytest
 
 from wbc import Plant, RobotDescription
 from wbc.core.errors import InputError, ModelError
-from wbc.robots import saved
+from wbc.robots import files
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 URDF = (EXAMPLES / "biped.urdf").read_text(encoding="utf-8")
@@ -46,7 +46,7 @@ def test_a_file_is_read_in_the_encoding_that_it_declares(encoding: str, tmp_path
     own = RobotDescription.from_urdf(EXAMPLES / "biped.urdf", **FEET)
     (tmp_path / "robot.urdf").write_bytes(encoded(URDF, encoding))
     assert RobotDescription.from_urdf(tmp_path / "robot.urdf", **FEET).urdf == own.urdf
-    assert saved.describe(tmp_path / "robot.urdf", FEET).urdf == own.urdf
+    assert files.describe(tmp_path / "robot.urdf", FEET).urdf == own.urdf
     corners = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n"
     (tmp_path / "hat.obj").write_text(corners)
     included = '<mujoco><asset><mesh name="hat" file="hat.obj"/></asset></mujoco>'

@@ -7,10 +7,11 @@ from typing import Annotated, Any
 
 from cyclopts import Parameter
 
+from wbc.app.files import check_target
 from wbc.app.output import Output, Report, reports
 from wbc.core.errors import InputError, finite_scalar
 from wbc.core.settings import Positive, settings
-from wbc.robots import RobotDescription, load, names, others, saved
+from wbc.robots import files, load, names, others
 
 COLUMNS = {"mass_kg": "mass kg", "height_m": "height m", "com_height_m": "CoM m", "dof": "joints"}
 """Columns of the table: key of `RobotDescription.summary` → heading."""
@@ -30,7 +31,7 @@ class RobotFileOptions:
         derive_gains: Derive the servo gains instead of taking those of the file.
         repair: Clamp inertias that no body can have, and go on, instead of refusing them.
         package_dir: Folders in which package:// of a URDF is looked for.
-        name: Name under which the robot is added.
+        out: TOML description to write of the file with these options, for --robot.
     """
 
     left: str | None = None
@@ -42,7 +43,7 @@ class RobotFileOptions:
     derive_gains: bool = False
     repair: bool = False
     package_dir: tuple[Path, ...] = ()
-    name: str | None = None
+    out: Annotated[Path | None, Parameter(alias="-o")] = None
 
     def parameters(self) -> dict[str, Any]:
         """Return the parameters of the readers that differ from their defaults, as plain values."""
@@ -74,27 +75,23 @@ def _locked(text: str) -> tuple[str, float]:
 def robots(
     *words: Annotated[
         str,
-        Parameter(
-            help="A robot to describe; or check and a file; or add and a file. All in a table when left out."
-        ),
+        Parameter(help="A robot to describe; or check and a file. All in a table when left out."),
     ],
     options: RobotFileOptions,
     output: Output,
 ) -> Report:
-    """List the robots, describe one, check the file of one of your own, or add it under a name for --robot.
+    """List the robots, describe one, or check the file of one of your own.
 
-    A check reports what is in the file, what was derived and what is doubtful. To add writes a TOML description to the
-    user's configuration folder.
+    A check reports what is in the file, what was derived and what is doubtful; with -o it writes the options that the
+    file needs to a TOML description, which every --robot takes.
     """
-    verb, *files = words or ("",)
-    if verb in saved.RESERVED:
-        if len(files) != 1:
-            raise InputError(f"'wbc robots {verb}' takes one file, got {len(files)}")
-        return (_check if verb == "check" else _add)(files[0], options, output)
-    if files or options != RobotFileOptions():
-        raise InputError(
-            f"files and their options need one of {', '.join(saved.RESERVED)}: wbc robots check my.xml"
-        )
+    verb, *rest = words or ("",)
+    if verb == "check":
+        if len(rest) != 1:
+            raise InputError(f"'wbc robots check' takes one file, got {len(rest)}")
+        return _check(rest[0], options, output)
+    if rest or options != RobotFileOptions():
+        raise InputError("files and their options need a check: wbc robots check my.xml")
     if verb:
         description = load(verb)
         return output.report(description.summary(), description.report())
@@ -110,44 +107,26 @@ def robots(
 
 def _check(file: str, options: RobotFileOptions, output: Output) -> Report:
     """Report what is in the file of a robot, what was derived and what is doubtful."""
-    if options.name is not None:
-        raise InputError("--name is the name under which `wbc robots add` adds a robot")
-    description = _described(file, options)
+    path, parameters = Path(file).expanduser(), options.parameters()
+    if not path.is_file():
+        raise InputError(f"no robot file '{file}'; give an MJCF or a URDF")
+    target = None
+    if options.out is not None:
+        target = check_target("a description", options.out, (".toml",), [path])
+    own = path.suffix.lower() == ".toml"
+    if own and (parameters or target is not None):
+        raise InputError(f"'{file}' has its options in itself: edit it, or give the file that it names")
+    description = files.read(path) if own else files.describe(path, parameters)
     doubts = description.doubts()
     lines = [
         description.report(),
         "  doubtful:" if doubts else "  nothing is doubtful",
         *(f"    {d}" for d in doubts),
     ]
+    if target is not None:
+        files.write(target, path, parameters)
+        lines.append(f"wrote {target}; try: wbc stand --robot {target}")
     return output.report({**description.summary(), "doubts": list(doubts)}, "\n".join(lines))
-
-
-def _add(file: str, options: RobotFileOptions, output: Output) -> Report:
-    """Write a TOML description of a robot to the user's configuration folder."""
-    name = options.name
-    if name is None:
-        raise InputError("a robot is added under a name: give --name")
-    if name in names() or name in others() and name not in saved.own_robots():
-        raise InputError(f"the name '{name}' is that of a robot of the library; choose another")
-    path = saved.save(name, file, options.parameters())
-    description = load(name)
-    doubts = description.doubts()
-    lines = [
-        f"wrote {path}",
-        f"{name}: {description.robot().mass:.2f} kg, {len(description.joint_names)} joints; "
-        f"try: wbc stand --robot {name}",
-        *(f"  doubtful: {doubt}" for doubt in doubts),
-    ]
-    return output.report({"file": str(path), "name": name, "doubts": list(doubts)}, "\n".join(lines))
-
-
-def _described(file: str, options: RobotFileOptions) -> RobotDescription:
-    path = Path(file).expanduser()
-    if not path.is_file():
-        raise InputError(f"no robot file '{file}'; give an MJCF or a URDF")
-    if path.suffix.lower() == ".toml":
-        return saved.read(path)
-    return saved.describe(path, options.parameters())
 
 
 def _brief(facts: dict[str, Any]) -> dict[str, Any]:

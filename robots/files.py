@@ -1,4 +1,4 @@
-"""Robots in files: an MJCF or a URDF as it is, and TOML descriptions in the user's configuration folder.
+"""Robots in files: an MJCF or a URDF as it is, or a TOML description.
 
 A TOML description names the file of the robot and gives the parameters of `RobotDescription.from_mjcf` or `from_urdf`
 that are not to be derived:
@@ -18,9 +18,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-import platformdirs
-
-from wbc.core.errors import InputError, shown, shown_path
+from wbc.core.errors import InputError, shown_path
 from wbc.core.files import decoding, read_toml, read_xml, write_text
 from wbc.core.registry import call_checked
 from wbc.core.settings import from_json
@@ -30,22 +28,6 @@ from wbc.robots.frames import FrameDescription, SoleDescription
 
 ENDINGS = (".toml", ".xml", ".mjcf", ".urdf")
 """Endings of the files that describe a robot."""
-
-RESERVED = ("add", "check")
-"""Words of `wbc robots` that no robot can be called."""
-
-
-def folder() -> Path:
-    """Return the folder of the user's own robots; it need not exist."""
-    return platformdirs.user_config_path("wbc") / "robots"
-
-
-def own_robots() -> tuple[str, ...]:
-    """Return the names of the user's own robots, those that `save` wrote, in alphabetical order."""
-    try:
-        return tuple(sorted(path.stem for path in folder().glob("*.toml")))
-    except OSError:
-        return ()
 
 
 def is_path(name: str) -> bool:
@@ -82,27 +64,20 @@ def describe(path: Path, parameters: Mapping[str, Any]) -> RobotDescription:
         return call_checked("MJCF reader", RobotDescription.from_mjcf, {"source": path, **known})
 
 
-def save(name: str, path: str | Path, parameters: Mapping[str, Any]) -> Path:
-    """Check a robot, write its TOML description to the user's configuration folder and return the file.
-
-    `load` finds it by the name from now on. Raises `InputError` for a name or a robot that cannot be used.
-    """
-    if not re.fullmatch(r"\w[\w.-]*", name) or name in RESERVED or is_path(name):
-        raise InputError(
-            f"the name of a robot must be letters, digits, '_', '-' and no command, got {shown(name)}"
-        )
-    source = Path(path).expanduser().resolve()
-    describe(source, {**parameters, "name": name})
-    lines, tables = [f"file = {json.dumps(str(source), ensure_ascii=False)}"], []
+def write(target: Path, path: Path, parameters: Mapping[str, Any]) -> None:
+    """Write a TOML description of the robot in a file, with some parameters of its reader as plain values."""
+    lines, tables = [f"file = {_toml(str(path.expanduser().resolve()))}"], []
     for key, value in parameters.items():
         if isinstance(value, Mapping):
-            tables += [f"[{key}]", *(f"{json.dumps(each)} = {json.dumps(v)}" for each, v in value.items())]
+            tables += [f"[{key}]", *(f"{_toml(name)} = {_toml(each)}" for name, each in value.items())]
         else:
-            lines.append(f"{key} = {json.dumps(value, ensure_ascii=False)}")
-    target = folder() / f"{name}.toml"
-    target.parent.mkdir(parents=True, exist_ok=True)
-    write_text(target, "\n".join([f"# wbc robots add: `--robot {name}` reads it.", *lines, *tables, ""]))
-    return target
+            lines.append(f"{key} = {_toml(value)}")
+    write_text(target, "\n".join([*lines, *tables, ""]))
+
+
+def _toml(value: Any) -> str:
+    """Return text, a number, a truth value or a list of them: TOML and JSON write them alike."""
+    return json.dumps(value, ensure_ascii=False)
 
 
 def _typed(name: str, value: Any) -> Any:
