@@ -24,8 +24,9 @@ import math
 import os
 import sys
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import field
+from functools import cached_property
 from pathlib import Path
 from types import TracebackType
 from typing import Any
@@ -44,6 +45,9 @@ PACKED = ".xz"
 
 LARGEST = 2**28
 """Largest size that a compressed journal unpacks to, bytes."""
+
+BEGIN = b'{"clock":'
+"""Begin of each line: keys are sorted."""
 
 SYNC_TIME = 1.0
 """Shortest time between two writes that are forced to the disk, where they survive a loss of power, s. A killed process
@@ -82,7 +86,7 @@ class Entry:
     version: Mapping[str, Any]
     ended: str = field(default_factory=_now)
 
-    @property
+    @cached_property
     def key(self) -> str:
         """Hash of spec and version."""
         return trial_key(self.spec, self.version)
@@ -159,55 +163,7 @@ def _finite(value: Any) -> Any:
     return value
 
 
-class Entries(Mapping[str, Entry]):
-    """Entries of a journal, by key; each is read from its line when it is asked for.
-
-    A hundred thousand walks are 200 MB of lines, and six times as much as objects.
-    """
-
-    def __init__(self, lines: dict[str, bytes] | None = None) -> None:
-        """Take lines that `_key` has checked, by key."""
-        self._lines = {} if lines is None else lines
-
-    def __getitem__(self, key: str) -> Entry:
-        data = from_json(self._lines[key])
-        del data["sum"], data["key"]
-        entry = object.__new__(Entry)  # its values were checked before the line was written
-        entry.__dict__.update(data)
-        return entry
-
-    def __iter__(self) -> Iterator[str]:
-        return iter(self._lines)
-
-    def __len__(self) -> int:
-        return len(self._lines)
-
-    def __contains__(self, key: object) -> bool:
-        return key in self._lines
-
-    def put(self, key: str, line: bytes) -> None:
-        """Add a line, or replace one."""
-        self._lines[key] = line
-
-    def as_own(self) -> Entries:
-        """Return the entries by the keys of their specs with this code, whatever code made them; its own come first.
-
-        Those whose spec this code cannot read are left out, and their number is logged.
-        """
-        found: dict[str, bytes] = {}
-        unreadable = 0
-        for key, entry in self.items():
-            today = own_key(entry.spec)
-            if today is None:
-                unreadable += 1
-            elif today == key or today not in self:
-                found[today] = self._lines[key]
-        if unreadable:
-            _log.warning("%d entries whose spec this version cannot read are left out", unreadable)
-        return Entries(found)
-
-
-def read_journal(path: Path | str, *, any_code: bool = False, largest: int = LARGEST) -> Mapping[str, Entry]:
+def read_journal(path: Path | str, *, any_code: bool = False) -> dict[str, Entry]:
     """Return all entries of a journal, by key; the last one of each.
 
     Lines that are torn or damaged are skipped, and their number is logged.
@@ -215,56 +171,69 @@ def read_journal(path: Path | str, *, any_code: bool = False, largest: int = LAR
     Args:
         path: The file; one that does not exist is empty, one whose name ends in .xz is compressed.
         any_code: Take results of other versions of the code for those of this one: by the keys of their specs with it.
-        largest: Largest size that a compressed one may unpack to, bytes.
 
     Raises:
         JournalError: The file cannot be read, or is no journal.
     """
-    entries = _read(path, largest)
-    return entries.as_own() if any_code else entries
+    entries, _ = _read(path)
+    return _as_own(entries) if any_code else entries
 
 
-def _read(path: Path | str, largest: int = LARGEST) -> Entries:
+def _read(path: Path | str) -> tuple[dict[str, Entry], int]:
+    """Return the entries of a file by key, and the length of a torn last line, bytes."""
     packed = Path(path).suffix == PACKED
     try:
-        with decoding(path, "journal", largest=largest if packed else sys.maxsize) as file:
+        with decoding(path, "journal", largest=LARGEST if packed else sys.maxsize) as file:
             with lzma.open(file) if packed else file.open("rb") as stream:
-                content = stream.read(largest + 1 if packed else -1)
-            if packed and len(content) > largest:
-                raise InputError(
-                    f"{path} unpacks to more than {largest} bytes: read_journal(…, largest=…) raises the bound, "
-                    "`xz -dk` unpacks it to a file that has none"
-                )
+                content = stream.read(LARGEST + 1 if packed else -1)
+            if packed and len(content) > LARGEST:
+                raise InputError(f"{path} unpacks to more than {LARGEST} bytes; unpack it with `xz -dk`")
     except InputError as error:
         if isinstance(error.__cause__, FileNotFoundError):
-            return Entries()
+            return {}, 0
         raise JournalError(f"journal {error}") from error
     *lines, rest = content.split(b"\n")
-    found: dict[str, bytes] = {}
-    bad = []
-    for number, line in enumerate(lines, 1):
-        key = _key(line)
-        if key is not None:
-            found[key] = line
-        elif line.strip():
-            bad.append(number)
-    if bad:
+    found = {number: _entry(line) for number, line in enumerate(lines, 1) if line.strip()}
+    entries = {entry.key: entry for entry in found.values() if entry is not None}
+    if not entries and (found or not rest.startswith(BEGIN[: len(rest)])):
+        raise JournalError(f"{path} is no journal: none of its lines is an entry")
+    if bad := [number for number, entry in found.items() if entry is None]:
         _log.warning("journal %s: %d damaged lines skipped, the first is line %d", path, len(bad), bad[0])
     if rest:
         _log.info("journal %s: its last line is torn", path)
-    if not found and content.strip() and b"\n" in content:
-        raise JournalError(f"{path} is no journal: none of its lines is an entry")
-    return Entries(found)
+    return entries, len(rest)
 
 
-def _key(line: bytes) -> str | None:
-    """Return the key of a line; None if it is no entry or was changed since it was written."""
+def _entry(line: bytes) -> Entry | None:
+    """Return the entry of a line; None if it is none or was changed since it was written."""
     try:
         data = from_json(line)
-        rest = line.replace(f',"sum":"{data["sum"]}"'.encode(), b"", 1)
-        return str(data["key"]) if hashlib.sha256(rest).hexdigest()[:16] == data["sum"] else None
-    except (ValueError, TypeError, KeyError):
+        rest = line.replace(f',"sum":"{data.pop("sum")}"'.encode(), b"", 1)
+        if f',"sum":"{hashlib.sha256(rest).hexdigest()[:16]}"'.encode() not in line:
+            return None
+        entry = object.__new__(Entry)  # its values were checked before the line was written
+        entry.__dict__.update(data)
+        return entry
+    except (ValueError, TypeError, KeyError, AttributeError):
         return None
+
+
+def _as_own(entries: Mapping[str, Entry]) -> dict[str, Entry]:
+    """Return entries by the keys of their specs with this code, whatever code made them; its own come first.
+
+    Those whose spec this code cannot read are left out, and their number is logged.
+    """
+    found: dict[str, Entry] = {}
+    unreadable = 0
+    for key, entry in entries.items():
+        today = own_key(entry.spec)
+        if today is None:
+            unreadable += 1
+        elif today == key or today not in entries:
+            found[today] = entry
+    if unreadable:
+        _log.warning("%d entries whose spec this version cannot read are left out", unreadable)
+    return found
 
 
 class Journal:
@@ -299,9 +268,11 @@ class Journal:
             raise JournalError(f"journal {path} cannot be written: {error}") from error
         try:
             self._lock()
-            entries = _read(self.path)
-            self.entries = entries.as_own() if any_code else entries
-            self._cut_off_torn_line()
+            entries, torn = _read(self.path)
+            self.entries = _as_own(entries) if any_code else entries
+            if torn:
+                _log.warning("journal %s: torn last line of %d bytes cut off", self.path, torn)
+                os.ftruncate(self._file, os.fstat(self._file).st_size - torn)
         except BaseException:
             self.close()
             raise
@@ -313,16 +284,6 @@ class Journal:
             raise JournalError(
                 f"journal {self.path} is being written by another program; wait for it, or use another journal"
             ) from error
-
-    def _cut_off_torn_line(self) -> None:
-        content = self.path.read_bytes()
-        whole = content.rfind(b"\n") + 1
-        if whole == len(content):
-            return
-        if whole == 0 and not content.startswith(b'{"clock":'[: len(content)]):
-            raise JournalError(f"{self.path} is no journal: it does not begin with an entry")
-        _log.warning("journal %s: torn last line of %d bytes cut off", self.path, len(content) - whole)
-        os.ftruncate(self._file, whole)
 
     def __contains__(self, key: object) -> bool:
         return key in self.entries
@@ -355,7 +316,7 @@ class Journal:
             with contextlib.suppress(OSError):
                 os.ftruncate(self._file, size)
             raise JournalError(f"journal {self.path} cannot be written: {error}") from error
-        self.entries.put(entry.key, line[:-1])
+        self.entries[entry.key] = entry
 
     def close(self) -> None:
         """Force all lines to the disk and release the lock."""

@@ -56,12 +56,6 @@ def cell_name(ground: str, amplitude: float) -> str:
     return f"{ground}, {round(1e3 * amplitude, 1):g} mm"
 
 
-def ground_of(cell: str) -> str:
-    """Return the ground in the name of a cell; the whole name if there is no amplitude in it."""
-    ground, separator, height = cell.rpartition(", ")
-    return ground if separator and height.endswith(" mm") else cell
-
-
 @dataclass(frozen=True)
 class StudyTrial:
     """One trial of a study: its spec, also as plain values, with the cell, arm and seed that it belongs to."""
@@ -295,17 +289,14 @@ class LeftOut:
 def left_out(study: Study, entries: Mapping[str, Entry]) -> LeftOut:
     """Count the entries of a journal that a result of a study does not use."""
     own = {trial_key(trial.plain) for trial in study.trials()}
-    reasons: Counter[str] = Counter()
-    versions: Counter[str] = Counter()
-    for key, entry in entries.items():
-        if key in own:
-            continue
-        today = own_key(entry.spec)
-        if today is None:
-            reasons["unreadable"] += 1
-        elif today not in own:
-            reasons["other_trials"] += 1
-        else:
-            reasons["other_code"] += 1
-            versions[", ".join(differences(entry.version)) or "an earlier form of the spec"] += 1
-    return LeftOut(entries=len(entries), differences=dict(versions.most_common(3)), **reasons)
+    unused = {key: (own_key(entry.spec), entry) for key, entry in entries.items() if key not in own}
+    other = [entry.version for today, entry in unused.values() if today in own]
+    unreadable = sum(today is None for today, _ in unused.values())
+    why = Counter(", ".join(differences(version)) or "an earlier form of the spec" for version in other)
+    return LeftOut(
+        entries=len(entries),
+        other_code=len(other),
+        other_trials=len(unused) - len(other) - unreadable,
+        unreadable=unreadable,
+        differences=dict(why.most_common(3)),
+    )

@@ -13,13 +13,14 @@ import math
 import time
 import traceback
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, fields, replace
-from typing import Annotated, Any, ClassVar, Literal, Protocol, Self
+from dataclasses import dataclass, replace
+from typing import Annotated, Any, ClassVar, Literal, Protocol, Self, cast
 
 from wbc.core.errors import InputError
 from wbc.core.registry import Registry
 from wbc.core.settings import Positive, settings, to_json
 from wbc.sim.balance.push_recovery import largest_recovered
+from wbc.sim.plant.robot import DivergedError
 from wbc.sim.trial.loop import TrialHook, TrialTick
 from wbc.sim.walks.spec import WalkSpec
 from wbc.sim.walks.trial import walk
@@ -157,43 +158,11 @@ def walk_outcome(spec: WalkSpec, check: Check) -> Outcome:
 
 
 @settings(kw_only=True)
-class OfWalksSpec:
-    """Trial that is made of walks: a walk, and fields of its own, written side by side.
-
-    Attributes:
-        walk: The walk; what the trial decides itself is not used.
-    """
-
-    kind: ClassVar[str]
-    unused: ClassVar[tuple[str, ...]] = ()
-    """Fields of the walk that are not written."""
-
-    walk: WalkSpec
-
-    def to_json(self) -> dict[str, Any]:
-        """Return the spec as plain values: those of the walk and its own."""
-        data = self.walk.to_json()
-        for name in ("kind", *self.unused):
-            del data[name]
-        return {"kind": self.kind, **data, **{name: to_json(getattr(self, name)) for name in self._own()}}
-
-    @classmethod
-    def from_json(cls, data: Mapping[str, Any]) -> Self:
-        """Return the spec that `to_json` wrote."""
-        values = {key: value for key, value in data.items() if key not in ("kind", *cls.unused)}
-        own = {name: values.pop(name) for name in cls._own() if name in values}
-        return cls(walk=WalkSpec.from_json(values), **own)
-
-    @classmethod
-    def _own(cls) -> list[str]:
-        return [each.name for each in fields(cls) if each.name != "walk"]
-
-
-@settings(kw_only=True)
-class WalkPushLimitSpec(OfWalksSpec):
+class WalkPushLimitSpec:
     """Search for the largest push from which a walk recovers, by bisection: it does all its steps, wherever they end.
 
-    Bisection takes recovery to be monotonic; the result lies within `resolution` of a change.
+    Bisection takes recovery to be monotonic; the result lies within `resolution` of a change. Written are the fields of
+    the walk and these, side by side.
 
     Attributes:
         walk: The walk, with one push; its impulse is not used.
@@ -203,6 +172,7 @@ class WalkPushLimitSpec(OfWalksSpec):
 
     kind: ClassVar[str] = "push_limit"
 
+    walk: WalkSpec
     highest: Annotated[Positive, "Ns/kg"] = 1.0
     resolution: Annotated[Positive, "Ns/kg"] = 0.02
 
@@ -226,51 +196,51 @@ class WalkPushLimitSpec(OfWalksSpec):
         object.__setattr__(twin, "walk", self.walk.with_seed(seed))
         return twin
 
+    def to_json(self) -> dict[str, Any]:
+        """Return the spec as plain values."""
+        own = {"kind": self.kind, "highest": self.highest, "resolution": self.resolution}
+        return self.walk.to_json() | own
+
     @classmethod
     def from_json(cls, data: Mapping[str, Any]) -> Self:
         """Return the spec that `to_json` wrote; the push may leave its impulse out."""
-        pushes = [{"impulse": 0.0, **push} for push in data.get("pushes", [])]
-        return super().from_json({**data, "pushes": pushes})
-
-
-class _Diverged(Exception):  # noqa: N818 - it is a result
-    """The physics of a walk has diverged."""
+        values = {key: value for key, value in data.items() if key != "kind"}
+        own = {name: values.pop(name) for name in ("highest", "resolution") if name in values}
+        values["pushes"] = [{"impulse": 0.0, **push} for push in values.get("pushes", [])]
+        return cls(walk=WalkSpec.from_json(values), **own)
 
 
 def push_limit_outcome(spec: WalkPushLimitSpec, check: Check) -> Outcome:
     """Find the largest push from which a walk recovers, that is, does all its steps, wherever they end."""
-    begin = time.perf_counter()
-    tried: list[tuple[float, bool, int, str | None]] = []
-    seconds = 0.0
+    begin, seconds = time.perf_counter(), 0.0
+    tried: list[dict[str, Any]] = []
 
     def recovers(impulse: float) -> bool:
         nonlocal seconds
         result = walk(spec.with_impulse(impulse), hooks=[CheckTime(check)])
         seconds += result.seconds
         done = result.outcome in ("completed", "strayed")
-        tried.append((impulse, done, result.steps_done, result.fall_reason))
+        tried.append(
+            {
+                "impulse": impulse,
+                "recovered": done,
+                "steps_done": result.steps_done,
+                "fall_reason": result.fall_reason,
+            }
+        )
         if result.outcome == "diverged":
-            raise _Diverged
+            raise DivergedError("the physics of a walk has diverged")
         return done
 
-    limit, diverged = None, False
+    limit, status = None, cast(Status, "done")
     try:
         if recovers(0.0):  # else the walk falls without a push
             limit = largest_recovered(recovers, spec.highest, spec.resolution + 1e-12)  # for rounded halves
-    except _Diverged:
-        diverged = True
+    except DivergedError:
+        status = "diverged"
     wall = time.perf_counter() - begin
-    record = {
-        "impulse": limit,
-        "walks": len(tried),
-        "seconds": seconds,
-        "tried": [
-            {"impulse": i, "recovered": ok, "steps_done": n, "fall_reason": why} for i, ok, n, why in tried
-        ],
-    }
-    return Outcome(
-        "diverged" if diverged else "done", record, {"wall_s": wall, "real_time_factor": seconds / wall}
-    )
+    record = {"impulse": limit, "walks": len(tried), "seconds": seconds, "tried": tried}
+    return Outcome(status, record, {"wall_s": wall, "real_time_factor": seconds / wall})
 
 
 register_trial(WalkSpec.kind, TrialKind(WalkSpec.from_json, walk_outcome, WalkSpec.with_seed))
