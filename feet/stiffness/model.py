@@ -35,7 +35,7 @@ class ProfileRecipe:
         step: Distance of the samples of a profile, m.
         window: Length of a profile, m; None for whole tracks. By default the length scanned in a step of 0.145 m when
             the stiffness is decided (`wbc.tasks.scheduling.record.StiffnessTiming`).
-        roughness: Filter, trend and variant.
+        roughness: Filter.
     """
 
     step: Annotated[Positive, "m"] = PROFILE_STEP

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Annotated, Literal
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -13,17 +13,14 @@ from scipy.linalg import solveh_banded
 
 from wbc.core.errors import Array, InputError, choose, finite_array, positive
 from wbc.core.settings import Positive, settings
-from wbc.feet.sensing.scan import PROFILE_STEP, Profile
+from wbc.feet.sensing.scan import Profile
 from wbc.feet.soles.rigid import SOFT_LENGTH
-
-Detrend = Literal["line", "mean"]
-Variant = Literal["corrected", "paper", "authors"]
 
 PARAMETERS = ("Sa", "Sq", "Ssk", "Sku", "Sv", "Sp", "Sz", "M", "P", "K")
 """Names of the parameters, in the order of `Roughness.values`."""
 
 UNITS = ("m", "m", "", "", "m", "m", "m", "m2", "", "")
-"""Their units in the corrected variant."""
+"""Their units."""
 
 LEAST_SAMPLES = 8
 """Smallest number of samples of a profile: four moments and a spectrum need as many."""
@@ -31,16 +28,10 @@ LEAST_SAMPLES = 8
 LEVEL = 1e-9
 """Largest deviation from the trend that counts as level, m: far above rounding, far below any ground."""
 
-AUTHORS_RATE = 200.0
-"""Samples of a profile per second, as in the authors' public code."""
-
-AUTHORS_CORNER = 0.05712
-"""Corner of the filter in the authors' public code, share of the Nyquist frequency: b = 0.08254 (1, 1)."""
-
 
 @settings
 class RoughnessSettings:
-    """Settings of the roughness parameters: filter, trend and variant.
+    """Settings of the roughness parameters.
 
     A foot does not bend into waves shorter than itself, so the profile is filtered first, by a first-order Butterworth
     low-pass run forwards and backwards. The corner is that of a single pass; both passes together keep half of the
@@ -48,22 +39,12 @@ class RoughnessSettings:
 
     Attributes:
         corner: Corner of the filter, cycles/m: 1 / foot length. None for no filter.
-        detrend: "line" subtracts the least-squares line, "mean" the mean alone, as the paper's authors do.
-        variant: "corrected": moments over n, P the variance of the slope. "paper": Table III as printed. "authors": as
-            in their public code, P the variance of the differences times (200 Hz)².
 
-    Source: the paper, section IV-A, Table III; Gadelmawla et al., J. Mater. Process. Technol. 123 (2002) for the
+    Source: the paper, section IV-A; Gadelmawla et al., J. Mater. Process. Technol. 123 (2002) for the
     amplitude parameters; Hoffman & Krotkov, SPIE 1195 (1989) for M, P and K.
     """
 
     corner: Annotated[Positive, "cycles/m"] | None = 1.0 / SOFT_LENGTH
-    detrend: Detrend = "line"
-    variant: Variant = "corrected"
-
-    @classmethod
-    def authors(cls, step: float = PROFILE_STEP) -> RoughnessSettings:
-        """Return the settings of the authors' public code: 4.1 cycles/m on their grid of 7 mm."""
-        return cls(AUTHORS_CORNER / (2.0 * positive("profile step (m)", step)), "mean", "authors")
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,9 +66,9 @@ class Roughness:
     K     spread of the spectrum  1 − Σ |Z|⁴ / (Σ |Z|²)²; 0.5 for a single wave, towards 1 for noise
     ====  ======================  ===========================================================
 
-    Level ground has zero in all of them. The table as printed (variant "paper") divides inside the sums of Ssk and Sku
-    by i + 1 instead of by n in front of them, which makes them depend on the direction of travel, and has
-    P = Σ f₀² n² |Z|² over n = 0 … N − 1, without 2π and beyond the Nyquist frequency.
+    Level ground has zero in all of them. The paper's Table III, corrected: as printed it divides inside the sums of Ssk
+    and Sku by i + 1 instead of by n in front of them, and has P = Σ f₀² n² |Z|² over n = 0 … N − 1, without 2π and
+    beyond the Nyquist frequency.
 
     Attributes:
         values: The parameters in the order of `PARAMETERS`, shape (…, 10), SI units.
@@ -120,7 +101,7 @@ def roughness(x: ArrayLike, z: ArrayLike, settings: RoughnessSettings | None = N
     Args:
         x: Places along the walking direction, ascending and evenly spaced, shape (n,), m.
         z: Heights, shape (…, n), m.
-        settings: Filter, trend and variant.
+        settings: Filter.
 
     Raises:
         InputError: Fewer than 8 samples, NaN or infinite, x not ascending or not evenly spaced, shapes that differ.
@@ -159,23 +140,18 @@ def _checked(x: ArrayLike, z: ArrayLike) -> tuple[Array, float]:
 
 
 def _roughness(z: Array, step: float, settings: RoughnessSettings) -> Array:
-    z = detrend(z, settings.detrend)
+    z = about_line(z)
     if settings.corner is not None:
-        z = detrend(low_pass(z, step, settings.corner), settings.detrend)
-    top, bottom = z.max(axis=-1), -z.min(axis=-1)
-    z = np.where((np.maximum(top, bottom) <= LEVEL)[..., None], 0.0, z)
+        z = about_line(low_pass(z, step, settings.corner))
+    z = np.where((np.abs(z).max(axis=-1) <= LEVEL)[..., None], 0.0, z)
     z2 = z * z
     variance = z2.mean(axis=-1)
     sq = np.sqrt(variance)
     per_sq = 1.0 / np.where(sq > 0.0, sq, 1.0)
-    # One weight for all samples, or the printed one.
-    weight = (
-        1.0 / (np.arange(z.shape[-1]) + 2.0)
-        if settings.variant == "paper"
-        else np.full(z.shape[-1], 1.0 / z.shape[-1])
-    )
+    weight = np.full(z.shape[-1], 1.0 / z.shape[-1])
     power = np.abs(np.fft.fft(z)[..., 1:]) ** 2 / z.shape[-1] ** 2
     total = power.sum(axis=-1)
+    spread = 1.0 - (power**2).sum(axis=-1) / np.where(total > 0.0, total, 1.0) ** 2
     sv, sp = np.abs(z.min(axis=-1)), np.abs(z.max(axis=-1))
     return np.stack(
         [
@@ -187,36 +163,18 @@ def _roughness(z: Array, step: float, settings: RoughnessSettings) -> Array:
             sp,
             sv + sp,
             variance,
-            _slope(z, power, step, settings.variant),
-            np.where(
-                total > 0.0, 1.0 - (power**2).sum(axis=-1) / np.where(total > 0.0, total, 1.0) ** 2, 0.0
-            ),
+            np.diff(z).var(axis=-1) / step**2,
+            np.where(total > 0.0, spread, 0.0),
         ],
         axis=-1,
     )
 
 
-def _slope(z: Array, power: Array, step: float, variant: Variant) -> Array:
-    """Return the parameter P of heights with a given power spectrum, lines 1 … n − 1."""
-    if variant == "paper":
-        frequency = np.arange(1, z.shape[-1]) / (z.shape[-1] * step)
-        return np.asarray(power @ frequency**2)
-    per_sample = np.diff(z).var(axis=-1)
-    return np.asarray(per_sample * AUTHORS_RATE**2 if variant == "authors" else per_sample / step**2)
-
-
-def detrend(z: Array, kind: Detrend = "line") -> Array:
-    """Return heights about their trend, same shape, m.
-
-    Args:
-        z: Heights on a uniform grid, shape (…, n), m.
-        kind: "line" for the least-squares line, "mean" for the mean alone.
-    """
+def about_line(z: Array) -> Array:
+    """Return heights on a uniform grid about their least-squares line, shape (…, n), m."""
     z = z - z.mean(axis=-1, keepdims=True)
-    if kind == "line":
-        t = np.arange(z.shape[-1]) - (z.shape[-1] - 1) / 2.0
-        z = z - (z @ t / (t @ t))[..., None] * t
-    return z
+    t = np.arange(z.shape[-1]) - (z.shape[-1] - 1) / 2.0
+    return np.asarray(z - (z @ t / (t @ t))[..., None] * t)
 
 
 LOWEST_CORNER = 1e-6
