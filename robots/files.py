@@ -51,11 +51,7 @@ def read(path: str | Path) -> RobotDescription:
 
 
 def describe(path: Path, parameters: Mapping[str, Any]) -> RobotDescription:
-    """Return the description of an MJCF or a URDF with some parameters of its reader as plain values.
-
-    Raises `UnknownNameError` for a parameter that the reader does not have, `InputError` for a file or value that
-    cannot be used.
-    """
+    """Return the description of an MJCF or a URDF with some parameters of its reader as plain values."""
     with decoding(path, "robot that can be read"):
         known = {"name": path.stem, **{name: _typed(name, value) for name, value in parameters.items()}}
         text = re.sub(r"<!--.*?-->|<\?.*?\?>", "", read_xml(path, "robot file"), flags=re.DOTALL)

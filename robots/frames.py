@@ -78,10 +78,7 @@ def same_place(model: pin.Model, description: FrameDescription) -> bool:
 
 
 def add_frame(model: pin.Model, description: FrameDescription) -> None:
-    """Add a frame to a Pinocchio model unless the very same frame is there already.
-
-    Raises `UnknownNameError` for a link that does not exist, `InputError` for a frame of that name elsewhere.
-    """
+    """Add a frame to a Pinocchio model unless the very same frame is there already."""
     link = body_frame(model, description.link)
     placement = link.placement * description.placement
     if model.existFrame(description.frame):
@@ -111,8 +108,7 @@ def link_names(model: pin.Model) -> list[str]:
 def carrier(model: pin.Model, frame: str) -> tuple[str, pin.SE3]:
     """Return the link whose origin is the joint that moves a frame, and the placement of the frame in this link.
 
-    MuJoCo merges links that are fixed to one another into this one: sites are attached to it. Raises `UnknownNameError`
-    for no such frame.
+    MuJoCo merges links that are fixed to one another into this one: sites are attached to it.
     """
     choose("frame", frame, (str(f.name) for f in model.frames))
     # A joint and its link may have one name: the joint comes first, at the very same place.

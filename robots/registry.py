@@ -59,8 +59,7 @@ STAMPED = re.compile(r"(.+)#([0-9a-f]{12})", re.DOTALL)
 def stamped(name: str) -> str:
     """Return a robot's name as specs keep it: that of a robot in a file with the hash of its content behind it.
 
-    So results of one file are not taken for those of another that has its name. Raises `InputError` for a file that has
-    changed since the name was stamped.
+    So results of one file are not taken for those of another that has its name.
     """
     description = load(name)
     if name in _FACTORIES or STAMPED.fullmatch(name) or not files.is_path(name):

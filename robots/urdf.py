@@ -43,10 +43,7 @@ MOVING = ("revolute", "prismatic")
 
 
 def read(source: str | Path) -> Element:
-    """Parse a URDF, a path or the XML itself, and return its `<robot>` element.
-
-    Raises `InputError` for a file that does not exist, `ModelError` for what is no URDF.
-    """
+    """Parse a URDF, a path or the XML itself, and return its `<robot>` element."""
     if not isinstance(source, (str, Path)):
         raise InputError(f"a URDF must be a path or the XML itself, as text, got {shown(source)}")
     text = str(source)
@@ -153,10 +150,7 @@ def moving_link_of(root: Element) -> dict[str, str]:
 
 
 def tidy(root: Element) -> list[str]:
-    """Settle in place what Pinocchio and MuJoCo would read differently; return the changes, one line each.
-
-    Raises `ModelError` for several roots, a joint of a type that is not supported or whose limits are empty.
-    """
+    """Settle in place what Pinocchio and MuJoCo would read differently; return the changes, one line each."""
     notes = _drop_world(root)
     _check_tree(root)
     notes += _rename_world(root)
@@ -201,10 +195,7 @@ def tidy(root: Element) -> list[str]:
 
 
 def lock(root: Element, positions: Mapping[str, float]) -> None:
-    """Fix joints of a tidied `<robot>` at given positions, joint → rad or m.
-
-    Raises `UnknownNameError` for no such moving joint, `InputError` for a position beyond the limits of the file.
-    """
+    """Fix joints of a tidied `<robot>` at given positions, joint → rad or m."""
     for name, value in positions.items():
         moving = joints(root, MOVING)
         joint = moving[choose("joint", name, moving)]
@@ -281,8 +272,7 @@ def set_limits(
 ) -> None:
     """Write limits into the joints of a tidied `<robot>`.
 
-    By joint: position (lower, upper), rad or m; velocity, rad/s or m/s; torque, Nm or N. Raises `UnknownNameError` for
-    no such moving joint, `InputError` for a limit that is none or not above zero, or an empty range.
+    By joint: position (lower, upper), rad or m; velocity, rad/s or m/s; torque, Nm or N.
     """
     moving = joints(root, MOVING)
     for what, values in (("velocity", velocity), ("torque", torque)):

@@ -224,8 +224,7 @@ def _broken_line(cell: NDArray[np.intp], mean: Array, forward: Array, settings: 
 def resample(x: ArrayLike, z: ArrayLike, settings: ScanSettings | None = None) -> Profile:
     """Return the profile of given points on a uniform grid, as `GroundScan` computes it from hits.
 
-    Places along the walking direction, in any order, and heights, NaN where unknown, have shape (n,), m. Raises
-    `InputError` for different shapes, a place that is not finite, or fewer than two samples.
+    Places along the walking direction, in any order, and heights, NaN where unknown, have shape (n,), m.
     """
     given = ScanSettings() if settings is None else settings
     places = finite_array("places of a profile (m)", x)

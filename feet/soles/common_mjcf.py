@@ -58,7 +58,7 @@ def add_foot_body(spec: mujoco.MjSpec, ankle_body: mujoco.MjsBody, side: str, fi
     """Weld the foot's body under the ankle, its frame the sole frame, with the force and torque sensors.
 
     MuJoCo measures the force between a body and its parent, so all geoms that touch the ground, and nothing of the
-    robot, must be on this body and its children. `InputError`: an unknown side, an ankle body of another name.
+    robot, must be on this body and its children.
     """
     choose("side", side, SIDES)
     if ankle_body.name != fit.sole.ankle_link:

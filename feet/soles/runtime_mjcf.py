@@ -42,8 +42,7 @@ class SoleStiffness:
         """Start at the stiffness that the model was compiled with; its `jnt_stiffness` is written from now on.
 
         Without an actuator the sole acts at once. `damping` is stiffness (Nm/rad) → damping of the hinges about the
-        transverse axis (Nms/rad) that goes with it; it does not change when None. `InputError`: a rigid foot, or one of
-        another model.
+        transverse axis (Nms/rad) that goes with it; it does not change when None.
         """
         if not foot.variable_joints:
             raise InputError(f"the {foot.side} foot is rigid: it has no stiffness to set")
@@ -96,10 +95,7 @@ class RangeFinder:
         sensor: RangeSensor | None = None,
         seed: int = 0,
     ) -> None:
-        """Look up the site; the geom group of the ground, 0 to 5, holds nothing else; a sensor is perfect when None.
-
-        `InputError`: no such group, or a foot of another model.
-        """
+        """Look up the site; the geom group of the ground, 0 to 5, holds nothing else; a sensor is perfect when None."""
         group = finite_scalar("geom group of the ground", ground_group, low=0, high=mujoco.mjNGROUP - 1)
         self._site = _id(model, mujoco.mjtObj.mjOBJ_SITE, foot.range_site)
         self._groups = np.zeros(mujoco.mjNGROUP, dtype=np.uint8)

@@ -35,10 +35,7 @@ class FeatureSet:
         self._power: Array = np.array(power)
 
     def __call__(self, values: ArrayLike) -> Array:
-        """Return the features, shape (…, n), of roughness parameters in the order of `PARAMETERS`, shape (…, 10).
-
-        Raises `InputError` for a wrong shape, NaN or infinity.
-        """
+        """Return the features, shape (…, n), of roughness parameters in the order of `PARAMETERS`, shape (…, 10)."""
         given = finite_array("roughness parameters", values)
         if given.ndim < 1 or given.shape[-1] != len(PARAMETERS):
             raise InputError(

@@ -167,11 +167,7 @@ def check_values(
     friction: Mapping[str, float],
     gains: Mapping[str, tuple[float, float]],
 ) -> None:
-    """Check the values that a description gives for single joints, each by the name of the joint.
-
-    Raises `UnknownNameError` for a joint that is not in the model, `InputError` for a value that is not finite,
-    negative or outside its limits.
-    """
+    """Check the values that a description gives for single joints, each by the name of the joint."""
     values = {"armature": (armature, " (kg m²)"), "damping": (damping, ""), "friction": (friction, "")}
     for what, (given, unit) in values.items():
         for name, value in given.items():

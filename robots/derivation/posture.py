@@ -38,9 +38,7 @@ def half_sitting(
     """Return the half-sitting position of every joint, in the order of the model.
 
     `given` has positions, rad or m, of some joints or none. Leg joints that are not given are solved for, their soles
-    at least `stance_width` apart, m; the others are zero, or as near to it as `INSIDE` allows. Raises
-    `UnknownNameError` for a joint that does not exist, `InputError` for a position outside its limits, `ModelError` for
-    legs that cannot stand so.
+    at least `stance_width` apart, m; the others are zero, or as near to it as `INSIDE` allows.
     """
     names = list(model.names)[2:]
     lower, upper = model.lowerPositionLimit[7:], model.upperPositionLimit[7:]

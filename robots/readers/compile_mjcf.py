@@ -18,8 +18,7 @@ def compiled_with_files(source: Any, *, meshes: bool) -> tuple[mujoco.MjModel, d
     """Return MuJoCo's compiled model of an MJCF, and the files of its meshes by their names.
 
     The source is the path of a file, the XML itself, an `MjSpec` (not changed) or an `MjModel` (returned as it is).
-    Without `meshes`, for a file that came without them, every body must give its inertia. Raises `InputError` for no
-    such file, or another kind of source, `ModelError` with MuJoCo's own words on one line where it refuses it.
+    Without `meshes`, for a file that came without them, every body must give its inertia.
     """
     if isinstance(source, mujoco.MjModel):
         return source, {}

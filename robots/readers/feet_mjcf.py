@@ -48,8 +48,7 @@ def find_soles(
     """Return the soles; `tree` gets a note for each rule that was used.
 
     Feet are named by body, site or geom; None for the two lowest ends of limbs. `size` is length and width, m, from the
-    geoms when None; `turn` the angle about z from the x axis of the root to where the robot looks, rad. Raises
-    `UnknownNameError` for a name that is none, `ModelError` without feet or geoms on them.
+    geoms when None; `turn` the angle about z from the x axis of the root to where the robot looks, rad.
     """
     data = mujoco.MjData(tree.model)
     _posture(tree, data)

@@ -74,8 +74,7 @@ def find_tree(model: mujoco.MjModel, root: str | None, lock: Mapping[str, float]
     """Return the robot in a compiled model.
 
     `root` is the body that floats; the one with a free joint and other joints below it when None. `lock` is joint →
-    position at which it is fixed, rad or m. Raises `UnknownNameError` for a name that is not there, `ModelError` for no
-    robot, several, a ball joint or a closed chain.
+    position at which it is fixed, rad or m.
     """
     number = _root(model, root)
     bodies = [b for b in range(1, model.nbody) if int(model.body_rootid[b]) == number]

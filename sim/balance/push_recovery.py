@@ -97,8 +97,7 @@ def largest_recovered(recovers: Callable[[float], bool], highest: float, resolut
     """Return the largest impulse with a recovery, found by bisection up to `highest`, Ns/kg; 0 if there was none.
 
     Bisection assumes that a robot that recovers from a push recovers from weaker ones, and from none. The result lies
-    within `resolution`, Ns/kg, of a change from recovery to fall. Raises `InputError` for a resolution that is not
-    below `highest`.
+    within `resolution`, Ns/kg, of a change from recovery to fall.
     """
     low, high = 0.0, highest
     if recovers(high):

@@ -85,11 +85,7 @@ class TrackTrial(Trial):
     walking: WalkingControl
 
     def __init__(self, clip: MotionClip, spec: TrackSpec | None = None, *, visuals: bool = False) -> None:
-        """Build robot, plant (see it for `visuals`) and controller; the robot stands as the feasible clip begins.
-
-        `UnknownNameError`: a clip of another robot; `InputError`: one in which it leaves the ground, or a foot that
-        does not fit.
-        """
+        """Build robot, plant (see it for `visuals`) and controller; the robot stands as the feasible clip begins."""
         self.spec = spec = spec or TrackSpec()
         robot, plant, observer = spec.build(visuals=visuals)
         q = clip.configurations(robot)[0]

@@ -273,10 +273,7 @@ class MujocoLoop(SimulatedRobot):
 
 
 def step_together(loops: Sequence[MujocoLoop], commands: Sequence[Command]) -> None:
-    """Advance robots in one simulation, loops of one model, data and period, by it, each under its command.
-
-    `InputError`: a command of the wrong shape or not finite, or negative gains; the simulation has not moved.
-    """
+    """Advance robots in one simulation, loops of one model, data and period, by it, each under its command."""
     for loop, command in zip(loops, commands, strict=True):
         loop.actuators.check(command)
     for loop, command in zip(loops, commands, strict=True):

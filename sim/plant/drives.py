@@ -68,11 +68,7 @@ class Drives:
         np.multiply(self._own[0], position, out=self.target)
 
     def read(self, command: Command) -> None:
-        """Check a command and compute its targets, for `follow`.
-
-        `InputError`: no command, a reference of the wrong shape or not finite, a velocity or gains without a position,
-        gains that are negative or not finite.
-        """
+        """Check a command and compute its targets, for `follow`."""
         if not isinstance(command, Command):
             raise InputError(f"a plant takes a Command, got {shown(command)}")
         position, velocity, torque = command.joint_position, command.joint_velocity, command.joint_torque

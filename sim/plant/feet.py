@@ -171,10 +171,7 @@ class FootDevices:
             ]
 
     def check(self, command: Array | None) -> None:
-        """Check a stiffness command, shape (number of soles,), Nm/rad; nothing changes.
-
-        Raises `InputError` for soles of fixed stiffness, a wrong shape, or a value outside the range of the actuator.
-        """
+        """Check a stiffness command, shape (number of soles,), Nm/rad; nothing changes."""
         if command is None:
             return
         if not self._variable:

@@ -95,10 +95,7 @@ class Grips:
         }
 
     def close(self, data: mujoco.MjData, hand: str, handle: str) -> None:
-        """Hold a handle where it is now; positions are up to date.
-
-        Raises `UnknownNameError` for no such hand or handle, `InputError` without handles, or out of the hand's reach.
-        """
+        """Hold a handle where it is now; positions are up to date."""
         self._check(hand)
         choose("handle", handle, self.handles)
         model = self._model

@@ -78,10 +78,7 @@ def build_model(
 
 
 def bare_spec(description: RobotDescription) -> mujoco.MjSpec:
-    """Return the links and joints of a robot with a free base, without drives, feet and sensors.
-
-    Raises `ModelError` if MuJoCo cannot use the description.
-    """
+    """Return the links and joints of a robot with a free base, without drives, feet and sensors."""
     try:
         spec = mujoco.MjSpec.from_string(description.urdf_without_geometry())
     except ValueError as error:
@@ -106,8 +103,7 @@ def equip(
 ) -> tuple[FootParts, ...]:
     """Add drives, feet, sensors and flaws to what `bare_spec` made; return one foot per sole, left first.
 
-    With `hands` wrists have force sensors, with `shapes` all links touch things. Raises `ModelError` if MuJoCo reads
-    other joints from the description than Pinocchio, `InputError` for a foot that does not fit.
+    With `hands` wrists have force sensors, with `shapes` all links touch things.
     """
     _add_servos(spec, description)
     feet = _add_feet(spec, robot, foot)
@@ -144,10 +140,7 @@ def compiled(spec: mujoco.MjSpec, name: str) -> mujoco.MjModel:
 
 
 def furniture(source: str | Path | mujoco.MjSpec | Scene) -> mujoco.MjSpec:
-    """Return the furniture of a scene, as a copy: a scene, its name, or MJCF as path, XML or specification.
-
-    Raises `UnknownNameError` for no scene of that name, `InputError` for things that MuJoCo cannot build, or drives.
-    """
+    """Return the furniture of a scene, as a copy: a scene, its name, or MJCF as path, XML or specification."""
     if isinstance(source, str) and source.replace("_", "").isalnum():
         source = make_scene(source)
     try:

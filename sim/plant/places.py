@@ -55,9 +55,7 @@ class RobotPlaces:
     ) -> None:
         """Find a robot in half-sitting; `names` is joint of the robot → joint of the model where they differ.
 
-        `feet` are bodies whose frames are the sole frames; those that carry the description's soles when empty. Raises
-        `UnknownNameError` for a joint that the model has not, `ModelError` without a free joint above the joints, or
-        for a joint elsewhere or about another axis than in the description.
+        `feet` are bodies whose frames are the sole frames; those that carry the description's soles when empty.
         """
         names = names or {}
         for name in names:
@@ -159,7 +157,6 @@ class RobotPlaces:
         """Return a sensor of the IMU: the one named, else the nearest that is fixed to the same body; None if none is.
 
         Returned are its first place in `sensordata`, and the rotation from its site to the IMU frame, None for none.
-        `UnknownNameError`: no such sensor; `InputError`: one of another kind or on another body.
         """
         model = self.model
         sensors = {model.sensor(i).name: i for i in range(model.nsensor)}
@@ -195,10 +192,7 @@ class RobotPlaces:
 
 
 def body_frame(name: str, robot: Robot) -> str:
-    """Return the link or frame of a robot by its name; "torso" and "base" stand for its torso and base frames.
-
-    `UnknownNameError`: neither a link nor a frame of the robot.
-    """
+    """Return the link or frame of a robot by its name; "torso" and "base" stand for its torso and base frames."""
     if robot.model.existFrame(name):
         return name
     alias = {"torso": robot.torso_frame, "base": robot.base_frame}

@@ -34,11 +34,7 @@ class Push:
 
     @staticmethod
     def at(body: int, frame: pin.SE3, force: ArrayLike, duration: float, point: ArrayLike | None) -> Push:
-        """Return a push at a point of a frame of a body, m; at the centre of mass of the body when None.
-
-        Raises `InputError` for a force (world, N) or point that is not three finite numbers, a duration (s) not above
-        zero.
-        """
+        """Return a push at a point of a frame of a body, m; at the centre of mass of the body when None."""
         attack = None if point is None else finite_array("point of attack (m)", point, (3,))
         return Push(
             body,

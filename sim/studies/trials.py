@@ -97,10 +97,7 @@ def register_trial(name: str, kind: TrialKind) -> None:
 
 
 def trial_from_json(data: Mapping[str, Any]) -> Any:
-    """Return the spec that its `to_json` wrote, of any kind; a walk without a kind.
-
-    `UnknownNameError`: an unknown kind; `InputError`: a value that cannot be used.
-    """
+    """Return the spec that its `to_json` wrote, of any kind; a walk without a kind."""
     return KINDS[data.get("kind", WalkSpec.kind)].read(data)
 
 

@@ -53,10 +53,7 @@ class GreyMap:
 
     @staticmethod
     def of(source: Any) -> GreyMap:
-        """Read a grey map from an array, or from the path of an image, a .npy or a .csv file.
-
-        `InputError`: not there, not readable, not grey, not finite, too small or of one brightness.
-        """
+        """Read a grey map from an array, or from the path of an image, a .npy or a .csv file."""
         if isinstance(source, GreyMap):
             return source
         if source is None:
