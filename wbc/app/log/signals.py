@@ -185,12 +185,12 @@ class Signals:
         return [read(tick) for read in self._objects]
 
 
-def of(find: Callable[[Tick], T | None]) -> Callable[[Callable[[T], Any]], Read]:
+def optional(find: Callable[[Tick], T | None]) -> Callable[[Callable[[T], Any]], Read]:
     """Return a function that makes signals of a part of a tick: None in ticks without that part."""
     return lambda read: lambda tick: None if (part := find(tick)) is None else read(part)
 
 
-def once(find: Callable[[Tick], T]) -> Callable[[Tick], T]:
+def cached(find: Callable[[Tick], T]) -> Callable[[Tick], T]:
     """Return a function that computes a value once a tick, for several signals."""
     last: list[Any] = [None, None]
 

@@ -2,7 +2,7 @@
 
 A new signal is one more line in the function of its object. `Signals.each` describes signals whose values are one
 array, `Signals.one` a number, truth value, text or list; the last argument of both reads the value from a `Tick`, None
-where there is none. Signals that share an intermediate result read it through `once`, which computes it once a tick.
+where there is none. Signals that share an intermediate result read it through `cached`, which computes it once a tick.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, cast
 import numpy as np
 import pinocchio as pin
 
-from wbc.app.log.signals import Read, Signals, Tick, of, once
+from wbc.app.log.signals import Read, Signals, Tick, cached, optional
 from wbc.core.conventions import configuration_from_mujoco, velocity_from_mujoco
 from wbc.core.drive.position import PositionControl
 from wbc.core.errors import Array
@@ -86,8 +86,8 @@ def _add_walk(signals: Signals, tick: Tick) -> None:
     """Describe phase and references of a walk; NaN and null without a reference."""
     one, group, feet = signals.one, signals.group, foot_names(tick.robot)
     told: list[Any] = []
-    planned = of(lambda t: t.reference)
-    of_walk = of(lambda t: None if t.reference is None else t.walking)
+    planned = optional(lambda t: t.reference)
+    of_walk = optional(lambda t: None if t.reference is None else t.walking)
 
     def events(walk: ReferenceControl) -> str | None:
         assert walk.reference is not None
@@ -97,7 +97,7 @@ def _add_walk(signals: Signals, tick: Tick) -> None:
             texts.append(f"fallen: {walk.fallen.value}")
         return "; ".join(texts) or None
 
-    next_step = of(once(of_walk(lambda w: next(iter(w.progress.upcoming), None))))
+    next_step = optional(cached(of_walk(lambda w: next(iter(w.progress.upcoming), None))))
     one("walk/phase", "1", "phase of the walk", planned(lambda r: r.phase.value), "text")
     one("walk/event", "1", "events of this tick, separated by ';'", of_walk(events), "text")
     one("walk/step", "1", "index of the step that swings, or swings next", planned(lambda r: r.step), "whole")
@@ -113,14 +113,14 @@ def _add_walk(signals: Signals, tick: Tick) -> None:
     about = "velocity that the planned footsteps give"
     group("drive/granted", VELOCITY, VELOCITY_UNITS, about, of_walk(lambda w: w.granted_velocity))
     if tick.walking is not None and tick.walking.ground is not None:
-        ground = of(lambda t: None if t.walking is None else t.walking.ground)
+        ground = optional(lambda t: None if t.walking is None else t.walking.ground)
         about = "what is not used of the ground, and why"
         one("ground/doubt", "1", about, ground(lambda g: g.status or None), "text")
         about = "ground known under the sole that stands, over that sole, at the last lift-off"
         one("ground/difference", "m", about, ground(lambda g: g.difference))
         about = "changes of what is known of the ground"
         one("ground/changes", "1", about, ground(lambda g: g.version), "whole")
-        seen = of(once(_seen))
+        seen = optional(cached(_seen))
         for axis, name in enumerate(XYZ):
             about = "known cells at the lift-off of a foot, world"
             one(f"ground/map/{name}", "m", about, seen(lambda p, axis=axis: p[:, axis]), "list")  # type: ignore[misc]
@@ -142,8 +142,8 @@ def _add_walk(signals: Signals, tick: Tick) -> None:
 def _add_stabilizer(signals: Signals, tick: Tick) -> None:
     """Describe the stabilizer of a walk; NaN in ticks without its output."""
     one, group = signals.one, signals.group
-    stabilized = of(lambda t: t.output)
-    of_walk = of(lambda t: None if t.reference is None else t.walking)
+    stabilized = optional(lambda t: t.output)
+    of_walk = optional(lambda t: None if t.reference is None else t.walking)
     lean = of_walk(lambda w: (0.0, 0.0) if w.lean is None else w.lean.angle)
     group("walk/lean", ("roll", "pitch"), "rad", "of the trunk, about x and y of the world", lean)
     bias = of_walk(lambda w: (0.0, 0.0) if w.bias is None else w.bias.bias)
@@ -206,7 +206,7 @@ def _add_motion(
 def _add_estimate(signals: Signals, tick: Tick) -> None:
     """Describe the estimated state of the robot and, in position control, the commanded base."""
     robot = cast(Robot, tick.estimate)
-    group, estimated = signals.group, of(lambda t: t.estimate)
+    group, estimated = signals.group, optional(lambda t: t.estimate)
 
     def base(state: Callable[[Tick], Any], name: str) -> None:
         pose: Read = lambda t: state(t).q[:7]  # noqa: E731
@@ -222,7 +222,7 @@ def _add_estimate(signals: Signals, tick: Tick) -> None:
     if isinstance(tick.drives, PositionControl):
         base(lambda t: t.drives, "base/commanded")
     if robot.soles and (tick.walking is None or tick.walking.stabilizer is None):  # a stabilizer has its own
-        balance = of(once(_balance))
+        balance = optional(cached(_balance))
         group("zmp/measured", XYZ, "m", "of the measured foot wrenches, world", balance(lambda b: b[0]))
         if tick.walking is None:
             group("dcm/estimated", XY, "m", "over the lower sole, world", balance(lambda b: b[1]))
@@ -326,7 +326,7 @@ def _add_solver(signals: Signals, tick: Tick) -> None:
     One that is taken out later has NaN from then on.
     """
     one = signals.one
-    solved = of(lambda t: t.solution)
+    solved = optional(lambda t: t.solution)
     one("solver/status", "1", "status of the QP", solved(lambda s: s.status.value), "text")
     one("solver/iterations", "1", "outer iterations", solved(lambda s: s.iterations), "whole")
     failures: Read = lambda t: 0 if t.drives is None else t.drives.failures  # noqa: E731
@@ -444,8 +444,8 @@ def _add_true_state(
     units: Sequence[str],
     limit: Array,
 ) -> None:
-    robot, group, found = tick.robot, signals.group, once(state)
-    true = of(found)
+    robot, group, found = tick.robot, signals.group, cached(state)
+    true = optional(found)
 
     base = "truth/base"
     _add_motion(signals, base, "base", "base frame", true(lambda s: s.q[:7]), true(lambda s: s.v[:6]))
@@ -473,9 +473,9 @@ def _add_stiffness(signals: Signals, task: StiffnessScheduler) -> None:
         last[0] = task.steps[-1]
         return last[0]
 
-    step = of(landed := once(find))
-    scan = of(lambda t: None if (done := landed(t)) is None else done.profile)
-    decision = of(lambda t: None if (done := landed(t)) is None else done.decision)
+    step = optional(landed := cached(find))
+    scan = optional(lambda t: None if (done := landed(t)) is None else done.profile)
+    decision = optional(lambda t: None if (done := landed(t)) is None else done.decision)
 
     one = signals.one
     one("stiffness/side", "1", "foot that landed", step(lambda s: s.side), "text")

@@ -15,9 +15,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from wbc.core.errors import InputError, check_parts, finite_scalar, shown
-from wbc.machine.conformance.body import IMU, SOLES, WRENCHES, imu, soles, wrenches
-from wbc.machine.conformance.joints import GAINS, JOINTS, TORQUES, commanded_gains, joints, torques
-from wbc.machine.conformance.session import Causes, Check, Session
+from wbc.machine.conformance.body import imu, soles, wrenches
+from wbc.machine.conformance.joints import commanded_gains, joints, torques
+from wbc.machine.conformance.session import Check, Session
 from wbc.machine.loop import Loop
 from wbc.robots import RobotDescription
 
@@ -28,21 +28,6 @@ LONGEST_PERIOD = 0.025
 
 LONGEST_DELAY = 0.2
 """Longest delay that can be stated, s: the way there and back of 0.1 s each, as a `wbc.sim.Machine` has at most."""
-
-SHAPES: Causes = {
-    "shapes": (
-        "joints, soles or hands that the description has not or the machine has not; first tick fails",
-    )
-}
-
-CLOCK: Causes = {
-    "clock": (
-        "the time stamp stands still or runs backwards",
-        "time stamps in milliseconds",
-        "the loop does not run at the rate that it states",
-        "time stamps jitter: those of the arrival, or samples are lost",
-    )
-}
 
 
 @dataclass(frozen=True)
@@ -100,10 +85,9 @@ def conformance(loop: Loop, *, delay: float = 0.0) -> ConformanceReport:
         "control period of the loop (s)", loop.control_period, low=0.0, high=LONGEST_PERIOD, open_low=True
     )
     session = Session(loop, delay)
-    for group, causes in CHECKS:
-        session.causes = causes
+    for group, names in CHECKS:
         why = session.lost if session.lost and group is not _clock else group(session)
-        for name in causes:
+        for name in names:
             if name not in session.checks:
                 session.unknown(name, why)
     return ConformanceReport(tuple(session.checks.values()))
@@ -122,7 +106,9 @@ def _shapes(s: Session) -> str:
             wrong.append(f"{name} is not made of floats")
         elif not (np.isfinite(array) | (name == "hand_wrenches" and np.isnan(array))).all():
             wrong.append(f"{name} is not finite")
-    s.check("shapes", "; ".join(wrong) or f"{s.robot.na} joints, {len(s.robot.soles)} soles", wrong)
+    found = "; ".join(wrong) or f"{s.robot.na} joints, {len(s.robot.soles)} soles"
+    cause = "joints, soles or hands that the description has not or the machine has not; first tick fails"
+    s.check("shapes", found, (wrong, cause))
     s.lost = "shapes are wrong" if wrong else ""
     return ""
 
@@ -136,23 +122,23 @@ def _clock(s: Session) -> str:
     s.check(
         "clock",
         f"{rate:.0f} Hz of {1e3 / period:.0f} Hz stated, period {mean:.3f} ms, worst {worst:.3f} ms off",
-        steps.min() < 0.0 or mean <= 0.0,
-        abs(mean / period - 1000.0) < 100.0,
-        not 0.95 < mean / period < 1.05,
-        worst >= 0.5 * period,
+        (steps.min() < 0.0 or mean <= 0.0, "the time stamp stands still or runs backwards"),
+        (abs(mean / period - 1000.0) < 100.0, "time stamps in milliseconds"),
+        (not 0.95 < mean / period < 1.05, "the loop does not run at the rate that it states"),
+        (worst >= 0.5 * period, "time stamps jitter: those of the arrival, or samples are lost"),
     )
     return ""
 
 
-CHECKS: tuple[tuple[Callable[[Session], str], Causes], ...] = (
-    (_shapes, SHAPES),
-    (joints, JOINTS),
-    (torques, TORQUES),
-    (imu, IMU),
-    (wrenches, WRENCHES),
-    (soles, SOLES),
-    (commanded_gains, GAINS),  # late: a robot may fall by it
-    (_clock, CLOCK),
+CHECKS: tuple[tuple[Callable[[Session], str], tuple[str, ...]], ...] = (
+    (_shapes, ("shapes",)),
+    (joints, ("joint order", "joint motion", "joint velocity", "fresh", "delay", "joint zero")),
+    (torques, ("torque", "velocity reference", "measured torque")),
+    (imu, ("accelerometer", "gyroscope", "IMU frame")),
+    (wrenches, ("weight", "sides", "wrench frame")),
+    (soles, ("soles",)),
+    (commanded_gains, ("commanded gains",)),  # late: a robot may fall by it
+    (_clock, ("clock",)),
 )
-"""Groups of checks in the order in which one depends on the others, with their causes; a group returns why those of its
-checks that it has not made cannot be made."""
+"""Groups of checks in the order in which one depends on the others, with their names; a group returns why those that it
+has not made cannot be made."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, Literal
 
@@ -19,9 +19,8 @@ from wbc.machine.loop import Loop
 UNIT = 57.2958
 """Degrees in a radian."""
 
-Causes = Mapping[str, tuple[str, ...]]
-"""Checks of a group → probable causes of a wrong result, each with its symptom in a controller; the first that holds
-is told."""
+Cause = tuple[object, str]
+"""Condition, and the probable cause of a wrong result where it holds, with its symptom in a controller."""
 
 Record = dict[str, Array]
 """Signals of one motion by their name in a `Measurement`, one row a control period, NaN where nothing is measured."""
@@ -59,7 +58,7 @@ class Session:
         free: Joints beside the legs: what acts on them moves them.
         jolt: A tenth of the torque limits of these joints, of all joints where there are none, shape (na,), Nm.
         shapes: Shape of each signal of a measurement.
-        checks: Results so far by the names of the checks; causes: those of the present group of checks.
+        checks: Results so far by the names of the checks.
         records: All motions so far; rest: the first, half-sitting held.
         lost: Reason why no further check can be made; empty while they can.
         standing: True if the robot stands, by its force sensors or else by the torques of its joints.
@@ -86,13 +85,12 @@ class Session:
         wrenches = {"sole_wrench": (len(robot.soles), 6), "hand_wrenches": (len(robot.frames), 6)}
         self.shapes: dict[str, tuple[int, ...]] = {"time": (), **joints, **imu, **wrenches}
         self.checks: dict[str, Check] = {}
-        self.causes: Causes = {}
         self.records: list[Record] = []
         self.lost = ""
 
-    def check(self, name: str, found: str, *wrong: object) -> None:
-        """Add a check, which is wrong for the first of its causes whose condition, one each, holds."""
-        cause = next((text for text, holds in zip(self.causes[name], wrong, strict=True) if holds), "")
+    def check(self, name: str, found: str, *causes: Cause) -> None:
+        """Add a check, which is wrong by the first of its causes that holds."""
+        cause = next((text for holds, text in causes if holds), "")
         self.checks[name] = Check(name, "wrong" if cause else "ok", found, cause)
 
     def unknown(self, name: str, why: str) -> None:
