@@ -46,8 +46,8 @@ napoleon_numpy_docstring = False
 napoleon_use_ivar = True
 napoleon_preprocess_types = False
 
-TABLES = re.compile(r"^<!-- (?:settings of ([\w.]+)(?: as (\w+))?|commands|studies) -->$", re.MULTILINE)
-"""Comments in whose place tables are put: of a tree of settings, of all commands, of all studies."""
+TABLES = re.compile(r"^<!-- (?:settings of ([\w.]+)(?: as (\w+))?|commands|grounds|studies) -->$", re.MULTILINE)
+"""Comments in whose place tables are put: of a tree of settings, of all commands, grounds, studies."""
 
 PAPER = re.compile(r"\]\((\.\./examples/paper/README\.md)(?:#[\w-]+)?\)")
 
@@ -70,6 +70,13 @@ def _tables(match: re.Match[str]) -> str:
 
         rows = [f"| `{each['name']}` | {each['about']} |" for each in map(study_facts, STUDIES)]
         return "\n".join(["| Study | Question |", "|---|---|", *rows])
+    if "grounds" in match[0]:
+        import wbc.sim.terrain  # noqa: PLC0415, F401 - makes the families known
+        from wbc.sim.terrain.families.base import terrain_families  # noqa: PLC0415
+
+        rows = [f"| `{name}` | {inspect.getdoc(kind)} |" for name, kind in terrain_families().items()]
+        rows = [row.partition("\n")[0].rstrip(" |") + " |" for row in rows]
+        return "\n".join(["| Family | |", "|---|---|", *rows])
     from wbc.app.cli import make_app  # noqa: PLC0415
 
     text = make_app(None).generate_docs(heading_level=2, flatten_commands=True)
