@@ -46,7 +46,9 @@ napoleon_numpy_docstring = False
 napoleon_use_ivar = True
 napoleon_preprocess_types = False
 
-TABLES = re.compile(r"^<!-- (?:settings of ([\w.]+)(?: as (\w+))?|commands|grounds|studies) -->$", re.MULTILINE)
+TABLES = re.compile(
+    r"^<!-- (?:settings of ([\w.]+)(?: as (\w+))?|commands|grounds|studies) -->$", re.MULTILINE
+)
 """Comments in whose place tables are put: of a tree of settings, of all commands, grounds, studies."""
 
 PAPER = re.compile(r"\]\((\.\./examples/paper/README\.md)(?:#[\w-]+)?\)")
