@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import itertools
-from typing import Unpack
 
 import numpy as np
 import pinocchio as pin
@@ -15,15 +14,13 @@ from task_factory import ROBOTS, integrate, left_hand, make_robot, standing
 from wbc.core.errors import Array, InputError
 from wbc.core.qp.contact import (
     Contact,
-    ContactOptions,
     FixedContact,
     PointContact,
     SoleContact,
     friction_pyramid,
     rectangle_wrench_cone,
 )
-from wbc.core.qp.controller import Controller
-from wbc.tasks import CoMTask, PostureTask, check_rows
+from wbc.tasks import CoMTask, check_rows
 
 robots = pytest.mark.parametrize("name", by_default(ROBOTS, "hrp4_class"))
 RECTANGLES = [(0.1, 0.05, 0.7), (0.05, 0.1, 0.25), (0.12, 0.065, 1.3)]
@@ -168,51 +165,6 @@ def test_point_contact_holds_its_point_and_pushes_from_the_surface(normal: tuple
         total = total + robot.placement(sole.frame).rotation @ solution.wrenches[sole.name][:3]
     pin.centerOfMass(robot.model, data, robot.q, robot.v, solution.accelerations)
     np.testing.assert_allclose(total, robot.mass * (data.acom[0] + [0, 0, 9.80665]), atol=1e-4)
-
-
-def test_options_that_are_assigned_act_in_the_next_tick_as_those_given_at_the_start() -> None:
-    options: ContactOptions = {
-        "min_force": 30.0,
-        "max_force": 120.0,
-        "stiffness": 40.0,
-        "damping": 3.0,
-        "wrench_weight": 1e-4,
-    }
-
-    def shaken(**given: Unpack[ContactOptions]) -> tuple[Controller, SoleContact]:
-        robot = make_robot("g1")
-        controller = Controller(robot, 0.002)
-        contact = controller.add(SoleContact("left_foot", **given))
-        controller.add(SoleContact("right_foot"), PostureTask(), CoMTask())
-        moved = pin.integrate(robot.model, robot.q, np.full(robot.nv, 0.01))
-        robot.update(moved, np.full(robot.nv, 0.02))
-        return controller, contact
-
-    controller, contact = shaken()
-    before = controller.solve().variables
-    for name, value in options.items():
-        setattr(contact, name, value)
-    after, expected = controller.solve(), shaken(**options)[0].solve()
-    assert after.ok and abs(after.variables - before).max() > 1.0
-    np.testing.assert_allclose(after.variables, expected.variables, atol=1e-6)
-    assert after.wrenches["left_foot"][2] == pytest.approx(120.0, abs=1e-4)
-    contact.damping = None
-    assert contact.damping == pytest.approx(2.0 * np.sqrt(40.0))
-    contact.stiffness = 9.0
-    assert contact.damping == pytest.approx(6.0)
-    names = ("min_force", "max_force", "stiffness", "friction", "margin")
-    before = [np.array(getattr(contact, name)) for name in names]
-    wrong = {"min_force": 120.0, "max_force": 30.0, "stiffness": float("nan"), "friction": 0.0, "margin": 1.0}
-    for name, value in wrong.items():
-        with pytest.raises(InputError, match="left_foot"):
-            setattr(contact, name, value)
-    for name, value in zip(names, before, strict=True):
-        np.testing.assert_array_equal(getattr(contact, name), value)
-
-
-def test_shear_weight_and_moments_of_a_usual_size_cost_about_the_same() -> None:
-    usual = np.array([100.0, 100.0, 300.0, 10.0, 10.0, 10.0])  # N, Nm
-    np.testing.assert_allclose(SoleContact("left_foot").wrench_weight * usual**2, 0.1, rtol=0.15)
 
 
 def test_friction_and_margin_that_are_assigned_bound_the_next_wrench() -> None:

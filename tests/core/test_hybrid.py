@@ -83,50 +83,6 @@ def test_feedforward_and_servos_together_keep_the_torque_limits(seed: int) -> No
     assert set(gate.faults) == {robot.joint_names[i] for i in (most > limit).nonzero()[0]}
 
 
-def test_torques_with_what_servos_add_give_way_before_the_gains_do() -> None:
-    """Joint by joint: torque and servo torque of a command in shares of the limit, and what is sent of both."""
-    robot = G1.robot()
-    gate, limit, na = CommandGate(robot, DT), robot.torque_limit, robot.na
-    zero, position, velocity = np.zeros(na), robot.half_sitting[7:], np.linspace(-1.0, 1.0, na)
-    asked = np.zeros((2, na))
-    asked[:, :9] = [
-        [0.2, 0.5, 3.0, 0.0, 0.0, -1.2, 2.0, -0.5, 1.0],
-        [0.5, 0.9, 0.0, 1.5, -3.0, 0.1, -2.5, -1.0, 0.0],
-    ]
-    sent = np.zeros((2, na))
-    sent[:, :9] = [
-        [0.2, 0.1, 1.0, -0.5, 1.0, -1.0, 1.0, 0.0, 1.0],
-        [0.5, 0.9, 0.0, 1.5, -2.0, 0.1, -2.0, -1.0, 0.0],
-    ]
-    kp, kd = np.full(na, 40.0), np.full(na, 2.0)
-    # Half of the servo torque by position, the rest by velocity.
-    to = position + 0.5 * asked[1] * limit / kp, velocity + 0.5 * asked[1] * limit / kd
-    passed = gate.admit(Command(asked[0] * limit, *to, kp=kp, kd=kd), (position, velocity))
-    servo = passed.kp * (to[0] - position) + passed.kd * (to[1] - velocity)
-    np.testing.assert_allclose(passed.joint_torque / limit, sent[0], atol=1e-12)
-    np.testing.assert_allclose(servo / limit, sent[1], atol=1e-12)
-    np.testing.assert_allclose(passed.kp / kp, passed.kd / kd)
-    # A command without a velocity reference brakes; one without gains, or with servos off, is clipped alone.
-    braked = gate.admit(Command(zero, position, kp=kp, kd=kd * limit), (position, np.full(na, 1.0)))
-    np.testing.assert_allclose(braked.joint_torque, limit), np.testing.assert_allclose(braked.kd, 2.0 * limit)
-    for beyond, clipped in ((1.0 + 0.9e-6, False), (1.0 + 1.1e-6, True), (-1.0 - 1.1e-6, True)):
-        whole = Command(beyond * limit)
-        gone = gate.admit(whole, (position, velocity))
-        assert (gone is not whole) == clipped
-        np.testing.assert_allclose(
-            gone.joint_torque, (np.sign(beyond) if clipped else beyond) * limit, rtol=1e-15
-        )
-    for good in (Command(0.9 * limit, position, kp=kp, kd=kd), Command(zero, to[0])):
-        assert gate.admit(good, (position, zero)) is good
-    for bad in (
-        Command(np.full(na, np.nan)),
-        Command(zero, position, zero, kp=-kp, kd=zero),
-        Command(zero[:3]),
-    ):
-        with pytest.raises(InputError):
-            gate.admit(bad, (position, zero))
-
-
 def test_what_leaves_a_gate_is_nearest_to_what_was_asked_and_what_was_cut_is_counted() -> None:
     """Wrong numbers become no torque, no speed and the last reference; a posture out of range comes back in steps."""
     robot = G1.robot()

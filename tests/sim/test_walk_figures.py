@@ -101,36 +101,6 @@ def test_a_fall_begins_where_the_dcm_left_for_good_and_is_told_from_the_stance_f
     assert walk.meter.fall("height").cause == "dropped"
 
 
-def test_errors_effort_and_work_are_means_and_sums_over_ticks() -> None:
-    walk = MadeUpWalk()
-    rows = (
-        ((3.0, -4.0), (2.0, -5.0), (0.003, 0.004), (0.06, 0.08), (0.0, -0.02)),
-        ((-6.0, 36.0), (-1.0, 0.5), (0.0, -0.01), (0.0, 0.0), (0.03, 0.04)),
-        ((1.0, 2.0), (0.0, 0.0), (float("nan"), 0.0), (0.0, 0.04), (0.0, 0.0)),  # in the air there is no ZMP
-    )
-    for torque, velocity, zmp, com, dcm in rows:
-        walk.plant.joint_torque, walk.plant.joint_velocity = np.array(torque), np.array(velocity)
-        walk.tick(dcm, zmp=zmp, com=com)
-    walk.meter.tick(SimpleNamespace(measurement=None))  # type: ignore[arg-type]  # the same reference: no new tick
-    figures = walk.meter.figures()
-    assert walk.meter.work == pytest.approx((3.0 * 2.0 + 4.0 * 5.0 + 6.0 * 1.0 + 36.0 * 0.5) * 0.01)
-    assert (figures["peak_torque_joint"], figures["peak_torque_ratio"]) == ("knee", pytest.approx(0.9))
-    for name, values in (
-        ("torque_ratio", (0.3, 0.9, 0.1)),
-        ("zmp_error", (0.005, 0.01)),
-        ("com_error", (0.1, 0.0, 0.04)),
-        ("dcm_error", (0.02, 0.05, 0.0)),
-    ):
-        assert (figures[name].mean, figures[name].std) == pytest.approx((np.mean(values), np.std(values))), (
-            name
-        )
-    assert figures["dcm_error_max"] == pytest.approx(0.05)
-    nothing = MadeUpWalk().meter.figures()
-    assert (
-        nothing["zmp_error"].mean is None and nothing["dcm_error_max"] is None and nothing["impact"] is None
-    )
-
-
 def test_an_impact_is_the_greatest_force_on_the_landing_foot_around_its_touch_down() -> None:
     walk, weight = MadeUpWalk(), 50.0 * 9.80665
     forces = np.zeros((40, 2))

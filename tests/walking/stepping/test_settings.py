@@ -8,38 +8,9 @@ from task_factory import ROBOTS, make_robot
 
 from wbc.core.errors import InputError
 from wbc.core.robot import GRAVITY
-from wbc.walking.stepping.law import SteppingConstants
-from wbc.walking.stepping.settings import RobotSize, SteppingSettings, in_si
+from wbc.walking.stepping.settings import RobotSize, SteppingSettings
 
 SCALE = RobotSize(height=0.6, leg=0.62, mass=33.0, sole=(0.105, 0.03), ankle=0.03)
-
-
-def test_lengths_times_and_forces_are_those_of_the_robot() -> None:
-    si = SteppingSettings(
-        step_time=1.5,
-        reach=0.5,
-        fastest=0.4,
-        acceleration=0.02,
-        bend=0.2,
-        friction=0.4,
-        width=0.4,
-        gap=0.1,
-    ).in_si(SCALE)
-    omega, weight = np.sqrt(GRAVITY / 0.6), 33.0 * GRAVITY
-    assert si.step_time == pytest.approx(1.5 / omega)
-    assert si.reach == pytest.approx(0.5 * 0.6)
-    assert si.fastest == pytest.approx(0.4 * 0.6 * omega)
-    assert si.acceleration == pytest.approx(0.02 * GRAVITY)
-    assert si.bend == pytest.approx(0.2 * 0.62)
-    assert si.friction == 0.4, "ratios stay"
-    law, given = in_si(SteppingConstants(), SCALE), SteppingConstants()
-    assert law.haste == pytest.approx(given.haste * omega) and law.apex == given.apex
-    assert law.carrying == pytest.approx(given.carrying * 0.03)
-    assert law.box == pytest.approx((given.box[0] * 0.21, given.box[1] * 0.06))
-    assert law.met == pytest.approx(given.met * weight)
-    assert law.shift_gains == pytest.approx((given.shift_gains[0] * omega**2, given.shift_gains[1] * omega))
-    assert si.width == pytest.approx(0.4 * 0.6)
-    assert si.gap == pytest.approx(0.06 + 0.1 * 0.6), "distance of the feet whose soles are a gap apart"
 
 
 @pytest.mark.parametrize(
