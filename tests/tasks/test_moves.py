@@ -162,10 +162,7 @@ def test_a_reference_keeps_its_speed_and_acceleration_and_arrives(goal: tuple[fl
     "make",
     [
         lambda: Trajectory([[0.0], [1.0]]),
-        lambda: Trajectory([[0.0], [1.0]], 0.0),
-        lambda: Trajectory([[0.0], [1.0]], speed=[1.0, 2.0]),
         lambda: Trajectory([[0.0], [1.0]], 1.0, speed=1.0),
-        lambda: Trajectory([[0.0]], 1.0),
         lambda: Trajectory([[0.0], [1.0, 2.0]], 1.0),
         lambda: Trajectory([[0.0], [1.0], [1.0]], 1.0),
         lambda: Trajectory([[0.0], [float("nan")]], 1.0),
