@@ -96,11 +96,7 @@ INPUTS: list[tuple[list[str], str]] = [
 ]
 """Command that ends in the option of a file to write, and a file that it reads."""
 
-ENDINGS = {
-    "view": ".rrd",
-    "--key": ".json",
-    "walk": ".arrow",
-}
+ENDINGS = {"view": ".rrd", "--key": ".json", "walk": ".arrow"}
 
 
 @pytest.mark.parametrize(

@@ -17,13 +17,7 @@ import wbc
 from wbc.app.cli import main
 from wbc.app.log.reader import Log
 from wbc.app.log.recorder import Recorder
-from wbc.app.log.stances import (
-    SIDES,
-    Drift,
-    sole_sizes,
-    stances,
-    support_box,
-)
+from wbc.app.log.stances import SIDES, Drift, sole_sizes, stances, support_box
 from wbc.app.plot.figures import draw, missing
 from wbc.app.plot.output import save
 from wbc.app.plot.signals import draw_signals, select

@@ -13,12 +13,7 @@ from scipy.spatial.transform import Rotation
 from wbc.core.errors import InputError
 from wbc.feet import Foot, FootParts, RangeSensor, StiffnessActuator, foot
 from wbc.feet.soles.common_mjcf import RANGE_OFFSET
-from wbc.feet.soles.contact import (
-    LOOP_CLOSURE,
-    SOLE_GROUND,
-    ConstraintLaw,
-    solver_parameters,
-)
+from wbc.feet.soles.contact import LOOP_CLOSURE, SOLE_GROUND, ConstraintLaw, solver_parameters
 from wbc.feet.soles.runtime_mjcf import GroundContacts, RangeFinder, SoleProbe, SoleStiffness
 from wbc.feet.soles.sole import SoleGeometry
 from wbc.sim.plant.settings import PhysicsSettings

@@ -12,12 +12,7 @@ from properties import examples
 from scipy import signal, stats
 
 from wbc.feet.soles.rigid import SOFT_LENGTH
-from wbc.feet.stiffness.roughness import (
-    PARAMETERS,
-    RoughnessSettings,
-    low_pass,
-    roughness,
-)
+from wbc.feet.stiffness.roughness import PARAMETERS, RoughnessSettings, low_pass, roughness
 from wbc.sim.terrain.spec import terrain
 
 STEP = 0.007

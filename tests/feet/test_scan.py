@@ -13,12 +13,7 @@ from properties import examples
 
 from wbc.core.errors import InputError
 from wbc.feet import foot
-from wbc.feet.sensing.scan import (
-    PROFILE_STEP,
-    GroundScan,
-    ScanSettings,
-    resample,
-)
+from wbc.feet.sensing.scan import PROFILE_STEP, GroundScan, ScanSettings, resample
 from wbc.feet.soles.soft import toe_sensor
 from wbc.feet.soles.sole import SoleGeometry
 

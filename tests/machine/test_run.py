@@ -47,11 +47,7 @@ class SimulatedMachine(Driver):
     """A machine in simulated time, on the ground, that can fall silent."""
 
     def __init__(
-        self,
-        clock: SimulatedTime,
-        q: np.ndarray | None = None,
-        *,
-        torques: bool | None = None,
+        self, clock: SimulatedTime, q: np.ndarray | None = None, *, torques: bool | None = None
     ) -> None:
         self.description = DESCRIPTION
         sensors = None if torques is None else Machine(force_sensors=False, torque_sensors=torques)
@@ -286,10 +282,6 @@ def test_a_machine_that_sends_nothing_of_this_robot_is_not_started() -> None:
 
 
 # ---- processes that are killed ---------------------------------------------------------------------------------------
-
-
-ATTEMPTS = 6
-"""A machine may take the processors away from any program, a virtual one above all: one attempt must be in time."""
 
 
 @pytest.fixture

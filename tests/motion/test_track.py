@@ -17,13 +17,7 @@ from wbc import load_robot
 from wbc.app.cli import main
 from wbc.core.conventions import rotation_of
 from wbc.core.robot import GRAVITY, Robot
-from wbc.motion import (
-    MotionClip,
-    MotionSource,
-    check_motion,
-    make_feasible,
-    write_motion,
-)
+from wbc.motion import MotionClip, MotionSource, check_motion, make_feasible, write_motion
 from wbc.motion.feasible import _balanced, _straightened, supports_on
 from wbc.motion.inverse_kinematics import inverse_kinematics
 from wbc.motion.kinematics import BodyMotion

@@ -11,15 +11,7 @@ import pytest
 from mjcf_biped import biped
 
 from wbc.core.errors import InputError, UnknownNameError
-from wbc.robots import (
-    FrameDescription,
-    RobotDescription,
-    ServoRule,
-    SoleDescription,
-    files,
-    load,
-    registry,
-)
+from wbc.robots import FrameDescription, RobotDescription, ServoRule, SoleDescription, files, load, registry
 
 SOLE = {"link": "left_foot", "translation": [0.03, 0.0, -0.07], "length": 0.2, "width": 0.1}
 

@@ -47,10 +47,7 @@ def cases(names: Iterable[str], quick: Callable[[str, str], bool]) -> list[Any]:
     ]
 
 
-@pytest.mark.parametrize(
-    ("name", "task", "mode"),
-    cases(faults(), lambda *case: case in QUICK),
-)
+@pytest.mark.parametrize(("name", "task", "mode"), cases(faults(), lambda *case: case in QUICK))
 def test_one_faulty_tick_does_no_harm(name: str, task: str, mode: str) -> None:
     report = run(task, mode, name, lasting=False)
     assert report.raised is None and report.wild is None

@@ -19,17 +19,8 @@ from wbc.core.errors import InputError
 from wbc.feet import foot
 from wbc.feet.soles.rigid import RigidFoot
 from wbc.robots import RobotDescription, load, names
-from wbc.sim.balance.push_recovery import (
-    StandPushSpec,
-    push_standing,
-)
-from wbc.sim.balance.standing import (
-    MODES,
-    StandSpec,
-    StandTrial,
-    centre_of_pressure,
-    stand,
-)
+from wbc.sim.balance.push_recovery import StandPushSpec, push_standing
+from wbc.sim.balance.standing import MODES, StandSpec, StandTrial, centre_of_pressure, stand
 from wbc.sim.plant.feet import with_feet
 from wbc.sim.plant.plant import Plant
 from wbc.sim.trial.falls import LARGEST_TILT, LOWEST_SHARE, TrueFallDetector

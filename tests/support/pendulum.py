@@ -23,11 +23,7 @@ def com_after(com: Array, velocity: Array, zmp: Array, omega: float, time: float
     return zmp + c * (com - zmp) + s / omega * velocity, omega * s * (com - zmp) + c * velocity
 
 
-def analytic_pattern(
-    supports: Sequence[SupportPhase],
-    height: float,
-    start: Pendulum,
-) -> Pattern:
+def analytic_pattern(supports: Sequence[SupportPhase], height: float, start: Pendulum) -> Pattern:
     """Return the plan whose ZMP rests under the stance feet, from any state of the pendulum.
 
     One more knot in the middle of the first support gives the DCM its present value; unlike in the preview controller

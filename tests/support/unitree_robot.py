@@ -10,14 +10,7 @@ import json
 import numpy as np
 
 from wbc.core.signals import Command, Measurement
-from wbc.machine.unitree.dds import (
-    COMMAND_TOPIC,
-    REQUEST_TOPIC,
-    RESPONSE_TOPIC,
-    STATE_TOPIC,
-    Topics,
-    message,
-)
+from wbc.machine.unitree.dds import COMMAND_TOPIC, REQUEST_TOPIC, RESPONSE_TOPIC, STATE_TOPIC, Topics, message
 from wbc.machine.unitree.switch import CHECK, RELEASE, SELECT
 from wbc.machine.unitree.wire import ENABLED, LOW_CMD, LOW_STATE, intact, motor_index, sealed
 from wbc.robots import RobotDescription

@@ -10,12 +10,7 @@ OMEGA = 3.4
 
 
 def closed_loop(
-    settings: BiasSettings,
-    bias: np.ndarray,
-    *,
-    seconds: float,
-    dt: float = 0.005,
-    yaw: float = 0.0,
+    settings: BiasSettings, bias: np.ndarray, *, seconds: float, dt: float = 0.005, yaw: float = 0.0
 ) -> np.ndarray:
     """Stand with DCM feedback on a measured DCM that is off by a bias fixed to the robot; return the local biases."""
     estimator, dcm = BiasEstimator(settings), np.zeros(2)

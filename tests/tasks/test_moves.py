@@ -53,10 +53,7 @@ TASKS: dict[str, tuple[Callable[[Robot], Any], Callable[[Any, Robot], Any]]] = {
         lambda robot: RelativeFrameTask(left_hand(robot), right_hand(robot), weight=100.0),
         lambda now, _: moved(now),
     ),
-    "yielding": (
-        lambda robot: ImpedanceTask(left_hand(robot), weight=100.0),
-        lambda now, _: moved(now),
-    ),
+    "yielding": (lambda robot: ImpedanceTask(left_hand(robot), weight=100.0), lambda now, _: moved(now)),
     "posture": (
         lambda robot: PostureTask(name="arm", joints=arm(robot), weight=100.0),
         lambda now, robot: {arm(robot)[0]: now[0] + 0.2},

@@ -342,11 +342,7 @@ def test_it_mirrors() -> None:
 
 
 def test_filters_are_exact_at_any_period() -> None:
-    for make in (
-        lambda: LowPass(0.3, 1),
-        lambda: Average(0.3, 10.0, 1),
-        lambda: LeakyIntegral(0.5, 10.0, 1),
-    ):
+    for make in (lambda: LowPass(0.3, 1), lambda: Average(0.3, 10.0, 1), lambda: LeakyIntegral(0.5, 10.0, 1)):
         values = []
         for dt in (0.1, 0.01):
             f = make()

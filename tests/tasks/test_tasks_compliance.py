@@ -16,14 +16,7 @@ from wbc.core.qp.contact import SoleContact
 from wbc.core.qp.controller import Controller
 from wbc.core.robot import Robot, Sole
 from wbc.core.signals import Measurement
-from wbc.tasks import (
-    AdmittanceTask,
-    ComplianceTask,
-    CoMTask,
-    ImpedanceTask,
-    PoseTask,
-    PostureTask,
-)
+from wbc.tasks import AdmittanceTask, ComplianceTask, CoMTask, ImpedanceTask, PoseTask, PostureTask
 
 FORCE_STIFFNESS, MOMENT_STIFFNESS = 2e4, 300.0
 TARGET = np.array([15.0, -4.0, 30.0, 1.0, -2.0, 0.5])

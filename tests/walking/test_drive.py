@@ -14,14 +14,7 @@ from pendulum import BY_TIME
 
 from wbc.core.settings import from_json, to_json
 from wbc.robots import load
-from wbc.walking import (
-    FootstepPlan,
-    Gait,
-    StepGait,
-    WalkingControl,
-    WalkingControlSettings,
-    walk_distance,
-)
+from wbc.walking import FootstepPlan, Gait, StepGait, WalkingControl, WalkingControlSettings, walk_distance
 from wbc.walking.contact import GaitPhase
 from wbc.walking.lipm import LipmWalk
 from wbc.walking.planning.reach import Reach, bent_height, check_plan
@@ -133,10 +126,7 @@ def test_a_steered_walk_goes_where_it_is_told_and_its_references_never_jump() ->
         assert np.linalg.norm(q.zmp - p.zmp) < 0.02, "the ZMP moves at most a foot in a tenth of a second"
 
 
-@pytest.mark.parametrize(
-    ("when", "speed"),
-    [(0.3, 0.3), (3.05, 0.15), (4.6, 0.3)],
-)
+@pytest.mark.parametrize(("when", "speed"), [(0.3, 0.3), (3.05, 0.15), (4.6, 0.3)])
 def test_it_stands_within_two_steps(when: float, speed: float) -> None:
     """Whatever the phase in which the stop comes, the step that has begun included."""
     stage = Stage()

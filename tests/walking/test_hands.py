@@ -17,13 +17,7 @@ from wbc.core.robot import GRAVITY
 from wbc.robots import load
 from wbc.sim import Plant, SensorNoise, SignalNoise, Trial, make_scene
 from wbc.tasks.stabilizer.zmp import zmp_offset
-from wbc.walking import (
-    FootstepPlan,
-    HandSettings,
-    SteppingControl,
-    WalkingControl,
-    WalkingControlSettings,
-)
+from wbc.walking import FootstepPlan, HandSettings, SteppingControl, WalkingControl, WalkingControlSettings
 from wbc.walking.hands.hand import Hand, HandState
 from wbc.walking.hands.hands import Hands
 from wbc.walking.hands.motion import FOLLOW, Follower, MovingFrame

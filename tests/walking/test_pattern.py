@@ -21,13 +21,7 @@ from wbc.walking.pattern.preview import PreviewController, PreviewSettings
 from wbc.walking.planning.footsteps import Footstep, FootstepPlan
 from wbc.walking.planning.gait import Gait
 from wbc.walking.planning.planners import climb_stairs, walk_distance, walk_velocity
-from wbc.walking.planning.schedule import (
-    SupportPhase,
-    ZmpTarget,
-    schedule,
-    support_area,
-    zmp_reference,
-)
+from wbc.walking.planning.schedule import SupportPhase, ZmpTarget, schedule, support_area, zmp_reference
 
 START = FootstepPlan(Footstep("left", 0.0, 0.0875), Footstep("right", 0.0, -0.0875), (), Gait())
 SIZES = ((0.16, 0.076), (0.16, 0.076))

@@ -74,13 +74,7 @@ def test_small_flat_feet_walk_over_stones_of_40_mm() -> None:
     """At least 5 of 6 grounds, blind, with noise: without the swap that waits, or at fixed times, most walks fall."""
     outcomes = [
         walk(
-            law="stepping",
-            robot="g1",
-            foot="flat",
-            terrain="stones",
-            amplitude=0.04,
-            seed=seed,
-            distance=3.0,
+            law="stepping", robot="g1", foot="flat", terrain="stones", amplitude=0.04, seed=seed, distance=3.0
         ).outcome
         for seed in range(40, 46)
     ]

@@ -10,18 +10,7 @@ import pinocchio as pin
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from point_mass import (
-    MIRROR,
-    SCALE,
-    Frames,
-    PointMass,
-    Tick,
-    angle,
-    mirrored,
-    mirrored_input,
-    moved,
-    scaled,
-)
+from point_mass import MIRROR, SCALE, Frames, PointMass, Tick, angle, mirrored, mirrored_input, moved, scaled
 from properties import by_default, examples
 
 from wbc.walking.contact import Event, GaitPhase
