@@ -15,6 +15,7 @@ from wbc.core.errors import Array, InputError
 from wbc.core.robot import Robot
 from wbc.core.settings import NonNegative, Positive, Share, settings
 from wbc.ground import PointCloud
+from wbc.sim.plant.body_shapes import SHAPE_GROUP
 from wbc.sim.plant.eyes.carrier import Carrier
 from wbc.sim.plant.hands import SCENE_PREFIX
 from wbc.sim.plant.model import bare_spec, compiled, equip
@@ -82,6 +83,7 @@ class DepthCamera:
         model = visible_model(plant)
         places = RobotPlaces(model, plant.robot, feet=[foot.body for foot in plant.feet])
         view = DepthView(self, plant.robot, places, plant.data)
+        view.look_out()
         view.check()
         return view
 
@@ -103,6 +105,9 @@ def visible_model(plant: Carrier) -> mujoco.MjModel:
             contype=0,
             conaffinity=0,
         )
+    for geom in spec.geoms:
+        if geom.group == SHAPE_GROUP:
+            geom.rgba[3] = 1.0  # rays pass through what cannot be seen
     if plant.scene is not None:
         things = mujoco.MjSpec.from_string(plant.scene)
         spec.attach(things, prefix=SCENE_PREFIX, frame=spec.worldbody.add_frame())
@@ -134,6 +139,17 @@ class DepthView:
         self._true = self._at + axes @ np.array(camera.misplaced)
         self._hit, self._distance = np.zeros(len(rays), np.int32), np.zeros(len(rays))
         self.reset(0)
+
+    def look_out(self) -> None:
+        """Make the shapes of the camera's own link, and others that hold it, transparent.
+
+        The box around the mesh of a link is larger than the link, before which the camera is mounted.
+        """
+        model, data, (place, _) = self._model, self._data, self._pose()
+        turns = data.geom_xmat.reshape(-1, 3, 3)
+        inside = np.einsum("nji,nj->ni", turns, place - data.geom_xpos) - model.geom_aabb[:, :3]
+        holds = (np.abs(inside) <= model.geom_aabb[:, 3:]).all(axis=1) | (model.geom_bodyid == self._body)
+        model.geom_rgba[self._own & holds, 3] = 0.0
 
     def check(self) -> None:
         """Raise an `InputError` if the camera sees nothing of the ground as the robot is now."""
