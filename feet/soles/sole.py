@@ -106,6 +106,10 @@ class SoleGeometry:
         )
 
 
+TOE_HEIGHT = 0.02
+"""Height of the range sensors at the toe over the sole, m."""
+
+
 @dataclass(frozen=True)
 class FootFit:
     """A foot in its place under an ankle.
@@ -116,12 +120,20 @@ class FootFit:
             that link. A controller model may append it, or leave it out as the paper does.
         mass: Mass added to the robot by this foot, kg.
         height_change: Rise of the ankle against the robot's own sole, m.
+        toe_sensors: Places in the sole frame of the range sensors that look down at the toe, m; when None three over
+            the front edge, at both corners and in the middle. (The paper's single one is `FootParts.range_site`.)
     """
 
     sole: SoleGeometry
     added_inertia: pin.Inertia = field(compare=False)
     mass: float
     height_change: float
+    toe_sensors: tuple[tuple[float, float, float], ...] | None = None
+
+    def __post_init__(self) -> None:
+        if self.toe_sensors is None:
+            x, y = 0.5 * self.sole.length, 0.5 * self.sole.width
+            object.__setattr__(self, "toe_sensors", tuple((x, side, TOE_HEIGHT) for side in (-y, 0.0, y)))
 
 
 def box_inertia(mass: float, size: ArrayLike, centre: ArrayLike) -> pin.Inertia:

@@ -8,21 +8,16 @@ import mujoco
 import numpy as np
 
 from wbc.core.errors import Array
-from wbc.core.settings import Count, NonNegative, Positive, Share, settings
+from wbc.core.settings import NonNegative, Positive, Share, settings
 from wbc.ground import PointCloud
 from wbc.sim.plant.eyes.carrier import Carrier
 from wbc.sim.terrain.render import TERRAIN_GROUP
 
-HEIGHT = 0.02
-"""Height of the sensors over the sole, m."""
-
-
 @settings
 class ToeSensors:
-    """Range sensors in a row at the toe of each foot, spread over its width; the paper's is a single one.
+    """Errors and rate of the range sensors at the toe of each foot; `FootFit.toe_sensors` says where they sit.
 
     Attributes:
-        sensors: Number of sensors of each foot.
         nearest: Shortest distance to the ground under the sole that is read, m.
         furthest: Longest distance, m.
         rate: Readings a second, Hz.
@@ -31,7 +26,6 @@ class ToeSensors:
         dropout: Share of the readings that are lost.
     """
 
-    sensors: Count = 3
     nearest: Annotated[NonNegative, "m"] = 0.01
     furthest: Annotated[Positive, "m"] = 0.4
     rate: Annotated[Positive, "Hz"] = 50.0
@@ -52,13 +46,11 @@ class ToeView:
         self.sensors, self._plant = sensors, plant
         self._groups = np.zeros(mujoco.mjNGROUP, np.uint8)
         self._groups[TERRAIN_GROUP] = 1
-        self._hit, self._distance = np.zeros(sensors.sensors, np.int32), np.zeros(sensors.sensors)
+        self._hit = np.zeros(1, np.int32)
         self._feet = []
         for foot, site, sole in zip(plant.feet, plant.sole_sites, plant.description.soles, strict=True):
-            fit = foot.fit.sole
-            across = np.linspace(-0.5, 0.5, sensors.sensors) if sensors.sensors > 1 else np.zeros(1)
-            at = np.stack([np.full(across.shape, 0.5 * fit.length), across * fit.width, 0.0 * across], axis=1)
-            self._feet.append((site, plant.description.attachment(sole.frame)[0], fit.placement, at))
+            link, place = plant.description.attachment(sole.frame)[0], foot.fit.sole.placement
+            self._feet.append((site, link, place, np.array(foot.fit.toe_sensors)))
         self.reset(0)
 
     def reset(self, seed: int) -> None:
@@ -71,7 +63,8 @@ class ToeView:
         for site, link, place, at in self._feet:
             distance = self._ranges(site, at)
             read = distance + s.noise * self._random.standard_normal(distance.size)
-            good = (distance > s.nearest) & (distance < s.furthest)
+            under = distance - at[:, 2]  # the sole
+            good = (under > s.nearest) & (distance < s.furthest)
             good &= self._random.random(distance.size) >= s.dropout
             if good.any():
                 points = at[good] - read[good, None] * (0.0, 0.0, 1.0)
@@ -80,14 +73,13 @@ class ToeView:
         return clouds
 
     def _ranges(self, site: int, at: Array) -> Array:
-        """Return the true distances from the plane of a sole to the ground under its sensors, m; negative for none."""
+        """Return the true distances from the sensors of a foot down to the ground, m; negative for none."""
         model, data = self._plant.model, self._plant.data
         place, rotation = data.site_xpos[site], data.site_xmat[site].reshape(3, 3)
-        distances = []
-        for point in at:
-            start = place + rotation @ (point + (0.0, 0.0, HEIGHT))
-            down = -rotation[:, 2]
-            distances.append(
-                mujoco.mj_ray(model, data, start, down, self._groups, True, -1, self._hit[:1], None)
-            )
-        return np.array(distances) - HEIGHT
+        down = -rotation[:, 2]
+        return np.array(
+            [
+                mujoco.mj_ray(model, data, place + rotation @ point, down, self._groups, True, -1, self._hit)
+                for point in at
+            ]
+        )
