@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 
+import mujoco
 import numpy as np
 import pytest
 
@@ -12,6 +13,7 @@ from wbc.core.errors import InputError
 from wbc.ground import ElevationMap, KnownGround, PointCloud
 from wbc.robots import load
 from wbc.sim import DepthCamera, DepthView, Plant, ToeSensors, WalkPlan, WalkSpec, make_terrain
+from wbc.sim.plant.eyes.depth import visible_model
 from wbc.sim.trial.loop import TrialHook
 from wbc.sim.walks.trial import WalkTrial
 
@@ -96,6 +98,48 @@ def test_a_camera_looks_at_any_model_with_a_robot_in_it() -> None:
     assert ahead.sum() > 300
     near = plant.terrain.height(points[ahead, 0, None] + [-1e-3, 0.0, 1e-3], points[ahead, 1, None])
     assert (points[ahead, 2] < near.max(axis=1) + 1e-3).all()
+
+
+@pytest.mark.parametrize("name", ["hrp4_class", "g1"])
+def test_points_on_the_robots_own_body_are_left_out_by_its_pose(name: str) -> None:
+    """A sensor before the robot sees its legs and feet and, beside them, the ground."""
+    plant = Plant(load(name))
+    model = visible_model(plant)
+    data = mujoco.MjData(model)
+    data.qpos[:] = plant.data.qpos
+    mujoco.mj_forward(model, data)
+    x, y = (each.ravel() for each in np.meshgrid(np.linspace(-0.8, 0.8, 60), np.linspace(-0.8, 0.8, 60)))
+    at = np.array([0.5, 0.1, 0.6])
+    rays = np.stack([x, y, 0.0 * x], axis=1) - at
+    hit, distance = np.zeros(len(rays), np.int32), np.zeros(len(rays))
+    mujoco.mj_multiRay(model, data, at, rays.ravel(), None, True, -1, hit, distance, None, len(rays), 9.0)
+    points, own = at + distance[:, None] * rays, model.geom_bodyid[hit] > 0
+    robot, truth = plant.description.robot(), plant.truth()
+    robot.update(truth.q, truth.v)
+
+    def cells(points: np.ndarray, shapes) -> int:
+        ground = KnownGround(robot, shapes=shapes)
+        ground.add(PointCloud(points, 0.0, "world", 0.002))
+        ground.update(robot, 0.0)
+        return len(ground.map.known()[0])
+
+    shapes = plant.description.collision_shapes()
+    # Capsules leave the corners of the boxes that stand for meshes here.
+    assert cells(points[own], shapes) < 0.03 * cells(points[own], None)
+    assert cells(points[~own], shapes) > 0.97 * cells(points[~own], None)
+
+
+def test_a_raised_leg_hides_ground_from_the_camera() -> None:
+    plant = Plant(ROBOT, eyes=[replace(EXACT, latency=0.0)])
+    (standing,) = plant.clouds()
+    model, q = plant.robot.model, plant.robot.half_sitting.copy()
+    for joint, angle in (("left_hip_pitch", -1.4), ("left_knee_pitch", 1.4)):
+        q[model.idx_qs[model.getJointId(joint)]] = angle
+    plant.reset(plant.on_ground(q))
+    (raised,) = plant.clouds()
+    assert len(standing.points) > 0.95 * math.prod(EXACT.rays)
+    assert len(raised.points) < 0.9 * len(standing.points)
+    assert np.abs(world(raised, plant)[:, 2]).max() < 0.01
 
 
 def test_a_camera_dies() -> None:
@@ -225,7 +269,6 @@ def test_wrong_clouds_never_fail_a_tick() -> None:
     assert result.failures == 0
 
 
-@pytest.mark.slow
 @pytest.mark.slow
 def test_feet_land_where_the_ground_is() -> None:
     """Over steps of 30 mm a walk that sees expects the height at which it lands, and comes to its goal."""

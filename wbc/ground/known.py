@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import logging
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import field
 from typing import Annotated
 
@@ -21,8 +21,10 @@ import numpy as np
 import pinocchio as pin
 
 from wbc.core.errors import ROUNDING, Array, InputError, shown
+from wbc.core.limits.collision import Shape
 from wbc.core.robot import Robot
 from wbc.core.settings import NonNegative, Positive, Share, settings
+from wbc.ground.body import OwnBody
 from wbc.ground.cloud import WORLD, ElevationMap, PointCloud
 from wbc.ground.footprint import Footprint, FootprintSettings, Support
 from wbc.ground.height_map import SIDE, HeightMap, HeightMapSettings, Places
@@ -57,6 +59,7 @@ class GroundSettings:
         contradiction: Difference between the sole that stands and the ground known there from which on nothing is used.
         stance: Share of a smaller difference by which what is known is moved, where no frame of points has moved it.
         stance_step: Greatest such move, m.
+        own_margin: Distance from the robot's own shapes up to which a point is one of its body.
     """
 
     map: HeightMapSettings = field(default_factory=HeightMapSettings)
@@ -65,6 +68,7 @@ class GroundSettings:
     contradiction: Annotated[Positive, "m"] = 0.06
     stance: Share = 0.7
     stance_step: Annotated[NonNegative, "m"] = 0.02
+    own_margin: Annotated[NonNegative, "m"] = 0.03
 
 
 class KnownGround:
@@ -79,11 +83,23 @@ class KnownGround:
         difference: Ground known under the sole that stands over that sole, at the last lift-off, m; NaN if unknown.
     """
 
-    def __init__(self, robot: Robot, settings: GroundSettings | None = None) -> None:
+    def __init__(
+        self,
+        robot: Robot,
+        settings: GroundSettings | None = None,
+        shapes: Mapping[str, Sequence[Shape]] | None = None,
+    ) -> None:
         """Know nothing; the robot stands where the walk begins, and its names and soles are used.
+
+        Args:
+            robot: The robot.
+            settings: Settings; the defaults when None.
+            shapes: Link → spheres and capsules of the robot's own body, those of `RobotDescription.collision_shapes`:
+                points on them, and on its feet, are left out. None for clouds that hold nothing of the robot.
 
         Raises:
             InputError: A robot without soles.
+            UnknownNameError: Shapes of a link that the robot does not have.
         """
         if not robot.soles:
             raise InputError(f"what is known of the ground is asked for soles; '{robot.name}' has none")
@@ -108,6 +124,7 @@ class KnownGround:
         self._raised = 0.0  # of the user's map, m
         self._moved = False  # by a frame, since the last lift-off
         self._time = self._fused = -math.inf
+        self._body = None if shapes is None else OwnBody(robot, shapes, s.own_margin)
         self._placed_at = -1  # pose of which `_data` is up to date
 
     @property
@@ -261,6 +278,8 @@ class KnownGround:
             far = float(np.median(off.max(axis=1)))
             why = f"a cloud in '{cloud.frame}' is beyond the legs' reach, {far:.4g} m away (are its units metres?)"
             return none, why
+        if self._body is not None:
+            near &= self._body.off(self._data, points)
         return np.column_stack([points[near], np.asarray(cloud.std)[near]]), ""
 
     def _why_not(self, elevation: ElevationMap) -> str:

@@ -1,0 +1,55 @@
+"""The robot's own body in a cloud: points on its links and feet are no ground."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import NDArray
+
+from wbc.core.errors import ROUNDING, Array
+from wbc.core.limits.collision import CollisionSphere, Shape
+from wbc.core.robot import Robot
+
+ANKLE = 0.12
+"""Height over a sole up to which its foot reaches, m."""
+
+
+class OwnBody:
+    """Spheres and capsules of a robot's links, and boxes over its soles."""
+
+    def __init__(self, robot: Robot, shapes: Mapping[str, Sequence[Shape]], margin: float) -> None:
+        """Take link → shapes, which grow by a margin, m; `UnknownNameError` for a link that the robot has not."""
+        flat = [(robot.frame_id(link), shape) for link, own in shapes.items() for shape in own]
+        self._frames = [frame for frame, _ in flat]
+        ends = [
+            (shape.centre, shape.centre) if isinstance(shape, CollisionSphere) else (shape.start, shape.end)
+            for _, shape in flat
+        ]
+        self._ends = np.array(ends, dtype=np.float64).reshape(-1, 2, 3)
+        self._radii = np.array([shape.radius + margin for _, shape in flat])
+        self._soles = [
+            (robot.frame_id(sole.frame), np.array([0.5 * sole.length + margin, 0.5 * sole.width + margin, ANKLE]))
+            for sole in robot.soles
+        ]
+
+    def off(self, data: pin.Data, points: Array) -> NDArray[np.bool_]:
+        """Return which points in the world, shape (n, 3), m, are off the body whose frames `data` has placed."""
+        off = np.ones(len(points), np.bool_)
+        for sole, half in self._soles:
+            at = (points - data.oMf[sole].translation) @ data.oMf[sole].rotation
+            off &= (np.abs(at) > half).any(axis=1)
+        if self._frames:
+            places = [data.oMf[frame] for frame in self._frames]
+            turns = np.array([place.rotation for place in places])
+            moves = np.array([place.translation for place in places])
+            ends = self._ends @ turns.transpose(0, 2, 1) + moves[:, None]
+            start, way = ends[:, 0], ends[:, 1] - ends[:, 0]
+            along = points @ way.T - (start * way).sum(axis=1)
+            length = (way * way).sum(axis=1)
+            share = np.clip(along / np.maximum(length, ROUNDING**2), 0.0, 1.0)
+            distance = (points * points).sum(axis=1)[:, None] - 2.0 * points @ start.T + (start * start).sum(axis=1)
+            distance += share * (share * length - 2.0 * along)
+            off &= (distance > self._radii**2).all(axis=1)
+        return off
