@@ -30,7 +30,10 @@ class OwnBody:
         self._ends = np.array(ends, dtype=np.float64).reshape(-1, 2, 3)
         self._radii = np.array([shape.radius + margin for _, shape in flat])
         self._soles = [
-            (robot.frame_id(sole.frame), np.array([0.5 * sole.length + margin, 0.5 * sole.width + margin, ANKLE]))
+            (
+                robot.frame_id(sole.frame),
+                np.array([0.5 * sole.length + margin, 0.5 * sole.width + margin, ANKLE]),
+            )
             for sole in robot.soles
         ]
 
@@ -49,7 +52,9 @@ class OwnBody:
             along = points @ way.T - (start * way).sum(axis=1)
             length = (way * way).sum(axis=1)
             share = np.clip(along / np.maximum(length, ROUNDING**2), 0.0, 1.0)
-            distance = (points * points).sum(axis=1)[:, None] - 2.0 * points @ start.T + (start * start).sum(axis=1)
+            distance = (
+                (points * points).sum(axis=1)[:, None] - 2.0 * points @ start.T + (start * start).sum(axis=1)
+            )
             distance += share * (share * length - 2.0 * along)
             off &= (distance > self._radii**2).all(axis=1)
         return off

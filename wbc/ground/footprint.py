@@ -38,6 +38,9 @@ ACROSS = 1.5
 NOTHING = -1e3
 """Height of unknown ground for a resting plane, m: it carries nothing."""
 
+Cost = Callable[[Places], Array]
+"""Moves of a landing u + iv in the axes of its sole, m → their costs, m; infinite for one that is not allowed."""
+
 Heights = Callable[[Places], tuple[Array, Array]]
 """Places x + iy, m → heights, NaN where unknown, and their standard deviations, m."""
 
@@ -141,11 +144,17 @@ class Footprint:
         return self._support(low[self._near.soles[4]], float(_first_contacts(low, self._near)[0]), x, y)
 
     def best(
-        self, ground: Heights, x: float, y: float, yaw: float, allowed: Callable[[float, float], bool]
+        self,
+        ground: Heights,
+        x: float,
+        y: float,
+        yaw: float,
+        allowed: Callable[[float, float], bool],
+        cost: Cost | None = None,
     ) -> Support | None:
         """Return the ground at the best place near a place: where the sole rests quietly, not far away.
 
-        `allowed` is asked with the coordinates of a place in the world, m.
+        `allowed` is asked with the coordinates of a place in the world, m; `cost` replaces that of the distance.
         """
         lattice, s = self._wide, self.settings
         if not s.choice:
@@ -153,9 +162,10 @@ class Footprint:
         low = self._low(ground, lattice.nodes, x, y, yaw)
         soles, top = low[lattice.soles[lattice.inner]], _first_contacts(low, lattice)
         known = (soles > NOTHING).mean(axis=1) >= s.least_known
-        cost = np.where(known, s.unrest * self._unrest(soles, top) + self._moving, np.inf)
-        turn, middle = complex(math.cos(yaw), math.sin(yaw)), len(cost) // 2
-        for k in np.argsort(cost, kind="stable").tolist():
+        moving = self._moving if cost is None else cost(lattice.moves)
+        costs = np.where(known, s.unrest * self._unrest(soles, top) + moving, np.inf)
+        turn, middle = complex(math.cos(yaw), math.sin(yaw)), len(costs) // 2
+        for k in np.argsort(costs, kind="stable").tolist():
             if not known[k]:
                 break
             place = complex(complex(x, y) + turn * lattice.moves[k])

@@ -26,7 +26,7 @@ from wbc.core.robot import Robot
 from wbc.core.settings import NonNegative, Positive, Share, settings
 from wbc.ground.body import OwnBody
 from wbc.ground.cloud import WORLD, ElevationMap, PointCloud
-from wbc.ground.footprint import Footprint, FootprintSettings, Support
+from wbc.ground.footprint import Cost, Footprint, FootprintSettings, Support
 from wbc.ground.height_map import SIDE, HeightMap, HeightMapSettings, Places
 
 logger = logging.getLogger(__name__)
@@ -201,12 +201,21 @@ class KnownGround:
         return self._footprints[side].support(self._at, x, y, yaw)
 
     def best(
-        self, side: int, x: float, y: float, yaw: float, allowed: Callable[[float, float], bool]
+        self,
+        side: int,
+        x: float,
+        y: float,
+        yaw: float,
+        allowed: Callable[[float, float], bool],
+        cost: Cost | None = None,
     ) -> Support | None:
-        """Return the ground at the best of the places near one that are `allowed` (x, y); None if unknown."""
+        """Return the ground at the best of the places near one that are `allowed` (x, y); None if unknown.
+
+        `cost` replaces that of the distance.
+        """
         if "stance" in self.doubts:
             return None
-        return self._footprints[side].best(self._at, x, y, yaw, allowed)
+        return self._footprints[side].best(self._at, x, y, yaw, allowed, cost)
 
     def highest(self, side: int, start: Array, end: Array, yaw: float) -> float:
         """Return the highest ground under a sole on its way between two places, m; −inf where nothing is known."""

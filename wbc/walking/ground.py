@@ -19,6 +19,7 @@ import pinocchio as pin
 
 from wbc.core.errors import Array
 from wbc.core.robot import SIDES
+from wbc.ground.footprint import Cost
 from wbc.walking.planning.footsteps import Footstep
 
 MEMORY = 0.9
@@ -47,7 +48,15 @@ class Sight(Protocol):
     def support(self, side: int, x: float, y: float, yaw: float) -> Any:
         """Return the ground under a sole, with `z` and `slope`; None where it is unknown."""
 
-    def best(self, side: int, x: float, y: float, yaw: float, allowed: Callable[[float, float], bool]) -> Any:
+    def best(
+        self,
+        side: int,
+        x: float,
+        y: float,
+        yaw: float,
+        allowed: Callable[[float, float], bool],
+        cost: Cost | None = None,
+    ) -> Any:
         """Return the ground at the best place near one, with `x`, `y` and `z`; None where it is unknown."""
 
     def highest(self, side: int, start: Array, end: Array, yaw: float) -> float:
@@ -102,13 +111,18 @@ class GroundEstimate:
         side = SIDES.index(landing.side)
         return self._on(landing, self.sight.support(side, landing.x, landing.y, landing.yaw))
 
-    def choose(self, landing: Footstep, allowed: Callable[[float, float], bool]) -> Footstep:
-        """Return the best place for a landing near it, of those that are allowed (x, y); the same if unknown."""
+    def choose(
+        self, landing: Footstep, allowed: Callable[[float, float], bool], cost: Cost | None = None
+    ) -> Footstep:
+        """Return the best place for a landing near it, of those that are allowed (x, y); the same if unknown.
+
+        `cost` of moving it replaces that of the distance.
+        """
         if self.sight is None:
             return landing
         self._looked = self.sight.version
         side = SIDES.index(landing.side)
-        return self._on(landing, self.sight.best(side, landing.x, landing.y, landing.yaw, allowed))
+        return self._on(landing, self.sight.best(side, landing.x, landing.y, landing.yaw, allowed, cost))
 
     def _on(self, landing: Footstep, support: Any) -> Footstep:
         """Return a landing on a support that is seen; the same without one, and where it is out of reach."""

@@ -13,6 +13,7 @@ from wbc.ground import PointCloud
 from wbc.sim.plant.eyes.carrier import Carrier
 from wbc.sim.terrain.render import TERRAIN_GROUP
 
+
 @settings
 class ToeSensors:
     """Errors and rate of the range sensors at the toe of each foot; `FootFit.toe_sensors` says where they sit.

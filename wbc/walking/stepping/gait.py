@@ -37,12 +37,16 @@ from wbc.walking.stepping.law import (
     remaining_time,
     takes_over,
 )
+from wbc.walking.stepping.place import Move, Moves
 from wbc.walking.stepping.settings import RobotSize, SteppingSettings, in_si
 from wbc.walking.stepping.steering import Steering, StepVelocity
 from wbc.walking.swing import FootMotion, SwingFoot
 
 LOOKS = 4
 """Number of ticks between two looks at the ground under a landing that moves at every tick."""
+
+CHOICES = 12
+"""Number of ticks between two choices of a place near it."""
 
 Frames = tuple[pin.SE3, pin.SE3]
 """Placements of the left and of the right sole."""
@@ -123,7 +127,8 @@ class SteppingGait:
         self._mode = _Mode.STANDING
         self.stance = 1
         self._elapsed = 0.0  # in this mode, or since lift-off
-        self._time = self.settings.step_time  # of the step
+        self._time = self._nominal = self.settings.step_time  # of the step, and without a choice of place
+        self._move = Move()  # of the landing
         self._contact: tuple[float, float, float] | None = None  # low-passed centre of pressure, in the world
         self._met: float | None = None  # time since lift-off at which the swing foot met the ground
         self._carrying = (0.0, 0.0, 0.0)  # low-passed centre of pressure of the swing foot in contact, m
@@ -339,13 +344,19 @@ class SteppingGait:
         wanted = min(max(self._elapsed + left, s.shortest), s.longest)
         if self._swing is None:
             first = self._since_stand == 0
-            self._time = s.step_time if first else min(wanted, c.later * self.steering.step_time)
+            self._nominal = s.step_time if first else min(wanted, c.later * self.steering.step_time)
         elif self._met is None:
-            self._time += self._time_gain * (wanted - self._time)
+            self._nominal += self._time_gain * (wanted - self._nominal)
+        if self._swing is not None and self.ground.sight is not None:
+            self._ticks += 1
+            if self._ticks % CHOICES == 0 and self._may_choose:
+                self._choose(state, contact, dcm, orbit)
+        if self._met is None:
+            self._time = min(max(self._nominal + self._move.later / dcm.omega, s.shortest), s.longest)
         left = max(self._time - self._elapsed, 0.0)
 
         # Place: where the offsets of the orbit are left, within reach of the stance foot.
-        x, y = self._landing(state, contact, dcm, left, orbit)
+        x, y = self._landing(state, contact, dcm, left, orbit, self._move)
         side, turn = 1 - self.stance, self.steering.heading + steps.turn * left
         landing = Footstep(SIDES[side], x, y, self.ground.height, turn)
         touch = c.touch * self._time
@@ -358,10 +369,8 @@ class SteppingGait:
                 frames[side], landing, touch, self._shape._replace(landing_speed=speed), over
             )
             return self._swing, landing
-        if self.ground.sight is not None:
-            self._ticks += 1
-            if self._ticks % LOOKS == 0 and touch - self._elapsed > LAST_LOOK:
-                landing = self._seen(landing)
+        if self._ticks % LOOKS == 0 and self.ground.sight is not None and touch - self._elapsed > LAST_LOOK:
+            landing = self._seen(landing)
         if self._met is None:
             self._swing.retarget(self._elapsed, landing, touch)
         return self._swing, landing
@@ -372,10 +381,46 @@ class SteppingGait:
         self.ground.height = landing.z
         return landing
 
-    def _landing(self, state: BodyState, contact: Point, dcm: Divergent, left: float, orbit: Orbit) -> Point:
+    @property
+    def _may_choose(self) -> bool:
+        """True while a place may be chosen: neither in the first step, nor too early or too late in a swing."""
+        c = self.constants
+        soon = c.touch * self._time - self._elapsed <= LAST_LOOK
+        return (
+            self._met is None and self._since_stand > 0 and self._elapsed > c.choice * self._time and not soon
+        )
+
+    def _choose(self, state: BodyState, contact: Point, dcm: Divergent, orbit: Orbit) -> None:
+        """Choose the move of the landing to quieter ground nearby, as far as the balance allows it."""
+        s, c, side = self.settings, self.constants, self._side
+        left = max(self._nominal - self._elapsed, 0.0)
+        x, y = self._landing(state, contact, dcm, left, orbit, Move())
+        ahead, aside = self._along(dcm.x - contact[0], dcm.y - contact[1])
+        growth = math.exp(dcm.omega * left)
+        times = dcm.omega * (s.shortest - self._nominal), dcm.omega * (s.longest - self._nominal)
+        moves = Moves((growth * ahead, growth * side * aside), times, orbit, self._move.by, c)
+
+        def allowed(x: float, y: float) -> bool:
+            forward, lateral = self._from_stance(state, x, y)
+            return abs(forward) <= s.reach and s.gap <= side * lateral <= s.widest
+
+        place = Footstep(SIDES[1 - self.stance], x, y, self.ground.height, self.steering.heading)
+        chosen = self.ground.choose(place, allowed, moves if side > 0.0 else lambda by: moves(by.conjugate()))
+        ahead, aside = self._along(chosen.x - x, chosen.y - y)
+        self._move = moves.at(complex(ahead, side * aside))
+
+    def _from_stance(self, state: BodyState, x: float, y: float) -> Point:
+        """Return where the carrying point of a landing is, ahead and to the left of that of the stance foot, m."""
+        stance = self._carrying_point(state, self.stance)
+        ahead, aside = self._along(x - stance[0], y - stance[1])
+        return ahead + self.constants.carrying, aside
+
+    def _landing(
+        self, state: BodyState, contact: Point, dcm: Divergent, left: float, orbit: Orbit, move: Move
+    ) -> Point:
         """Return the landing of the centre of the swing foot, m."""
         s, side, (cos, sin) = self.settings, self._side, self._direction
-        ahead, aside = orbit.ahead, -side * orbit.inwards
+        ahead, aside = orbit.ahead - move.ahead, -side * (orbit.inwards + move.outwards)
         place = landing_place(contact, dcm, left, (cos * ahead - sin * aside, sin * ahead + cos * aside))
         stance = self._carrying_point(state, self.stance)
         dx, dy = place[0] - stance[0], place[1] - stance[1]
@@ -445,6 +490,7 @@ class SteppingGait:
     def _lift(self) -> None:
         self._enter(_Mode.STEPPING)
         self._swing = self._met = None
+        self._move = Move()
         self._touch.lift()
 
     def _enter(self, mode: _Mode) -> None:

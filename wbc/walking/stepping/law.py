@@ -85,6 +85,18 @@ class SteppingConstants:
     # Height.
     level_lag: Annotated[float, "1/ω"] = 1.01  # of the CoM over the feet: it need not follow each stone
     ground_share: float = 0.75  # of an unexpected height that the next landing expects
+    # Choice of a place on ground that is seen.
+    time_cost: Annotated[float, "h"] = 1.2  # of a step that is 1/ω longer
+    offset_cost: Annotated[float, "1/h"] = 18.0  # of an offset of h that is not left
+    change: float = 0.1  # of another place than the last one
+    move: Annotated[float, "h"] = 0.003  # of moving at all
+    most_later: float = 0.15  # 1/ω
+    most_ahead: Annotated[float, "h"] = 0.028
+    most_inwards: float = 0.25  # of the orbit's offset
+    most_outwards: float = 0.5
+    choice: float = (
+        0.15  # share of the step's time from which on a place is chosen: before, the law's own moves far
+    )
     # Both feet.
     shift_time: Annotated[float, "1/ω"] = 2.83
     shift: float = 1.3  # place of ξ at its end, in b_y of a step in place: the first step begins late
