@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from wbc.walking.stepping.law import SteppingConstants, Divergent, Orbit, landing_place
+from wbc.walking.stepping.law import Divergent, Orbit, SteppingConstants, landing_place
 from wbc.walking.stepping.place import Moves
 from wbc.walking.stepping.settings import in_si
 

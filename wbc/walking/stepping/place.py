@@ -18,7 +18,7 @@ import numpy as np
 
 from wbc.core.errors import Array
 from wbc.ground.height_map import Places
-from wbc.walking.stepping.law import SteppingConstants, Orbit, Point
+from wbc.walking.stepping.law import Orbit, Point, SteppingConstants
 
 
 class Move(NamedTuple):
