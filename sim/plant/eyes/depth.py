@@ -15,11 +15,11 @@ from wbc.core.errors import Array, InputError
 from wbc.core.robot import Robot
 from wbc.core.settings import NonNegative, Positive, Share, settings
 from wbc.ground import PointCloud
-from wbc.sim.plant.body_shapes import SHAPE_GROUP
 from wbc.sim.plant.eyes.carrier import Carrier
 from wbc.sim.plant.hands import SCENE_PREFIX
 from wbc.sim.plant.model import bare_spec, compiled, equip
 from wbc.sim.plant.places import RobotPlaces, body_frame
+from wbc.sim.plant.shapes import SHAPE_GROUP
 from wbc.sim.terrain.render import add_to_spec
 
 SOLE_HEIGHT = 0.02
