@@ -104,7 +104,9 @@ class ReferenceControl:
         self.reference: Reference | None = None
         self.stopped = False
         estimate = control.observer.robot
-        self._torso = estimate.placement(estimate.torso_frame)  # a view, which moves on with the estimate
+        self._torso = estimate.placement(
+            estimate.torso_frame
+        ).rotation  # a view, which moves on with the estimate
         standing = Robot(estimate.model, (), estimate.half_sitting)
         # Axis of the torso that is vertical in half-sitting: links have axes of their own, the z axis need not be it.
         self._up = standing.placement(estimate.torso_frame).rotation[2].copy()
@@ -200,7 +202,7 @@ class ReferenceControl:
             q=estimate.q,
             v=estimate.v,
             drop=float(reference.pendulum.com[2] - estimate.com[2]),
-            torso_up=self._torso.rotation @ up,
+            torso_up=self._torso.dot(up),
             dcm_distance=self.balance.dcm_distance(),
             solved=(solution is None or solution.ok) and not self.control.stopped,
         )

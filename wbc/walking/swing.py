@@ -24,6 +24,9 @@ from wbc.core.vectors import Vector
 from wbc.walking.planning.footsteps import Footstep
 from wbc.walking.planning.gait import SwingShape
 
+REST = np.zeros(6)
+REST.setflags(write=False)
+
 COORDINATES = ("x", "y", "z", "roll", "pitch", "yaw")
 
 
@@ -42,29 +45,43 @@ class FootMotion(NamedTuple):
 
     @staticmethod
     def at_rest(placement: pin.SE3) -> FootMotion:
-        """Return the motion of a foot that stands."""
-        return FootMotion(placement, np.zeros(6), np.zeros(6))
+        """Return the motion of a foot that stands; its velocity and acceleration cannot be written."""
+        return FootMotion(placement, REST, REST)
 
 
 class _Coordinate:
-    """One coordinate of the foot as quintics in a row; before the first it is where it begins."""
+    """One coordinate of the foot as quintics in a row; before the first it is where it begins.
+
+    A swing may be planned anew in every tick: a quintic is fitted when it is asked for, a state kept until the next.
+    """
 
     def __init__(self, value: float, speed: float = 0.0) -> None:
-        self._pieces: list[tuple[float, Quintic[float]]] = []
-        self._value, self._speed = value, speed
+        self._pieces: list[tuple[float, Vector, Vector, float]] = []  # start, its state, goal, duration
+        self._fitted: tuple[object, Quintic[float]] = (None, Quintic((0.0,) * 3, (0.0,) * 3, 1.0))
+        self._first: Vector = (value, speed, 0.0)
+        self._time, self._state = 0.0, self._first  # asked for last
 
-    def at(self, time: float) -> tuple[float, float, float]:
-        for start, piece in reversed(self._pieces):
+    def at(self, time: float) -> Vector:
+        if time == self._time:
+            return self._state
+        self._time, self._state = time, self._first
+        for piece in reversed(self._pieces):
+            start, state, goal, duration = piece
             if time >= start:
-                return piece.at(min(time - start, piece.duration))
-        return (self._value, self._speed, 0.0)
+                if self._fitted[0] is not piece:
+                    self._fitted = piece, Quintic(state, goal, duration)
+                self._state = self._fitted[1].at(min(time - start, duration))
+                break
+        return self._state
 
-    def follow(self, start: float, *goals: tuple[float, tuple[float, float, float]]) -> None:
+    def follow(self, start: float, *goals: tuple[float, Vector]) -> None:
         """Go to each (time, state) in turn from `start` on; the motion before stays."""
         state = self.at(start)
-        self._pieces = [(t, p) for t, p in self._pieces if t < start]
+        pieces = self._pieces
+        while pieces and pieces[-1][0] >= start:
+            pieces.pop()
         for time, goal in goals:
-            self._pieces.append((start, Quintic(state, goal, time - start)))
+            pieces.append((start, state, goal, time - start))
             start, state = time, goal
 
 
@@ -166,17 +183,12 @@ class SwingFoot:
         # A change that comes late uses up the landing time.
         arrive = arrive if arrive >= start + shape.piece else max(end, start + shape.piece)
         yaw = self._c["yaw"].at(now)[0]
-        goals = {
-            "x": landing.x,
-            "y": landing.y,
-            "roll": landing.roll,
-            "pitch": landing.pitch,
-            "yaw": yaw + math.remainder(landing.yaw - yaw, math.tau),
-        }
+        turned = yaw + math.remainder(landing.yaw - yaw, math.tau)
+        for name, goal in (("x", landing.x), ("y", landing.y), ("yaw", turned)):
+            self._c[name].follow(start, (arrive, (goal, 0.0, 0.0)))
         level = arrive if shape.level == 1.0 else min(arrive, max(shape.level * end, start + shape.piece))
-        for name, goal in goals.items():
-            time = level if name in ("roll", "pitch") else arrive
-            self._c[name].follow(start, (time, (goal, 0.0, 0.0)))
+        for name, goal in (("roll", landing.roll), ("pitch", landing.pitch)):
+            self._c[name].follow(start, (level, (goal, 0.0, 0.0)))
 
     def _plan_height(self, now: float) -> None:
         """Plan the height: up to the apex, down at the landing speed, on down where no ground comes."""

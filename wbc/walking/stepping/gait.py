@@ -40,7 +40,7 @@ from wbc.walking.stepping.law import (
 from wbc.walking.stepping.place import Move, Moves
 from wbc.walking.stepping.settings import RobotSize, SteppingSettings, in_si
 from wbc.walking.stepping.steering import Steering, StepVelocity
-from wbc.walking.swing import FootMotion, SwingFoot
+from wbc.walking.swing import REST, FootMotion, SwingFoot
 
 LOOKS = 4
 """Number of ticks between two looks at the ground under a landing that moves at every tick."""
@@ -253,7 +253,7 @@ class SteppingGait:
             rise_speed = 6.0 * (share - share * share) / c.shift_time
             stance, side = feet[self.stance], 1.0 if self.stance == 1 else -1.0
             inside = side * c.shift * s.width / (1.0 + math.exp(omega * s.step_time))
-            cos, sin = self._direction
+            cos, sin = self.steering.direction
             goal = stance[0] - sin * inside, stance[1] + cos * inside
             stiffness, damping = c.shift_gains
             acceleration = []
@@ -419,7 +419,7 @@ class SteppingGait:
         self, state: BodyState, contact: Point, dcm: Divergent, left: float, orbit: Orbit, move: Move
     ) -> Point:
         """Return the landing of the centre of the swing foot, m."""
-        s, side, (cos, sin) = self.settings, self._side, self._direction
+        s, side, (cos, sin) = self.settings, self._side, self.steering.direction
         ahead, aside = orbit.ahead - move.ahead, -side * (orbit.inwards + move.outwards)
         place = landing_place(contact, dcm, left, (cos * ahead - sin * aside, sin * ahead + cos * aside))
         stance = self._carrying_point(state, self.stance)
@@ -514,20 +514,14 @@ class SteppingGait:
         """1 if the left foot swings, −1 if the right one does."""
         return 1.0 if self.stance == 1 else -1.0
 
-    @property
-    def _direction(self) -> Point:
-        """Cosine and sine of the heading."""
-        heading = self.steering.heading
-        return math.cos(heading), math.sin(heading)
-
     def _along(self, x: float, y: float) -> Point:
         """Return the parts of a vector along the heading and to its left."""
-        cos, sin = self._direction
+        cos, sin = self.steering.direction
         return cos * x + sin * y, cos * y - sin * x
 
     def _middle(self, state: BodyState) -> Point:
         (x, y, _), (left, right) = state.com, state.places
-        cos, sin = self._direction
+        cos, sin = self.steering.direction
         # Along the path the CoM, across it the middle of the feet.
         _, aside = self._along(0.5 * (left[0] + right[0]) - x, 0.5 * (left[1] + right[1]) - y)
         return x - sin * aside, y + cos * aside
@@ -560,19 +554,15 @@ class SteppingGait:
         assert self._contact is not None
         self.dcm = dcm
         (x, y, _), (u, v, _) = state.com, state.velocity
-        pendulum = Pendulum(
-            np.array((x, y, height[0])),
-            np.array((u, v, height[1])),
-            np.array((0.0, 0.0, 0.0) if acceleration is None else (*acceleration, 0.0)),
-            np.array(self._contact),
-            np.zeros(3),
-            dcm.omega,
-        )
-        feet = [FootMotion.at_rest(pin.SE3(frame)) for frame in frames]
-        side = None
-        if swing is not None and self._met is None:
-            side = 1 - self.stance
-            feet[side] = swing.at(self._elapsed)
+        push = (0.0, 0.0) if acceleration is None else acceleration
+        # One array and its parts: making an array costs more than a slice.
+        parts = np.array((x, y, height[0], u, v, height[1], *push, 0.0, *self._contact))
+        pendulum = Pendulum(parts[:3], parts[3:6], parts[6:9], parts[9:], REST[:3], dcm.omega)
+        side = 1 - self.stance if swing is not None and self._met is None else None
+        feet = [
+            swing.at(self._elapsed) if swing is not None and i == side else FootMotion.at_rest(pin.SE3(frame))
+            for i, frame in enumerate(frames)
+        ]
         return Reference(
             pendulum,
             (feet[0], feet[1]),

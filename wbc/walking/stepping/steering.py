@@ -49,6 +49,7 @@ class Steering:
         target: Commanded velocity: forward (m/s), left (m/s), turn (rad/s); None for a stand, or with a goal.
         goal: Place (m) and heading (rad) to walk to; None without one.
         heading: Heading of the pelvis and of the next steps, rad.
+        direction: Cosine and sine of the heading.
         velocity: Velocity of the steps now, forward and left, m/s.
         turn: Turn of the steps now, rad/s.
         limits: Greatest velocities that are granted.
@@ -64,7 +65,7 @@ class Steering:
         self._s, self._c, self._brisk, self._dt = settings, in_si(SteeringConstants(), scale), brisk, dt
         self.target: Velocity | None = None
         self.goal: tuple[float, float, float] | None = None
-        self.heading = heading
+        self.turn_to(heading)
         self.velocity: Point = (0.0, 0.0)
         self.turn = 0.0
         self._path: Point | None = None
@@ -106,6 +107,10 @@ class Steering:
         """Start again from a stand at a place, m."""
         self.velocity, self.turn, self._path, self._missing = (0.0, 0.0), 0.0, place, 0.0
 
+    def turn_to(self, heading: float) -> None:
+        """Set the heading, rad."""
+        self.heading, self.direction = heading, (math.cos(heading), math.sin(heading))
+
     def update(self, place: Point, speed: Point) -> StepVelocity:
         """Return the velocity of the next steps, which changes by the acceleration at most.
 
@@ -118,7 +123,7 @@ class Steering:
         x += min(max(forward - x, -change), change)
         y += min(max(left - y, -change), change)
         self.velocity, self.turn = (x, y), turn
-        self.heading += turn * dt
+        self.turn_to(self.heading + turn * dt)
         held = self._held(place, turn)
         self._make_up(held, speed)
         return StepVelocity((held[0] + self._missing, held[1]), turn, self.pending)
@@ -140,7 +145,7 @@ class Steering:
         if distance < c.arrived and abs(off) < c.arrived_turn:
             self.goal = None
             return (0.0, 0.0, 0.0)
-        cos, sin = math.cos(self.heading), math.sin(self.heading)
+        cos, sin = self.direction
         ahead, aside = (cos * dx + sin * dy) / c.goal_time, (cos * dy - sin * dx) / c.goal_time
         return self.limited((min(max(ahead, -s.cruise), s.cruise), aside, off / c.goal_time))
 
@@ -156,7 +161,7 @@ class Steering:
     def _held(self, place: Point, turn: float) -> Point:
         """Return the velocity of the steps plus the one back to the path, whose point moves on beside the robot."""
         c, (x, y) = self._c, self.velocity
-        cos, sin = math.cos(self.heading), math.sin(self.heading)
+        cos, sin = self.direction
         if self._line is not None:
             (from_x, from_y), direction = self._line
             way_x, way_y = math.cos(direction), math.sin(direction)
@@ -176,7 +181,7 @@ class Steering:
 
     def _make_up(self, asked: Point, speed: Point) -> None:
         """Integrate the velocity by which the robot falls short, forward: where feet carry is known to centimetres."""
-        c, (cos, sin) = self._c, (math.cos(self.heading), math.sin(self.heading))
+        c, (cos, sin) = self._c, self.direction
         short = asked[0] - cos * speed[0] - sin * speed[1]
         # What a brisk walk gained while it fell behind its ramp must be gone before the legs can follow no more.
         lag = c.speed_lag * (self._s.step_time / self.step_time) ** 4

@@ -64,13 +64,14 @@ class SteppingWalk(ReferenceSource):
         if robot is not self._robot:  # in the first tick
             self._robot, (left, right) = robot, robot.soles
             self._frames = robot.placement(left.frame), robot.placement(right.frame)
-        left_sole, right_sole = self._frames
+            self._places = self._frames[0].translation, self._frames[1].translation  # views, as the next ones
+            self._turns = self._frames[0].rotation, self._frames[1].rotation
         return BodyState(
             robot.com.tolist(),
             robot.com_velocity.tolist(),
             robot.data.hg.angular.tolist(),
-            (left_sole.translation.tolist(), right_sole.translation.tolist()),
-            (left_sole.rotation.tolist(), right_sole.rotation.tolist()),
+            (self._places[0].tolist(), self._places[1].tolist()),
+            (self._turns[0].tolist(), self._turns[1].tolist()),
             state.measurement.wrenches.tolist(),
         )
 
