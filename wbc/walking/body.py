@@ -58,19 +58,12 @@ ARRIVED = 1e-3
 
 
 class Twist(NamedTuple):
-    """Turn of the trunk against the heading.
+    """Turn of the trunk against the heading."""
 
-    Attributes:
-        angle: rad.
-        rate: Its speed, rad/s.
-        acceleration: Its acceleration, rad/s².
-        by_waist: True if the waist turns the torso against the pelvis; otherwise both turn on the hips.
-    """
-
-    angle: float
-    rate: float
-    acceleration: float
-    by_waist: bool
+    angle: float  # rad
+    rate: float  # its speed, rad/s
+    acceleration: float  # its acceleration, rad/s²
+    by_waist: bool  # true if the waist turns the torso against the pelvis; otherwise both turn on the hips
 
 
 class Body:

@@ -49,19 +49,12 @@ from wbc.walking.walk import Walk
 
 
 class Law(NamedTuple):
-    """Law of a walk: decides where and when the next foot lands, and balances the robot.
+    """Law of a walk: decides where and when the next foot lands, and balances the robot."""
 
-    Attributes:
-        source: Where the references come from.
-        tasks: Tasks and contacts, with the weights, gains and boxes of the law.
-        balance: Feedback beside the steps.
-        estimate: Time constants of the estimate; None leaves them as they are.
-    """
-
-    source: ReferenceSource
-    tasks: WalkTasks
-    balance: Balance
-    estimate: InertialSettings | None = None
+    source: ReferenceSource  # where the references come from
+    tasks: WalkTasks  # tasks and contacts, with the weights, gains and boxes of the law
+    balance: Balance  # feedback beside the steps
+    estimate: InertialSettings | None = None  # time constants of the estimate; None leaves them as they are
 
 
 class ReferenceControl:

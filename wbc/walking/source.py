@@ -118,19 +118,12 @@ class Progress(NamedTuple):
 
 
 class VelocityLimits(NamedTuple):
-    """Greatest velocities that are granted.
+    """Greatest velocities that are granted."""
 
-    Attributes:
-        forward: m/s.
-        back: m/s.
-        aside: m/s.
-        turn: rad/s.
-    """
-
-    forward: float
-    back: float
-    aside: float
-    turn: float
+    forward: float  # m/s
+    back: float  # m/s
+    aside: float  # m/s
+    turn: float  # rad/s
 
 
 class ReferenceSource(ABC):

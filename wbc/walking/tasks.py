@@ -215,29 +215,18 @@ class WalkTasks:
 
 @dataclass(frozen=True, slots=True)
 class StanceContacts:
-    """Contacts of feet that steps balance: costs of their motion, boxes of their pressure, forces; in SI units.
+    """Contacts of feet that steps balance: costs of their motion, boxes of their pressure, forces; in SI units."""
 
-    Attributes:
-        held: Cost of the motion of a foot that stands, shape (6,).
-        firm: The same on both feet.
-        yielding: Ratio of these costs for a foot that is unloaded, or waits to take over.
-        com: Cost of the CoM's height alone, and of its place as well on both feet, shape (3,) each.
-        box: Size of the box of the centre of pressure, m.
-        standing_box: The same on both feet, m.
-        carrying: Place of the centre of the box ahead of that of the sole, m; not in a stand.
-        least_force: Least force of the foot that stands, N.
-        unloaded: Force below which none is asked for, N.
-    """
-
-    held: Array
-    firm: Array
-    yielding: float
+    held: Array  # cost of the motion of a foot that stands, shape (6,)
+    firm: Array  # the same on both feet
+    yielding: float  # ratio of these costs for a foot that is unloaded, or waits to take over
+    # Cost of the CoM's height alone, and of its place as well on both feet, shape (3,) each.
     com: tuple[Array, Array]
-    box: tuple[float, float]
-    standing_box: tuple[float, float]
-    carrying: float
-    least_force: float
-    unloaded: float
+    box: tuple[float, float]  # size of the box of the centre of pressure, m
+    standing_box: tuple[float, float]  # the same on both feet, m
+    carrying: float  # place of the centre of the box ahead of that of the sole, m; not in a stand
+    least_force: float  # least force of the foot that stands, N
+    unloaded: float  # force below which none is asked for, N
     _state: list[object] = field(default_factory=list)  # of the last tick
 
     def forget(self) -> None:

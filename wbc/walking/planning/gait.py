@@ -21,36 +21,23 @@ EDGE_SHARE = 0.2
 
 
 class SwingShape(NamedTuple):
-    """Shape of a swing.
+    """Shape of a swing."""
 
-    Attributes:
-        swing_height: Highest point over the highest of both ends and of the way, m.
-        apex: Time of the highest point over that of the swing.
-        takeoff_time: Time in which the foot only rises after lift-off, s.
-        landing_time: Time in which the foot only sinks before touch-down, s.
-        landing_speed: Downward speed at touch-down, m/s.
-        landing_height: Height over the landing below which the foot sinks at that speed, m.
-        search_depth: Depth below the landing to which the foot searches for ground that comes late, m.
-        search_time: Time from touch-down as planned until the foot is at that depth, s.
-        lift_speed: Upward speed at lift-off, m/s.
-        edge: Ratio of the swing by which the foot travels later up, or earlier down, a stair as high as the swing.
-        quickest: Least time in which the foot comes down from a height h when its time is cut short, over √(h/g).
-        level: Time over that of the swing at which the sole has its tilt at the landing.
-        piece: Least duration of a piece of the motion, s, so that a late change stays a motion.
-    """
-
-    swing_height: float
-    apex: float
-    takeoff_time: float
-    landing_time: float
-    landing_speed: float
-    landing_height: float
-    search_depth: float
-    search_time: float
-    lift_speed: float = 0.0
+    swing_height: float  # highest point over the highest of both ends and of the way, m
+    apex: float  # time of the highest point over that of the swing
+    takeoff_time: float  # time in which the foot only rises after lift-off, s
+    landing_time: float  # time in which the foot only sinks before touch-down, s
+    landing_speed: float  # downward speed at touch-down, m/s
+    landing_height: float  # height over the landing below which the foot sinks at that speed, m
+    search_depth: float  # depth below the landing to which the foot searches for ground that comes late, m
+    search_time: float  # time from touch-down as planned until the foot is at that depth, s
+    lift_speed: float = 0.0  # upward speed at lift-off, m/s
+    # Ratio of the swing by which the foot travels later up, or earlier down, a stair as high as the swing.
     edge: float = EDGE_SHARE
+    # Least time in which the foot comes down from a height h when its time is cut short, over √(h/g).
     quickest: float = 0.0
-    level: float = 1.0
+    level: float = 1.0  # time over that of the swing at which the sole has its tilt at the landing
+    # Least duration of a piece of the motion, s, so that a late change stays a motion.
     piece: float = SHORTEST
 
     @property

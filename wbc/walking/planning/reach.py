@@ -87,29 +87,17 @@ class Reach:
 
 @dataclass(frozen=True)
 class Leg:
-    """A leg as two bars.
+    """A leg as two bars."""
 
-    Attributes:
-        length: Thigh and shank together, m.
-        shank: Knee to ankle, m.
-        knee: Index of the knee in arrays of joints, shape (na,).
-        ankle: Index of the ankle's pitch.
-        shortest: Hip to ankle with the knee bent by 120°, m.
-        ankle_height: Ankle over the sole, m.
-        hip_over_com: Height of the hip joint minus that of the CoM in half-sitting, m.
-        hip_height: Height of the hip over the ankle in half-sitting, m.
-        com_height: Height of the CoM over the sole in half-sitting, m.
-    """
-
-    length: float
-    shank: float
-    knee: int
-    ankle: int
-    shortest: float
-    ankle_height: float
-    hip_over_com: float
-    hip_height: float
-    com_height: float
+    length: float  # thigh and shank together, m
+    shank: float  # knee to ankle, m
+    knee: int  # index of the knee in arrays of joints, shape (na,)
+    ankle: int  # index of the ankle's pitch
+    shortest: float  # hip to ankle with the knee bent by 120°, m
+    ankle_height: float  # ankle over the sole, m
+    hip_over_com: float  # height of the hip joint minus that of the CoM in half-sitting, m
+    hip_height: float  # height of the hip over the ankle in half-sitting, m
+    com_height: float  # height of the CoM over the sole in half-sitting, m
 
 
 def leg_geometry(robot: Robot) -> Leg:

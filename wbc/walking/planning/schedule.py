@@ -24,19 +24,12 @@ SoleSizes = tuple[tuple[float, float], tuple[float, float]]
 
 @dataclass(frozen=True)
 class SupportPhase:
-    """Time in which the same feet stand on the ground.
+    """Time in which the same feet stand on the ground."""
 
-    Attributes:
-        duration: Time left, s.
-        feet: The foot that stands, or the foot that leaves next and the foot that stays.
-        step: Index of the step that swings, or that swings next; the number of steps at the end.
-        total: Whole length, s.
-    """
-
-    duration: float
-    feet: tuple[Footstep, ...]
-    step: int
-    total: float
+    duration: float  # time left, s
+    feet: tuple[Footstep, ...]  # the foot that stands, or the foot that leaves next and the foot that stays
+    step: int  # index of the step that swings, or that swings next; the number of steps at the end
+    total: float  # whole length, s
 
     @property
     def single(self) -> bool:

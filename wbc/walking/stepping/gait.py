@@ -56,23 +56,14 @@ LEVEL: Vector = (0.0, 0.0, 0.0)
 
 
 class BodyState(NamedTuple):
-    """State of the robot, as far as the gait reads it, in plain numbers.
+    """State of the robot, as far as the gait reads it, in plain numbers."""
 
-    Attributes:
-        com: Centre of mass in the world, m.
-        velocity: Its velocity, m/s.
-        spin: Angular momentum about the centre of mass, kg m²/s.
-        places: Centres of the left and of the right sole, m.
-        turns: Rotations of the soles, row by row.
-        wrenches: Wrenches on the soles in their frames, N and Nm.
-    """
-
-    com: Vector
-    velocity: Vector
-    spin: Vector
-    places: tuple[Vector, Vector]
-    turns: tuple[Rows, Rows]
-    wrenches: Rows
+    com: Vector  # centre of mass in the world, m
+    velocity: Vector  # its velocity, m/s
+    spin: Vector  # angular momentum about the centre of mass, kg m²/s
+    places: tuple[Vector, Vector]  # centres of the left and of the right sole, m
+    turns: tuple[Rows, Rows]  # rotations of the soles, row by row
+    wrenches: Rows  # wrenches on the soles in their frames, N and Nm
 
 
 class _Mode(enum.Enum):

@@ -109,17 +109,11 @@ class SteppingConstants:
 
 
 class Divergent(NamedTuple):
-    """Divergent component of motion, by the angular momentum about the contact.
+    """Divergent component of motion, by the angular momentum about the contact."""
 
-    Attributes:
-        x: In the world, m.
-        y: In the world, m.
-        omega: Natural frequency of the pendulum, 1/s.
-    """
-
-    x: float
-    y: float
-    omega: float
+    x: float  # in the world, m
+    y: float  # in the world, m
+    omega: float  # natural frequency of the pendulum, 1/s
 
 
 def divergent_component(
@@ -147,19 +141,13 @@ def step_time(speed: float, slow: float, brisk: float) -> float:
 
 
 class Orbit(NamedTuple):
-    """Periodic orbit of ξ over steps of the nominal time.
+    """Periodic orbit of ξ over steps of the nominal time."""
 
-    Attributes:
-        ahead: Offset b_x of ξ ahead of the foot that lands, m.
-        inwards: Offset b_y of ξ from the foot that lands towards the other one, m.
-        outwards: Offset of ξ from the stance foot towards the swing foot at the end of a step, E (w/(1+E) + δ), m.
-        forward: Offset of ξ ahead of the stance foot at the end of a step, E b_x, m.
-    """
-
-    ahead: float
-    inwards: float
+    ahead: float  # offset b_x of ξ ahead of the foot that lands, m
+    inwards: float  # offset b_y of ξ from the foot that lands towards the other one, m
+    # Offset of ξ from the stance foot towards the swing foot at the end of a step, E (w/(1+E) + δ), m.
     outwards: float
-    forward: float
+    forward: float  # offset of ξ ahead of the stance foot at the end of a step, E b_x, m
 
     @staticmethod
     def of(velocity: Point, side: float, width: float, time: float, pace: float, omega: float) -> Orbit:

@@ -22,21 +22,13 @@ from wbc.walking.planning.reach import carried_height
 
 @dataclasses.dataclass(frozen=True, slots=True)
 class RobotSize:
-    """Size of a robot, by which the settings are multiplied.
+    """Size of a robot, by which the settings are multiplied."""
 
-    Attributes:
-        height: Height h of the CoM over the soles while it steps, m.
-        leg: Length of a straight leg from the hip to the ankle, m.
-        mass: Mass, kg.
-        sole: Half length and half width of a sole, m.
-        ankle: Place of the ankle ahead of the centre of the sole, m.
-    """
-
-    height: float
-    leg: float
-    mass: float
-    sole: tuple[float, float]
-    ankle: float
+    height: float  # height h of the CoM over the soles while it steps, m
+    leg: float  # length of a straight leg from the hip to the ankle, m
+    mass: float  # mass, kg
+    sole: tuple[float, float]  # half length and half width of a sole, m
+    ankle: float  # place of the ankle ahead of the centre of the sole, m
 
     @property
     def omega(self) -> float:

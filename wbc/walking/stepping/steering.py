@@ -29,17 +29,11 @@ class SteeringConstants:
 
 
 class StepVelocity(NamedTuple):
-    """Velocity of the next steps.
+    """Velocity of the next steps."""
 
-    Attributes:
-        velocity: Forward and left, m/s.
-        turn: rad/s.
-        go: True if the robot is to walk; False brings it to a stand.
-    """
-
-    velocity: Point
-    turn: float
-    go: bool
+    velocity: Point  # forward and left, m/s
+    turn: float  # rad/s
+    go: bool  # true if the robot is to walk; False brings it to a stand
 
 
 class Steering:
