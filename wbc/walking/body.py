@@ -112,11 +112,7 @@ class Body:
         waist: bool,
         lift: Callable[[], float] = float,
     ) -> None:
-        """Leave everything to the walk, with its height of the CoM over the soles, m, and the control period, s.
-
-        The waist can turn the torso if the walk has a task of it beside that of the pelvis; `lift` returns the height
-        by which the walk lifts its feet now, m, zero while the robot stands.
-        """
+        """Leave all to the walk: height of its CoM (m), period (s), a waist that turns, `lift` of its feet now (m)."""
         self._controller, self._robot, self._dt = controller, controller.robot, dt
         self._nominal = com_height
         # Height − nominal, roll, pitch, turn, look of a torso that has no task of its own.
@@ -157,10 +153,7 @@ class Body:
         self._set(0, height - self._nominal)
 
     def check_steps(self, lift: float) -> None:
-        """Refuse steps that a lowered body leaves the legs no travel for: an ankle or a knee would meet its limit.
-
-        `lift` is the height by which feet are to be lifted, m; the `InputError` says how high the body must be.
-        """
+        """Refuse steps that a lowered body leaves the legs no travel for, with feet lifted by a height, m."""
         if self._goal[0] < 0.0:
             self._check_low(f"com_height (m) of '{self._robot.name}'", self.com_height, lift)
 
@@ -313,10 +306,9 @@ class Body:
         self._off = abs(angle - float(self._now[self._look]))
 
     def raised(self, pendulum: Pendulum, *, measured: bool) -> Pendulum:
-        """Return a reference of the pendulum at the height that is set: its ω is that of this height.
+        """Return a reference of the pendulum at the height that is set, with the ω of that height.
 
-        The CoM moves horizontally as before; its ZMP, c − c̈/ω², comes nearer to it the lower it is. A pendulum that is
-        `measured` but for its height has them already.
+        The CoM moves horizontally as before, its ZMP is nearer to it the lower it is; one that is `measured` has both.
         """
         raised = pendulum.moved(
             *(np.array([0.0, 0.0, part[0]]) for part in (self._now, self._rate, self._acceleration))

@@ -81,11 +81,10 @@ class FallDetector:
         dcm_distance: float = 0.0,
         solved: bool = True,
     ) -> FallReason | None:
-        """Check one tick, after `dt` seconds, and return the reason of a fall, or None.
+        """Check one tick after `dt` seconds; return the reason of a fall, or None.
 
-        Configuration and velocity count for divergence; `drop` is that of the CoM, or of the pelvis, below its target,
-        m, `torso_up` the vertical axis of the torso in the world, shape (3,), `dcm_distance` that of the DCM beyond an
-        edge of the area of the feet, m, negative inside; `solved` is that the QP of the tick was.
+        `drop` is that of the CoM, or of the pelvis, below its target, m, `torso_up` the torso's vertical axis in the
+        world, `dcm_distance` that of the DCM beyond an edge of the soles, m, negative inside.
         """
         self.topples = bool(torso_up[2] < self._toppling)
         if self.reason is not None:

@@ -64,10 +64,9 @@ class LipmWalk(ReferenceSource):
         settings: WalkingControlSettings,
         extent: Extent | None = None,
     ) -> None:
-        """Make the walk of a robot that stands at the start of a plan, which begins with the first tick.
+        """Walk along a plan from the first tick, without steps stand; endless ground when `extent` is None.
 
-        Without steps it stands until it is steered. Raises `InputError` for a plan that cannot be walked or begins
-        elsewhere; the ground is endless when `extent` is None.
+        Raises `InputError` for a plan that cannot be walked or begins elsewhere.
         """
         check_start(robot, plan)
         s = settings
@@ -162,10 +161,7 @@ class LipmWalk(ReferenceSource):
 
     @property
     def velocity(self) -> Velocity | None:
-        """Commanded velocity: forward (m/s), left (m/s) and turn (rad/s); None while another planner gives the steps.
-
-        A velocity that is not three finite numbers is an `InputError`; None brings the robot to a stand.
-        """
+        """Commanded velocity; None while another planner gives the steps."""
         return None if self.planner is None else self.planner.target
 
     @velocity.setter
@@ -184,11 +180,7 @@ class LipmWalk(ReferenceSource):
             self.velocity = None
 
     def follow(self, source: FootstepPlan | FootstepSource) -> None:
-        """Take the footsteps from a plan or a planner, from the next tick on.
-
-        Raises:
-            InputError: Neither a plan nor a planner.
-        """
+        """Take the footsteps from a plan or a planner, from the next tick on."""
         if not isinstance(source, (FootstepPlan, FootstepSource)):
             raise InputError(f"footsteps come from a FootstepPlan or a FootstepSource, got {shown(source)}")
         self.planner = PlanSource(source) if isinstance(source, FootstepPlan) else source
@@ -196,10 +188,7 @@ class LipmWalk(ReferenceSource):
         self._next = 0.0
 
     def go_to(self, x: float, y: float, yaw: float) -> None:
-        """Walk to a place of the middle between the feet in the world, m, with a heading, rad, and stand there.
-
-        Raises `InputError` for a place beyond the ground.
-        """
+        """Walk to a place (m) and heading (rad) of the middle between the feet, and stand there."""
         self.check_goal(x, y)
         self.follow(GoalSource((x, y, yaw), self.velocity_source()))
 

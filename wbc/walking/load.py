@@ -67,12 +67,7 @@ class HeldLoad:
     """
 
     def __init__(self, robot: Robot, settings: LoadSettings | None = None) -> None:
-        """Start with empty hands; all clones of the estimated robot carry the load, too.
-
-        Raises:
-            UnknownNameError: No such hand or frame.
-            InputError: A robot without hands, or a frame that does not move.
-        """
+        """Start with empty hands; an `InputError` for a robot without them, or a frame that does not move."""
         self.settings = s = settings or LoadSettings()
         if not (s.hands or robot.frames):
             raise InputError(f"robot '{robot.name}' has no hands to hold a load with")

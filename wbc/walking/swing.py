@@ -102,10 +102,7 @@ class SwingFoot:
         shape: SwingShape,
         over: float = -math.inf,
     ) -> None:
-        """Plan from a foot at rest, its sole frame at lift-off, to a landing after `duration` seconds.
-
-        Raises `InputError` for a duration that the take-off and landing times do not fit into.
-        """
+        """Plan from a foot at rest; an `InputError` for a duration too short for take-off and landing."""
         self._shape = shape
         self.duration = positive("duration of the swing (s)", duration)
         self.landing, self.over = landing, over
@@ -133,12 +130,10 @@ class SwingFoot:
         return max(self._shape.apex * self.duration, 1.02 * self._shape.piece)
 
     def retarget(self, time: float, landing: Footstep, duration: float, speed: float | None = None) -> None:
-        """Change landing and time of touch-down; position, velocity and acceleration go on without a jump.
+        """Change landing and time of touch-down, and its speed (m/s) if given; the motion goes on without a jump.
 
-        Times are from lift-off, s; a touch-down comes no sooner than after the least duration of a piece. In the last
-        half of that before it, and after it, the foot sinks as planned, unless it is put off, and only its place
-        follows. `speed` is that of the touch-down, m/s, if it changes. Raises `InputError` for a landing of the other
-        foot.
+        A touch-down comes no sooner than after the least duration of a piece. In the last half of that before it, and
+        after it, the foot sinks as planned, unless it is put off, and only its place follows.
         """
         if landing.side != self.landing.side:
             raise InputError(f"the {self.landing.side} foot swings, got a landing of the {landing.side} foot")

@@ -83,12 +83,7 @@ class WalkTasks:
         *,
         torque: bool = True,
     ) -> None:
-        """Add all tasks, contacts and limits to a controller of a robot that stands at the start.
-
-        `swing` has weight and gains of the foot in the air, `trunk` those of the base, and of the torso where it is
-        held by a task of its own; `stance` says how feet carry that no stabilizer loads. It is position control when
-        `torque` is False.
-        """
+        """Add all to a controller; `stance` says how feet carry that no stabilizer loads."""
         robot, self._controller = controller.robot, controller
         self.contacts, self._stance, self._torque = list(contacts), stance, torque
         self.com = controller.add(com)

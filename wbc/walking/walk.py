@@ -103,17 +103,7 @@ class Walk:
         extent: tuple[float, float, float, float] | None = None,
         com: Array | None = None,
     ) -> None:
-        """Check a plan and stand at its start; the pendulum rests until `start`.
-
-        Heights are in m, the control period in s; the reach is derived from the legs when None, the ground endless
-        without its extent (least and greatest x, least and greatest y, m). `com` is the CoM at the start, shape (3,),
-        m, over the middle of the feet when None: from another height it goes to `com_height` in the first double
-        support.
-
-        Raises:
-            InputError: A step out of reach, soles that overlap, timings too short, a plan that leaves the ground, a
-                CoM height that the legs cannot reach.
-        """
+        """Check a plan and stand at its start, with the CoM at `com` if it is not over the feet."""
         self.settings = s = settings or WalkSettings()
         self.period = as_period(period)
         self.reach = reach or Reach.of(robot, com_height)
@@ -190,12 +180,7 @@ class Walk:
             self._plan_swing(self._swing.landing)
 
     def steer(self, steps: Sequence[Footstep], gait: StepGait | None = None) -> None:
-        """Replace all steps that have not begun; a robot that stands sets off with the next update.
-
-        `steps` are landings after that of the foot in the air, none for a stand; the gait counts from the next phase
-        on. Sides that do not alternate and a single support too short for a swing are an `InputError` that changes
-        nothing.
-        """
+        """Replace all steps that have not begun; a robot that stands sets off with the next update."""
         phases = self.phases
         if gait is not None and gait.single_support < gait.swing.shortest:
             raise InputError(
@@ -218,11 +203,7 @@ class Walk:
         soles: Sequence[pin.SE3] | None = None,
         dcm: Array | None = None,
     ) -> Reference:
-        """Compute one tick from the normal forces on left and right foot, N.
-
-        `soles` are the placements now, with all corrections, where a swing starts and a landing ends (the references of
-        the last tick when None); without the measured DCM, shape (2,) or (3,), m, no step is adjusted.
-        """
+        """Compute one tick from normal forces, N, placements of the soles as they are, and the measured DCM, m."""
         self._time += self.period
         if self._robot.mass != self._mass:  # a load is taken over, given back or let go of
             self._mass = self._robot.mass
@@ -273,10 +254,7 @@ class Walk:
         self._plan_swing(landing)
 
     def _near(self, step: Footstep) -> Callable[[float, float], bool] | None:
-        """Return which places near a step may be chosen, by the reach of the legs; None if it stays where it is.
-
-        The last two steps stay, so that the goal is met.
-        """
+        """Return which places near a step may be chosen; None if it stays, as the last two do: the goal is met."""
         if step.place == "fixed" or self.phases.step >= len(self.phases.plan) - 2:
             return None
         stance, reach = self.phases.plan.stance(self.phases.step), self.reach
@@ -337,11 +315,7 @@ class Walk:
         self._planned_swing = _PlannedSwing(self._pattern, begin, landing, duration, transfer, dcm)
 
     def _adjust(self, dcm: Array, adjuster: StepAdjuster, swing: SwingFoot) -> None:
-        """Move the landing and its time such that the pendulum can be caught.
-
-        The measured DCM is compared with the plan made at lift-off (or by `stop`), for the landing planned then: one
-        adjustment does not add to another.
-        """
+        """Catch the pendulum by landing and time; against the plan at lift-off: one change does not add to another."""
         assert self._planned_swing is not None
         phases, settings, planned = self.phases, adjuster.settings, self._planned_swing
         elapsed, remaining = phases.elapsed, planned.duration - phases.elapsed

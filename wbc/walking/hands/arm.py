@@ -61,10 +61,7 @@ class HandArm:
         return np.asarray(arm / max(float(np.linalg.norm(arm)), 1e-6))
 
     def strength(self, direction: Array, share: float) -> tuple[float, str]:
-        """Return the greatest force along a direction of length 1 in the world, N, and the joint that bounds it.
-
-        The force may use the ratio `share` of the torque limits, beside the arm's weight.
-        """
+        """Return the greatest force along a direction, N, by a ratio of the torque limits, and its joint."""
         robot, arm = self._robot, self.joints
         jacobian = pin.getFrameJacobian(robot.model, robot.data, self.frame, pin.LOCAL_WORLD_ALIGNED)
         lever = direction @ jacobian[:3, BASE_DOF:][:, arm]

@@ -315,11 +315,7 @@ class Hand:
         self._wrench.follow(np.concatenate((wrench[:3] @ turn, wrench[3:] @ turn)))
 
     def _reach(self, dt: float) -> bool:
-        """Move to the point of departure of the approach and point the hand along it; True once it is there.
-
-        The displacement along the direction of approach comes first where it leads away from the surface, and last
-        where it leads towards it, so that the hand does not brush along it.
-        """
+        """Go before the surface, first away from it, towards it last: no brushing; True once it is there."""
         duration = self._settings.reach_time
         self._elapsed = min(self._elapsed + dt, duration)
         along = float(self._path @ self.direction)

@@ -83,11 +83,7 @@ class Hands:
         height: float,
         arms: Arms,
     ) -> None:
-        """Leave the hands free: nothing of them is in the QP before an order.
-
-        `edges` are the distances from the middle of a sole to its toes and to its side, m, `height` that of the CoM
-        over the support, m; arms have the targets of the same hands, which have either a target or something to press.
-        """
+        """Leave the hands free; `edges` are the toes and the side of a sole from its middle, m."""
         self._robot, self._estimate, self._arms = controller.robot, estimate, arms
         self.settings = settings
         self._edges, self._height = edges, height
@@ -322,10 +318,7 @@ class Hands:
     # ---- in a tick ------------------------------------------------------------------------------------------------
 
     def update(self, measurement: Measurement, reference: Reference, dt: float) -> Array | None:
-        """Advance all hands; return the filtered wrench of the surroundings on them, None while there is none.
-
-        [force; moment] is at the world origin, shape (6,), N and Nm; `reference` is that of the walk without hands.
-        """
+        """Advance all hands; return the filtered wrench on them at the world origin, None while there is none."""
         self._measurement = measurement
         rests = reference.phase is GaitPhase.STANDING
         self._turn.update(measurement.angular_velocity, self._imu.rotation[2], rests, dt)
@@ -380,12 +373,7 @@ class Hands:
         return self.outside
 
     def _yield(self, rests: bool) -> None:
-        """Let hands that grip yield to internal forces, and to forces beyond their limits.
-
-        Internal forces are the vertical ones, and the squeeze of two hands along the line between them. The limit holds
-        for the sum of the forces on all hands; a couple, which turns what they hold, has none. While the robot `rests`,
-        hands also yield to the ratio `RELAX` of every force.
-        """
+        """Let hands that grip yield to vertical forces, a squeeze, a sum beyond the limits, at rest to a tenth."""
         gripping = [hand for hand in self.all.values() if hand.state is HandState.GRIP]
         if not gripping:
             return
@@ -426,11 +414,7 @@ class Hands:
         return pendulum.moved(*(np.append(x, 0.0) for x in (shift.value, shift.velocity, shift.acceleration)))
 
     def help(self, missing: Array, zmp: Array, dt: float) -> None:
-        """Distribute a moment that the feet cannot give to the hands that press, by least squares.
-
-        `missing` is desired less given moment of the feet, about the horizontal axes through the ZMP (m), shape (2,),
-        Nm.
-        """
+        """Share a moment (about horizontal axes through the ZMP, Nm) that the feet lack among the hands that press."""
         pressing = [hand for hand in self.all.values() if hand.helps]
         if not pressing or self.settings.help == 0.0:
             self._missing[:] = 0.0

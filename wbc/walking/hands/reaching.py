@@ -97,11 +97,7 @@ class Arm:
         objects: Mapping[str, tuple[pin.SE3, Array]],
         occupied: Mapping[str, Hand],
     ) -> None:
-        """Leave the arm to the posture.
-
-        `objects`, in whose frames targets may be given (pose and velocity, shape (6,)), and `occupied`, hands that may
-        press or grip, are read as they are at the time.
-        """
+        """Leave the arm to the posture; `objects` have pose and velocity, `occupied` hands may press or grip."""
         self._objects, self._occupied = objects, occupied
         robot = controller.robot
         self.name, self.frame = name, robot.frames[choose("hand", name, robot.frames)]
@@ -408,10 +404,7 @@ class Arms:
             self._swing(feet, yaw, self._turns)
 
     def _swing_turns(self) -> Array:
-        """Return how far joints turn for each metre that the right foot is ahead, rad/m: in each arm one joint.
-
-        It is the one that moves the hand forward most; an arm without such a joint is held still.
-        """
+        """Return the turn of the one joint of each arm that moves its hand forward most, a metre of step, rad/m."""
         robot, turns = self._controller.robot, np.zeros(self._posture.dim)
         forward = robot.placement(robot.base_frame).rotation[:, 0]
         for name, sign in SIDES.items():

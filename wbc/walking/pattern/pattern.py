@@ -20,10 +20,7 @@ from wbc.walking.pattern.height import HeightProfile
 
 
 def dcm_backwards(times: Array, zmp: Array, omega: float) -> Array:
-    """Return the DCM at the knots of a broken line of ZMPs that leads to its end, where it rests, shape (k, 2), m.
-
-    Knots are increasing times, shape (k,), s; `omega` is the natural frequency, 1/s.
-    """
+    """Return the DCM at knots (s) of a line of ZMPs, shape (k, 2), m, that leads to its end, where it rests."""
     knots: list[float] = np.asarray(times, dtype=float).tolist()
     points: list[list[float]] = np.asarray(zmp, dtype=float).tolist()
     x, y = points[-1]
@@ -59,12 +56,7 @@ class Pattern:
         height: float,
         profile: HeightProfile,
     ) -> None:
-        """Follow a broken line of ZMPs, with times that increase from 0.
-
-        Of the CoM at the start and its velocity, each of shape (2,), m and m/s, only the convergent part is used, since
-        the DCM is the one that leads to the last ZMP, over which the CoM comes to rest. Raises `InputError` for bad
-        times, a height (m) not above zero, a number that is not finite.
-        """
+        """Follow a line of ZMPs at times from 0; of the CoM and its velocity only the convergent part is used."""
         self.times, self.zmp = np.asarray(times, dtype=float), np.asarray(zmp, dtype=float)
         span = self.times[1:] - self.times[:-1]
         if self.times[0] != 0.0 or not (span > 0.0).all():

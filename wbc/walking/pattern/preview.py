@@ -74,11 +74,7 @@ class PreviewController:
     """
 
     def __init__(self, sizes: SoleSizes, height: float, settings: PreviewSettings | None = None) -> None:
-        """Set up the QP for (length, width) of left and right sole, m, and a height of the CoM over the support, m.
-
-        Raises `InputError` for a height that is not above zero, a margin that leaves nothing of a sole, a target
-        outside that rest of a sole.
-        """
+        """Set up the QP; an `InputError` for a margin or a target that does not fit into a sole."""
         self.settings = s = settings or PreviewSettings()
         self.height = positive("height of the CoM over the support (m)", height)
         self.omega = natural_frequency(height)
@@ -107,10 +103,7 @@ class PreviewController:
         self.status = Status.SOLVED
 
     def plan(self, supports: Sequence[SupportPhase], start: Pendulum) -> Pattern:
-        """Plan from a state of the pendulum, planned or measured, through a schedule from now to rest.
-
-        The new ZMP starts from that of the pendulum. When the QP fails (`status`), the pattern's ZMP is the reference.
-        """
+        """Plan from the pendulum through a schedule to rest; if the QP fails, along the reference of the ZMP."""
         if not supports:
             raise InputError("a schedule must have at least one support")
         s = self.settings

@@ -113,12 +113,10 @@ class StepAdjuster:
         transfer: float,
         target: ZmpTarget,
     ) -> tuple[Footstep, float]:
-        """Return landing and time from now to touch-down, s, of the step that swings.
+        """Return landing and time to touch-down, s; as planned where a ZMP within the stance foot is enough.
 
-        They are as planned where a ZMP within the stance foot is enough, or too little time is left. The DCM is
-        measured, and planned, now and `at_landing`, when the new foot has taken over, each in the world, shape (2,), m;
-        `remaining` is the planned time to touch-down, `transfer` that from there until the new foot has taken over, s;
-        `target` is the planned ZMP under the stance foot.
+        The DCM is measured, and planned, now and `at_landing`, when the new foot has taken over, in the world, m; the
+        times are to touch-down (`remaining`), and from there until the new foot has taken over (`transfer`), s.
         """
         s, omega = self.settings, self._omega
         if remaining <= s.freeze:

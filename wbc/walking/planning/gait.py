@@ -220,10 +220,7 @@ class StepGait(Gait):
         )
 
     def for_stairs(self) -> StepGait:
-        """Return the gait for a plan with stairs, whose heights are known: feet need all their time to lift.
-
-        A foot is highest half way, and slows down, to half the speed, at the very end alone.
-        """
+        """Return the gait for stairs of known heights: highest half way, slow at the very end alone."""
         return replace(self, apex=0.5, landing_speed=0.5 * self.landing_speed, landing_height=0.0)
 
 

@@ -139,10 +139,7 @@ class WalkPhases:
         self.weight = weight
 
     def stop(self, height: float = 0.0) -> bool:
-        """Come to a stand safely: put down the foot in the air, bring the other beside it, stand.
-
-        The step that closes up is at the height of the last landing less one, m. Returns False if nothing has changed.
-        """
+        """Land, bring the other foot beside, lower by a height (m), and stand; False if that is done already."""
         if self.phase is GaitPhase.STANDING or self._stopping:
             return False
         self._stopping = True
@@ -156,11 +153,7 @@ class WalkPhases:
         return True
 
     def steer(self, steps: Sequence[Footstep], gait: Gait | None = None) -> None:
-        """Replace all steps that have not begun, also by none; steps long taken are forgotten.
-
-        `steps` are landings after that of the foot in the air; the gait is as before when None. Sides that do not
-        alternate are an `InputError`; nothing is changed then.
-        """
+        """Replace all steps that have not begun, by none for a stand; the gait is as before when None."""
         waited = self.step < len(self.plan)
         feet = {"left": self.plan.left, "right": self.plan.right}
         for taken in self.plan.steps[: self.step]:

@@ -147,10 +147,7 @@ def steps_along(
     *,
     close: bool = True,
 ) -> tuple[Footstep, ...]:
-    """Return steps beside a middle that moves, at a height z, and one more that closes up; lengths in m.
-
-    Each move is forward, left (m) and turn (rad), of which a step takes its share.
-    """
+    """Return steps beside a middle that moves (forward, left, m, turn, rad) by their shares, and one that closes up."""
     steps, side = [], first
     for dx, dy, turn in moves:
         aside, turned = shares(side, dy, turn)

@@ -64,10 +64,8 @@ class Reach:
     def of(robot: Robot, com_height: float | None = None) -> Reach:
         """Return the reach of a robot, by its legs, for a CoM height over the soles, m; half-sitting when None.
 
-        With the hips in the middle between the feet, a leg of length L whose hip is h over its ankle spans √((0.98 L)²
-        − h²) to either side. Heights take what bending the landing leg leaves: half of the rise that full extension
-        would allow is kept in reserve, and no step is higher than a third of the leg. Raises `InputError` with the
-        range for a height that the legs cannot reach.
+        A leg of length L whose hip, half way between the feet, is h over its ankle spans √((0.98 L)² − h²) either way.
+        Raises `InputError` with the range for a height that the legs cannot reach.
         """
         leg = leg_geometry(robot)
         hip = hip_height(robot, com_height, leg)
@@ -132,10 +130,7 @@ def leg_geometry(robot: Robot) -> Leg:
 
 
 def hip_height(robot: Robot, com_height: float | None, leg: Leg) -> float:
-    """Return the height of the hips over the ankles, m, for one of the CoM over the soles; half-sitting when None.
-
-    Raises `InputError` with the range for a height that the legs cannot reach.
-    """
+    """Return the height of the hips over the ankles, m, for one of the CoM over the soles; half-sitting when None."""
     offset = leg.hip_over_com - leg.ankle_height
     low, high = leg.shortest - offset, STANDING * leg.length - offset
     if com_height is None:
@@ -178,10 +173,7 @@ def carried_height(robot: Robot) -> float:
 
 
 def bent_height(robot: Robot, stretch: float) -> float:
-    """Return the CoM height over the soles of a robot that is driven, m: with bent knees if it stands straight.
-
-    A leg then stretches to the ratio `stretch` of its length between hip and ankle.
-    """
+    """Return the CoM height over the soles of a driven robot, m: straight legs bend to a ratio of their length."""
     leg = leg_geometry(robot)
     if leg.hip_height <= STRAIGHT * leg.length:
         return leg.com_height
@@ -219,11 +211,7 @@ def check_plan(
     reach: Reach | None = None,
     extent: tuple[float, float, float, float] | None = None,
 ) -> None:
-    """Raise an `InputError` unless a robot can walk a plan.
-
-    Refused are a step out of reach (of the legs when None), soles that overlap, a swing too high, or a sole beyond the
-    ground, whose `extent` is its least and greatest x, least and greatest y, m; endless when None.
-    """
+    """Raise an `InputError` unless a robot can walk a plan on a ground of an extent, m; None is endless."""
     reach = reach or Reach.of(robot)
     height = plan.gait.full.swing_height
     if height > reach.max_swing_height:

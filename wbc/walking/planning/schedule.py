@@ -77,10 +77,7 @@ class ZmpTarget:
 
 
 def zmp_reference(supports: Sequence[SupportPhase], target: ZmpTarget, start: Array) -> tuple[Array, Array]:
-    """Return a ZMP that rests under the stance foot and crosses over with constant velocity on both feet.
-
-    Returned are times from now, shape (k,), s, and points of the broken line, shape (k, 2), m; `start` is the ZMP now.
-    """
+    """Return times (s) and points (m) of a ZMP that rests under stance feet and crosses over on both, from that now."""
     times, points = [0.0], [tuple(np.asarray(start, dtype=float).tolist())]
     for i, support in enumerate(supports):
         if support.single:
@@ -97,11 +94,9 @@ def zmp_reference(supports: Sequence[SupportPhase], target: ZmpTarget, start: Ar
 
 @lru_cache(maxsize=256)
 def support_area(feet: tuple[Footstep, ...], sizes: SoleSizes, margin: float = 0.0) -> tuple[Array, Array]:
-    """Return the half-planes of the area of one or two feet that the ZMP may not leave, seen from above.
+    """Return half-planes N z ≤ d of the area of one or two feet less a margin, m: shapes (8, 2), (8,).
 
-    They are outward unit normals N, shape (8, 2), and offsets d, shape (8,), m, with N z ≤ d inside; rows that are not
-    needed are zero with d = 1. Cached: do not write into them. `margin` is the distance from the edge of the soles, m;
-    one that leaves nothing of a sole is an `InputError`.
+    Rows that are not needed are zero with d = 1. Cached: do not write into them.
     """
     corners = []
     for foot in feet:

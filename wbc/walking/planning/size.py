@@ -21,11 +21,7 @@ STEP = 0.99
 
 
 def sized(gait: Gait, robot: Robot) -> Gait:
-    """Return a gait whose values that are not given fit a robot.
-
-    Lengths of a small robot shrink with the height of its CoM (`Robot.length_scale`), times and speeds with its root,
-    and a step is within the reach of its legs.
-    """
+    """Return a gait whose values that are not given fit a robot's size (`Robot.length_scale`) and its legs."""
     scale = robot.length_scale
     default, changes = StepGait(), dict[str, float]()
     for names, factor in ((LENGTHS, scale), (TIMES, math.sqrt(scale)), (SPEEDS, math.sqrt(scale))):

@@ -89,10 +89,7 @@ class SteppingGait:
     dcm: Divergent
 
     def __init__(self, settings: SteppingSettings, scale: RobotSize, heading: float, dt: float) -> None:
-        """Stand, with settings in units of the robot's size, the heading (rad) and the control period (s).
-
-        Raises `InputError` for steps that cannot be walked.
-        """
+        """Stand, with a heading (rad); an `InputError` for steps that cannot be walked."""
         self.settings, self.scale, self._dt = settings.in_si(scale), scale, dt
         self.constants = c = in_si(SteppingConstants(), scale)
         self.steering = Steering(self.settings, scale, c.brisk, heading, dt)

@@ -42,11 +42,7 @@ class RobotSize:
 
     @staticmethod
     def of(robot: Robot, bend: float, height: float | None = None) -> RobotSize:
-        """Measure a robot with a left and a right sole; its state stays as it is.
-
-        The CoM is at a height over the soles, m, else `bend`, in leg lengths, below its height on straight legs, or as
-        far as the knees carry it (`carried_height`). Legs that hang together with both soles are an `InputError`.
-        """
+        """Measure a robot with its CoM at a height (m), else `bend` leg lengths down, as far as knees carry it."""
         if len(robot.soles) != 2:
             raise InputError(f"a stepping walk needs two feet, got a robot with {len(robot.soles)} soles")
         model, data = robot.model, robot.model.createData()
@@ -115,10 +111,7 @@ class SteppingSettings:
     cruise: Annotated[Positive, "hω"] = 0.12
 
     def in_si(self, scale: RobotSize) -> SteppingSettings:
-        """Return the settings of one robot in metres, seconds and newtons; ratios and angles stay.
-
-        Steps that cannot be walked, shorter than a swing or within the other foot, are an `InputError`.
-        """
+        """Return the settings of one robot in SI units; an `InputError` for steps that cannot be walked."""
         si = in_si(self, scale)
         inside = 2.0 * scale.sole[1] + si.gap  # distance of the feet whose soles are a gap apart
         si = dataclasses.replace(si, width=max(si.width, 1.25 * inside), gap=inside)

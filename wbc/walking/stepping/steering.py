@@ -52,10 +52,7 @@ class Steering:
     def __init__(
         self, settings: SteppingSettings, scale: RobotSize, brisk: float, heading: float, dt: float
     ) -> None:
-        """Begin with a stand, with settings in SI units, a heading, rad, and the control period, s.
-
-        Beyond the velocity `brisk`, m/s, steps take longer.
-        """
+        """Stand, with settings in SI units; beyond the velocity `brisk`, m/s, steps take longer."""
         self._s, self._c, self._brisk, self._dt = settings, in_si(SteeringConstants(), scale), brisk, dt
         self.target: Velocity | None = None
         self.goal: tuple[float, float, float] | None = None
@@ -74,11 +71,7 @@ class Steering:
         )
 
     def command(self, velocity: Sequence[float] | None) -> None:
-        """Take a velocity, forward (m/s), left (m/s), turn (rad/s); None, or zero, for a stand.
-
-        Raises:
-            InputError: Not three finite numbers.
-        """
+        """Take a velocity, forward (m/s), left (m/s), turn (rad/s); None, or zero, for a stand."""
         checked = checked_velocity(velocity)
         self.target, self.goal = (checked if velocity is not None and any(checked) else None), None
         self._line = None  # of a goal before
@@ -106,10 +99,7 @@ class Steering:
         self.heading, self.direction = heading, (math.cos(heading), math.sin(heading))
 
     def update(self, place: Point, speed: Point) -> StepVelocity:
-        """Return the velocity of the next steps, which changes by the acceleration at most.
-
-        Place, m, and speed, m/s, are those of the centre of mass over the ground, in the world.
-        """
+        """Return the velocity of the next steps, from place (m) and speed (m/s) of the CoM in the world."""
         s, dt = self._s, self._dt
         forward, left, turn = self._wanted(place)
         change = s.acceleration * dt

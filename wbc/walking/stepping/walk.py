@@ -33,10 +33,7 @@ class SteppingWalk(ReferenceSource):
         settings: SteppingSettings | None = None,
         com_height: float | None = None,
     ) -> None:
-        """Stand; the CoM is at a height over the soles, m, or as far down as the settings' `bend`.
-
-        A robot without two feet, or steps that cannot be walked, are an `InputError`.
-        """
+        """Stand; the CoM is at a height over the soles, m, or as far down as the settings' `bend`."""
         self._settings, self._height, self._dt = settings or SteppingSettings(), com_height, dt
         self._made_for = robot
         self.begin(heading(robot.placement(robot.base_frame).rotation))
