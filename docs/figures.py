@@ -18,10 +18,10 @@ from wbc.feet.sensing.scan import resample
 from wbc.feet.stiffness.roughness import RoughnessSettings, low_pass, profile_roughness
 from wbc.sim.terrain.spec import terrain
 from wbc.tasks.stabilizer.pendulum import Pendulum
-from wbc.walking.pattern.preview import PreviewController
-from wbc.walking.planning.footsteps import Footstep, FootstepPlan
-from wbc.walking.planning.planners import walk_distance
-from wbc.walking.planning.schedule import schedule
+from wbc.walking.lipm.preview import PreviewController
+from wbc.walking.lipm.schedule import schedule
+from wbc.walking.plans.footsteps import Footstep, FootstepPlan
+from wbc.walking.plans.planners import walk_distance
 
 COM, DCM, ZMP, FOOT = "#1565c0", "#2e7d32", "#c62828", "#90a4ae"
 

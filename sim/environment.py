@@ -27,7 +27,7 @@ from wbc.sim.trial.push import WalkPush
 from wbc.sim.walks.plans import WalkPlan
 from wbc.sim.walks.spec import WalkSpec
 from wbc.sim.walks.trial import WalkTrial
-from wbc.walking.planning.footsteps import heading
+from wbc.walking.plans.footsteps import heading
 
 TASKS = ("walk", "stand")
 

@@ -35,7 +35,7 @@ from wbc.sim.plant.robot import DivergedError
 from wbc.sim.trial.falls import PelvisLimits, TrueFallDetector
 from wbc.walking.control import ReferenceControl
 from wbc.walking.falls import FallReason
-from wbc.walking.planning.footsteps import FootstepPlan
+from wbc.walking.plans.footsteps import FootstepPlan
 
 Look = Callable[[], None]
 

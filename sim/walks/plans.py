@@ -12,10 +12,10 @@ from wbc.sim.terrain.families.stairs import Stairs
 from wbc.sim.terrain.spec import Terrain
 from wbc.sim.trial.loop import Trial, TrialHook
 from wbc.walking.control import ReferenceControl
-from wbc.walking.planning.footsteps import Footstep, FootstepPlan, mean_heading
-from wbc.walking.planning.gait import Gait
-from wbc.walking.planning.planners import climb_stairs, turn_in_place, walk_distance, walk_velocity
-from wbc.walking.planning.sources import checked_velocity
+from wbc.walking.plans.footsteps import Footstep, FootstepPlan, mean_heading
+from wbc.walking.plans.gait import Gait
+from wbc.walking.plans.planners import climb_stairs, turn_in_place, walk_distance, walk_velocity
+from wbc.walking.plans.sources import checked_velocity
 
 DISTANCE = 3.0
 """Default distance of a walk, m: the length of the paper's tracks; 22 steps of 0.145 m."""

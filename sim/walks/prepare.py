@@ -22,10 +22,10 @@ from wbc.sim.walks.plans import WalkPlan
 from wbc.sim.walks.settings import AnyTrialSettings, AutoTrialSettings
 from wbc.walking.auto import home_of
 from wbc.walking.control import WalkingControl
-from wbc.walking.planning.footsteps import FootstepPlan, mean_heading
-from wbc.walking.planning.gait import Gait
-from wbc.walking.planning.reach import check_plan
-from wbc.walking.planning.size import sized
+from wbc.walking.plans.footsteps import FootstepPlan, mean_heading
+from wbc.walking.plans.gait import Gait
+from wbc.walking.plans.reach import check_plan
+from wbc.walking.plans.size import sized
 from wbc.walking.settings import WalkingControlSettings
 from wbc.walking.stepping.control import SteppingControl, SteppingControlSettings
 

@@ -19,11 +19,11 @@ from wbc.tasks.stabilizer.bias import BiasSettings
 from wbc.tasks.stabilizer.distribution import DistributionSettings
 from wbc.tasks.stabilizer.gains import StabilizerGains
 from wbc.walking.auto import AutoControlSettings
-from wbc.walking.pattern.preview import PreviewSettings
-from wbc.walking.planning.phases import PhaseSettings
+from wbc.walking.lipm.phases import PhaseSettings
+from wbc.walking.lipm.preview import PreviewSettings
+from wbc.walking.lipm.walk import WalkSettings
 from wbc.walking.settings import WalkingControlSettings
 from wbc.walking.stepping.control import OBSERVER, SteppingControlSettings
-from wbc.walking.walk import WalkSettings
 
 PRESETS = ("default", "frizza", "no_bias")
 """Names of presets: the best settings on all soles, the law of the paper, and the same without bias estimate, with the

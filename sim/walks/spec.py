@@ -35,7 +35,7 @@ from wbc.sim.walks.settings import (
     trial_settings,
 )
 from wbc.sim.walks.stiffness_policy import CONTENT, checked_policy
-from wbc.walking.planning.gait import Gait
+from wbc.walking.plans.gait import Gait
 
 
 def _named_values(values: Any) -> Changes:

@@ -7,7 +7,7 @@ of motion ξ = c + ċ/ω runs away from the ZMP, the convergent one ζ = c − �
 
     ξ̇ = ω (ξ − z),   ζ̇ = −ω (ζ − z),   c = (ξ + ζ) / 2.
 
-Over a ZMP that moves with constant velocity both have closed forms (`wbc.walking.pattern.pattern`).
+Over a ZMP that moves with constant velocity both have closed forms (`wbc.walking.lipm.pattern`).
 
 Source: Kajita et al., IROS 2001; Takenaka et al., IROS 2009; Englsberger et al., IEEE T-RO 31(2), 2015.
 """

@@ -25,7 +25,7 @@ from wbc.app.replay.marks import Captions
 from wbc.core.errors import InputError, UnknownNameError
 from wbc.tasks import Behaviour, Program, StateMachine, after
 from wbc.tasks.balance import balance_controller
-from wbc.walking.planning.footsteps import Footstep
+from wbc.walking.plans.footsteps import Footstep
 
 
 @pytest.fixture(scope="module")

@@ -33,7 +33,7 @@ from wbc.sim.terrain.spec import terrain
 from wbc.sim.walks.plans import WalkPlan
 from wbc.sim.walks.spec import WalkSpec
 from wbc.sim.walks.trial import WalkTrial
-from wbc.walking.planning.gait import Gait
+from wbc.walking.plans.gait import Gait
 
 HRP4 = wbc.load_robot("hrp4_class")
 GAIT = Gait(single_support=0.5, double_support=0.2, initial_double_support=0.5, final_double_support=0.5)

@@ -21,7 +21,7 @@ from wbc.motion.contacts import find_contacts, runs
 from wbc.motion.feasible import centre_of_mass_shift, supports_on
 from wbc.motion.footsteps import footsteps
 from wbc.motion.kinematics import BodyMotion, corners_of
-from wbc.walking.planning.reach import Reach
+from wbc.walking.plans.reach import Reach
 
 
 @pytest.fixture(scope="module")

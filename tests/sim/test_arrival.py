@@ -11,8 +11,8 @@ from wbc.app.walk_report import walk_text
 from wbc.sim import WalkPlan, WalkSpec, WalkTrial
 from wbc.sim.trial.loop import TrialHook, TrialTick
 from wbc.sim.walks.arrival import GOAL_DISTANCE, GOAL_TURN, Arrival
-from wbc.walking.planning.footsteps import mean_heading
-from wbc.walking.planning.gait import Gait
+from wbc.walking.plans.footsteps import mean_heading
+from wbc.walking.plans.gait import Gait
 
 JUST, BEYOND = 0.99, 1.01
 

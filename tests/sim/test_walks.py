@@ -18,7 +18,7 @@ from wbc.sim.walks.spec import WalkSpec
 from wbc.sim.walks.trial import WalkTrial, walk
 from wbc.walking.contact import Event
 from wbc.walking.falls import FallReason
-from wbc.walking.planning.gait import Gait, StepGait
+from wbc.walking.plans.gait import Gait, StepGait
 
 TWO_STEPS = WalkPlan(distance=0.1)
 QUICK = Gait(single_support=0.65, double_support=0.25, initial_double_support=0.5, final_double_support=0.5)

@@ -21,9 +21,9 @@ from wbc.tasks.scheduling.policies import StiffnessDecision, SwingScan
 from wbc.tasks.scheduling.record import StepStiffness, StiffnessTiming
 from wbc.tasks.scheduling.stiffness import StiffnessScheduler
 from wbc.walking.control import WalkingControl
-from wbc.walking.planning.footsteps import FootstepPlan
-from wbc.walking.planning.gait import Gait
-from wbc.walking.planning.planners import walk_distance
+from wbc.walking.plans.footsteps import FootstepPlan
+from wbc.walking.plans.gait import Gait
+from wbc.walking.plans.planners import walk_distance
 from wbc.walking.settings import WalkingControlSettings
 
 GAIT = Gait(single_support=0.6, double_support=0.2, initial_double_support=0.5, final_double_support=0.3)

@@ -12,8 +12,8 @@ import pytest
 import wbc
 from wbc.core.errors import InputError, UnknownNameError
 from wbc.walking import Footstep, FootstepPlan, Gait, WalkingControl
-from wbc.walking.planning.planners import climb_stairs, walk_distance, walk_path, walk_velocity
-from wbc.walking.planning.reach import check_plan
+from wbc.walking.plans.planners import climb_stairs, walk_distance, walk_path, walk_velocity
+from wbc.walking.plans.reach import check_plan
 
 DT = 0.005
 ROBOT = wbc.load_robot("hrp4_class").robot()

@@ -15,7 +15,7 @@ from wbc.tasks.stabilizer.lean import LeanMotion
 from wbc.tasks.stabilizer.pendulum import Pendulum
 from wbc.walking import FootstepPlan, SteppingControl, WalkingControl
 from wbc.walking.body import lowest_com
-from wbc.walking.planning.reach import leg_geometry
+from wbc.walking.plans.reach import leg_geometry
 
 DT = 0.005
 

@@ -16,9 +16,10 @@ from wbc.core.settings import from_json, to_json
 from wbc.robots import load
 from wbc.walking import FootstepPlan, Gait, StepGait, WalkingControl, WalkingControlSettings, walk_distance
 from wbc.walking.contact import GaitPhase
-from wbc.walking.lipm import LipmWalk
-from wbc.walking.planning.reach import Reach, bent_height, check_plan
-from wbc.walking.planning.sources import (
+from wbc.walking.lipm.source import LipmWalk
+from wbc.walking.lipm.walk import WalkSettings
+from wbc.walking.plans.reach import Reach, bent_height, check_plan
+from wbc.walking.plans.sources import (
     AT_REST,
     DriveSettings,
     FootstepSource,
@@ -28,7 +29,6 @@ from wbc.walking.planning.sources import (
     VelocitySource,
 )
 from wbc.walking.source import Reference
-from wbc.walking.walk import WalkSettings
 
 DT = 0.005
 ROBOTS = {name: load(name).robot() for name in ("hrp4_class", "talos", "g1")}

@@ -14,10 +14,10 @@ from properties import examples
 
 from wbc.core.errors import InputError
 from wbc.robots import load
-from wbc.walking.planning.footsteps import Footstep, FootstepPlan
-from wbc.walking.planning.gait import Gait
-from wbc.walking.planning.planners import climb_stairs, turn_in_place, walk_distance, walk_velocity
-from wbc.walking.planning.reach import Reach, check_plan, hip_height, leg_geometry
+from wbc.walking.plans.footsteps import Footstep, FootstepPlan
+from wbc.walking.plans.gait import Gait
+from wbc.walking.plans.planners import climb_stairs, turn_in_place, walk_distance, walk_velocity
+from wbc.walking.plans.reach import Reach, check_plan, hip_height, leg_geometry
 
 START = FootstepPlan(Footstep("left", 0.0, 0.0875), Footstep("right", 0.0, -0.0875), (), Gait())
 ROBOT = load("hrp4_class").robot()

@@ -15,13 +15,13 @@ from wbc.core.errors import InputError
 from wbc.core.qp.solver import Status
 from wbc.core.trajectories import Quintic
 from wbc.tasks.stabilizer.pendulum import Pendulum
-from wbc.walking.pattern.height import HeightProfile
-from wbc.walking.pattern.pattern import Pattern
-from wbc.walking.pattern.preview import PreviewController, PreviewSettings
-from wbc.walking.planning.footsteps import Footstep, FootstepPlan
-from wbc.walking.planning.gait import Gait
-from wbc.walking.planning.planners import climb_stairs, walk_distance, walk_velocity
-from wbc.walking.planning.schedule import SupportPhase, ZmpTarget, schedule, support_area, zmp_reference
+from wbc.walking.lipm.height import HeightProfile
+from wbc.walking.lipm.pattern import Pattern
+from wbc.walking.lipm.preview import PreviewController, PreviewSettings
+from wbc.walking.lipm.schedule import SupportPhase, ZmpTarget, schedule, support_area, zmp_reference
+from wbc.walking.plans.footsteps import Footstep, FootstepPlan
+from wbc.walking.plans.gait import Gait
+from wbc.walking.plans.planners import climb_stairs, walk_distance, walk_velocity
 
 START = FootstepPlan(Footstep("left", 0.0, 0.0875), Footstep("right", 0.0, -0.0875), (), Gait())
 SIZES = ((0.16, 0.076), (0.16, 0.076))

@@ -10,10 +10,10 @@ from pendulum import BY_TIME
 
 from wbc.core.errors import InputError
 from wbc.walking.contact import Event, GaitPhase
-from wbc.walking.planning.footsteps import Footstep, FootstepPlan
-from wbc.walking.planning.gait import Gait
-from wbc.walking.planning.phases import PhaseSettings, WalkPhases
-from wbc.walking.planning.planners import walk_distance
+from wbc.walking.lipm.phases import PhaseSettings, WalkPhases
+from wbc.walking.plans.footsteps import Footstep, FootstepPlan
+from wbc.walking.plans.gait import Gait
+from wbc.walking.plans.planners import walk_distance
 
 START = FootstepPlan(Footstep("left", 0.0, 0.0875), Footstep("right", 0.0, -0.0875), (), Gait())
 WEIGHT = 382.0

@@ -13,9 +13,9 @@ from hypothesis import strategies as st
 from wbc.core.errors import InputError
 from wbc.ground import ElevationMap, KnownGround
 from wbc.robots import load
-from wbc.walking.planning.footsteps import Footstep, FootstepPlan
-from wbc.walking.planning.planners import walk_distance
-from wbc.walking.walk import Walk
+from wbc.walking.lipm.walk import Walk
+from wbc.walking.plans.footsteps import Footstep, FootstepPlan
+from wbc.walking.plans.planners import walk_distance
 
 DT = 0.005
 HEIGHT = 0.78

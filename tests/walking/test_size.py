@@ -12,11 +12,11 @@ import pytest
 
 from wbc.core.robot import FULL_HEIGHT, Robot
 from wbc.robots import RobotDescription, load
-from wbc.walking.planning.footsteps import FootstepPlan
-from wbc.walking.planning.gait import Gait, StepGait
-from wbc.walking.planning.planners import walk_distance
-from wbc.walking.planning.reach import CARRIED, ROOM, carried_height, check_plan, leg_geometry
-from wbc.walking.planning.size import LENGTHS, SPEEDS, TIMES, sized
+from wbc.walking.plans.footsteps import FootstepPlan
+from wbc.walking.plans.gait import Gait, StepGait
+from wbc.walking.plans.planners import walk_distance
+from wbc.walking.plans.reach import CARRIED, ROOM, carried_height, check_plan, leg_geometry
+from wbc.walking.plans.size import LENGTHS, SPEEDS, TIMES, sized
 from wbc.walking.stepping.settings import RobotSize, SteppingSettings
 
 BIPED = (Path(__file__).parents[2] / "examples" / "biped.urdf").read_text(encoding="utf-8")

@@ -19,7 +19,7 @@ from wbc.walking import Reference, StandSource, State, WalkingControl, WalkingCo
 from wbc.walking.contact import GaitPhase
 from wbc.walking.falls import FallSettings
 from wbc.walking.source import Progress, WholeBody
-from wbc.walking.stepping.walk import SteppingWalk
+from wbc.walking.stepping.source import SteppingWalk
 
 DESCRIPTION = load("hrp4_class")
 

@@ -11,8 +11,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from properties import examples
 
-from wbc.walking.planning.footsteps import Footstep
-from wbc.walking.planning.gait import EDGE_SHARE, StepGait, SwingShape
+from wbc.walking.plans.footsteps import Footstep
+from wbc.walking.plans.gait import EDGE_SHARE, StepGait, SwingShape
 from wbc.walking.swing import SwingFoot
 
 GAIT = StepGait()

@@ -18,14 +18,14 @@ from wbc.tasks.stabilizer.pendulum import Pendulum, natural_frequency
 from wbc.tasks.stabilizer.stabilizer import Stabilizer
 from wbc.walking.contact import Event, GaitPhase
 from wbc.walking.ground import GroundEstimate
-from wbc.walking.planning.adjustment import AdjustmentSettings, StepAdjuster
-from wbc.walking.planning.footsteps import Footstep, FootstepPlan
-from wbc.walking.planning.gait import Gait
-from wbc.walking.planning.planners import climb_stairs, walk_distance, walk_velocity
-from wbc.walking.planning.reach import Reach
-from wbc.walking.planning.schedule import ZmpTarget, schedule, support_area
+from wbc.walking.lipm.adjustment import AdjustmentSettings, StepAdjuster
+from wbc.walking.lipm.schedule import ZmpTarget, schedule, support_area
+from wbc.walking.lipm.walk import TOUCH_DOWNS, Walk, WalkSettings
+from wbc.walking.plans.footsteps import Footstep, FootstepPlan
+from wbc.walking.plans.gait import Gait
+from wbc.walking.plans.planners import climb_stairs, walk_distance, walk_velocity
+from wbc.walking.plans.reach import Reach
 from wbc.walking.source import Reference
-from wbc.walking.walk import TOUCH_DOWNS, Walk, WalkSettings
 
 ROBOT = load("hrp4_class").robot()
 START = FootstepPlan.standing(ROBOT)

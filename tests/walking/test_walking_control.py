@@ -17,8 +17,8 @@ from wbc.tasks import OrientationTask
 from wbc.tasks.stabilizer.lean import LeanMotion
 from wbc.walking.control import WalkingControl
 from wbc.walking.falls import FallDetector, FallReason, FallSettings
-from wbc.walking.planning.footsteps import FootstepPlan
-from wbc.walking.planning.planners import walk_distance
+from wbc.walking.plans.footsteps import FootstepPlan
+from wbc.walking.plans.planners import walk_distance
 from wbc.walking.settings import WalkingControlSettings
 from wbc.walking.source import WholeBody
 

@@ -11,8 +11,8 @@ from wbc.core.errors import Array
 from wbc.core.robot import Robot
 from wbc.motion.contacts import runs
 from wbc.motion.kinematics import BodyMotion, Soles, corners_of
-from wbc.walking.planning.footsteps import heading
-from wbc.walking.planning.reach import STANDING, Reach, leg_geometry
+from wbc.walking.plans.footsteps import heading
+from wbc.walking.plans.reach import STANDING, Reach, leg_geometry
 
 CLEARANCE = 0.01
 """Least height of a foot's lowest corner in the air, m."""

@@ -35,9 +35,9 @@ from wbc.motion.kinematics import BodyMotion, Soles, least_lift, zmp_of
 from wbc.tasks.stabilizer.distribution import DistributionSettings
 from wbc.tasks.stabilizer.pendulum import Pendulum
 from wbc.walking.contact import Event, GaitPhase
-from wbc.walking.planning.footsteps import heading, mean_heading
-from wbc.walking.planning.reach import bent_height
-from wbc.walking.planning.sources import DriveSettings
+from wbc.walking.plans.footsteps import heading, mean_heading
+from wbc.walking.plans.reach import bent_height
+from wbc.walking.plans.sources import DriveSettings
 from wbc.walking.settings import WalkingControlSettings
 from wbc.walking.source import Reference, ReferenceSource, WholeBody
 from wbc.walking.swing import FootMotion

@@ -1,7 +1,12 @@
 """Walking: sources of references (a LIPM walk, a stepping walk, a stand), and the control that follows them.
 
-What both laws share stands here: swing, contact, ground, tasks, control. The law that plans is in `planning`, `pattern`
-and `lipm`, the one that decides steps as they go in `stepping`; another source derives from `ReferenceSource`.
+source      what a control follows in every tick; another one derives from `ReferenceSource`
+plans       footsteps: plans, gait, reach of the legs, and who is asked for them while the robot walks
+lipm        law of planned footsteps: phases, preview control, step adjustment
+stepping    law of steps that are decided at every tick
+ground, swing, contact, tasks, balance, control    the same for both laws: what is known of the ground … the tick
+auto        a control that changes its law
+body, hands, load, falls
 """
 
 from wbc.core.control import State
@@ -10,18 +15,18 @@ from wbc.walking.auto import AutoControl, AutoControlSettings
 from wbc.walking.control import WalkingControl
 from wbc.walking.hands.hand import HandSettings, HandState
 from wbc.walking.hands.reaching import ArmSettings
+from wbc.walking.lipm.phases import PhaseSettings
+from wbc.walking.lipm.walk import WalkSettings
 from wbc.walking.load import LoadSettings
-from wbc.walking.planning.footsteps import Footstep, FootstepPlan
-from wbc.walking.planning.gait import Gait, StepGait
-from wbc.walking.planning.phases import PhaseSettings
-from wbc.walking.planning.planners import climb_stairs, turn_in_place, walk_distance, walk_path, walk_velocity
-from wbc.walking.planning.sources import DriveSettings, FootstepSource, Standing
+from wbc.walking.plans.footsteps import Footstep, FootstepPlan
+from wbc.walking.plans.gait import Gait, StepGait
+from wbc.walking.plans.planners import climb_stairs, turn_in_place, walk_distance, walk_path, walk_velocity
+from wbc.walking.plans.sources import DriveSettings, FootstepSource, Standing
 from wbc.walking.settings import WalkingControlSettings
 from wbc.walking.source import Reference, ReferenceSource, StandSource
 from wbc.walking.stepping.control import SteppingControl, SteppingControlSettings
 from wbc.walking.stepping.settings import SteppingSettings
 from wbc.walking.swing import FootMotion
-from wbc.walking.walk import WalkSettings
 
 __all__ = [
     # Control: a measurement in, a command out

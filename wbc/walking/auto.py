@@ -33,14 +33,14 @@ from wbc.walking.control import Law, ReferenceControl, drive_control
 from wbc.walking.falls import FallSettings
 from wbc.walking.hands.hands import Hands
 from wbc.walking.hands.reaching import Arms
-from wbc.walking.lipm import LipmWalk
-from wbc.walking.planning.footsteps import FootstepPlan, heading
-from wbc.walking.planning.sources import FootstepSource, Velocity, checked_velocity
+from wbc.walking.lipm.source import LipmWalk
+from wbc.walking.plans.footsteps import FootstepPlan, heading
+from wbc.walking.plans.sources import FootstepSource, Velocity, checked_velocity
 from wbc.walking.settings import WalkingControlSettings
 from wbc.walking.source import Progress
 from wbc.walking.stepping.control import OBSERVER, SteppingControlSettings
+from wbc.walking.stepping.source import SteppingWalk
 from wbc.walking.stepping.tasks import stepping_tasks
-from wbc.walking.stepping.walk import SteppingWalk
 from wbc.walking.tasks import stabilized_tasks
 
 logger = logging.getLogger(__name__)

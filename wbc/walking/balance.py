@@ -26,9 +26,9 @@ from wbc.tasks.stabilizer.stabilizer import Stabilizer, StabilizerOutput
 from wbc.tasks.stabilizer.task import StabilizerTask
 from wbc.walking.hands.hands import Hands
 from wbc.walking.hands.reaching import Arms
+from wbc.walking.lipm.schedule import support_area
 from wbc.walking.load import HeldLoad
-from wbc.walking.planning.footsteps import Footstep
-from wbc.walking.planning.schedule import SoleSizes, support_area
+from wbc.walking.plans.footsteps import Footstep, SoleSizes
 from wbc.walking.settings import WalkingControlSettings
 from wbc.walking.source import Reference
 from wbc.walking.tasks import WalkTasks

@@ -22,7 +22,7 @@ from wbc.core.trajectories import approach
 from wbc.tasks.motion.direction import GazeTask
 from wbc.tasks.stabilizer.lean import LeanMotion
 from wbc.tasks.stabilizer.pendulum import Pendulum
-from wbc.walking.planning.reach import hip_height, leg_geometry
+from wbc.walking.plans.reach import hip_height, leg_geometry
 
 SPEED, ACCELERATION = 0.1, 0.5
 """Greatest speed (m/s) and acceleration (m/s²) of the height: a twentieth of gravity hardly changes the pendulum."""

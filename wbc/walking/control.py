@@ -38,14 +38,14 @@ from wbc.walking.body import Body
 from wbc.walking.falls import FallDetector, FallReason, FallSettings
 from wbc.walking.hands.hands import Hands
 from wbc.walking.hands.reaching import Arms
-from wbc.walking.lipm import LipmWalk
+from wbc.walking.lipm.source import LipmWalk
+from wbc.walking.lipm.walk import Walk
 from wbc.walking.load import HeldLoad
-from wbc.walking.planning.footsteps import FootstepPlan
-from wbc.walking.planning.sources import FootstepSource, Velocity
+from wbc.walking.plans.footsteps import FootstepPlan
+from wbc.walking.plans.sources import FootstepSource, Velocity
 from wbc.walking.settings import WalkingControlSettings
 from wbc.walking.source import Progress, Reference, ReferenceSource, VelocityLimits
 from wbc.walking.tasks import WalkTasks, stabilized_tasks
-from wbc.walking.walk import Walk
 
 
 class Law(NamedTuple):

@@ -20,7 +20,7 @@ import pinocchio as pin
 from wbc.core.errors import Array
 from wbc.core.robot import SIDES
 from wbc.ground.footprint import Cost
-from wbc.walking.planning.footsteps import Footstep
+from wbc.walking.plans.footsteps import Footstep
 
 MEMORY = 0.9
 """Ratio of the unevenness that is remembered from step to step: grounds seldom end within a few steps."""

@@ -15,10 +15,10 @@ from wbc.tasks.stabilizer.lean import LeanSettings
 from wbc.walking.falls import FallSettings
 from wbc.walking.hands.hand import HandSettings
 from wbc.walking.hands.reaching import ArmSettings
+from wbc.walking.lipm.walk import WalkSettings
 from wbc.walking.load import LoadSettings
-from wbc.walking.planning.sources import DriveSettings
+from wbc.walking.plans.sources import DriveSettings
 from wbc.walking.tasks import TaskGains
-from wbc.walking.walk import WalkSettings
 
 
 @settings

@@ -2,8 +2,8 @@
 
     reference = source.update(state)
 
-A source knows neither the QP nor the drives. `wbc.walking.lipm`, `wbc.walking.stepping.walk` and `wbc.motion.source`
-are sources beside each other; `StandSource` is the smallest one.
+A source knows neither the QP nor the drives. Laws of a walk are in `wbc.walking.lipm.source` and
+`wbc.walking.stepping.source`, a clip in `wbc.motion.source`; `StandSource` is the smallest one.
 """
 
 from __future__ import annotations
@@ -22,8 +22,8 @@ from wbc.ground import KnownGround
 from wbc.tasks.stabilizer.pendulum import Pendulum
 from wbc.walking.contact import Event, GaitPhase
 from wbc.walking.ground import GroundEstimate
-from wbc.walking.planning.footsteps import Footstep, FootstepPlan, heading
-from wbc.walking.planning.sources import AT_REST, FootstepSource, Velocity
+from wbc.walking.plans.footsteps import Footstep, FootstepPlan, heading
+from wbc.walking.plans.sources import AT_REST, FootstepSource, Velocity
 from wbc.walking.swing import FootMotion
 
 

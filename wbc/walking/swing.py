@@ -21,8 +21,8 @@ from wbc.core.errors import ROUNDING, Array, InputError, positive
 from wbc.core.robot import GRAVITY
 from wbc.core.trajectories import Quintic
 from wbc.core.vectors import Vector
-from wbc.walking.planning.footsteps import Footstep
-from wbc.walking.planning.gait import SwingShape
+from wbc.walking.plans.footsteps import Footstep
+from wbc.walking.plans.gait import SwingShape
 
 REST = np.zeros(6)
 REST.setflags(write=False)

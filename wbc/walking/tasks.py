@@ -26,7 +26,7 @@ from wbc.tasks.stabilizer.lean import UPRIGHT, LeanMotion
 from wbc.tasks.stabilizer.task import StabilizerTask
 from wbc.walking.body import Twist
 from wbc.walking.contact import GaitPhase
-from wbc.walking.planning.footsteps import heading
+from wbc.walking.plans.footsteps import heading
 from wbc.walking.source import Reference, WholeBody
 
 FREE_FRICTION = 2.0

@@ -22,7 +22,7 @@ from wbc.sim.terrain.families.base import make_family, terrain_families
 from wbc.sim.terrain.plot import plot_families, plot_terrain
 from wbc.sim.terrain.spec import Terrain
 from wbc.sim.terrain.spec import terrain as make_terrain
-from wbc.walking.planning.gait import StepGait
+from wbc.walking.plans.gait import StepGait
 
 TRACK = Fields(
     Terrain,

@@ -39,7 +39,7 @@ from wbc.sim.plant.places import RobotPlaces
 from wbc.sim.plant.plant import Plant
 from wbc.sim.plant.robot import SimulatedRobot
 from wbc.tasks.stabilizer.pendulum import natural_frequency
-from wbc.walking.planning.footsteps import Footstep, heading
+from wbc.walking.plans.footsteps import Footstep, heading
 
 if TYPE_CHECKING:
     from wbc.core.signals import Measurement

@@ -34,7 +34,7 @@ from wbc.walking.contact import GaitPhase
 from wbc.walking.hands.hand import Hand, HandSettings, HandState
 from wbc.walking.hands.motion import Follower, MovingFrame
 from wbc.walking.hands.reaching import Arms
-from wbc.walking.planning.footsteps import heading
+from wbc.walking.plans.footsteps import heading
 from wbc.walking.source import Reference
 
 SHIFT_TIME = 0.15

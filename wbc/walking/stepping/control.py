@@ -1,6 +1,6 @@
 """Control of a robot that balances by its steps: its parts put together.
 
-walk        place and time of the next step, swing foot, height of the CoM   `wbc.walking.stepping.walk`
+walk        place and time of the next step, swing foot, height of the CoM   `wbc.walking.stepping.source`
 tasks       these as targets of tasks and contacts                           `wbc.walking.stepping.tasks`
 control     the tick                                                         `wbc.walking.control`
 """
@@ -26,8 +26,8 @@ from wbc.walking.control import Law, ReferenceControl, drive_control
 from wbc.walking.falls import FallSettings
 from wbc.walking.hands.reaching import Arms, ArmSettings
 from wbc.walking.stepping.settings import SteppingSettings
+from wbc.walking.stepping.source import SteppingWalk
 from wbc.walking.stepping.tasks import stepping_tasks
-from wbc.walking.stepping.walk import SteppingWalk
 
 OBSERVER = ObserverSettings(inertial=InertialSettings(velocity_time_constant=0.2, yaw_time_constant=1000.0))
 """Estimate of a robot on points: feet that turn on a stone say little about velocity and nothing about heading."""

@@ -23,8 +23,8 @@ from wbc.core.vectors import Rows, Vector
 from wbc.tasks.stabilizer.pendulum import Pendulum
 from wbc.walking.contact import Event, GaitPhase, Touch, touch_down
 from wbc.walking.ground import LAST_LOOK, GroundEstimate
-from wbc.walking.planning.footsteps import Footstep
-from wbc.walking.planning.gait import SwingShape
+from wbc.walking.plans.footsteps import Footstep
+from wbc.walking.plans.gait import SwingShape
 from wbc.walking.source import Reference
 from wbc.walking.stepping.law import (
     SIDEWAYS,

@@ -17,7 +17,7 @@ import pinocchio as pin
 from wbc.core.errors import InputError
 from wbc.core.robot import GRAVITY, Robot
 from wbc.core.settings import NonNegative, Positive, settings
-from wbc.walking.planning.reach import carried_height
+from wbc.walking.plans.reach import carried_height
 
 
 @dataclasses.dataclass(frozen=True, slots=True)

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Annotated, NamedTuple
 
-from wbc.walking.planning.sources import Velocity, checked_velocity
+from wbc.walking.plans.sources import Velocity, checked_velocity
 from wbc.walking.source import VelocityLimits
 from wbc.walking.stepping.law import SIDEWAYS, Point, step_time
 from wbc.walking.stepping.settings import RobotSize, SteppingSettings, in_si

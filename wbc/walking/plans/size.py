@@ -6,8 +6,8 @@ import math
 from dataclasses import replace
 
 from wbc.core.robot import Robot
-from wbc.walking.planning.gait import Gait, StepGait
-from wbc.walking.planning.reach import Reach
+from wbc.walking.plans.gait import Gait, StepGait
+from wbc.walking.plans.reach import Reach
 
 LENGTHS = ("step_length", "swing_height", "landing_height", "search_depth")
 TIMES = (

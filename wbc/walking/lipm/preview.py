@@ -32,16 +32,16 @@ from wbc.core.qp.problem import Problem
 from wbc.core.qp.solver import QpSolver, Status
 from wbc.core.settings import NonNegative, Positive, settings
 from wbc.tasks.stabilizer.pendulum import Pendulum, natural_frequency
-from wbc.walking.pattern.height import HeightProfile
-from wbc.walking.pattern.pattern import Pattern, dcm_backwards
-from wbc.walking.planning.schedule import (
+from wbc.walking.lipm.height import HeightProfile
+from wbc.walking.lipm.pattern import Pattern, dcm_backwards
+from wbc.walking.lipm.schedule import (
     EDGES,
-    SoleSizes,
     SupportPhase,
     ZmpTarget,
     support_area,
     zmp_reference,
 )
+from wbc.walking.plans.footsteps import SoleSizes
 
 
 @settings

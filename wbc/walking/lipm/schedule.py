@@ -13,13 +13,10 @@ import numpy as np
 from wbc.core.errors import ROUNDING, Array, InputError
 from wbc.core.hull import convex_hull
 from wbc.core.settings import settings
-from wbc.walking.planning.footsteps import Footstep, FootstepPlan
+from wbc.walking.plans.footsteps import Footstep, FootstepPlan, SoleSizes
 
 EDGES = 8
 """Number of half-planes of a support area; the hull of two rectangles never has more."""
-
-SoleSizes = tuple[tuple[float, float], tuple[float, float]]
-"""(length, width) of the left and of the right sole, m."""
 
 
 @dataclass(frozen=True)

@@ -8,8 +8,8 @@ from wbc.core.control import State
 from wbc.core.robot import Robot
 from wbc.ground import KnownGround
 from wbc.walking.contact import GaitPhase
-from wbc.walking.planning.footsteps import heading
-from wbc.walking.planning.sources import Velocity
+from wbc.walking.plans.footsteps import heading
+from wbc.walking.plans.sources import Velocity
 from wbc.walking.source import Progress, Reference, ReferenceSource, VelocityLimits
 from wbc.walking.stepping.gait import BodyState, SteppingGait
 from wbc.walking.stepping.settings import RobotSize, SteppingSettings

@@ -12,7 +12,7 @@ from pydantic import Field
 from wbc.core.errors import ROUNDING, InputError, choose, finite_array
 from wbc.core.robot import SIDES
 from wbc.core.settings import Positive
-from wbc.walking.planning.footsteps import Footstep, FootstepPlan, mean_heading, other
+from wbc.walking.plans.footsteps import Footstep, FootstepPlan, mean_heading, other
 
 Turn = Annotated[float, Field(ge=1e-3, le=3.0), "rad"]
 """Turn of a step."""

@@ -12,7 +12,7 @@ import pinocchio as pin
 from wbc.core.errors import ROUNDING, Array, InputError, finite_scalar
 from wbc.core.robot import BASE_DOF, GRAVITY, SIDES, Robot, joints_to
 from wbc.core.settings import Positive, settings
-from wbc.walking.planning.footsteps import Footstep, FootstepPlan
+from wbc.walking.plans.footsteps import Footstep, FootstepPlan
 
 MAX_SLOPE = 0.5
 """Steepest landing that a plan may ask for, rad: tan 0.5 = 0.55, near the friction at which a sole slips."""

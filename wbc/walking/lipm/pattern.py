@@ -16,7 +16,7 @@ import numpy as np
 
 from wbc.core.errors import Array, InputError, positive
 from wbc.tasks.stabilizer.pendulum import Pendulum, natural_frequency
-from wbc.walking.pattern.height import HeightProfile
+from wbc.walking.lipm.height import HeightProfile
 
 
 def dcm_backwards(times: Array, zmp: Array, omega: float) -> Array:

@@ -20,9 +20,12 @@ from wbc.core.errors import InputError, shown
 from wbc.core.robot import SIDES, Robot
 from wbc.ground import KnownGround
 from wbc.walking.contact import GaitPhase
-from wbc.walking.planning.footsteps import FootstepPlan, check_start
-from wbc.walking.planning.reach import Reach, bent_height, check_plan
-from wbc.walking.planning.sources import (
+from wbc.walking.lipm.phases import WalkPhases
+from wbc.walking.lipm.walk import Walk
+from wbc.walking.plans.footsteps import FootstepPlan, check_start, other
+from wbc.walking.plans.gait import Gait
+from wbc.walking.plans.reach import Reach, bent_height, check_plan
+from wbc.walking.plans.sources import (
     AT_REST,
     FootstepSource,
     GoalSource,
@@ -35,7 +38,6 @@ from wbc.walking.planning.sources import (
 )
 from wbc.walking.settings import WalkingControlSettings
 from wbc.walking.source import Progress, Reference, ReferenceSource, VelocityLimits
-from wbc.walking.walk import Walk
 
 logger = logging.getLogger(__name__)
 
@@ -221,7 +223,7 @@ class LipmWalk(ReferenceSource):
         self._landed = False
         self._next = time + self.settings.replan
         self._planned = (planner, planner.target)
-        now = Standing.of(phases, self._gait, time)
+        now = standing(phases, self._gait, time)
         try:
             plan = planner.footsteps(now)
             self._check(plan, now, planner)
@@ -276,6 +278,18 @@ class LipmWalk(ReferenceSource):
         except InputError:
             side = now.first
             self.walk.steer(() if side is None else close_up(now.start, side).steps)
+
+
+def standing(phases: WalkPhases, gait: Gait, time: float) -> Standing:
+    """Return the feet of a walk as they stand now, with the gait of the plans that begin there."""
+    plan, step, swings = phases.plan, phases.step, phases.phase is GaitPhase.SINGLE
+    first: str | None = None
+    if swings:
+        first = other(plan.steps[step].side)
+    elif phases.phase is GaitPhase.DOUBLE and step < len(plan):
+        first = plan.steps[step].side
+    left, right = (replace(foot, pitch=0.0, roll=0.0) for foot in plan.feet(step + swings))
+    return Standing(FootstepPlan(left, right, (), gait), first, phases.completed + swings, swings, time)
 
 
 def _mean_velocity(walk: Walk) -> Velocity:

@@ -17,20 +17,18 @@ from pydantic import Field
 from wbc.core.errors import finite_array, finite_scalar
 from wbc.core.robot import SIDES
 from wbc.core.settings import NonNegative, Positive, Share, settings
-from wbc.walking.contact import GaitPhase
-from wbc.walking.planning.footsteps import (
+from wbc.walking.plans.footsteps import (
     CLOSED,
     Footstep,
     FootstepPlan,
+    SoleSizes,
     closing_step,
     mean_heading,
     other,
 )
-from wbc.walking.planning.gait import Gait, pace
-from wbc.walking.planning.phases import WalkPhases
-from wbc.walking.planning.planners import Place, moved, opens, steps_along
-from wbc.walking.planning.reach import Reach, soles_overlap
-from wbc.walking.planning.schedule import SoleSizes
+from wbc.walking.plans.gait import Gait, pace
+from wbc.walking.plans.planners import Place, moved, opens, steps_along
+from wbc.walking.plans.reach import Reach, soles_overlap
 
 Velocity = tuple[float, float, float]
 """Forward (m/s), left (m/s) and turn (rad/s) of the robot's middle."""
@@ -96,22 +94,6 @@ class Standing(NamedTuple):
     begun: int
     swings: bool
     time: float
-
-    @classmethod
-    def of(cls, phases: WalkPhases, gait: Gait, time: float) -> Standing:
-        """Return the feet of a walk as they stand now, with the gait of the plans that begin there."""
-        plan, step = phases.plan, phases.step
-        feet = {"left": plan.left, "right": plan.right}
-        swings = phases.phase is GaitPhase.SINGLE
-        for taken in plan.steps[: step + swings]:
-            feet[taken.side] = taken
-        first: str | None = None
-        if swings:
-            first = other(plan.steps[step].side)
-        elif phases.phase is GaitPhase.DOUBLE and step < len(plan):
-            first = plan.steps[step].side
-        left, right = (replace(feet[side], pitch=0.0, roll=0.0) for side in SIDES)
-        return cls(FootstepPlan(left, right, (), gait), first, phases.completed + swings, swings, time)
 
 
 class FootstepSource(ABC):

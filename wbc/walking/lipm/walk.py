@@ -23,14 +23,14 @@ from wbc.core.settings import Positive, Share, settings
 from wbc.tasks.stabilizer.pendulum import Pendulum
 from wbc.walking.contact import Event, GaitPhase
 from wbc.walking.ground import LAST_LOOK, NOTICED, GroundEstimate
-from wbc.walking.pattern.pattern import Pattern
-from wbc.walking.pattern.preview import PreviewController, PreviewSettings
-from wbc.walking.planning.adjustment import AdjustmentSettings, StepAdjuster
-from wbc.walking.planning.footsteps import Footstep, FootstepPlan, heading, mean_heading
-from wbc.walking.planning.gait import StepGait
-from wbc.walking.planning.phases import PhaseSettings, WalkPhases
-from wbc.walking.planning.reach import Reach, check_plan
-from wbc.walking.planning.schedule import SoleSizes, ZmpTarget
+from wbc.walking.lipm.adjustment import AdjustmentSettings, StepAdjuster
+from wbc.walking.lipm.pattern import Pattern
+from wbc.walking.lipm.phases import PhaseSettings, WalkPhases
+from wbc.walking.lipm.preview import PreviewController, PreviewSettings
+from wbc.walking.lipm.schedule import ZmpTarget
+from wbc.walking.plans.footsteps import Footstep, FootstepPlan, SoleSizes, heading, mean_heading
+from wbc.walking.plans.gait import StepGait
+from wbc.walking.plans.reach import Reach, check_plan
 from wbc.walking.source import Reference
 from wbc.walking.swing import FootMotion, SwingFoot
 

@@ -30,9 +30,9 @@ from wbc.core.qp.problem import Problem
 from wbc.core.qp.solver import QpSolver
 from wbc.core.robot import SIDES
 from wbc.core.settings import NonNegative, Positive, settings
-from wbc.walking.planning.footsteps import Footstep
-from wbc.walking.planning.reach import Reach
-from wbc.walking.planning.schedule import SoleSizes, ZmpTarget
+from wbc.walking.lipm.schedule import ZmpTarget
+from wbc.walking.plans.footsteps import Footstep, SoleSizes
+from wbc.walking.plans.reach import Reach
 
 SAME_TIME = 0.05
 """Relative change of e^{ωT} below which the time of touch-down counts as unchanged."""

@@ -17,9 +17,9 @@ from wbc.core.errors import ROUNDING, InputError, non_negative, positive
 from wbc.core.robot import SIDES
 from wbc.core.settings import NonNegative, Positive, Share, settings
 from wbc.walking.contact import Event, GaitPhase, Touch, touch_down
-from wbc.walking.planning.footsteps import Footstep, FootstepPlan
-from wbc.walking.planning.gait import Gait
-from wbc.walking.planning.schedule import SupportPhase, schedule
+from wbc.walking.lipm.schedule import SupportPhase, schedule
+from wbc.walking.plans.footsteps import Footstep, FootstepPlan
+from wbc.walking.plans.gait import Gait
 
 
 @settings
@@ -155,12 +155,10 @@ class WalkPhases:
     def steer(self, steps: Sequence[Footstep], gait: Gait | None = None) -> None:
         """Replace all steps that have not begun, by none for a stand; the gait is as before when None."""
         waited = self.step < len(self.plan)
-        feet = {"left": self.plan.left, "right": self.plan.right}
-        for taken in self.plan.steps[: self.step]:
-            feet[taken.side] = taken
+        left, right = self.plan.feet(self.step)
         begun = self.plan.steps[self.step : self.step + 1] if self.phase is GaitPhase.SINGLE else ()
         gait = self.plan.gait if gait is None else gait
-        self.plan = FootstepPlan(feet["left"], feet["right"], (*begun, *steps), gait)
+        self.plan = FootstepPlan(left, right, (*begun, *steps), gait)
         self.step, self._stopping = 0, False
         if self.phase is not GaitPhase.DOUBLE:
             return

@@ -1,6 +1,6 @@
 """Footsteps and footstep plans: two feet that stand, and the steps from there.
 
-`wbc.walking.planning.planners` makes plans from a distance, a velocity or a stair; `wbc.walking.planning.reach` checks
+`wbc.walking.plans.planners` makes plans from a distance, a velocity or a stair; `wbc.walking.plans.reach` checks
 them against the robot's legs.
 """
 
@@ -15,7 +15,7 @@ import pinocchio as pin
 
 from wbc.core.errors import Array, InputError, choose, finite_scalar
 from wbc.core.robot import SIDES, Robot
-from wbc.walking.planning.gait import Gait
+from wbc.walking.plans.gait import Gait
 
 LEAST_STAIR = 0.02
 """Difference in height from which two footholds are on a stair, m."""
@@ -25,6 +25,10 @@ PLACES = ("free", "fixed")
 
 CLOSED = (0.01, 0.05)
 """Distance (m) and turn (rad) up to which a foot that stands beside the other one need not close up."""
+
+
+SoleSizes = tuple[tuple[float, float], tuple[float, float]]
+"""(length, width) of the left and of the right sole, m."""
 
 
 def other(side: str) -> str:
@@ -158,13 +162,17 @@ class FootstepPlan:
         spacing = self.gait.feet_spacing
         return abs(self.left.seen_from(self.right)[1]) if spacing is None else spacing
 
+    def feet(self, count: int) -> tuple[Footstep, Footstep]:
+        """Return the places of left and right sole when a number of steps have landed."""
+        feet = {"left": self.left, "right": self.right}
+        for step in self.steps[max(count - 2, 0) : count]:
+            feet[step.side] = step
+        return feet["left"], feet["right"]
+
     @property
     def final(self) -> tuple[Footstep, Footstep]:
         """Places of left and right sole at the end."""
-        feet = {"left": self.left, "right": self.right}
-        for step in self.steps[-2:]:
-            feet[step.side] = step
-        return feet["left"], feet["right"]
+        return self.feet(len(self))
 
     def moved(self, world: pin.SE3) -> FootstepPlan:
         """Return the plan in another place.

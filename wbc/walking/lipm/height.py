@@ -13,7 +13,7 @@ from collections.abc import Sequence
 from wbc.core.errors import ROUNDING
 from wbc.core.trajectories import Quintic
 from wbc.tasks.stabilizer.pendulum import Pendulum
-from wbc.walking.planning.schedule import SupportPhase
+from wbc.walking.lipm.schedule import SupportPhase
 
 SHORTEST = 0.1
 """Least duration of a change of height, s."""

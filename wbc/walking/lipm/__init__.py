@@ -1,0 +1,5 @@
+"""Law of planned footsteps: phases by contact and time, preview control of the ZMP, step adjustment.
+
+`source` is what a control follows, `walk` puts the parts together. A rule for when feet lift or land: `phases`;
+a pattern generator: beside `preview`.
+"""
