@@ -14,7 +14,7 @@ import time
 import traceback
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from typing import Annotated, Any, ClassVar, Literal, Protocol, Self, cast
+from typing import Annotated, Any, ClassVar, Literal, Protocol, Self
 
 from wbc.core.errors import InputError
 from wbc.core.registry import Registry
@@ -229,7 +229,8 @@ def push_limit_outcome(spec: WalkPushLimitSpec, check: Check) -> Outcome:
             raise DivergedError("the physics of a walk has diverged")
         return done
 
-    limit, status = None, cast(Status, "done")
+    limit = None
+    status: Status = "done"
     try:
         if recovers(0.0):  # else the walk falls without a push
             limit = largest_recovered(recovers, spec.highest, spec.resolution + 1e-12)  # for rounded halves

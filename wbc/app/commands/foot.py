@@ -19,7 +19,7 @@ from wbc.feet.soles.catalog import foot as foot_by_name
 from wbc.feet.soles.catalog import foot_names
 from wbc.feet.soles.sole import SoleGeometry
 from wbc.robots import load, names
-from wbc.sim.plant.model import sole_geometries
+from wbc.sim.plant.feet import sole_geometries
 from wbc.sim.plant.settings import PhysicsSettings
 from wbc.sim.rig.press import PitchResult, PressResult, pitch, press
 from wbc.sim.rig.rig import HRP4C_SOLE, FootTest, fit_facts
