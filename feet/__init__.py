@@ -10,8 +10,7 @@ from wbc.feet.sensing.range_sensor import RangeSensor
 from wbc.feet.sensing.scan import GroundScan, Profile
 from wbc.feet.soles.actuator import StiffnessActuator
 from wbc.feet.soles.catalog import foot, register_foot
-from wbc.feet.soles.foot import Foot, fitted_sole
-from wbc.feet.soles.parts import FootParts
+from wbc.feet.soles.foot import Foot, FootParts, fitted_sole
 from wbc.feet.soles.soft import SoftFoot
 from wbc.feet.soles.sole import FootFit
 from wbc.feet.stiffness.features import PAPER_FEATURES, FeatureSet

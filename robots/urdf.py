@@ -49,15 +49,8 @@ def read(source: str | Path) -> Element:
     text = str(source)
     where = "URDF string"
     if is_file(source):
-        path = Path(source).expanduser() if text.isprintable() else Path(shown(text))
-        where = shown_path(path)
-        try:
-            known = path.is_file()
-        except OSError:  # a name that is too long
-            known = False
-        if not known:
-            raise InputError(f"no URDF file {where}; give a path or the XML itself")
-        text = read_xml(path, "URDF")
+        path = existing(text, "URDF", "a path or the XML itself")
+        where, text = shown_path(path), read_xml(path, "URDF")
     try:
         root = ElementTree.fromstring(text)
     except (ElementTree.ParseError, ValueError) as error:
@@ -71,6 +64,18 @@ def read(source: str | Path) -> Element:
     if root.find("link") is None:
         raise ModelError(f"{where} has no links")
     return root
+
+
+def existing(name: str, kind: str, choices: str) -> Path:
+    """Return the path of a file of a kind such as "URDF"; without one an `InputError` with the choices."""
+    path = Path(name).expanduser() if name.isprintable() else Path(shown(name))
+    try:
+        known = path.is_file()
+    except OSError:  # a name that is too long
+        known = False
+    if not known:
+        raise InputError(f"no {kind} file {shown_path(path)}; give {choices}")
+    return path
 
 
 def _xacro(where: str) -> str:

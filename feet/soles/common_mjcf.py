@@ -12,7 +12,7 @@ import pinocchio as pin
 from wbc.core.errors import Array, InputError, choose
 from wbc.core.robot import SIDES
 from wbc.feet.soles.contact import ContactSpheres, solver_parameters
-from wbc.feet.soles.parts import FootParts
+from wbc.feet.soles.foot import FootParts
 from wbc.feet.soles.sole import FootFit, box_inertia
 
 Point: TypeAlias = Sequence[float] | Array

@@ -5,8 +5,7 @@ from __future__ import annotations
 from typing import Annotated, Any
 
 from wbc.core.settings import NonNegative, Positive, settings
-from wbc.feet.soles.foot import Foot, fitted_sole
-from wbc.feet.soles.parts import FootParts
+from wbc.feet.soles.foot import Foot, FootParts, fitted_sole
 from wbc.feet.soles.sole import FootFit, SoleGeometry, box_inertia
 
 SOFT_LENGTH = 0.27782

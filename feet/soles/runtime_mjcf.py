@@ -12,7 +12,7 @@ import numpy as np
 from wbc.core.errors import Array, InputError, finite_scalar
 from wbc.feet.sensing.range_sensor import RangeSampler, RangeSensor
 from wbc.feet.soles.actuator import StiffnessActuator, StiffnessState
-from wbc.feet.soles.parts import FootParts
+from wbc.feet.soles.foot import FootParts
 
 
 def _id(model: mujoco.MjModel, kind: mujoco.mjtObj, name: str) -> int:

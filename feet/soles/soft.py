@@ -10,7 +10,7 @@ import numpy as np
 from wbc.core.errors import Array
 from wbc.core.settings import Count, settings
 from wbc.feet.soles.actuator import StiffnessActuator
-from wbc.feet.soles.parts import FootParts
+from wbc.feet.soles.foot import FootParts
 from wbc.feet.soles.soft_design import SoftDesign
 from wbc.feet.soles.sole import SoleGeometry
 

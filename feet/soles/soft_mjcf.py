@@ -18,7 +18,7 @@ from wbc.feet.soles.common_mjcf import (
     set_inertia,
 )
 from wbc.feet.soles.contact import LOOP_CLOSURE, solver_parameters
-from wbc.feet.soles.parts import FootParts
+from wbc.feet.soles.foot import FootParts
 from wbc.feet.soles.soft_design import ARCH_THICKNESS, ROWS, SoftDesign
 from wbc.feet.soles.sole import FootFit, box_inertia
 

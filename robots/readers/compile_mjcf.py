@@ -12,6 +12,7 @@ import mujoco
 
 from wbc.core.errors import InputError, ModelError, shown, shown_path
 from wbc.core.files import read_xml
+from wbc.robots.urdf import existing
 
 
 def compiled_with_files(source: Any, *, meshes: bool) -> tuple[mujoco.MjModel, dict[str, str]]:
@@ -63,15 +64,8 @@ def _source(source: str | Path) -> tuple[str, Callable[[], mujoco.MjSpec]]:
     if content.lstrip().startswith("<"):
         _refuse_other_formats("MJCF string", content)
         return "MJCF string", lambda: mujoco.MjSpec.from_string(content)
-    path = Path(source).expanduser() if content.isprintable() else Path(shown(content))
-    where = shown_path(path)
-    try:
-        known = path.is_file()
-    except OSError:  # a name that is too long
-        known = False
-    if not known:
-        raise InputError(f"no MJCF file {where}; give a path, the XML itself, an MjSpec or an MjModel")
-    texts = _texts(path)
+    path = existing(content, "MJCF", "a path, the XML itself, an MjSpec or an MjModel")
+    where, texts = shown_path(path), _texts(path)
     _refuse_other_formats(where, texts[path.name])
     if all(
         (path.parent / name).read_bytes().removeprefix(codecs.BOM_UTF8) == text.encode()
