@@ -10,7 +10,7 @@ from typing import Annotated, Literal
 import numpy as np
 
 from wbc.core.control import Mode
-from wbc.core.errors import InputError, positive
+from wbc.core.errors import InputError
 from wbc.core.settings import Count, NonNegative, Positive, Seed, settings
 from wbc.sim.balance.standing import MODES, Feedback, StandSpec, StandTrial
 from wbc.sim.trial.push import PUSH_DURATION, PushSchedule, WalkPush
@@ -81,18 +81,6 @@ def push_standing(spec: StandPushSpec) -> PushResult:
     )
 
 
-def largest_push(spec: StandPushSpec, *, highest: float = 1.0, resolution: float = 0.01) -> float:
-    """Return the largest impulse from which a robot recovers, Ns/kg: `largest_recovered`, whatever that of the spec."""
-    positive("resolution (Ns/kg)", resolution)
-    if not resolution < highest:
-        raise InputError(
-            f"highest impulse must exceed the resolution of {resolution:g} Ns/kg, got {highest:g}"
-        )
-    return largest_recovered(
-        lambda impulse: push_standing(replace(spec, impulse=impulse)).recovered, float(highest), resolution
-    )
-
-
 def largest_recovered(recovers: Callable[[float], bool], highest: float, resolution: float) -> float:
     """Return the largest impulse with a recovery, found by bisection up to `highest`, Ns/kg; 0 if there was none.
 
@@ -144,6 +132,10 @@ class PushTableSpec:
     steps: Literal["none", "allowed"] = "none"
 
     def __post_init__(self) -> None:
+        if not self.resolution < self.highest:
+            raise InputError(
+                f"highest impulse must exceed the resolution of {self.resolution:g} Ns/kg, got {self.highest:g}"
+            )
         self.specs()
 
     def specs(self) -> list[StandPushSpec]:
@@ -178,7 +170,11 @@ class PushCell:
 def push_table(table: PushTableSpec) -> Iterator[PushCell]:
     """Yield the largest push of every robot, mode and direction, cell by cell."""
     for spec in table.specs():
-        impulse = largest_push(spec, highest=table.highest, resolution=table.resolution)
+
+        def recovers(impulse: float, spec: StandPushSpec = spec) -> bool:
+            return push_standing(replace(spec, impulse=impulse)).recovered
+
+        impulse = largest_recovered(recovers, table.highest, table.resolution)
         yield PushCell(spec.robot, spec.mode, round(math.degrees(spec.direction), 3), round(impulse, 4))
 
 
