@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -48,16 +50,10 @@ class FeatureSet:
 
 def _parse(name: str) -> tuple[int, float]:
     """Return the index of the parameter among parameters and lines, and its power."""
-    base, power = name, 1.0
-    if name.startswith("sqrt(") and name.endswith(")"):
-        base, power = name[5:-1], 0.5
-        if base == "Ssk":
-            raise InputError(f"feature '{name}': {base} can be negative and has no square root")
-    elif "^" in name:
-        base, _, text = name.partition("^")
-        if not text.isdigit() or int(text) < 2:
-            raise InputError(
-                f"feature '{name}': the power must be a whole number of at least 2, got '{text}'"
-            )
-        power = float(text)
-    return _BASES.index(choose("roughness parameter", base, _BASES)), power
+    found = re.fullmatch(r"sqrt\((?P<root>\w+)\)|(?P<base>\w+)(\^(?P<power>[2-9]))?", name)
+    if found is None or found["root"] == "Ssk":  # which can be negative
+        raise InputError(
+            f"feature '{name}' must be a parameter, a power such as 'Sp^3' or a root such as 'sqrt(P)'"
+        )
+    base = choose("roughness parameter", found["root"] or found["base"], _BASES)
+    return _BASES.index(base), 0.5 if found["root"] else float(found["power"] or 1.0)
