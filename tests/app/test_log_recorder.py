@@ -98,7 +98,9 @@ def test_header_says_where_the_numbers_come_from() -> None:
     header = log.header
     assert header["seed"] == 3 and header["control_period"] == 0.005 and header["title"] == "a short walk"
     assert from_json(type(GAIT), header["spec"]["gait"]) == GAIT
-    assert {"wbc", "mujoco", "pin", "numpy", "python", "pyarrow"} <= set(header["versions"])
+    assert {"wbc", "git", "libraries"} == set(header["versions"]) and "mujoco" in header["versions"][
+        "libraries"
+    ]
     assert header["robot"]["name"] == "hrp4_class"
     assert header["robot"]["torque_limit_Nm"]["left_knee_pitch"] > 0.0
     assert log.time[-1] == pytest.approx(SECONDS - 0.005)

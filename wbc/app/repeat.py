@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from wbc.app.log.header import versions
 from wbc.app.log.reader import Log
 from wbc.app.view.controls import LiveControls
 from wbc.core.errors import InputError
@@ -112,15 +111,6 @@ def first_difference(log: Log, other: Log) -> str | None:
     if len(log) != len(other) and log.broken is None:
         return f"{len(log)} ticks, and {len(other)} when repeated"
     return None
-
-
-def differing_versions(log: Log) -> list[str]:
-    """Return the libraries of a log that are others here, with their versions there."""
-    return [
-        f"{name} {version}"
-        for name, version in log.header["versions"].items()
-        if versions().get(name) != version
-    ]
 
 
 def _first(one: list[Any], two: list[Any]) -> int:

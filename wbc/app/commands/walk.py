@@ -17,12 +17,13 @@ from wbc.app.live import LiveDrive, ending, with_changes
 from wbc.app.log.reader import Log
 from wbc.app.log.recorder import Recorder
 from wbc.app.output import Output, Report, reports
-from wbc.app.repeat import RepeatWalk, differing_versions, first_difference, recorded_walk
+from wbc.app.repeat import RepeatWalk, first_difference, recorded_walk
 from wbc.app.walk_report import walk_text
 from wbc.core.changes import read_changes, setting_names
 from wbc.core.errors import InputError, finite_scalar, shown, unknown_name
 from wbc.core.files import read_toml
 from wbc.core.settings import Positive, nested_settings, settings
+from wbc.sim.studies.provenance import differences
 from wbc.sim.trial.loop import TrialHook
 from wbc.sim.walks.plans import KINDS
 from wbc.sim.walks.presets import WALK_PRESETS
@@ -155,13 +156,13 @@ def walk(
     if options.record is not None:
         data |= {"record": str(options.record), "record_failure": None if lost is None else str(lost)}
     if original is not None and lost is None:
-        versions = differing_versions(original)
+        versions = differences(original.header["versions"])
         data |= {"same": difference is None, "difference": difference, "versions": versions}
         text += (
             f"\n  repeated  {'bit for bit the same' if difference is None else f'NOT THE SAME: {difference}'}"
         )
         if difference is not None and versions:
-            text += f"; it was recorded with {', '.join(versions)}"
+            text += f"; the log is of {', '.join(versions)}"
     return output.report(data, text, lost)
 
 

@@ -2,7 +2,7 @@
 
 format          number of the format, see `FORMAT`
 program         "wbc" and its version
-versions        of all libraries that the numbers depend on
+versions        of the code, as `wbc.sim.studies.provenance` has it: package, commit, libraries that compute
 created         date and time (UTC)
 title, seed     of the run
 control_period  s; null for a controller of one's own
@@ -17,8 +17,6 @@ from __future__ import annotations
 
 import datetime
 import json
-import platform
-from importlib import metadata
 from typing import Any
 
 from wbc._version import __version__
@@ -29,6 +27,7 @@ from wbc.feet.soles.catalog import foot, foot_name
 from wbc.robots import RobotDescription
 from wbc.sim import Plant
 from wbc.sim.plant.settings import PhysicsSettings
+from wbc.sim.studies.provenance import provenance
 from wbc.sim.terrain.families.base import terrain_families
 from wbc.sim.terrain.families.image import GreyMap
 from wbc.sim.terrain.spec import Terrain
@@ -39,8 +38,6 @@ FORMAT = 1
 KEY = b"wbc"
 """Key of the object in the metadata of the file."""
 
-_DISTRIBUTIONS = ("numpy", "scipy", "pin", "proxsuite", "daqp", "mujoco", "pyarrow")
-
 
 def make_header(tick: Tick, spec: Any = None, title: str = "", seed: int | None = None) -> dict[str, Any]:
     """Return the header of a run, from its first tick; see `Recorder` for the others, seed is the plant's when None."""
@@ -50,7 +47,7 @@ def make_header(tick: Tick, spec: Any = None, title: str = "", seed: int | None 
     return {
         "format": FORMAT,
         "program": f"wbc {__version__}",
-        "versions": versions(),
+        "versions": dict(provenance()),
         "created": datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds"),
         "title": title or robot.name,
         "seed": seed,
@@ -127,14 +124,3 @@ def read_plant(header: dict[str, Any]) -> Plant:
         scene=parts.get("scene"),
         initial_configuration=parts.get("start"),
     )
-
-
-def versions() -> dict[str, str]:
-    """Return the versions of the libraries that numbers depend on, by name."""
-    found = {"wbc": __version__, "python": platform.python_version(), "system": platform.platform()}
-    for name in _DISTRIBUTIONS:
-        try:
-            found[name] = metadata.version(name)
-        except metadata.PackageNotFoundError:
-            continue
-    return found

@@ -24,6 +24,7 @@ from wbc.core.robot import Robot
 from wbc.core.signals import Command, Measurement
 from wbc.robots import RobotDescription
 from wbc.sim.plant.plant import Plant
+from wbc.sim.studies.provenance import provenance
 from wbc.sim.trial.loop import TrialHook
 from wbc.tasks.behaviours import Program
 
@@ -60,6 +61,7 @@ class Recorder(TrialHook):
             InputError: The file cannot be written.
         """
         self._writer = LogWriter(path)
+        provenance()  # asks git once, before the run
         self.path = self._writer.path
         self._spec, self._title = spec, title
         self._seed: int | None = None  # of the plant when None

@@ -17,18 +17,19 @@ from typing import TYPE_CHECKING, Any, Self
 from wbc.app.view.marks import Picture
 from wbc.app.view.pace import Pace
 from wbc.app.view.stage import DescribedStage, SimulatedStage, Stage
+from wbc.core.control import DriveControl
 from wbc.core.errors import Array, InputError, WbcError, finite_scalar, positive
 from wbc.core.qp.controller import Controller
 from wbc.robots import RobotDescription
 from wbc.sim.plant.robot import SimulatedRobot
 from wbc.tasks.behaviours import Program
+from wbc.walking.control import ReferenceControl
 
 if TYPE_CHECKING:
     from wbc.core.robot import Robot
     from wbc.core.signals import Measurement
     from wbc.sim.plant.truth import GroundTruth
     from wbc.sim.terrain.spec import Terrain
-    from wbc.walking.control import ReferenceControl
 
 LOCAL = "127.0.0.1"
 """Address of all pages: they are reached from this machine alone, from another one through `ssh -L`."""
@@ -114,11 +115,11 @@ class View(ABC):
         terrain: Terrain | None = None,
     ) -> None:
         control = program.control if control is None and program is not None else control
-        controller = control if isinstance(control, Controller) else getattr(control, "controller", None)
-        if control is not None and not isinstance(controller, Controller):
+        if control is not None and not isinstance(control, (Controller, DriveControl, ReferenceControl)):
             raise InputError(f"a view shows a walk, a control or a Controller, got {control!r}")
-        self._program, self._controller = program, controller
-        self.walking: ReferenceControl | None = control if hasattr(control, "progress") else None
+        self._program = program
+        self._controller = control if isinstance(control, Controller | None) else control.controller
+        self.walking = control if isinstance(control, ReferenceControl) else None
         self.stage: Stage
         if isinstance(source, RobotDescription):
             if self.walking is not None:
