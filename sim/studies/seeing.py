@@ -136,7 +136,15 @@ def seeing_stepping(seeds: int = 20) -> Study:
         about="3 m over rough ground by the stepping walk, blind and with a depth camera",
         base={**WALK, "law": "stepping"},
         cells=_cells(),
-        arms=_arms(("rigid", "long arch 5"), ("none", "depth")),
+        arms=_arms(("rigid", "long arch 5"), ("none", "depth"))
+        | {
+            f"{sole}, depth, without place": {
+                **SOLES[sole],
+                "eyes": "depth",
+                "changes": {"ground.footprint.choice": False},
+            }
+            for sole in ("rigid", "long arch 5")
+        },
         seeds=_seeds(seeds),
         metric="distance",
         reference="rigid, blind",
@@ -163,11 +171,13 @@ def seeing_feet(seeds: int = 24) -> Study:
 def seeing_stairs(seeds: int = 10) -> Study:
     """Return LIPM walks of three robots over stairs up and down that no plan tells them of."""
     stairs = {"terrain": "steps", "amplitude": 0.2, "terrain_params": {"riser": 0.1, "tread": 0.3}}
+    high = {**stairs, "terrain_params": {"riser": 0.2, "tread": 0.3}}
     return Study(
         name="seeing_stairs",
-        about="3 m over two stairs of 0.10 m up and down, not told, on the robots' own feet",
+        about="3 m over two stairs of 0.10 m, or one of 0.20 m, up and down, not told, on the robots' own feet",
         base={**WALK, "foot": "flat"},
-        cells=tuple(Cell(robot, {"robot": robot, **stairs}) for robot in ("hrp4_class", "talos", "g1")),
+        cells=tuple(Cell(robot, {"robot": robot, **stairs}) for robot in ("hrp4_class", "talos", "g1"))
+        + tuple(Cell(f"{robot}, 0.20 m", {"robot": robot, **high}) for robot in ("talos", "g1")),
         arms={"depth": {"eyes": "depth"}, "blind": {"eyes": "none"}},
         seeds=_seeds(seeds),
         metric="steps_done",
@@ -175,7 +185,10 @@ def seeing_stairs(seeds: int = 10) -> Study:
 
 
 def seeing_errors(seeds: int = 4) -> Study:
-    """Return LIPM walks over families with edges, with errors of the camera, and with parts of sight left out."""
+    """Return LIPM walks over families with edges, with errors of the camera, and with parts of sight left out.
+
+    Blind is the floor: an error is stood if no fewer walks are completed than blind.
+    """
     errors: dict[str, dict[str, Any]] = {
         "depth": {},
         "place off by 20 mm": {"camera.misplaced": (0.02, 0.0, 0.0)},
@@ -188,6 +201,7 @@ def seeing_errors(seeds: int = 4) -> Study:
         "5 Hz": {"camera.rate": 5.0},
         "20 % lost": {"camera.dropout": 0.2},
         "dies after 8 s": {"camera.end": 8.0},
+        "a step of 60 mm that is not there": {"camera.ghost": (1.5, 0.0, 0.3, 0.06)},
         "without shift to the frame": {"ground.map.follow": 0.0},
         "without way": {"ground.footprint.way": False},
         "without place": {"ground.footprint.choice": False},

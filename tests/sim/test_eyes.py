@@ -129,6 +129,14 @@ def test_points_on_the_robots_own_body_are_left_out_by_its_pose(name: str) -> No
     assert cells(points[~own], shapes) > 0.97 * cells(points[~own], None)
 
 
+def test_a_ghost_is_seen_where_it_is_not() -> None:
+    plant = Plant(ROBOT, eyes=[replace(EXACT, latency=0.0, ghost=(0.8, 0.1, 0.2, 0.05))])
+    points = world(plant.clouds()[0], plant)
+    inside = (np.abs(points[:, :2] - (0.8, 0.1)) < 0.2).all(axis=1)
+    assert inside.sum() > 20
+    assert points[:, 2] == pytest.approx(np.where(inside, 0.05, 0.0), abs=1e-6)
+
+
 def test_a_raised_leg_hides_ground_from_the_camera() -> None:
     plant = Plant(ROBOT, eyes=[replace(EXACT, latency=0.0)])
     (standing,) = plant.clouds()
@@ -152,6 +160,10 @@ def test_a_camera_dies() -> None:
     [
         (DepthCamera(link="head_camera"), "head_camera"),
         (DepthCamera(turn=(0.0, -0.9, 0.0)), "sees no ground"),
+        (
+            DepthCamera(at=(-0.4, 0.0, 0.4), turn=(0.0, 0.0, 0.0), view=(0.2, 0.2)),
+            "sees no ground",
+        ),  # its back
         ("depth", "DepthCamera"),
     ],
 )

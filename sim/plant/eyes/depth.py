@@ -50,6 +50,8 @@ class DepthCamera:
         dropout: Share of the rays that return nothing.
         misplaced: Error of `at`, by which the camera truly is elsewhere, m.
         end: Time at which the camera dies, s.
+        ghost: Block that it sees and that is not there: x and y of its middle in the world, half of its side and its
+            height over the ground, m.
     """
 
     link: str | None = None
@@ -66,6 +68,7 @@ class DepthCamera:
     dropout: Share = 0.01
     misplaced: Annotated[tuple[float, float, float], "m"] = (0.0, 0.0, 0.0)
     end: Annotated[NonNegative, "s"] | None = None
+    ghost: Annotated[tuple[float, float, NonNegative, float], "m"] | None = None
 
     def __post_init__(self) -> None:
         if max(self.view) >= math.pi:
@@ -174,6 +177,11 @@ class DepthView:
         seen &= self._random.random(len(seen)) >= c.dropout
         measured = distance + std * self._random.standard_normal(len(seen))
         points = self._at + self._rays[seen] * measured[seen, None]
+        if c.ghost is not None:
+            place, rotation = self._pose()
+            x, y, half, height = c.ghost
+            off = (self._rays[seen] * distance[seen, None] @ rotation.T + place)[:, :2] - (x, y)
+            points += np.where((np.abs(off) < half).all(axis=1), height, 0.0)[:, None] * rotation[2]
         return [PointCloud(points, time, self.frame, np.maximum(std[seen], LEAST_STD))]
 
     def outline(self, distance: float) -> Array:
