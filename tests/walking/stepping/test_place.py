@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from point_mass import PointMass
 
 from wbc.walking.stepping.law import Divergent, Orbit, SteppingConstants, landing_place
 from wbc.walking.stepping.place import Moves
@@ -61,3 +62,61 @@ def test_a_move_leaves_the_next_step_viable_and_takes_the_cheapest_time(ahead, o
         assert abs(move.ahead) <= c.most_ahead
         least = (c.time_cost * times**2 + c.offset_cost * np.abs(by - times * complex(*growth)) ** 2).min()
         assert cost - c.change * abs(by) - c.move == pytest.approx(least, rel=0.01, abs=1e-6)
+
+
+class Grooves:
+    """Ground at z = 0 on which a sole is restless near stripes across and along the way, as `KnownGround` tells it."""
+
+    version = 0
+
+    def __init__(self, mirror: bool = False) -> None:
+        self._sign = -1.0 if mirror else 1.0
+
+    def unrest(self, x, y):
+        across = np.cos(2.0 * math.pi * x / 0.08) > 0.3
+        along = np.cos(2.0 * math.pi * (self._sign * y - 0.013) / 0.06) > 0.3
+        return 0.02 * (1.0 * across + along)
+
+    def stand(self, side, placement) -> None:
+        pass
+
+    def support(self, side, x, y, yaw):
+        return SimpleNamespace(x=x, y=y, z=0.0, slope=(0.0, 0.0))
+
+    def best(self, side, x, y, yaw, allowed, cost):
+        places = complex(x, y) + GRID * complex(math.cos(yaw), math.sin(yaw))
+        ranked = np.argsort(cost(GRID) + self.unrest(places.real, places.imag), kind="stable")
+        k = next(k for k in ranked if GRID[k] == 0.0 or allowed(places[k].real, places[k].imag))
+        return self.support(side, places[k].real, places[k].imag, yaw)
+
+    def highest(self, side, start, end, yaw) -> float:
+        return -math.inf
+
+
+def grooved(sight, push: float, velocity=(0.25, 0.0, 0.0)) -> tuple[PointMass, np.ndarray]:
+    """Step out of a push to a side and walk; return the body and its landings."""
+    body = PointMass()
+    body.gait.ground.sight = sight
+    body.run(0.7)
+    body.speed += [0.0, push]
+    body.run(0.1)
+    body.gait.steering.command(velocity)
+    ticks = body.run(12.0)
+    last = [a for a, b in zip(ticks, ticks[1:], strict=False) if a.reference.step != b.reference.step]
+    return body, np.array([tick.reference.landing.position for tick in last])
+
+
+def test_a_walk_that_chooses_lands_quieter_and_keeps_its_velocity() -> None:
+    _, blind = grooved(None, 0.6)
+    body, chosen = grooved(Grooves(), 0.6)
+    rest = [Grooves().unrest(places[:, 0], places[:, 1]).mean() for places in (blind, chosen)]
+    assert rest[1] < 0.6 * rest[0]
+    assert body.com[0] == pytest.approx(0.25 * 12.0, rel=0.1)
+    apart = np.abs(np.diff(chosen[:, 1]))
+    assert apart.min() > body.gait.settings.gap - 1e-6
+
+
+def test_a_mirrored_ground_gives_mirrored_landings() -> None:
+    _, left = grooved(Grooves(), 0.6, (0.25, 0.05, 0.0))
+    _, right = grooved(Grooves(mirror=True), -0.6, (0.25, -0.05, 0.0))
+    np.testing.assert_allclose(right, left * (1.0, -1.0, 1.0), atol=1e-9)
