@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import time as clock
-from typing import Any
 
 import numpy as np
 
 from wbc.app.replay.replay import Replay
 from wbc.app.view.base import free_port
-from wbc.app.view.marks import legend
-from wbc.app.view.viser_page import ViserPage, legend_html, start_server, stop_server
+from wbc.app.view.viser_page import ViserPage, start_server, stop_server
 from wbc.app.view.widgets import Widgets, when
 
 RATE = 30.0
@@ -43,17 +41,12 @@ class Player:
         gui, last = self._server.gui, float(self._times[-1])
         self._page = ViserPage(self._server, replay)
         self._widgets = Widgets(self._server, lambda order: None)
-        self._text: list[str] = []
-        self._meanings: dict[str, Any] = {}
         self._tick = -1
-        self._widgets.text(lambda: "  \n".join(self._text))
+        self._widgets.text(lambda: "  \n".join(self._page.said))
         self._time = gui.add_slider("time (s)", round(float(self._times[0]), 2), round(last, 2), 0.01, 0.0)
         self._playing = gui.add_checkbox("play", True)
         self._speed = gui.add_dropdown("speed", tuple(SPEEDS), initial_value="1")
-        self._widgets.checkbox("camera follows", True, self._follow)
-        self._widgets.checkbox("see through the robot", False, self._page.see_through)
-        with gui.add_folder("meaning of the colours", expand_by_default=False):
-            self._widgets.text(lambda: legend_html(self._meanings), html=True)
+        self._page.options(self._widgets)
         when(gui.add_command("play or pause", hotkey="space").on_trigger, self._toggle)
         self.show(0)
 
@@ -61,10 +54,8 @@ class Player:
         """Show a tick of the log, if it is not shown already."""
         if tick == self._tick:
             return
-        self._tick, picture = tick, self._replay.picture(tick)
-        self._page.draw(picture)
-        self._text = [f"**{picture.time:.2f} s**", *picture.text]
-        self._meanings |= legend([picture])
+        self._tick = tick
+        self._page.draw(self._replay.picture(tick))
         self._widgets.speak()
 
     def run(self) -> None:
@@ -89,9 +80,6 @@ class Player:
     def close(self) -> None:
         """End the page."""
         stop_server(self._server)
-
-    def _follow(self, on: bool) -> None:
-        self._page.follows, self._tick = on, -1
 
     def _toggle(self, _: object) -> None:
         self._playing.value = not self._playing.value

@@ -35,7 +35,7 @@ from wbc.core.qp.controller import Controller
 from wbc.core.qp.task import Task
 from wbc.core.robot import GRAVITY
 from wbc.feet.soles.soft import VariableStiffnessFoot
-from wbc.tasks.stabilizer.gains import LIMITS
+from wbc.sim.plant.plant import Plant
 
 if TYPE_CHECKING:
     from wbc.sim.plant.robot import SimulatedRobot
@@ -43,7 +43,7 @@ if TYPE_CHECKING:
 
 _log = logging.getLogger(__name__)
 
-GAINS = {
+STABILIZER_GAINS = {
     "dcm_p": "1/s",
     "dcm_i": "1/s",
     "dcm_d": "",
@@ -117,7 +117,7 @@ class LiveControls:
                 self._actions["gain"] = self._set_gain
             if walking.steered:
                 self._actions["drive"] = self._drive
-            if isinstance(getattr(plant, "foot", None), VariableStiffnessFoot):
+            if self.variable_foot is not None:
                 self._actions["stiffness"] = self._set_stiffness
 
     def add_own(self, name: str, take: Callable[[Any], object]) -> None:
@@ -161,28 +161,16 @@ class LiveControls:
         self._reported += len(entries)
         return json.dumps(entries) if entries else ""
 
-    def available(self) -> dict[str, Any]:
-        """Return the controls and their ranges and present values, for a page."""
-        controls: dict[str, Any] = {}
-        walking, plant = self._walking, self._plant
-        if "push" in self._actions:
-            controls["push"] = {"impulse": IMPULSE, "largest": MAX_IMPULSE, "directions": list(DIRECTIONS)}
-        if "stop" in self._actions:
-            controls["stop"] = True
-        if "drive" in self._actions:
-            forward, back, aside, turn = walking.velocity_limits
-            controls["drive"] = {"forward": forward, "back": back, "left": aside, "turn": turn}
-        if "gain" in self._actions:
-            gains = walking.stabilizer.gains
-            controls["gains"] = [
-                {"name": name, "unit": unit, "largest": LIMITS[name], "value": _first(getattr(gains, name))}
-                for name, unit in GAINS.items()
-            ]
-        if "stiffness" in self._actions:
-            actuator = plant.foot.actuator
-            value = float(plant.foot.stiffness)
-            controls["stiffness"] = {"low": actuator.low, "high": actuator.high, "value": value}
-        return controls
+    @property
+    def offered(self) -> set[str]:
+        """Kinds of orders that the run takes."""
+        return {*self._actions}
+
+    @property
+    def variable_foot(self) -> VariableStiffnessFoot | None:
+        """The foot of a walk on soles of variable stiffness; None for others."""
+        foot = self._plant.foot if isinstance(self._plant, Plant) else None
+        return foot if self._walking is not None and isinstance(foot, VariableStiffnessFoot) else None
 
     def apply(self, request: Any) -> None:
         """Carry out an order, {"do": name, …}, now; `message` says whether it was refused."""
@@ -279,11 +267,11 @@ class LiveControls:
             self.apply({"do": "drive", "forward": 0.0, "left": 0.0, "turn": 0.0})
 
     def _set_gain(self, request: dict[str, Any]) -> dict[str, Any]:
-        name = choose("gain", str(request.get("name")), GAINS)
+        name = choose("gain", str(request.get("name")), STABILIZER_GAINS)
         value = finite_scalar(f"gain '{name}'", request.get("value"), low=0.0)
         stabilizer = self._walking.stabilizer
         stabilizer.gains = replace(stabilizer.gains, **{name: value})
-        return {"name": name, "value": _first(getattr(stabilizer.gains, name))}
+        return {"name": name, "value": first(getattr(stabilizer.gains, name))}
 
     def _set_stiffness(self, request: dict[str, Any]) -> dict[str, Any]:
         from wbc.tasks.scheduling.policies import FixedPolicy  # noqa: PLC0415
@@ -323,6 +311,6 @@ def intervention_text(entry: dict[str, Any]) -> str:
     return f"{entry['time']:.2f} s: {what.format(**entry | {'force': force})}"
 
 
-def _first(value: Any) -> float:
+def first(value: Any) -> float:
     """Return a gain, the forward one of two."""
     return float(value[0] if isinstance(value, tuple) else value)

@@ -11,9 +11,10 @@ import mujoco
 import numpy as np
 
 from wbc.app.view.base import LOCAL, ViewError
-from wbc.app.view.marks import Mark, Picture, placed
+from wbc.app.view.marks import Mark, Picture, legend, placed
 from wbc.app.view.meshes import Colour, Mesh, body_meshes
 from wbc.app.view.stage import Stage
+from wbc.app.view.widgets import Widgets
 from wbc.core.errors import Array
 from wbc.sim.plant.hands import SCENE_PREFIX
 
@@ -48,14 +49,18 @@ class ViserPage:
     """Nodes of a stage in viser: a frame for each body with its meshes below, and the marks.
 
     Attributes:
-        follows: The world moves so that the robot stays where it is in the picture.
+        said: Time and text of the last picture.
+        meanings: Meaning of the colours that have been drawn.
     """
 
     def __init__(
         self, server: viser.ViserServer, stage: Stage, pull: Callable[[str, Array], None] | None = None
     ) -> None:
         """Make all nodes; `pull` gets link and displacement of the mouse (m, world) while one is dragged with Ctrl."""
-        self._server, self._stage, self.follows = server, stage, True
+        self._server, self._stage, self._follows = server, stage, True
+        self.said: list[str] = []
+        self.meanings: dict[str, Colour] = {}
+        self._target = np.zeros(3)
         scene, model, height = server.scene, stage.model, stage.scale.height
         server.initial_camera.position = (2.6 * height, -2.0 * height, 1.7 * height)
         server.initial_camera.look_at = (0.0, 0.0, 0.8 * height)
@@ -95,8 +100,10 @@ class ViserPage:
                     for mesh in self._meshes.get(body, ()):
                         mesh.color = _paint(colour)["color"]
             self._draw_marks(picture)
-            x, y = picture.target[:2] if self.follows else (0.0, 0.0)
-            self._root.position = (-x, -y, 0.0)
+            self._target = picture.target
+            self.follow(self._follows)
+        self.said = [f"**{picture.time:.2f} s**", *picture.text]
+        self.meanings |= legend([picture])
 
     def _draw_marks(self, picture: Picture) -> None:
         for name in self._marks.keys() - {mark.name for mark in picture.marks}:
@@ -128,6 +135,19 @@ class ViserPage:
             mujoco.mju_mat2Quat(quaternion, np.ascontiguousarray(rotation).ravel())
             node.position, node.wxyz, node.scale = position, quaternion, tuple(scale.tolist())
             self._marks[mark.name] = (node, mark, mesh)
+
+    def options(self, widgets: Widgets) -> None:
+        """Add what changes the picture alone to a panel, and the meaning of the colours."""
+        widgets.checkbox("camera follows", True, self.follow)
+        widgets.checkbox("see through the robot", False, self.see_through)
+        with self._server.gui.add_folder("meaning of the colours", expand_by_default=False):
+            widgets.text(lambda: legend_html(self.meanings), html=True)
+
+    def follow(self, on: bool) -> None:
+        """Move the world so that the robot stays where it is in the picture, or leave it where it is."""
+        self._follows = on
+        x, y = self._target[:2] if on else (0.0, 0.0)
+        self._root.position = (-x, -y, 0.0)
 
     def see_through(self, on: bool) -> None:
         """Draw what moves transparent, to see forces and marks behind it, or solid."""

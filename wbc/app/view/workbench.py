@@ -18,17 +18,17 @@ import pinocchio as pin
 
 from wbc.app.arguments import attribute_docs
 from wbc.app.view.base import View
-from wbc.app.view.controls import DIRECTIONS, LiveControls
-from wbc.app.view.marks import Picture, legend
+from wbc.app.view.controls import DIRECTIONS, IMPULSE, MAX_IMPULSE, STABILIZER_GAINS, LiveControls, first
+from wbc.app.view.marks import Picture
 from wbc.app.view.stage import SimulatedStage
-from wbc.app.view.viser_page import ViserPage, legend_html, start_server, stop_server
+from wbc.app.view.viser_page import ViserPage, start_server, stop_server
 from wbc.app.view.widgets import Gizmo, Widgets, round_up, when
 from wbc.core.errors import Array, InputError, finite_scalar
 from wbc.core.qp.task import Task
 from wbc.robots import RobotDescription
 from wbc.sim.plant.robot import SimulatedRobot
 from wbc.tasks.behaviours import Program, StateMachine
-from wbc.tasks.stabilizer.gains import StabilizerGains
+from wbc.tasks.stabilizer.gains import LIMITS, StabilizerGains
 
 SPEEDS = {"0.1": 0.1, "0.25": 0.25, "0.5": 0.5, "1": 1.0, "2": 2.0, "4": 4.0, "as fast as it goes": None}
 """Choices of the run's speed, multiples of real time."""
@@ -125,8 +125,6 @@ class Workbench(View):
         server.scene.reset()
         self._widgets = Widgets(server, self.controls.order)
         self._pace.restart()
-        self._said: tuple[str, ...] = ()
-        self._meanings: dict[str, Any] = {}
         self._task_room: Any = None  # folder of all tasks
         self._tasks: list[Task] = []  # that it shows
         with server.atomic():
@@ -257,13 +255,11 @@ class Workbench(View):
 
     def _send(self, picture: Picture) -> None:
         self._page.draw(picture)
-        self._said = (f"**{picture.time:.2f} s**", *picture.text)
-        self._meanings |= legend([picture])
         if self._widgets.show():
             self._match()
 
     def _status(self) -> str:
-        return "  \n".join([*self._said, *([self.controls.message] if self.controls.message else [])])
+        return "  \n".join([*self._page.said, *([self.controls.message] if self.controls.message else [])])
 
     def _pull(self, body: str, way: Array) -> None:
         force = DRAG_FORCE * self.stage.scale.weight * way
@@ -273,42 +269,41 @@ class Workbench(View):
 
     def _fill(self, program: Program | None) -> None:
         """Make all controls."""
-        gui, offered = self._server.gui, self.controls.available()
+        gui, offered, walking = self._server.gui, self.controls.offered, self.walking
         self._widgets.text(self._status)
         self._widgets.checkbox("pause", False, lambda on: setattr(self._pace, "paused", on))
         speed = next((name for name, value in SPEEDS.items() if value == self._pace.speed), "1")
         chosen = gui.add_dropdown("speed", tuple(SPEEDS), initial_value=speed)
         when(chosen.on_update, lambda _: setattr(self._pace, "speed", SPEEDS[chosen.value]))
-        self._widgets.checkbox("camera follows", True, lambda on: setattr(self._page, "follows", on))
-        self._widgets.checkbox("see through the robot", False, self._page.see_through)
-        with gui.add_folder("meaning of the colours", expand_by_default=False):
-            self._widgets.text(lambda: legend_html(self._meanings), html=True)
+        self._page.options(self._widgets)
         if program is not None:
             with gui.add_folder("program"):
                 self._widgets.text(lambda: program_text(program))
         self._own_folder: Any = None
-        if "drive" in offered:
-            self._drive_folder(offered["drive"])
+        if "drive" in offered and walking is not None:
+            self._drive_folder(walking.velocity_limits)
         if "stop" in offered and "drive" not in offered:
             self._widgets.button("stop walking", lambda: {"do": "stop"}, "the run ends when the robot stands")
         if "push" in offered:
-            self._push_folder(offered["push"])
-        if "gains" in offered:
+            self._push_folder()
+        if "gain" in offered and walking is not None and walking.stabilizer is not None:
             docs = attribute_docs(StabilizerGains)
             with gui.add_folder("stabilizer gains", expand_by_default=False):
-                for gain in offered["gains"]:
-                    name, unit, most = gain["name"], gain["unit"], gain["largest"]
+                for name, unit in STABILIZER_GAINS.items():
                     label, order = f"{name} ({unit})" if unit else name, {"do": "gain", "name": name}
-                    self._widgets.slider(label, 0.0, most, min(gain["value"], most), docs[name], order)
-        if "stiffness" in offered:
-            soles = offered["stiffness"]
+                    value, most = first(getattr(walking.stabilizer.gains, name)), LIMITS[name]
+                    self._widgets.slider(label, 0.0, most, min(value, most), docs[name], order)
+        if (foot := self.controls.variable_foot) is not None:
+            hint, high = "each foot takes it in its next swing", max(100.0, 2.0 * foot.stiffness)
             with gui.add_folder("soles", expand_by_default=False):
-                low, value = soles["low"], soles["value"]
-                high, hint = (
-                    min(soles["high"], max(100.0, 2.0 * value)),
-                    "each foot takes it in its next swing",
+                self._widgets.slider(
+                    "stiffness (Nm/rad)",
+                    foot.actuator.low,
+                    min(foot.actuator.high, high),
+                    foot.stiffness,
+                    hint,
+                    {"do": "stiffness"},
                 )
-                self._widgets.slider("stiffness (Nm/rad)", low, high, value, hint, {"do": "stiffness"})
         self._match()
 
     def _match(self) -> None:
@@ -334,11 +329,10 @@ class Workbench(View):
             self._own_folder = self._server.gui.add_folder("own controls", order=-1.0)
         return self._own_folder
 
-    def _drive_folder(self, limits: dict[str, float]) -> None:
+    def _drive_folder(self, limits: Iterable[float]) -> None:
         gui, parts = self._server.gui, ("forward", "left", "turn")
-        most = {name: math.floor(100.0 * limit) / 100.0 for name, limit in limits.items()}
-        low = (-most["back"], -most["left"], -most["turn"])
-        high = (most["forward"], most["left"], most["turn"])
+        ahead, back, aside, turn = (math.floor(100.0 * limit) / 100.0 for limit in limits)
+        low, high = (-back, -aside, -turn), (ahead, aside, turn)
         with gui.add_folder("drive"):
             sliders = [
                 gui.add_slider(f"{name} ({unit})", a, b, 0.01, 0.0)
@@ -369,11 +363,11 @@ class Workbench(View):
         self._commands.append(gui.add_command("stand", hotkey="space"))
         when(self._commands[-1].on_trigger, halt)
 
-    def _push_folder(self, push: dict[str, Any]) -> None:
+    def _push_folder(self) -> None:
         gui = self._server.gui
         with gui.add_folder("push", expand_by_default=False):
             side = gui.add_dropdown("direction", tuple(DIRECTIONS))
-            size = gui.add_slider("impulse (Ns/kg)", 0.0, push["largest"], 0.01, push["impulse"])
+            size = gui.add_slider("impulse (Ns/kg)", 0.0, MAX_IMPULSE, 0.01, IMPULSE)
             self._widgets.button(
                 "push", lambda: {"do": "push", "direction": side.value, "impulse": size.value}
             )
