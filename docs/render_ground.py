@@ -6,7 +6,6 @@ about two minutes; on a machine without a display set MUJOCO_GL=egl.
 
 from __future__ import annotations
 
-import subprocess
 import sys
 from collections.abc import Callable
 from pathlib import Path
@@ -96,13 +95,6 @@ def draw_feet(path: Path) -> None:
     figure.savefig(path, dpi=100)
 
 
-def draw_press(path: Path) -> None:
-    """The soft foot of the rig on stones, as the paper's application draws it."""
-    script = Path(__file__).parents[1] / "examples" / "paper" / "foot.py"
-    words = ["--stiffness", "5", "--terrain", "stones", "--amplitude", "0.03", "--seed", "1", "-o"]
-    subprocess.run([sys.executable, str(script), *words, str(path)], check=True)
-
-
 def small(path: Path) -> None:
     """Write a picture again with 256 colours: a third of the size, and nobody sees it."""
     with Image.open(path) as picture:
@@ -112,7 +104,6 @@ def small(path: Path) -> None:
 PICTURES: dict[str, Callable[[Path], object]] = {
     "terrains.png": plot_families,
     "foot_soft.png": draw_feet,
-    "foot_press.png": draw_press,
 }
 """Name of each picture and who draws it."""
 
