@@ -49,6 +49,10 @@ class FootMotion(NamedTuple):
         return FootMotion(placement, REST, REST)
 
 
+Motion = tuple[float, float, float]
+"""Value of a coordinate and its two derivatives."""
+
+
 class _Coordinate:
     """One coordinate of the foot as quintics in a row; before the first it is where it begins.
 
@@ -56,12 +60,12 @@ class _Coordinate:
     """
 
     def __init__(self, value: float, speed: float = 0.0) -> None:
-        self._pieces: list[tuple[float, Vector, Vector, float]] = []  # start, its state, goal, duration
+        self._pieces: list[tuple[float, Motion, Motion, float]] = []  # start, its state, goal, duration
         self._fitted: tuple[object, Quintic[float]] = (None, Quintic((0.0,) * 3, (0.0,) * 3, 1.0))
-        self._first: Vector = (value, speed, 0.0)
+        self._first: Motion = (value, speed, 0.0)
         self._time, self._state = 0.0, self._first  # asked for last
 
-    def at(self, time: float) -> Vector:
+    def at(self, time: float) -> Motion:
         if time == self._time:
             return self._state
         self._time, self._state = time, self._first
@@ -74,7 +78,7 @@ class _Coordinate:
                 break
         return self._state
 
-    def follow(self, start: float, *goals: tuple[float, Vector]) -> None:
+    def follow(self, start: float, *goals: tuple[float, Motion]) -> None:
         """Go to each (time, state) in turn from `start` on; the motion before stays."""
         state = self.at(start)
         pieces = self._pieces
