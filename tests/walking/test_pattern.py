@@ -17,7 +17,7 @@ from wbc.core.trajectories import Quintic
 from wbc.tasks.stabilizer.pendulum import Pendulum
 from wbc.walking.lipm.height import HeightProfile
 from wbc.walking.lipm.pattern import Pattern
-from wbc.walking.lipm.preview import PreviewController, PreviewSettings
+from wbc.walking.lipm.preview import INTERVAL, PreviewController, PreviewSettings
 from wbc.walking.lipm.schedule import SupportPhase, ZmpTarget, schedule, support_area, zmp_reference
 from wbc.walking.plans.footsteps import Footstep, FootstepPlan
 from wbc.walking.plans.gait import Gait
@@ -239,7 +239,7 @@ def test_the_zmp_stays_inside_and_the_dcm_is_taken_over() -> None:
         reached += np.abs(slack).max() < 1e-4
         for dt in np.arange(0.02, 2.4, 0.02):
             support = support_at(WALK, t + dt)
-            if dt < preview.settings.interval:
+            if dt < INTERVAL:
                 continue  # the ZMP starts where it was, and may have been near the edge
             assert inside(support_area(support.feet, SIZES, margin), pattern.at(dt).zmp[:2]) < 1e-5
         end = pattern.duration

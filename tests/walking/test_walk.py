@@ -18,9 +18,9 @@ from wbc.tasks.stabilizer.pendulum import Pendulum, natural_frequency
 from wbc.tasks.stabilizer.stabilizer import Stabilizer
 from wbc.walking.contact import Event, GaitPhase
 from wbc.walking.ground import GroundEstimate
-from wbc.walking.lipm.adjustment import AdjustmentSettings, StepAdjuster
+from wbc.walking.lipm.adjustment import SHORTEST, AdjustmentSettings, StepAdjuster
 from wbc.walking.lipm.schedule import ZmpTarget, schedule, support_area
-from wbc.walking.lipm.walk import TOUCH_DOWNS, Walk, WalkSettings
+from wbc.walking.lipm.walk import CLIMBING_INWARD, TOUCH_DOWNS, Walk, WalkSettings
 from wbc.walking.plans.footsteps import Footstep, FootstepPlan
 from wbc.walking.plans.gait import Gait
 from wbc.walking.plans.planners import climb_stairs, walk_distance, walk_velocity
@@ -190,7 +190,7 @@ def test_the_zmp_is_inward_and_less_so_on_stairs(climbing: bool, metre: Result) 
             side = 0 if reference.contact[0] else 1
             y = reference.feet[side].placement.actInv(np.array([*reference.pendulum.zmp[:2], 0.0]))[1]
             inward.append(-y if side == 0 else y)
-    expected = settings.climbing_inward if climbing else settings.preview.target.inward
+    expected = CLIMBING_INWARD if climbing else settings.preview.target.inward
     assert np.median(inward) == pytest.approx(expected, abs=2e-3)
 
 
@@ -388,7 +388,7 @@ def test_it_keeps_within_reach_and_time() -> None:
         )
         assert abs(landing.x - PLAN.steps[1].x) <= settings.max_shift[0] + 1e-6
         assert abs(landing.y - PLAN.steps[1].y) <= settings.max_shift[1] + 1e-6
-        assert remaining >= settings.shortest - 1e-6
+        assert remaining >= SHORTEST - 1e-6
     assert adjust((0.1, 0.1), 0.76)[0] is PLAN.steps[1]
 
 

@@ -33,17 +33,20 @@ FREE_FRICTION = 2.0
 """Friction of the contacts in position control: the QP's own wrenches are not commanded there and must not bind."""
 
 
+SWING_TURN_WEIGHT, CONTACT_RETURN = 1.0, 100.0
+"""In torque control: cost of the rotation of the foot in the air, per (rad/s²)² (where a joint of the ankle meets its
+limit the foot turns by a hundred rad/s², which the CoM must not pay for); stiffness of a standing foot towards its
+place, 1/s²."""
+
+
 @settings
 class TaskGains(BodyGains):
     """Weights and gains of the tasks of a walk: those of `wbc.tasks.balance.BodyGains`, and these.
 
     Attributes:
         swing_weight: Pose of the foot in the air, cost per (m/s²)² and (rad/s²)².
-        swing_turn_weight: Rotation of the foot in the air in torque control, cost per (rad/s²)²: where a joint of the
-            ankle meets its limit the foot turns by a hundred rad/s², which the CoM must not pay for.
         swing_stiffness: 1/s².
         contact_stiffness: Stiffness of a standing foot towards its corrected pose in position control, 1/s².
-        contact_return: Stiffness of a standing foot towards its place in torque control, 1/s².
         wrench_weight: Desired foot wrenches in torque control, cost per N² and (Nm)².
         moment_by_load: Weigh the moments of the desired wrenches of two feet by the inverse square of each foot's load
             over the sum: at equal weights the CoP of the foot with less load is at the edge, and it turns.
@@ -52,10 +55,8 @@ class TaskGains(BodyGains):
     """
 
     swing_weight: Positive = 1000.0
-    swing_turn_weight: Positive = 1.0
     swing_stiffness: Annotated[Positive, "1/s²"] = 400.0
     contact_stiffness: Annotated[Positive, "1/s²"] = 1000.0
-    contact_return: Annotated[Positive, "1/s²"] = 100.0
     wrench_weight: Positive = 1e-3
     moment_by_load: bool = False
     leg_weight: Positive | None = None
@@ -275,7 +276,7 @@ def stabilized_tasks(
             min_force=0.0,
             margin=0.0,
             ramp=0.0,
-            stiffness=gains.contact_return if torque else gains.contact_stiffness,
+            stiffness=CONTACT_RETURN if torque else gains.contact_stiffness,
             friction=friction if torque else FREE_FRICTION,
             even=torque and gains.even_soles,
         )
@@ -292,7 +293,7 @@ def stabilized_tasks(
         weight=gains.com_weight,
         stiffness=gains.com_stiffness,
     )
-    turn = gains.swing_turn_weight if torque else gains.swing_weight
+    turn = SWING_TURN_WEIGHT if torque else gains.swing_weight
     swing: GainOptions = {
         "weight": np.repeat([gains.swing_weight, turn], 3),
         "stiffness": gains.swing_stiffness,

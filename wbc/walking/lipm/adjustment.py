@@ -29,10 +29,18 @@ from wbc.core.errors import Array, positive
 from wbc.core.qp.problem import Problem
 from wbc.core.qp.solver import QpSolver
 from wbc.core.robot import SIDES
-from wbc.core.settings import NonNegative, Positive, settings
+from wbc.core.settings import NonNegative, settings
 from wbc.walking.lipm.schedule import ZmpTarget
 from wbc.walking.plans.footsteps import Footstep, SoleSizes
 from wbc.walking.plans.reach import Reach
+
+LANDING_COST, TIME_COST, OFFSET_COST, SHIFT_COST = 1.0, 0.05, 100.0, 0.01
+"""Costs of a landing away from the plan, 1/m², of a relative change of e^{ωT}, of a DCM away from the plan relative to
+the landing foot, and of a shift of the ZMP within the stance foot, 1/m²."""
+
+SHORTEST, LONGEST, FREEZE = 0.05, 0.1, 0.05
+"""Least time from now to touch-down, greatest stretch of the time left, time before touch-down in which the step stays,
+s: a foot needs that much to come down."""
 
 SAME_TIME = 0.05
 """Relative change of e^{ωT} below which the time of touch-down counts as unchanged."""
@@ -40,34 +48,20 @@ SAME_TIME = 0.05
 
 @settings
 class AdjustmentSettings:
-    """Costs and limits of step adjustment.
+    """Limits of step adjustment.
 
     Attributes:
-        shift: Cost of a shift of the ZMP within the stance foot, 1/m².
         margin: Distance of the ZMP from the edge of the stance foot, m.
         backward: Greatest shift of the ZMP towards the heel, m. With a step that comes early the DCM lags behind; the
             heel would have to push it on, and seldom carries on stones.
         threshold: Change of landing below which the step stays as planned, m.
-        landing: Cost of a landing away from the plan, 1/m².
-        time: Cost of a relative change of e^{ωT}, 1.
-        offset: Cost of a DCM away from the plan relative to the landing foot, 1/m².
         max_shift: Greatest distance of a landing from the plan, forward and sideways, m.
-        shortest: Least time from now to touch-down, s.
-        longest: Greatest stretch of the time left, s.
-        freeze: Time before touch-down in which the step is not changed any more, s.
     """
 
-    shift: Annotated[Positive, "1/m²"] = 0.01
     margin: Annotated[NonNegative, "m"] = 0.01
     backward: Annotated[NonNegative, "m"] = 0.03
     threshold: Annotated[NonNegative, "m"] = 0.005
-    landing: Annotated[Positive, "1/m²"] = 1.0
-    time: Positive = 0.05
-    offset: Annotated[Positive, "1/m²"] = 100.0
     max_shift: Annotated[tuple[NonNegative, NonNegative], "m"] = (0.15, 0.12)
-    shortest: Annotated[NonNegative, "s"] = 0.05
-    longest: Annotated[NonNegative, "s"] = 0.1
-    freeze: Annotated[NonNegative, "s"] = 0.05
 
     def sized(self, scale: float) -> AdjustmentSettings:
         """Return the settings with their lengths times a factor, for a small robot (`Robot.length_scale`)."""
@@ -95,10 +89,9 @@ class StepAdjuster:
         self._half = [[max(0.5 * size - margin, 1e-3) for size in sole] for sole in sizes]  # less the margin
         # Unknowns: landing, shift of the ZMP, relative time τ/τ*, DCM over the landing; in the stance foot's axes.
         self._problem = p = Problem(0, 0, 7, 2, 1, 5)
-        s = self.settings
         p.equality[:, 0:2] = p.equality[:, 5:7] = np.eye(2)
         p.inequality[:, :5] = np.eye(5)
-        p.diagonal[:] = (s.landing, s.landing, s.shift, s.shift, s.time, s.offset, s.offset)
+        p.diagonal[:] = (*[LANDING_COST] * 2, *[SHIFT_COST] * 2, TIME_COST, *[OFFSET_COST] * 2)
         p.soft_weight[:] = 1e-9  # the solver wants one soft row
         self._solver = QpSolver(p)
 
@@ -119,7 +112,7 @@ class StepAdjuster:
         times are to touch-down (`remaining`), and from there until the new foot has taken over (`transfer`), s.
         """
         s, omega = self.settings, self._omega
-        if remaining <= s.freeze:
+        if remaining <= FREEZE:
             return step, remaining
         c, sn = math.cos(stance.yaw), math.sin(stance.yaw)
         ahead, left = target.in_sole(stance.side)
@@ -138,9 +131,9 @@ class StepAdjuster:
         offset = plan_then - landing
         self._write_motion(now, (plan_now * grow - plan_then) / (grow - 1.0), grow, landing, offset)
         low, high = self._bounds(landing, step.side, s.max_shift)
-        shortest = math.exp(omega * (max(s.shortest, s.freeze) - remaining))
+        shortest = math.exp(omega * (max(SHORTEST, FREEZE) - remaining))
         self._problem.lower[:] = (*low, *shift_low, min(1.0, shortest))
-        self._problem.upper[:] = (*high, *shift_high, math.exp(omega * s.longest))
+        self._problem.upper[:] = (*high, *shift_high, math.exp(omega * LONGEST))
         if not self._solver.solve().ok:
             return step, remaining
         x = self._solver.x
@@ -182,8 +175,8 @@ class StepAdjuster:
         if not (low[0] <= x <= high[0] and low[1] <= y <= high[1]):
             return False
         # A hundredth more, for the solver's tolerance.
-        cost = 1.01 * s.shift * (x * x + y * y)
-        return cost <= s.landing * s.threshold**2 and cost <= s.time * SAME_TIME**2
+        cost = 1.01 * SHIFT_COST * (x * x + y * y)
+        return cost <= LANDING_COST * s.threshold**2 and cost <= TIME_COST * SAME_TIME**2
 
     def _bounds(self, landing: Array, side: str, shift: tuple[float, float]) -> tuple[Array, Array]:
         """Box of landings in the stance foot's axes: within reach and within `shift` of the plan."""

@@ -15,11 +15,15 @@ from typing import Annotated
 
 from wbc.core.errors import ROUNDING, InputError, non_negative, positive
 from wbc.core.robot import SIDES
-from wbc.core.settings import NonNegative, Positive, Share, settings
+from wbc.core.settings import NonNegative, Share, settings
 from wbc.walking.contact import Event, GaitPhase, Touch, touch_down
 from wbc.walking.lipm.schedule import SupportPhase, schedule
 from wbc.walking.plans.footsteps import Footstep, FootstepPlan
 from wbc.walking.plans.gait import Gait
+
+DEBOUNCE, HOLD = 0.01, 0.05
+"""Time that the load of a touch-down must last; remaining time that the pattern plans with while a phase waits for a
+foot, s."""
 
 
 @settings
@@ -29,22 +33,18 @@ class PhaseSettings:
     Attributes:
         touch_down: Load at which a swing foot has met the ground; 0.08 is 30 N of 39 kg.
         early: Ratio of the swing before which a load is a stumble, not a touch-down.
-        debounce: Time that the load must last, s.
         lift_off: Greatest load of the foot that leaves.
         stance: Least load of the foot that stays.
         max_wait: Longest time that lift-off waits for these two loads, s; then the foot lifts all the same.
         max_late: Longest time that a foot searches for ground, s; then it is taken to stand where it is.
-        hold: Remaining time that the pattern plans with while a phase waits for a foot, s.
     """
 
     touch_down: Share = 0.08
     early: Share = 0.6
-    debounce: Annotated[NonNegative, "s"] = 0.01
     lift_off: Share = 0.25
     stance: Share = 0.5
     max_wait: Annotated[NonNegative, "s"] = 0.3
     max_late: Annotated[NonNegative, "s"] = 0.5
-    hold: Annotated[Positive, "s"] = 0.05
 
 
 class WalkPhases:
@@ -72,7 +72,7 @@ class WalkPhases:
         self.elapsed = 0.0
         self.duration = 0.0
         self.completed = 0
-        self._touch = Touch(self.settings.debounce)
+        self._touch = Touch(DEBOUNCE)
         self._stopping = False
 
     @property
@@ -99,7 +99,7 @@ class WalkPhases:
     @property
     def remaining(self) -> float:
         """Time to the planned end of the phase, s; at least `hold` while it waits for a foot."""
-        return max(self.duration - self.elapsed, self.settings.hold if self._waits else 0.0)
+        return max(self.duration - self.elapsed, HOLD if self._waits else 0.0)
 
     @property
     def overdue(self) -> bool:
@@ -115,8 +115,7 @@ class WalkPhases:
     def supports(self) -> tuple[SupportPhase, ...]:
         """Return the schedule from now on."""
         if self.step >= len(self.plan) > 0 and self.phase is GaitPhase.STANDING:
-            hold = self.settings.hold
-            return (SupportPhase(hold, self.plan.final, self.step, hold),)
+            return (SupportPhase(HOLD, self.plan.final, self.step, HOLD),)
         if self._schedule is None or self._schedule[0] is not self.plan:
             self._schedule = self.plan, schedule(self.plan)
         whole = self._schedule[1]
@@ -200,7 +199,7 @@ class WalkPhases:
                 left,
             )  # of time, for the double support: the rhythm is kept
         elif touched:
-            event, credit = touch_down(-left, ROUNDING, 0.5 * s.hold), 0.0
+            event, credit = touch_down(-left, ROUNDING, 0.5 * HOLD), 0.0
         elif left <= -s.max_late + ROUNDING:
             event, credit = (Event.NO_TOUCH_DOWN if s.max_late > 0.0 else Event.TOUCH_DOWN), 0.0
         else:

@@ -25,12 +25,11 @@ from dataclasses import field
 from typing import Annotated
 
 import numpy as np
-from pydantic import Field
 
 from wbc.core.errors import ROUNDING, Array, InputError, positive
 from wbc.core.qp.problem import Problem
 from wbc.core.qp.solver import QpSolver, Status
-from wbc.core.settings import NonNegative, Positive, settings
+from wbc.core.settings import NonNegative, settings
 from wbc.tasks.stabilizer.pendulum import Pendulum, natural_frequency
 from wbc.walking.lipm.height import HeightProfile
 from wbc.walking.lipm.pattern import Pattern, dcm_backwards
@@ -43,26 +42,24 @@ from wbc.walking.lipm.schedule import (
 )
 from wbc.walking.plans.footsteps import SoleSizes
 
+KNOTS, INTERVAL = 16, 0.1
+"""Number of knots N; greatest time between them, s: each support is cut into equal parts."""
+
+RATE_WEIGHT, SLACK_WEIGHT = 1e-3, 1e4
+"""Cost r of the velocity of the ZMP against the reference's, s²; cost s of a DCM that no ZMP inside the supports takes
+to the plan, 1/s²: the slack is zero unless the constraints cannot be met without it."""
+
 
 @settings
 class PreviewSettings:
     """Settings of the preview controller.
 
     Attributes:
-        knots: Number of knots N.
-        interval: Greatest time between knots, s; each support is cut into equal parts.
         margin: Distance of the ZMP from the edge of the support, m; `Walk` gives a small robot its share.
-        rate_weight: Cost r of the velocity of the ZMP against the reference's, s².
-        slack_weight: Cost s of a DCM that no ZMP inside the supports takes to the plan, 1/s² against the distance of
-            the ZMP over a second; the slack is zero unless the constraints cannot be met without it.
         target: Reference of the ZMP under a stance foot.
     """
 
-    knots: Annotated[int, Field(ge=2, le=100)] = 16
-    interval: Annotated[float, Field(ge=0.01, le=1.0), "s"] = 0.1
     margin: Annotated[NonNegative, "m"] = 0.008
-    rate_weight: Annotated[NonNegative, "s²"] = 1e-3
-    slack_weight: Annotated[Positive, "1/s²"] = 1e4
     target: ZmpTarget = field(default_factory=ZmpTarget)
 
 
@@ -90,12 +87,12 @@ class PreviewController:
                     f"target of the ZMP, {s.target.forward:g} m forward and {s.target.inward:g} m inward, must be at "
                     f"most {room[0]:g} and {room[1]:g} m from the centre of a sole of {length:g} × {width:g} m"
                 )
-        free = s.knots - 1
-        self._problem = p = Problem(0, 0, 2 * free + 2, 2, 2 * s.knots, EDGES * free)
+        free = KNOTS - 1
+        self._problem = p = Problem(0, 0, 2 * free + 2, 2, 2 * KNOTS, EDGES * free)
         p.equality[0, -2] = p.equality[1, -1] = 1.0
         p.soft[: 2 * free, : 2 * free] += np.eye(2 * free)
         p.soft[2:, : 2 * free] -= np.eye(2 * free)
-        p.diagonal[-2:] = s.slack_weight
+        p.diagonal[-2:] = SLACK_WEIGHT
         self._areas: list[Array | None] = [
             None
         ] * free  # normals of the support area of each knot, as written
@@ -139,21 +136,21 @@ class PreviewController:
         areas: list[tuple[Array, Array]] = []
         last = supports[-1]
         for support in supports:
-            if len(times) > s.knots + 1:
+            if len(times) > KNOTS + 1:
                 break  # beyond the horizon the plan is the analytic one
             if support.duration <= ROUNDING:
                 continue
-            parts = max(1, math.ceil(support.duration / s.interval - 1e-6))
+            parts = max(1, math.ceil(support.duration / INTERVAL - 1e-6))
             area = support_area(support.feet, self._sizes, s.margin)
             if support.single and areas:
                 areas[-1] = area  # the knot between both supports belongs to the smaller one
             for _ in range(parts):
                 times.append(times[-1] + support.duration / parts)
                 areas.append(area)
-        while len(times) <= s.knots:  # at the end of the walk: stand on
-            times.append(times[-1] + s.interval)
+        while len(times) <= KNOTS:  # at the end of the walk: stand on
+            times.append(times[-1] + INTERVAL)
             areas.append(support_area(last.feet, self._sizes, s.margin))
-        return np.array(times[: s.knots + 1]), areas[: s.knots - 1]
+        return np.array(times[: KNOTS + 1]), areas[: KNOTS - 1]
 
     def _fill(
         self, times: Array, reference: Array, areas: list[tuple[Array, Array]], end_dcm: Array, dcm: Array
@@ -171,7 +168,7 @@ class PreviewController:
         p.equality[0, 0:-2:2] = p.equality[1, 1:-2:2] = weights[1:-1]
         p.target[:2] = dcm - (weights @ reference + before[-1] * end_dcm)
         p.diagonal[:-2] = np.repeat(0.5 * (span[:-1] + span[1:]), 2)
-        p.soft_weight[:] = np.repeat(self.settings.rate_weight / span, 2)
+        p.soft_weight[:] = np.repeat(RATE_WEIGHT / span, 2)
         for k, (area, (normals, offsets)) in enumerate(zip(self._areas, areas, strict=True)):
             rows = slice(EDGES * k, EDGES * (k + 1))
             if normals is not area:

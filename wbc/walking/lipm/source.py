@@ -41,6 +41,9 @@ from wbc.walking.source import Progress, Reference, ReferenceSource, VelocityLim
 
 logger = logging.getLogger(__name__)
 
+REPLAN = 0.1
+"""Time between plans of the footsteps on both feet, s."""
+
 Extent = tuple[float, float, float, float]
 """Least and greatest x, least and greatest y of the ground, m."""
 
@@ -221,7 +224,7 @@ class LipmWalk(ReferenceSource):
         elif time < self._next and not self._landed:
             return
         self._landed = False
-        self._next = time + self.settings.replan
+        self._next = time + REPLAN
         self._planned = (planner, planner.target)
         now = standing(phases, self._gait, time)
         try:
@@ -237,7 +240,7 @@ class LipmWalk(ReferenceSource):
         """True in the last moments of the last step: no ZMP takes the DCM from its rest to another step that soon."""
         phases = self.walk.phases
         last = phases.step + 1 >= len(phases.plan)
-        return last and phases.duration - phases.elapsed < self.settings.replan
+        return last and phases.duration - phases.elapsed < REPLAN
 
     def _check(self, plan: FootstepPlan, now: Standing, planner: FootstepSource) -> None:
         """Refuse a plan with a side out of turn, a step out of reach of the feet, or one that leaves the ground."""

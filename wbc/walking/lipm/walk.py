@@ -12,20 +12,19 @@ import logging
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Annotated
 
 import numpy as np
 import pinocchio as pin
 
 from wbc.core.errors import ROUNDING, Array, InputError, as_period
 from wbc.core.robot import GRAVITY, SIDES, Robot
-from wbc.core.settings import Positive, Share, settings
+from wbc.core.settings import Share, settings
 from wbc.tasks.stabilizer.pendulum import Pendulum
 from wbc.walking.contact import Event, GaitPhase
 from wbc.walking.ground import LAST_LOOK, NOTICED, GroundEstimate
-from wbc.walking.lipm.adjustment import AdjustmentSettings, StepAdjuster
+from wbc.walking.lipm.adjustment import FREEZE, AdjustmentSettings, StepAdjuster
 from wbc.walking.lipm.pattern import Pattern
-from wbc.walking.lipm.phases import PhaseSettings, WalkPhases
+from wbc.walking.lipm.phases import HOLD, PhaseSettings, WalkPhases
 from wbc.walking.lipm.preview import PreviewController, PreviewSettings
 from wbc.walking.lipm.schedule import ZmpTarget
 from wbc.walking.plans.footsteps import Footstep, FootstepPlan, SoleSizes, heading, mean_heading
@@ -39,6 +38,14 @@ logger = logging.getLogger(__name__)
 TOUCH_DOWNS = (Event.EARLY_TOUCH_DOWN, Event.TOUCH_DOWN, Event.LATE_TOUCH_DOWN, Event.NO_TOUCH_DOWN)
 
 
+CLIMBING_INWARD = 0.01
+"""Greatest distance of the planned ZMP to the inner side in a plan with stairs, m: the further inward the ZMP, the more
+torque the hips need, and on a stair they have none to spare."""
+
+REPLAN = 0.1
+"""Time between plans of the pattern, s; each event plans it anew as well."""
+
+
 @settings
 class WalkSettings:
     """Settings of a walk.
@@ -46,21 +53,16 @@ class WalkSettings:
     Attributes:
         preview: Preview control; the ZMP is planned 20 mm to the inner side of a stance foot, because rough ground tips
             robots outward. On soles too narrow for that, it is half of the half width that the margin leaves.
-        climbing_inward: Greatest distance of the planned ZMP to the inner side in a plan with stairs, m: the further
-            inward the ZMP, the more torque the hips need, and on a stair they have none to spare.
         phases: Loads and times at which phases change.
         adjustment: Step adjustment; None for none.
-        replan: Time between plans of the pattern, s; each event plans it anew as well.
         ground_memory: Share of the unexpected height of a landing by which the next landings are moved.
         rise_memory: Share of that height by which the expected rise from step to step changes. Where the ground keeps
             rising, or the estimate drifts (by a millimetre or two a step), feet would always land too early.
     """
 
     preview: PreviewSettings = field(default_factory=lambda: PreviewSettings(target=ZmpTarget(inward=0.02)))
-    climbing_inward: Annotated[float, "m"] = 0.01
     phases: PhaseSettings = field(default_factory=PhaseSettings)
     adjustment: AdjustmentSettings | None = field(default_factory=AdjustmentSettings)
-    replan: Annotated[Positive, "s"] = 0.1
     ground_memory: Share = 0.5
     rise_memory: Share = 0.1
 
@@ -122,8 +124,8 @@ class Walk:
         preview, self._swing_gait = s.preview, gait
         if plan.climbs:  # as planned: on rough ground, landings make a plan that climbs, too
             self._swing_gait = gait.for_stairs()
-            if preview.target.inward > s.climbing_inward:
-                preview = replace(preview, target=replace(preview.target, inward=s.climbing_inward))
+            if preview.target.inward > CLIMBING_INWARD:
+                preview = replace(preview, target=replace(preview.target, inward=CLIMBING_INWARD))
         preview = replace(preview, margin=preview.margin * robot.length_scale)
         room = 0.5 * min(left.width, right.width) - preview.margin
         if preview.target.inward > room > 0.0:
@@ -217,7 +219,7 @@ class Walk:
             elif event in TOUCH_DOWNS:
                 self._land(placements)
         overdue = self.phases.overdue
-        interval = 0.5 * self.settings.phases.hold if overdue else self.settings.replan
+        interval = 0.5 * HOLD if overdue else REPLAN
         if self._rest is None and (events or self._time >= interval - ROUNDING):
             if self._time > 0.0:  # a swing that begins has planned already
                 self._replan()
@@ -319,7 +321,7 @@ class Walk:
         assert self._planned_swing is not None
         phases, settings, planned = self.phases, adjuster.settings, self._planned_swing
         elapsed, remaining = phases.elapsed, planned.duration - phases.elapsed
-        if phases.remaining <= settings.freeze or remaining <= settings.freeze:
+        if phases.remaining <= FREEZE or remaining <= FREEZE:
             return
         landing, time = adjuster.adjust(
             np.asarray(dcm)[:2],

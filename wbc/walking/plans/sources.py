@@ -12,8 +12,6 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import Annotated, NamedTuple
 
-from pydantic import Field
-
 from wbc.core.errors import finite_array, finite_scalar
 from wbc.core.robot import SIDES
 from wbc.core.settings import NonNegative, Positive, Share, settings
@@ -45,6 +43,15 @@ TRIES = 2
 """Landings beside a goal after which a robot stands as near to it as its landings are to their plans."""
 
 
+AHEAD, STOPPING = 4, 0.1
+"""Steps that are planned ahead, before the one that closes up; length of a step above which a robot that is to stop
+takes a shorter one before it closes up, m: no step of a robot of half a metre is as long."""
+
+NEAR, FAR = (0.02, 0.05), 0.6
+"""Distance and turn to a goal below which it is reached, m and rad: of the place, at any size; distance above which the
+robot walks towards it face first, m."""
+
+
 @settings
 class DriveSettings:
     """Settings of a robot that is steered.
@@ -58,12 +65,6 @@ class DriveSettings:
         stretch: Ratio of their length to which the legs stretch of a robot that is driven and whose legs are
             straighter than 0.95 in half-sitting (`g1`): straight legs take no long steps. A given CoM height comes
             first.
-        steps: Steps that are planned ahead, before the one that closes up.
-        stopping: Length of a step above which the robot takes a shorter one before it closes up, m; no step of a robot
-            of half a metre is as long.
-        replan: Time between plans of the footsteps on both feet, s.
-        goal: Distance and turn to a goal below which it is reached, m and rad: of the place, at any size.
-        far: Distance to a goal above which the robot walks towards it face first, m.
     """
 
     acceleration: Annotated[tuple[Positive, Positive, Positive], "m/s², m/s², rad/s²"] = (0.25, 0.25, 1.0)
@@ -71,11 +72,6 @@ class DriveSettings:
     fastest_back: Annotated[NonNegative, "m/s"] = 0.3
     reach: Share = 0.75
     stretch: Share = 0.92
-    steps: Annotated[int, Field(ge=2, le=20)] = 4
-    stopping: Annotated[NonNegative, "m"] = 0.1
-    replan: Annotated[Positive, "s"] = 0.1
-    goal: Annotated[tuple[Positive, Positive], "m, rad"] = (0.02, 0.05)
-    far: Annotated[Positive, "m"] = 0.6
 
 
 class Standing(NamedTuple):
@@ -170,7 +166,7 @@ class VelocitySource(FootstepSource):
         cycle = gait.single_support + gait.double_support
         self.granted = _scaled(self._wish, self._share)
         dx, dy, turn = (cycle * part for part in self.granted)
-        moves = [(dx, dy, turn)] * self.settings.steps
+        moves = [(dx, dy, turn)] * AHEAD
         return replace(now.start, gait=gait, steps=_steps(now.start, side, moves))
 
     def leader(self) -> str:
@@ -202,7 +198,7 @@ class VelocitySource(FootstepSource):
         if now.first is None:
             self.granted, self._wish, self.pace = AT_REST, AT_REST, 0.0
             return start
-        if left < 2 or math.hypot(2.0 * dx, 2.0 * dy) < self.settings.stopping:
+        if left < 2 or math.hypot(2.0 * dx, 2.0 * dy) < STOPPING:
             self.granted, self._wish, self.pace = AT_REST, AT_REST, 0.0
             return close_up(start, now.first)
         return replace(start, steps=_steps(start, now.first, [(dx, dy, turn)]))
@@ -297,16 +293,16 @@ class GoalSource(FootstepSource):
         turn = math.remainder(yaw - heading, math.tau)
         # Feet that close up may stay where they are by as much as `CLOSED`: a stand is no worse for that.
         more = CLOSED if self._stops and now.first is None else (0.0, 0.0)
-        near, missed = s.goal[0] + more[0], max(self._missed.values())
+        near, missed = NEAR[0] + more[0], max(self._missed.values())
         self._beside = away < near + missed
         if self._tries >= TRIES:  # a robot whose landings are always put off would march for ever
             near += missed
-        self._stops = away < near and abs(turn) < s.goal[1] + more[1]
+        self._stops = away < near and abs(turn) < NEAR[1] + more[1]
         if self._stops:
             return AT_REST
         gait = Gait.for_speed(self._drive.granted, start.gait)
         two = 2.0 * (gait.single_support + gait.double_support)
-        if away > s.far:
+        if away > FAR:
             turn = math.remainder(math.atan2(y - py, x - px) - heading, math.tau)
             slow = max(0.0, 1.0 - abs(turn) / 0.5)
             return slow * min(s.fastest[0], away / two), 0.0, turn / two
