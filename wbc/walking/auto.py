@@ -143,8 +143,7 @@ class AutoControl(ReferenceControl):
             planned, tasks, Stabilized(control, tasks, arms, lipm, height), observer.inertial.settings
         )
         tasks.leave()
-        gait = stepping.gait
-        others = stepping_tasks(controller, gait.settings.friction, gait.constants, gait.scale)
+        others = stepping_tasks(controller, stepping.gait)
         others.leave()
         tasks.enter(others)
         first.balance.begin()

@@ -32,7 +32,7 @@ def standing() -> tuple[Controller, WalkTasks, Reference]:
     scale = RobotSize.of(robot, 0.162, float(robot.com[2]))  # as high as it stands
     gait = SteppingGait(SteppingSettings(), scale, 0.0, DT)
     controller = Controller(robot, DT)
-    tasks = stepping_tasks(controller, gait.settings.friction, gait.constants, scale)
+    tasks = stepping_tasks(controller, gait)
     frames = tuple(robot.placement(sole.frame) for sole in robot.soles)
     wrenches = [[0.0, 0.0, 0.5 * WEIGHT, 0.0, 0.0, 0.0]] * 2
     places, turns = ([getattr(f, name).tolist() for f in frames] for name in ("translation", "rotation"))

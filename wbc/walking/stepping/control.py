@@ -96,11 +96,10 @@ class SteppingControl(ReferenceControl):
         self.settings = s = settings or SteppingControlSettings()
         dt = as_period(dt)
         source = SteppingWalk(robot, dt, s.gait, s.com_height)
-        gait = source.gait
         controller = Controller(robot, dt, settings=s.solver)
-        tasks = stepping_tasks(controller, gait.settings.friction, gait.constants, gait.scale)
+        tasks = stepping_tasks(controller, source.gait)
         arms = Arms(controller, tasks.com, tasks.posture, dt, s.arms)
-        body = Body(controller, gait.scale.height, dt, waist=False, lift=source.lift)
+        body = Body(controller, source.com_height, dt, waist=False, lift=source.lift)
         observer = observer or Observer(robot, OBSERVER, adopt=s.mode != "position")
         # References that lag behind the estimate hold ankles and soles against the ground that they stand on.
         servos = {"feedback": "closed", "reference_time": dt}

@@ -10,8 +10,7 @@ from wbc.core.qp.controller import Controller
 from wbc.core.qp.task import GainOptions
 from wbc.tasks.motion.com import CoMTask
 from wbc.tasks.motion.posture import PostureTask
-from wbc.walking.stepping.law import SteppingConstants
-from wbc.walking.stepping.settings import RobotSize
+from wbc.walking.stepping.gait import SteppingGait
 from wbc.walking.tasks import StanceContacts, WalkTasks
 
 # In units of the robot; costs are per (m/s²)², those of rotations per (h rad/s²)² with the height h of the CoM.
@@ -38,11 +37,10 @@ FORCE, MOMENT = 1.1e-3, 2.0
 times half of the width of the sole."""
 
 
-def stepping_tasks(
-    controller: Controller, friction: float, constants: SteppingConstants, scale: RobotSize
-) -> WalkTasks:
-    """Add all tasks, contacts and limits of a stepping walk; constants of the law are in SI units."""
-    robot, omega, square, law = controller.robot, scale.omega, scale.omega**2, constants
+def stepping_tasks(controller: Controller, gait: SteppingGait) -> WalkTasks:
+    """Add all tasks, contacts and limits of a stepping walk."""
+    robot, scale, law = controller.robot, gait.scale, gait.constants
+    omega, square = scale.omega, scale.omega**2
     turn = scale.height**2  # from (h rad/s²)² to (rad/s²)²
     weight, stiffness, damping = COM
     com = CoMTask(
@@ -73,7 +71,7 @@ def stepping_tasks(
     contacts = [
         SoleContact(
             sole.name,
-            friction=friction,
+            friction=gait.settings.friction,
             margin=0.0,
             torsion=scale.sole[1],
             min_force=0.0,
