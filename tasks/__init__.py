@@ -7,17 +7,7 @@ A new motion task is a file in `motion/`, a new force task a file in `force/`, e
 from wbc.core.qp.task import Task
 from wbc.core.trajectories import Trajectory
 from wbc.tasks.balance import BalanceGains, balance_controller
-from wbc.tasks.behaviours import (
-    Behaviour,
-    Program,
-    StateMachine,
-    after,
-    all_of,
-    any_of,
-    error_below,
-    reached,
-    speed_below,
-)
+from wbc.tasks.behaviours import Behaviour, Program, StateMachine, after, reached
 from wbc.tasks.check import check_rows
 from wbc.tasks.force.admittance import AdmittanceTask
 from wbc.tasks.force.compliance import ComplianceTask
@@ -76,10 +66,6 @@ __all__ = [
     "Program",
     "after",
     "reached",
-    "error_below",
-    "speed_below",
-    "any_of",
-    "all_of",
     # Bases for tasks of one's own
     "Task",
     "ComplianceTask",

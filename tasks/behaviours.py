@@ -7,22 +7,16 @@
 
 Every condition is looked at once a tick, before the tick of the controller, on what the tick before has left. A state
 begins in the tick after the one before it has ended. A machine is a state as well, so that machines nest.
-
-Written here and not taken from a library: `transitions`, `python-statemachine` and `py_trees` drive states by events or
-by ticking a whole tree, and know neither the lifetime of a task nor a tick; what is left of them is a dictionary.
 """
 
 from __future__ import annotations
 
 import logging
 from collections.abc import Callable, Mapping, Sequence
-from typing import Annotated, Any
+from typing import Any
 
-import numpy as np
-
-from wbc.core.errors import ROUNDING, InputError, WbcError, positive, shown, unknown_name
+from wbc.core.errors import ROUNDING, InputError, WbcError, choose, positive, shown
 from wbc.core.qp.controller import Controller, Item, ItemT
-from wbc.core.settings import Positive
 from wbc.core.signals import Command, Measurement
 
 logger = logging.getLogger(__name__)
@@ -56,11 +50,6 @@ class Scope:
         self._items: list[Item] = []
 
     @property
-    def control(self) -> Any:
-        """The control or walking robot that the program drives; the controller where it drives that alone."""
-        return self.program.control
-
-    @property
     def controller(self) -> Controller:
         """Controller with all tasks, contacts and limits."""
         return self.program.controller
@@ -83,60 +72,26 @@ class Scope:
 
     def close(self) -> None:
         """Remove what was added, the last first, but for what has been removed already."""
-        for item in reversed(self._items):
-            if any(item is each for each in self._present()):
-                self.controller.remove(item)
-        self._items.clear()
-
-    def _present(self) -> tuple[Item, ...]:
         controller = self.controller
-        return (*controller.tasks, *controller.contacts, *controller.limits)
+        for item in reversed(self._items):
+            present = (*controller.tasks, *controller.contacts, *controller.limits)
+            if any(item is each for each in present):
+                controller.remove(item)
+        self._items.clear()
 
 
 Condition = Callable[[Scope], bool]
 """Condition of a state: a function of its scope, called once a tick."""
 
 
-def after(seconds: Annotated[Positive, "s"]) -> Condition:
+def after(seconds: float) -> Condition:
     """Return a condition that holds from a time after the start of the state on, s."""
     return lambda now: now.elapsed >= seconds - ROUNDING
 
 
 def reached(*things: Any) -> Condition:
     """Return a condition that holds once every target is reached: tasks, hands, `walking.body`."""
-    _check(things, "reached")
     return lambda now: all(thing.reached for thing in things)
-
-
-def error_below(thing: object, bound: Positive) -> Condition:
-    """Return a condition that holds while no component of an error is above a bound and the target does not move.
-
-    Args:
-        thing: Task or hand.
-        bound: In the unit of its error.
-    """
-    _check((thing,), "error")
-    settling: Any = thing
-    return lambda now: not getattr(thing, "moving", False) and float(np.abs(settling.error).max()) < bound
-
-
-def speed_below(thing: object, bound: Positive) -> Condition:
-    """Return a condition that holds while a task or hand is slower than a bound, its unit per second."""
-    _check((thing,), "speed")
-    settling: Any = thing
-    return lambda now: bool(settling.speed < bound)
-
-
-def any_of(*conditions: Condition) -> Condition:
-    """Return a condition that holds while one of several does."""
-    _check_callable("conditions", conditions)
-    return lambda now: any(condition(now) for condition in conditions)
-
-
-def all_of(*conditions: Condition) -> Condition:
-    """Return a condition that holds while all of several do."""
-    _check_callable("conditions", conditions)
-    return lambda now: all(condition(now) for condition in conditions)
 
 
 class Behaviour:
@@ -167,39 +122,34 @@ class Behaviour:
             name: Name, unique within its machine, without a slash.
             start: Called once when the state begins, with its scope.
             tick: Called at every tick of the state.
-            end: Called once when it ends, whatever the outcome.
+            end: Called once when it ends, whatever the outcome, before what it has added is removed.
             done: Condition of the outcome "done"; None for a state that has others, a timeout, or no end.
             outcomes: Further outcomes, each with its condition.
             timeout: s.
 
         Raises:
-            InputError: A name that is empty or has a slash, a timeout that is not above zero, not a function.
+            InputError: A name that is empty or has a slash, a timeout that is not above zero.
         """
         if not name or "/" in name or name.startswith(END):
             raise InputError(
                 f"the name of a state must be text without '/' that does not begin with '{END}', got {shown(name)}"
             )
-        given = [each for each in (start, tick, end, done, *(outcomes or {}).values()) if each is not None]
-        _check_callable(f"functions of state '{name}'", given)
         self.name = name
         self.timeout = None if timeout is None else positive(f"timeout of state '{name}' (s)", timeout)
         self.outcomes = dict(outcomes or {}) if done is None else {"done": done, **(outcomes or {})}
-        self._functions = start, tick, end
+        self._start, self._tick, self._end = (each or _nothing for each in (start, tick, end))
 
     def start(self, now: Scope) -> None:
         """Begin: called once."""
-        if self._functions[0] is not None:
-            self._functions[0](now)
+        self._start(now)
 
     def tick(self, now: Scope) -> None:
         """Run one tick."""
-        if self._functions[1] is not None:
-            self._functions[1](now)
+        self._tick(now)
 
     def end(self, now: Scope) -> None:
-        """End: called once, before what the state has added is removed."""
-        if self._functions[2] is not None:
-            self._functions[2](now)
+        """End: called once."""
+        self._end(now)
 
     def outcome(self, now: Scope) -> str | None:
         """Return the outcome, or None while the state goes on."""
@@ -214,6 +164,15 @@ class Behaviour:
     def possible(self) -> frozenset[str]:
         """Outcomes that the state may have, but for faults."""
         return frozenset(self.outcomes) | ({"timeout"} if self.timeout is not None else set())
+
+
+def _named_end(goal: str) -> str:
+    """Return the outcome of a machine that a transition ends."""
+    return goal.partition(":")[2].strip() or "done"
+
+
+def _nothing(now: Scope) -> None:
+    """Do nothing, for a state without a function."""
 
 
 class StateMachine(Behaviour):
@@ -244,7 +203,7 @@ class StateMachine(Behaviour):
             timeout: Time after which the machine ends with the outcome "timeout", s.
 
         Raises:
-            InputError: No state, a name used twice, a state that no transition leads to.
+            InputError: No state, or a name used twice.
             UnknownNameError: A transition from or to a state that the machine does not have, or for an outcome that its
                 state cannot have.
         """
@@ -259,19 +218,12 @@ class StateMachine(Behaviour):
             state: {"done": following} for state, following in zip(names, [*names[1:], END], strict=True)
         }
         for state, follows in (transitions or {}).items():
-            if state not in self.states:
-                unknown_name(f"state of machine '{name}'", state, names)
+            choose(f"state of machine '{name}'", state, names)
             for outcome, goal in follows.items():
-                if outcome not in (*self.states[state].possible, *FAULTS):
-                    unknown_name(
-                        f"outcome of state '{state}'", outcome, {*self.states[state].possible, *FAULTS}
-                    )
-                if goal not in self.states and goal.partition(":")[0] != END:
-                    unknown_name(f"state of machine '{name}'", goal, [*names, END])
+                choose(f"outcome of state '{state}'", outcome, {*self.states[state].possible, *FAULTS})
+                if goal.partition(":")[0] != END:
+                    choose(f"state of machine '{name}'", goal, [*names, END])
                 self.transitions[state][outcome] = goal
-        met = self._reachable({outcome for outcomes in self.transitions.values() for outcome in outcomes})
-        if lost := [state for state in names if state not in met]:
-            raise InputError(f"no transition of machine '{name}' leads to state '{lost[0]}'")
         self._name: str | None = None  # of the present state
         self._scope: Scope | None = None
         self._ended: str | None = None  # outcome of the machine
@@ -279,24 +231,13 @@ class StateMachine(Behaviour):
     @property
     def possible(self) -> frozenset[str]:
         """Outcomes that the machine may have, but for faults; empty where it goes on for ever."""
-        found = {"timeout"} if self.timeout is not None else set()
-        for state in self._reachable(set()):
-            for outcome in self.states[state].possible:
-                goal = self.transitions[state].get(outcome, f"{END}: {outcome}")
-                if goal not in self.states:
-                    found.add(goal.partition(":")[2].strip() or "done")
-        return frozenset(found)
-
-    def _reachable(self, also: set[str]) -> set[str]:
-        """States that the first one leads to, by outcomes that are possible and by `also`."""
-        met, ahead = set[str](), [next(iter(self.states))]
-        while ahead:
-            state = ahead.pop()
-            if state in self.states and state not in met:
-                met.add(state)
-                possible = self.states[state].possible | also
-                ahead += [goal for outcome, goal in self.transitions[state].items() if outcome in possible]
-        return met
+        goals = {
+            self.transitions[name].get(outcome, f"{END}: {outcome}")
+            for name, state in self.states.items()
+            for outcome in state.possible
+        }
+        ends = {_named_end(goal) for goal in goals if goal not in self.states}
+        return frozenset(ends | ({"timeout"} if self.timeout is not None else set()))
 
     @property
     def path(self) -> str:
@@ -313,12 +254,18 @@ class StateMachine(Behaviour):
 
     def tick(self, now: Scope) -> None:
         """Run the present state."""
-        if self._name is not None and self._scope is not None:
+        if self._name is not None:
             self._guarded(now, self.states[self._name].tick)
 
     def end(self, now: Scope) -> None:
         """End the present state."""
-        self._leave()
+        scope, name = self._scope, self._name
+        self._name = self._scope = None
+        if scope is not None and name is not None:
+            try:
+                self.states[name].end(scope)
+            finally:
+                scope.close()
 
     def outcome(self, now: Scope) -> str | None:
         """Look whether the present state has ended, and go on to the next; return the outcome of the machine."""
@@ -347,25 +294,16 @@ class StateMachine(Behaviour):
         assert self._scope is not None and self._name is not None
         goal = self.transitions[self._name].get(outcome, f"{END}: {outcome}")
         now.program.note(self._scope.path, outcome)
-        self._leave()
+        self.end(now)
         if goal in self.states:
             self._enter(goal, now)
         else:
-            self._ended = goal.partition(":")[2].strip() or "done"
+            self._ended = _named_end(goal)
 
     def _enter(self, name: str, now: Scope) -> None:
         self._name, self._scope = name, Scope(now.program, f"{now.path}/{name}")
         logger.info("%s begins at %.3f s", self._scope.path, now.time)
         self._guarded(now, self.states[name].start)
-
-    def _leave(self) -> None:
-        scope, name = self._scope, self._name
-        self._name = self._scope = None
-        if scope is not None and name is not None:
-            try:
-                self.states[name].end(scope)
-            finally:
-                scope.close()
 
 
 class Program:
@@ -391,13 +329,8 @@ class Program:
             control: Object with `command(measurement)` and `controller`, such as `wbc.PositionControl` or
                 `wbc.walking.WalkingControl`; or a `Controller`, for a loop that solves it itself after `tick`.
             fallen: Returns whether the robot has fallen; that of the control (`fallen`) when None.
-
-        Raises:
-            InputError: No such object.
         """
-        if not isinstance(control, Controller) and not (
-            hasattr(control, "command") and hasattr(control, "controller")
-        ):
+        if not hasattr(control, "command") and not isinstance(control, Controller):
             raise InputError(f"a program drives a control or a Controller, got {shown(control)}")
         self.machine = machine
         self.control: Any = control
@@ -456,19 +389,12 @@ class Program:
         after_tick: Callable[[], object] | None = None,
         record: Callable[[Any, Program, Measurement, Command], object] | None = None,
     ) -> str | None:
-        """Run in a simulation until the machine ends, and return its outcome.
+        """Run in a simulation until the machine ends, and return its outcome; None if `seconds` were over before.
 
-        Args:
-            plant: Object with `measure()` and `step(command)`, such as `wbc.Plant`.
-            seconds: Longest time, s; None for a machine that ends by itself.
-            after_tick: Called after each tick, for a viewer.
-            record: Called in each tick with plant, program, measurement and command, such as a `wbc.app.Recorder`.
-
-        Returns:
-            The outcome; None if the time was over before.
-
-        Raises:
-            InputError: A machine that never ends, without a time.
+        `plant` has `measure()` and `step(command)`, as `wbc.Plant`; `seconds` is the longest time, None for a machine
+        that ends by itself; `after_tick` is called after each tick, for a viewer, and `record` in each tick with plant,
+        program, measurement and command, such as a `wbc.app.Recorder`. A machine that never ends, without a time,
+        raises an `InputError`.
         """
         if seconds is None and not self.machine.possible:
             raise InputError(
@@ -504,19 +430,3 @@ def _named(path: str, failure: Exception) -> BehaviourError:
     if isinstance(failure, BehaviourError):
         return failure
     return BehaviourError(f"state '{path}': {type(failure).__name__}: {failure}")
-
-
-def _check(things: Sequence[object], part: str) -> None:
-    for thing in things:
-        if not hasattr(type(thing), part):
-            raise InputError(
-                f"a condition needs something with '{part}', such as a task or a hand, got {shown(thing)}"
-            )
-    if not things:
-        raise InputError("a condition needs at least one task or hand")
-
-
-def _check_callable(what: str, values: Sequence[object]) -> None:
-    for value in values:
-        if not callable(value):
-            raise InputError(f"{what} must be functions of a scope, got {shown(value)}")
