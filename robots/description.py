@@ -13,10 +13,10 @@ from typing import Any, Unpack
 import numpy as np
 import pinocchio as pin
 
-from wbc.core.drive.servos import Servos
 from wbc.core.errors import Array, InputError, ModelError, choose
 from wbc.core.limits.collision import CollisionCapsule, CollisionSphere
 from wbc.core.robot import Robot, Sole, joints_to
+from wbc.core.servos import Servos
 from wbc.robots import frames, urdf
 from wbc.robots.derivation import inertia, posture, shapes
 from wbc.robots.derivation.complete import check_values, complete, from_geometry

@@ -320,7 +320,7 @@ class Program:
     """
 
     def __init__(
-        self, machine: StateMachine, control: object, *, fallen: Callable[[], bool] | None = None
+        self, machine: StateMachine, control: Any, *, fallen: Callable[[], bool] | None = None
     ) -> None:
         """Begin with the first tick.
 
@@ -330,10 +330,10 @@ class Program:
                 `wbc.walking.WalkingControl`; or a `Controller`, for a loop that solves it itself after `tick`.
             fallen: Returns whether the robot has fallen; that of the control (`fallen`) when None.
         """
-        if not hasattr(control, "command") and not isinstance(control, Controller):
+        if not isinstance(control, Controller) and not hasattr(control, "command"):
             raise InputError(f"a program drives a control or a Controller, got {shown(control)}")
         self.machine = machine
-        self.control: Any = control
+        self.control = control
         self.controller: Controller = control if isinstance(control, Controller) else self.control.controller
         self._fallen = fallen or (lambda: getattr(control, "fallen", None) is not None)
         self.time, self._began = 0.0, False

@@ -82,10 +82,10 @@ class Lean:
         """Stand upright; mass of the robot, kg, and height of the CoM over the support, m, are above zero."""
         self.settings = settings or LeanSettings()
         self._height = positive("height of the CoM over the support (m)", height)
-        self.bear(mass)
+        self.set_mass(mass)
         self.angle = self.speed = (0.0, 0.0)
 
-    def bear(self, mass: float) -> None:
+    def set_mass(self, mass: float) -> None:
         """Set the mass of the robot with its load, kg, above zero."""
         s = self.settings
         first_moment = positive("mass (kg)", mass) * self._height

@@ -226,8 +226,10 @@ class StabilizerTask(CoMTask):
         Returns:
             The output, which `apply` hands to the QP.
         """
-        estimate = self._estimate
-        self.output = output = self.stabilizer.update(
+        estimate, stabilizer = self._estimate, self.stabilizer
+        if stabilizer.mass != estimate.mass:  # a load was taken over or given back
+            stabilizer.mass = estimate.mass
+        self.output = output = stabilizer.update(
             target,
             np.array(estimate.com),
             np.array(estimate.com_velocity),

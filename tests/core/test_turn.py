@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from wbc.core.estimation.turn import GyroTurn
+from wbc.walking.hands.turn import GyroTurn
 
 
 def test_a_turn_is_integrated_without_the_bias_that_was_averaged_at_rest() -> None:

@@ -13,9 +13,9 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from wbc.core.drive.servos import ANKLE_SHARE
 from wbc.core.errors import InputError, ModelError, UnknownNameError
 from wbc.core.robot import Robot
+from wbc.core.servos import ANKLE_SHARE
 from wbc.robots import FrameDescription, RobotDescription, urdf
 from wbc.robots.derivation.inertia import second_moments
 from wbc.robots.derivation.posture import knee_direction

@@ -19,7 +19,6 @@ from wbc.tasks import (
     Program,
     StateMachine,
     after,
-    reached,
 )
 from wbc.tasks.behaviours import Scope
 

@@ -30,12 +30,12 @@ class FileError(WbcError):
     """A file that could not be written to its end, because the disk is full for example; an old one is unchanged."""
 
 
-LARGEST = 2**30
+LARGEST_FILE = 2**30
 """Largest file that is read, bytes; a journal that unpacks to more says how to raise it."""
 
 
 @contextlib.contextmanager
-def decoding(path: str | Path, kind: str, *, largest: int = LARGEST) -> Iterator[Path]:
+def decoding(path: str | Path, kind: str, *, largest: int = LARGEST_FILE) -> Iterator[Path]:
     """Give the path of a file of some kind to read: every reader of files goes through here.
 
         with decoding("ground.npy", "array") as file:

@@ -14,7 +14,6 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
-from wbc.core.drive.servos import Servos
 from wbc.core.errors import (
     Array,
     InputError,
@@ -25,6 +24,7 @@ from wbc.core.errors import (
     shown,
     unknown_name,
 )
+from wbc.core.servos import Servos
 from wbc.core.settings import Positive, settings
 
 GRAVITY = 9.80665
@@ -105,6 +105,30 @@ def joints_to(model: pin.Model, frame: str | int, trunk: str | int | None = None
     return [joint for joint in limb if not behind or joint not in behind[0]]
 
 
+class _Loads:
+    """Point masses that the frames of a model carry, once for all robots that share the model.
+
+    Attributes:
+        total_mass: Total mass with all loads, shape (), kg.
+    """
+
+    def __init__(self, model: pin.Model) -> None:
+        self._model = model
+        self._carried: dict[int, tuple[int, pin.Inertia]] = {}  # frame → joint, load
+        self._own: dict[int, pin.Inertia] = {}  # joint → inertia without loads
+        self.total_mass = scalar(float(pin.computeTotalMass(model)))
+
+    def put(self, frame: int, joint: int, load: pin.Inertia) -> None:
+        """Set the load of a frame of a joint's link, in the frame of the joint."""
+        total = self._own.setdefault(joint, self._model.inertias[joint].copy())
+        self._carried[frame] = joint, load
+        for at, each in self._carried.values():
+            if at == joint and each.mass > 0.0:
+                total = total + each
+        self._model.inertias[joint] = total
+        self.total_mass[...] = pin.computeTotalMass(self._model)
+
+
 class Robot:
     """Pinocchio model, data and current state of a humanoid.
 
@@ -120,8 +144,6 @@ class Robot:
         joint_names: Actuated joints in the order of the velocity vector, length na.
         q: Configuration of the last `update`, shape (nq,).
         v: Velocity of the last `update`, shape (nv,).
-        mass: Total mass with everything that is carried (`carry`), kg; `total_mass` is the same as a live array of
-            shape ().
         mass_matrix: M(q), shape (nv, nv); overwritten by the next update.
         bias: Coriolis, centrifugal, gravity and spring forces h(q, v), shape (nv,); overwritten by the next update.
         com: Centre of mass in the world, shape (3,), m; overwritten by the next update.
@@ -235,9 +257,7 @@ class Robot:
                 raise ModelError(
                     f"joint '{name}' needs limits of velocity and torque that are zero or above, got {others}"
                 )
-        self.total_mass = scalar(float(pin.computeTotalMass(model)))
-        self._carried: dict[int, tuple[int, pin.Inertia]] = {}  # frame → joint, load
-        self._own: dict[int, pin.Inertia] = {}  # joint → inertia without loads
+        self._loads = _Loads(model)
 
         # Live views of Pinocchio's memory: their addresses do not change for the life of `data`.
         self.mass_matrix = _live(self.data.M, self.data)
@@ -260,9 +280,14 @@ class Robot:
         return float(data.com[0][2]) - float(sole.translation[2])
 
     @property
+    def total_mass(self) -> Array:
+        """Total mass with everything that is carried, kg, as an array of shape () that follows `carry`."""
+        return self._loads.total_mass
+
+    @property
     def mass(self) -> float:
-        """Total mass with everything that is carried, kg."""
-        return float(self.total_mass)
+        """Total mass with everything that is carried, kg; it changes with the load: read it where it is used."""
+        return float(self._loads.total_mass)
 
     @property
     def force_scale(self) -> float:
@@ -289,15 +314,8 @@ class Robot:
                 f"a load must be on a frame that moves with the robot, '{carrier.name}' does not move"
             )
         lever = carrier.placement.act(finite_array("place of the load (m)", point, (3,)))
-        self._own.setdefault(joint, self.model.inertias[joint].copy())
         load = pin.Inertia(non_negative("mass of the load (kg)", mass), lever, np.zeros((3, 3)))
-        self._carried[index] = joint, load
-        total = self._own[joint]
-        for at, each in self._carried.values():
-            if at == joint and each.mass > 0.0:
-                total = total + each
-        self.model.inertias[joint] = total
-        self.total_mass[...] = pin.computeTotalMass(self.model)
+        self._loads.put(index, joint, load)
 
     def update(self, q: Array, v: Array) -> None:
         """Compute all quantities that depend on the state.
@@ -357,7 +375,7 @@ class Robot:
             springs=self.springs,
             torque_lower=self.torque_lower,
         )
-        twin.total_mass, twin._carried, twin._own = self.total_mass, self._carried, self._own
+        twin._loads = self._loads
         return twin
 
     def __reduce__(self) -> NoReturn:

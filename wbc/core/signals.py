@@ -14,7 +14,7 @@ from wbc.core.errors import Array, InputError, MeasurementError
 WrenchSource = Literal["sensor", "measured torques", "commanded torques"]
 """Origin of the wrenches on the soles."""
 
-LARGEST = 1e6
+LARGEST_COMMAND = 1e6
 """Largest torque, reference or gain of a command, in their units: what is beyond is an error."""
 
 
@@ -145,7 +145,7 @@ class Command:
             joint_names: Names of the joints, in their order.
 
         Raises:
-            InputError: A part of the wrong shape, not finite or beyond `LARGEST`, or negative gains.
+            InputError: A part of the wrong shape, not finite or beyond `LARGEST_COMMAND`, or negative gains.
         """
         na = len(joint_names)
         for name in ("joint_torque", "joint_position", "joint_velocity", "kp", "kd"):
@@ -155,10 +155,10 @@ class Command:
             array = np.asarray(value)
             if array.shape != (na,) or array.dtype.kind not in "iuf":
                 raise InputError(f"{name} of a command must be numbers of shape ({na},), got {value!r}")
-            if not (np.abs(array) <= LARGEST).all():  # or NaN
-                place = int(np.argmin(np.abs(array) <= LARGEST))
+            if not (np.abs(array) <= LARGEST_COMMAND).all():  # or NaN
+                place = int(np.argmin(np.abs(array) <= LARGEST_COMMAND))
                 found = (
-                    f"is {array[place]:g}, beyond ±{LARGEST:g}"
+                    f"is {array[place]:g}, beyond ±{LARGEST_COMMAND:g}"
                     if np.isfinite(array[place])
                     else "is not finite"
                 )

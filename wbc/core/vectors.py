@@ -14,7 +14,7 @@ from wbc.core.errors import Array
 Vector = Sequence[float]
 """x, y, z."""
 
-Rows = Sequence[Sequence[float]]
+Rotation = Sequence[Sequence[float]]
 """A rotation, row by row."""
 
 
@@ -23,14 +23,14 @@ def largest(values: Array) -> float:
     return float(values[values.argmax()])
 
 
-def turned(rotation: Rows, vector: Vector) -> tuple[float, float, float]:
+def turned(rotation: Rotation, vector: Vector) -> tuple[float, float, float]:
     """Return rotation times vector."""
     (a, b, c), (d, e, f), (g, h, i) = rotation
     x, y, z = vector
     return a * x + b * y + c * z, d * x + e * y + f * z, g * x + h * y + i * z
 
 
-def turned_all(rotation: Rows, vectors: Iterable[Vector]) -> list[tuple[float, float, float]]:
+def turned_all(rotation: Rotation, vectors: Iterable[Vector]) -> list[tuple[float, float, float]]:
     """Return rotation times each of some vectors."""
     (a, b, c), (d, e, f), (g, h, i) = rotation
     return [(a * x + b * y + c * z, d * x + e * y + f * z, g * x + h * y + i * z) for x, y, z in vectors]
@@ -48,7 +48,7 @@ def part_way(point: Vector, goal: Vector, share: float) -> tuple[float, float, f
     return x + share * (to_x - x), y + share * (to_y - y), z + share * (to_z - z)
 
 
-def quaternion(rotation: Rows) -> tuple[float, float, float, float]:
+def quaternion(rotation: Rotation) -> tuple[float, float, float, float]:
     """Return the unit quaternion of a rotation, x, y, z, w.
 
     Source: S. Shepperd, Journal of Guidance and Control 1(3), 1978; the greatest of the four is found first.

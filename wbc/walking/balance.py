@@ -221,11 +221,8 @@ class Stabilized(Balance):
         """Follow the estimate of the load; the models have it from the next tick on."""
         if self._hands is None or not self._hands.active:  # what they press on is no load
             load.update(self._outside, self._dt)
-        mass = self._robot.mass
-        if mass != self.stabilizer.mass:  # taken over, given back or let go of
-            self.stabilizer.mass = mass
-            if self.lean is not None:
-                self.lean.bear(mass)
+        if self.lean is not None:
+            self.lean.set_mass(self._robot.mass)
 
     def _estimate_bias(self, estimator: BiasEstimator) -> Array:
         """Bias of the measured DCM, shape (2,), m; the ZMP is that of the last tick, which has driven the DCM."""

@@ -155,7 +155,7 @@ class ConsistencyMonitor:
         """
         self._least_share = weight_share
         self._channels, self._dt = channels, dt
-        self._weight = robot.mass * GRAVITY
+        self._robot = robot
         self._names = [sole.name for sole in robot.soles]
         self._na = robot.na
         self._wrenches = len(channels) - 6 * len(self._names)
@@ -205,10 +205,10 @@ class ConsistencyMonitor:
             self._sensed = True
         elif self._sensed:
             doubts.append("force sensors silent, wrenches estimated")
-        loads = [row[2] for row in measurement.wrenches.tolist()]
+        loads, weight = [row[2] for row in measurement.wrenches.tolist()], self._robot.mass * GRAVITY
         self._gravity += gain * (vertical_force / GRAVITY - self._gravity)
-        self._share += gain * (sum(loads) / self._weight - self._share)
-        self._stood = self._stood + self._dt if min(loads) > CARRIES * self._weight else 0.0
+        self._share += gain * (sum(loads) / weight - self._share)
+        self._stood = self._stood + self._dt if min(loads) > CARRIES * weight else 0.0
         alike = foot_rotation if self._stood > STANDING else 0.0
         self._rotation += gain * (alike - self._rotation)
         if self._gyroscope_contradicts(stance_rotation, unexplained, measurement.wrench_source != "sensor"):
@@ -225,7 +225,7 @@ class ConsistencyMonitor:
         for i, is_wrong in enumerate(wrong):
             self._since[i] = self._since[i] + self._dt if is_wrong else 0.0
             if self._since[i] >= LASTING:
-                doubts.append(self._contradiction(i, loads))
+                doubts.append(self._contradiction(i, loads, weight))
         found = tuple(doubts)
         if found and found != self.doubts:
             logger.error("measurement at %.4f s: %s", measurement.time, "; ".join(found))
@@ -306,11 +306,9 @@ class ConsistencyMonitor:
         np.maximum(self._longest, ended, out=self._longest)
         self._run -= ended
 
-    def _contradiction(self, which: int, loads: list[float]) -> str:
+    def _contradiction(self, which: int, loads: list[float], weight: float) -> str:
         if which == 0:
-            silent = [
-                name for name, load in zip(self._names, loads, strict=True) if load < 0.02 * self._weight
-            ]
+            silent = [name for name, load in zip(self._names, loads, strict=True) if load < 0.02 * weight]
             return f"force sensor of {' or '.join(silent or self._names)} too low for the weight"
         if which == 1:
             return "force sensors too high for the weight"

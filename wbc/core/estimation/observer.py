@@ -31,7 +31,7 @@ from wbc.core.lag import lag_gain
 from wbc.core.robot import BASE_DOF, Robot, checked_configuration
 from wbc.core.settings import NonNegative, Positive, settings
 from wbc.core.signals import Measurement
-from wbc.core.vectors import Rows, Vector, add_cross, part_way, quaternion, turned, turned_all
+from wbc.core.vectors import Rotation, Vector, add_cross, part_way, quaternion, turned, turned_all
 
 LONGEST_DELAY = 0.1
 """Longest delay that can be stated, s."""
@@ -354,7 +354,7 @@ class Observer:
             )
 
     def _update_loads(
-        self, wrenches: Sequence[Vector], dt: float, base: Rows, soles: Sequence[Rows], first: bool
+        self, wrenches: Sequence[Vector], dt: float, base: Rotation, soles: Sequence[Rotation], first: bool
     ) -> list[Vector]:
         """Update loads, shares and CoPs; an anchor moves over the sole with the CoP.
 
@@ -398,7 +398,7 @@ class Observer:
 
     def _motion_from_anchors(
         self,
-        base: Rows,
+        base: Rotation,
         spin: Vector,
         arms: Sequence[Vector],
         points: Sequence[Vector],
@@ -445,7 +445,7 @@ class Observer:
 
     def _update_position(
         self,
-        base: Rows,
+        base: Rotation,
         base_velocity: Array,
         points: Sequence[Vector],
         ahead: Sequence[Vector],

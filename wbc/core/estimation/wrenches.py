@@ -77,7 +77,7 @@ class WrenchEstimator:
         self._model, self._data = robot.model, robot.model.createData()
         self._dt = dt
         self._gain = lag_gain(dt, 1.0 / s.bandwidth)
-        self._weight = weight = robot.mass * GRAVITY
+        self._robot, weight = robot, robot.mass * GRAVITY
         self._frames = [robot.frame_id(sole.frame) for sole in robot.soles]
         self._legs = [
             np.array(robot.joints_between(sole.frame, robot.base_frame)) + BASE_DOF for sole in robot.soles
@@ -99,7 +99,7 @@ class WrenchEstimator:
         self._residual: Array | None = None
         self.contact = [True] * len(self._frames)
         self.wrench[:], self.outside[:] = 0.0, 0.0
-        self.wrench[:, 2] = self._weight / len(self._frames)
+        self.wrench[:, 2] = self._robot.mass * GRAVITY / len(self._frames)
 
     def update(
         self, q: Array, v: Array, torque: Array, passed: float | None = None, *, held: bool = False
@@ -132,10 +132,10 @@ class WrenchEstimator:
         for i, frame in enumerate(self._frames):
             self._jacobians[i] = pin.getFrameJacobian(model, data, frame, pin.LOCAL)
         residual = self._scale * self._residual
-        soles, alone = [], []
+        soles, alone, weight = [], [], self._robot.mass * GRAVITY
         for i, leg in enumerate(self._legs):
             alone.append(self._solve([i], residual, leg))
-            normal = alone[i][2] / self._weight
+            normal = alone[i][2] / weight
             self.contact[i] = normal > (s.lift_off if self.contact[i] else s.touch_down)
             if self.contact[i]:
                 soles.append(i)

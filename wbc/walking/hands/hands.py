@@ -24,7 +24,6 @@ import pinocchio as pin
 from numpy.typing import ArrayLike
 
 from wbc.core.errors import ROUNDING, Array, InputError, choose, finite_array, finite_scalar
-from wbc.core.estimation.turn import GyroTurn
 from wbc.core.qp.controller import Controller
 from wbc.core.robot import GRAVITY, Robot
 from wbc.core.signals import Measurement
@@ -34,6 +33,7 @@ from wbc.walking.contact import GaitPhase
 from wbc.walking.hands.hand import Hand, HandSettings, HandState
 from wbc.walking.hands.motion import Follower, MovingFrame
 from wbc.walking.hands.reaching import Arms
+from wbc.walking.hands.turn import GyroTurn
 from wbc.walking.plans.footsteps import heading
 from wbc.walking.source import Reference
 

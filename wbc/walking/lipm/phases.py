@@ -133,10 +133,6 @@ class WalkPhases:
         self._enter(GaitPhase.DOUBLE, self.plan.gait.full.initial_double_support)
         return Event.STARTED
 
-    def bear(self, weight: float) -> None:
-        """Go on with another weight of the robot, N."""
-        self.weight = weight
-
     def stop(self, height: float = 0.0) -> bool:
         """Land, bring the other foot beside, lower by a height (m), and stand; False if that is done already."""
         if self.phase is GaitPhase.STANDING or self._stopping:

@@ -138,7 +138,7 @@ class Walk:
             self._adjuster = StepAdjuster(self.omega, self.reach, self.sole_sizes, adjustment)
 
         self.phases = WalkPhases(plan, robot.mass * GRAVITY, s.phases)
-        self._robot, self._mass = robot, robot.mass
+        self._robot = robot
         self._events: tuple[Event, ...] = ()  # those of `start`, for the next update
         self._feet = [FootMotion.at_rest(plan.left.placement), FootMotion.at_rest(plan.right.placement)]
         self._yaws = [heading(motion.placement.rotation) for motion in self._feet]
@@ -207,9 +207,7 @@ class Walk:
     ) -> Reference:
         """Compute one tick from normal forces, N, placements of the soles as they are, and the measured DCM, m."""
         self._time += self.period
-        if self._robot.mass != self._mass:  # a load is taken over, given back or let go of
-            self._mass = self._robot.mass
-            self.phases.bear(self._mass * GRAVITY)
+        self.phases.weight = self._robot.mass * GRAVITY
         events = self._events + self.phases.update(loads, self.period)
         self._events = ()
         placements = [motion.placement for motion in self._feet] if soles is None else list(soles)

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import enum
 import math
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -19,7 +20,7 @@ import pinocchio as pin
 from wbc.core.errors import ROUNDING
 from wbc.core.lag import lag_gain
 from wbc.core.robot import GRAVITY, SIDES
-from wbc.core.vectors import Rows, Vector
+from wbc.core.vectors import Rotation, Vector
 from wbc.tasks.stabilizer.pendulum import Pendulum
 from wbc.walking.contact import Event, GaitPhase, Touch, touch_down
 from wbc.walking.ground import LAST_LOOK, GroundEstimate
@@ -62,8 +63,8 @@ class BodyState(NamedTuple):
     velocity: Vector  # its velocity, m/s
     spin: Vector  # angular momentum about the centre of mass, kg m²/s
     places: tuple[Vector, Vector]  # centres of the left and of the right sole, m
-    turns: tuple[Rows, Rows]  # rotations of the soles, row by row
-    wrenches: Rows  # wrenches on the soles in their frames, N and Nm
+    turns: tuple[Rotation, Rotation]  # rotations of the soles, row by row
+    wrenches: Sequence[Vector]  # wrenches on the soles in their frames, N and Nm
 
 
 class _Mode(enum.Enum):
