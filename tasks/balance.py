@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from typing import Annotated
 
-from wbc.core.limits.rows import JointLimits, TorqueLimits
+from wbc.core.limits.joint import JointLimits
+from wbc.core.limits.torque import TorqueLimits
 from wbc.core.qp.contact import SoleContact
 from wbc.core.qp.controller import Controller
 from wbc.core.qp.solver import SolverSettings

@@ -8,7 +8,7 @@ import numpy as np
 import pinocchio as pin
 
 from wbc.core.errors import Array, InputError
-from wbc.core.limits.rows import RowLimit
+from wbc.core.limits.base import Limit
 from wbc.core.qp.contact import Contact
 from wbc.core.qp.task import Task, evaluated
 from wbc.core.robot import BASE_DOF, Robot
@@ -25,7 +25,7 @@ STATES = 50
 
 
 def check_rows(
-    item: Task | Contact | RowLimit,
+    item: Task | Contact | Limit,
     robot: Robot,
     *,
     frame: str | None = None,
@@ -56,7 +56,7 @@ def check_rows(
             QP would have no solution. An item that has been added, or a frame of rows that are no threes.
     """
     robot, random = robot.clone(), np.random.default_rng(seed)
-    if isinstance(item, RowLimit):
+    if isinstance(item, Limit):
         _check_limit(item, robot, dt, random)
         return
     if item._robot is not None:
@@ -112,7 +112,7 @@ def _rows(item: Task | Contact) -> tuple[Array, Array, Array]:
     return rows
 
 
-def _check_limit(limit: RowLimit, robot: Robot, dt: float, random: np.random.Generator) -> None:
+def _check_limit(limit: Limit, robot: Robot, dt: float, random: np.random.Generator) -> None:
     limit.bind(robot)
     for _ in range(STATES):
         robot.update(*_random_state(robot, random))

@@ -20,14 +20,14 @@ from .core.drive.torque import TorqueControl as TorqueControl
 from .core.errors import InputError as InputError
 from .core.errors import WbcError as WbcError
 from .core.estimation.observer import Observer as Observer
+from .core.limits.base import Limit as Limit
 from .core.limits.collision import CollisionCapsule as CollisionCapsule
 from .core.limits.collision import CollisionSphere as CollisionSphere
 from .core.limits.collision import SelfCollisionLimit as SelfCollisionLimit
 from .core.limits.collision import srdf_pairs as srdf_pairs
 from .core.limits.com_polygon import CoMPolygonLimit as CoMPolygonLimit
-from .core.limits.rows import JointLimits as JointLimits
-from .core.limits.rows import RowLimit as RowLimit
-from .core.limits.rows import TorqueLimits as TorqueLimits
+from .core.limits.joint import JointLimits as JointLimits
+from .core.limits.torque import TorqueLimits as TorqueLimits
 from .core.qp.contact import FixedContact as FixedContact
 from .core.qp.contact import PointContact as PointContact
 from .core.qp.contact import SoleContact as SoleContact

@@ -16,7 +16,8 @@ import pinocchio as pin
 from scipy.optimize import linprog
 
 from wbc.core.errors import Array
-from wbc.core.limits.rows import JointLimits, TorqueLimits
+from wbc.core.limits.joint import JointLimits
+from wbc.core.limits.torque import TorqueLimits
 from wbc.core.qp.contact import SoleContact
 from wbc.core.qp.controller import Controller
 from wbc.core.qp.problem import Problem

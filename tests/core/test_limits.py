@@ -8,7 +8,8 @@ from properties import by_default
 from task_factory import ROBOTS, integrate, make_robot, standing
 
 from wbc.core.errors import Array
-from wbc.core.limits.rows import BrakingLaw, JointLimits, TorqueLimits
+from wbc.core.limits.joint import BrakingLaw, JointLimits
+from wbc.core.limits.torque import TorqueLimits
 from wbc.core.qp.controller import Controller
 from wbc.core.robot import UNLIMITED, Robot
 from wbc.tasks import CoMTask, PostureTask
@@ -23,11 +24,12 @@ class DoubleIntegrators:
 
     def __init__(self, robot: Robot, limits: JointLimits, dt: float) -> None:
         self.robot, self.limits, self.dt = robot, limits, dt
+        self.rows = np.zeros((robot.na, robot.nv))
         self.lower, self.upper = np.zeros(robot.na), np.zeros(robot.na)
         self.q, self.v = robot.q[7:], robot.v[6:]  # the limit reads the state of the robot
 
     def step(self, request: Array) -> None:
-        self.limits.write(self.dt, self.lower, self.upper)
+        self.limits.write(self.dt, self.rows, self.lower, self.upper)
         assert (self.lower <= self.upper).all()
         assert np.isfinite(self.lower[self.lower > -np.inf]).all()
         acceleration = np.clip(request, self.lower, self.upper)
@@ -162,11 +164,11 @@ def test_interval_is_never_empty_wherever_the_joints_are() -> None:
     kinds = [{}, {"acceleration": 10.0}, {"position": False}, {"velocity": False}]
     for limits in (JointLimits(**kind) for kind in kinds):
         limits.bind(robot)
-        lower, upper = np.zeros(robot.na), np.zeros(robot.na)
+        rows, lower, upper = np.zeros((robot.na, robot.nv)), np.zeros(robot.na), np.zeros(robot.na)
         for _ in range(300):
             robot.q[7:] = rng.normal(scale=3.0, size=robot.na)
             robot.v[6:] = rng.normal(scale=30.0, size=robot.na)
-            limits.write(float(rng.choice(PERIODS)), lower, upper)
+            limits.write(float(rng.choice(PERIODS)), rows, lower, upper)
             assert (lower <= upper).all()
 
 
@@ -175,10 +177,10 @@ def test_viable_joint_needs_no_more_than_the_braking_deceleration() -> None:
     robot = make_robot("g1")
     limits = JointLimits(velocity=False)
     limits.bind(robot)
-    lower, upper = np.zeros(robot.na), np.zeros(robot.na)
+    rows, lower, upper = np.zeros((robot.na, robot.nv)), np.zeros(robot.na), np.zeros(robot.na)
     for _ in range(200):
         viable_start(robot, limits, rng)
-        limits.write(0.001, lower, upper)
+        limits.write(0.001, rows, lower, upper)
         assert (upper >= -limits.braking * (1 + 1e-9)).all()
         assert (lower <= limits.braking * (1 + 1e-9)).all()
 

@@ -18,9 +18,10 @@ from task_factory import (
 )
 
 from wbc.core.errors import Array, InputError, UnknownNameError
+from wbc.core.limits.base import Limit
 from wbc.core.limits.collision import CollisionCapsule, CollisionSphere, SelfCollisionLimit, srdf_pairs
 from wbc.core.limits.com_polygon import CoMPolygonLimit
-from wbc.core.limits.rows import JointLimits, RowLimit
+from wbc.core.limits.joint import JointLimits
 from wbc.core.qp.contact import SoleContact
 from wbc.core.qp.controller import Controller
 from wbc.core.robot import Robot
@@ -30,7 +31,7 @@ robots = pytest.mark.parametrize("name", by_default(ROBOTS, "hrp4_class"))
 STEP = 1e-6
 
 
-def rows_of(limit: RowLimit, robot: Robot, dt: float = 0.002) -> tuple[Array, Array, Array]:
+def rows_of(limit: Limit, robot: Robot, dt: float = 0.002) -> tuple[Array, Array, Array]:
     rows, lower, upper = np.ones((limit.dim, robot.nv)), np.zeros(limit.dim), np.zeros(limit.dim)
     limit.write(dt, rows, lower, upper)
     return rows, lower, upper
@@ -250,7 +251,7 @@ def test_pairs_come_from_an_srdf_that_leaves_some_out() -> None:
         srdf_pairs("<robot", ["a", "b"])
 
 
-class Contradicting(RowLimit):
+class Contradicting(Limit):
     """A limit whose bounds cannot both be kept."""
 
     name, dim = "contradicting", 1

@@ -14,7 +14,8 @@ from wbc.core.drive.hybrid import HybridControl
 from wbc.core.drive.position import PositionControl
 from wbc.core.drive.torque import TorqueControl
 from wbc.core.errors import Array, MeasurementError
-from wbc.core.limits.rows import JointLimits, TorqueLimits
+from wbc.core.limits.joint import JointLimits
+from wbc.core.limits.torque import TorqueLimits
 from wbc.core.signals import Command, Measurement
 from wbc.sim import Plant, WalkPlan, WalkSpec, WalkTrial
 from wbc.sim.balance.standing import StandSpec, StandTrial

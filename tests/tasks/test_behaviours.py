@@ -11,7 +11,7 @@ import pytest
 from task_factory import left_hand, standing
 
 from wbc.core.errors import InputError, UnknownNameError
-from wbc.core.limits.rows import TorqueLimits
+from wbc.core.limits.torque import TorqueLimits
 from wbc.tasks import (
     Behaviour,
     CoMTask,

@@ -11,7 +11,8 @@ from task_factory import make_robot
 
 from wbc.core.errors import InputError, UnknownNameError
 from wbc.core.limits.com_polygon import CoMPolygonLimit
-from wbc.core.limits.rows import JointLimits, TorqueLimits
+from wbc.core.limits.joint import JointLimits
+from wbc.core.limits.torque import TorqueLimits
 from wbc.core.qp.contact import SoleContact
 from wbc.core.qp.controller import Controller
 from wbc.core.qp.task import Task

@@ -10,7 +10,8 @@ from task_factory import ROBOTS, left_hand, make_robot, near_half_sitting, right
 
 from wbc.core.limits.collision import CollisionSphere, SelfCollisionLimit
 from wbc.core.limits.com_polygon import CoMPolygonLimit
-from wbc.core.limits.rows import JointLimits, TorqueLimits
+from wbc.core.limits.joint import JointLimits
+from wbc.core.limits.torque import TorqueLimits
 from wbc.core.qp.contact import SoleContact
 from wbc.core.qp.controller import Controller
 from wbc.core.qp.other_solvers import solve_by_qpsolvers

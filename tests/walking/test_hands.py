@@ -12,7 +12,7 @@ import pinocchio as pin
 import pytest
 
 from wbc.core.errors import InputError
-from wbc.core.limits.rows import TorqueLimits
+from wbc.core.limits.torque import TorqueLimits
 from wbc.core.robot import GRAVITY
 from wbc.robots import load
 from wbc.sim import Plant, SensorNoise, SignalNoise, Trial, make_scene

@@ -14,7 +14,7 @@ import numpy as np
 import pinocchio as pin
 
 from wbc.core.errors import ROUNDING, Array, InputError, shown
-from wbc.core.limits.rows import RowLimit, limit_time_constant
+from wbc.core.limits.base import Limit, limit_time_constant
 from wbc.core.robot import Robot
 from wbc.core.settings import NonNegative, Positive, settings
 
@@ -107,7 +107,7 @@ class _Body(NamedTuple):
         )
 
 
-class SelfCollisionLimit(RowLimit):
+class SelfCollisionLimit(Limit):
     """Keep pairs of links at a distance.
 
     Each pair of shapes has one row: the distance may shrink at (distance − margin) / time constant at most. Rows of
@@ -239,7 +239,7 @@ class SelfCollisionLimit(RowLimit):
         return smallest
 
     def write(self, dt: float, rows: Array, lower: Array, upper: Array) -> None:
-        """Fill one row for each pair of shapes; see `RowLimit.write`."""
+        """Fill one row for each pair of shapes; see `Limit.write`."""
         self._measure()
         v = self._robot.v
         results, bodies = self._geometry_data.distanceResults, dict[int, _Body]()

@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike
 
 from wbc.core.errors import Array, InputError
 from wbc.core.hull import convex_hull
-from wbc.core.limits.rows import RowLimit, damped_bound, limit_time_constant
+from wbc.core.limits.base import Limit, damped_bound, limit_time_constant
 from wbc.core.robot import Robot
 from wbc.core.settings import NonNegative
 
@@ -24,7 +24,7 @@ MOST_EDGES = 1000
 """Largest number of edges of a polygon."""
 
 
-class CoMPolygonLimit(RowLimit):
+class CoMPolygonLimit(Limit):
     """Keep the ground projection of the centre of mass inside a convex polygon.
 
     The rows allow the next velocity to be in (polygon − CoM) / time constant, which is never empty, so they cannot
@@ -168,7 +168,7 @@ class CoMPolygonLimit(RowLimit):
             self.use_soles()
 
     def write(self, dt: float, rows: Array, lower: Array, upper: Array) -> None:
-        """Fill one row for each edge; see `RowLimit.write`."""
+        """Fill one row for each edge; see `Limit.write`."""
         robot, used = self._robot, slice(0, self._edges)
         assert robot is not None
         normals = self._normals[used]

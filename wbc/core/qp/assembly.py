@@ -28,15 +28,15 @@ from dataclasses import dataclass
 import numpy as np
 
 from wbc.core.errors import Array
-from wbc.core.limits.rows import JointLimits, RowLimit, TorqueLimits
+from wbc.core.limits.base import Limit
+from wbc.core.limits.joint import JointLimits
+from wbc.core.limits.torque import TorqueLimits
 from wbc.core.qp.contact import Contact
 from wbc.core.qp.motion import Rows
 from wbc.core.qp.problem import Problem
 from wbc.core.qp.solution import Layout
 from wbc.core.qp.task import Task
 from wbc.core.robot import BASE_DOF, Robot
-
-Limit = JointLimits | TorqueLimits | RowLimit
 
 _NONE = np.zeros((0, 0))
 """What a task does not fill: a selection its Jacobian, a task on variables its drift."""
@@ -98,7 +98,7 @@ class Assembly:
         self._robot, self._regularisation = robot, regularisation
         self._joint_limits = next((limit for limit in limits if isinstance(limit, JointLimits)), None)
         self._torque_limits = next((limit for limit in limits if isinstance(limit, TorqueLimits)), None)
-        row_limits = [limit for limit in limits if isinstance(limit, RowLimit)]
+        row_limits = [limit for limit in limits if not isinstance(limit, (JointLimits, TorqueLimits))]
         for task in tasks:
             task.detach()
         self.listening = [t for t in tasks if getattr(t.observe, "__func__", None) is not Task.observe]
@@ -146,7 +146,7 @@ class Assembly:
         self._motion: list[tuple[Task, Array, Array, Array]] = []
         self._variable: list[tuple[Task, Array, Array]] = []
         self._selection: list[tuple[Task, Rows, Array, Array, Array | None]] = []
-        self._row_blocks: list[tuple[RowLimit, Array, Array, Array]] = []
+        self._row_blocks: list[tuple[Limit, Array, Array, Array]] = []
 
         self._place_hard_first(hard_first, hard_rows.start)
         if n_joint:
@@ -175,7 +175,7 @@ class Assembly:
         self._base_target = p.target[base]
         self._torque_lower, self._torque_upper = p.lower[torques], p.upper[torques]
         self._torque_bounds = (np.zeros(na), np.zeros(na))
-        self._joint_bounds = (p.lower[joints], p.upper[joints])
+        self._joint_rows = (p.inequality[joints, :nv], p.lower[joints], p.upper[joints])
         self._acceleration_diagonal, self._linear = p.diagonal[:nv], p.linear[:nv]
         self.torque_rows = slice(soft_rows.stop, soft_rows.stop + na)
         units = {task.name: task.residual_unit for task in tasks}
@@ -193,7 +193,6 @@ class Assembly:
     def _place_joint_limits(self, rows: slice) -> None:
         """Place one row for each joint."""
         p = self.problem
-        p.inequality[rows, BASE_DOF : self._robot.nv] = np.eye(self._robot.na)
         p.inequality_groups["joint limits"] = rows
         self._limit_names += [f"limits of {joint}" for joint in self._robot.joint_names]
 
@@ -274,7 +273,7 @@ class Assembly:
             self._selection.append((task, view, *place, hard_target))
             at = block.stop
 
-    def _place_row_limits(self, limits: Sequence[RowLimit], at: int) -> None:
+    def _place_row_limits(self, limits: Sequence[Limit], at: int) -> None:
         """Place the limits that are neither of torques nor of single joints, from an inequality on."""
         p, nv = self.problem, self._robot.nv
         for limit in limits:
@@ -336,11 +335,12 @@ class Assembly:
 
         if self._torque_limits is not None:
             lower, upper = self._torque_bounds
-            self._torque_limits.write(dt, torques, lower, upper)
+            self._torque_limits.previous = torques
+            self._torque_limits.write(dt, _NONE, lower, upper)
             np.subtract(lower, torque_bias, out=self._torque_lower)
             np.subtract(upper, torque_bias, out=self._torque_upper)
         if self._joint_limits is not None:
-            self._joint_limits.write(dt, *self._joint_bounds)
+            self._joint_limits.write(dt, *self._joint_rows)
         for limit, matrix, lower, upper in self._row_blocks:
             limit.write(dt, matrix, lower, upper)
 

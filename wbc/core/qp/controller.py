@@ -13,8 +13,10 @@ from typing import Any, TypeVar, overload
 import numpy as np
 
 from wbc.core.errors import Array, InputError, WbcError, as_period, choose, shown, unknown_name
-from wbc.core.limits.rows import JointLimits, RowLimit, TorqueLimits
-from wbc.core.qp.assembly import Assembly, Limit
+from wbc.core.limits.base import Limit
+from wbc.core.limits.joint import JointLimits
+from wbc.core.limits.torque import TorqueLimits
+from wbc.core.qp.assembly import Assembly
 from wbc.core.qp.contact import Contact
 from wbc.core.qp.diagnosis import groups_not_finite, status_table, violated_groups
 from wbc.core.qp.problem import Problem
@@ -25,7 +27,7 @@ from wbc.core.robot import Robot
 from wbc.core.settings import Positive
 from wbc.core.signals import Measurement
 
-Item = Task | Contact | JointLimits | TorqueLimits | RowLimit
+Item = Task | Contact | Limit
 ItemT = TypeVar("ItemT", bound=Item)
 
 
@@ -152,7 +154,7 @@ class Controller:
 
     def _check_addable(self, item: Item, others: Sequence[Item]) -> None:
         """Refuse an item that may not stand beside the others, or is another controller's."""
-        if not isinstance(item, (Task, Contact, JointLimits, TorqueLimits, RowLimit)):
+        if not isinstance(item, (Task, Contact, Limit)):
             raise InputError(f"a controller takes tasks, contacts and limits, not {item!r}")
         if any(item is other for other in others):
             raise InputError(f"{item!r} has been added already")
@@ -171,7 +173,7 @@ class Controller:
             raise InputError(f"{item!r} has not been bound: its bind must call super().bind(robot) first")
         if isinstance(item, Task) and item.kind != "variables" and type(item).observe is Task.observe:
             evaluated(item)  # one that reads sensors has none yet
-        if isinstance(item, RowLimit) and not _has_rows(item):
+        if isinstance(item, Limit) and not _has_rows(item):
             raise InputError(
                 f"limit {type(item).__name__} needs a name, text, and dim, its number of rows, once it is bound; got "
                 f"{shown(getattr(item, 'name', None))} and {shown(getattr(item, 'dim', None))}"
@@ -395,7 +397,7 @@ def _with_parts(*items: Item) -> tuple[Item, ...]:
     return tuple(part for item in items for part in (item, *getattr(item, "parts", ())))
 
 
-def _has_rows(limit: RowLimit) -> bool:
+def _has_rows(limit: Limit) -> bool:
     name, dim = getattr(limit, "name", None), getattr(limit, "dim", None)
     return isinstance(name, str) and isinstance(dim, (int, np.integer)) and int(dim) >= 0
 

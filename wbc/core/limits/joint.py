@@ -1,4 +1,4 @@
-"""Limits of joints and torques, and the base of all other limits; none of them can contradict another.
+"""Limits of joints.
 
 Position, velocity and acceleration bounds of a joint are merged into one interval of its acceleration, which is
 never empty. A joint that starts outside its limits is brought back instead of making the QP infeasible.
@@ -6,15 +6,14 @@ never empty. A joint that starts outside its limits is brought back instead of m
 
 from __future__ import annotations
 
-import weakref
-from abc import ABC, abstractmethod
-from typing import Annotated, Any
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from wbc.core.errors import Array, InputError, finite_array, positive, scalar
-from wbc.core.robot import Robot
+from wbc.core.errors import Array, InputError, finite_array, scalar
+from wbc.core.limits.base import Limit
+from wbc.core.robot import BASE_DOF, Robot
 from wbc.core.settings import NonNegative, Ratio
 
 RECOVERY_TIME = 0.1
@@ -78,10 +77,8 @@ def _joint_bound(what: str, value: ArrayLike, na: int) -> Array:
     return np.array(np.broadcast_to(bound, (na,)))
 
 
-class JointLimits:
+class JointLimits(Limit):
     """Position, velocity and acceleration bounds of every actuated joint, as one interval of its acceleration."""
-
-    _owner: weakref.ref[Any] | None = None
 
     def __init__(
         self,
@@ -109,7 +106,7 @@ class JointLimits:
         Raises:
             InputError: A value out of range, or an acceleration limit below the braking deceleration.
         """
-        self.name = "joint limits"
+        self.name, self.dim = "joint limits", 0
         self._use_position, self._use_velocity = bool(position), bool(velocity)
         self._acceleration, self._braking = acceleration, braking
         self._margin, self._ratio = margin, velocity_ratio
@@ -120,7 +117,8 @@ class JointLimits:
         Raises:
             InputError: An acceleration bound that is not positive or of the wrong shape.
         """
-        na = robot.na
+        self.dim = na = robot.na
+        self._rows: Array | None = None  # that have been filled
         self.acceleration = np.full(na, np.inf)
         inertia = np.diag(robot.mass_matrix)[6:]
         self.braking = np.minimum(100.0, 0.3 * robot.torque_limit / inertia)
@@ -145,14 +143,12 @@ class JointLimits:
         self._positions, self._velocities = robot.q[7:], robot.v[6:]
         self._dt = 0.0
 
-    def write(self, dt: float, lower: Array, upper: Array) -> None:
-        """Fill the acceleration interval of every joint.
-
-        Args:
-            dt: Control period, s.
-            lower: To fill, shape (na,), rad/s².
-            upper: To fill, shape (na,), rad/s².
-        """
+    def write(self, dt: float, rows: Array, lower: Array, upper: Array) -> None:
+        """Fill the acceleration interval of every joint, rad/s²; see `Limit.write`."""
+        if rows is not self._rows:
+            self._rows = rows
+            rows[:] = 0.0
+            rows[:, BASE_DOF:] = np.eye(self.dim)
         if dt != self._dt:
             self._dt = dt
             braking = np.array([self.braking, self.braking])
@@ -184,97 +180,3 @@ class JointLimits:
         if not flat[flat.argmin()] >= 0.0:
             crossed = upper < lower
             lower[crossed] = upper[crossed] = 0.5 * (lower + upper)[crossed]
-
-
-class TorqueLimits:
-    """Bounds of the joint torques, and of how fast they change."""
-
-    _owner: weakref.ref[Any] | None = None
-
-    def __init__(self, *, ratio: Ratio = 1.0, rate: ArrayLike | None = None) -> None:
-        """Choose the bounds.
-
-        Args:
-            ratio: Share of the model's torque limits that may be used, in (0, 1].
-            rate: Greatest change of torque per second, Nm/s, scalar or shape (na,); unlimited when None.
-
-        Raises:
-            InputError: A value out of range.
-        """
-        self.name = "torque limits"
-        self._ratio = ratio
-        self._rate = rate
-
-    def bind(self, robot: Robot) -> None:
-        """Take the limits from the model.
-
-        Raises:
-            InputError: A rate that is not positive or of the wrong shape.
-        """
-        self.least, self.most = self._ratio * robot.torque_lower, self._ratio * robot.torque_upper
-        self.rate: Array | None = None
-        if self._rate is not None:
-            rate = finite_array("torque rate (Nm/s)", self._rate)
-            if rate.shape not in ((), (robot.na,)) or (rate <= 0.0).any():
-                raise InputError(f"torque rate must be positive, scalar or shape ({robot.na},), got {rate}")
-            self.rate = np.array(np.broadcast_to(rate, (robot.na,)))
-
-    def write(self, dt: float, previous: Array | None, lower: Array, upper: Array) -> None:
-        """Fill the torque interval of every joint.
-
-        Args:
-            dt: Control period, s.
-            previous: Torques of the last tick, shape (na,), Nm; None at the first one.
-            lower: To fill, shape (na,), Nm.
-            upper: To fill, shape (na,), Nm.
-        """
-        upper[:] = self.most
-        lower[:] = self.least
-        if self.rate is not None and previous is not None:
-            before = np.clip(previous, lower, upper)
-            np.minimum(upper, before + self.rate * dt, out=upper)
-            np.maximum(lower, before - self.rate * dt, out=lower)
-
-
-class RowLimit(ABC):
-    """Base of limits on combinations of joints: lower ≤ rows · acceleration ≤ upper.
-
-    Attributes:
-        name: Name in status tables and messages.
-        dim: Number of rows, fixed.
-    """
-
-    name: str
-    dim: int
-    _owner: weakref.ref[Any] | None = None
-
-    @abstractmethod
-    def bind(self, robot: Robot) -> None:
-        """Resolve names against the robot."""
-
-    @abstractmethod
-    def write(self, dt: float, rows: Array, lower: Array, upper: Array) -> None:
-        """Fill the rows.
-
-        Args:
-            dt: Control period, s.
-            rows: To fill, shape (dim, nv).
-            lower: To fill, shape (dim,); −inf where there is no bound.
-            upper: To fill, shape (dim,); inf where there is no bound.
-        """
-
-
-def damped_bound(distance: Array, velocity: Array, dt: float, time_constant: float) -> Array:
-    """Return the greatest acceleration towards a bound with which the speed is distance / time constant at most.
-
-    The distance to the bound is negative beyond it, from where the bound leads back; the velocity is towards it; both,
-    and the acceleration, have shape (n,). Control period and time constant are in s.
-
-    Source: velocity damper of Faverjon & Tournassoud, ICRA 1987, held at the end of the period.
-    """
-    return (distance / time_constant - velocity) / dt
-
-
-def limit_time_constant(value: float) -> float:
-    """Return the time constant of a damped limit, s, after a check that it is positive."""
-    return positive("time constant of a limit (s)", value)

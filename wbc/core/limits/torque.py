@@ -1,0 +1,58 @@
+"""Limits of joint torques."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from wbc.core.errors import Array, InputError, finite_array
+from wbc.core.limits.base import Limit
+from wbc.core.robot import Robot
+from wbc.core.settings import Ratio
+
+
+class TorqueLimits(Limit):
+    """Bounds of the joint torques, and of how fast they change.
+
+    Attributes:
+        previous: Torques of the last tick, shape (na,), Nm; None at the first one.
+    """
+
+    def __init__(self, *, ratio: Ratio = 1.0, rate: ArrayLike | None = None) -> None:
+        """Choose the bounds.
+
+        Args:
+            ratio: Share of the model's torque limits that may be used, in (0, 1].
+            rate: Greatest change of torque per second, Nm/s, scalar or shape (na,); unlimited when None.
+
+        Raises:
+            InputError: A value out of range.
+        """
+        self.name, self.dim = "torque limits", 0
+        self.previous: Array | None = None
+        self._ratio = ratio
+        self._rate = rate
+
+    def bind(self, robot: Robot) -> None:
+        """Take the limits from the model.
+
+        Raises:
+            InputError: A rate that is not positive or of the wrong shape.
+        """
+        self.dim = robot.na
+        self.least, self.most = self._ratio * robot.torque_lower, self._ratio * robot.torque_upper
+        self.rate: Array | None = None
+        if self._rate is not None:
+            rate = finite_array("torque rate (Nm/s)", self._rate)
+            if rate.shape not in ((), (robot.na,)) or (rate <= 0.0).any():
+                raise InputError(f"torque rate must be positive, scalar or shape ({robot.na},), got {rate}")
+            self.rate = np.array(np.broadcast_to(rate, (robot.na,)))
+
+    def write(self, dt: float, rows: Array, lower: Array, upper: Array) -> None:
+        """Fill the torque interval of every joint, Nm; the rows, which the QP has anyway, stay as they are."""
+        upper[:] = self.most
+        lower[:] = self.least
+        if self.rate is not None and self.previous is not None:
+            before = np.clip(self.previous, lower, upper)
+            np.minimum(upper, before + self.rate * dt, out=upper)
+            np.maximum(lower, before - self.rate * dt, out=lower)
