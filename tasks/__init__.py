@@ -6,7 +6,7 @@ A new motion task is a file in `motion/`, a new force task a file in `force/`, e
 
 from wbc.core.qp.task import Task
 from wbc.core.trajectories import Trajectory
-from wbc.tasks.balance import BalanceGains, balance_controller
+from wbc.tasks.balance import balance_controller
 from wbc.tasks.behaviours import Behaviour, Program, StateMachine, after, reached
 from wbc.tasks.check import check_rows
 from wbc.tasks.force.admittance import AdmittanceTask
@@ -20,27 +20,18 @@ from wbc.tasks.motion.frame import OrientationTask, PoseTask, PositionTask, Rela
 from wbc.tasks.motion.momentum import MomentumTask
 from wbc.tasks.motion.posture import PostureTask
 from wbc.tasks.scheduling.policies import (
-    FixedPolicy,
-    GroundPolicy,
-    ModelPolicy,
-    StiffnessDecision,
     StiffnessPolicy,
     SwingScan,
     register_stiffness_policy,
     stiffness_policy,
 )
 from wbc.tasks.scheduling.stiffness import StiffnessScheduler
-from wbc.tasks.stabilizer.gains import StabilizerGains
 from wbc.tasks.stabilizer.task import StabilizerTask
-from wbc.tasks.stabilizer.zmp import zmp
 
 __all__ = [
     # Stabilizer: feedback of the DCM, wrenches of the feet, admittances
     "StabilizerTask",
-    "StabilizerGains",
-    "zmp",
     # Controller of a standing robot
-    "BalanceGains",
     "balance_controller",
     # Motion tasks
     "CoMTask",
@@ -74,10 +65,6 @@ __all__ = [
     "StiffnessScheduler",
     "StiffnessPolicy",
     "SwingScan",
-    "StiffnessDecision",
-    "FixedPolicy",
-    "GroundPolicy",
-    "ModelPolicy",
     "stiffness_policy",
     "register_stiffness_policy",
 ]

@@ -11,7 +11,7 @@ from wbc.core.errors import InputError, choose
 from wbc.core.estimation.observer import ObserverSettings
 from wbc.core.settings import settings
 from wbc.feet.sensing.range_sensor import RangeSensor
-from wbc.ground import GroundSettings
+from wbc.ground.known import GroundSettings
 from wbc.sim.plant.eyes import DepthCamera, ToeSensors
 from wbc.sim.plant.settings import PhysicsSettings
 from wbc.tasks.scheduling.record import StiffnessTiming

@@ -12,15 +12,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from wbc.core.errors import InputError
-from wbc.ground import (
-    ElevationMap,
-    Footprint,
-    FootprintSettings,
-    GroundSettings,
-    HeightMap,
-    KnownGround,
-    PointCloud,
-)
+from wbc.ground import HeightMap, KnownGround, PointCloud
+from wbc.ground.cloud import ElevationMap
+from wbc.ground.footprint import Footprint, FootprintSettings
+from wbc.ground.known import GroundSettings
 from wbc.robots import load
 
 NOISE = 0.004

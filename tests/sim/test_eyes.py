@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 
 from wbc.core.errors import InputError
-from wbc.ground import ElevationMap, KnownGround, PointCloud
+from wbc.ground import KnownGround, PointCloud
+from wbc.ground.cloud import ElevationMap
 from wbc.robots import load
 from wbc.sim import DepthCamera, DepthView, Plant, ToeSensors, WalkPlan, WalkSpec, make_terrain
 from wbc.sim.plant.eyes.depth import visible_model

@@ -16,7 +16,8 @@ from wbc.core.robot import BASE_DOF
 from wbc.core.trajectories import minimum_jerk
 from wbc.sim import Plant, TrialHook, WalkPlan, WalkSpec, WalkTrial
 from wbc.sim.trial.loop import TrialTick
-from wbc.walking import ArmSettings, FootstepPlan, WalkingControl, WalkingControlSettings
+from wbc.walking import FootstepPlan, WalkingControl, WalkingControlSettings
+from wbc.walking.hands.reaching import ArmSettings
 from wbc.walking.swing import FootMotion
 
 DT = 0.005

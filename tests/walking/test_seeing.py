@@ -11,7 +11,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from wbc.core.errors import InputError
-from wbc.ground import ElevationMap, KnownGround
+from wbc.ground import KnownGround
+from wbc.ground.cloud import ElevationMap
 from wbc.robots import load
 from wbc.walking.lipm.walk import Walk
 from wbc.walking.plans.footsteps import Footstep, FootstepPlan

@@ -4,22 +4,16 @@ A new kind of input becomes a `PointCloud` or an `ElevationMap`; a new question 
 `Footprint`.
 """
 
-from wbc.ground.cloud import ElevationMap, PointCloud
-from wbc.ground.footprint import Footprint, FootprintSettings
-from wbc.ground.height_map import HeightMap, HeightMapSettings
-from wbc.ground.known import GroundSettings, KnownGround
+from wbc.ground.cloud import PointCloud
+from wbc.ground.height_map import HeightMap
+from wbc.ground.known import KnownGround
 
 __all__ = [
     # Inputs
     "PointCloud",
-    "ElevationMap",
     # Heights on cells
     "HeightMap",
-    "HeightMapSettings",
     # What a sole would meet
-    "Footprint",
-    "FootprintSettings",
     # All of it for one robot
     "KnownGround",
-    "GroundSettings",
 ]

@@ -18,7 +18,8 @@ from wbc.core.trajectories import minimum_jerk
 from wbc.machine.loads import SoleLoads
 from wbc.machine.loop import Restartable
 from wbc.robots import RobotDescription
-from wbc.tasks import BalanceGains, balance_controller
+from wbc.tasks import balance_controller
+from wbc.tasks.balance import BalanceGains
 
 SETTLE = 1.5
 """Time in which trunk and pelvis turn from where the robot was caught to upright, s."""

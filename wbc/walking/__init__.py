@@ -11,20 +11,16 @@ body, hands, load, falls
 
 from wbc.core.control import State
 from wbc.tasks.stabilizer.pendulum import Pendulum
-from wbc.walking.auto import AutoControl, AutoControlSettings
+from wbc.walking.auto import AutoControl
 from wbc.walking.control import WalkingControl
-from wbc.walking.hands.hand import HandSettings, HandState
-from wbc.walking.hands.reaching import ArmSettings
-from wbc.walking.lipm.phases import PhaseSettings
-from wbc.walking.lipm.walk import WalkSettings
+from wbc.walking.hands.hand import HandSettings
 from wbc.walking.load import LoadSettings
 from wbc.walking.plans.footsteps import Footstep, FootstepPlan
 from wbc.walking.plans.gait import Gait, StepGait
 from wbc.walking.plans.planners import climb_stairs, turn_in_place, walk_distance, walk_path, walk_velocity
-from wbc.walking.plans.sources import DriveSettings, FootstepSource, Standing
 from wbc.walking.settings import WalkingControlSettings
 from wbc.walking.source import Reference, ReferenceSource, StandSource
-from wbc.walking.stepping.control import SteppingControl, SteppingControlSettings
+from wbc.walking.stepping.control import SteppingControl
 from wbc.walking.stepping.settings import SteppingSettings
 from wbc.walking.swing import FootMotion
 
@@ -34,7 +30,6 @@ __all__ = [
     "WalkingControlSettings",
     # A walk that changes its law while it stands
     "AutoControl",
-    "AutoControlSettings",
     # Sources of references
     "Reference",
     "ReferenceSource",
@@ -45,12 +40,9 @@ __all__ = [
     # A walk that balances by its steps
     "StepGait",
     "SteppingControl",
-    "SteppingControlSettings",
     "SteppingSettings",
     # Arms: hands that go to targets
-    "ArmSettings",
     "LoadSettings",
-    "WalkSettings",
     # Planning: footsteps, and the phases in which they are taken
     "Footstep",
     "FootstepPlan",
@@ -60,11 +52,6 @@ __all__ = [
     "walk_distance",
     "walk_path",
     "walk_velocity",
-    "DriveSettings",
-    "FootstepSource",
-    "Standing",
-    "PhaseSettings",
     # Hands that press and grip
     "HandSettings",
-    "HandState",
 ]

@@ -28,7 +28,8 @@ from wbc.core.estimation.observer import Observer
 from wbc.core.qp.controller import Controller
 from wbc.core.robot import Robot
 from wbc.core.signals import Command, Measurement
-from wbc.ground import ElevationMap, KnownGround, PointCloud
+from wbc.ground import KnownGround, PointCloud
+from wbc.ground.cloud import ElevationMap
 from wbc.tasks.scheduling.stiffness import StiffnessScheduler
 from wbc.tasks.stabilizer.bias import BiasEstimator
 from wbc.tasks.stabilizer.lean import Lean
