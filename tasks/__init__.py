@@ -15,7 +15,7 @@ from wbc.tasks.force.impedance import ImpedanceTask
 from wbc.tasks.force.torque import JointTorqueTask
 from wbc.tasks.force.wrench import WrenchTask
 from wbc.tasks.motion.com import CoMOverFeetTask, CoMTask
-from wbc.tasks.motion.direction import DirectionTask, GazeTask
+from wbc.tasks.motion.direction import LookAtTask, VectorOrientationTask
 from wbc.tasks.motion.frame import OrientationTask, PoseTask, PositionTask, RelativeFrameTask
 from wbc.tasks.motion.momentum import MomentumTask
 from wbc.tasks.motion.posture import PostureTask
@@ -39,8 +39,8 @@ __all__ = [
     "PositionTask",
     "OrientationTask",
     "PoseTask",
-    "DirectionTask",
-    "GazeTask",
+    "VectorOrientationTask",
+    "LookAtTask",
     "RelativeFrameTask",
     "PostureTask",
     "MomentumTask",

@@ -78,30 +78,11 @@ class ComplianceTask(Task):
     """
 
     __slots__ = (
-        "_acceleration",
-        "_data",
-        "_frozen",
-        "_gain_of_period",
-        "_id",
-        "_measured_wrench",
-        "_model",
-        "_motion",
-        "_offset_bound",
-        "_offset_position",
-        "_offset_rotation",
-        "_period",
-        "_placement",
-        "_sole",
-        "_target_acceleration",
-        "_target_velocity",
-        "_target_wrench",
-        "_time_constant",
-        "_velocity",
-        "_velocity_bound",
-        "_wrench_error",
-        "_wrench_rate",
-        "frame",
-    )
+        "_acceleration", "_data", "_frozen", "_gain_of_period", "_id", "_measured_wrench", "_model", "_motion",
+        "_offset_bound", "_offset_position", "_offset_rotation", "_period", "_placement", "_sole",
+        "_target_acceleration", "_target_velocity", "_target_wrench", "_time_constant", "_velocity",
+        "_velocity_bound", "_wrench_error", "_wrench_rate", "frame",
+    )  # fmt: skip
     unit = "m|rad"
     law = "compliance"
 

@@ -48,7 +48,7 @@ def _turning(task: FrameTask, axis: Array, direction: Array, jacobian: Array, er
     return np.asarray(rate - a * (a @ rate) - np.cross(spin, a) * (a @ spin))
 
 
-class DirectionTask(FrameTask):
+class VectorOrientationTask(FrameTask):
     """Turn one axis of a frame to a direction of the world; turning about that axis costs nothing.
 
     The error is the least rotation vector from axis a to direction d, along the chosen axes of the world, rad; the rows
@@ -99,15 +99,15 @@ class DirectionTask(FrameTask):
         drift[:] = _turning(self, self._axis, self._target, jacobian, error)
 
 
-class GazeTask(FrameTask):
+class LookAtTask(FrameTask):
     """Turn one axis of a frame, such as the head's, to a point of the world, whatever the body does.
 
-        controller.add(GazeTask("head", [1.5, 0.4, 1.0]))
+        controller.add(LookAtTask("head", [1.5, 0.4, 1.0]))
 
     It has the joints between base and frame, neck and waist of a head, unless others are given: with its legs `g1` fell
     when it looked to the side at the end of a walk. With d the unit vector to the point and r its distance, the rows
-    are those of `DirectionTask` and d × v / r, by which a frame that moves turns past the point. Weight 1 and stiffness
-    30 1/s² by default; a point 1 m ahead when none is given.
+    are those of `VectorOrientationTask` and d × v / r, by which a frame that moves turns past the point. Weight 1 and
+    stiffness 30 1/s² by default; a point 1 m ahead when none is given.
     """
 
     __slots__ = ("_axis", "_followed", "_followed_id")

@@ -50,23 +50,9 @@ class StabilizerTask(CoMTask):
     """
 
     __slots__ = (
-        "_aim",
-        "_contacts",
-        "_estimate",
-        "_gains",
-        "_given",
-        "_moment_by_load",
-        "_places",
-        "_settings",
-        "_soles",
-        "_stabilizer",
-        "_stands",
-        "_torque",
-        "_wrench_weight",
-        "_yaw",
-        "output",
-        "parts",
-    )
+        "_aim", "_contacts", "_estimate", "_gains", "_given", "_moment_by_load", "_places", "_settings", "_soles",
+        "_stabilizer", "_stands", "_torque", "_wrench_weight", "_yaw", "output", "parts",
+    )  # fmt: skip
 
     def __init__(
         self,

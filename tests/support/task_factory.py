@@ -19,15 +19,15 @@ from wbc.tasks import (
     AdmittanceTask,
     CoMOverFeetTask,
     CoMTask,
-    DirectionTask,
-    GazeTask,
     ImpedanceTask,
+    LookAtTask,
     MomentumTask,
     OrientationTask,
     PoseTask,
     PositionTask,
     PostureTask,
     RelativeFrameTask,
+    VectorOrientationTask,
 )
 
 ROBOTS = ("hrp4_class", "talos", "g1")
@@ -88,8 +88,8 @@ MOTION_TASKS: dict[str, Case] = {
     "relative orientation": Case(
         lambda r: RelativeFrameTask(right_hand(r), r.base_frame, axes=("roll", "yaw"))
     ),
-    "direction": Case(lambda r: DirectionTask(left_hand(r), axis=(0.3, 0.0, -1.0)), feasible=False),
-    "gaze": Case(lambda r: GazeTask(r.torso_frame, joints=("base", *r.joint_names)), feasible=False),
+    "direction": Case(lambda r: VectorOrientationTask(left_hand(r), axis=(0.3, 0.0, -1.0)), feasible=False),
+    "gaze": Case(lambda r: LookAtTask(r.torso_frame, joints=("base", *r.joint_names)), feasible=False),
     "com over feet": Case(lambda r: CoMOverFeetTask()),
     "momentum": Case(lambda r: MomentumTask()),
     "angular momentum": Case(lambda r: MomentumTask(axes=("roll", "pitch", "yaw"))),

@@ -19,7 +19,6 @@ from wbc.core.robot import Robot
 from wbc.core.trajectories import Quintic, approach, jerk_to_rest, minimum_jerk
 from wbc.tasks import (
     CoMTask,
-    DirectionTask,
     ImpedanceTask,
     MomentumTask,
     OrientationTask,
@@ -28,6 +27,7 @@ from wbc.tasks import (
     PostureTask,
     RelativeFrameTask,
     Trajectory,
+    VectorOrientationTask,
 )
 from wbc.tasks.motion.rotations import least_turn
 
@@ -45,7 +45,7 @@ TASKS: dict[str, tuple[Callable[[Robot], Any], Callable[[Any, Robot], Any]]] = {
         lambda now, _: pin.exp3(np.array([0.2, -0.3, 0.1])) @ now,
     ),
     "direction": (
-        lambda robot: DirectionTask(left_hand(robot), weight=100.0),
+        lambda robot: VectorOrientationTask(left_hand(robot), weight=100.0),
         lambda now, _: pin.exp3(np.array([0.1, -0.3, 0.2])) @ now,
     ),
     "pose": (lambda robot: PoseTask(left_hand(robot), weight=100.0), lambda now, _: moved(now)),

@@ -26,7 +26,7 @@ from wbc.core.robot import Robot
 from wbc.tasks import (
     AdmittanceTask,
     CoMTask,
-    GazeTask,
+    LookAtTask,
     MomentumTask,
     OrientationTask,
     PoseTask,
@@ -348,7 +348,7 @@ def test_a_gaze_follows_a_frame_that_moves() -> None:
     q, v = near_half_sitting(robot, np.random.default_rng(3), 0.2, 1.0)
     robot.update(q, v)
     axis = robot.placement(robot.torso_frame).actInv(robot.placement(hand).translation)
-    task = GazeTask(robot.torso_frame, hand, axis=axis, joints=("base", *robot.joint_names))
+    task = LookAtTask(robot.torso_frame, hand, axis=axis, joints=("base", *robot.joint_names))
     task.bind(robot)
     jacobian, error, drift = evaluated(task)
     np.testing.assert_allclose(error, 0.0, atol=1e-9)
@@ -361,7 +361,7 @@ def test_a_gaze_follows_a_frame_that_moves() -> None:
     np.testing.assert_allclose((ends[0][1] - ends[1][1]) / 2e-6, drift, atol=1e-4)
     controller = standing("hrp4_class")
     robot = controller.robot
-    gaze = controller.add(GazeTask(robot.torso_frame, hand))
+    gaze = controller.add(LookAtTask(robot.torso_frame, hand))
     np.testing.assert_array_equal(gaze.target, robot.placement(hand).translation)
     q = np.array(robot.q)
     q[7:] += 0.1
@@ -372,4 +372,4 @@ def test_a_gaze_follows_a_frame_that_moves() -> None:
     gaze.target = "right_hand"
     np.testing.assert_array_equal(gaze.target, robot.placement("right_hand").translation)
     with pytest.raises(UnknownNameError, match="did you mean 'left_hand'"):
-        controller.add(GazeTask(robot.torso_frame, "left_hant", name="other"))
+        controller.add(LookAtTask(robot.torso_frame, "left_hant", name="other"))

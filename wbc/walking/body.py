@@ -19,7 +19,7 @@ from wbc.core.errors import Array, InputError, finite_array, finite_scalar
 from wbc.core.qp.controller import Controller
 from wbc.core.robot import BASE_DOF, GRAVITY, Robot
 from wbc.core.trajectories import approach
-from wbc.tasks.motion.direction import GazeTask
+from wbc.tasks.motion.direction import LookAtTask
 from wbc.tasks.stabilizer.lean import LeanMotion
 from wbc.tasks.stabilizer.pendulum import Pendulum
 from wbc.walking.plans.reach import hip_height, leg_geometry
@@ -81,27 +81,9 @@ class Body:
     """
 
     __slots__ = (
-        "_acceleration",
-        "_controller",
-        "_dt",
-        "_gaze",
-        "_gaze_weight",
-        "_goal",
-        "_lift",
-        "_look",
-        "_lowest",
-        "_most",
-        "_most_look",
-        "_neck",
-        "_nominal",
-        "_now",
-        "_off",
-        "_point",
-        "_rate",
-        "_robot",
-        "_waist",
-        "active",
-    )
+        "_acceleration", "_controller", "_dt", "_gaze", "_gaze_weight", "_goal", "_lift", "_look", "_lowest",
+        "_most", "_most_look", "_neck", "_nominal", "_now", "_off", "_point", "_rate", "_robot", "_waist", "active",
+    )  # fmt: skip
 
     def __init__(
         self,
@@ -124,7 +106,7 @@ class Body:
         self._look, self._most_look = (3, self._most) if self._waist else (4, MOST_LOOK)
         self._lowest: float | None = None
         self._lift = lift
-        self._gaze: GazeTask | None = None
+        self._gaze: LookAtTask | None = None
         self._gaze_weight = np.zeros(0)
         self._point: Array | None = None  # that the torso turns to
         self._off = np.inf  # of the torso from its direction, rad
@@ -390,7 +372,7 @@ def _vertical(robot: Robot, joints: Sequence[int]) -> bool:
     return any(abs(float(rows[5, BASE_DOF + joint])) > 0.9 for joint in joints)
 
 
-def _gaze_task(robot: Robot, place: Array) -> GazeTask:
+def _gaze_task(robot: Robot, place: Array) -> LookAtTask:
     """Return the task of the last link of the neck, or of the torso, with its axis that points forward in a stand."""
     neck = _neck_joints(robot)
     if not neck and not _waist_joints(robot):
@@ -402,7 +384,7 @@ def _gaze_task(robot: Robot, place: Array) -> GazeTask:
     data = robot.model.createData()
     pin.framesForwardKinematics(robot.model, data, robot.half_sitting)
     turn = data.oMf[robot.frame_id(frame)].rotation.T @ data.oMf[robot.frame_id(robot.base_frame)].rotation
-    return GazeTask(
+    return LookAtTask(
         frame,
         place,
         name="gaze",

@@ -107,24 +107,9 @@ class Task(Motion):
     """
 
     __slots__ = (
-        "_full",
-        "_hard",
-        "_keep",
-        "_linear_rows",
-        "_move",
-        "_n_rows",
-        "_only_joints",
-        "_set_by",
-        "_spared",
-        "_taken",
-        "_target",
-        "_unused",
-        "accepted",
-        "columns",
-        "dim",
-        "idle",
-        "spared_acceleration",
-    )
+        "_full", "_hard", "_keep", "_linear_rows", "_move", "_n_rows", "_only_joints", "_set_by", "_spared",
+        "_taken", "_target", "_unused", "accepted", "columns", "dim", "idle", "spared_acceleration",
+    )  # fmt: skip
 
     unit: ClassVar[str] = "m"
     kind: ClassVar[Literal["motion", "selection", "variables"]] = "motion"
