@@ -21,9 +21,6 @@ Value = Scalar | tuple[Scalar, ...]
 Changes = tuple[tuple[str, Value], ...]
 """Names and values in alphabetical order: hashable, and independent of the order in which they were given."""
 
-_OWN = ""
-"""Key in a tree of changes for the value of a setting that has nested settings."""
-
 
 def as_changes(values: Mapping[str, Any] | Iterable[tuple[str, Any]]) -> Changes:
     """Return names and values in their normal form, lists as tuples.
@@ -125,13 +122,7 @@ def changed(settings: T, changes: Mapping[str, Any] | Changes) -> T:
     off. Values that change together are checked together, whatever their order. Raises `UnknownNameError` for no such
     setting, `InputError` for a name that several settings have, a value of the wrong kind or out of range.
     """
-    tree: dict[str, Any] = {}
-    for path, value in _in_order(settings, changes):
-        branch = tree
-        for name in path.split("."):
-            branch = branch.setdefault(name, {})
-        branch[_OWN] = value
-    return _rebuilt(settings, tree)
+    return _changed(settings, changes)[0]
 
 
 def normal_changes(settings: Any, changes: Mapping[str, Any] | Changes) -> Changes:
@@ -140,66 +131,61 @@ def normal_changes(settings: Any, changes: Mapping[str, Any] | Changes) -> Chang
     Equivalent changes are then equal, hash equally and are written equally: `dcm_p` of 5 is `gains.dcm_p` of (5.0,
     5.0). Raises as `changed`, and `InputError` for a setting that is changed under two names.
     """
-    pairs = _in_order(settings, changes)
-    new = changed(settings, changes)
-    return as_changes((path, _value(new, path, value)) for path, value in pairs)
+    new, pairs = _changed(settings, changes)
+    values = ((path, _value(new, path), given) for path, given in pairs)
+    return as_changes(
+        (path, value if isinstance(value, tuple) or _is_scalar(value) else given)
+        for path, value, given in values
+    )
 
 
-def _in_order(settings: Any, changes: Mapping[str, Any] | Changes) -> list[tuple[str, Any]]:
-    """Full names and values; settings that are switched on come first, those that are switched off last."""
+def _changed(settings: Any, changes: Mapping[str, Any] | Changes) -> tuple[Any, list[tuple[str, Any]]]:
+    """Settings with changes, and full names and values: what is switched on first, what is switched off last."""
     pairs = list(changes.items() if isinstance(changes, Mapping) else changes)
     pairs.sort(key=lambda pair: (pair[1] is None) - (pair[1] is True))
-    ordered: list[tuple[str, Any]] = []
-    names = setting_names(settings) if pairs else ()
+    named: list[tuple[str, Any]] = []
+    tree: dict[str, Any] = {}
     for name, value in pairs:
-        path = _full_name(names, name)
-        ordered.append((path, value))
-        if value is True:  # settings that are switched on can be changed now
-            settings = _switched_on(settings, path.split("."))
-            names = setting_names(settings)
-    return ordered
+        path = _full_name(setting_names(settings), name)
+        named.append((path, value))
+        *parents, last = path.split(".")
+        if value is True and not isinstance(_value(settings, path), bool):
+            settings = _switched_on(settings, [*parents, last])  # its own settings can be changed now
+            continue
+        branch = tree
+        for parent in parents:
+            branch = branch.setdefault(parent, {})
+        branch[last] = value
+    return (_rebuilt(settings, tree) if named else settings), named
 
 
-def _value(settings: Any, path: str, given: Any) -> Any:
+def _value(settings: Any, path: str) -> Any:
     for name in path.split("."):
         settings = getattr(settings, name, None)
-    plain = isinstance(settings, tuple) or _is_scalar(settings)
-    return settings if plain else given
+    return settings
 
 
-def _switched_on(settings: T, path: list[str]) -> T:
+def _switched_on(settings: Any, path: list[str]) -> Any:
     """Settings with the nested settings at a path switched on, if they are off."""
     name, *rest = path
-    old = getattr(settings, name)
+    old, nested = getattr(settings, name), nested_settings(type(settings), name)
     if rest:
-        return dataclasses.replace(settings, **{name: _switched_on(old, rest)})  # type: ignore[type-var]
-    nested = nested_settings(type(settings), name)
-    if old is not None or nested is None:
-        return settings
-    return dataclasses.replace(settings, **{name: nested()})  # type: ignore[type-var]
+        return dataclasses.replace(settings, **{name: _switched_on(old, rest)})
+    if nested is None:  # a value that cannot be true
+        return dataclasses.replace(settings, **{name: True})
+    return settings if old is not None else dataclasses.replace(settings, **{name: nested()})
 
 
-def _rebuilt(settings: T, tree: Mapping[str, Any], prefix: str = "") -> T:
-    """Settings with all values of a tree replaced at once."""
+def _rebuilt(settings: Any, tree: Mapping[str, Any], prefix: str = "") -> Any:
+    """Settings with all values of a tree replaced at once; the settings check them. Integers may be 8.0."""
     values = {}
-    for name, branch in tree.items():
-        value, whole = getattr(settings, name), prefix + name
-        inner = {key: branch[key] for key in branch if key != _OWN}
-        if _OWN in branch:
-            value = _new_value(settings, name, branch[_OWN], whole)
-        values[name] = value if value is None or not inner else _rebuilt(value, inner, whole + ".")
-    return dataclasses.replace(settings, **values)  # type: ignore[type-var]
-
-
-def _new_value(settings: Any, name: str, value: Any, whole: str) -> Any:
-    """The value that a field gets; the settings check it. `True` switches nested settings on, integers may be 8.0."""
-    kind, old = type(settings), getattr(settings, name)
-    nested = nested_settings(kind, name)
-    if nested is None:
-        integer = isinstance(value, float) and value.is_integer() and type(old) is int
-        return int(value) if integer else value
-    if value is True:
-        return nested() if old is None else old
-    if value is not None:
-        raise InputError(f"setting '{whole}' has settings of its own; change those, or give true or none")
-    return None
+    for name, given in tree.items():
+        old, whole, value = getattr(settings, name), prefix + name, given
+        if isinstance(given, dict):
+            value = _rebuilt(old, given, f"{whole}.")
+        elif given is not None and nested_settings(type(settings), name) is not None:
+            raise InputError(f"setting '{whole}' has settings of its own; change those, or give true or none")
+        elif isinstance(given, float) and given.is_integer() and type(old) is int:
+            value = int(given)
+        values[name] = value
+    return dataclasses.replace(settings, **values)
