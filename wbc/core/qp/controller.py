@@ -135,7 +135,7 @@ class Controller:
                 task, contact or limit, or a task whose rows cannot be evaluated, such as one on the wrench of a contact
                 that is not there. None of the items is added then.
         """
-        new, present = _with_parts(item, *items), [*self._tasks, *self._contacts, *self._limits]
+        new, present = _with_parts(item, *items), self._items()
         for each in new:
             self._check_addable(each, present)
             present.append(each)
@@ -181,7 +181,7 @@ class Controller:
 
     def _check_names(self, new: Sequence[Item]) -> None:
         """Refuse names that are taken; a contact of a sole has its name from the robot, when it is bound."""
-        names = {item.name for item in (*self._tasks, *self._contacts, *self._limits)}
+        names = {item.name for item in self._items()}
         for item in new:
             if item.name in names:
                 raise InputError(f"the name '{item.name}' is taken; give one of the two another name")
@@ -206,6 +206,10 @@ class Controller:
                 raise InputError(
                     f"task '{task.name}' cannot be evaluated: {type(failure).__name__}: {failure}"
                 ) from failure
+
+    def _items(self) -> list[Item]:
+        items: list[Item] = [*self._tasks, *self._contacts, *self._limits]
+        return items
 
     def _list_of(self, item: Item) -> list[Any]:
         if isinstance(item, Task):
