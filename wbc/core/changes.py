@@ -122,7 +122,8 @@ def changed(settings: T, changes: Mapping[str, Any] | Changes) -> T:
     off. Values that change together are checked together, whatever their order. Raises `UnknownNameError` for no such
     setting, `InputError` for a name that several settings have, a value of the wrong kind or out of range.
     """
-    return _changed(settings, changes)[0]
+    new: T = _changed(settings, changes)[0]
+    return new
 
 
 def normal_changes(settings: Any, changes: Mapping[str, Any] | Changes) -> Changes:
