@@ -119,7 +119,7 @@ def measurements(
 
 
 @cache
-def sway(dt: float = 0.005, seconds: float = 6.0, world: tuple[float, float, float] = (0.0, 0.0, 0.0)):
+def sway(dt: float = 0.005, seconds: float = 3.0, world: tuple[float, float, float] = (0.0, 0.0, 0.0)):
     """Standing on two feet and swaying: base shifts, turns and dips, weight moves from foot to foot."""
     robot = biped()
     place = pin.SE3(pin.rpy.rpyToMatrix(0.0, 0.0, world[2]), np.array([world[0], world[1], 0.0]))
