@@ -299,9 +299,7 @@ def settled(kp: float, ki: float, bias: float) -> float:
     return float(com[0])
 
 
-@pytest.mark.parametrize(
-    ("kp", "ki", "expected"), [(5.0, 0.0, -16.8), (5.0, 10.0, -12.3), (3.0, 20.0, -11.5)]
-)
+@pytest.mark.parametrize(("kp", "ki", "expected"), [(5.0, 0.0, -16.8), (3.0, 20.0, -11.5)])
 def test_the_average_leaves_a_biased_com_where_theory_says(kp: float, ki: float, expected: float) -> None:
     assert 1e3 * settled(kp, ki, bias=0.01) == pytest.approx(expected, abs=0.1)
 
