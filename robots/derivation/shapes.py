@@ -12,7 +12,7 @@ import pinocchio as pin
 from wbc.core.errors import Array
 from wbc.core.limits.collision import CollisionCapsule, CollisionSphere
 from wbc.robots import urdf
-from wbc.robots.derivation.soles import mesh_vertices, numbers, origin_of, resolve
+from wbc.robots.derivation.soles import geometry_of, mesh_vertices, resolve
 
 SMALLEST = 0.002
 """Least half size of a shape, m."""
@@ -52,21 +52,13 @@ def link_shapes(text: str, package_dirs: tuple[str, ...]) -> tuple[LinkShape, ..
 
 
 def _shape(link: str, element: urdf.Element, package_dirs: tuple[str, ...]) -> LinkShape | None:
-    geometry = element.find("geometry")
-    if geometry is None or not len(geometry):
+    found = geometry_of(element)
+    if found is None:
         return None
-    shape, place = geometry[0], origin_of(element)
-    if shape.tag == "box":
-        return LinkShape(link, "box", _sizes(0.5 * numbers(shape.get("size", "0 0 0"))), place)
-    if shape.tag == "sphere":
-        return LinkShape(link, "sphere", _sizes(numbers(shape.get("radius", "0"))), place)
-    if shape.tag in ("cylinder", "capsule"):
-        size = np.array([float(shape.get("radius", "0")), 0.5 * float(shape.get("length", "0"))])
-        return LinkShape(link, "cylinder" if shape.tag == "cylinder" else "capsule", _sizes(size), place)
-    if shape.tag == "mesh":
-        path = resolve(shape.get("filename", ""), package_dirs, None)
-        return None if path is None else _box(link, path, numbers(shape.get("scale", "1 1 1")), place)
-    return None
+    if found.kind == "mesh":
+        path = resolve(found.file, package_dirs, None)
+        return None if path is None else _box(link, path, found.size, found.place)
+    return LinkShape(link, found.kind, _sizes(found.size), found.place)  # type: ignore[arg-type]  # no mesh
 
 
 def capsules(text: str, package_dirs: tuple[str, ...]) -> dict[str, list[CollisionSphere | CollisionCapsule]]:

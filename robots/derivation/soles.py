@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Iterator
 from pathlib import Path
+from typing import NamedTuple
 
 import coal
 import numpy as np
@@ -60,8 +60,8 @@ def sole_rectangle(
         for name in (name for name, mover in owner.items() if mover in below):
             placement = here.actInv(data.oMf[model.getFrameId(name, pin.FrameType.BODY)])
             for element in links[name].findall(tag):
-                shapes = _points(element, package_dirs, base, placement, up_axis, scale)
-                clouds += [_move(placement, cloud) for cloud in shapes]
+                cloud = _points(element, package_dirs, base, placement, up_axis, scale)
+                clouds += [] if cloud is None else [_move(placement, cloud)]
         if not clouds:
             continue
         points = np.concatenate(clouds)
@@ -96,6 +96,40 @@ def no_sole(length: float, width: float) -> str:
     return said
 
 
+class Geometry(NamedTuple):
+    """Geometry of a <visual> or <collision>.
+
+    Attributes:
+        kind: "box", "sphere", "cylinder", "capsule" or "mesh".
+        size: Half sizes of a box; radius; radius and half length, m; scale of a mesh.
+        place: Place in the link.
+        file: Name of the file of a mesh.
+    """
+
+    kind: str
+    size: Array
+    place: pin.SE3
+    file: str = ""
+
+
+def geometry_of(element: Element) -> Geometry | None:
+    """Return the geometry of a <visual> or <collision>; None for one of another kind."""
+    geometry = element.find("geometry")
+    if geometry is None or not len(geometry):
+        return None
+    shape, place = geometry[0], origin_of(element)
+    if shape.tag == "box":
+        return Geometry("box", 0.5 * numbers(shape.get("size", "0 0 0")), place)
+    if shape.tag == "sphere":
+        return Geometry("sphere", np.array([float(shape.get("radius", "0"))]), place)
+    if shape.tag in ("cylinder", "capsule"):
+        size = np.array([float(shape.get("radius", "0")), 0.5 * float(shape.get("length", "0"))])
+        return Geometry(shape.tag, size, place)
+    if shape.tag == "mesh":
+        return Geometry("mesh", numbers(shape.get("scale", "1 1 1")), place, shape.get("filename", ""))
+    return None
+
+
 def _points(
     element: Element,
     package_dirs: tuple[str, ...],
@@ -103,36 +137,31 @@ def _points(
     placement: pin.SE3,
     up_axis: bool,
     scale: float,
-) -> Iterator[Array]:
-    """Yield points of a shape of scaled size, in the link frame, that include all extreme ones near the ground."""
-    geometry = element.find("geometry")
-    if geometry is None or not len(geometry):
-        return
-    shape, origin = geometry[0], origin_of(element)
-    if shape.tag == "box":
-        half = 0.5 * numbers(shape.get("size", "0 0 0"))
-        yield _move(origin, scale * half * np.array(np.meshgrid(*[[-1.0, 1.0]] * 3)).reshape(3, -1).T)
-    elif shape.tag == "sphere":
-        down = (placement * origin).rotation[2]
-        yield _move(origin, -scale * float(shape.get("radius", "0")) * down[None, :])
-    elif shape.tag == "capsule":
-        radius, half_length = float(shape.get("radius", "0")), 0.5 * float(shape.get("length", "0"))
-        down = (placement * origin).rotation[2]
-        ends = np.array([[0.0, 0.0, -half_length], [0.0, 0.0, half_length]])
-        yield _move(origin, scale * (ends - radius * down))
-    elif shape.tag == "cylinder":
-        radius, half_length = float(shape.get("radius", "0")), 0.5 * float(shape.get("length", "0"))
+) -> Array | None:
+    """Return points of a shape of scaled size, in the link frame, that include all extreme ones near the ground."""
+    found = geometry_of(element)
+    if found is None:
+        return None
+    size, down = found.size, (placement * found.place).rotation[2]
+    if found.kind == "box":
+        points = size * np.array(np.meshgrid(*[[-1.0, 1.0]] * 3)).reshape(3, -1).T
+    elif found.kind == "sphere":
+        points = -size[0] * down[None, :]
+    elif found.kind == "capsule":
+        points = np.array([[0.0, 0.0, -size[1]], [0.0, 0.0, size[1]]]) - size[0] * down
+    elif found.kind == "cylinder":
         angle = np.linspace(0.0, math.tau, 32, endpoint=False)
-        rim = np.stack([radius * np.cos(angle), radius * np.sin(angle), np.full(32, half_length)], axis=1)
-        yield _move(origin, scale * np.concatenate([rim, rim * [1.0, 1.0, -1.0]]))
-    elif shape.tag == "mesh":
-        path = resolve(shape.get("filename", ""), package_dirs, base)
-        if path is not None:
-            vertices = mesh_vertices(path)
-            if vertices is not None:
-                if up_axis and path.suffix.lower() == ".dae" and b"<up_axis>Y_UP" in path.read_bytes():
-                    vertices = vertices @ Y_UP.T
-                yield _move(origin, scale * vertices * numbers(shape.get("scale", "1 1 1")))
+        rim = np.stack([size[0] * np.cos(angle), size[0] * np.sin(angle), np.full(32, size[1])], axis=1)
+        points = np.concatenate([rim, rim * [1.0, 1.0, -1.0]])
+    else:
+        path = resolve(found.file, package_dirs, base)
+        vertices = None if path is None else mesh_vertices(path)
+        if path is None or vertices is None:
+            return None
+        if up_axis and path.suffix.lower() == ".dae" and b"<up_axis>Y_UP" in path.read_bytes():
+            vertices = vertices @ Y_UP.T
+        points = vertices * size
+    return _move(found.place, scale * points)
 
 
 def mesh_vertices(path: Path) -> Array | None:

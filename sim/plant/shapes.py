@@ -18,7 +18,7 @@ from wbc.core.errors import Array
 from wbc.core.robot import Robot
 from wbc.feet.soles.common_mjcf import VISUAL_GROUP
 from wbc.robots.derivation.shapes import LinkShape, link_shapes
-from wbc.robots.derivation.soles import numbers, origin_of, resolve
+from wbc.robots.derivation.soles import geometry_of, numbers, resolve
 from wbc.robots.description import RobotDescription
 from wbc.robots.frames import carrier_link
 from wbc.robots.urdf import Element, moving_link_of
@@ -163,30 +163,21 @@ def _add_element(
     package_dirs: tuple[str, ...],
 ) -> bool:
     """Add the geom of a <visual> or <collision>; False if it cannot be read."""
-    geometry = element.find("geometry")
-    if geometry is None or not len(geometry):
+    found, material, colour = geometry_of(element), element.find("material"), PLAIN
+    if found is None:
         return False
-    shape, material, colour = geometry[0], element.find("material"), PLAIN
     if material is not None:
         colour = _colour(material) or colours.get(str(material.get("name")), PLAIN)
-    place, kind = origin_of(element), shape.tag
-    if kind == "mesh":
-        path = resolve(shape.get("filename", ""), package_dirs, None)
-        mesh = None if path is None else _mesh(spec, path, numbers(shape.get("scale", "1 1 1")))
+    if found.kind == "mesh":
+        path = resolve(found.file, package_dirs, None)
+        mesh = None if path is None else _mesh(spec, path, found.size)
         if mesh is None:
             return False
-        add_visual(body, mujoco.mjtGeom.mjGEOM_MESH, (), place, colour).meshname = mesh
+        add_visual(body, mujoco.mjtGeom.mjGEOM_MESH, (), found.place, colour).meshname = mesh
         return True
-    if kind == "box":
-        size = 0.5 * numbers(shape.get("size", "0 0 0"))
-    elif kind in ("sphere", "cylinder", "capsule"):
-        size = np.array([float(shape.get("radius", "0")), 0.5 * float(shape.get("length", "0"))])
-    else:
+    if not (found.size > 0.0).all():
         return False
-    size = size[: 1 if kind == "sphere" else None]
-    if not (size > 0.0).all():
-        return False
-    add_visual(body, GEOMS[kind], size.tolist(), place, colour)
+    add_visual(body, GEOMS[found.kind], found.size.tolist(), found.place, colour)
     return True
 
 

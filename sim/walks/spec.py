@@ -19,7 +19,6 @@ from wbc.feet.soles.catalog import foot as foot_by_name
 from wbc.robots import load
 from wbc.robots.registry import stamped
 from wbc.sim.plant.places import body_frame
-from wbc.sim.plant.settings import Machine
 from wbc.sim.scenes.base import Scene, make_scene
 from wbc.sim.terrain.spec import Terrain
 from wbc.sim.terrain.spec import terrain as terrain_by_name
@@ -238,22 +237,10 @@ class WalkSpec(TrialSpec):
     def to_json(self) -> dict[str, Any]:
         """Return the whole spec as plain values, with its kind."""
         data = super().to_json()
-        if self.machine == Machine():
-            del data["machine"]
-        if not self.servo:
-            del data["servo"]
-        if self.law == "lipm":
-            del data["law"]
-        if self.eyes == "none":
-            del data["eyes"]
         for name in ("foot_changes", "policy_params", "terrain_params", "scene_params", "changes"):
             data[name] = dict(data[name])
         data["terrain_params"][RAMP_NAME] = self.ground().ramp
         data["plan"] = {name: value for name, value in data["plan"].items() if value is not None}
-        if self.policy is None:
-            del data["policy"], data["policy_params"]
-        if self.scene is None:
-            del data["scene"], data["scene_params"]
         return data
 
 
