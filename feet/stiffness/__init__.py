@@ -1,4 +1,4 @@
-"""Stiffness from roughness: parameters, features, training data, models, and how well they predict.
+"""Stiffness from roughness: parameters of a profile, features of these, and a model of nearest neighbours.
 
-A new kind of model is a candidate in `comparison`; what a controller uses is `model.StiffnessModel`.
+A new feature goes to `features`; a model of another kind is a policy of `wbc.tasks`.
 """

@@ -8,6 +8,5 @@
     4
 
 For designers of feet: force balance, contact area, equivalent support polygon, sole shape, loop gap, penetration and
-absorbed impact, each a pure function of a frozen `FootTest`. A new test goes into `actions.py`, its result into
-`results.py`.
+absorbed impact, each a pure function of a frozen `FootTest`. A new test goes into `press.py`, with its result.
 """

@@ -335,45 +335,25 @@ def _jsonable(value: Any) -> Any:
     return value if value is None or isinstance(value, (bool, int, float, str)) else str(value)
 
 
-def terrain(
-    name: str | Family,
-    amplitude: float | None = None,
-    seed: int = 0,
-    *,
-    length: float | None = None,
-    width: float | None = None,
-    start: float | None = None,
-    strip: float | None = None,
-    ramp: float | None = None,
-    sole_radius: float = SOLE_SPHERE_RADIUS,
-    **params: Any,
-) -> Terrain:
+TRACK = ("length", "width", "start", "strip", "ramp", "sole_radius")
+"""Fields of a terrain that have a default, which a family may change."""
+
+
+def terrain(name: str | Family, amplitude: float | None = None, seed: int = 0, **values: Any) -> Terrain:
     """Return a terrain by the name of its family.
 
     Args:
         name: One of `terrain_families()`, or a family's parameters.
         amplitude: Highest minus lowest point of the rough part, m; the family's own when None.
         seed: Fixes every random draw.
-        length: Length of the rough part, m; 3 m (or the image's) when None.
-        width: Extent across, m; 1 m (or the image's) when None.
-        start: x at which the rough part begins, m; 0.3 m when None.
-        strip: Length of the flat strips, m; 1 m when None.
-        ramp: Length on which heights grow from 0 to their own, m; 0 for a sharp edge, that of the family when None.
-        sole_radius: Radius of the spheres under the sole, m.
-        **params: Parameters of the family that differ.
+        **values: Fields of `Terrain` (length, width, start, strip, ramp, sole_radius; all in m) and parameters of the
+            family; what is left out is the family's own.
 
     Raises:
         UnknownNameError: No such family, or it has no such parameter.
         InputError: A value is out of range.
     """
-    parameters = make_family(name, params) if isinstance(name, str) else replace(name, **params)
-    given = {"length": length, "width": width, "start": start, "strip": strip, "ramp": ramp}
-    track = parameters.track() | {key: value for key, value in given.items() if value is not None}
+    given = {field: values.pop(field) for field in TRACK if field in values}
+    parameters = make_family(name, values) if isinstance(name, str) else replace(name, **values)
     height = parameters.default_amplitude if amplitude is None else amplitude
-    return Terrain(
-        parameters=parameters,
-        amplitude=height,
-        seed=seed,
-        sole_radius=sole_radius,
-        **track,
-    )
+    return Terrain(parameters=parameters, amplitude=height, seed=seed, **parameters.track() | given)
