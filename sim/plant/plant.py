@@ -338,10 +338,9 @@ class Plant(SimulatedRobot):
         return self._loads.mass
 
     def _follow(self, command: Command) -> None:
-        self._drives.read(command)
+        if self._late is not None:  # without a delay it has just been read
+            self._drives.read(command)
         self._drives.follow()
-
-    def _act(self) -> None:
         self.data.ctrl[:] = self._drives.target
 
     def _integrate(self) -> None:

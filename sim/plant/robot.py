@@ -218,8 +218,7 @@ class SimulatedRobot(ABC):
     def _follow(self, command: Command) -> None:
         """Act on a checked command from the coming physics step on."""
 
-    @abstractmethod
-    def _act(self) -> None:
+    def _act(self) -> None:  # noqa: B027 - of drives that depend on the state
         """Write the controls of the coming physics step."""
 
     @abstractmethod
@@ -273,6 +272,7 @@ def advance(robots: Sequence[SimulatedRobot]) -> None:
     data = first.data
     for step in range(first.steps):
         left = first.steps - 1 - step
+        ready = left == 0
         for robot in robots:
             if robot._late is not None and (due := robot._late.advance()) is not None:
                 robot._follow(due)
@@ -280,16 +280,15 @@ def advance(robots: Sequence[SimulatedRobot]) -> None:
             if robot._pushes:
                 robot._pushes.apply(data, first.timestep)
         first._integrate()
-        pushing = False
         for robot in robots:
-            signals = robot._signals
+            signals, chain = robot._signals, robot._chain
             if left == 0 or signals.of_contacts:
                 robot._contacts.capture(data)
             signals.record(data, signals.window[step])
-            pushing = pushing or bool(robot._pushes)
-        reading = [robot for robot in robots if robot._chain.newest <= left <= robot._chain.oldest]
-        if left == 0 or reading or pushing:
+            ready = ready or chain.newest <= left <= chain.oldest or bool(robot._pushes)
+        if ready:
             first._refresh()
-        for robot in reading:
-            robot._signals.sample(data)
-            robot._chain.push(robot._signals.values)
+            for robot in robots:
+                if robot._chain.newest <= left <= robot._chain.oldest:
+                    robot._signals.sample(data)
+                    robot._chain.push(robot._signals.values)
