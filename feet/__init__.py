@@ -7,7 +7,7 @@ MuJoCo end in `_mjcf` and are imported from there.
 from __future__ import annotations
 
 from wbc.feet.sensing.range_sensor import RangeSensor
-from wbc.feet.sensing.scan import GroundScan, Profile
+from wbc.feet.sensing.scan import GroundScan
 from wbc.feet.soles.actuator import StiffnessActuator
 from wbc.feet.soles.catalog import foot, register_foot
 from wbc.feet.soles.foot import Foot, FootParts, fitted_sole
@@ -15,7 +15,7 @@ from wbc.feet.soles.soft import SoftFoot
 from wbc.feet.soles.sole import FootFit
 from wbc.feet.stiffness.features import PAPER_FEATURES, FeatureSet
 from wbc.feet.stiffness.model import Clusters, ModelSettings, ProfileRecipe, StiffnessModel
-from wbc.feet.stiffness.roughness import PARAMETERS, RoughnessSettings, profile_roughness, roughness
+from wbc.feet.stiffness.roughness import PARAMETERS, profile_roughness, roughness
 
 __all__ = [
     # Feet by name
@@ -33,10 +33,8 @@ __all__ = [
     # Range sensor and scanned profile
     "RangeSensor",
     "GroundScan",
-    "Profile",
     # Roughness of a profile
     "PARAMETERS",
-    "RoughnessSettings",
     "roughness",
     "profile_roughness",
     # Stiffness from roughness

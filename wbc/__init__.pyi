@@ -9,7 +9,6 @@ from . import tasks as tasks
 from . import walking as walking
 from ._version import __version__ as __version__
 from .core.control import FailurePolicy as FailurePolicy
-from .core.control import SafetySettings as SafetySettings
 from .core.conventions import configuration_from_mujoco as configuration_from_mujoco
 from .core.conventions import configuration_to_mujoco as configuration_to_mujoco
 from .core.conventions import velocity_from_mujoco as velocity_from_mujoco
