@@ -61,7 +61,7 @@ def wbc_command(capfd: Captured, *arguments: str) -> tuple[int, str, str]:
     return code, out, err
 
 
-@pytest.mark.parametrize("words", by_default(QUICK, *set(QUICK) - {"check-plant"}))
+@pytest.mark.parametrize("words", by_default(QUICK, *set(QUICK) - {"check-plant", "push"}))
 def test_json_is_one_object_and_alone_on_stdout(capfd: Captured, words: str) -> None:
     arguments, keys = QUICK[words]
     code, out, _ = wbc_command(capfd, *words.split(), *arguments, "--json")

@@ -16,6 +16,7 @@ import numpy as np
 import pytest
 from full_disk import limited_file_size
 from log_writing import write
+from properties import by_default
 
 from wbc.app.cli import BAD_INPUT, FAILED, RAN, main
 from wbc.sim.studies.journal import Entry, Journal, read_journal
@@ -69,7 +70,7 @@ def words_for(name: str) -> list[str]:
     return [next(iter(read_journal("journal.jsonl"))) if word == "KEY" else word for word in WRITERS[name]]
 
 
-@pytest.mark.parametrize("name", WRITERS)
+@pytest.mark.parametrize("name", by_default(WRITERS, "table.csv", "signals.png", "spec.json"))
 def test_a_full_disk_leaves_the_old_file_and_one_line(folder: Path, name: str, capsys: Captured) -> None:
     Path(name).write_text("old")
     before = sorted(os.listdir())

@@ -205,6 +205,7 @@ def test_marks_are_drawn_where_they_are() -> None:
             assert not changed[0].any() and changed.sum() < 0.5 * changed.size, kind
 
 
+@pytest.mark.slow
 @drawing
 def test_a_film_as_mp4(replay: Replay, tmp_path: Path) -> None:
     ffmpeg = pytest.importorskip("imageio_ffmpeg").get_ffmpeg_exe()

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from properties import by_default
 from task_factory import standing
 
 from wbc import Command, HybridControl, InputError, Measurement, Plant, balance_controller, walk
@@ -169,7 +168,8 @@ def test_the_plants_drives_apply_the_gains_of_the_command() -> None:
     assert np.abs(simulated.joint_torque).max() > 1.0 and np.abs(stiff).max() > 1.0
 
 
-@pytest.mark.parametrize("robot", by_default(["g1", "hrp4_class", "talos"], "g1"))
+@pytest.mark.slow
+@pytest.mark.parametrize("robot", ["g1", "hrp4_class", "talos"])
 def test_a_robot_stands_in_hybrid_control_with_noisy_sensors(robot: str) -> None:
     result = StandTrial(StandSpec(robot=robot, mode="hybrid", seconds=1.0, noise="realistic")).run()
     assert result.upright and result.failures == 0

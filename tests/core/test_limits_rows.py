@@ -231,9 +231,8 @@ def test_a_pair_that_no_joint_separates_is_refused_with_its_distance(
 @pytest.mark.parametrize(
     ("name", "pair"),
     [
-        ("talos", ("arm_left_7_link", "leg_left_3_link")),
-        ("talos", ("gripper_left_base_link", "torso_2_link")),
-        ("g1", ("left_wrist_yaw_link", "torso_link")),
+        pytest.param("talos", ("arm_left_7_link", "leg_left_3_link"), marks=pytest.mark.slow),
+        pytest.param("talos", ("gripper_left_base_link", "torso_2_link"), marks=pytest.mark.slow),
         ("g1", ("left_knee_link", "right_knee_link")),
     ],
 )

@@ -111,13 +111,9 @@ def test_a_source_of_ones_own_marches(load: Load, mode: str) -> None:
     assert run(load("own_source"), "--mode", mode, seconds=3.5)["lifted_mm"] > 25.0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
-    ("mode", "direction"),
-    [
-        ("torque", "left"),
-        pytest.param("position", "forward", marks=pytest.mark.slow),
-        pytest.param("torque", "back", marks=pytest.mark.slow),
-    ],
+    ("mode", "direction"), [("torque", "left"), ("position", "forward"), ("torque", "back")]
 )
 def test_push_is_felt_and_recovered_from(load: Load, mode: str, direction: str) -> None:
     result = run(load("push_recovery"), "--mode", mode, "--direction", direction)

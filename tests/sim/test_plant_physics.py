@@ -34,7 +34,7 @@ def state_in_the_air(plant: Plant, rng: np.random.Generator, speed: float) -> tu
     return q, speed * rng.normal(size=robot.nv)
 
 
-@pytest.mark.parametrize("name", ROBOTS)
+@pytest.mark.parametrize("name", by_default(ROBOTS, "hrp4_class"))
 def test_masses_and_clamps_are_those_of_the_description(name: str) -> None:
     plant = Plant(load(name), foot="rigid")
     model = plant.model

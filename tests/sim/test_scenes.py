@@ -18,7 +18,12 @@ from wbc.sim.trial.falls import TrueFallDetector
 
 
 @pytest.mark.parametrize(
-    ("robot", "kinds"), [("hrp4_class", tuple(scene_kinds())), ("talos", ("cart", "door")), ("g1", ("cart",))]
+    ("robot", "kinds"),
+    [
+        ("hrp4_class", tuple(scene_kinds())),
+        pytest.param("talos", ("cart", "door"), marks=pytest.mark.slow),
+        pytest.param("g1", ("cart",), marks=pytest.mark.slow),
+    ],
 )
 def test_a_robot_stands_clear_of_every_scene(robot: str, kinds: tuple[str, ...]) -> None:
     for kind in kinds:
