@@ -63,9 +63,9 @@ def test_parts_make_up_the_period_of_a_walk(monkeypatch: pytest.MonkeyPatch) -> 
 
 
 class _SlowTask(PostureTask):
-    def evaluate(self, error: Array) -> None:
+    def evaluate(self, jacobian: Array, error: Array, drift: Array) -> None:
         sleep(0.0003)
-        super().evaluate(error)
+        super().evaluate(jacobian, error, drift)
 
 
 class _SlowHook(TrialHook):

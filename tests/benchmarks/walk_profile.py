@@ -126,10 +126,13 @@ def _time(
     clocks: ExitStack, owner: object, method: str, entries: Sequence[list[float]], inside: list[float]
 ) -> None:
     """Count a method of one object to its part, or a solution of the QP to its three, until the stack closes."""
-    call, clock, before = getattr(owner, method), time.perf_counter, vars(owner).get(method)
+    kind: Any = owner if hasattr(owner, "__dict__") else type(owner)  # an object with slots takes no method
+    call, clock, before = getattr(kind, method), time.perf_counter, vars(kind).get(method)
 
     @functools.wraps(call)
     def timed(*args: Any, **kwargs: Any) -> Any:
+        if kind is not owner and args[0] is not owner:
+            return call(*args, **kwargs)
         inside.append(0.0)
         result, start = None, clock()
         try:
@@ -143,11 +146,11 @@ def _time(
                 entry[0] += seconds
                 entry[1] += 1
 
-    setattr(owner, method, timed)
+    setattr(kind, method, timed)
     if before is None:
-        clocks.callback(delattr, owner, method)
+        clocks.callback(delattr, kind, method)
     else:
-        clocks.callback(setattr, owner, method, before)
+        clocks.callback(setattr, kind, method, before)
 
 
 def _divided(result: object, spent: float, inner: float) -> Iterable[float]:
