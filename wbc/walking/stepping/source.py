@@ -23,6 +23,7 @@ class SteppingWalk(ReferenceSource):
         com_height: Height of the CoM over the soles while walking, m.
     """
 
+    com_height: float
     by_steps = True
     unsteered = "a stepping walk decides each step as it goes: it takes a velocity or a goal, no footsteps"
 
