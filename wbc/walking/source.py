@@ -63,7 +63,7 @@ class Reference(NamedTuple):
         duration: Planned length of this phase, s.
         stance: Foot that stands while the present or next step swings: 0 left, 1 right.
         swing: Foot that follows its motion, and may still carry a part of its load; None for those without contact.
-        most_force: Greatest normal force of each foot, N; a stabilizer distributes the force within it.
+        most_force: Greatest normal force of each foot where steps balance the robot, N.
         body: Motion of all joints and of the trunk; None for the posture, and for a trunk that is upright.
     """
 
