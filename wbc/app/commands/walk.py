@@ -38,8 +38,8 @@ if TYPE_CHECKING:
 CHANGE = "what was changed from the page since the tick before, and an end by Ctrl-C, JSON"
 """Meaning of the signal that holds the interventions of a run."""
 
-DEFAULTS = {"foot": "long_arch", "terrain": "stones", "amplitude": 0.02}
-"""Defaults of the command line: an unknown ground, and the sole that most LIPM walks arrive on."""
+DEFAULTS = {"foot": "long_arch", "terrain": "stones", "amplitude": 0.02, "eyes": "depth"}
+"""Defaults of the command line: an unknown ground that the robot sees, and the sole that most LIPM walks arrive on."""
 
 STEPPING_FOOT = "rigid"
 """The sole that most stepping walks arrive on."""
@@ -66,6 +66,7 @@ OPTIONS = Fields(
     defaults=DEFAULTS,
     help={
         "foot": f"Foot under both ankles; flat is the robot's own sole. {STEPPING_FOOT} with --gait stepping.",
+        "eyes": "What the robot sees of the ground: depth (a camera), toes (range sensors), none (also with --spec).",
         "turn": "On the spot to the left, degrees.",
         "push": "A push such as impulse=0.2,direction=90,step=5,phase=0.5: Ns/kg, degrees (90 is left), at a share of "
         "a step.",
@@ -199,8 +200,12 @@ def walk_spec(given: Mapping[str, Any], options: WalkOptions, drive: bool = Fals
         *groups, last = place_of(name, law).split(".", 1)
         place = upper.setdefault(groups[0], {}) if groups else upper
         place[last] = value
-    foot = {"foot": STEPPING_FOOT} if law == "stepping" else {}
-    spec = WalkSpec.from_json(_over(upper, _over(lower, DEFAULTS | foot)))
+    defaults: dict[str, Any] = dict(DEFAULTS)
+    if law == "stepping":
+        defaults["foot"] = STEPPING_FOOT
+    if options.spec is not None:  # a walk in a file is blind unless it says otherwise
+        del defaults["eyes"]
+    spec = WalkSpec.from_json(_over(upper, _over(lower, defaults)))
     return spec if drive or spec.plan.drive is None else _bounded(spec, spec.plan.drive, options.seconds)
 
 
