@@ -66,7 +66,7 @@ def test_the_offset_does_not_depend_on_where_the_world_begins() -> None:
 
 def pressing(noise: str | SensorNoise = "none") -> tuple[Trial, Hands]:
     """Return a robot whose hands press 25 N each on a table."""
-    walking, hands = standing(reach=0.6, ramp=0.4)
+    walking, hands = standing(reach_time=0.6, ramp=0.4)
     trial = Trial(Plant(load("hrp4_class"), scene=make_scene("table", **TABLE), noise=noise), walking)
     trial.advance(0.1)
     for side, y in (("left", 0.2), ("right", -0.2)):
