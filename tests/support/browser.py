@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-import base64
 import json
 import shutil
 import subprocess
@@ -41,7 +40,6 @@ class Browser:
 
     Attributes:
         errors: What went wrong in the page's scripts, and what its security policy has blocked.
-        requests: Addresses that the page has asked for.
     """
 
     def __init__(self, folder: Path, size: tuple[int, int] = (1000, 750)) -> None:
@@ -53,7 +51,6 @@ class Browser:
         """
         assert CHROMIUM is not None
         self.errors: list[str] = []
-        self.requests: list[str] = []
         window = f"--window-size={size[0]},{size[1]}"
         self._process = subprocess.Popen(
             [CHROMIUM, *OPTIONS, window, f"--user-data-dir={folder}", "about:blank"],
@@ -69,7 +66,7 @@ class Browser:
             self._process.wait()
             self._runner.close()
             raise
-        for domain in ("Runtime", "Page", "Network", "Log"):
+        for domain in ("Runtime", "Page", "Log"):
             self.call(f"{domain}.enable")
 
     def _do(self, work: Coroutine[Any, Any, Any]) -> Any:
@@ -117,8 +114,6 @@ class Browser:
             self.errors.append(json.dumps(said["params"]["exceptionDetails"]))
         if said.get("method") == "Log.entryAdded" and said["params"]["entry"]["source"] == "security":
             self.errors.append(said["params"]["entry"]["text"])  # as of the content security policy
-        if said.get("method") == "Network.requestWillBeSent":
-            self.requests.append(said["params"]["request"]["url"])
 
     def call(self, method: str, **parameters: Any) -> dict[str, Any]:
         """Call a method of the protocol."""
@@ -126,8 +121,9 @@ class Browser:
         return result
 
     def open(self, url: str) -> None:
-        """Go to a page."""
+        """Go to a page, and wait until it has a body."""
         self.call("Page.navigate", url=url)
+        self.wait("document.body !== null && location.href !== 'about:blank'")
 
     def evaluate(self, script: str) -> Any:
         """Return the value of an expression in the page."""
@@ -142,10 +138,6 @@ class Browser:
             assert time.monotonic() < end, f"never true: {script}"
             time.sleep(0.05)
         return value
-
-    def screenshot(self) -> bytes:
-        """Return a picture of the page as PNG."""
-        return base64.b64decode(self.call("Page.captureScreenshot", format="png")["data"])
 
     def close(self) -> None:
         """End it."""
