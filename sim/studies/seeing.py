@@ -162,7 +162,11 @@ def seeing_feet(seeds: int = 24) -> Study:
             Cell(cell_name(name, height), {"terrain": name, "amplitude": height})
             for name, height in cells.items()
         ),
-        arms={"blind": {"eyes": "none"}, "depth": {"eyes": "depth"}},
+        arms={
+            "blind": {"eyes": "none"},
+            "depth": {"eyes": "depth"},
+            "depth, without place": {"eyes": "depth", "changes": {"ground.footprint.choice": False}},
+        },
         seeds=_seeds(seeds),
         metric="distance",
     )
