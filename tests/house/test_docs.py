@@ -175,7 +175,11 @@ def test_the_programs_that_draw_pictures_can_be_imported() -> None:
     done = subprocess.run(
         [sys.executable, "-c", f"import {names}"],
         cwd=ROOT / "docs",
-        env={**os.environ, "PYTHONPATH": str(ROOT), "MPLBACKEND": "Agg"},
+        env={
+            **os.environ,
+            "PYTHONPATH": f"{ROOT}{os.pathsep}{ROOT / 'tests' / 'support'}",
+            "MPLBACKEND": "Agg",
+        },
         capture_output=True,
         text=True,
         check=False,
