@@ -29,7 +29,7 @@ BESIDE = ("robots", "feet", "tasks", "sim")
 Graph = Mapping[str, set[str]]
 """Name → the names that it imports."""
 
-WIDTH, GUTTER, GAP = 880, 34, 30
+WIDTH, GUTTER, GAP = 880, 15, 30
 BOX, ROW, ARC = 34, 16, 13
 """Height of a room, room above it for the title, depth of an arc for each room that it passes; pixels."""
 
@@ -134,13 +134,12 @@ def architecture_svg(root: Path) -> str:
     floor_of = {package: height for height, floor in enumerate(FLOORS) for package in floor}
     arrows = reduced(package_graph)
     lanes = [(a, b) for a, b in arrows if floor_of[a] - floor_of[b] > 1]
-    insets = [sum(floor_of[b] < height < floor_of[a] for a, b in lanes) for height in range(len(FLOORS))]
+    left = GUTTER * (len(lanes) + 1)
 
     shapes: list[str] = []
     place: dict[str, tuple[float, float, float, float]] = {}
     y = 2.0
     for height in reversed(range(len(FLOORS))):
-        left = GUTTER * insets[height]
         packages = FLOORS[height]
         counts = {
             p: max(1, sum(package_of(room) == p and room != p for room in room_graph)) for p in packages
@@ -159,8 +158,18 @@ def architecture_svg(root: Path) -> str:
             place[package] = (*place[package][:3], deepest)
         y += deepest + GAP
     bands = [_band(package, *place[package]) for package in place]
-    for a, b in arrows:
-        shapes.append(_between(place[a], place[b], lanes.index((a, b)) if (a, b) in lanes else None))
+    shapes += [_between(place[a], place[b]) for a, b in arrows if (a, b) not in lanes]
+    for lane, arrow in enumerate(lanes):
+        (start, end), to = (_door(place[name], lane / len(lanes)) for name in arrow), place[arrow[1]]
+        way = f"M{left} {start:.0f} H{GUTTER * (lane + 1)}"
+        if to[0] == left:
+            shapes += [_line(f"{way} V{end:.0f} H{left - 5}", 1.6), _head(left, end, 1, 0)]
+        else:  # beside another package: from above
+            x = to[0] + 0.3 * to[2]
+            shapes += [
+                _line(f"{way} V{to[1] - 0.5 * GAP:.0f} H{x:.0f} V{to[1] - 5:.0f}", 1.6),
+                _head(x, to[1], 0, 1),
+            ]
     frame = _FRAME.format(width=WIDTH + 4, height=round(y - GAP + 2.0))
     return "\n".join([frame, *bands, *shapes, "</svg>", ""])
 
@@ -198,14 +207,16 @@ def _band(package: str, x: float, y: float, width: float, height: float) -> str:
     return _box(x, y, width, height, "#eceff1", "#b0bec5") + _text(x + 10.0, y + 17.0, package, 14, "start")
 
 
-def _between(upper: tuple[float, ...], lower: tuple[float, ...], lane: int | None) -> str:
-    """Draw an arrow from a package down to one that it imports, in a lane of its own past the floors between."""
+def _between(upper: tuple[float, ...], lower: tuple[float, ...]) -> str:
+    """Draw an arrow from a package down to one on the next floor."""
     bottom, top = upper[1] + upper[3], lower[1]
-    if lane is None:
-        x = 0.5 * (max(upper[0], lower[0]) + min(upper[0] + upper[2], lower[0] + lower[2]))
-    else:
-        x = GUTTER * (lane + 0.5)
+    x = 0.5 * (max(upper[0], lower[0]) + min(upper[0] + upper[2], lower[0] + lower[2]))
     return _line(f"M{x:.0f} {bottom:.0f} V{top - 5:.0f}", 2.2) + _head(x, top, 0, 1)
+
+
+def _door(place: tuple[float, ...], share: float) -> float:
+    """Return the height on the left side of a package at which an arrow past other floors leaves or enters it."""
+    return place[1] + place[3] * (0.15 + 0.8 * share)
 
 
 def _box(x: float, y: float, width: float, height: float, fill: str, stroke: str) -> str:
