@@ -66,7 +66,8 @@ OPTIONS = Fields(
     defaults=DEFAULTS,
     help={
         "foot": f"Foot under both ankles; flat is the robot's own sole. {STEPPING_FOOT} with --gait stepping.",
-        "eyes": "What the robot sees of the ground: depth (a camera), toes (range sensors), none (also with --spec).",
+        "eyes": "What the robot sees of the ground: depth (a camera), toes (range sensors), none (also with "
+        "--gait stepping, --gait auto and --spec).",
         "turn": "On the spot to the left, degrees.",
         "push": "A push such as impulse=0.2,direction=90,step=5,phase=0.5: Ns/kg, degrees (90 is left), at a share of "
         "a step.",
@@ -203,7 +204,9 @@ def walk_spec(given: Mapping[str, Any], options: WalkOptions, drive: bool = Fals
     defaults: dict[str, Any] = dict(DEFAULTS)
     if law == "stepping":
         defaults["foot"] = STEPPING_FOOT
-    if options.spec is not None:  # a walk in a file is blind unless it says otherwise
+    if (
+        law != "lipm" or options.spec is not None
+    ):  # sight wins little for the stepping law; a file says what it wants
         del defaults["eyes"]
     spec = WalkSpec.from_json(_over(upper, _over(lower, defaults)))
     return spec if drive or spec.plan.drive is None else _bounded(spec, spec.plan.drive, options.seconds)
