@@ -15,7 +15,7 @@ from wbc.app.replay.film import draw as draw_picture
 from wbc.app.replay.film import renderer
 from wbc.sim import WalkPlan, WalkPush, WalkSpec, walk
 
-MARKS = ("com", "com shadow", "zmp", "dcm")
+MARKS = ("com", "com shadow", "zmp", "dcm", "known ground")
 """Marks that are shown."""
 
 
@@ -45,10 +45,13 @@ class Film:
 
 
 WALK = Film(
-    WalkSpec(law="stepping", foot="soft", terrain="stones", amplitude=0.05, seed=101, plan=WalkPlan(distance=2.4)),
-    start=5.2, seconds=3.6, rate=15.0, pace=1.0, size=(560, 480), camera=(2.35, 118.0, -16.0), smooth=4.0,
+    WalkSpec(
+        foot="long_arch", stiffness=5.0, eyes="depth", terrain="stones", amplitude=0.06, seed=30000,
+        plan=WalkPlan(distance=2.4),
+    ),
+    start=6.4, seconds=5.2, rate=6.0, pace=2.0, size=(560, 480), camera=(2.35, 118.0, -20.0), smooth=6.0,
 )  # fmt: skip
-"""Ten steps in the middle of a walk over stones."""
+"""Five steps over stones, with the map of what the robot has seen."""
 
 DRIVE = Film(
     WalkSpec(
