@@ -5,7 +5,7 @@ from __future__ import annotations
 import weakref
 from abc import ABC
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import Any, ClassVar, SupportsIndex
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -76,6 +76,12 @@ class Motion(ABC):  # noqa: B024 (its subclasses have the abstract methods)
         self.stiffness = stiffness
         if damping is not None:
             self.damping = damping
+
+    def __reduce_ex__(self, protocol: SupportsIndex) -> str | tuple[Any, ...]:
+        """Refuse a copy where the robot is bound, which cannot be copied either."""
+        if self._robot is not None:
+            self._robot.__reduce__()
+        return super().__reduce_ex__(protocol)
 
     @property
     def robot(self) -> Robot:
