@@ -25,7 +25,7 @@ CLIPS = (".npz", ".csv")
 
 
 @settings(kw_only=True)
-class MotionOptions(TrackSpec):
+class TrackOptions(TrackSpec):
     """Options of the clip, and of the simulation in which it is tracked.
 
     Attributes:
@@ -58,7 +58,7 @@ def motion(
     clip: Annotated[Path, Parameter(help="Clip, .npz or .csv.")],
     /,
     *,
-    options: MotionOptions,
+    options: TrackOptions,
     live: LiveView,
     output: Output,
 ) -> Report:
@@ -75,7 +75,7 @@ def motion(
     return _check(clip, options, output) if do == "check" else _track(clip, options, live, output)
 
 
-def _check(file: Path, options: MotionOptions, output: Output) -> Report:
+def _check(file: Path, options: TrackOptions, output: Output) -> Report:
     robot, clip = options.read(file)
     measures = check_motion(robot, clip)
     verdict = (
@@ -90,7 +90,7 @@ def _check(file: Path, options: MotionOptions, output: Output) -> Report:
     return output.report({"motion": clip.name, "robot": options.robot} | measures.to_json(), "\n".join(lines))
 
 
-def _filter(file: Path, options: MotionOptions, output: Output) -> Report:
+def _filter(file: Path, options: TrackOptions, output: Output) -> Report:
     target = options.target(file)
     robot, given = options.read(file)
     result = make_feasible(robot, given)
@@ -108,7 +108,7 @@ def _filter(file: Path, options: MotionOptions, output: Output) -> Report:
     return output.report(data, "\n".join(_changes(given, result)) + f"\nwritten to {target}")
 
 
-def _track(file: Path, options: MotionOptions, live: LiveView, output: Output) -> Report:
+def _track(file: Path, options: TrackOptions, live: LiveView, output: Output) -> Report:
     robot, given = options.read(file)
     clip, lines = given, []
     data: dict[str, Any] = {"motion": given.name}

@@ -39,7 +39,7 @@ from wbc.core.qp.task import Task
 from wbc.core.robot import BASE_DOF, Robot
 
 _NONE = np.zeros((0, 0))
-"""What a task does not fill: a selection its Jacobian, a task on variables its drift."""
+"""Stand-in for what a task does not fill: the Jacobian of a selection, the drift of a task on variables."""
 
 
 def _dim(tasks: Sequence[Task]) -> int:

@@ -38,7 +38,7 @@ from wbc.walking.stepping.law import (
     remaining_time,
     takes_over,
 )
-from wbc.walking.stepping.place import Move, Moves
+from wbc.walking.stepping.place import LandingShift, Moves
 from wbc.walking.stepping.settings import RobotSize, SteppingSettings, in_si
 from wbc.walking.stepping.steering import Steering, StepVelocity
 from wbc.walking.swing import REST, FootMotion, SwingFoot
@@ -117,7 +117,7 @@ class SteppingGait:
         self.stance = 1
         self._elapsed = 0.0  # in this mode, or since lift-off
         self._time = self._nominal = self.settings.step_time  # of the step, and without a choice of place
-        self._move = Move()  # of the landing
+        self._move = LandingShift()  # of the landing
         self._contact: tuple[float, float, float] | None = None  # low-passed centre of pressure, in the world
         self._met: float | None = None  # time since lift-off at which the swing foot met the ground
         self._carrying = (0.0, 0.0, 0.0)  # low-passed centre of pressure of the swing foot in contact, m
@@ -383,7 +383,7 @@ class SteppingGait:
         """Choose the move of the landing to quieter ground nearby, as far as the balance allows it."""
         s, c, side = self.settings, self.constants, self._side
         left = max(self._nominal - self._elapsed, 0.0)
-        x, y = self._landing(state, contact, dcm, left, orbit, Move())
+        x, y = self._landing(state, contact, dcm, left, orbit, LandingShift())
         ahead, aside = self._along(dcm.x - contact[0], dcm.y - contact[1])
         growth = math.exp(dcm.omega * left)
         times = dcm.omega * (s.shortest - self._nominal), dcm.omega * (s.longest - self._nominal)
@@ -405,7 +405,7 @@ class SteppingGait:
         return ahead + self.constants.carrying, aside
 
     def _landing(
-        self, state: BodyState, contact: Point, dcm: Divergent, left: float, orbit: Orbit, move: Move
+        self, state: BodyState, contact: Point, dcm: Divergent, left: float, orbit: Orbit, move: LandingShift
     ) -> Point:
         """Return the landing of the centre of the swing foot, m."""
         s, side, (cos, sin) = self.settings, self._side, self.steering.direction
@@ -479,7 +479,7 @@ class SteppingGait:
     def _lift(self) -> None:
         self._enter(_Mode.STEPPING)
         self._swing = self._met = None
-        self._move = Move()
+        self._move = LandingShift()
         self._touch.lift()
 
     def _enter(self, mode: _Mode) -> None:

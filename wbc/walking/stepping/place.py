@@ -21,7 +21,7 @@ from wbc.ground.height_map import Places
 from wbc.walking.stepping.law import Orbit, Point, SteppingConstants
 
 
-class Move(NamedTuple):
+class LandingShift(NamedTuple):
     """Move of a landing from the place of the law.
 
     Attributes:
@@ -60,10 +60,10 @@ class Moves:
         cost += c.change * np.abs(by - self._now) + c.move * (by != 0.0)
         return np.where(far & (by != 0.0), np.inf, cost)
 
-    def at(self, by: complex) -> Move:
+    def at(self, by: complex) -> LandingShift:
         """Return how a landing is moved."""
         later, left = self._split(np.array(by))
-        return Move(by, float(later), float(left.real), float(left.imag))
+        return LandingShift(by, float(later), float(left.real), float(left.imag))
 
     def _split(self, by: Places) -> tuple[Array, Places]:
         """Return the times s and the offsets r of moves."""
