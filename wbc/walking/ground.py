@@ -13,13 +13,12 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from typing import Any, Protocol
 
 import pinocchio as pin
 
-from wbc.core.errors import Array
 from wbc.core.robot import SIDES
-from wbc.ground.footprint import Cost
+from wbc.ground import KnownGround
+from wbc.ground.footprint import Cost, Support
 from wbc.walking.plans.footsteps import Footstep
 
 MEMORY = 0.9
@@ -33,34 +32,6 @@ NOTICED = 0.003
 
 HIGHEST = 0.06
 """Greatest height by which the way raises the apex over the higher end, m: more is a wall, or an error."""
-
-
-class Sight(Protocol):
-    """Seen ground: heights in the world, m, None or −∞ where nothing is known."""
-
-    @property
-    def version(self) -> int:
-        """Number of changes of what is known."""
-
-    def stand(self, side: int, placement: pin.SE3) -> None:
-        """Compare what is known with a sole that stands, 0 left and 1 right."""
-
-    def support(self, side: int, x: float, y: float, yaw: float) -> Any:
-        """Return the ground under a sole, with `z` and `slope`; None where it is unknown."""
-
-    def best(
-        self,
-        side: int,
-        x: float,
-        y: float,
-        yaw: float,
-        allowed: Callable[[float, float], bool],
-        cost: Cost | None = None,
-    ) -> Any:
-        """Return the ground at the best place near one, with `x`, `y` and `z`; None where it is unknown."""
-
-    def highest(self, side: int, start: Array, end: Array, yaw: float) -> float:
-        """Return the highest ground under a sole on its way; −∞ where it is unknown."""
 
 
 class GroundEstimate:
@@ -89,7 +60,7 @@ class GroundEstimate:
         self._unexpected = 0.0  # height of the last landing over the expected one, m
         self._looked = -1  # version of what was seen
         self.height = self.rise = self.uneven = 0.0
-        self.sight: Sight | None = None
+        self.sight: KnownGround | None = None
 
     def expect(self, planned: Footstep, allowed: Callable[[float, float], bool] | None = None) -> Footstep:
         """Return the landing of a swing that begins, on the ground that is expected or seen.
@@ -124,7 +95,7 @@ class GroundEstimate:
         side = SIDES.index(landing.side)
         return self._on(landing, self.sight.best(side, landing.x, landing.y, landing.yaw, allowed, cost))
 
-    def _on(self, landing: Footstep, support: Any) -> Footstep:
+    def _on(self, landing: Footstep, support: Support | None) -> Footstep:
         """Return a landing on a support that is seen; the same without one, and where it is out of reach."""
         if support is None or abs(support.z - self._stands) > self._most:
             return landing
