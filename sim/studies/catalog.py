@@ -8,6 +8,10 @@ from typing import Any
 
 from wbc.core.registry import Registry
 from wbc.sim.studies.seeing import (
+    FIRST,
+    HEIGHTS,
+    SOLES,
+    WALK,
     seeing,
     seeing_errors,
     seeing_feet,
@@ -135,6 +139,34 @@ def stepping(seeds: int = 24) -> Study:
     )
 
 
+def auto(seeds: int = 2) -> Study:
+    """Return walks by each law and by the one that changes its law: does it walk as well as the better one?"""
+    own = {"robot": "g1", "foot": "flat", "terrain_params": {"ramp": 0.0}}
+    own_heights = {"stones": (0.02, 0.04, 0.08), "boards": (0.04,), "stone_bricks": (0.06,)}
+    cells = [
+        Cell(cell_name(name, height), {**SOLES["long arch 5"], "terrain": name, "amplitude": height})
+        for name, height in HEIGHTS.items()
+    ]
+    cells += [
+        Cell(f"g1, {cell_name(name, height)}", {**own, "terrain": name, "amplitude": height})
+        for name, heights in own_heights.items()
+        for height in heights
+    ]
+    return Study(
+        name="auto",
+        about="3 m, blind, in torque control: hrp4_class on its default sole over all families, and g1 on its own flat "
+        "feet over ground that begins with a sharp edge",
+        base={**WALK, "mode": "torque"},
+        cells=tuple(cells),
+        arms={law: {"law": law} for law in ("lipm", "stepping", "auto")},
+        seeds=tuple(range(FIRST, FIRST + seeds)),
+        metric="distance",
+        reference="auto",
+        decision="The law that changes is as good as the better one if it completes no fewer walks than either law on "
+        "the default sole, and on the feet of g1: 95 % interval of the difference not below zero.",
+    )
+
+
 STUDIES: Registry[Callable[[], Study]] = Registry(
     "study",
     {
@@ -142,6 +174,7 @@ STUDIES: Registry[Callable[[], Study]] = Registry(
         "rough_ground": rough_ground,
         "push_recovery": push_recovery,
         "stepping": stepping,
+        "auto": auto,
         "seeing": seeing,
         "seeing_high": seeing_high,
         "seeing_stepping": seeing_stepping,
