@@ -5,9 +5,7 @@ registered with `register_trial`.
 """
 
 from wbc.sim.studies.intervals import (
-    Equivalence,
     Estimate,
-    equivalence,
     holm,
     mean_interval,
     rate_interval,
@@ -43,9 +41,7 @@ __all__ = [
     "study_frame",
     "study_table",
     # Statistics
-    "Equivalence",
     "Estimate",
-    "equivalence",
     "holm",
     "mean_interval",
     "rate_interval",

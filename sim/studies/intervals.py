@@ -1,4 +1,4 @@
-"""Statistics of trials: means with intervals over layouts, differences of pairs, equivalence, shares of successes.
+"""Statistics of trials: means with intervals over layouts, differences of pairs, shares of successes.
 
 The unit of chance is the layout: a ground of one seed. Trials on one layout are not independent, so a bootstrap draws
 layouts, each with all of its trials, and a test flips the signs of whole layouts.
@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from wbc.core.errors import ROUNDING, Array, InputError, finite_array, positive, whole_number
+from wbc.core.errors import Array, InputError, finite_array, positive, whole_number
 
 CONFIDENCE = 0.95
 """Confidence of every interval."""
@@ -27,13 +27,7 @@ normal (the ends of an interval differ by a hundredth of its width), and resampl
 
 
 FEW = 8
-"""Number of layouts below which no interval is shown and none are equivalent: fewer tell too little of the rest."""
-
-EQUAL = 20
-"""Number of layouts without any difference from which two arms count as equivalent: at most 14 % of all differ then."""
-
-STAKES = (0.5, 1.0)
-"""Stakes of the test of equivalence of bounded differences: 1 is best where few differ, 0.5 survives the largest."""
+"""Number of layouts below which no interval is shown: fewer tell too little of the rest."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,21 +55,6 @@ class Estimate:
         if self.low is None or self.high is None or self.layouts < FEW:
             return f"{self.mean:.{digits}g}"
         return f"{self.mean:.{digits}g} [{self.low:.{digits}g}, {self.high:.{digits}g}]"
-
-
-@dataclass(frozen=True, slots=True)
-class Equivalence:
-    """Result of two one-sided tests of a mean difference.
-
-    Attributes:
-        margin: Largest difference that counts as none.
-        p: The larger p-value of the two tests; None with fewer than two layouts.
-        equivalent: True if the difference is smaller than the margin, at a level of 5 %, on 8 layouts or more.
-    """
-
-    margin: float
-    p: float | None
-    equivalent: bool
 
 
 def mean_interval(values: Sequence[float], layouts: Sequence[Hashable] | None = None) -> Estimate:
@@ -157,9 +136,8 @@ def sign_flip_p(differences: Sequence[float], layouts: Sequence[Hashable] | None
     sums, _ = _by_layout(finite_array("differences", list(differences)), layouts)
     if sums.size < 2:
         return None
-    sums = np.sort(
-        sums[sums != 0.0]
-    )  # the signs of zeros change nothing, and the order of the pairs must not matter
+    # The signs of zeros change nothing, and the order of the pairs must not matter.
+    sums = np.sort(sums[sums != 0.0])
     if sums.size >= MANY:
         spread = math.sqrt(float(sums @ sums))  # of the total, over all patterns of signs
         return math.erfc(abs(float(sums.sum())) / spread / math.sqrt(2.0))
@@ -187,55 +165,6 @@ def holm(p_values: Sequence[float | None]) -> list[float | None]:
         largest = max(largest, min(1.0, (len(known) - rank) * p))
         result[i] = largest
     return result
-
-
-def equivalence(
-    differences: Sequence[float],
-    margin: float,
-    layouts: Sequence[Hashable] | None = None,
-    *,
-    reach: float | None = None,
-) -> Equivalence:
-    """Test whether a mean difference is smaller than a margin in its unit, by two one-sided tests over layouts.
-
-    A t-test does not know of falls that are rare and cost all steps: with one fall in thirty, half of all samples of
-    twenty pairs show none. Where `reach`, the greatest possible difference, is known, the tests hold for all
-    distributions within it: half a step of 22 takes 154 pairs that are equal, and more where some differ. Elsewhere
-    they are t-tests, and differences that are all the same are equivalent (p = 0) on 20 layouts or more.
-
-    Source: D. Schuirmann, J. Pharmacokin. Biopharm. 15(6), 1987; bounded differences: I. Waudby-Smith, A. Ramdas,
-    "Estimating means of bounded random variables by betting", J. R. Stat. Soc. B 86(1), 2024.
-    """
-    from scipy.stats import t  # noqa: PLC0415 - slow to import
-
-    positive("margin of equivalence", margin)
-    sample = finite_array("differences", list(differences))
-    sums, counts = _by_layout(sample, layouts)
-    if reach is not None and np.abs(sample).max(initial=0.0) > positive("greatest difference", reach):
-        raise InputError(f"differences must not exceed {reach:g}, got one of {np.abs(sample).max():g}")
-    if sums.size < 2:
-        return Equivalence(margin, None, False)
-    mean = float(sums.sum() / counts.sum())
-    error = _standard_error(sums, counts)
-    if reach is not None:
-        p = max(_bounded_p(sums, counts, margin, reach), _bounded_p(-sums, counts, margin, reach))
-    elif error <= ROUNDING * margin:  # the same but for rounding, which leaves 1e-16 of their size
-        p = 0.0 if abs(mean) < margin and sums.size >= EQUAL else 1.0
-    else:
-        p = float(t.sf((margin - abs(mean)) / error, sums.size - 1))
-    return Equivalence(margin, p, p < 0.05 and sums.size >= FEW)
-
-
-def _bounded_p(sums: Array, counts: Array, margin: float, reach: float) -> float:
-    """Return the p-value of a mean of at least a margin, of values of at most the reach.
-
-    A player who stakes a share of his money on each layout against such a mean wins nothing on average; the inverse of
-    what he has won in the end is a p-value.
-    """
-    if reach <= margin:
-        return 0.0
-    lead = (margin * counts - sums) / ((reach - margin) * counts.max())
-    return min(1.0, 1.0 / max(float(np.mean([np.prod(1.0 + stake * lead) for stake in STAKES])), 1e-300))
 
 
 def share_interval(successes: int, trials: int) -> tuple[float, float]:

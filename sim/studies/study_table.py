@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Hashable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
@@ -10,9 +10,7 @@ from wbc.core.errors import InputError, unknown_name
 from wbc.core.settings import to_json
 from wbc.sim.studies.intervals import (
     CONFIDENCE,
-    Equivalence,
     Estimate,
-    equivalence,
     holm,
     mean_interval,
     rate_text,
@@ -56,7 +54,6 @@ class TableCell:
         p: p-value of no difference, by flipping signs (`sign_flip_p`).
         p_corrected: The same corrected for the number of rows and arms that are compared (`holm`); None in the row of
             all cells, which repeats the others.
-        equivalence: Test of no difference beyond a margin; None without a margin.
         statuses: Status of the trials → number; "missing" have not been run.
         outcomes: Outcome of the walks → number.
         completed: Share of completed walks: ends of its exact interval; None without walks.
@@ -72,7 +69,6 @@ class TableCell:
     difference: Estimate | None
     p: float | None
     p_corrected: float | None
-    equivalence: Equivalence | None
     statuses: dict[str, int]
     outcomes: dict[str, int]
     completed: tuple[float, float] | None
@@ -97,7 +93,6 @@ class StudyTable:
         completed_only: Only completed walks are counted.
         by: Parts of the specs by which cells were put together; empty if each cell is a row.
         reference: Arm that the others are compared with.
-        margin: Difference that counts as none; None if equivalence is not tested.
         rows: Names of the rows; the last one has all cells together if there are several.
         cells: Results, row by row.
     """
@@ -107,13 +102,12 @@ class StudyTable:
     completed_only: bool
     by: tuple[str, ...]
     reference: str
-    margin: float | None
     rows: tuple[str, ...]
     cells: tuple[TableCell, ...]
 
     def to_json(self) -> dict[str, Any]:
         """Return the table as plain values."""
-        names = ("metric", "completed_only", "by", "reference", "margin")
+        names = ("metric", "completed_only", "by", "reference")
         own = {name: to_json(getattr(self, name)) for name in names}
         cells = [cell.to_json() for cell in self.cells]
         return {"study": self.study.name, "confidence": CONFIDENCE, **own, "cells": cells}
@@ -139,8 +133,6 @@ class StudyTable:
                 f"Difference to '{self.reference}' on the same layouts: mean [95 % interval over layouts, in the last "
                 f"row over {over}] (pairs); * p < 5 % after Holm's correction for all rows and arms"
             )
-            if self.margin is not None:
-                title += f"; = smaller than {self.margin:g} (two one-sided tests, 5 %)"
             others = [arm for arm in arms if arm != self.reference]
             parts.append(title + "\n\n" + _grid(self.rows, others, cells, _difference_text))
         return "\n\n".join([*parts, self.ends()])
@@ -188,9 +180,8 @@ def _mean_text(cell: TableCell, *, interval: bool) -> str:
 def _difference_text(cell: TableCell) -> str:
     if cell.difference is None:
         return ""
-    marks = "*" if cell.p_corrected is not None and cell.p_corrected < 0.05 else ""
-    marks += "=" if cell.equivalence is not None and cell.equivalence.equivalent else ""
-    return f"{cell.difference.text()} ({cell.difference.n}){marks and ' ' + marks}"
+    mark = " *" if cell.p_corrected is not None and cell.p_corrected < 0.05 else ""
+    return f"{cell.difference.text()} ({cell.difference.n}){mark}"
 
 
 def cause_of(result: Mapping[str, Any]) -> str | None:
@@ -228,7 +219,6 @@ def study_table(
     metric: str | None = None,
     completed_only: bool = False,
     by: Sequence[str] = (),
-    margin: float | None = None,
 ) -> StudyTable:
     """Make the table of a study.
 
@@ -245,7 +235,6 @@ def study_table(
         completed_only: Leave out walks that were not completed, and their pairs.
         by: Parts of the specs, such as "terrain" or "gait.swing_height": cells that agree in them are one row. Without
             any, each cell is a row.
-        margin: Difference that counts as none, in the unit of the metric, to test for equivalence.
 
     Raises:
         UnknownNameError: A metric that no result has, or a part that no spec has.
@@ -255,13 +244,12 @@ def study_table(
     name, by = metric or study.measured, tuple(by)
     reference = study.reference or next(iter(study.arms))
     trials = list(study_entries(study, entries))
-    reach = reach_of((entry for _, entry in trials), name)
     frame = study_frame(study, entries)
     frame["pair"] = list(zip(frame["cell"], frame["seed"], strict=True))
     frame["row"] = [_row(trial.plain, by) if by else trial.cell for trial, _ in trials]
     frame["layouts"] = [layout_of(trial.plain) for trial, _ in trials]
     frame["families"] = [trial.plain.get("terrain") for trial, _ in trials]
-    frame["value"] = [value_of(entry, name, completed_only=completed_only) for _, entry in trials]
+    frame["value"] = _values(frame, name, completed_only=completed_only)
     frame["cause"] = [None if e is None or e.result is None else cause_of(e.result) for _, e in trials]
     rows = list(dict.fromkeys(frame["row"]))
     parts = {row: frame[frame["row"] == row] for row in rows} | ({ALL: frame} if len(rows) > 1 else {})
@@ -277,22 +265,20 @@ def study_table(
             walked = [set(own.index[own["value"].notna()]) for own in arms.values()]
             common = set.intersection(*(each for each in walked if each)) if any(walked) else set()
         for arm, own in arms.items():
-            known = own[own["value"].notna()].astype({"value": float})
+            known = own[own["value"].notna()]
             counted = known if common is None else known[known.index.isin(common)]
             many = counted["families"].nunique() >= FAMILIES
             clusters = "families" if many else "layouts"
-            difference = p = equal = None
+            difference = p = None
             if arm != reference:
                 more = pd.Series(dtype=float)
                 if reference in arms:
-                    base = arms[reference]["value"].dropna().astype(float)
+                    base = arms[reference]["value"].dropna()
                     more = (known["value"] - base.reindex(known.index)).dropna()
                 units = known.loc[more.index]
                 difference = mean_interval(more.tolist(), units[clusters].tolist())
                 if len(more):
                     p = sign_flip_p(more.tolist(), units[clusters].tolist())
-                    if margin is not None:
-                        equal = equivalence(more.tolist(), margin, units["layouts"].tolist(), reach=reach)
             done = own[own["status"] == "done"]
             outcomes = {} if "outcome" not in done else done["outcome"].value_counts().to_dict()
             total = sum(outcomes.values())
@@ -307,7 +293,6 @@ def study_table(
                     difference=difference,
                     p=p,
                     p_corrected=None,
-                    equivalence=equal,
                     statuses=own["status"].value_counts().to_dict(),
                     outcomes=outcomes,
                     completed=share_interval(outcomes.get("completed", 0), total) if total else None,
@@ -319,7 +304,24 @@ def study_table(
             )
     corrected = holm([None if cell.row == ALL else cell.p for cell in cells])
     found = tuple(replace(cell, p_corrected=p) for cell, p in zip(cells, corrected, strict=True))
-    return StudyTable(study, name, completed_only, by, reference, margin, tuple(parts), found)
+    return StudyTable(study, name, completed_only, by, reference, tuple(parts), found)
+
+
+def _values(frame: pd.DataFrame, name: str, *, completed_only: bool) -> pd.Series:
+    """Return a number of each result, such as "zmp_error.mean"; NaN where it was not measured or is not counted."""
+    import pandas as pd  # noqa: PLC0415 - slow to import
+
+    counts = frame["status"] == "done"
+    if name not in frame:
+        if counts.any():
+            unknown_name("part of a result", name, [each for each in frame if each not in KEYS])
+        return pd.Series(float("nan"), frame.index)
+    if completed_only:
+        counts &= frame["outcome"] == "completed"
+    try:
+        return frame[name].where(counts).astype(float)
+    except (TypeError, ValueError) as error:
+        raise InputError(f"'{name}' of a result is no number: {error}") from error
 
 
 def layout_of(spec: Mapping[str, Any]) -> Hashable:
@@ -334,36 +336,6 @@ def _row(spec: Mapping[str, Any], by: Sequence[str]) -> str:
         f"{name.rpartition('.')[2]} {value:g}" if isinstance(value, (int, float)) else str(value)
         for name, value in values.items()
     )
-
-
-def value_of(entry: Entry | None, name: str, *, completed_only: bool = False) -> float | None:
-    """Return a number of a trial's result, such as "zmp_error.mean"; None where it was not measured or is not counted.
-
-    Raises `UnknownNameError` for a part that there is not, `InputError` for one that is no number.
-    """
-    if entry is None or entry.status != "done" or entry.result is None:
-        return None
-    if completed_only and entry.result.get("outcome") != "completed":
-        return None
-    value = part_of(entry.result, name, "part of a result")
-    if value is not None and not isinstance(value, (bool, int, float)):
-        raise InputError(f"'{name}' of a result is no number but {value!r}")
-    return None if value is None else float(value)
-
-
-def reach_of(entries: Iterable[Entry | None], name: str) -> float | None:
-    """Return the greatest difference that two results can have; None where there is no limit to it.
-
-    The steps done differ by those planned, answers of yes or no by 1.
-    """
-    results = [each.result for each in entries if each is not None and each.status == "done" and each.result]
-    if name == "steps_done":
-        planned = [float(result.get("steps_planned") or 0.0) for result in results]
-        done = [float(result["steps_done"]) for result in results]  # more than planned where steps were added
-        return max((*planned, *done), default=None) if all(planned) else None
-    values = [part_of(result, name, "part of a result") for result in results]
-    answers = [value for value in values if value is not None]
-    return 1.0 if answers and all(isinstance(value, bool) for value in answers) else None
 
 
 def part_of(data: Mapping[str, Any], name: str, what: str) -> Any:

@@ -14,7 +14,7 @@ from wbc.app.files import check_picture, check_target, read_object
 from wbc.app.output import Output, Report, reports
 from wbc.core.errors import InputError
 from wbc.core.files import replacing, write_text
-from wbc.core.settings import Positive, settings, to_json
+from wbc.core.settings import settings, to_json
 from wbc.sim.studies.catalog import STUDIES, study_by_name
 from wbc.sim.studies.journal import Entry, read_journal
 from wbc.sim.studies.study import Study, left_out
@@ -83,7 +83,6 @@ class TableOptions:
         completed: Only walks that were completed.
         by: Part of the specs, such as terrain or gait.swing_height; cells that agree in it become one row. May be given
             several times.
-        margin: Difference that counts as none, in the unit of the metric.
         out: File to write: a figure of the arms (.png, .svg, .pdf), a row for each trial (.csv), the result (.json).
     """
 
@@ -91,7 +90,6 @@ class TableOptions:
     metric: str | None = None
     completed: bool = False
     by: tuple[str, ...] = ()
-    margin: Positive | None = None
     out: Annotated[Path | None, Parameter(alias="-o")] = None
 
 
@@ -160,7 +158,6 @@ def table(
         metric=options.metric,
         completed_only=options.completed,
         by=options.by,
-        margin=options.margin,
     )
     data, text = made.to_json() | unused, made.markdown()
     if figure and target is not None:
