@@ -20,17 +20,11 @@ PAPER_STIFFEST = 80.0
 
 @dataclass(frozen=True, slots=True)
 class StiffnessState:
-    """State of a stiffness actuator, Nm/rad.
+    """State of a stiffness actuator, Nm/rad."""
 
-    Attributes:
-        commanded: Last command.
-        reference: Command after the rate limit.
-        actual: Stiffness of the sole's springs; the measured value.
-    """
-
-    commanded: float
-    reference: float
-    actual: float
+    commanded: float  # last command
+    reference: float  # command after the rate limit
+    actual: float  # stiffness of the sole's springs; the measured value
 
 
 @settings

@@ -120,15 +120,10 @@ class RangeFinder:
 
 @dataclass(frozen=True)
 class GroundContacts:
-    """Contacts of one foot with the ground at one instant, in the world.
+    """Contacts of one foot with the ground at one instant, in the world."""
 
-    Attributes:
-        points: Shape (n, 3), m.
-        forces: Force of the ground on the foot, shape (n, 3), N.
-    """
-
-    points: Array
-    forces: Array
+    points: Array  # shape (n, 3), m
+    forces: Array  # force of the ground on the foot, shape (n, 3), N
 
     @property
     def force(self) -> Array:

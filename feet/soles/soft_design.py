@@ -34,22 +34,15 @@ class SoftLayout:
     """Places and inertias of a soft foot's parts in sole axes, rest shape.
 
     Attributes:
-        pitch: Length of a phalanx, m.
-        centres: Phalanx centres along x, from toe to heel, m.
         hinges: Hinge of each phalanx on its heel side, from the toe, m; the last one is on the backward arch.
-        ankle: Ankle in the plane of the arches, where the frontal arch is hinged, m.
-        loop_point: Point of the sole that the frontal arch holds, m.
-        phalanges: Inertia of each phalanx, from the toe.
-        backward_arch: Inertia of the backward arch.
-        frontal_arch: Inertia of the frontal arch.
     """
 
-    pitch: float
-    centres: tuple[float, ...]
+    pitch: float  # length of a phalanx, m
+    centres: tuple[float, ...]  # of the phalanges along x, from toe to heel, m
     hinges: tuple[tuple[float, float, float], ...]
-    ankle: tuple[float, float, float]
-    loop_point: tuple[float, float, float]
-    phalanges: tuple[pin.Inertia, ...]
+    ankle: tuple[float, float, float]  # in the plane of the arches, where the frontal arch is hinged, m
+    loop_point: tuple[float, float, float]  # point of the sole that the frontal arch holds, m
+    phalanges: tuple[pin.Inertia, ...]  # inertia of each phalanx, from the toe
     backward_arch: pin.Inertia
     frontal_arch: pin.Inertia
 

@@ -30,13 +30,11 @@ class ServoGains(NamedTuple):
     """Gains of the servo of one joint.
 
     Attributes:
-        kp: Stiffness, Nm/rad.
-        kd: Damping, Nms/rad.
         source: "given" with the robot or by the user, or "derived" by the servo rule.
     """
 
-    kp: float
-    kd: float
+    kp: float  # stiffness, Nm/rad
+    kd: float  # damping, Nms/rad
     source: Literal["given", "derived"]
 
 

@@ -19,19 +19,12 @@ SMALLEST = 0.002
 
 
 class LinkShape(NamedTuple):
-    """A shape of a link.
-
-    Attributes:
-        link: Name of the link.
-        kind: A mesh is the box around it.
-        size: Half sizes of a box; radius; radius and half length, m.
-        placement: In the link.
-    """
+    """A shape of a link."""
 
     link: str
-    kind: Literal["box", "sphere", "cylinder", "capsule"]
-    size: tuple[float, ...]
-    placement: pin.SE3
+    kind: Literal["box", "sphere", "cylinder", "capsule"]  # a mesh is the box around it
+    size: tuple[float, ...]  # half sizes of a box; radius; radius and half length, m
+    placement: pin.SE3  # in the link
 
 
 @lru_cache(maxsize=16)

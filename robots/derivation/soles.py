@@ -97,19 +97,12 @@ def no_sole(length: float, width: float) -> str:
 
 
 class Geometry(NamedTuple):
-    """Geometry of a <visual> or <collision>.
+    """Geometry of a <visual> or <collision>."""
 
-    Attributes:
-        kind: "box", "sphere", "cylinder", "capsule" or "mesh".
-        size: Half sizes of a box; radius; radius and half length, m; scale of a mesh.
-        place: Place in the link.
-        file: Name of the file of a mesh.
-    """
-
-    kind: str
-    size: Array
-    place: pin.SE3
-    file: str = ""
+    kind: str  # "box", "sphere", "cylinder", "capsule" or "mesh"
+    size: Array  # half sizes of a box; radius; radius and half length, m; scale of a mesh
+    place: pin.SE3  # place in the link
+    file: str = ""  # name of the file of a mesh
 
 
 def geometry_of(element: Element) -> Geometry | None:

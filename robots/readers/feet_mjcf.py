@@ -24,19 +24,12 @@ STEEPEST = np.cos(np.radians(60.0))
 
 @dataclass
 class FootGeoms:
-    """Body and geoms of a foot that was found in the model.
+    """Body and geoms of a foot that was found in the model."""
 
-    Attributes:
-        body: Body whose frame moves with the foot.
-        given: Name by which the user gave it; None if it was found.
-        geoms: Geoms that make its outline.
-        origin: Origin of the sole in the frame of the body when a site is given, m.
-    """
-
-    body: int
-    given: str | None
-    geoms: list[int]
-    origin: Array | None = None
+    body: int  # whose frame moves with the foot
+    given: str | None  # name by which the user gave it; None if it was found
+    geoms: list[int]  # of its outline
+    origin: Array | None = None  # origin of the sole in the frame of the body when a site is given, m
 
 
 def find_soles(

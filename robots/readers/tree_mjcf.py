@@ -32,25 +32,15 @@ FREE, BALL = int(mujoco.mjtJoint.mjJNT_FREE), int(mujoco.mjtJoint.mjJNT_BALL)
 
 @dataclass
 class Tree:
-    """The robot in a compiled model.
-
-    Attributes:
-        model: MuJoCo's model.
-        root: Body that floats.
-        bodies: Bodies of the robot, parents first.
-        joints: Joints of the robot that move, name → number.
-        locked: Joints that are fixed, number → position, rad or m.
-        carrier: Body → the body that it is fixed to: the root, or one with a joint that moves.
-        notes: Remarks on the reading.
-    """
+    """The robot in a compiled model."""
 
     model: mujoco.MjModel
-    root: int
-    bodies: list[int]
-    joints: dict[str, int]
-    locked: dict[int, float]
-    carrier: dict[int, int]
-    notes: list[str] = field(default_factory=list)
+    root: int  # body that floats
+    bodies: list[int]  # bodies of the robot, parents first
+    joints: dict[str, int]  # joints of the robot that move, name → number
+    locked: dict[int, float]  # joints that are fixed, number → position, rad or m
+    carrier: dict[int, int]  # body → the body that it is fixed to: the root, or one with a joint that moves
+    notes: list[str] = field(default_factory=list)  # remarks on the reading
 
     def body_name(self, body: int) -> str:
         """Return the name of the link of a body."""

@@ -53,15 +53,12 @@ class PushResult:
     Attributes:
         recovered: True if it never fell (`wbc.sim.TrueFallDetector`) and at the end its centre of mass is at rest, its
             horizontal speed below 0.1 m/s. Feet may have slid, tipped or left the ground meanwhile.
-        fell_at: Time of the fall, s; None if it did not fall.
-        com_offset: Largest horizontal distance of the centre of mass from its place before the push, m.
-        failures: Ticks without a solution.
     """
 
     recovered: bool
-    fell_at: float | None
-    com_offset: float
-    failures: int
+    fell_at: float | None  # time of the fall, s; None if it did not fall
+    com_offset: float  # largest horizontal distance of the centre of mass from its place before the push, m
+    failures: int  # ticks without a solution
 
 
 def push_standing(spec: StandPushSpec) -> PushResult:
@@ -152,19 +149,12 @@ class PushTableSpec:
 
 @dataclass(frozen=True)
 class PushCell:
-    """One cell of the table.
+    """One cell of the table."""
 
-    Attributes:
-        robot: Name of the robot.
-        mode: "position", "torque" or "hybrid".
-        direction_deg: Direction of the push, degrees; 0 is forward, 90 to the left.
-        impulse: Largest impulse from which the robot recovered, Ns/kg.
-    """
-
-    robot: str
-    mode: Mode
-    direction_deg: float
-    impulse: float
+    robot: str  # name of the robot
+    mode: Mode  # "position", "torque" or "hybrid"
+    direction_deg: float  # direction of the push, degrees; 0 is forward, 90 to the left
+    impulse: float  # largest impulse from which the robot recovered, Ns/kg
 
 
 def push_table(table: PushTableSpec) -> Iterator[PushCell]:

@@ -21,7 +21,6 @@ class DelayLine:
     """Commands that act some physics steps after they were given."""
 
     def __init__(self, steps: int) -> None:
-        """Begin without any command; the delay is in physics steps."""
         self._delay, self._now = steps, 0
         self._waiting: deque[tuple[int, Command]] = deque()
 
@@ -43,19 +42,16 @@ class DelayLine:
 
 
 class Drives:
-    """Actuator targets of a plant.
+    """Actuator targets of a plant, whose actuators come in the order of the joints.
 
     Position control: kp (q_ref − q) + kd (q̇_ref − q̇) + τ. The gains on q and q̇ are in the actuators' bias, which the
     integrator sees; the rest is the target, and in torque control all of it is. A command that brings gains (hybrid
     control) has them until the next one.
-
-    Attributes:
-        target: Targets of the coming physics steps, shape (na,).
     """
 
     def __init__(self, model: mujoco.MjModel, description: RobotDescription) -> None:
-        """Take the servo gains; servos are switched in the model, whose actuators come in the order of the joints."""
         self._model = model
+
         self._joint_names = description.joint_names
         self._own = np.array(description.kp), np.array(description.kd)
         self.target, self._servo_part = np.zeros(model.nu), np.zeros(model.nu)

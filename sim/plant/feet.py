@@ -68,15 +68,13 @@ def with_feet(description: RobotDescription, foot: Foot, *, mass: bool = False) 
         mass: Add mass and inertia of the feet in their rest shape; otherwise they stay unknown to the controller, as in
             the paper. The plant builds the feet itself and takes a description without them.
 
-    Returns:
-        The same description if there is nothing to change.
-
     Raises:
         InputError: The foot does not fit.
     """
     robot = description.robot()
     soles = []
     tree = urdf.read(description.urdf)
+
     for sole, geometry in zip(description.soles, sole_geometries(robot), strict=True):
         fit = foot.fit(geometry)
         if mass and fit.mass > 0.0:
@@ -142,7 +140,7 @@ class FootDevices:
         foot: Foot,
         range_sensor: RangeSensor | None,
     ) -> None:
-        """Find the devices in the model of the feet that were built under both ankles."""
+
         self._model, self._feet, self._range_sensor = model, feet, range_sensor
         actuator = foot.actuator if isinstance(foot, VariableStiffnessFoot) else None
         damping = foot.damping_at if isinstance(foot, SoftFoot) and foot.damping_ratio is not None else None
@@ -159,14 +157,9 @@ class FootDevices:
         for sole in self._soles:
             sole.reset()
         if self._range_sensor is not None:
+            sensor = self._range_sensor
             self._ranges = [
-                RangeFinder(
-                    self._model,
-                    foot,
-                    ground_group=TERRAIN_GROUP,
-                    sensor=self._range_sensor,
-                    seed=seed,
-                )
+                RangeFinder(self._model, foot, ground_group=TERRAIN_GROUP, sensor=sensor, seed=seed)
                 for foot, seed in zip(self._feet, seeds, strict=True)
             ]
 

@@ -22,18 +22,11 @@ DEEPEST = 0.005
 
 
 class HandSensor(NamedTuple):
-    """The force sensor of a wrist.
+    """The force sensor of a wrist."""
 
-    Attributes:
-        body: Body that carries the hand's frame; all that hangs on it is the hand.
-        site: Site at the frame.
-        force: First place in `sensordata` of the force.
-        torque: First place in `sensordata` of the torque.
-    """
-
-    body: int
-    site: int
-    force: int
+    body: int  # carries the hand's frame; all that hangs on it is the hand
+    site: int  # at the frame
+    force: int  # first place in `sensordata`
     torque: int
 
     @staticmethod
@@ -78,14 +71,9 @@ def add_grips(spec: mujoco.MjSpec, robot: Robot, owner: str = "") -> None:
 
 
 class Grips:
-    """Grips of a robot on the handles of a scene.
-
-    Attributes:
-        handles: Handle → site.
-    """
+    """Grips of a robot, whose names begin with the owner, on the handles (name → site) of a scene."""
 
     def __init__(self, model: mujoco.MjModel, robot: Robot, owner: str) -> None:
-        """Find the handles in a model in which the names of the robot begin with the owner."""
         self._model, self._hands, self._owner = model, tuple(robot.frames), owner
         names = (model.site(i).name for i in range(model.nsite))
         self.handles = {

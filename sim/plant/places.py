@@ -27,22 +27,15 @@ HEAVY = 0.01
 
 
 class RobotPlaces:
-    """Places of a robot in a MuJoCo model.
+    """Places of a robot in a MuJoCo model that puts `prefix` before all of its names.
 
     Attributes:
-        model: MuJoCo's model.
-        prefix: What the model puts before all names of the robot.
         joints: MuJoCo's joints, in the order of the robot's.
-        joint_qpos: Their places in `qpos`, shape (na,).
-        joint_dof: Their places in `qvel`, shape (na,).
-        root: Body of the floating base.
-        base_qpos: First place of the base in `qpos`.
-        base_dof: First place of the base in `qvel`.
+        joint_qpos: Their places in `qpos`, shape (na,); `joint_dof` in `qvel`.
+        root: Body of the floating base, whose first places are `base_qpos` and `base_dof`.
         of_robot: True for bodies of the robot and its feet, shape (nbody,).
         feet: Body that carries each sole; all that hangs on it is the foot.
-        soles: Sole frame in that body.
-        imu_body: Body that carries the IMU.
-        imu: IMU frame in that body.
+        soles: Sole frame in that body; `imu` is the IMU frame in `imu_body`.
     """
 
     def __init__(

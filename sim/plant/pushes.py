@@ -18,19 +18,12 @@ _OVER = 1e-12
 
 @dataclass
 class Push:
-    """A constant force on a body for a limited time.
-
-    Attributes:
-        body: Index of the body.
-        force: Force in the world, shape (3,), N.
-        point: Point of attack in the body, shape (3,), m; None for its centre of mass.
-        remaining: Time left, s.
-    """
+    """A constant force on a body for a limited time."""
 
     body: int
-    force: Array
-    point: Array | None
-    remaining: float
+    force: Array  # in the world, N
+    point: Array | None  # of attack in the body, m; None for its centre of mass
+    remaining: float  # s
 
     @staticmethod
     def at(body: int, frame: pin.SE3, force: ArrayLike, duration: float, point: ArrayLike | None) -> Push:
@@ -92,36 +85,24 @@ class Pushes:
 
 @dataclass
 class _Load:
-    """A point mass on a body.
-
-    Attributes:
-        body: Index of the body.
-        point: Place in the body, shape (3,), m.
-        mass: Now, kg.
-        target: At the end of the ramp, kg.
-        rate: Change of the mass, kg/s.
-    """
+    """A point mass on a body."""
 
     body: int
-    point: Array
-    mass: float
-    target: float
-    rate: float
+    point: Array  # in the body, m
+    mass: float  # now, kg
+    target: float  # at the end of the ramp, kg
+    rate: float  # kg/s
 
 
 class Loads:
-    """All loads of a plant.
-
-    Added mass moves with its body from the first instant, as if it had been lowered onto it at the body's velocity.
-    """
+    """All loads of a plant; added mass has the velocity of its body from the first instant."""
 
     def __init__(self, model: mujoco.MjModel) -> None:
         self._model = model
         self._loads: dict[tuple[int, tuple[float, ...]], _Load] = {}
         self._own: dict[int, tuple[pin.Inertia, Array, Array, Array]] = {}
-        self._compiled: list[
-            tuple[np.ndarray[Any, Any], np.ndarray[Any, Any]]
-        ] = []  # what loads change, and a copy
+        # What loads change in the model, and a copy of it.
+        self._compiled: list[tuple[np.ndarray[Any, Any], np.ndarray[Any, Any]]] = []
 
     @property
     def changing(self) -> bool:
@@ -162,21 +143,17 @@ class Loads:
         """Write the inertia of a body and of its loads into the model."""
         model = self._model
         if not self._compiled:
-            changed = (
-                *(
-                    model.body_mass,
-                    model.body_ipos,
-                    model.body_iquat,
-                    model.body_inertia,
-                    model.body_subtreemass,
-                ),
-                *(model.body_sameframe, model.geom_sameframe, model.site_sameframe),
-            )
+            changed = [getattr(model, f"body_{name}") for name in ("mass", "ipos", "iquat", "inertia")]
+            changed += [
+                model.body_subtreemass,
+                model.body_sameframe,
+                model.geom_sameframe,
+                model.site_sameframe,
+            ]
             self._compiled = [(values, values.copy()) for values in changed]
         if body not in self._own:
-            place, turn, sizes = (
-                x[body].copy() for x in (model.body_ipos, model.body_iquat, model.body_inertia)
-            )
+            inertial = model.body_ipos, model.body_iquat, model.body_inertia
+            place, turn, sizes = (values[body].copy() for values in inertial)
             w, x, y, z = turn
             rotation = pin.Quaternion(w, x, y, z).matrix()
             about = rotation @ np.diag(sizes) @ rotation.T
@@ -194,11 +171,9 @@ class Loads:
         model.body_mass[body] = total.mass
         model.body_ipos[body], model.body_iquat[body], model.body_inertia[body] = written
         model.body_sameframe[body] = mujoco.mjtSameFrame.mjSAMEFRAME_NONE
-        for bodies, frames in (
-            (model.geom_bodyid, model.geom_sameframe),
-            (model.site_bodyid, model.site_sameframe),
-        ):
-            frames[bodies == body] = mujoco.mjtSameFrame.mjSAMEFRAME_NONE
+        model.geom_sameframe[model.geom_bodyid == body] = mujoco.mjtSameFrame.mjSAMEFRAME_NONE
+        model.site_sameframe[model.site_bodyid == body] = mujoco.mjtSameFrame.mjSAMEFRAME_NONE
+
         while True:  # sums of masses, for the centres of mass of subtrees
             below = model.body_parentid == body
             below[0] = False

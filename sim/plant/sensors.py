@@ -108,10 +108,8 @@ class SensorChain:
 
     The vector is [joint positions; joint velocities; gyroscope; accelerometer; force and moment of each sole], behind
     it the torques of the joints where drives report them, and force and moment of each hand where wrists have sensors.
-
-    Attributes:
-        oldest: Latency of the slowest signal, physics steps; 0 needs no history.
-        newest: Latency of the fastest signal, physics steps; later signals need not be pushed.
+    Signals need be pushed from `oldest` to `newest` physics steps before a reading, the latencies of the slowest and
+    the fastest of them.
     """
 
     def __init__(
@@ -126,11 +124,7 @@ class SensorChain:
         torques: bool = False,
         hands: int = 0,
     ) -> None:
-        """Lay the errors out over the vector.
-
-        `steps` is the number of physics steps from one reading to the next, `delay` the age of every reading on top of
-        its latency, s; `hands` is the number of force sensors at the wrists.
-        """
+        """Lay the errors out over the vector; `steps` is from one reading to the next, `delay` on top of latency, s."""
         wrench = [noise.sole_force] * 3 + [noise.sole_moment] * 3
         channels = (
             [noise.joint_position] * joints
@@ -176,10 +170,7 @@ class SensorChain:
         self._head = 0
 
     def push(self, truth: Array) -> None:
-        """Store the true signals, shape (size,), of a physics step `newest` to `oldest` before the next reading.
-
-        Nothing is stored where no signal has a latency.
-        """
+        """Store the true signals, shape (size,), of a physics step; none where no signal has a latency."""
         if self.oldest == 0:
             return
         self._head = (self._head + 1) % len(self._history)

@@ -19,13 +19,10 @@ from wbc.sim.plant.truth import Contacts
 class Imu:
     """Gyroscope and accelerometer of a model, in the IMU frame of the robot; computed where the model has none.
 
-    Attributes:
-        gyroscope: First place in `sensordata`, rotation from the sensor's site to the IMU frame; None to compute.
-        accelerometer: Likewise.
+    Sensors are those named, else the nearest on the IMU's body; see `RobotPlaces.sensor`.
     """
 
     def __init__(self, places: RobotPlaces, gyroscope: str | None, accelerometer: str | None) -> None:
-        """Find the sensors: those named, else the nearest on the IMU's body; see `RobotPlaces.sensor`."""
         self._places = places
         kinds = mujoco.mjtSensor
         self.gyroscope = places.sensor("gyroscope", kinds.mjSENS_GYRO, gyroscope)
@@ -70,8 +67,7 @@ class TrueSignals:
     under an implicit integrator a joint gets less while it accelerates.
 
     Attributes:
-        values: The signals as last sampled, shape (2 na + 6 + 6 × number of soles,), na more with torques, and 6 more
-            for each hand with a sensor.
+        values: The signals as last sampled, shape (2 na + 6 + 6 × number of soles [+ na torques, + 6 × hands],).
         window: Specific force, and reactions to the wrenches on soles and hands as MuJoCo's force sensors have them, in
             the last physics steps, shape (steps of a control period, 3 + 6 × number of soles and hands).
         of_contacts: True if wrenches are sums of contacts, which must be captured in each step.
@@ -89,11 +85,7 @@ class TrueSignals:
         soles: Sequence[str] = (),
         hands: Sequence[HandSensor] = (),
     ) -> None:
-        """Lay out the vector for the robot at some places, with the number of physics steps in a control period.
-
-        `torque` returns the torques of its drives, shape (na,), Nm. `soles` are force and torque sensor of each sole;
-        when empty, wrenches are those of the contacts. `hands` need a robot with force sensors at its soles.
-        """
+        """Lay out the vector; `soles` are force and torque sensor of each sole, when empty contacts are summed."""
         self._places, self._imu, self._contacts, self._torque = places, imu, contacts, torque
         na, n, model = len(places.joints), len(places.feet), places.model
         sensors: list[int] = []

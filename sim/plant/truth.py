@@ -55,7 +55,7 @@ class Contacts:
     """
 
     def __init__(self, places: RobotPlaces) -> None:
-        """Find the geoms of the robot and of its feet."""
+
         model = places.model
         self._feet = np.array(places.feet, dtype=np.intp)
         self._offset = np.array([place.translation for place in places.soles])

@@ -32,21 +32,13 @@ FEW = 8
 
 @dataclass(frozen=True, slots=True)
 class Estimate:
-    """A mean with its confidence interval.
-
-    Attributes:
-        n: Number of values.
-        mean: Mean; None without values.
-        low: Lower end of the interval; None with fewer than two layouts.
-        high: Upper end of the interval.
-        layouts: Number of layouts that the values come from.
-    """
+    """A mean with its confidence interval."""
 
     n: int
-    mean: float | None
-    low: float | None
-    high: float | None
-    layouts: int
+    mean: float | None  # None without values
+    low: float | None  # lower end of the interval; None with fewer than two layouts
+    high: float | None  # upper end of the interval
+    layouts: int  # number of layouts that the values come from
 
     def text(self, digits: int = 3) -> str:
         """Return a text such as "20.4 [18.2, 21.7]"; without the interval of a few layouts."""

@@ -47,35 +47,26 @@ class TableCell:
     """Result of one arm in one row.
 
     Attributes:
-        row: Name of the row.
-        arm: Name of the arm.
         estimate: Mean of the metric; in a row of several cells over the grounds that all arms of the row have.
         difference: Difference to the reference arm, pair by pair; None for the reference itself.
-        p: p-value of no difference, by flipping signs (`sign_flip_p`).
         p_corrected: The same corrected for the number of rows and arms that are compared (`holm`); None in the row of
             all cells, which repeats the others.
-        statuses: Status of the trials → number; "missing" have not been run.
-        outcomes: Outcome of the walks → number.
         completed: Share of completed walks: ends of its exact interval; None without walks.
-        falls: Cause of the falls → number; empty without walks.
-        steps: Number of steps of all walks: the time at risk.
-        beside: Part of `BESIDE` → mean, over the same walks as the estimate.
-        clusters: What is drawn for the intervals: "families", with all of their layouts, or "layouts".
     """
 
     row: str
     arm: str
     estimate: Estimate
     difference: Estimate | None
-    p: float | None
+    p: float | None  # p-value of no difference, by flipping signs (`sign_flip_p`)
     p_corrected: float | None
-    statuses: dict[str, int]
-    outcomes: dict[str, int]
+    statuses: dict[str, int]  # status of the trials → number; "missing" have not been run
+    outcomes: dict[str, int]  # outcome of the walks → number
     completed: tuple[float, float] | None
-    falls: dict[str, int]
-    steps: int
-    beside: dict[str, float]
-    clusters: str
+    falls: dict[str, int]  # cause of the falls → number; empty without walks
+    steps: int  # number of steps of all walks: the time at risk
+    beside: dict[str, float]  # part of `BESIDE` → mean, over the same walks as the estimate
+    clusters: str  # what is drawn for the intervals: "families", with all of their layouts, or "layouts"
 
     def to_json(self) -> dict[str, Any]:
         """Return the result as plain values."""

@@ -48,18 +48,14 @@ class SweepSummary:
     """Progress of a sweep.
 
     Attributes:
-        total: Number of different trials.
-        found: Number of trials that were in the journal before.
-        run: Number of trials run by this sweep, however they ended.
         counts: Trials that are in the journal now: status → number.
-        seconds: Wall time of the sweep, s.
     """
 
-    total: int
-    found: int = 0
-    run: int = 0
+    total: int  # number of different trials
+    found: int = 0  # number of trials that were in the journal before
+    run: int = 0  # number of trials run by this sweep, however they ended
     counts: dict[str, int] = field(default_factory=dict)
-    seconds: float = 0.0
+    seconds: float = 0.0  # wall time of the sweep, s
 
     @property
     def per_hour(self) -> float | None:

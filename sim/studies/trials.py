@@ -47,19 +47,12 @@ class AnyTrialSpec(Protocol):
 
 @dataclass(frozen=True)
 class Outcome:
-    """Status and result of a trial that has ended.
-
-    Attributes:
-        status: End of the trial.
-        result: Result, which depends on the spec alone, as plain values.
-        clock: Wall-clock timings.
-        error: Reason why there is no result.
-    """
+    """Status and result of a trial that has ended."""
 
     status: Status
-    result: dict[str, Any] | None = None
-    clock: dict[str, Any] | None = None
-    error: str | None = None
+    result: dict[str, Any] | None = None  # depends on the spec alone; plain values
+    clock: dict[str, Any] | None = None  # wall-clock timings
+    error: str | None = None  # reason why there is no result
 
 
 @dataclass(frozen=True)
@@ -67,16 +60,13 @@ class TrialKind:
     """Functions that read and run the trials of one kind.
 
     Attributes:
-        read: Makes a spec from plain values.
-        run: Runs a spec; returns an outcome that is "done" or "diverged".
         seeded: Returns a spec with another seed, the rest of it taken as checked; None for kinds that check it again.
-        metric: Part of the results that tables are about, unless a study names another.
     """
 
-    read: Callable[[Mapping[str, Any]], Any]
-    run: Callable[[Any, Check], Outcome]
+    read: Callable[[Mapping[str, Any]], Any]  # makes a spec from plain values
+    run: Callable[[Any, Check], Outcome]  # runs a spec; returns an outcome that is "done" or "diverged"
     seeded: Callable[[Any, int], Any] | None = None
-    metric: str = "steps_done"
+    metric: str = "steps_done"  # part of the results that tables are about, unless a study names another
 
 
 KINDS: Registry[TrialKind] = Registry("kind of trial")

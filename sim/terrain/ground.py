@@ -24,20 +24,13 @@ class HeightField:
 
     MuJoCo splits every cell along the diagonal from its (x low, y low) corner to its (x high, y high) corner, in
     rays and in contacts alike, so the query below and the drawn surface agree to single precision.
-
-    Args:
-        x0: First column, m.
-        x1: Last column, m.
-        y0: First row, m.
-        y1: Last row, m.
-        z: Heights, shape (rows, columns), m; rows run along +y, columns along +x.
     """
 
-    x0: float
-    x1: float
-    y0: float
-    y1: float
-    z: Array
+    x0: float  # first column, m
+    x1: float  # last column, m
+    y0: float  # first row, m
+    y1: float  # last row, m
+    z: Array  # heights, shape (rows, columns), m; rows run along +y, columns along +x
 
     @property
     def step(self) -> tuple[float, float]:
@@ -62,19 +55,12 @@ class HeightField:
 
 @dataclass(frozen=True, eq=False)
 class Ground:
-    """A surface z(x, y): the highest of an endless floor, solids and a height field.
+    """A surface z(x, y): the highest of an endless floor, solids and a height field."""
 
-    Args:
-        floor: Level of the endless plane, m.
-        shapes: Solids of the rough part.
-        strips: Flat start and stop, as boxes; empty where the floor itself is their level.
-        field: Height map of the rough part, if it is drawn as one.
-    """
-
-    floor: float
-    shapes: tuple[Shape, ...] = ()
-    strips: tuple[Box, ...] = ()
-    field: HeightField | None = None
+    floor: float  # level of the endless plane, m
+    shapes: tuple[Shape, ...] = ()  # solids of the rough part
+    strips: tuple[Box, ...] = ()  # flat start and stop, as boxes; empty where the floor itself is their level
+    field: HeightField | None = None  # height map of the rough part, if it is drawn as one
 
     @cached_property
     def solids(self) -> tuple[Shape, ...]:

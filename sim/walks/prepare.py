@@ -35,28 +35,20 @@ class PreparedWalk:
     """Everything that follows from a spec without a simulator.
 
     Attributes:
-        plant_description: The robot on its own soles, for the plant.
-        controller_description: The robot on the feet of the walk, for the controller.
-        foot: The foot.
-        settings: Settings.
-        configuration: Configuration of the controller's robot at the start, shape (nq,).
-        plan: Footsteps, with timings on the grid of the control period; none of a stepping walk.
         way: Footsteps that lead to the goal: those of the plan; a stepping walk takes the last ones as its goal.
         orders: Velocities over time, as rows of `WalkPlan.drive`; None for a walk along a plan or to a goal.
-        nominal_time: Duration of the walk as planned, s.
-        notes: Changes that made it walkable.
     """
 
-    plant_description: RobotDescription
-    controller_description: RobotDescription
+    plant_description: RobotDescription  # the robot on its own soles, for the plant
+    controller_description: RobotDescription  # the robot on the feet of the walk, for the controller
     foot: Foot
     settings: AnyTrialSettings
-    configuration: Array
-    plan: FootstepPlan
+    configuration: Array  # configuration of the controller's robot at the start, shape (nq,)
+    plan: FootstepPlan  # footsteps, with timings on the grid of the control period; none of a stepping walk
     way: FootstepPlan
     orders: tuple[tuple[float, float, float, float], ...] | None
-    nominal_time: float
-    notes: tuple[str, ...]
+    nominal_time: float  # duration of the walk as planned, s
+    notes: tuple[str, ...]  # changes that made it walkable
 
     def robot(self) -> Robot:
         """Return a new robot for a controller, standing at the start."""

@@ -77,17 +77,13 @@ class WallClock:
     """Wall-clock timings; they differ from run to run.
 
     Attributes:
-        wall_s: The whole run: building the model, walking, summing up.
-        real_time_factor: Simulated time over wall time of the closed loop.
-        tick_us: From measurement to command, median and 99th percentile.
-        physics_share: Share of the loop's time in the simulator.
         decision_us: From a complete scan to the stiffness command, median and maximum; None without a decision.
     """
 
-    wall_s: float
-    real_time_factor: float
-    tick_us: dict[str, float]
-    physics_share: float
+    wall_s: float  # the whole run: building the model, walking, summing up
+    real_time_factor: float  # simulated time over wall time of the closed loop
+    tick_us: dict[str, float]  # from measurement to command, median and 99th percentile
+    physics_share: float  # share of the loop's time in the simulator
     decision_us: dict[str, float] | None = None
 
 

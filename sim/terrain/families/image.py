@@ -32,13 +32,11 @@ class GreyMap:
 
     Args:
         rows: Height, pixels; the first row is the left edge of the ground (largest y), as if seen from above.
-        columns: Length, pixels; columns run along x.
-        data: Brightness as little-endian doubles, row by row.
     """
 
     rows: int
-    columns: int
-    data: bytes
+    columns: int  # columns run along x
+    data: bytes  # brightness as little-endian doubles, row by row
 
     @cached_property
     def array(self) -> Array:

@@ -35,21 +35,13 @@ class Draws:
 
 @dataclass(frozen=True)
 class Site:
-    """Place, size and random numbers of the rough part of a terrain.
+    """Place, size and random numbers of the rough part of a terrain."""
 
-    Args:
-        x0: Start of the rough part, m.
-        x1: End of the rough part, m.
-        width: Extent across, centred on y = 0, m.
-        amplitude: Highest minus lowest point, m.
-        draws: Source of uniform random numbers.
-    """
-
-    x0: float
-    x1: float
-    width: float
-    amplitude: float
-    draws: Draws
+    x0: float  # start of the rough part, m
+    x1: float  # end of the rough part, m
+    width: float  # extent across, centred on y = 0, m
+    amplitude: float  # highest minus lowest point, m
+    draws: Draws  # source of uniform random numbers
 
     @property
     def length(self) -> float:
