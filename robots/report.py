@@ -35,46 +35,37 @@ DENSITY = (5.0, 2000.0)
 GYRATION = (0.002, 0.8)
 """Range of the radius of gyration of a link, heights of the centre of mass."""
 
-INERTIA_UNITS = {
-    "kg mm²": 1e-6,
-    "kg cm²": 1e-4,
-    "g m²": 1e-3,
-    "g cm²": 1e-7,
-    "g mm²": 1e-9,
-}
-"""Units of inertia that files have by mistake → in kg m²."""
-
-FASTEST = 100.0
-"""Speed limit from which on a joint is doubtful, rad/s or m/s: drives of humanoids reach 40."""
-
-SLOW = 1.0
-"""Speed limit of a leg joint below which a step is doubtful, rad/s; published ones are 2 to 30."""
-
-BRAKED = 6.0
-"""Speed at which damping may take all torque of a leg joint, rad/s; swings reach 3 to 8."""
+FASTEST, SLOW, BRAKED = 100.0, 1.0, 6.0
+"""Doubtful speeds, rad/s: limits above the first (drives of humanoids reach 40), of legs that step below the second
+(published ones are 2 to 30), and speeds of a leg joint at which damping takes all torque below the third (swings reach
+3 to 8)."""
 
 FULL_LEG = 6
 """Joints of a leg that can put its sole anywhere."""
+
+HEADINGS = {
+    "velocity": "rad/s",
+    "torque": "Nm",
+    "half_sitting": "sitting",
+    "armature": "kg m²",
+    "kp": "kp",
+    "kd": "kd",
+}
+"""Columns of the joints in a report: key of the facts → heading."""
 
 
 def facts(robot: Any) -> dict[str, Any]:
     """Return mass, size, soles, joints and sources of a robot, ready for JSON."""
     model = robot.robot()
-    values = {
-        "velocity": model.velocity_limit,
-        "torque": model.torque_limit,
-        "half_sitting": model.half_sitting[7:],
-        "armature": robot.armature_array,
-        "kp": robot.kp,
-        "kd": robot.kd,
-    }
+    limits = model.velocity_limit, model.torque_limit
+    columns = (*limits, model.half_sitting[7:], robot.armature_array, robot.kp, robot.kd)
     joints: dict[str, dict[str, Any]] = {}
     for i, name in enumerate(robot.joint_names):
         slides = model.model.joints[i + 2].shortname().startswith("JointModelP")
         joints[name] = {
             "unit": "m" if slides else "rad",
             "position": [float(model.position_lower[i]), float(model.position_upper[i])],
-            **{key: float(array[i]) for key, array in values.items()},
+            **{key: float(values[i]) for key, values in zip(HEADINGS, columns, strict=True)},
             "damping": float(robot.damping.get(name, 0.0)),
             "frictionloss": float(robot.frictionloss.get(name, 0.0)),
             "gains": robot.servo_gains[name].source,
@@ -105,17 +96,6 @@ def facts(robot: Any) -> dict[str, Any]:
         "licence": robot.licence,
         "derived": list(robot.derived),
     }
-
-
-HEADINGS = {
-    "velocity": "rad/s",
-    "torque": "Nm",
-    "half_sitting": "sitting",
-    "armature": "kg m²",
-    "kp": "kp",
-    "kd": "kd",
-}
-"""Columns of the joints in a report: key of the facts → heading."""
 
 
 def report(facts: Mapping[str, Any]) -> str:
@@ -151,33 +131,48 @@ def report(facts: Mapping[str, Any]) -> str:
 
 def doubts(robot: Any) -> tuple[str, ...]:
     """Return what of a description is doubtful, one line each."""
-    found = (
-        _scale(robot)
-        + _drives(robot)
-        + _legs(robot)
-        + [line for line in robot.derived if line.startswith(UNMODELLED)]
-    )
+    if not robot.soles:
+        hint = feet_hint(robot.pinocchio_model())
+        said = "no feet: it has a QP (docs/robots.md), but neither stands nor walks"
+        first = [f"{said}; it has two lowest limbs: {hint}" if hint else said]
+    else:
+        first = [*_scale(robot), *_legs(robot)]
+    limits = [*zip(robot.joint_names, *robot.position_limits, robot.velocity_limit, strict=True)]
     tight = [
         f"{name} {share:.0%}" if math.isfinite(share) else f"{name}, which is driven the other way alone"
         for name, share in standing_torques(robot).items()
         if share > NEAR_LIMIT
     ]
-    if tight:
-        found.append(
-            f"standing still takes more than {NEAR_LIMIT:.0%} of the torque limit of: {', '.join(tight)}"
-        )
-    if any("torque limits not given" in line for line in robot.derived):
-        found.append(
-            "torque limits that the file does not give are guessed from mass and size; see the list above"
-        )
-    if fast := [n for n, v in zip(robot.joint_names, robot.velocity_limit, strict=True) if v > FASTEST]:
-        found.append(f"speed limits above {FASTEST:g} rad/s, in another unit or none? {listed(fast)}")
-    limits = [*zip(robot.joint_names, *robot.position_limits, strict=True)]
-    if wide := [name for name, low, high in limits if _is_taken(low, high)]:
-        found.append(f"no position limits (±π taken): {listed(wide)}")
-    if turns := [name for name, low, high in limits if high - low > MOST_RANGE]:
-        found.append(f"position limits of more than two turns, in degrees? {listed(turns)}")
-    return tuple(found)
+    undamped = [
+        n for n, (kp, kd) in robot.gains.items() if kp > 0.0 and kd + robot.damping.get(n, 0.0) == 0.0
+    ]
+    rubbing = {**robot.damping, **robot.frictionloss}
+    guessed = (
+        ["see the list above"] if any("torque limits not given" in line for line in robot.derived) else []
+    )
+    lists = {
+        f"standing still takes more than {NEAR_LIMIT:.0%} of the torque limit of": tight,
+        "torque limits that the file does not give are guessed from mass and size": guessed,
+        "given servo gains without damping": undamped,
+        "no rotor inertia (armature); real drives have some": [
+            n for n, a in robot.armature.items() if a == 0.0
+        ],
+        f"damping up to {max(robot.damping.values(), default=0.0):g} Nms/rad and dry friction up to "
+        f"{max(robot.frictionloss.values(), default=0.0):g} Nm, which the controller neglects": [
+            f"{len(rubbing)} joints"
+        ]
+        if rubbing
+        else [],
+        f"speed limits above {FASTEST:g} rad/s, in another unit or none?": [
+            n for n, *_, v in limits if v > FASTEST
+        ],
+        "no position limits (±π taken)": [n for n, low, high, _ in limits if _is_taken(low, high)],
+        "position limits of more than two turns, in degrees?": [
+            n for n, low, high, _ in limits if high - low > MOST_RANGE
+        ],
+    }
+    found = [f"{what}: {listed(names)}" for what, names in lists.items() if names]
+    return (*first, *(line for line in robot.derived if line.startswith(UNMODELLED)), *found)
 
 
 def standing_torques(robot: Any) -> dict[str, float]:
@@ -199,112 +194,58 @@ def standing_torques(robot: Any) -> dict[str, float]:
     return dict(zip(robot.joint_names, shares.tolist(), strict=True))
 
 
-def _drives(robot: Any) -> list[str]:
-    found, model = [], robot.robot()
-    tipping = model.mass * GRAVITY * float(model.com[2])
-    soft = {
-        name: robot.servo_gains[name].kp
-        for leg in robot.legs
-        for name in leg[-2:]
-        if robot.servo_gains[name].source == "given" and robot.servo_gains[name].kp < ANKLE_SHARE * tipping
-    }
-    if soft:
-        name, kp = min(soft.items(), key=lambda item: item[1])
-        found.append(
-            f"given servo gains are soft: kp of '{name}' is {kp:.0f} Nm/rad, {kp / tipping:.2f} m g h; position "
-            f"control needs {ANKLE_SHARE:g} m g h, {ANKLE_SHARE * tipping:.0f} Nm/rad"
-        )
-    undamped = [
-        name
-        for name, (kp, kd) in robot.gains.items()
-        if kp > 0.0 and kd + robot.damping.get(name, 0.0) == 0.0
-    ]
-    if undamped:
-        found.append(f"given servo gains without damping: {listed(undamped)}")
-    bare = [name for name in robot.joint_names if robot.armature[name] == 0.0]
-    if bare:
-        found.append(f"no rotor inertia (armature); real drives have some: {listed(bare)}")
-    rubbing = {**robot.damping, **robot.frictionloss}
-    if rubbing:
-        found.append(
-            f"damping up to {max(robot.damping.values(), default=0.0):g} Nms/rad and dry friction up to "
-            f"{max(robot.frictionloss.values(), default=0.0):g} Nm of {len(rubbing)} joints are "
-            "not in the controller's model"
-        )
-    speeds = {name: model.velocity_limit[model.joint_index(name)] for leg in robot.legs for name in leg}
-    if slow := [f"{name} {speed:.2g} rad/s" for name, speed in speeds.items() if speed < SLOW]:
-        found.append(f"legs that step need quicker joints: {listed(slow)}")
-    braked = {
-        name: model.torque_limit[model.joint_index(name)] / robot.damping[name]
-        for name in speeds
-        if robot.damping.get(name)
-    }
-    if braked := {name: speed for name, speed in braked.items() if speed < BRAKED}:
-        name, speed = min(braked.items(), key=lambda item: item[1])
-        found.append(
-            f"damping takes the whole torque of {len(braked)} leg joints at the speeds of a step, that of '{name}' at "
-            f"{speed:.2g} rad/s"
-        )
-    return found
-
-
 def _scale(robot: Any) -> list[str]:
     """Return doubts about the units of lengths, masses and inertias."""
     model = robot.robot()
     mass, height = model.mass, float(model.com[2])
-    if not robot.soles or height <= 0.0:
-        return []
-    found = []
     if height > TALLEST:
-        unit, factor = ("centimetres", 1e-2) if height < 1e2 * TALLEST else ("millimetres", 1e-3)
-        found.append(
-            f"the centre of mass is {height:.4g} m high: lengths in {unit} ({factor * height:.4g} m)?"
-        )
-    elif not DENSITY[0] < mass / height**3 < DENSITY[1]:
-        unit, factor = ("grams", 1e-3) if mass / height**3 > DENSITY[1] else ("tonnes", 1e3)
-        found.append(
-            f"{mass:.4g} kg with the centre of mass {height:.2f} m high: masses in {unit} ({factor * mass:.4g} kg)?"
-        )
-    odd: dict[str, tuple[float, float, float]] = {}  # mass, greatest inertia, radius of gyration
-    for joint in range(1, model.model.njoints) if not found else ():
-        inertia = model.model.inertias[joint]
-        largest = float(np.linalg.eigvalsh(inertia.inertia)[-1])
-        radius = math.sqrt(largest / max(inertia.mass, 1e-12))
+        return [f"the centre of mass is {height:.4g} m high: lengths in millimetres or centimetres?"]
+    if not DENSITY[0] < mass / height**3 < DENSITY[1]:
+        return [f"{mass:.4g} kg with the centre of mass {height:.2f} m high: masses in grams or tonnes?"]
+    odd = {}  # link → radius of gyration, m
+    for name, inertia in zip(model.model.names, model.model.inertias, strict=True):
+        radius = math.sqrt(float(np.linalg.eigvalsh(inertia.inertia)[-1]) / max(inertia.mass, 1e-12))
         if inertia.mass > 0.01 * mass and not GYRATION[0] < radius / height < GYRATION[1]:
-            odd[str(model.model.names[joint])] = float(inertia.mass), largest, radius
-    if odd:
-        name, (own, largest, radius) = max(odd.items(), key=lambda item: item[1][2])
-        said = f"{largest:.4g} kg m² at {own:.4g} kg, a radius of gyration of {radius:.4g} m"
-        if radius > GYRATION[1] * height:
-            typical = 0.15 * height
-            unit = min(INERTIA_UNITS, key=lambda u: abs(math.log(radius * INERTIA_UNITS[u] ** 0.5 / typical)))
-            said += f": inertias in {unit}?"
-        found.append(f"inertias of {len(odd)} links do not fit their masses: that below '{name}' has {said}")
-    return found
+            odd[f"{name} ({inertia.mass:.4g} kg, radius of gyration {radius:.4g} m)"] = radius
+    return [f"inertias do not fit masses, in another unit? Those below {listed([*odd])}"] if odd else []
 
 
 def _legs(robot: Any) -> list[str]:
-    found = []
-    for side, leg in zip(SIDES, robot.legs, strict=True):
-        if len(leg) < FULL_LEG:
-            found.append(
-                f"the {side} leg has {len(leg)} joints: it cannot shift the weight sideways on a flat sole"
-            )
-    if not robot.soles:
-        hint = feet_hint(robot.pinocchio_model())
-        said = "no feet: it has a QP (docs/robots.md), but neither stands nor walks"
-        return [f"{said}; it has two lowest limbs: {hint}" if hint else said]
-    left, right = robot.soles
+    model, (left, right) = robot.robot(), robot.soles
+    found = [
+        f"the {side} leg has {len(leg)} joints: it cannot shift the weight sideways on a flat sole"
+        for side, leg in zip(SIDES, robot.legs, strict=True)
+        if len(leg) < FULL_LEG
+    ]
     if max(abs(left.length - right.length), abs(left.width - right.width)) > 5e-3:
         sizes = [f"{1e3 * sole.length:.0f} x {1e3 * sole.width:.0f} mm" for sole in robot.soles]
         found.append(f"the soles differ: {sizes[0]} and {sizes[1]}")
-    model = robot.pinocchio_model()
-    data = model.createData()
-    pin.centerOfMass(model, data, pin.neutral(model))
-    names = list(model.names)
-    masses = [float(data.mass[names.index(leg[0])]) for leg in robot.legs]
+    data = model.model.createData()
+    pin.centerOfMass(model.model, data, pin.neutral(model.model))
+    masses = [float(data.mass[model.model.getJointId(leg[0])]) for leg in robot.legs]
     if abs(masses[0] - masses[1]) > UNLIKE * max(masses):
         found.append(f"the legs differ in mass: {masses[0]:.2f} and {masses[1]:.2f} kg")
+    tipping = model.mass * GRAVITY * float(model.com[2])
+    given = {n: robot.gains[n][0] for leg in robot.legs for n in leg[-2:] if n in robot.gains}
+    name = min(given, key=given.__getitem__, default=None)
+    if name is not None and given[name] < ANKLE_SHARE * tipping:
+        found.append(
+            f"given servo gains are soft: kp of '{name}' is {given[name]:.0f} Nm/rad; position control needs "
+            f"{ANKLE_SHARE:g} m g h, {ANKLE_SHARE * tipping:.0f} Nm/rad"
+        )
+    slow, braked = [], []
+    for name in (name for leg in robot.legs for name in leg):
+        i, damping = model.joint_index(name), robot.damping.get(name, 0.0)
+        if model.velocity_limit[i] < SLOW:
+            slow.append(f"{name} {model.velocity_limit[i]:.2g} rad/s")
+        if damping > 0.0 and model.torque_limit[i] / damping < BRAKED:
+            braked.append(f"{name} {model.torque_limit[i] / damping:.2g} rad/s")
+    if slow:
+        found.append(f"legs that step need quicker joints: {listed(slow)}")
+    if braked:
+        found.append(
+            f"damping takes the whole torque of leg joints at the speeds of a step: {listed(braked)}"
+        )
     return found
 
 
