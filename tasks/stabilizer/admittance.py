@@ -1,15 +1,14 @@
-"""Admittances of feet and CoM: motion from wrench errors, for a robot whose joints are position-controlled.
+"""Admittances of the feet: motion from wrench errors, for a robot whose joints are position-controlled.
 
     ankle rotation       θ̇_x = A_y (τ_x − τ_x*),   θ̇_y = A_x (τ_y − τ_y*)      in the sole frame
     foot heights         the foot that should press more moves down, the other up, and the mean leaks to zero
-    CoM                  v = −A_c (z_distributed − z_measured), with a leaky integral
 
 A foot's rotation and height are added to the reference of the walk; they stay while the foot stands, and start from
 zero at each touch-down.
 
 Through a stiffness K the ankle law is a first-order lag of rate A·K, and so is the height law.
 
-Source: S. Caron et al., ICRA 2019, section V; K. Nagasaka, PhD thesis, University of Tokyo, 1999 (CoM).
+Source: S. Caron et al., ICRA 2019, section V.
 """
 
 from __future__ import annotations
@@ -21,7 +20,6 @@ import numpy as np
 import pinocchio as pin
 
 from wbc.core.errors import Array
-from wbc.tasks.stabilizer.filters import LeakyIntegral
 from wbc.tasks.stabilizer.gains import StabilizerGains, pair
 
 
@@ -83,7 +81,7 @@ def height_rates(
     Measured and desired normal forces are in N, left and right; `heights` are the height offsets of the feet, m.
     """
     force = (target[0] - target[1]) - (measured[0] - measured[1])
-    difference = gains.force_difference * force + gains.force_difference_damping * (heights[0] - heights[1])
+    difference = gains.force_difference * force
     mean = -gains.height_leak * (heights[0] + heights[1])
     bound = gains.max_linear_velocity
     left, right = 0.5 * (mean - difference), 0.5 * (mean + difference)
@@ -144,58 +142,3 @@ class FootAdmittance:
             ]
             self._state[foot] = after
             self._rate[foot] = [(new - old) / dt for new, old in zip(after, before, strict=True)]
-
-
-class ComAdmittance:
-    """Shift of the CoM target by the error between distributed and measured ZMP (ZMP compensation control).
-
-    Attributes:
-        gains: Gains; assign to change them.
-        velocity: Velocity of the shift, shape (2,), m/s; zero at the bound.
-        acceleration: Acceleration of the shift, shape (2,), m/s²; zero at the bound, where the shift stops at once.
-    """
-
-    def __init__(self, gains: StabilizerGains) -> None:
-        self.gains = gains
-        self._integral = LeakyIntegral(gains.com_admittance_leak, gains.max_com_offset, 2)
-        self._still = True
-        self.velocity: Array = np.zeros(2)
-        self.acceleration: Array = np.zeros(2)
-
-    @property
-    def offset(self) -> Array:
-        """Shift of the CoM target in the world, shape (2,), m."""
-        return self._integral.value
-
-    @property
-    def idle(self) -> bool:
-        """True if there is no shift and the gains do not allow one."""
-        return self._still and not any(pair(self.gains.com_admittance))
-
-    def reset(self) -> None:
-        """Set the shift to zero, at once."""
-        self._integral.reset()
-        self._still = True
-        self.velocity = np.zeros(2)
-        self.acceleration = np.zeros(2)
-
-    def update(self, zmp_error: Array | None, yaw: float, dt: float) -> None:
-        """Integrate over one period, s; `yaw` is the heading of the robot, rad.
-
-        `zmp_error` is distributed minus measured ZMP, shape (2,), m; None on one foot or in the air: the shift leaks
-        away.
-        """
-        velocity = np.zeros(2)
-        if zmp_error is not None:
-            c, s = math.cos(yaw), math.sin(yaw)
-            x, y = zmp_error.tolist()
-            along, across = pair(self.gains.com_admittance)
-            forward, sideways = along * (c * x + s * y), across * (c * y - s * x)
-            velocity = np.array((s * sideways - c * forward, -s * forward - c * sideways))
-        before = self.offset.copy()
-        after = self._integral.update(velocity, dt)
-        velocity = (after - before) / dt
-        bounded = np.abs(after) >= self.gains.max_com_offset
-        self.acceleration = np.where(bounded, 0.0, (velocity - self.velocity) / dt)
-        self.velocity = velocity
-        self._still = not (after.any() or velocity.any() or self.acceleration.any())

@@ -58,9 +58,10 @@ class DistributionSettings:
         ankle_shear: Cost of horizontal force, 1/N².
         ankle_normal: Cost of normal force, 1/N²; it only picks one of several solutions.
         pressure: Cost of a load that is not shared by the left-foot ratio, 1/N².
-        torque_by_load: Weigh the ankle torque of each of two feet by the inverse square of its load over the sum, so
-            that the CoP of the foot with less load lies closer to the middle of its sole. At equal costs both get the
-            same torque, and its CoP lies at the edge.
+        by_load: Weigh the ankle torque of each of two feet, here and in the QP, by the inverse square of its load over
+            the sum, so that the CoP of the foot with less load lies closer to the middle of its sole. At equal costs
+            both get the same torque, and its CoP lies at the edge. Soles then press evenly, which bounds their yaw
+            moments, and the posture hardly holds the legs: for a source that gives the motion of all joints.
     """
 
     friction: Positive = 0.7
@@ -73,7 +74,7 @@ class DistributionSettings:
     ankle_shear: Annotated[Positive, "1/N²"] = 1e-4
     ankle_normal: Annotated[Positive, "1/N²"] = 1e-5
     pressure: Annotated[Positive, "1/N²"] = 1e-2
-    torque_by_load: bool = False
+    by_load: bool = False
 
     @staticmethod
     def mc_rtc() -> DistributionSettings:
@@ -192,7 +193,7 @@ class WrenchDistribution:
             p.soft_weight[0] = s.pressure if both else 0.0
         if both:
             p.soft[0, 2], p.soft[0, 8] = 1.0 - ratio, -ratio
-            if s.torque_by_load:
+            if s.by_load:
                 for columns, share in ((slice(3, 5), ratio), (slice(9, 11), 1.0 - ratio)):
                     p.diagonal[columns] = s.ankle_torque * (0.5 / max(share, LEAST_SHARE)) ** 2
         fx, fy, fz, mx, my, mz = net.tolist()

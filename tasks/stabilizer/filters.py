@@ -2,19 +2,12 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 
 import numpy as np
 
 from wbc.core.errors import Array, non_negative
 from wbc.core.lag import LagGain
-
-
-def clamp(value: Array, bound: float) -> None:
-    """Clamp each component to ±bound, in place."""
-    if max(map(abs, value.tolist())) > bound:  # seldom, and quicker to test than to clip
-        np.clip(value, -bound, bound, out=value)
 
 
 class LowPass:
@@ -75,34 +68,6 @@ class Average:
             min(max(old + gain * (new - old), -bound), bound)
             for old, new in zip(self.value, error, strict=True)
         ]
-        return self.value
-
-
-class LeakyIntegral:
-    """Leaky integral, I' = u − leak · I, each component within a bound.
-
-    Attributes:
-        value: Integral.
-    """
-
-    def __init__(self, leak: float, bound: float, size: int) -> None:
-        """Start at zero; the leak is a rate, 1/s, 0 for a plain integral; each component stays within ± `bound`."""
-        self._leak, self._bound = leak, bound
-        self.value: Array = np.zeros(size)
-
-    def reset(self) -> None:
-        """Set the value to zero."""
-        self.value[:] = 0.0
-
-    def update(self, rate: Array | float, dt: float) -> Array:
-        """Return the integral with one more rate, which the next call overwrites."""
-        if self._leak > 0.0:
-            decay = math.exp(-self._leak * dt)
-            self.value *= decay
-            self.value += (1.0 - decay) / self._leak * np.asarray(rate)
-        else:
-            self.value += dt * np.asarray(rate)
-        clamp(self.value, self._bound)
         return self.value
 
 

@@ -26,8 +26,6 @@ LIMITS = {
     "zmp_d": 10.0,
     "cop_admittance": 0.1,
     "force_difference": 2e-3,
-    "force_difference_damping": 10.0,
-    "com_admittance": 20.0,
 }
 """Greatest gains, from mc_rtc's safety thresholds; dcm_d may go up to the range of Frizza et al. (5 instead of 2), and
 force_difference to 2e-3 instead of 5e-4 m/(N·s)."""
@@ -38,7 +36,7 @@ def pair(value: Pair | float) -> Pair:
     return value if isinstance(value, tuple) else (value, value)
 
 
-PAIRS = ("dcm_p", "dcm_i", "dcm_d", "com_v", "zmp_d", "cop_admittance", "com_admittance")
+PAIRS = ("dcm_p", "dcm_i", "dcm_d", "com_v", "zmp_d", "cop_admittance")
 
 
 @settings
@@ -63,14 +61,10 @@ class StabilizerGains:
         cop_admittance: Ankle rotation per CoP torque error, rad/(Nm·s), along x (pitch) and y (roll). None: 0.05, or
             less for a robot of more than 40 kg, see `for_mass`.
         force_difference: Foot height per difference of normal forces, m/(N·s).
-        force_difference_damping: Decay of the feet's height difference, 1/s.
         height_leak: Decay of the feet's mean height on both feet, 1/s.
         support_height_leak: Decay of the support foot's height on one foot, 1/s.
-        com_admittance: CoM velocity per ZMP error, 1/s.
-        com_admittance_leak: Decay of the CoM's offset, 1/s.
         wrench_time: Low-pass of the measured wrenches before the admittances, s.
         max_average_dcm_error: Bound of the average, m.
-        max_com_offset: Bound of the CoM's offset, m.
         max_angular_velocity: Bound of the ankle rotation's speed, rad/s: on a stone a foot may have to turn by 10°
             to be carried elsewhere, and the DCM grows e-fold in 0.3 s meanwhile.
         max_linear_velocity: Bound of the foot's vertical speed, m/s.
@@ -88,14 +82,10 @@ class StabilizerGains:
     derivator_time: Annotated[Positive, "s"] = 1.0
     cop_admittance: Annotated[Gain, "rad/(Nm·s)"] | None = None
     force_difference: Annotated[NonNegative, "m/(N·s)"] = 5e-4
-    force_difference_damping: Annotated[NonNegative, "1/s"] = 0.0
     height_leak: Annotated[NonNegative, "1/s"] = 1.0
     support_height_leak: Annotated[NonNegative, "1/s"] = 3.0
-    com_admittance: Annotated[Gain, "1/s"] = 0.0
-    com_admittance_leak: Annotated[NonNegative, "1/s"] = 0.1
     wrench_time: Annotated[NonNegative, "s"] = 0.02
     max_average_dcm_error: Annotated[Positive, "m"] = 0.05
-    max_com_offset: Annotated[Positive, "m"] = 0.05
     max_angular_velocity: Annotated[Positive, "rad/s"] = 1.0
     max_linear_velocity: Annotated[Positive, "m/s"] = 0.1
     max_rotation: Annotated[Positive, "rad"] = 0.4

@@ -1,9 +1,9 @@
 """DCM stabilizer: measured pendulum and foot wrenches in, desired wrenches and corrections out.
 
-    errors → desired acceleration → net wrench → foot wrenches → corrections of feet and CoM
+    errors → desired acceleration → net wrench → foot wrenches → corrections of the feet
 
-The stabilizer knows neither tasks nor a simulator. In the air the corrections of the feet stay, the CoM's offset leaks
-away, and feedback starts with an empty memory at landing.
+The stabilizer knows neither tasks nor a simulator. In the air the corrections of the feet stay, and feedback starts
+with an empty memory at landing.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ import pinocchio as pin
 
 from wbc.core.errors import Array, finite_array, positive
 from wbc.core.robot import GRAVITY
-from wbc.tasks.stabilizer.admittance import ComAdmittance, FootAdmittance, FootCorrection
+from wbc.tasks.stabilizer.admittance import FootAdmittance, FootCorrection
 from wbc.tasks.stabilizer.distribution import FootWrenches, WrenchDistribution, left_foot_ratio
 from wbc.tasks.stabilizer.feedback import DcmFeedback, PendulumErrors, wrench_through, zmp_of_force
 from wbc.tasks.stabilizer.filters import LowPass
@@ -38,9 +38,6 @@ class StabilizerOutput(NamedTuple):
             that press, the point about which the pendulum turns.
         feet: Desired foot wrenches in the sole frames, left then right.
         corrections: Corrections of left and right foot.
-        com_offset: Shift of the CoM target, shape (2,), m.
-        com_velocity_offset: Velocity of that shift, shape (2,), m/s.
-        com_acceleration_offset: Acceleration of that shift, shape (2,), m/s².
         in_air: True while neither foot is loaded: their corrections stay.
     """
 
@@ -51,9 +48,6 @@ class StabilizerOutput(NamedTuple):
     measured_zmp: Array
     feet: FootWrenches
     corrections: tuple[FootCorrection, FootCorrection]
-    com_offset: Array
-    com_velocity_offset: Array
-    com_acceleration_offset: Array
     in_air: bool
 
 
@@ -76,7 +70,6 @@ class Stabilizer:
         self._gains = self._given.for_mass(self._mass)
         self._feedback = DcmFeedback(self._gains)
         self.feet = FootAdmittance(self._gains)
-        self._com = ComAdmittance(self._gains)
         self._wrench = LowPass(self._gains.wrench_time, (2, 6))
         self._in_air = False
 
@@ -102,29 +95,21 @@ class Stabilizer:
         self._given = gains
         gains = gains.for_mass(self._mass)
         old, self._gains = self._gains, gains
-        self._feedback.gains = self.feet.gains = self._com.gains = gains
+        self._feedback.gains = self.feet.gains = gains
         self._wrench.time_constant = gains.wrench_time
         memory = ("integrator_time", "derivator_time", "max_average_dcm_error")
         if any(getattr(old, name) != getattr(gains, name) for name in memory):
             self._feedback = DcmFeedback(gains)
-        if (old.com_admittance_leak, old.max_com_offset) != (gains.com_admittance_leak, gains.max_com_offset):
-            self._com = ComAdmittance(gains)
 
     @property
     def in_air(self) -> bool:
         """True while neither foot is loaded."""
         return self._in_air
 
-    @property
-    def com_still(self) -> bool:
-        """True if the CoM target is not shifted and the gains do not allow a shift."""
-        return self._com.idle
-
     def reset(self) -> None:
         """Forget everything: errors, corrections, filtered wrenches."""
         self._feedback.reset()
         self.feet.reset()
-        self._com.reset()
         self._wrench.reset()
         self._in_air = False
 
@@ -200,8 +185,6 @@ class Stabilizer:
             self.feet.hold()
         else:
             self.feet.update(filtered, feet.wrenches, contact, dt)
-        if not self._com.idle:
-            self._com.update(self._zmp_error(target, zmp, feet, soles, contact), yaw, dt)
         return StabilizerOutput(
             errors,
             acceleration,
@@ -210,9 +193,6 @@ class Stabilizer:
             measured_zmp,
             feet,
             (self.feet.correction(0), self.feet.correction(1)),
-            self._com.offset.copy(),
-            self._com.velocity,
-            self._com.acceleration,
             self._in_air,
         )
 
@@ -233,22 +213,6 @@ class Stabilizer:
         if total[2] < MIN_FORCE:
             return np.full(3, np.nan)
         return level_zmp(total, target.zmp)
-
-    @staticmethod
-    def _zmp_error(
-        target: Pendulum,
-        measured: Array | None,
-        feet: FootWrenches,
-        soles: Sequence[pin.SE3],
-        contact: tuple[bool, bool],
-    ) -> Array | None:
-        """Distributed minus measured ZMP, shape (2,), m; None on one foot or without a measured ZMP."""
-        if measured is None or not all(contact):
-            return None
-        distributed = net_wrench(feet.wrenches, soles)
-        if distributed[2] < MIN_FORCE:
-            return None
-        return (level_zmp(distributed, target.zmp) - measured)[:2]
 
 
 def _usable(wrenches: Array, com: Array, com_velocity: Array, dt: float) -> bool:

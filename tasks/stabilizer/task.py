@@ -5,9 +5,9 @@
 
 What is in the QP depends on how the drives are commanded. On torques the feedback's horizontal acceleration of the CoM
 is the reference of three rows, whose vertical one holds the height, and the desired foot wrenches are a cost on the
-wrenches of the contacts. On positions the QP moves the commanded robot: the CoM follows the pendulum, shifted by its
-admittance, and standing feet follow their admittances, while the desired wrenches make the feed-forward torques
-(`DriveControl.act`). Where nothing hands out a pendulum, the robot is to stand with its CoM at `target`.
+wrenches of the contacts. On positions the QP moves the commanded robot: the CoM follows the pendulum, and standing
+feet follow their admittances, while the desired wrenches make the feed-forward torques (`DriveControl.act`). Where
+nothing hands out a pendulum, the robot is to stand with its CoM at `target`.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ STIFFNESS = 100.0
 
 
 class StabilizerTask(CoMTask):
-    """Balance on two feet: feedback of the DCM, desired foot wrenches, and admittances of feet and CoM.
+    """Balance on two feet: feedback of the DCM, desired foot wrenches, and admittances of the feet.
 
     Error and residual are those of the CoM, in m and m/s²; the weight is a cost per (m/s²)². On torques only the
     vertical row has stiffness and damping: the horizontal acceleration is the feedback's.
@@ -50,7 +50,7 @@ class StabilizerTask(CoMTask):
     """
 
     __slots__ = (
-        "_aim", "_contacts", "_estimate", "_gains", "_given", "_moment_by_load", "_places", "_settings", "_soles",
+        "_aim", "_contacts", "_estimate", "_gains", "_given", "_places", "_settings", "_soles",
         "_stabilizer", "_stands", "_torque", "_wrench_weight", "_yaw", "output", "parts",
     )  # fmt: skip
 
@@ -64,7 +64,6 @@ class StabilizerTask(CoMTask):
         distribution: DistributionSettings | None = None,
         estimate: Robot | None = None,
         wrench_weight: float = 1e-3,
-        moment_by_load: bool = False,
         **options: Unpack[MotionOptions],
     ) -> None:
         """Describe the task.
@@ -77,8 +76,6 @@ class StabilizerTask(CoMTask):
             distribution: Settings of the wrench distribution; the defaults when None.
             estimate: Robot whose state is the measured one, where it is not the controller's own (`State.robot`).
             wrench_weight: Desired foot wrenches on torques, cost per N² and (Nm)².
-            moment_by_load: Weigh the moments of the desired wrenches of two feet by the inverse square of each foot's
-                load over the sum.
             **options: See `MotionOptions`.
 
         Raises:
@@ -102,8 +99,8 @@ class StabilizerTask(CoMTask):
         self.parts: tuple[WrenchTask, ...] = ()
         if self._torque:
             self.parts = tuple(WrenchTask(contact, weight=wrench_weight) for contact in contacts)
-        self._wrench_weight, self._moment_by_load = np.full(6, wrench_weight), moment_by_load
-        self._gains, self._settings, self._given = gains, distribution, estimate
+        self._wrench_weight = np.full(6, wrench_weight)
+        self._gains, self._settings, self._given = gains, distribution or DistributionSettings(), estimate
         self.output: StabilizerOutput | None = None
         self._stabilizer: Stabilizer | None = None
         self._stands = True  # until something hands out a pendulum
@@ -147,8 +144,7 @@ class StabilizerTask(CoMTask):
         super().bind(robot)
         soles = [robot.sole(contact.name) for contact in self._contacts]
         sizes = ((soles[0].length, soles[0].width), (soles[1].length, soles[1].width))
-        settings = self._settings or DistributionSettings()
-        settings = replace(settings, min_force=settings.min_force * robot.force_scale)
+        settings = replace(self._settings, min_force=self._settings.min_force * robot.force_scale)
         self._stabilizer = Stabilizer(robot.mass, WrenchDistribution(sizes, settings), self._gains)
         self._estimate = robot if self._given is None else self._given
         self._soles = [self._estimate.placement(sole.frame) for sole in soles]
@@ -252,7 +248,7 @@ class StabilizerTask(CoMTask):
                 continue
             if self._torque:
                 self.parts[side].follow(output.feet.wrenches[side])
-                if self._moment_by_load:
+                if self._settings.by_load:
                     self._weigh_moments(side, contact, output)
             else:
                 self._contacts[side].follow(*output.corrections[side].apply(places[side]))
@@ -260,11 +256,6 @@ class StabilizerTask(CoMTask):
         if self._torque:
             acceleration = acceleration.copy()
             acceleration[:2] = output.com_acceleration[:2]
-        elif not self.stabilizer.com_still:
-            com, velocity, acceleration = com.copy(), velocity.copy(), acceleration.copy()
-            com[:2] += output.com_offset
-            velocity[:2] += output.com_velocity_offset
-            acceleration[:2] += output.com_acceleration_offset
         if beyond != (0.0, 0.0):
             acceleration = acceleration.copy()
             acceleration[:2] += beyond

@@ -147,7 +147,7 @@ def test_torques_by_load_keep_the_cop_of_the_foot_with_less_load_off_the_edge(y:
     """Torques go with the squares of the loads; at equal costs the foot with less load has its CoP further out."""
     equal, by_load = (
         [cop(wrench)[0] for wrench in standing(y, 0.04, settings=settings).wrenches]
-        for settings in (DistributionSettings(), DistributionSettings(torque_by_load=True))
+        for settings in (DistributionSettings(), DistributionSettings(by_load=True))
     )
     light = 1 if y > 0.0 else 0
     assert equal[light] > equal[1 - light] + 0.02

@@ -61,14 +61,8 @@ def tracking_settings() -> WalkingControlSettings:
     and pelvis decide on them.
     """
     return WalkingControlSettings(
-        distribution=DistributionSettings(torque_by_load=True),
-        tasks=TaskGains(
-            moment_by_load=True,
-            even_soles=True,
-            posture_weight=1.0,
-            leg_weight=0.01,
-            posture_stiffness=100.0,
-        ),
+        distribution=DistributionSettings(by_load=True),
+        tasks=TaskGains(posture_weight=1.0, posture_stiffness=100.0),
     )
 
 

@@ -40,6 +40,10 @@ limit the foot turns by a hundred rad/s², which the CoM must not pay for); stif
 place, 1/s²."""
 
 
+LEGS = 0.01
+"""Ratio of the weight of the posture for joints of the legs where moments go by load: soles, CoM and pelvis decide."""
+
+
 @settings
 class TaskGains(BodyGains):
     """Weights and gains of the tasks of a walk: those of `wbc.tasks.balance.BodyGains`, and these.
@@ -49,19 +53,12 @@ class TaskGains(BodyGains):
         swing_stiffness: 1/s².
         contact_stiffness: Stiffness of a standing foot towards its corrected pose in position control, 1/s².
         wrench_weight: Desired foot wrenches in torque control, cost per N² and (Nm)².
-        moment_by_load: Weigh the moments of the desired wrenches of two feet by the inverse square of each foot's load
-            over the sum: at equal weights the CoP of the foot with less load is at the edge, and it turns.
-        leg_weight: Joints of the legs, cost per (rad/s²)²; that of all joints when None.
-        even_soles: Bound yaw moments of soles in torque control as under even pressure, not at their corners alone.
     """
 
     swing_weight: Positive = 1000.0
     swing_stiffness: Annotated[Positive, "1/s²"] = 400.0
     contact_stiffness: Annotated[Positive, "1/s²"] = 1000.0
     wrench_weight: Positive = 1e-3
-    moment_by_load: bool = False
-    leg_weight: Positive | None = None
-    even_soles: bool = False
 
 
 class WalkTasks:
@@ -279,7 +276,7 @@ def stabilized_tasks(
             ramp=0.0,
             stiffness=CONTACT_RETURN if torque else gains.contact_stiffness,
             friction=friction if torque else FREE_FRICTION,
-            even=torque and gains.even_soles,
+            even=torque and distribution.by_load,
         )
         for sole in robot.soles
     ]
@@ -290,7 +287,6 @@ def stabilized_tasks(
         distribution=distribution,
         estimate=estimate,
         wrench_weight=gains.wrench_weight,
-        moment_by_load=gains.moment_by_load,
         weight=gains.com_weight,
         stiffness=gains.com_stiffness,
     )
@@ -303,9 +299,9 @@ def stabilized_tasks(
     posture = PostureTask(weight=gains.posture_weight, stiffness=gains.posture_stiffness)
     parts = {"pelvis": trunk, "torso": trunk}
     tasks = WalkTasks(controller, com, contacts, swing, parts, posture, torque=torque)
-    if gains.leg_weight is not None:
+    if distribution.by_load:
         weight = np.full(robot.na, gains.posture_weight)
-        weight[robot.leg_joints] = gains.leg_weight
+        weight[robot.leg_joints] *= LEGS
         posture.weight = weight
     return tasks
 

@@ -160,8 +160,6 @@ def _add_stabilizer(signals: Signals, tick: Tick) -> None:
     group("stabilizer/com_acceleration", XYZ, "m/s²", about, stabilized(lambda o: o.com_acceleration))
     about = "desired, at the world origin"
     group("stabilizer/net_wrench", WRENCH, WRENCH_UNITS, about, stabilized(lambda o: o.net_wrench))
-    about = "added to the CoM target, world"
-    group("stabilizer/com_offset", XY, "m", about, stabilized(lambda o: o.com_offset))
     for i, foot in enumerate(foot_names(tick.robot)):
         desired = stabilized(lambda o, i=i: o.feet.wrenches[i])  # type: ignore[misc]
         about = "desired by the stabilizer, sole frame"

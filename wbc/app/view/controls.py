@@ -49,7 +49,6 @@ STABILIZER_GAINS = {
     "dcm_d": "",
     "cop_admittance": "rad/(Nm·s)",
     "force_difference": "m/(N·s)",
-    "com_admittance": "1/s",
 }
 """Gains of the stabilizer that the page offers, with their units; forward and sideways get the same."""
 

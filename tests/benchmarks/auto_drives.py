@@ -1,0 +1,161 @@
+"""Random drives with pushes, plans and stands of a robot whose law changes: falls in half an hour.
+
+    python tests/benchmarks/auto_drives.py --journal drives.jsonl                       # 30 minutes of three robots
+    python tests/benchmarks/auto_drives.py --journal drives.jsonl --robot g1 --minutes 10
+    python tests/benchmarks/auto_drives.py --journal drives.jsonl --table
+
+A drive is two minutes on the flat floor by `law="auto"`: every few seconds another order (a velocity, a goal, a plan of
+footsteps, a stand), and every ten seconds a push of 0.085 Ns/kg from any side. All draws follow from its seed. Every
+drive is a line of the journal; an interrupted program goes on where it stopped.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import math
+import random
+from pathlib import Path
+from typing import Any
+
+from wbc.sim import WalkPlan, WalkSpec
+from wbc.sim.studies.intervals import rate_interval
+from wbc.sim.trial.loop import TrialHook, TrialTick
+from wbc.sim.trial.push import WalkPush
+from wbc.sim.walks.trial import WalkTrial
+from wbc.walking import FootstepPlan, turn_in_place, walk_distance
+
+ROBOTS: dict[str, dict[str, Any]] = {
+    "g1": {},
+    "hrp4_class": {"foot": "long_arch", "stiffness": 5.0},
+    "talos": {},
+}
+"""Robots, g1 and talos on their own flat feet."""
+
+FIRST_SEED, SECONDS = 40_000, 120.0
+"""First seed; length of a drive, s."""
+
+PUSH, PUSH_PERIOD = 0.085, 10.0
+"""Impulse over the mass, Ns/kg, and time between pushes, s."""
+
+
+class RandomOrders(TrialHook):
+    """Another order every few seconds, and counts of what became of them."""
+
+    def __init__(self, seed: int) -> None:
+        """Draw all orders from a seed."""
+        self._random = random.Random(seed)
+        self._kind, self._until = "stand", 2.0
+        self._law = ""
+        self.counts = dict.fromkeys(("velocity", "goal", "plan", "stand", "refused", "changes"), 0)
+        self.ticks = {"lipm": 0, "stepping": 0}
+
+    def before(self, trial: Any) -> None:
+        """Give an order when the last one is over: after its time, or once the robot is there and stands."""
+        walking, now, draw = trial.walking, trial.plant.time, self._random
+        there = self._kind in ("goal", "plan") and walking.finished
+        if (now < self._until and not there) or now > SECONDS - 10.0:
+            return
+        if self._kind == "plan":
+            self.counts["refused"] += bool(walking.source.reason)
+        if self._kind == "to plan" and walking.finished:
+            self._plan(walking, now)
+            return
+        kind = draw.choices(("velocity", "goal", "plan", "stand"), (5, 2, 2, 2))[0]
+        if kind == "plan":  # begins where the feet stand
+            walking.velocity, self._kind, self._until = None, "to plan", now + 4.0
+            return
+        self._kind = kind
+        self.counts[kind] += 1
+        if kind == "velocity":
+            walking.velocity = (draw.uniform(-0.2, 0.5), draw.uniform(-0.12, 0.12), draw.uniform(-0.4, 0.4))
+            self._until = now + draw.uniform(3.0, 8.0)
+        elif kind == "goal":
+            (x, y), away = walking.controller.robot.com[:2], draw.uniform(0.3, 1.5)
+            way, yaw = draw.uniform(-math.pi, math.pi), draw.uniform(-math.pi, math.pi)
+            walking.go_to(float(x) + away * math.cos(way), float(y) + away * math.sin(way), yaw)
+            self._until = now + 15.0
+        else:
+            walking.velocity = None
+            self._until = now + draw.uniform(3.0, 6.0)
+
+    def _plan(self, walking: Any, now: float) -> None:
+        """Follow a plan of footsteps from where the robot stands."""
+        start, draw = FootstepPlan.standing(walking.controller.robot), self._random
+        if draw.random() < 0.5:
+            plan = walk_distance(start, draw.uniform(0.2, 1.0))
+        else:
+            plan = turn_in_place(start, draw.choice((-1.0, 1.0)) * draw.uniform(0.2, 1.0))
+        walking.follow(plan)
+        self._kind, self._until = "plan", now + 20.0
+        self.counts["plan"] += 1
+
+    def tick(self, tick: TrialTick) -> None:
+        """Count by which law the robot goes."""
+        walking = tick.walking
+        self.ticks[walking.law] += 1
+        self.counts["changes"] += walking.law != self._law != ""
+        self._law = walking.law
+
+
+def drive(robot: str, seed: int, impulse: float) -> dict[str, Any]:
+    """Return the record of one drive."""
+    draw = random.Random(f"pushes of {seed}")
+    times = [k * PUSH_PERIOD + draw.uniform(-3.0, 3.0) for k in range(1, int(SECONDS / PUSH_PERIOD))]
+    pushes = tuple(
+        WalkPush(time=t, impulse=impulse, direction=draw.uniform(-math.pi, math.pi)) for t in times
+    )
+    stand = ((0.0, 0.0, 0.0, 0.0), (SECONDS, 0.0, 0.0, 0.0))
+    orders = RandomOrders(seed)
+    spec = WalkSpec(
+        robot=robot, law="auto", seed=seed, plan=WalkPlan(drive=stand), pushes=pushes, **ROBOTS[robot]
+    )
+    trial = WalkTrial(spec)
+    trial.scenario.append(orders)
+    result = trial.run()
+    shares = {
+        law: round(count / max(sum(orders.ticks.values()), 1), 3) for law, count in orders.ticks.items()
+    }
+    return {
+        "robot": robot, "seed": seed, "impulse": impulse, "outcome": result.outcome, "seconds": result.seconds,
+        "steps": result.steps_done, "failures": result.failures, "fall": result.fall_reason,
+        "orders": orders.counts, "laws": shares,
+    }  # fmt: skip
+
+
+def main() -> None:
+    """Drive what the journal does not have, and print a line for each robot."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--journal", type=Path, required=True)
+    parser.add_argument("--robot", action="append", choices=tuple(ROBOTS))
+    parser.add_argument("--minutes", type=float, default=30.0, help="of each robot")
+    parser.add_argument("--impulse", type=float, default=PUSH, help="Ns/kg")
+    parser.add_argument("--table", action="store_true", help="drive nothing")
+    given = parser.parse_args()
+    lines = given.journal.read_text().splitlines() if given.journal.exists() else []
+    rows = [json.loads(line) for line in lines]
+    count, robots = math.ceil(60.0 * given.minutes / SECONDS), given.robot or list(ROBOTS)
+    had = {(row["robot"], row["seed"], row["impulse"]) for row in rows}
+    for seed in range(FIRST_SEED, FIRST_SEED + (0 if given.table else count)):
+        for robot in robots:
+            if (robot, seed, given.impulse) in had:
+                continue
+            rows.append(drive(robot, seed, given.impulse))
+            with given.journal.open("a") as journal:
+                journal.write(json.dumps(rows[-1]) + "\n")
+            print(json.dumps(rows[-1]), flush=True)
+    for robot in robots:
+        own = [row for row in rows if row["robot"] == robot and row["impulse"] == given.impulse]
+        if not own:
+            continue
+        hours = sum(row["seconds"] for row in own) / 3600.0
+        falls, steps = sum(row["outcome"] == "fell" for row in own), sum(row["steps"] for row in own)
+        changes = sum(row["orders"]["changes"] for row in own)
+        print(
+            f"{robot}: {60.0 * hours:.0f} minutes, {steps} steps, {changes} changes of law, {falls} falls "
+            f"(at most {rate_interval(falls, hours)[1]:.1f} an hour)"
+        )
+
+
+if __name__ == "__main__":
+    main()
