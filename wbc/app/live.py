@@ -67,17 +67,8 @@ class LiveView:
     ) -> tuple[ResultT, TrialT, list[WatchWalk]]:
         """Simulate a trial, and another one as often as a workbench asks for it; Ctrl-C ends one as other ends do.
 
-        Args:
-            make: Makes the trial; the port of its view is taken before it begins.
-            simulate: Runs it with hooks that show it, none without a page, and returns its result.
-            outcome: Says in a few words how it has ended.
-
-        Returns:
-            Result of the last trial, the trial, and the hooks that have shown it.
-
-        Raises:
-            InputError: A port that is in use.
-            ViewError: A page that cannot be served.
+        `simulate` gets hooks that show it, none without a page; `outcome` says in a few words how it has ended. Return
+        the result of the last trial, the trial, and its hooks.
         """
         with ExitStack() as stack:
             hooks: list[WatchWalk] = []
@@ -111,16 +102,15 @@ def with_changes(
     hooks: Sequence[WatchWalk | RepeatWalk], trial: Trial, result: dict[str, Any], text: str
 ) -> tuple[dict[str, Any], str]:
     """Return result and text with changes and end by Ctrl-C of a run, which then is not that of its options."""
-    changes = [change for hook in hooks for change in hook.interventions]
+    changes = [
+        change for hook in hooks if hook.controls is not None for change in hook.controls.interventions
+    ]
     if changes:
         from wbc.app.view.controls import intervention_text  # noqa: PLC0415 - most runs are not watched
 
         text += "".join(f"\n  CHANGED   from the page at {intervention_text(each)}" for each in changes)
     changes += ending(trial)
-    result = result | {"interactive": bool(changes)}
-    if changes:
-        result["interventions"] = changes
-    return result, text
+    return result | {"interactive": bool(changes)} | ({"interventions": changes} if changes else {}), text
 
 
 def ending(trial: Trial) -> list[dict[str, Any]]:

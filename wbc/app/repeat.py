@@ -35,10 +35,7 @@ def interventions_of(log: Log | str | Path) -> list[dict[str, Any]]:
 
 
 def recorded_walk(log: Log) -> tuple[WalkSpec, list[dict[str, Any]]]:
-    """Return the spec of a walk and its interventions; a log that was cut off ends where it was.
-
-    Raises `InputError` for a log of something else.
-    """
+    """Return the spec of a walk and its interventions; one whose log was cut off ends there."""
     plain = log.header["spec"]
     if not isinstance(plain, dict) or "plan" not in plain:
         raise InputError(f"{log.path} is no log of a walk: --repeat needs one of wbc walk --record")
@@ -62,15 +59,6 @@ class RepeatWalk(TrialHook):
         self._end = min((float(entry["time"]) for entry in entries if entry["what"] == END), default=math.inf)
         self.controls: LiveControls | None = None
 
-    @property
-    def interventions(self) -> list[dict[str, Any]]:
-        """Changes that have been repeated."""
-        return [] if self.controls is None else self.controls.interventions
-
-    def news(self) -> str:
-        """Return the changes since the last call as JSON, for a log; empty if none."""
-        return "" if self.controls is None else self.controls.news()
-
     def start(self, trial: WalkTrial) -> None:
         """See `TrialHook`."""
         self.controls = LiveControls(trial.plant, trial.walking, repeat=self._changes)
@@ -88,10 +76,7 @@ class RepeatWalk(TrialHook):
 
 
 def first_difference(log: Log, other: Log) -> str | None:
-    """Return where two logs of one run differ first, in words; None where they are the same bit for bit.
-
-    Wall-clock times are not compared, nor what comes after the end of a log that was cut off.
-    """
+    """Return where two logs of one run differ first, in words; None where they are the same bit for bit."""
     names = set(log.signals) ^ set(other.signals)
     if names:
         return f"signals that only one of them has: {', '.join(sorted(names)[:3])}"

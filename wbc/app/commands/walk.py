@@ -170,7 +170,7 @@ def walk(
 
 def _news(acting: Sequence[WatchWalk | RepeatWalk], trial: WalkTrial) -> str:
     """Return the changes since the tick before, and an end by Ctrl-C, as JSON; empty text for nothing."""
-    texts = [hook.news() for hook in acting]
+    texts = [hook.controls.news() for hook in acting if hook.controls is not None]
     entries = [entry for text in texts if text for entry in json.loads(text)] + ending(trial)
     return json.dumps(entries) if entries else ""
 

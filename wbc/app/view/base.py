@@ -1,7 +1,7 @@
 """Base of live views: the source of pictures and the pace of the run.
 
-`update` takes a picture at most so many times a second; all other calls return at once. It reads the plant and never
-writes to it: a run gives the same numbers with and without a view.
+`update` takes a picture at most so many times a second. It reads the plant and never writes to it: a run gives the same
+numbers with and without a view.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any, Self
 
 from wbc.app.view.marks import Picture
 from wbc.app.view.pace import Pace
-from wbc.app.view.stage import DescribedStage, SimulatedStage, Stage
+from wbc.app.view.stage import DescribedStage, SimulatedStage
 from wbc.core.control import DriveControl
 from wbc.core.errors import Array, InputError, WbcError, finite_scalar, positive
 from wbc.core.qp.controller import Controller
@@ -28,7 +28,6 @@ from wbc.walking.control import ReferenceControl
 if TYPE_CHECKING:
     from wbc.core.robot import Robot
     from wbc.core.signals import Measurement
-    from wbc.sim.plant.truth import GroundTruth
     from wbc.sim.terrain.spec import Terrain
 
 LOCAL = "127.0.0.1"
@@ -36,6 +35,9 @@ LOCAL = "127.0.0.1"
 
 FIRST_PORT, PORTS = 7000, 200
 """Ports that are tried when none is given."""
+
+RATE = 20.0
+"""Largest rate of pictures unless told otherwise, 1/s."""
 
 
 class ViewError(WbcError):
@@ -61,9 +63,6 @@ class View(ABC):
         closed: True after `close`.
     """
 
-    RATE: float
-    """Largest rate of pictures unless told otherwise, 1/s."""
-
     url: str
 
     def __init__(
@@ -74,7 +73,7 @@ class View(ABC):
         program: Program | None = None,
         terrain: Terrain | None = None,
         port: int | None = None,
-        rate: float | None = None,
+        rate: float = RATE,
         speed: float | None = None,
     ) -> None:
         """Start serving the page; its address goes to the standard error.
@@ -86,7 +85,7 @@ class View(ABC):
             program: Program whose state is shown.
             terrain: The ground under a described robot; flat when None. A simulation has its own.
             port: Port of the page; the first free one from 7000 on when None.
-            rate: Largest rate of pictures, 1/s; `RATE` when None.
+            rate: Largest rate of pictures, 1/s.
             speed: Hold the run back to this multiple of real time, 1 for real time; None never waits.
 
         Raises:
@@ -95,7 +94,7 @@ class View(ABC):
             PortError: The port is in use.
             ViewError: A workbench without viser.
         """
-        self._period = 1.0 / positive("rate of the view (1/s)", self.RATE if rate is None else rate)
+        self._period = 1.0 / positive("rate of the view (1/s)", rate)
         self._pace = Pace(None if speed is None else positive("speed of the view", speed))
         self._next, self.frames, self.closed = -math.inf, 0, False
         self._set_source(source, control, program, terrain)
@@ -120,7 +119,7 @@ class View(ABC):
         self._program = program
         self._controller = control if isinstance(control, Controller | None) else control.controller
         self.walking = control if isinstance(control, ReferenceControl) else None
-        self.stage: Stage
+        self.stage: SimulatedStage | DescribedStage
         if isinstance(source, RobotDescription):
             if self.walking is not None:
                 raise InputError("a walk is shown with its plant; give the plant in place of the description")
@@ -159,8 +158,7 @@ class View(ABC):
     def _send(self, picture: Picture) -> None:
         """Show a picture."""
 
-    @abstractmethod
-    def _take_orders(self, time: float, picture: Callable[[], Picture]) -> None:
+    def _take_orders(self, time: float, picture: Callable[[], Picture]) -> None:  # noqa: B027 - a page may give none
         """Carry out what the page has ordered before a tick at a time (s), and wait while it holds the run."""
 
     @abstractmethod
@@ -169,20 +167,13 @@ class View(ABC):
 
     # ---- the run ----------------------------------------------------------------------------------------------------
 
-    def update(
-        self,
-        state: Robot | Array | None = None,
-        *,
-        measurement: Measurement | None = None,
-        truth: GroundTruth | None = None,
-    ) -> None:
+    def update(self, state: Robot | Array | None = None, *, measurement: Measurement | None = None) -> None:
         """Show the present state, unless the last picture is too recent; wait for the pace.
 
         Args:
             state: Only of a described robot: the robot, up to date, or a configuration of shape (nq,).
             measurement: The latest measurement: of a plant, to show the rays of range sensors; of a described robot,
                 for time and contact wrenches of the soles.
-            truth: Only of a described robot: its true state, in place of `state` and `measurement`.
 
         Raises:
             InputError: A state given with a simulation, none of a described robot, or one of another robot.
@@ -190,23 +181,20 @@ class View(ABC):
         """
         if self.closed:
             raise ViewError("the live view has been closed; open another one")
-        stage, read, now = self.stage, truth or measurement, None
+        stage = self.stage
+        if isinstance(stage, SimulatedStage) is not (state is None):
+            raise InputError(
+                "a view takes the state of a simulation from there, that of a description by update(robot)"
+            )
+        now = None if measurement is None else measurement.time
         if isinstance(stage, SimulatedStage):
-            if state is not None or truth is not None:
-                raise InputError(
-                    "a view of a simulation takes its state from there; leave state and truth out"
-                )
             now = stage.robot.time
-        elif state is None and truth is None:
-            raise InputError("a view of a robot description needs a state: update(robot)")
-        elif read is not None:
-            now = read.time
 
         def picture() -> Picture:
             if isinstance(stage, SimulatedStage):
                 return stage.picture(measurement)
-            assert isinstance(stage, DescribedStage)
-            return stage.picture(truth.q if truth is not None else state, read)  # type: ignore[arg-type]
+            assert state is not None
+            return stage.picture(state, measurement)
 
         self._take_orders(0.0 if now is None else now, picture)
         self._pace.wait(now)
@@ -236,11 +224,10 @@ class View(ABC):
 
     def close(self) -> None:
         """Show the last state of a simulation and end the view; the page keeps its picture."""
-        if self.closed:
-            return
-        self._show_last()
-        self.closed = True
-        self._end()
+        if not self.closed:
+            self.closed = True
+            self._show_last()
+            self._end()
 
     def _repr_html_(self) -> str:
         return f'<iframe src="{self.url}" width="100%" height="480"></iframe>'
@@ -262,7 +249,5 @@ def free_port(port: int | None) -> int:
             except OSError:
                 continue
             return int(probe.getsockname()[1])
-    where = (
-        f"port {port}" if port is not None else f"every port from {FIRST_PORT} to {FIRST_PORT + PORTS - 1}"
-    )
+    where = f"port {port}" if port is not None else f"every port from {FIRST_PORT} on"
     raise PortError(f"{where} is in use; choose another one")

@@ -11,10 +11,8 @@ at a tick, and kept as interventions with their simulated time, which results an
     stiffness   of variable soles: each foot gets it in its next swing, as if decided by a policy, as far as its
                 actuator is sure to reach it before the landing
     task        weight, stiffness, damping, target of a task, or whether it is on
-    own         a button, slider or gizmo of the program
 
-Not offered: a footstep plan, gait, terrain and seed are checked before a walk starts and belong to another run. The
-stiffness of a passive sole is fixed by its material. A run cannot go back in time: record and replay it (`wbc view`).
+A footstep plan, gait, terrain and seed belong to another run; a run cannot go back in time: `wbc view` replays it.
 """
 
 from __future__ import annotations
@@ -32,7 +30,6 @@ import pinocchio as pin
 
 from wbc.core.errors import InputError, WbcError, choose, finite_array, finite_scalar
 from wbc.core.qp.controller import Controller
-from wbc.core.qp.task import Task
 from wbc.core.robot import GRAVITY
 from wbc.feet.soles.soft import VariableStiffnessFoot
 from wbc.sim.plant.plant import Plant
@@ -87,25 +84,18 @@ class LiveControls:
         *,
         repeat: Iterable[dict[str, Any]] = (),
     ) -> None:
-        """Find the controls that the run has: without a plant it cannot be pushed.
-
-        `controller` is the one whose tasks may be changed, that of the walk when None; `repeat` are interventions of a
-        former run, carried out again at their times.
-        """
+        """Find the controls that the run has; interventions of a former one are carried out again at their times."""
         self._plant: Any = plant
         self._walking: Any = walking
-        self.controller: Any = (
-            walking.controller if controller is None and walking is not None else controller
-        )
+        self.controller: Any = walking.controller if controller is None and walking else controller
         self.interventions: list[dict[str, Any]] = []
         self.message = ""
         self._orders: deque[dict[str, Any]] = deque(maxlen=MAX_ORDERS)  # of pages, until the next tick
         self._repeat = deque(sorted(repeat, key=lambda entry: float(entry["time"])))
-        self._own: dict[str, Callable[[Any], object]] = {}
         self._pull: tuple[str, list[float]] | None = None
         self._weights: dict[str, Any] = {}  # of tasks that are off
         self._reported, self._time = 0, 0.0
-        self._actions: dict[str, Callable[[dict[str, Any]], dict[str, Any]]] = {"own": self._call}
+        self._actions: dict[str, Callable[[dict[str, Any]], dict[str, Any]]] = {}
         if self.controller is not None:
             self._actions["task"] = self._set_task
         if plant is not None:
@@ -118,20 +108,6 @@ class LiveControls:
                 self._actions["drive"] = self._drive
             if self.variable_foot is not None:
                 self._actions["stiffness"] = self._set_stiffness
-
-    def add_own(self, name: str, take: Callable[[Any], object]) -> None:
-        """Add a control of the program: a function takes the value of each order with its name, which must be free."""
-        if name in self._own:
-            raise InputError(f"there is a control '{name}' already; choose another name")
-        self._own[name] = take
-
-    def check_task(self, task: Task) -> Task:
-        """Return a task, after a check that it belongs to the controller of this run and that its target may be set."""
-        if self.controller is None or not any(task is each for each in self.controller.tasks):
-            raise InputError(f"{task!r} is no task of the controller that is shown; add it there first")
-        if task.held_by is not None:
-            raise InputError(f"the target of task '{task.name}' is set at every tick: use {task.held_by}")
-        return task
 
     # ---- the tick ---------------------------------------------------------------------------------------------------
 
@@ -194,11 +170,6 @@ class LiveControls:
         """Simulated time, s."""
         return self._time if self._plant is None else self._plant.time
 
-    def _call(self, request: dict[str, Any]) -> dict[str, Any]:
-        name = choose("control", str(request.get("name")), self._own)
-        self._own[name](request.get("value"))
-        return {"name": name, "value": request.get("value")}
-
     def _set_task(self, request: dict[str, Any]) -> dict[str, Any]:
         task: Any = self.controller.task(str(request.get("task")))
         facts: dict[str, Any] = {key: request[key] for key in TASK_ORDERS if key in request}
@@ -206,7 +177,8 @@ class LiveControls:
             raise InputError(f"an order to a task has one of {', '.join(TASK_ORDERS)}")
         ((what, value),) = facts.items()
         if what == "target":
-            self.check_task(task)
+            if task.held_by is not None:
+                raise InputError(f"the target of task '{task.name}' is set at every tick: use {task.held_by}")
             task.target = target_of(task, value)
         elif what == "on":
             if task.hard:
@@ -303,7 +275,6 @@ def intervention_text(entry: dict[str, Any]) -> str:
         "stiffness": "soles told to take {value:g} Nm/rad",
         "pull": "pulled at {body} with ({force}) N",
         "task": "task {task} changed",
-        "own": "{name}",
         "end": "ended",
     }[entry["what"]]
     force = ", ".join(str(round(part)) for part in entry.get("force", ()))

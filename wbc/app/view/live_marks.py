@@ -1,10 +1,8 @@
-"""Marks and text of a run: balance, footsteps and plans of a walk, outside force, soles, range sensors."""
+"""Marks and text of a run beside its forces: support, footsteps, plans, outside force, soles, sensors and ground."""
 
 from __future__ import annotations
 
 import math
-from collections import deque
-from collections.abc import Callable, Iterable
 from typing import TYPE_CHECKING
 
 import mujoco
@@ -16,7 +14,6 @@ from wbc.app.view.marks import (
     LIFT,
     LINE,
     OUTSIDE_COLOUR,
-    PATH_COLOUR,
     POINT,
     RAY_COLOUR,
     SCAN_COLOUR,
@@ -39,11 +36,10 @@ from wbc.sim.plant.places import RobotPlaces
 from wbc.sim.plant.plant import Plant
 from wbc.sim.plant.robot import SimulatedRobot
 from wbc.tasks.stabilizer.pendulum import natural_frequency
-from wbc.walking.plans.footsteps import Footstep, heading
+from wbc.walking.plans.footsteps import heading
 
 if TYPE_CHECKING:
     from wbc.core.signals import Measurement
-    from wbc.ground import KnownGround
     from wbc.walking.control import ReferenceControl
 
 MIN_LOAD_SHARE = 0.005
@@ -52,30 +48,8 @@ MIN_LOAD_SHARE = 0.005
 MAX_STEPS = 64
 """Footsteps of each kind that are drawn, the last ones, and of those to come."""
 
-PATH_POINTS, PATH_SPACING = 128, 0.04
-"""Points of the path that are drawn, and the distance between them, m."""
-
 MAP_PERIOD = 0.5
 """Time from which on the map of the ground is drawn anew, s: it has thousands of cells."""
-
-Draw = Callable[[Picture, "Measurement | None"], None]
-"""Function that adds its marks, and lines of text, to a picture; the latest measurement is None without one."""
-
-
-def live_marks(robot: SimulatedRobot, walking: ReferenceControl | None, scale: Scale) -> list[Draw]:
-    """Return what a run has data for."""
-    draws: list[Draw] = [_Support(robot, walking, scale)]
-    if walking is not None:
-        draws = [_Footsteps(robot, walking), *draws, _Plans(robot, walking, scale)]
-        if walking.ground is not None:
-            draws.append(_Ground(robot, walking, walking.ground))
-        if walking.control.observer.outside is not None:
-            draws.append(_OutsideForce(robot, walking, scale))
-    if isinstance(robot, Plant):
-        if all(foot.variable_joints for foot in robot.feet):
-            draws.append(_Soles(robot, walking))
-        draws.append(_Rays(robot, walking))
-    return draws
 
 
 def sole_poses(places: RobotPlaces, data: mujoco.MjData) -> list[Array]:
@@ -101,25 +75,52 @@ def drift_of(robot: SimulatedRobot, walking: ReferenceControl) -> Array:
     return drift
 
 
-def moved(drift: Array, point: Array) -> Array:
-    """Return a point of the estimate's world in the true one, shape (3,), m."""
-    return np.asarray(drift[:3, :3] @ point + drift[:3, 3])
+def moved(drift: Array, points: Array) -> Array:
+    """Return points of the estimate's world in the true one, shape (…, 3), m."""
+    return np.asarray(points @ drift[:3, :3].T + drift[:3, 3])
 
 
-class _Support:
-    """True DCM and support polygon."""
+class RunMarks:
+    """Marks of all that a run has data for; footsteps, scans and map are kept from picture to picture."""
 
     def __init__(self, robot: SimulatedRobot, walking: ReferenceControl | None, scale: Scale) -> None:
         self._robot, self._walking, self._scale = robot, walking, scale
+        self._plant = plant = robot if isinstance(robot, Plant) else None
         self._omega = natural_frequency(scale.height)
+        feet = [] if plant is None else plant.feet
+        self._sizes = [(s.length, s.width) for s in [f.fit.sole for f in feet] or robot.robot.soles]
+        self._planned: dict[int, Mark] = {}
+        self._real: dict[str, Mark] = {}
+        self._standing: dict[str, int] = {}  # side → number of its stance
+        self._stances = 0
+        self._map_version, self._map_time, self._map = -1, -math.inf, np.empty((0, 3))
+        self._sites = [] if plant is None else [plant.model.site(foot.range_site).id for foot in feet]
+        self._hits: list[list[Array]] = [[] for _ in self._sites]
+        self._swing: int | None = None
+        self._springs: list[int] = []
+        if plant is not None and all(foot.variable_joints for foot in feet):
+            self._springs = [plant.model.joint(foot.variable_joints[0]).id for foot in feet]
 
-    def __call__(self, picture: Picture, measurement: Measurement | None) -> None:
+    def draw(self, picture: Picture, measurement: Measurement | None) -> None:
+        """Add marks and lines of text to a picture; the latest measurement has the rays of range sensors."""
+        walking = self._walking
+        if walking is not None:
+            drift = drift_of(self._robot, walking)
+            self._draw_footsteps(picture, walking, drift)
+            self._draw_plans(picture, walking, drift)
+            self._draw_ground(picture, walking, drift)
+            self._draw_outside_force(picture, walking, drift)
+        self._draw_support(picture)
+        if self._springs:
+            self._colour_soles(picture)
+        if self._plant is not None:
+            self._draw_rays(picture, self._plant, measurement)
+
+    def _draw_support(self, picture: Picture) -> None:
         truth = self._robot.truth()
-        load = truth.contact_force[:, 2]
-        points = truth.contact_position[load > MIN_LOAD_SHARE * self._scale.weight]
-        level = 0.0
+        points = truth.contact_position[truth.contact_force[:, 2] > MIN_LOAD_SHARE * self._scale.weight]
+        level = float(np.mean(points[:, 2])) + LIFT if len(points) else 0.0
         if len(points):
-            level = float(np.mean(points[:, 2])) + LIFT
             corners = convex_hull(points[:, :2])
             if len(corners) > 2:
                 area = np.column_stack([corners, np.full(len(corners), level)])
@@ -127,56 +128,28 @@ class _Support:
                 picture.marks.append(Mark("support", "area", area, SUPPORT_COLOUR, meaning=meaning))
         reference = None if self._walking is None else self._walking.reference
         omega = self._omega if reference is None else reference.pendulum.omega
-        dcm = truth.com[:2] + truth.com_velocity[:2] / omega
-        size = POINT * self._scale.height
-        picture.marks.append(Mark("dcm", "ball", np.array([[*dcm, level]]), DCM_COLOUR, size, "DCM"))
+        dcm = np.array([[*(truth.com[:2] + truth.com_velocity[:2] / omega), level]])
+        picture.marks.append(Mark("dcm", "ball", dcm, DCM_COLOUR, POINT * self._scale.height, "DCM"))
 
-
-class _Plans:
-    """ZMP and DCM as planned: rings."""
-
-    def __init__(self, robot: SimulatedRobot, walking: ReferenceControl, scale: Scale) -> None:
-        self._robot, self._walking, self._radius = robot, walking, 1.6 * POINT * scale.height
-
-    def __call__(self, picture: Picture, measurement: Measurement | None) -> None:
-        reference = self._walking.reference
-        if reference is None:
+    def _draw_plans(self, picture: Picture, walking: ReferenceControl, drift: Array) -> None:
+        if walking.reference is None:
             return
-        drift, (zmp, dcm) = (
-            drift_of(self._robot, self._walking),
-            (reference.pendulum.zmp, reference.pendulum.dcm),
-        )
-        for name, point, colour in (("ZMP", zmp, ZMP_COLOUR), ("DCM", (*dcm[:2], zmp[2]), DCM_COLOUR)):
-            ring = circle(moved(drift, np.asarray(point)) + (0.0, 0.0, LIFT), self._radius)
-            picture.marks.append(
-                Mark(f"{name} planned", "line", ring, colour, meaning=f"ring: {name} as planned")
-            )
+        pendulum, radius = walking.reference.pendulum, 1.6 * POINT * self._scale.height
+        dcm = np.array([*pendulum.dcm[:2], pendulum.zmp[2]])
+        for name, point, colour in (("ZMP", pendulum.zmp, ZMP_COLOUR), ("DCM", dcm, DCM_COLOUR)):
+            ring = circle(moved(drift, point) + (0.0, 0.0, LIFT), radius)
+            meaning = f"ring: {name} as planned"
+            picture.marks.append(Mark(f"{name} planned", "line", ring, colour, meaning=meaning))
 
-
-class _Footsteps:
-    """Footsteps: outlines of the planned ones, adjusted until they land, areas of the real ones; phase and step."""
-
-    def __init__(self, robot: SimulatedRobot, walking: ReferenceControl) -> None:
-        self._robot, self._walking = robot, walking
-        soles = [foot.fit.sole for foot in robot.feet] if isinstance(robot, Plant) else robot.robot.soles
-        self._sizes = [(sole.length, sole.width) for sole in soles]
-        self._planned: dict[int, Mark] = {}
-        self._real: deque[Mark] = deque(maxlen=MAX_STEPS)
-        self._standing: dict[str, int] = {}  # side -> number of its stance
-        self._stances = 0
-        self._path: deque[Array] = deque(maxlen=PATH_POINTS)
-
-    def __call__(self, picture: Picture, measurement: Measurement | None) -> None:
-        walking, drift = self._walking, drift_of(self._robot, self._walking)
+    def _draw_footsteps(self, picture: Picture, walking: ReferenceControl, drift: Array) -> None:
+        """Draw outlines of the planned footsteps, adjusted until they land, and areas of the real ones."""
         progress, soles = walking.progress, sole_poses(self._robot.places, self._robot.data)
         done = progress.steps_done
-        ahead = {
-            done + i: self._plan(done + i, step, drift)
-            for i, step in enumerate(progress.upcoming[:MAX_STEPS])
-        }
-        landed = {i: mark for i, mark in self._planned.items() if done - MAX_STEPS <= i < done}
-        self._planned = landed | ahead  # landed ones stay where they were drawn
-        now = []
+        self._planned = {i: mark for i, mark in self._planned.items() if done - MAX_STEPS <= i < done}
+        for i, step in enumerate(progress.upcoming[:MAX_STEPS], start=done):
+            size = self._sizes[SIDES.index(step.side)]
+            corners = sole_corners(*size, drift @ step.placement.homogeneous)
+            self._planned[i] = footstep(f"planned step {i}", step.side, corners, real=False)
         for side, pose, size in zip(SIDES, soles, self._sizes, strict=True):
             if side == progress.swing_side:
                 self._standing.pop(side, None)
@@ -184,43 +157,19 @@ class _Footsteps:
             if side not in self._standing:
                 self._stances += 1
                 self._standing[side] = self._stances
-            now.append(
-                footstep(f"real step {self._standing[side]}", side, sole_corners(*size, pose), real=True)
-            )
-        self._real = deque(
-            (mark for mark in self._real if mark.name not in {each.name for each in now}), MAX_STEPS
-        )
-        self._real.extend(now)
-        picture.marks += [*self._planned.values(), *self._real]
-        middle = np.asarray(np.mean([pose[:3, 3] for pose in soles], axis=0), dtype=np.float64)
-        picture.text += walk_lines(walking)
-        back = np.asarray(np.linalg.inv(drift), dtype=np.float64)
-        off, turn = (
-            float(np.linalg.norm((moved(back, middle) - middle)[:2])),
-            math.degrees(heading(drift[:3, :3])),
-        )
-        picture.text.append(f"estimate {1e3 * off:.0f} mm and {unsigned_zero(turn, 1):+.1f}° off")
-        if walking.steered:
-            if not self._path or float(np.linalg.norm(middle - self._path[-1])) > PATH_SPACING:
-                self._path.append(middle + (0.0, 0.0, LIFT))
-            if len(self._path) > 1:
-                line = np.array(self._path)
-                picture.marks.append(Mark("path", "line", line, PATH_COLOUR, 2.0 * LINE, "path of the robot"))
+            name = f"real step {self._standing[side]}"
+            self._real[name] = footstep(name, side, sole_corners(*size, pose), real=True)
+        while len(self._real) > MAX_STEPS:
+            del self._real[next(iter(self._real))]
+        picture.marks += [*self._planned.values(), *self._real.values()]
+        middle = np.mean([pose[:3, 3] for pose in soles], axis=0)
+        off = float(np.linalg.norm((moved(np.linalg.inv(drift), middle) - middle)[:2]))
+        turn = unsigned_zero(math.degrees(heading(drift[:3, :3])), 1)
+        picture.text += [*walk_lines(walking), f"estimate {1e3 * off:.0f} mm and {turn:+.1f}° off"]
 
-    def _plan(self, number: int, step: Footstep, drift: Array) -> Mark:
-        size = self._sizes[SIDES.index(step.side)]
-        corners = sole_corners(*size, drift @ step.placement.homogeneous)
-        return footstep(f"planned step {number}", step.side, corners, real=False)
-
-
-class _OutsideForce:
-    """Outside force as estimated, with the weight of the load in the models, at the middle of the hands."""
-
-    def __init__(self, robot: SimulatedRobot, walking: ReferenceControl, scale: Scale) -> None:
-        self._robot, self._walking, self._scale = robot, walking, scale
-
-    def __call__(self, picture: Picture, measurement: Measurement | None) -> None:
-        observer, load = self._walking.control.observer, self._walking.load
+    def _draw_outside_force(self, picture: Picture, walking: ReferenceControl, drift: Array) -> None:
+        """Draw the estimated force on the hands, with the weight of the load, at their middle."""
+        observer, load = walking.control.observer, walking.load
         if observer.outside is None:
             return
         force, estimated = observer.outside.wrench[:3].copy(), observer.robot
@@ -230,101 +179,51 @@ class _OutsideForce:
             force[2] -= load.applied * GRAVITY
             start = load.place
             picture.text.append(f"load {load.mass:.2f} kg")
-        drift, end = drift_of(self._robot, self._walking), start + force_reach(self._scale, force)
-        ends = np.stack([moved(drift, start), moved(drift, end)])
+        ends = moved(drift, np.stack([start, start + force_reach(self._scale, force)]))
         size, meaning = 0.012 * self._scale.height, "force on the hands, estimated"
         picture.marks.append(Mark("outside", "arrow", ends, OUTSIDE_COLOUR, size, meaning))
 
+    def _draw_ground(self, picture: Picture, walking: ReferenceControl, drift: Array) -> None:
+        """Draw the cells of the ground that are known, and the fields of view of the depth cameras."""
+        ground = walking.ground
+        if ground is None:
+            return
+        if ground.version != self._map_version and not 0.0 <= picture.time - self._map_time < MAP_PERIOD:
+            self._map_version, self._map_time = ground.version, picture.time
+            self._map = moved(drift, ground.map.known()[0])
+        if len(self._map):
+            picture.marks.append(ground_mark(self._map))
+        eyes = None if self._plant is None else self._plant.eyes
+        for k, camera in enumerate([] if eyes is None else eyes.cameras):
+            outline = camera.outline(0.3)
+            picture.marks.append(Mark(f"camera {k}", "line", outline, FRUSTUM_COLOUR, meaning="depth camera"))
 
-class _Soles:
-    """Colour of soles of variable stiffness."""
-
-    def __init__(self, plant: Plant, walking: ReferenceControl | None) -> None:
-        self._model, self._walking = plant.model, walking
-        self._springs = [plant.model.joint(foot.variable_joints[0]).id for foot in plant.feet]
-        self._bodies = sole_bodies(plant)
-
-    def __call__(self, picture: Picture, measurement: Measurement | None) -> None:
-        stiffness = [float(self._model.jnt_stiffness[joint]) for joint in self._springs]
-        for bodies, value in zip(self._bodies, stiffness, strict=True):
+    def _colour_soles(self, picture: Picture) -> None:
+        assert self._plant is not None
+        stiffness = [float(self._plant.model.jnt_stiffness[joint]) for joint in self._springs]
+        for bodies, value in zip(sole_bodies(self._plant), stiffness, strict=True):
             picture.colours |= dict.fromkeys(bodies, stiffness_colour(value))
         picture.text.append(stiffness_text(stiffness))
-        scheduler = None if self._walking is None else self._walking.stiffness
-        if scheduler is not None and scheduler.steps:
-            last = scheduler.steps[-1]
-            reason = last.fallback or "as decided"
-            picture.text.append(f"{last.side} foot landed on {last.actual:.1f} Nm/rad ({reason})")
 
-
-class _Ground:
-    """Cells of the ground that are known, and the fields of view of the depth cameras."""
-
-    def __init__(self, robot: SimulatedRobot, walking: ReferenceControl, ground: KnownGround) -> None:
-        self._robot, self._walking, self._ground = robot, walking, ground
-        self._version, self._points, self._drawn = -1, np.empty((0, 3)), -math.inf
-        eyes = robot.eyes if isinstance(robot, Plant) else None
-        self._cameras = [] if eyes is None else eyes.cameras
-
-    def __call__(self, picture: Picture, measurement: Measurement | None) -> None:
-        if self._ground.version != self._version and not 0.0 <= picture.time - self._drawn < MAP_PERIOD:
-            self._drawn = picture.time
-            self._version, (points, _) = self._ground.version, self._ground.map.known()
-            drift = drift_of(self._robot, self._walking)
-            self._points = np.asarray(points @ drift[:3, :3].T + drift[:3, 3])
-        if len(self._points):
-            picture.marks.append(ground_mark(self._points))
-        for k, camera in enumerate(self._cameras):
-            line = camera.outline(0.3)
-            picture.marks.append(Mark(f"camera {k}", "line", line, FRUSTUM_COLOUR, meaning="depth camera"))
-
-
-class _Rays:
-    """Rays of the range sensors, and the ground that the swing foot has scanned so far.
-
-    After the landing, the profile on which the stiffness was decided replaces the scanned points.
-    """
-
-    def __init__(self, plant: Plant, walking: ReferenceControl | None) -> None:
-        self._plant, self._walking = plant, walking
-        self._sites = [plant.model.site(foot.range_site).id for foot in plant.feet]
-        self._hits: list[list[Array]] = [[] for _ in self._sites]
-        self._swing: int | None = None
-        self._steps = 0
-
-    def __call__(self, picture: Picture, measurement: Measurement | None) -> None:
-        self._follow_walk()
-        measured, data = None if measurement is None else measurement.sole_range, self._plant.data
-        for i, site in enumerate(self._sites):
-            distance = math.nan if measured is None else float(measured[i])
-            if math.isfinite(distance):
-                start = data.site_xpos[site].copy()
-                end = start + distance * data.site_xmat[site].reshape(3, 3)[:, 2]
-                ray = np.stack([start, end])
-                picture.marks.append(Mark(f"ray {i}", "line", ray, RAY_COLOUR, meaning="range ray"))
-                if self._swing == i:
-                    self._hits[i].append(end + (0.0, 0.0, LIFT))
-            if len(self._hits[i]) > 1:
-                line = np.array(self._hits[i])
-                picture.marks.append(
-                    Mark(f"scan {i}", "line", line, SCAN_COLOUR, 2.0 * LINE, "ground as scanned")
-                )
-
-    def _follow_walk(self) -> None:
-        """Start a scan with every swing; take the profile of the last step after its landing."""
-        walking = self._walking
-        if walking is None:
-            return
-        swing = walking.progress.swing
+    def _draw_rays(self, picture: Picture, plant: Plant, measurement: Measurement | None) -> None:
+        """Draw the rays of the range sensors, and the ground that each foot has scanned in its last swing."""
+        swing = None if self._walking is None else self._walking.progress.swing
         if swing is not None and swing != self._swing:
             self._hits[swing] = []
         self._swing = swing
-        scheduler = walking.stiffness
-        if scheduler is not None and scheduler.steps:
-            last = scheduler.steps[-1]
-            if last.step + 1 != self._steps and last.profile is not None:
-                drift = drift_of(self._plant, walking)
-                self._hits[SIDES.index(last.side)] = [moved(drift, point) for point in last.profile.points]
-            self._steps = last.step + 1
+        ranges = None if measurement is None else measurement.sole_range
+        for i, site in enumerate(self._sites):
+            distance = math.nan if ranges is None else float(ranges[i])
+            if math.isfinite(distance):
+                start = plant.data.site_xpos[site].copy()
+                end = start + distance * plant.data.site_xmat[site].reshape(3, 3)[:, 2]
+                ray = np.stack([start, end])
+                picture.marks.append(Mark(f"ray {i}", "line", ray, RAY_COLOUR, meaning="range ray"))
+                if swing == i:
+                    self._hits[i].append(end + (0.0, 0.0, LIFT))
+            if len(self._hits[i]) > 1:
+                line, meaning = np.array(self._hits[i]), "ground as scanned"
+                picture.marks.append(Mark(f"scan {i}", "line", line, SCAN_COLOUR, 2.0 * LINE, meaning))
 
 
 def sole_bodies(plant: Plant) -> list[list[int]]:
@@ -335,7 +234,7 @@ def sole_bodies(plant: Plant) -> list[list[int]]:
     ]
 
 
-def stiffness_text(stiffness: Iterable[float]) -> str:
+def stiffness_text(stiffness: list[float]) -> str:
     """Return the stiffness of both soles (Nm/rad) as text."""
     return "soles " + " and ".join(f"{value:.1f}" for value in stiffness) + " Nm/rad"
 

@@ -25,7 +25,6 @@ FORCE_COLOURS: dict[str, Colour] = {"ground": (0.10, 0.60, 0.25, 0.9), "push": (
 SIDE_COLOURS: dict[str, Colour] = {"left": (0.0, 0.45, 0.70, 1.0), "right": (0.84, 0.37, 0.0, 1.0)}
 SUPPORT_COLOUR: Colour = (0.0, 0.62, 0.45, 0.35)
 OUTSIDE_COLOUR: Colour = (0.55, 0.25, 0.10, 0.9)
-PATH_COLOUR: Colour = (0.25, 0.25, 0.3, 0.8)
 RAY_COLOUR: Colour = (0.90, 0.20, 0.20, 0.9)
 SCAN_COLOUR: Colour = (0.95, 0.90, 0.25, 1.0)
 GROUND_COLOUR: Colour = (0.10, 0.35, 0.75, 1.0)

@@ -1,19 +1,15 @@
-"""MeshCat's server in a process of its own: `python -m wbc.app.view.meshcat_server PORT`.
+"""MeshCat's server in a process of its own, on this machine alone: `python -m wbc.app.view.meshcat_server PORT`.
 
-MeshCat binds its page to every network; here it is bound to this machine alone. The process prints the address that
-takes commands, then a line for each page that opens or closes, and ends when its standard input is closed.
+It prints the address that takes commands, then a line for each page that opens or closes, and ends with its input.
 """
 
 from __future__ import annotations
 
 import sys
-import threading
 from functools import partial
 from typing import Any
 
 from meshcat.servers.zmqserver import WebSocketHandler, ZMQWebSocketBridge
-
-LOCAL = "127.0.0.1"
 
 LAST = 0.5
 """Time in which pages take the last picture, s."""
@@ -37,24 +33,25 @@ class Page(WebSocketHandler):  # type: ignore[misc]
 
 
 class Bridge(ZMQWebSocketBridge):  # type: ignore[misc]
-    """MeshCat's server, bound to this machine."""
+    """MeshCat's server; as it comes it would listen to every network."""
 
     def make_app(self) -> Any:
         """Return the application."""
         app = super().make_app()
         app.add_handlers(".*", [("/", Page, {"bridge": self})])
-        app.listen = partial(app.listen, address=LOCAL)
+        app.listen = partial(app.listen, address=self.host)
         return app
 
 
 if __name__ == "__main__":
     bridge = Bridge(port=int(sys.argv[1]))
+    loop = bridge.ioloop
+
+    def end(stdin: Any, events: int) -> None:
+        """Stop when the program that has started the server has ended, or has closed its view."""
+        loop.remove_handler(stdin)
+        loop.call_later(LAST, loop.stop)
+
+    loop.add_handler(sys.stdin, end, loop.READ)
     print(bridge.zmq_url, flush=True)
-
-    def wait_for_end() -> None:
-        """Stop the server when the program that has started it has ended."""
-        sys.stdin.read()
-        bridge.ioloop.add_callback(bridge.ioloop.call_later, LAST, bridge.ioloop.stop)
-
-    threading.Thread(target=wait_for_end, daemon=True).start()
     bridge.run()

@@ -8,7 +8,7 @@ import mujoco
 import numpy as np
 import pinocchio as pin
 
-from wbc.app.view.live_marks import live_marks
+from wbc.app.view.live_marks import RunMarks
 from wbc.app.view.marks import Force, Picture, Scale, balance_marks
 from wbc.core.conventions import configuration_to_mujoco
 from wbc.core.errors import Array, InputError, finite_array
@@ -24,7 +24,6 @@ from wbc.tasks.stabilizer.zmp import NoContactForceError, cop, zmp
 if TYPE_CHECKING:
     from wbc.core.signals import Measurement
     from wbc.robots import RobotDescription
-    from wbc.sim.plant.truth import GroundTruth
     from wbc.walking.control import ReferenceControl
 
 MIN_LOAD = 1.0
@@ -58,7 +57,7 @@ class SimulatedStage:
         self.floor = float(robot.terrain.surface.floor) if isinstance(robot, Plant) else 0.0
         height = float(robot.truth().com[2]) - self.floor
         self.scale = Scale(height, robot.robot.mass * GRAVITY)
-        self._draws = live_marks(robot, walking, self.scale)
+        self._marks = RunMarks(robot, walking, self.scale)
 
     def picture(self, measurement: Measurement | None) -> Picture:
         """Return the present picture; the latest measurement has the rays of range sensors."""
@@ -75,13 +74,11 @@ class SimulatedStage:
         pushed = np.flatnonzero(data.xfrc_applied[:, :3].any(axis=1) & robot.places.of_robot)
         forces += [Force("push", data.xipos[i].copy(), data.xfrc_applied[i, :3].copy()) for i in pushed]
         wrench = np.concatenate([force.sum(axis=0), np.cross(position, force).sum(axis=0)])
-        level = (
-            float(force[:, 2] @ position[:, 2] / force[:, 2].sum()) if force[:, 2].sum() > 0.0 else self.floor
-        )
+        total = float(force[:, 2].sum())
+        level = float(force[:, 2] @ position[:, 2]) / total if total > 0.0 else self.floor
         marks = balance_marks(self.scale, truth.com, zmp_of(wrench, level), forces, level)
         picture = Picture(robot.time, marks, target=truth.com)
-        for draw in self._draws:
-            draw(picture, measurement)
+        self._marks.draw(picture, measurement)
         return picture
 
 
@@ -102,12 +99,8 @@ class DescribedStage:
         configuration_to_mujoco(q, self.places.joint_qpos, out=self.data.qpos)
         mujoco.mj_kinematics(self.model, self.data)
 
-    def picture(self, state: Robot | Array, read: Measurement | GroundTruth | None) -> Picture:
-        """Return a state: a robot of the same model, up to date, or a configuration, shape (nq,).
-
-        Time and contact wrenches of the soles are those of a measurement. Another robot, or a configuration of the
-        wrong shape or not finite, is an `InputError`.
-        """
+    def picture(self, state: Robot | Array, read: Measurement | None) -> Picture:
+        """Return the picture of a robot of this model, up to date, or of a configuration, and of a measurement."""
         robot = self.robot
         if isinstance(state, Robot):
             if state.model.nq != robot.nq or state.model.nframes != robot.model.nframes:
@@ -128,10 +121,7 @@ class DescribedStage:
 
 
 def sole_force(position: Array, rotation: Array, wrench: Array) -> list[Force]:
-    """Return the contact force of a sole at its centre of pressure; empty without contact.
-
-    Centre (m) and frame of the sole are in the world, the wrench, shape (6,), N and Nm, is in the frame.
-    """
+    """Return the contact force of a sole by the wrench in its frame, at its centre of pressure; empty without one."""
     if not (np.isfinite(wrench).all() and wrench[2] >= MIN_LOAD):
         return []
     return [Force("ground", position + rotation[:, :2] @ cop(wrench), rotation @ wrench[:3])]

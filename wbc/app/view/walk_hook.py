@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from wbc.app.view.base import View
+from wbc.app.view.base import RATE, View
 from wbc.app.view.meshcat_view import MeshcatView
 from wbc.core.errors import finite_scalar
 from wbc.sim.trial.loop import TrialHook
 
 if TYPE_CHECKING:
+    from wbc.app.view.controls import LiveControls
     from wbc.app.view.workbench import Workbench
     from wbc.sim.trial.loop import Trial, TrialTick
 
@@ -28,7 +29,7 @@ class WatchWalk(TrialHook):
         *,
         workbench: bool = False,
         port: int | None = None,
-        rate: float | None = None,
+        rate: float = RATE,
         speed: float | None = 1.0,
         wait: float = 0.0,
         stay: bool = False,
@@ -49,13 +50,9 @@ class WatchWalk(TrialHook):
         return self.view if self._workbench else None  # type: ignore[return-value]
 
     @property
-    def interventions(self) -> list[dict[str, Any]]:
-        """Changes made from the page; empty if the walk follows its spec."""
-        return [] if self.bench is None else self.bench.interventions
-
-    def news(self) -> str:
-        """Return the changes made from the page since the last call as JSON, for a log; empty if none."""
-        return "" if self.bench is None else self.bench.controls.news()
+    def controls(self) -> LiveControls | None:
+        """Controls of the page, with the changes made there; None without any."""
+        return None if self.bench is None else self.bench.controls
 
     def open(self, trial: Trial) -> None:
         """Show a trial; `start` does so, too, but a caller may want to know earlier that the port is free."""

@@ -9,9 +9,8 @@ import math
 import time as clock
 from collections import deque
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass
 from functools import partial
-from typing import Any, Generic, TypeVar
+from typing import Any
 
 import numpy as np
 import pinocchio as pin
@@ -23,11 +22,11 @@ from wbc.app.view.marks import Picture
 from wbc.app.view.stage import SimulatedStage
 from wbc.app.view.viser_page import ViserPage, start_server, stop_server
 from wbc.app.view.widgets import Gizmo, Widgets, round_up, when
-from wbc.core.errors import Array, InputError, finite_scalar
+from wbc.core.errors import Array
 from wbc.core.qp.task import Task
 from wbc.robots import RobotDescription
 from wbc.sim.plant.robot import SimulatedRobot
-from wbc.tasks.behaviours import Program, StateMachine
+from wbc.tasks.behaviours import Program
 from wbc.tasks.stabilizer.gains import LIMITS, StabilizerGains
 
 SPEEDS = {"0.1": 0.1, "0.25": 0.25, "0.5": 0.5, "1": 1.0, "2": 2.0, "4": 4.0, "as fast as it goes": None}
@@ -55,52 +54,17 @@ GAINS = (
 )
 """Gains of a task: name, unit and hint."""
 
-ValueT = TypeVar("ValueT")
-
-
-@dataclass
-class Setting(Generic[ValueT]):
-    """Setting of a slider of a program.
-
-    Attributes:
-        value: Value at the present tick.
-    """
-
-    value: ValueT
-
 
 class Workbench(View):
     """A live view with controls of everything that the run has: see `View` for what it shows.
 
     Each task has a folder: gizmo on its target, weight, gains, on or off. Ctrl and the mouse pull at a link; a robot
-    that is steered is driven by sliders or keys. A program of one's own adds buttons and sliders.
-    Orders are carried out at ticks and kept in `interventions`; `repeat` carries them out again. Whoever reaches the
-    page, on this machine, changes the run.
+    that is steered is driven by sliders or keys. Orders are carried out at ticks and kept in `interventions`. Whoever
+    reaches the page, on this machine, changes the run.
 
     Attributes:
         controls: Controls of the page, with the changes so far.
     """
-
-    RATE = 20.0
-
-    def __init__(
-        self,
-        source: SimulatedRobot | RobotDescription,
-        control: Any = None,
-        *,
-        repeat: Iterable[dict[str, Any]] = (),
-        **options: Any,
-    ) -> None:
-        """Start serving the page; see `View` for the other options and what is raised.
-
-        Args:
-            source: A plant or a `MujocoLoop`; or the description of a robot whose states are given to `update`.
-            control: A walk, a control of drives or a `Controller`.
-            repeat: Interventions of a former run, carried out again at their times, see `interventions_of`.
-            **options: Program, terrain, port, rate and speed.
-        """
-        self._repeat = list(repeat)
-        super().__init__(source, control, **options)
 
     def show(
         self, source: SimulatedRobot | RobotDescription, control: Any = None, program: Program | None = None
@@ -117,7 +81,7 @@ class Workbench(View):
     def _build(self) -> None:
         server, stage = self._server, self.stage
         robot = stage.robot if isinstance(stage, SimulatedStage) else None
-        self.controls = LiveControls(robot, self.walking, self._controller, repeat=self._repeat)
+        self.controls = LiveControls(robot, self.walking, self._controller)
         for command in self._commands:
             command.remove()
         self._commands.clear()
@@ -155,17 +119,7 @@ class Workbench(View):
         self._pace.restart()
 
     def ended(self, how: str) -> bool:
-        """Say on the page how the run has ended, and wait there: True for a restart, False when the page is left.
-
-            while True:
-                simulate(plant, control, view)
-                if not view.ended("fallen"):
-                    break
-                plant.reset()  # and the control; or view.show(another_plant, another_control)
-
-        Args:
-            how: A few words.
-        """
+        """Say on the page in a few words how the run has ended; True if it asks for a restart, False if it is left."""
         answers: deque[bool] = deque()
         self._show_last()
         gui = self._server.gui
@@ -181,67 +135,6 @@ class Workbench(View):
         folder.remove()
         self._pace.restart()
         return bool(answers) and answers[0]
-
-    # ---- a program's own controls -----------------------------------------------------------------------------------
-
-    def button(self, name: str, call: Callable[[], object]) -> None:
-        """Add a button.
-
-        Args:
-            name: Label, unique among the program's controls.
-            call: Called at the tick after a click.
-
-        Raises:
-            InputError: A name that is taken, or not a function.
-        """
-        self._add_own(name, lambda _: call(), call)
-        with self._folder():
-            self._widgets.button(name, lambda: {"do": "own", "name": name})
-
-    def slider(
-        self,
-        name: str,
-        low: float,
-        high: float,
-        value: float,
-        call: Callable[[float], object] | None = None,
-        unit: str = "",
-    ) -> Setting[float]:
-        """Add a slider, and return its setting.
-
-        Args:
-            name: Label, unique among the program's controls.
-            low: Lowest value.
-            high: Highest value.
-            value: Value at the start.
-            call: Called with the value at the tick after a change.
-            unit: Unit for the label.
-
-        Raises:
-            InputError: A name that is taken, or a value out of range.
-        """
-        if not finite_scalar(f"low of slider '{name}'", low) < finite_scalar(
-            f"high of slider '{name}'", high
-        ):
-            raise InputError(f"slider '{name}' needs low below high, got {low:g} and {high:g}")
-        what = f"value of slider '{name}'"
-        setting = Setting(finite_scalar(what, value, low=low, high=high))
-
-        def take(given: Any) -> None:
-            setting.value = finite_scalar(what, given, low=low, high=high)
-            if call is not None:
-                call(setting.value)
-
-        self._add_own(name, take, call)
-        with self._folder():
-            label = f"{name} ({unit})" if unit else name
-            self._widgets.slider(label, low, high, value, "", {"do": "own", "name": name})
-        return setting
-
-    def _add_own(self, name: str, take: Callable[[Any], object], call: object) -> None:
-        if call is not None and not callable(call):
-            raise InputError(f"control '{name}' needs a function, got {call!r}")
-        self.controls.add_own(name, take)
 
     # ---- the page ---------------------------------------------------------------------------------------------------
 
@@ -279,7 +172,6 @@ class Workbench(View):
         if program is not None:
             with gui.add_folder("program"):
                 self._widgets.text(lambda: program_text(program))
-        self._own_folder: Any = None
         if "drive" in offered and walking is not None:
             self._drive_folder(walking.velocity_limits)
         if "stop" in offered and "drive" not in offered:
@@ -307,7 +199,7 @@ class Workbench(View):
         self._match()
 
     def _match(self) -> None:
-        """Make the folders of the tasks anew when tasks have come or gone, as with a state of a program."""
+        """Make the folders of the tasks anew when tasks have come or gone."""
         controller, gui = self.controls.controller, self._server.gui
         present = [] if controller is None else list(controller.tasks)
         if present == self._tasks:
@@ -322,12 +214,6 @@ class Workbench(View):
         with self._task_room:
             for task in present:
                 self._task_folder(task)
-
-    def _folder(self) -> Any:
-        """Folder of the program's own controls."""
-        if self._own_folder is None:
-            self._own_folder = self._server.gui.add_folder("own controls", order=-1.0)
-        return self._own_folder
 
     def _drive_folder(self, limits: Iterable[float]) -> None:
         gui, parts = self._server.gui, ("forward", "left", "turn")
@@ -426,16 +312,9 @@ class Workbench(View):
 
 
 def program_text(program: Program) -> str:
-    """Return the present state of a program, where its outcomes lead, and what was before."""
-    lines = [f"**{program.path}**" if not program.ended else f"ended: **{program.outcome}**"]
-    machine: Any = program.machine
-    for name in () if program.ended else program.path.split("/")[1:]:
-        follows = machine.transitions[name]
-        lines += [f"{name}: {outcome} → {goal}" for outcome, goal in follows.items()]
-        machine = machine.states[name]
-        if not isinstance(machine, StateMachine):
-            break
-    return "  \n".join([*lines, *(f"{t:.2f} s {path}: {how}" for t, path, how in program.history[-5:])])
+    """Return the present state of a program, and how the last ones ended."""
+    now = f"ended: **{program.outcome}**" if program.ended else f"**{program.path}**"
+    return "  \n".join([now, *(f"{t:.2f} s {path}: {how}" for t, path, how in program.history[-5:])])
 
 
 def _has_place(task: Any) -> bool:
