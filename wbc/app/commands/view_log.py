@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
+from contextlib import suppress
+from functools import partial
 from pathlib import Path
 from typing import Annotated, Any
 
 from cyclopts import Parameter
-from rich.progress import Progress
+from rich.progress import track
 
 from wbc.app.files import FILMS
 from wbc.app.live import Port
@@ -88,22 +88,13 @@ def view(
             player.run()
         player.close()
         return output.report(facts | {"url": player.url}, "replay ended")
+    bar = partial(track, description=out.name, console=progress_console(), transient=True)
     if out.suffix.lower() == ".rrd":
-        with _bar("converting") as progress:
-            reason = convert_log(opened, out, rate=options.rate, progress=progress)
+        reason = convert_log(opened, out, rate=options.rate, progress=bar)
         note = f"; no pictures: {reason}" if reason else ""
         return output.report(facts | {"without_scene": reason}, f"{out}: {len(opened)} ticks{note}")
     replay = Replay(opened)
-    with _bar("filming") as progress:
-        pictures = render_video(
-            replay, out, rate=options.rate, speed=options.speed, size=options.size, progress=progress
-        )
+    pictures = render_video(
+        replay, out, rate=options.rate, speed=options.speed, size=options.size, progress=bar
+    )
     return output.report(facts | {"pictures": pictures}, f"{out}: {pictures} pictures")
-
-
-@contextmanager
-def _bar(what: str) -> Iterator[Callable[[int, int], None]]:
-    """Show the progress and the time left."""
-    with Progress(console=progress_console(), transient=True) as bar:
-        task = bar.add_task(what)
-        yield lambda done, total: bar.update(task, completed=done, total=total)

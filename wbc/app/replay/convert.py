@@ -7,7 +7,7 @@ follow: ground, bodies with their frames, and marks such as contact forces and f
 from __future__ import annotations
 
 import importlib.util
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -28,7 +28,7 @@ RATE = 30.0
 
 
 def check_conversion(path: str | Path, inputs: Iterable[str | Path] = ()) -> Path:
-    """Return the path of a file to convert to after a check by `check_target`; `InputError` without rerun, too."""
+    """Return the path of a file to convert to, after `check_target` and a check that rerun is there."""
     target = check_target("a converted log", path, (".rrd",), inputs)
     if importlib.util.find_spec("rerun") is None:
         raise InputError(f'{target.name} needs the extra "rerun": pip install -e ".[rerun]" in the clone')
@@ -40,7 +40,7 @@ def convert_log(
     path: str | Path,
     *,
     rate: Annotated[Positive, "1/s"] = RATE,
-    progress: Callable[[int, int], None] | None = None,
+    progress: Callable[[Sequence[Any]], Iterable[Any]] = iter,
 ) -> str | None:
     """Write a log as RRD.
 
@@ -48,7 +48,7 @@ def convert_log(
         log: The log.
         path: File to write, .rrd.
         rate: Pictures of the scene for each second of the run, 1/s; signals keep their own.
-        progress: Called with the number of finished groups and of all.
+        progress: Shows how far the work has come, as of `render_video`.
 
     Returns:
         Reason why the file holds the signals alone; None if it holds the scene, too.
@@ -74,13 +74,11 @@ def convert_log(
         stream: Any = rr.RecordingStream("wbc", default_enabled=True)
         stream.save(new)
         stream.send_recording_name(_plain(str(log.header.get("title") or log.path.stem)))
-        for i, (name, signals) in enumerate(groups.items()):
+        for name, signals in progress(list(groups.items())):
             _write_numbers(rr, stream, log, _plain(name), signals)
             for signal in signals:
                 if signal.kind == "text":  # lists are drawn in the scene
                     _write_texts(rr, stream, log, signal.name)
-            if progress is not None:
-                progress(i + 1, len(groups))
         if replay is not None:
             _write_scene(rr, stream, replay, rate)
         stream.disconnect()
@@ -88,7 +86,6 @@ def convert_log(
 
 
 def _plain(name: str) -> str:
-    """Return a name without spaces."""
     return "_".join(name.split())
 
 

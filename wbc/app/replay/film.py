@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Iterable, Iterator, Sequence
+from importlib.util import find_spec
 from pathlib import Path
 
 import wbc.app.offscreen  # noqa: F401 - before MuJoCo is imported
@@ -45,25 +46,16 @@ class RenderError(WbcError):
 
 
 def check_film(path: str | Path, inputs: Iterable[str | Path] = ()) -> Path:
-    """Return the path of a film to be written, after a check by `check_target` and one that it can be made here.
-
-    `RenderError` for no ffmpeg for MP4, or no offscreen rendering; the message says what to install.
-    """
+    """Return the path of a film, after `check_target` and a check that it can be made here: `RenderError` if not."""
     target = check_target("a film", path, FILMS, inputs)
-    if target.suffix.lower() == ".mp4":
-        try:
-            import imageio_ffmpeg  # noqa: F401, PLC0415 - an extra
-        except ImportError as error:
-            raise RenderError(FFMPEG_HELP) from error
+    if target.suffix.lower() == ".mp4" and find_spec("imageio_ffmpeg") is None:
+        raise RenderError(FFMPEG_HELP)
     renderer(mujoco.MjSpec().compile(), 64, 64).close()
     return target
 
 
 def renderer(model: mujoco.MjModel, width: int, height: int, samples: int = 0) -> mujoco.Renderer:
-    """Return a renderer of pictures of a size in pixels, with samples per pixel; `RenderError` without OpenGL.
-
-    With 4 samples edges are smooth; without a graphics card a picture then takes twice as long.
-    """
+    """Return a renderer of pictures of a size in pixels, with samples per pixel, 4 for smooth edges."""
     model.vis.global_.offwidth, model.vis.global_.offheight = width, height
     model.vis.quality.offsamples = samples
     try:
@@ -80,7 +72,7 @@ def render_video(
     rate: float = 30.0,
     speed: float = 1.0,
     size: tuple[int, int] = (960, 720),
-    progress: Callable[[int, int], None] | None = None,
+    progress: Callable[[Sequence[int]], Iterable[int]] = iter,
 ) -> int:
     """Film a replay.
 
@@ -90,7 +82,7 @@ def render_video(
         rate: Pictures a second; a GIF takes at most 20.
         speed: Seconds of the run in a second of the film.
         size: Width and height, pixels; even numbers.
-        progress: Called after each picture with the number of finished pictures and of all.
+        progress: Shows how far the work has come, such as `tqdm.tqdm`: called with all ticks, it yields them.
 
     Returns:
         Number of pictures.
@@ -108,30 +100,21 @@ def render_video(
     ticks = replay.ticks(rate, speed)
     write = _write_gif if gif else _write_mp4
     with replacing(target) as new:
-        write(new, _pictures(replay, ticks, rate, size, progress), rate, size)
+        write(new, _pictures(replay, progress(ticks), rate, size), rate, size)
     return len(ticks)
 
 
-def _pictures(
-    replay: Replay,
-    ticks: list[int],
-    rate: float,
-    size: tuple[int, int],
-    progress: Callable[[int, int], None] | None,
-) -> Iterator[Pixels]:
-    """Yield the pictures."""
+def _pictures(replay: Replay, ticks: Iterable[int], rate: float, size: tuple[int, int]) -> Iterator[Pixels]:
     height = replay.scale.height
     camera, places = mujoco.MjvCamera(), replay.base_places
     camera.distance, camera.azimuth, camera.elevation = 3.2 * height, 130.0, -12.0
-    camera.lookat[:] = (*places[ticks[0], :2], replay.floor + 0.85 * height)
+    camera.lookat[:] = (*places[0, :2], replay.floor + 0.85 * height)
     share = 1.0 - np.exp(-1.0 / (rate * FOLLOW_TIME))
     with renderer(replay.model, *size) as drawn:
-        for i, tick in enumerate(ticks):
+        for tick in ticks:
             picture = replay.picture(tick)
             camera.lookat[:2] += share * (places[tick, :2] - camera.lookat[:2])
             yield _with_caption(draw(drawn, replay, picture, camera), replay.title, picture)
-            if progress is not None:
-                progress(i + 1, len(ticks))
 
 
 def draw(drawn: mujoco.Renderer, stage: Stage, picture: Picture, camera: mujoco.MjvCamera) -> Pixels:
@@ -183,9 +166,7 @@ def add_marks(scene: mujoco.MjvScene, marks: Sequence[Mark]) -> None:
             for start, end in zip(points, points[1:], strict=False):
                 if mark.kind == "line":
                     add(kinds.mjGEOM_CAPSULE, mark.colour, 0.5 * mark.size, start, end)
-                elif (
-                    start is not points[0]
-                ):  # an area is a fan of triangles, each half the parallelogram of two edges
+                elif start is not points[0]:  # a fan of triangles, each half the parallelogram of two edges
                     sides = np.stack([start - points[0], end - points[0]])
                     axes = np.column_stack([*sides, np.cross(*sides)])
                     add(kinds.mjGEOM_TRIANGLE, mark.colour, 1.0, points[0], axes=axes)

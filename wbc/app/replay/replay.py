@@ -13,11 +13,11 @@ from wbc.app.log.sources import position_signal
 from wbc.app.log.stances import Drift
 from wbc.app.replay.marks import Captions, LoggedMarks
 from wbc.app.view.live_marks import sole_bodies, sole_poses
-from wbc.app.view.marks import Force, Picture, Scale, balance_marks, stiffness_colour
-from wbc.app.view.stage import DescribedStage, sole_force
+from wbc.app.view.marks import Force, Picture, balance_marks, stiffness_colour
+from wbc.app.view.stage import DescribedStage, SimulatedStage, sole_force
 from wbc.core.errors import Array, InputError, positive, whole_number
 from wbc.core.files import decoding
-from wbc.core.robot import GRAVITY, SIDES
+from wbc.core.robot import SIDES
 from wbc.sim.plant.plant import Plant
 
 MOST_PICTURES = 1_000_000
@@ -50,27 +50,18 @@ class Replay:
         self.log = log
         if not len(log):
             raise InputError(f"{log.path} holds no ticks; there is nothing to replay")
-        self._described: DescribedStage | None = None
+        stage: SimulatedStage | DescribedStage
         with decoding(log.path, "log that can be replayed"):
-            parts = log.header.get("plant")
-            self.plant = None if parts is None else read_plant(dict(log.header))
+            self.plant = None if log.header.get("plant") is None else read_plant(dict(log.header))
             if self.plant is not None:
-                plant = self.plant
-                self.model, self.data, self._q = plant.model, plant.data, _states_of_plant(log, plant)
-                self.floor = float(plant.terrain.surface.floor)
-                self.scale = Scale(float(plant.truth().com[2]) - self.floor, plant.robot.mass * GRAVITY)
-                self._soles, self._places, name = sole_bodies(plant), plant.places, plant.description.name
+                stage, self._q = SimulatedStage(self.plant, None), _states_of_plant(log, self.plant)
+                self._soles, self._places = sole_bodies(self.plant), self.plant.places
             else:
-                self._described, self._q = _robot_of_loop(log)
-                stage = self._described
-                self.model, self.data, self.floor, self.scale = (
-                    stage.model,
-                    stage.data,
-                    stage.floor,
-                    stage.scale,
-                )
-                self._soles, self._places, name = [[], []], stage.places, stage.title
-            self.title = str(log.header.get("title") or name)
+                stage, self._q = _robot_of_loop(log)
+                self._soles, self._places = [[], []], stage.places
+            self._stage, self.model, self.data = stage, stage.model, stage.data
+            self.floor, self.scale = stage.floor, stage.scale
+            self.title = str(log.header.get("title") or stage.title)
             self._com = log["truth/com" if "truth/com/x" in log else "com/estimated"]
             self._wrenches = [log[f"foot/{side}/wrench_measured"] for side in SIDES]
             drift = Drift(log)
@@ -113,14 +104,13 @@ class Replay:
         """
         if whole_number("tick of a log", tick, low=0) >= len(self):
             raise InputError(f"tick of a log must be below {len(self)}, got {tick}")
-        if self._described is not None:
-            self._described.show(self._q[tick])
+        if isinstance(self._stage, DescribedStage):
+            self._stage.show(self._q[tick])
         else:
             self.data.qpos[: self._q.shape[1]] = self._q[tick]
             mujoco.mj_kinematics(self.model, self.data)
         forces = []
-        poses = sole_poses(self._places, self.data)
-        for pose, wrenches in zip(poses, self._wrenches, strict=True):
+        for pose, wrenches in zip(sole_poses(self._places, self.data), self._wrenches, strict=True):
             forces += sole_force(pose[:3, 3], pose[:3, :3], wrenches[tick])
         if self._push:
             point, force = (values[tick] for values in self._push)
@@ -147,8 +137,7 @@ def _states_of_plant(log: Log, plant: Plant) -> Array:
         name = position_signal(joint.name, plant.robot)
         if name not in log:
             raise InputError(
-                f"{log.path} has no '{name}': the plant of {log.header.get('program', 'the log')} had "
-                "other joints than the one that this version builds"
+                f"{log.path} has no '{name}': its plant had other joints than this version builds"
             )
         q[:, joint.qposadr[0]] = log[name]
     return q
