@@ -41,7 +41,7 @@ def write(path: Path, ticks: int) -> LogWriter:
     writer.begin(signals(), HEADER)
     for i in range(ticks):
         time, *com = values(i)
-        writer.row[:] = (*com, i, i % 2, time)
+        writer.row[:] = (time, *com, i % 2, i)
         phase = ("single" if i % 3 else "double") if i % 5 else None
         writer.commit([phase, np.arange(float(i % 4)) if i % 7 == 0 else None])
     return writer

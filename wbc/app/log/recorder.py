@@ -43,13 +43,7 @@ class Recorder(TrialHook):
         path: The file.
     """
 
-    def __init__(
-        self,
-        path: str | Path,
-        *,
-        spec: Any = None,
-        title: str = "",
-    ) -> None:
+    def __init__(self, path: str | Path, *, spec: Any = None, title: str = "") -> None:
         """Open the file.
 
         Args:
@@ -65,7 +59,7 @@ class Recorder(TrialHook):
         self.path = self._writer.path
         self._spec, self._title = spec, title
         self._seed: int | None = None  # of the plant when None
-        self._added: dict[str, tuple[Signal, Callable[..., Any]]] = {}
+        self._added: list[tuple[Signal, Callable[..., Any]]] = []
         self._signals: Signals | None = None
         self._model: Robot | None = None  # of a controller of one's own
 
@@ -91,14 +85,11 @@ class Recorder(TrialHook):
         if self._signals is not None:
             raise InputError(f"signal '{name}' comes too late: add it before the first tick is recorded")
         if not callable(value):
-            raise InputError(
-                f"signal '{name}' needs a function that gives its value, such as lambda: {value!r}"
-            )
-        if name in self._added:
-            raise InputError(f"there is a signal '{name}' already; choose another name")
-        signal = Signal(name, unit, about)
+            raise InputError(f"signal '{name}' needs a function that gives its value, got {value!r}")
+        if not all(part.strip() for part in name.split("/")) or "\n" in name:
+            raise InputError(f"a signal's name is made of parts separated by '/', got {name!r}")
         function = value if _takes_the_tick(value) else lambda tick: value()  # type: ignore[call-arg]
-        self._added[name] = (signal, function)
+        self._added.append((Signal(name, unit, about), function))
 
     def __call__(
         self,
@@ -128,18 +119,11 @@ class Recorder(TrialHook):
             )
         drives = drives_of(control)
         loop = None if plant is None or isinstance(plant, Plant) else plant
+        truth = loop.truth() if loop is not None and hasattr(loop, "truth") else None
+        about = None if plant is None else plant.description
+        state = drives.observer.robot
         self._record(
-            Tick(
-                plant,
-                control,
-                measurement,
-                command,
-                None if plant is None else plant.description,
-                drives.solution,
-                None if loop is None or not hasattr(loop, "truth") else loop.truth(),
-                drives.observer.robot,
-                program=program,
-            )
+            Tick(plant, control, measurement, command, about, drives.solution, truth, state, program=program)
         )
 
     def write(
@@ -174,19 +158,15 @@ class Recorder(TrialHook):
             Tick(None, None, measurement, command, description, solution, truth, estimate, self._model)
         )
 
-    def _refuse_more(self) -> None:
+    def _record(self, tick: Tick) -> None:
         if self._writer.ended:
             raise InputError(f"the recording {self.path} has ended; make another Recorder")
-
-    def _record(self, tick: Tick) -> None:
-        self._refuse_more()
         if self._signals is None:
             self._signals = self._begin(tick)
         self._writer.commit(self._signals.read(tick, self._writer.row))
 
     def start(self, trial: WalkTrial) -> None:
-        """Take specification and seed of the walk, see `TrialHook`; `InputError` if the recording has ended."""
-        self._refuse_more()
+        """Take specification and seed of the walk, see `TrialHook`."""
         self._spec = self._spec or trial.spec
         self._seed = trial.spec.seed
 
@@ -203,7 +183,7 @@ class Recorder(TrialHook):
         _check_kind("measurement", tick.measurement, Measurement)
         _check_kind("command", tick.command, Command)
         signals = tick_signals(tick)
-        for signal, function in self._added.values():
+        for signal, function in self._added:
             _add_own(signals, signal, function, function(tick))
         self._writer.begin(signals, make_header(tick, self._spec, self._title, self._seed))
         return signals

@@ -5,9 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from typing import Any, Literal, TypeVar, cast
-
-import numpy as np
+from typing import Any, Literal, NamedTuple, TypeVar, cast
 
 from wbc.core.drive.position import PositionControl
 from wbc.core.drive.torque import TorqueControl
@@ -15,7 +13,6 @@ from wbc.core.errors import Array, InputError
 from wbc.core.qp.controller import Controller
 from wbc.core.qp.solution import Solution
 from wbc.core.robot import Robot
-from wbc.core.settings import settings
 from wbc.core.signals import Command, Measurement
 from wbc.robots import RobotDescription
 from wbc.sim import MujocoLoop, Plant
@@ -36,23 +33,23 @@ Control = PositionControl | TorqueControl | ReferenceControl
 
 @dataclass(slots=True, eq=False)
 class Tick:
-    """State of a run after a command has been computed and before the plant takes it.
+    """State of a run after a command has been computed and before the plant takes it; None for what a run has not.
 
     Attributes:
-        plant: The plant or loop; None without one.
-        control: The walk, or position or torque control; None for a controller of one's own.
+        plant: The plant or loop.
+        control: The walk, or position or torque control.
         measurement: Input of the control.
         command: Output of the control.
-        description: The robot as data; None if only its model is known.
-        solution: Solution of the QP; None without one.
-        truth: True state of a loop that is no `Plant`; None if nobody knows it.
-        estimate: Estimated robot, up to date; None if nothing estimates it.
+        description: The robot as data.
+        solution: Solution of the QP.
+        truth: True state of a loop that is no `Plant`.
+        estimate: Estimated robot, up to date.
         model: Robot of a run without a control, for names and sizes.
-        program: Program that drives the control; None without one.
-        drives: Position or torque control, also that inside a walk; None for a controller of one's own.
-        walking: Controller of a walk; None for any other.
-        reference: Reference of the walk; None without one.
-        output: Output of the stabilizer to that reference; None without one.
+        program: Program that drives the control.
+        drives: Position or torque control, also that inside a walk.
+        walking: Controller of a walk.
+        reference: Reference of the walk.
+        output: Output of the stabilizer to that reference.
     """
 
     plant: Plant | MujocoLoop | None
@@ -79,7 +76,7 @@ class Tick:
 
     @property
     def controller(self) -> Controller | None:
-        """The whole-body controller; None for a controller of one's own."""
+        """The whole-body controller."""
         return None if self.control is None else self.control.controller
 
     @property
@@ -100,8 +97,7 @@ def drives_of(control: Control) -> PositionControl | TorqueControl:
     return control if isinstance(control, (PositionControl, TorqueControl)) else control.control
 
 
-@settings
-class Signal:
+class Signal(NamedTuple):
     """One column of a log.
 
     Attributes:
@@ -116,46 +112,39 @@ class Signal:
     about: str = ""
     kind: Kind = "number"
 
-    def __post_init__(self) -> None:
-        if not self.name or any(not part.strip() for part in self.name.split("/")) or "\n" in self.name:
-            raise InputError(f"a signal's name is made of parts separated by '/', got {self.name!r}")
-
 
 class Signals:
     """Signals in the order of the file, and the functions that read their values.
 
     Attributes:
         columns: Each signal with its place: in the row of numbers that `read` fills, or among the texts and lists.
-        width: Length of a row of numbers: the arrays from the front, single numbers from the back.
+        width: Length of a row of numbers.
     """
 
     def __init__(self) -> None:
         self.columns: list[tuple[Signal, int]] = []
         self.width = 0
-        self._arrays: list[tuple[Read, Array]] = []
-        self._numbers: list[Read] = []
+        self._numbers: list[tuple[Read, int | slice]] = []
         self._objects: list[Read] = []
         self._names: set[str] = set()
-        self._groups: set[str] = set()
 
     def one(self, name: str, unit: str, about: str, read: Read, kind: Kind = "number") -> None:
-        """Describe a signal of a single value; `InputError` for a name that is taken or malformed."""
+        """Describe a signal of a single value."""
         if kind in ("text", "list"):
             self._add(Signal(name, unit, about, kind), len(self._objects))
             self._objects.append(read)
         else:
-            self._numbers.append(read)
-            self._add(Signal(name, unit, about, kind), -len(self._numbers))
+            self._numbers.append((read, self.width))
+            self._add(Signal(name, unit, about, kind), self.width)
             self.width += 1
 
     def each(self, names: Sequence[str], units: str | Sequence[str], about: str, read: Read) -> None:
-        """Describe signals whose values are one array; units are one for all, or one each. Errors as in `one`."""
-        start = self.width - len(self._numbers)
+        """Describe signals whose values are one array; units are one for all, or one each."""
+        start, self.width = self.width, self.width + len(names)
         units = [units] * len(names) if isinstance(units, str) else units
         for i, (name, unit) in enumerate(zip(names, units, strict=True)):
             self._add(Signal(name, unit, about), start + i)
-        self._arrays.append((read, np.full(len(names), math.nan)))
-        self.width += len(names)
+        self._numbers.append((read, slice(start, self.width)))
 
     def group(
         self, name: str, parts: Sequence[str], units: str | Sequence[str], about: str, read: Read
@@ -164,24 +153,17 @@ class Signals:
         self.each([f"{name}/{part}" for part in parts], units, about, read)
 
     def _add(self, signal: Signal, place: int) -> None:
-        name = signal.name
-        if name in self._names:
-            raise InputError(f"there is a signal '{name}' already; choose another name")
-        parts = name.split("/")
-        groups = {"/".join(parts[:i]) for i in range(1, len(parts))}
-        if name in self._groups or (taken := groups & self._names):
-            what = f"a group '{name}'" if name in self._groups else f"a signal '{taken.pop()}'"
-            raise InputError(f"signal '{name}' cannot be: there is {what} already; choose another name")
-        self._groups |= groups
-        self._names.add(name)
+        if signal.name in self._names:
+            raise InputError(f"there is a signal '{signal.name}' already; choose another name")
+        self._names.add(signal.name)
         self.columns.append((signal, place))
 
     def read(self, tick: Tick, row: Array) -> list[Any]:
         """Fill a row with the numbers of a tick and return its texts and lists."""
-        values = [gap if (value := read(tick)) is None else value for read, gap in self._arrays]
-        np.concatenate(values, out=row[: self.width - len(self._numbers)])
-        numbers = [math.nan if (value := read(tick)) is None else value for read in self._numbers]
-        row[-1 : -1 - len(numbers) : -1] = numbers
+        row.fill(math.nan)
+        for read, place in self._numbers:
+            if (value := read(tick)) is not None:
+                row[place] = value
         return [read(tick) for read in self._objects]
 
 

@@ -16,7 +16,7 @@ import pyarrow as pa  # type: ignore[import-untyped]
 from pyarrow import ipc
 
 from wbc.app.log.header import KEY, encode
-from wbc.app.log.signals import Kind, Signal, Signals
+from wbc.app.log.signals import Kind, Signals
 from wbc.core.errors import Array, InputError
 from wbc.core.files import FileError, check_writable
 
@@ -41,22 +41,18 @@ _log = logging.getLogger(__name__)
 
 
 class LogWriter:
-    """A log that is being written.
+    """A log that is being written, one batch at a time.
 
     Attributes:
         path: The file; an existing log is replaced when the first row is there.
-        failure: Reason why data was lost; None without a failure.
-        rows: Number of committed rows.
-        written: Number of rows in the file.
         ended: True after `close`.
     """
 
     def __init__(self, path: str | Path) -> None:
         """Check the path; `InputError` if it cannot be written, or exists and is not a log."""
-        self.path = check_path(path)
-        self.failure: str | None = None
-        self.rows = self.written = 0
-        self.ended = False
+        self.path, self.ended = check_path(path), False
+        self._failure: str | None = None
+        self._rows = self._written = 0
         self._file: Any = None
         self._out: Any = None
         self._objects: list[list[Any]] = []
@@ -64,9 +60,10 @@ class LogWriter:
     def begin(self, signals: Signals, header: dict[str, Any]) -> None:
         """Write the schema; signals cannot be added afterwards."""
         self._signals = signals.columns
-        numbers = [place for signal, place in signals.columns if signal.kind == "number"]
-        self._numbers = np.array(numbers, dtype=np.intp)
-        fields = [_field(signal) for signal, _ in signals.columns]
+        fields = [
+            pa.field(each.name, TYPES[each.kind], metadata={"unit": each.unit, "about": each.about})
+            for each, _ in signals.columns
+        ]
         self._schema = pa.schema(fields, metadata={KEY: encode(header)})
         self._block = np.full((ROWS, signals.width), np.nan)
         self._attempt(self._open)
@@ -86,39 +83,44 @@ class LogWriter:
     def commit(self, objects: list[Any]) -> None:
         """Finish the current row with its texts and lists; lists are not copied."""
         self._objects.append(objects)
-        self.rows += 1
+        self._rows += 1
         if len(self._objects) == ROWS:
             self._flush()
 
     def _flush(self) -> None:
-        if self.failure is None and self._objects:
+        if self._failure is None and self._objects:
             self._attempt(self._write)
         self._objects = []
 
     def _write(self) -> None:
-        rows = self._block[: len(self._objects)]
-        with np.errstate(all="ignore"):  # NaN stays NaN
-            numbers = iter(rows.T[self._numbers].astype(np.float32))
-        arrays = []
+        count = len(self._objects)
+        numbers, arrays = np.ascontiguousarray(self._block[:count].T), []
         for signal, place in self._signals:
-            if signal.kind == "number":
-                arrays.append(pa.array(next(numbers)))
-            elif signal.kind in ("text", "list"):
+            if signal.kind in ("text", "list"):
                 arrays.append(pa.array([row[place] for row in self._objects], TYPES[signal.kind]))
-            else:  # what is NaN is null, but a time
-                column = np.ascontiguousarray(rows[:, place])
-                arrays.append(pa.array(column, from_pandas=signal.kind != "double").cast(TYPES[signal.kind]))
+            else:  # what is NaN is null where the type has none
+                array = pa.array(numbers[place], from_pandas=signal.kind in ("whole", "flag"))
+                arrays.append(array.cast(TYPES[signal.kind]))
         self._out.write_batch(pa.RecordBatch.from_arrays(arrays, schema=self._schema))
         self._file.flush()
-        self.written += len(rows)
+        self._written += count
 
     def _attempt(self, write: Callable[[], None]) -> None:
         try:
             write()
         except Exception as error:  # a full disk must not end a walk
-            if self.failure is None:
+            if self._failure is None:
                 _log.error("the log %s ends here, the run goes on: %s", self.path, error)
-            self.failure = self.failure or f"{error}"
+            self._failure = self._failure or str(error)
+
+    @property
+    def loss(self) -> FileError | None:
+        """Error that says how much was written and why the rest was not; None if nothing was lost."""
+        if self._failure is None:
+            return None
+        return FileError(
+            f"the recording {self.path} lost data: {self._written} of {self._rows} ticks were written: {self._failure}"
+        )
 
     def close(self) -> None:
         """Write the last batch and end the file. A second call does nothing."""
@@ -129,15 +131,6 @@ class LogWriter:
         for part in (self._out, self._file):
             if part is not None:
                 self._attempt(part.close)
-
-    @property
-    def loss(self) -> FileError | None:
-        """Error that says how much was written and why the rest was not; None if nothing was lost."""
-        if self.failure is None:
-            return None
-        return FileError(
-            f"the recording {self.path} lost data: {self.written} of {self.rows} ticks were written: {self.failure}"
-        )
 
 
 def check_path(path: str | Path) -> Path:
@@ -158,8 +151,3 @@ def check_path(path: str | Path) -> Path:
     if start and start != MAGIC:
         raise InputError(f"{target} is there already and is no log; choose another name")
     return target
-
-
-def _field(signal: Signal) -> Any:
-    metadata = {"unit": signal.unit, "about": signal.about}
-    return pa.field(signal.name, TYPES[signal.kind], metadata=metadata)
