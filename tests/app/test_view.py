@@ -385,7 +385,11 @@ def test_a_browser_shows_the_robot_where_it_is(tmp_path: Path) -> None:
         head = trial.plant.model.body("head").id
         view.close()
         x, y, z = trial.plant.data.xpos[head].tolist()
-        path = json.dumps(["meshcat", "wbc", f"body {head}"])
+        above, body = [], head
+        while body > 0:
+            above.insert(0, str(body))
+            body = int(trial.plant.model.body_parentid[body])
+        path = json.dumps(["meshcat", "wbc", "0", *above])
         there = f"viewer.scene_tree.find({path}).object.matrixWorld.elements.slice(12, 15)"
         near = f"Math.hypot(p[0] - {x}, p[1] - {z}, p[2] + {y}) < 1e-3"  # y is up in the viewer's world
         browser.wait(

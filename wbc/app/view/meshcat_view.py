@@ -70,9 +70,13 @@ class MeshcatView(View):
         self._colours: dict[int, Colour] = {}
         self._marks: dict[str, tuple[Mark, Mesh | None]] = {}  # marks and their triangles as they are shown
         self._move("/Grid", _matrix(np.array([0.0, 0.0, self.stage.floor])))
+        # A body's path is below that of its parent and is moved when the joint between them has moved: few have.
+        self._bodies = [f"{ROOT}/0"]
+        for body, parent in enumerate(self.stage.model.body_parentid[1:].tolist(), start=1):
+            self._bodies.append(f"{self._bodies[parent]}/{body}")
         self._meshes: dict[int, list[str]] = {}
         for number, (body, colour, mesh) in enumerate(body_meshes(self.stage.model)):
-            path = f"{ROOT}/body {body}/{number}"
+            path = f"{self._bodies[body]}/mesh {number}"
             self._meshes.setdefault(body, []).append(path)
             self._set_mesh(path, mesh, colour)
         self._answered(wait=True)
@@ -98,9 +102,12 @@ class MeshcatView(View):
     def _send(self, picture: Picture) -> None:
         if not self._answered(wait=self.closed):
             return
-        data = self.stage.data
-        for body in self._meshes:
-            self._move(f"{ROOT}/body {body}", _matrix(data.xpos[body], data.xmat[body].reshape(3, 3)))
+        data, parents = self.stage.data, self.stage.model.body_parentid
+        axes = data.xmat.reshape(-1, 3, 3)
+        back = axes[parents].transpose(0, 2, 1)
+        ways = np.einsum("bij,bj->bi", back, data.xpos - data.xpos[parents])
+        for path, way, turn in zip(self._bodies[1:], ways[1:], (back @ axes)[1:], strict=True):
+            self._move(path, _matrix(way, turn))
         for body, colour in picture.colours.items():
             if self._colours.get(body) != colour:
                 self._colours[body] = colour
