@@ -27,7 +27,6 @@ QUICK: dict[str, tuple[list[str], set[str]]] = {  # arguments with which it ends
         ["--seconds", "0.1"],
         {"robot", "mode", "upright", "com_error_mm", "zmp_noise_mm", "real_time_factor", "tick_us"},
     ),
-    "check-plant": (["--robot", "g1"], {"ok", "checks"}),
     "push": (
         [
             "--robot",
@@ -61,7 +60,7 @@ def wbc_command(capfd: Captured, *arguments: str) -> tuple[int, str, str]:
     return code, out, err
 
 
-@pytest.mark.parametrize("words", by_default(QUICK, *set(QUICK) - {"check-plant", "push"}))
+@pytest.mark.parametrize("words", by_default(QUICK, *set(QUICK) - {"push"}))
 def test_json_is_one_object_and_alone_on_stdout(capfd: Captured, words: str) -> None:
     arguments, keys = QUICK[words]
     code, out, _ = wbc_command(capfd, *words.split(), *arguments, "--json")

@@ -58,7 +58,6 @@ IMAGE = ["terrain", "image", "--param", "source=heights.csv", "--param", "metres
 
 WRITERS: dict[str, list[str]] = {
     "table.csv": ["study", "table", *STUDY_WORDS],
-    "study.png": ["study", "table", *STUDY_WORDS],
     "signals.png": ["plot", "log.arrow", "com/estimated", "-o"],
     "ground.svg": IMAGE,
     "spec.json": ["study", "run", "--journal", "journal.jsonl", "--key", "KEY", "-o"],
@@ -97,7 +96,7 @@ INPUTS: list[tuple[list[str], str]] = [
 ]
 """Command that ends in the option of a file to write, and a file that it reads."""
 
-ENDINGS = {"view": ".rrd", "--key": ".json", "walk": ".arrow"}
+ENDINGS = {"table": ".csv", "view": ".rrd", "--key": ".json", "walk": ".arrow"}
 
 
 @pytest.mark.parametrize(

@@ -27,7 +27,7 @@ REFUSED = {
     "study run flat_floor --journal .": "folder",
     "study run --journal j": "study",
     "study table flat_floor --journal j --separate": "separate",
-    "study table flat_floor --journal empty.jsonl -o a.txt": ".png",
+    "study table flat_floor --journal empty.jsonl -o a.png": ".csv",
     "study show flat_floor --arm hard": "soft",
     "foot pitch --foot rigid --stiffness 5": "stiffness",
     "foot press --robot g1 --foot-param width=0.3": "wide",

@@ -108,9 +108,6 @@ def test_a_study_from_the_command_line(tmp_path: Path, capsys: pytest.CaptureFix
     assert json.loads(capsys.readouterr().out)["counts"] == {"done": 2}
     assert main(["study", "table", str(study), "--journal", str(journal)]) == RAN
     assert "| level | 2 (1) | 2 (1) |" in capsys.readouterr().out
-    figure = tmp_path / "steps.png"
-    assert main(["study", "table", str(study), "--journal", str(journal), "-o", str(figure)]) == RAN
-    assert figure.stat().st_size > 5000 and capsys.readouterr().out == f"{figure}\n"
     table = tmp_path / "walks.csv"
     assert main(["study", "table", str(study), "--journal", str(journal), "-o", str(table)]) == RAN
     with table.open(newline="") as file:
@@ -121,8 +118,5 @@ def test_a_study_from_the_command_line(tmp_path: Path, capsys: pytest.CaptureFix
         rows[0]["steps_done"] == "2" and float(rows[0]["zmp_error.mean"]) > 0.0 and not rows[2]["steps_done"]
     )
     capsys.readouterr()
-    assert main(["study", "table", str(study), "--journal", str(journal), "--of", "swings", "--json"]) == RAN
-    swings = json.loads(capsys.readouterr().out)["rows"]["level"]
-    assert (swings["walks"], swings["swings"], swings["reached"]) == (1, 2, 1.0)
     assert main(["study", "show", "flat_floor", "--cell", "talos"]) == RAN
     assert set(json.loads(capsys.readouterr().out)["cells"]) == {"talos"}

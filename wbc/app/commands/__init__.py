@@ -28,7 +28,6 @@ COMMANDS = {
     "study show": "study.show:show",
     "study run": "study.run:run",
     "study table": "study.show:table",
-    "check-plant": "check_plant:check_plant",
     "bench tick": "bench:tick",
 }
 """Words of a command → place of its function in this folder.

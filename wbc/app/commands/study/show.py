@@ -10,7 +10,7 @@ from typing import Annotated, Any
 
 from cyclopts import Parameter
 
-from wbc.app.files import check_picture, check_target, read_object
+from wbc.app.files import check_target, read_object
 from wbc.app.output import Output, Report, reports
 from wbc.core.errors import InputError
 from wbc.core.files import replacing, write_text
@@ -63,14 +63,6 @@ class PartOptions(ShownPartOptions):
 
     any_code: bool = False
 
-    def read(self, study: str, journal: Path) -> tuple[Study, Mapping[str, Entry], dict[str, Any]]:
-        """Return this part of a study, the entries of a journal, and the numbers of those left out, with a warning."""
-        chosen, entries = self.part(study), entries_of(journal, any_code=self.any_code)
-        unused = left_out(chosen, entries)
-        if (text := unused.text()) is not None:
-            logger.warning("%s", text)
-        return chosen, entries, {"left_out": to_json(unused)}
-
 
 @settings(kw_only=True)
 class TableOptions:
@@ -83,7 +75,7 @@ class TableOptions:
         completed: Only walks that were completed.
         by: Part of the specs, such as terrain or gait.swing_height; cells that agree in it become one row. May be given
             several times.
-        out: File to write: a figure of the arms (.png, .svg, .pdf), a row for each trial (.csv), the result (.json).
+        out: File to write: a row for each trial (.csv), or the result (.json).
     """
 
     journal: Path
@@ -133,17 +125,15 @@ def table(
     part: PartOptions,
     output: Output,
 ) -> Report:
-    """Make a table of a study from its journal, a figure or a spreadsheet."""
-    target, figure = options.out, False
+    """Make a table of a study from its journal, or a spreadsheet."""
+    target = options.out
     if target is not None:
-        figure = target.suffix.lower() not in (".csv", ".json")
-        inputs: list[str | Path] = [options.journal, study]
-        target = (
-            check_picture(target, inputs)
-            if figure
-            else check_target("a result", target, (".csv", ".json"), inputs)
-        )
-    chosen, entries, unused = part.read(study, options.journal)
+        target = check_target("a table", target, (".csv", ".json"), [options.journal, study])
+    chosen, entries = part.part(study), entries_of(options.journal, any_code=part.any_code)
+    rest = left_out(chosen, entries)
+    if (warning := rest.text()) is not None:
+        logger.warning("%s", warning)
+    unused = {"left_out": to_json(rest)}
     if target is not None and target.suffix.lower() == ".csv":
         frame = study_frame(chosen, entries)
         with replacing(target) as new:
@@ -160,12 +150,6 @@ def table(
         by=options.by,
     )
     data, text = made.to_json() | unused, made.markdown()
-    if figure and target is not None:
-        from wbc.app.plot.output import save  # noqa: PLC0415 - slow to import
-        from wbc.app.plot.study import study_figure  # noqa: PLC0415
-
-        save({chosen.name: study_figure(made)}, target)
-        return output.report({"figure": str(target), **data}, str(target))
     if target is not None:
         write_text(target, json.dumps(data, indent=1) + "\n")
     return output.report(data, text)
