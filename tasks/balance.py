@@ -94,9 +94,6 @@ def balance_controller(
 
     Returns:
         The controller, with joint and torque limits.
-
-    Raises:
-        InputError: A period that is not positive, or a robot without feet.
     """
     robot.needs_feet("the balance controller")
     gains = gains or BalanceGains()

@@ -126,9 +126,6 @@ class Behaviour:
             done: Condition of the outcome "done"; None for a state that has others, a timeout, or no end.
             outcomes: Further outcomes, each with its condition.
             timeout: s.
-
-        Raises:
-            InputError: A name that is empty or has a slash, a timeout that is not above zero.
         """
         if not name or "/" in name or name.startswith(END):
             raise InputError(
@@ -201,11 +198,6 @@ class StateMachine(Behaviour):
             states: States, the first one first.
             transitions: State → outcome → name of the state that follows, "end", or "end: OUTCOME".
             timeout: Time after which the machine ends with the outcome "timeout", s.
-
-        Raises:
-            InputError: No state, or a name used twice.
-            UnknownNameError: A transition from or to a state that the machine does not have, or for an outcome that its
-                state cannot have.
         """
         super().__init__(name, timeout=timeout)
         self.states = {state.name: state for state in states}

@@ -22,22 +22,13 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
-from wbc.core.errors import (
-    Array,
-    InputError,
-    MeasurementError,
-    finite_array,
-    non_negative,
-    positive,
-)
+from wbc.core.errors import Array, InputError, MeasurementError, finite_array, non_negative, positive
 from wbc.core.qp.axes import POSE_AXES
 from wbc.core.qp.motion import read_only
-from wbc.core.qp.move import Coordinates
-from wbc.core.qp.task import MotionOptions, Task
+from wbc.core.qp.task import MotionOptions
 from wbc.core.robot import Robot
 from wbc.core.signals import Measurement
-from wbc.tasks.motion.frame import pose
-from wbc.tasks.motion.rotations import PoseCoordinates
+from wbc.tasks.motion.frame import FrameTask
 
 VELOCITY_BOUND = (0.1, 0.3)
 """Clamp of the compliance velocity, m/s and rad/s: the bounds of mc_rtc's walking stabilizer on CoP tasks."""
@@ -66,22 +57,18 @@ class ComplianceOptions(MotionOptions, total=False):
     offset_bound: ArrayLike | None
 
 
-class ComplianceTask(Task):
+class ComplianceTask(FrameTask):
     """Base of the wrench-driven motion tasks; subclass it with a law of your own in `comply`.
 
     Rows are along the axes of the frame itself: position, m, then rotation, rad. With no wrench error the task is a
     `PoseTask` whose rows are turned into the frame. Weight 10, stiffness 100 1/s², time constant 0.02 s and velocity
     bound 0.1 m/s and 0.3 rad/s by default.
-
-    Attributes:
-        frame: Frame of the robot.
     """
 
     __slots__ = (
-        "_acceleration", "_data", "_frozen", "_gain_of_period", "_id", "_measured_wrench", "_model", "_motion",
-        "_offset_bound", "_offset_position", "_offset_rotation", "_period", "_placement", "_sole",
-        "_target_acceleration", "_target_velocity", "_target_wrench", "_time_constant", "_velocity",
-        "_velocity_bound", "_wrench_error", "_wrench_rate", "frame",
+        "_acceleration", "_frozen", "_gain_of_period", "_measured_wrench", "_motion", "_offset_bound",
+        "_offset_position", "_offset_rotation", "_period", "_sole", "_target_rates", "_target_wrench",
+        "_time_constant", "_velocity", "_velocity_bound", "_wrench_error", "_wrench_rate",
     )  # fmt: skip
     unit = "m|rad"
     law = "compliance"
@@ -101,19 +88,16 @@ class ComplianceTask(Task):
         target_wrench, offset_bound = options.pop("target_wrench", None), options.pop("offset_bound", None)
         usual: MotionOptions = {"weight": 10.0, "stiffness": 100.0}
         motion: MotionOptions = options
-        self.frame, self._period = frame, 0.0  # period of the ticks so far, s
-        super().__init__(f"{frame} {self.law}", POSE_AXES, **(usual | motion))
+        self._period = 0.0  # of the ticks so far, s
+        super().__init__(frame, self.law, POSE_AXES, target, usual | motion)
         self._time_constant = non_negative(f"time constant of task '{self.name}' (s)", time_constant)
         self._frozen = np.ones(6, dtype=bool)  # what the task does not follow must not drift away either
-        self._frozen[np.arange(6) if self._keep is None else self._keep] = False
-        self.velocity_bound = velocity_bound
-        self.offset_bound = offset_bound
-        if target is not None:
-            self.target = target
+        self._frozen[self._keep] = False
+        self.velocity_bound, self.offset_bound = velocity_bound, offset_bound
         self._target_wrench, self._measured_wrench = np.zeros(6), np.zeros(6)
         if target_wrench is not None:
             self.target_wrench = target_wrench
-        self._target_velocity, self._target_acceleration = np.zeros(self.dim), np.zeros(self.dim)
+        self._target_rates = np.zeros(self.dim), np.zeros(self.dim)
         self._sole: int | None = None
         self._gain_of_period = 1.0
         self._motion = np.zeros(6)
@@ -160,28 +144,6 @@ class ComplianceTask(Task):
     @offset_bound.setter
     def offset_bound(self, value: ArrayLike | None) -> None:
         self._offset_bound = None if value is None else six(self.name, "offset bound (m, rad)", value)
-
-    @property
-    def feedforward_velocity(self) -> Array:
-        """Velocity of the target along the chosen axes of the frame, shape (dim,), m/s and rad/s."""
-        return read_only(self._target_velocity)
-
-    @feedforward_velocity.setter
-    def feedforward_velocity(self, value: ArrayLike) -> None:
-        velocity = finite_array(f"feed-forward velocity of task '{self.name}'", value, (self.dim,))
-        self._take_over()
-        self._target_velocity = velocity
-
-    @property
-    def feedforward_acceleration(self) -> Array:
-        """Acceleration of the target along the chosen axes of the frame, shape (dim,), m/s² and rad/s²."""
-        return read_only(self._target_acceleration)
-
-    @feedforward_acceleration.setter
-    def feedforward_acceleration(self, value: ArrayLike) -> None:
-        acceleration = finite_array(f"feed-forward acceleration of task '{self.name}'", value, (self.dim,))
-        self._take_over()
-        self._target_acceleration = acceleration
 
     @property
     def wrench_error(self) -> Array:
@@ -234,38 +196,21 @@ class ComplianceTask(Task):
         return vector
 
     def bind(self, robot: Robot) -> None:
-        """Resolve names; a task on a sole reads the wrench of that sole.
-
-        Raises:
-            UnknownNameError: The robot has no such frame, sole or joint.
-        """
+        """Resolve names; a task on a sole reads the wrench of that sole."""
         for index, sole in enumerate(robot.soles):
             if self.frame in (sole.name, sole.frame):
                 self.frame, self._sole = sole.frame, index
         super().bind(robot)
-        self._id = robot.frame_id(self.frame)
-        self._model, self._data, self._placement = robot.model, robot.data, robot.data.oMf[self._id]
-
-    def present(self, robot: Robot) -> pin.SE3:
-        """Return the pose of the frame."""
-        return pin.SE3(robot.placement(self.frame))
-
-    def checked(self, value: pin.SE3) -> pin.SE3:
-        """Return a pose after a check."""
-        return pose(f"target of task '{self.name}'", value)
-
-    def _coordinates(self) -> Coordinates:
-        return PoseCoordinates(self.target, self.checked)
 
     def _put(self, target: Any, velocity: Array, acceleration: Array) -> None:
-        back = self._placement.rotation.T
-        rates = [np.concatenate([back @ rate[:3], back @ rate[3:]]) for rate in (velocity, acceleration)]
-        keep = slice(None) if self._keep is None else self._keep
-        self._target, self._target_velocity, self._target_acceleration = (
-            target,
-            rates[0][keep],
-            rates[1][keep],
+        back = self._rotation.T  # rates are along the axes of the frame
+        super()._put(
+            target, *(np.concatenate([back @ r[:3], back @ r[3:]]) for r in (velocity, acceleration))
         )
+
+    def _feedforward(self) -> tuple[Array, Array]:
+        """Return the rates of the target, to which those of the compliance are added in the rows."""
+        return self._target_rates
 
     def observe(self, measurement: Measurement, dt: float) -> None:
         """Read the wrench of the sole, if the frame is one, and yield for one control period.
@@ -285,9 +230,6 @@ class ComplianceTask(Task):
 
         Args:
             dt: Control period, s.
-
-        Raises:
-            InputError: A period that is not positive, or too long for the damping of the task.
         """
         if dt != self._period:
             self._start(dt)
@@ -335,25 +277,25 @@ class ComplianceTask(Task):
     def evaluate(self, jacobian: Array, error: Array, drift: Array) -> None:
         """Fill the rows; see `Task.evaluate`."""
         model, data, local = self._model, self._data, pin.LOCAL
-        target, rotation = self._target, self._placement.rotation
+        target, rotation = self._target, self._rotation
         goal = target.rotation
         difference = np.dot(goal, self._offset_position)
         difference += target.translation
-        difference -= self._placement.translation
+        difference -= self._translation
         turn = np.dot(rotation.T, np.dot(goal, self._offset_rotation))
         np.dot(difference, rotation, out=error[:3])
         error[3:] = pin.log3(turn)
         jacobian[:] = pin.getFrameJacobian(model, data, self._id, local)
         drift[:] = pin.getFrameClassicalAcceleration(model, data, self._id, local).vector
-        keep, motion, rows = self._keep, self._motion, self._rows
-
         # From the axes of the reference, in which the frame yields, to those of the frame as it stands now.
-        np.dot(turn, self._velocity[:3], out=motion[:3])
-        np.dot(turn, self._velocity[3:], out=motion[3:])
-        np.add(self._target_velocity, motion if keep is None else motion[keep], out=rows.velocity)
-        np.dot(turn, self._acceleration[:3], out=motion[:3])
-        np.dot(turn, self._acceleration[3:], out=motion[3:])
-        np.add(self._target_acceleration, motion if keep is None else motion[keep], out=rows.acceleration)
+        motion, rows = self._motion, self._rows
+        for yields, rate, row in (
+            (self._velocity, self._target_rates[0], rows.velocity),
+            (self._acceleration, self._target_rates[1], rows.acceleration),
+        ):
+            np.dot(turn, yields[:3], out=motion[:3])
+            np.dot(turn, yields[3:], out=motion[3:])
+            np.add(rate, motion[self._keep], out=row)
 
 
 def six(task: str, what: str, value: ArrayLike, *, above_zero: bool = False) -> Array:

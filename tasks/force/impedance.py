@@ -64,10 +64,6 @@ class ImpedanceTask(ComplianceTask):
             spring: Along the same axes, N/m and Nm/rad, ≥ 0.
             damper: Along the same axes, Ns/m and Nms/rad, above zero; critical, 2·√(mass · spring), when None.
             **options: See `ComplianceOptions`.
-
-        Raises:
-            UnknownNameError: An unknown option or axis.
-            InputError: A value out of range; a mass or a spring of zero without a damper.
         """
         options = {"time_constant": SMOOTHING, "velocity_bound": VELOCITY_BOUND, **options}
         super().__init__(frame, target, **options)

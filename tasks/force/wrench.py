@@ -52,7 +52,7 @@ class WrenchTask(Task):
         usual: TaskOptions = {"weight": 1e-3}
         chosen = every if axes is None else axes
         super().__init__(f"{self.contact} wrench", every, axes=chosen, **(usual | options))
-        self._axes = np.arange(self._size) if self._keep is None else self._keep
+        self._axes = np.arange(self._size)[self._keep]
         self.target = np.zeros(self._size) if target is None else target
 
     @property
@@ -73,12 +73,7 @@ class WrenchTask(Task):
         return self._contact if isinstance(self._contact, Contact) else None
 
     def bind_problem(self, problem: Problem) -> None:
-        """Find the force variables of the contact.
-
-        Raises:
-            UnknownNameError: The controller has no such contact.
-            InputError: The contact has another number of force variables.
-        """
+        """Find the force variables of the contact."""
         if self.contact not in problem.contacts:
             unknown_name("contact", self.contact, problem.contacts)
         block = problem.contacts[self.contact]

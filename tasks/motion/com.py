@@ -94,11 +94,7 @@ class CoMOverFeetTask(CoMTask):
         return np.asarray(robot.com - self._middle(robot))
 
     def bind(self, robot: Robot) -> None:
-        """Resolve names; see `Task.bind`.
-
-        Raises:
-            InputError: A robot without soles.
-        """
+        """Resolve names; see `Task.bind`."""
         if not robot.soles:
             raise InputError(f"task '{self.name}' needs a robot with soles, '{robot.name}' has none")
         super().bind(robot)

@@ -11,11 +11,10 @@ from numpy.typing import ArrayLike
 from wbc.core.errors import ROUNDING, Array, InputError, finite_array
 from wbc.core.qp.axes import ROTATION_AXES, other_columns
 from wbc.core.qp.motion import read_only
-from wbc.core.qp.move import Coordinates
+from wbc.core.qp.move import Coordinates, DirectionCoordinates, least_turn
 from wbc.core.qp.task import MotionOptions
 from wbc.core.robot import Robot
 from wbc.tasks.motion.frame import FrameTask
-from wbc.tasks.motion.rotations import DirectionCoordinates, least_turn
 
 NEAREST = 0.05
 """Least distance of a point that the gaze task divides by, m."""

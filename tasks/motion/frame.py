@@ -10,17 +10,12 @@ from numpy.typing import ArrayLike
 
 from wbc.core.errors import Array, InputError, finite_array
 from wbc.core.qp.axes import POSE_AXES, POSITION_AXES, ROTATION_AXES
-from wbc.core.qp.move import Coordinates
 from wbc.core.qp.task import MotionOptions, Task
 from wbc.core.robot import Robot
-from wbc.tasks.motion.rotations import PoseCoordinates, RotationCoordinates
 
 
 def rotation_matrix(what: str, value: ArrayLike) -> Array:
-    """Return a copy of a rotation matrix, shape (3, 3), that is `what` in messages.
-
-    Raises `InputError` for one that is not finite, orthonormal and right-handed (to 1e-6).
-    """
+    """Return a copy of a rotation matrix, shape (3, 3), that is `what` in messages; `InputError` for what is none."""
     matrix = finite_array(what, value, (3, 3))
     if np.linalg.det(matrix) <= 0.0 or abs(matrix @ matrix.T - np.eye(3)).max() > 1e-6:
         raise InputError(f"{what} must be a rotation matrix, got\n{matrix}")
@@ -28,10 +23,7 @@ def rotation_matrix(what: str, value: ArrayLike) -> Array:
 
 
 def pose(what: str, value: pin.SE3) -> pin.SE3:
-    """Return a copy of a pose that is `what` in messages.
-
-    Raises `InputError` for what is no `pinocchio.SE3`, or is not finite, or whose rotation is none.
-    """
+    """Return a copy of a pose that is `what` in messages; `InputError` for what is none."""
     if not isinstance(value, pin.SE3):
         raise InputError(f"{what} must be a pinocchio.SE3, got {value!r}")
     return pin.SE3(
@@ -41,7 +33,7 @@ def pose(what: str, value: pin.SE3) -> pin.SE3:
 
 
 class FrameTask(Task):
-    """Base of tasks on a frame.
+    """Base of tasks on a frame, whose target is a pose unless a task says otherwise.
 
     Attributes:
         frame: Frame of the robot.
@@ -60,16 +52,20 @@ class FrameTask(Task):
             self.target = target
 
     def bind(self, robot: Robot) -> None:
-        """Resolve frame and joints.
-
-        Raises:
-            UnknownNameError: The robot has no such frame or joint.
-        """
+        """Resolve frame and joints."""
         super().bind(robot)
         self._id = robot.frame_id(self.frame)
         self._placement = robot.data.oMf[self._id]
         self._rotation, self._translation = self._placement.rotation, self._placement.translation
         self._model, self._data, self._world = robot.model, robot.data, pin.LOCAL_WORLD_ALIGNED
+
+    def present(self, robot: Robot) -> Any:
+        """Return the pose of the frame."""
+        return pin.SE3(robot.placement(self.frame))
+
+    def checked(self, value: Any) -> Any:
+        """Return a pose after a check, as a copy."""
+        return pose(f"target of task '{self.name}'", value)
 
 
 class PositionTask(FrameTask):
@@ -135,9 +131,6 @@ class OrientationTask(FrameTask):
         """Return a rotation after a check, shape (3, 3)."""
         return rotation_matrix(f"target of task '{self.name}'", value)
 
-    def _coordinates(self) -> Coordinates:
-        return RotationCoordinates(self.target, self.checked)
-
     def evaluate(self, jacobian: Array, error: Array, drift: Array) -> None:
         """Fill the rows; see `Task.evaluate`."""
         model, data, world = self._model, self._data, self._world
@@ -165,17 +158,6 @@ class PoseTask(FrameTask):
             **options: See `MotionOptions`.
         """
         super().__init__(frame, "pose", POSE_AXES, target, options)
-
-    def present(self, robot: Robot) -> pin.SE3:
-        """Return the pose of the frame."""
-        return pin.SE3(robot.placement(self.frame))
-
-    def checked(self, value: pin.SE3) -> pin.SE3:
-        """Return a pose after a check."""
-        return pose(f"target of task '{self.name}'", value)
-
-    def _coordinates(self) -> Coordinates:
-        return PoseCoordinates(self.target, self.checked)
 
     def evaluate(self, jacobian: Array, error: Array, drift: Array) -> None:
         """Fill the rows; see `Task.evaluate`."""
@@ -219,13 +201,6 @@ class RelativeFrameTask(FrameTask):
     def present(self, robot: Robot) -> pin.SE3:
         """Return the pose of the frame in the other one."""
         return robot.placement(self.reference).actInv(robot.placement(self.frame))
-
-    def checked(self, value: pin.SE3) -> pin.SE3:
-        """Return a pose after a check."""
-        return pose(f"target of task '{self.name}'", value)
-
-    def _coordinates(self) -> Coordinates:
-        return PoseCoordinates(self.target, self.checked)
 
     def bind(self, robot: Robot) -> None:
         """Resolve names; see `Task.bind`."""

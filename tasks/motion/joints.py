@@ -36,12 +36,7 @@ class JointTask(Task):
         self._pending = target  # until the joints are known
 
     def bind(self, robot: Robot) -> None:
-        """Resolve the joints, and take the present values as targets where none were given.
-
-        Raises:
-            UnknownNameError: The robot has no such joint.
-            InputError: A target of the wrong shape.
-        """
+        """Resolve the joints, and take the present values as targets where none were given."""
         if self._joints is None:
             self._joints = list(robot.joint_names)
             self._resize(robot.na)

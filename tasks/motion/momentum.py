@@ -77,7 +77,7 @@ class MomentumTask(Task):
         inertia = robot.data.Ig.inertia.diagonal()
         bounds = np.concatenate([np.full(3, SLOW["m"] * robot.mass), SLOW["rad"] * inertia])
         error = evaluated(self)[1]
-        return bool((abs(error) <= (bounds if self._keep is None else bounds[self._keep])).all())
+        return bool((abs(error) <= bounds[self._keep]).all())
 
     def bind(self, robot: Robot) -> None:
         """Resolve names; see `Task.bind`."""

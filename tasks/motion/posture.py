@@ -52,12 +52,7 @@ class PostureTask(JointTask):
         super().__init__("posture", target, joints, usual | options)
 
     def bind(self, robot: Robot) -> None:
-        """Resolve the joints, and take the present posture where no target was given.
-
-        Raises:
-            UnknownNameError: The robot has no such joint.
-            InputError: A target of the wrong shape.
-        """
+        """Resolve the joints, and take the present posture where no target was given."""
         super().bind(robot)
         columns = self._columns
         whole = columns.size == robot.na and bool((columns == np.arange(BASE_DOF, robot.nv)).all())

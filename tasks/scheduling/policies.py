@@ -227,10 +227,6 @@ def stiffness_policy(name: str, **parameters: Any) -> StiffnessPolicy:
     Args:
         name: One of `stiffness_policy_names()`.
         **parameters: Of that policy.
-
-    Raises:
-        UnknownNameError: No such policy, or no such parameter of it.
-        InputError: A parameter is missing or out of range.
     """
     return call_checked(f"stiffness policy '{name}'", _POLICIES[name], parameters)
 
@@ -242,19 +238,12 @@ def register_stiffness_policy(name: str, make: Callable[..., StiffnessPolicy]) -
         name: Name for `stiffness_policy`, and for walks. A sweep runs walks in processes of their own: register it in a
             module that these import, too. The policy behind a name is not part of a journal's keys.
         make: Its class, or a function of named parameters that returns one.
-
-    Raises:
-        InputError: A name that is not text or is empty, or what cannot be called.
     """
     _POLICIES[name] = make
 
 
 def as_policy(policy: PolicyLike) -> StiffnessPolicy:
-    """Return a policy as it is, a function as a `FunctionPolicy`.
-
-    Raises:
-        InputError: Neither.
-    """
+    """Return a policy as it is, a function as a `FunctionPolicy`."""
     if isinstance(policy, StiffnessPolicy):
         return policy
     if not callable(policy) or inspect.isclass(policy):

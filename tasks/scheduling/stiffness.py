@@ -55,10 +55,6 @@ class StiffnessScheduler:
             foot: The feet: place of the range sensor, actuator and stiffness at the start.
             policy: Policy that decides, or a plain function of a `SwingScan`.
             timing: Settings; the defaults when None.
-
-        Raises:
-            InputError: A foot without a stiffness to set, a robot without two soles, a policy that cannot work with
-                such profiles, a fallback that the actuator cannot set.
         """
         if not isinstance(foot, VariableStiffnessFoot):
             raise InputError(f"a foot of variable stiffness is needed, got {type(foot).__name__}")
@@ -85,9 +81,6 @@ class StiffnessScheduler:
 
         Args:
             stiffness: Command for both soles, Nm/rad; that of the foot's description when None.
-
-        Raises:
-            InputError: The actuator cannot set it.
         """
         start = self.actuator.check(self._initial if stiffness is None else stiffness)
         self._command = np.full(len(SIDES), start)
@@ -131,10 +124,6 @@ class StiffnessScheduler:
 
         Returns:
             Stiffness to command, left first, shape (2,), Nm/rad.
-
-        Raises:
-            UnknownNameError: No such side.
-            InputError: Progress or time left is not finite.
         """
         side = None if swing is None else SIDES.index(choose("swing foot", swing, SIDES))
         # A swing that starts over on the same side is another step: hopping, or both feet down for less than a tick.

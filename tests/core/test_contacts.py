@@ -167,24 +167,19 @@ def test_point_contact_holds_its_point_and_pushes_from_the_surface(normal: tuple
     np.testing.assert_allclose(total, robot.mass * (data.acom[0] + [0, 0, 9.80665]), atol=1e-4)
 
 
-def test_friction_and_margin_that_are_assigned_bound_the_next_wrench() -> None:
+def test_a_friction_that_is_assigned_bounds_the_next_wrench() -> None:
     controller = standing("hrp4_class")
     com = controller.add(CoMTask(weight=100.0))
     com.feedforward_acceleration = [5.0, 0.0, 0.0]
     soles = [contact for contact in controller.contacts if isinstance(contact, SoleContact)]
     before = controller.solve().wrenches
     for sole in soles:
-        sole.friction, sole.margin = 0.1, 0.03
+        sole.friction = 0.1
     after = controller.solve()
     assert after.ok and len(soles) == 2
     for sole in soles:
-        x, y = (0.5 * size - 0.03 for size in sole._size or ())
-        np.testing.assert_array_equal(sole.cone, rectangle_wrench_cone(x, y, 0.1))
         assert abs(before[sole.name][0]) > 0.11 * before[sole.name][2]
         assert abs(after.wrenches[sole.name][0]) <= 0.1 * after.wrenches[sole.name][2] + 1e-5
-    point = PointContact("left_hand", friction=0.4)
-    point.friction = 0.3
-    np.testing.assert_array_equal(point.cone, friction_pyramid(0.3))
 
 
 def test_a_fixed_frame_pulls_as_hard_as_it_pushes() -> None:

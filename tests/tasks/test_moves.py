@@ -15,8 +15,9 @@ from task_factory import arm, left_hand, right_hand, standing
 
 from wbc.core.errors import InputError
 from wbc.core.qp.controller import Controller
+from wbc.core.qp.move import least_turn
 from wbc.core.robot import Robot
-from wbc.core.trajectories import Quintic, approach, jerk_to_rest, minimum_jerk
+from wbc.core.trajectories import Quintic, approach, minimum_jerk
 from wbc.tasks import (
     CoMTask,
     ImpedanceTask,
@@ -29,7 +30,6 @@ from wbc.tasks import (
     Trajectory,
     VectorOrientationTask,
 )
-from wbc.tasks.motion.rotations import least_turn
 
 DT = 0.005
 POINTS = st.lists(st.tuples(*[st.floats(-2.0, 2.0)] * 3), min_size=2, max_size=5)
@@ -112,14 +112,6 @@ def test_a_quintic_has_the_states_of_its_ends_and_its_own_derivatives() -> None:
     unit = Quintic((0.0, 0.0, 0.0), (1.0, 0.0, 0.0), 1.0)
     for share in (0.15, 0.6, 0.9):
         np.testing.assert_allclose(minimum_jerk(share), unit.at(share)[:2], atol=1e-12)
-
-
-def test_a_tick_to_rest_has_the_jerk_of_the_quintic_from_there() -> None:
-    x, v, a, to, left, dt = 0.3, -0.7, 1.1, 0.9, 0.6, 0.01
-    place, speed, push = jerk_to_rest(x, v, a, to, left, dt)
-    assert (place, speed) == pytest.approx((x + dt * v + 0.5 * dt * dt * a, v + dt * a))
-    curve = Quintic((x, v, a), (to, 0.0, 0.0), left)
-    assert (push - a) / dt == pytest.approx((curve.at(1e-7)[2] - a) / 1e-7, rel=1e-4)
 
 
 @pytest.mark.parametrize(

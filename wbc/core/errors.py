@@ -1,7 +1,7 @@
 """Exceptions of the library, and checks that raise them.
 
-Every message gives the wrong value, the rule and the choices, so that a caller can correct the input without reading
-this code.
+What is wrong with an argument is an `InputError` everywhere, an `UnknownNameError` for a name. Every message gives the
+wrong value, the rule and the choices, so that a caller can correct the input without reading this code.
 """
 
 from __future__ import annotations

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import codecs
 import contextlib
-import csv
 import hashlib
 import io
 import json
@@ -111,12 +110,6 @@ def read_xml(path: Path, kind: str = "XML file") -> str:
         marked = next((encoding for mark, encoding in _MARKS.items() if content.startswith(mark)), None)
         declared = re.match(rb"\s*<\?xml[^>]*?encoding\s*=\s*[\"']([A-Za-z][\w.-]*)", content)
         return content.decode(marked or (declared[1].decode() if declared else "utf-8"))
-
-
-def csv_rows(text: str, path: Path, kind: str = "CSV") -> list[list[str]]:
-    """Return the cells of all lines of a CSV that are not blank; path and kind are for messages."""
-    with parsing(path, kind):
-        return [row for row in csv.reader(text.splitlines()) if any(map(str.strip, row))]
 
 
 def read_json(path: Path, **how: Any) -> Any:

@@ -188,12 +188,6 @@ class Robot:
             servos: Gains of the servos.
             springs: Stiffness and rest position of springs beside the drives, each of shape (na,).
             torque_lower: Least joint torques, shape (na,), Nm; those of the model, negative, when None.
-
-        Raises:
-            ModelError: No free-flyer root, no frame of its body, a joint of several degrees of freedom, or limits that
-                cannot be kept.
-            UnknownNameError: A frame that is not in the model.
-            InputError: A half-sitting of the wrong shape or without orientation.
         """
         if model.njoints < 2 or model.joints[1].shortname() != "JointModelFreeFlyer":
             raise ModelError(f"robot '{model.name}' must have a free-flyer root joint")
@@ -301,10 +295,6 @@ class Robot:
             frame: Frame of a link.
             mass: kg; zero takes the load off.
             point: Place of the mass in the frame, shape (3,), m.
-
-        Raises:
-            UnknownNameError: There is no such frame.
-            InputError: A frame that does not move, a mass below zero or a point that is not three finite numbers.
         """
         index = frame if isinstance(frame, int) else self.frame_id(frame)
         carrier = self.model.frames[index]
@@ -323,9 +313,6 @@ class Robot:
         Args:
             q: Configuration, shape (nq,); the quaternion is taken as normalised.
             v: Velocity, shape (nv,).
-
-        Raises:
-            InputError: A configuration or velocity of another shape.
         """
         self._take(q, v)
         pin.computeAllTerms(self.model, self.data, self.q, self.v)
@@ -343,9 +330,6 @@ class Robot:
         Args:
             q: Configuration, shape (nq,); the quaternion is taken as normalised.
             v: Velocity, shape (nv,).
-
-        Raises:
-            InputError: A configuration or velocity of another shape.
         """
         self._take(q, v)
         pin.centerOfMass(self.model, self.data, self.q, self.v, False)
@@ -385,21 +369,13 @@ class Robot:
         )
 
     def frame_id(self, name: str) -> int:
-        """Return the index of a frame.
-
-        Raises:
-            UnknownNameError: There is no such frame; the nearest names are given.
-        """
+        """Return the index of a frame."""
         if name not in self._frame_ids:
             unknown_name("frame", name, self._frame_ids)
         return self._frame_ids[name]
 
     def joint_index(self, name: str) -> int:
-        """Return the index of an actuated joint in arrays of shape (na,).
-
-        Raises:
-            UnknownNameError: There is no such joint; the nearest names are given.
-        """
+        """Return the index of an actuated joint in arrays of shape (na,)."""
         if name not in self.joint_names:
             unknown_name("joint", name, self.joint_names)
         return self.joint_names.index(name)
@@ -409,19 +385,12 @@ class Robot:
 
         Args:
             what: What needs them, such as "an observer".
-
-        Raises:
-            InputError: The robot has no soles.
         """
         if not self.soles:
             raise InputError(f"{what} needs two feet, robot '{self.name}' is described without")
 
     def sole(self, name: str) -> Sole:
-        """Return a sole by its name or by its frame.
-
-        Raises:
-            UnknownNameError: No sole has that name or frame.
-        """
+        """Return a sole by its name or by its frame."""
         for sole in self.soles:
             if name in (sole.name, sole.frame):
                 return sole
@@ -431,9 +400,6 @@ class Robot:
         """Return the placement of a frame in the world at the last update.
 
         It is a view that changes with the next update; to keep it, copy it: `pin.SE3(placement)`.
-
-        Raises:
-            UnknownNameError: There is no such frame.
         """
         return self.data.oMf[frame if isinstance(frame, int) else self.frame_id(frame)]
 
@@ -446,9 +412,6 @@ class Robot:
 
         Returns:
             Indices in arrays of shape (na,).
-
-        Raises:
-            UnknownNameError: There is no such frame.
         """
         limb = joints_to(self.model, self.frame_id(frame), self.frame_id(trunk))
         return [self.model.joints[j].idx_v - BASE_DOF for j in limb]
@@ -466,10 +429,6 @@ class Robot:
 
         Returns:
             Configuration, shape (nq,).
-
-        Raises:
-            UnknownNameError: No such joint.
-            InputError: A position that is not a finite number.
         """
         q = np.array(self.half_sitting)
         for name, value in (joints or {}).items():

@@ -80,11 +80,7 @@ class Measurement:
         return self.sole_wrench
 
     def check_finite(self) -> None:
-        """Refuse a measurement with NaN or infinity in it.
-
-        Raises:
-            MeasurementError: The time, or a signal other than the range and stiffness, holds NaN or infinity.
-        """
+        """Refuse a measurement with NaN or infinity in it."""
         if not math.isfinite(self.time):
             raise MeasurementError(f"time of a measurement must be finite, got {self.time}")
         squares = (
@@ -143,9 +139,6 @@ class Command:
 
         Args:
             joint_names: Names of the joints, in their order.
-
-        Raises:
-            InputError: A part of the wrong shape, not finite or beyond `LARGEST_COMMAND`, or negative gains.
         """
         na = len(joint_names)
         for name in ("joint_torque", "joint_position", "joint_velocity", "kp", "kd"):

@@ -4,7 +4,6 @@
     Quintic        position, velocity and acceleration at both ends (a minimum jerk between them)
     Trajectory     minimum jerk through waypoints, from rest to rest, of any number of coordinates
     approach       next velocity towards a goal that may move, with bounded speed and acceleration
-    jerk_to_rest   one tick of the minimum jerk to rest at a goal that may move at every tick
 
 Swing feet, hands, the height of the pendulum and `move_to` of every task use these and no others.
 """
@@ -125,10 +124,6 @@ class Trajectory:
             parts: Coordinates that are one vector, such as position and rotation of a pose; all of them when None.
             velocity: Velocity at the start, shape (n,); at rest when None.
             acceleration_at_start: Shape (n,); none when None.
-
-        Raises:
-            InputError: Fewer than two points, points of different shapes, one twice in a row, a duration or limit that
-                is not above zero, no duration and no speed, or a duration in which the limits cannot be kept.
         """
         waypoints = [finite_array("points of a trajectory", point) for point in points]
         if len(waypoints) < 2 or waypoints[0].ndim != 1 or len({p.shape for p in waypoints}) > 1:
@@ -285,14 +280,3 @@ def approach(displacement: Array, velocity: Array, speed: float, acceleration: f
     if size > acceleration * dt:
         change *= acceleration * dt / size
     return np.asarray(velocity + change)
-
-
-def jerk_to_rest(
-    x: float, v: float, a: float, to: float, left: float, dt: float
-) -> tuple[float, float, float]:
-    """Return the state after a period of the quintic that comes to rest at `to` after `left` seconds, by its jerk now.
-
-    States are position, velocity and acceleration.
-    """
-    jerk = (60.0 * (to - x) / left - 36.0 * v) / (left * left) - 9.0 * a / left
-    return x + (v + 0.5 * a * dt) * dt, v + a * dt, a + jerk * dt

@@ -123,11 +123,11 @@ class WalkTasks:
             controller.add(contact)
         controller.add(limits[1])
         self._all: list[Any] = [self.com, *self._swings, *self._trunk, self.posture, *limits, *self.contacts]
-        com.set_by("walking.body.com_height for its height, walking.velocity or walking.go_to for its place")
+        com.held_by = "walking.body.com_height for its height, walking.velocity or walking.go_to for its place"
         for foot in self._swings:
-            foot.set_by("walking.velocity, walking.go_to or a plan of footsteps")
+            foot.held_by = "walking.velocity, walking.go_to or a plan of footsteps"
         for task in self._trunk:
-            task.set_by("walking.body.lean and walking.body.turn")
+            task.held_by = "walking.body.lean and walking.body.turn"
 
     def leave(self) -> None:
         """Take all out of the controller."""

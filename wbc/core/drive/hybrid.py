@@ -55,9 +55,6 @@ class HybridControl(TorqueControl):
             reference_time: Time constant with which the position references are drawn to the estimate, s; 0 starts
                 them from the estimate in every tick.
             safety: Ranges of measurements and commands.
-
-        Raises:
-            InputError: An observer of another robot model, gains that are negative or missing, a negative time.
         """
         super().__init__(controller, observer, policy, safety=safety)
         robot = controller.robot

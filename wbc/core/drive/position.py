@@ -56,9 +56,6 @@ class PositionControl(DriveControl):
             feedforward: Add the torques of the solution to the servos, against the sag of position servos.
             reference_time: Time constant with which closed-loop references are drawn to the estimate, s.
             safety: Ranges of measurements and commands.
-
-        Raises:
-            InputError: An observer of another robot model, an unknown feedback, or servos that are too soft.
         """
         if feedback not in ("open", "closed"):
             raise InputError(f"feedback must be 'open' or 'closed', got '{feedback}'")

@@ -29,9 +29,6 @@ class TorqueControl(DriveControl):
                 robot (`Observer(robot, adopt=True)`) the model is updated once a tick instead of twice.
             policy: Reaction to failures.
             safety: Ranges of measurements and commands.
-
-        Raises:
-            InputError: An observer of another robot model.
         """
         if observer is None:
             observer = Observer(controller.robot, adopt=True)

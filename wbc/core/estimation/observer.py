@@ -204,9 +204,6 @@ class Observer:
             q: Configuration, shape (nq,); half-sitting when None.
             specific_force: Accelerometer of the robot at rest, in the IMU frame, shape (3,), m/s²: roll and
                 pitch are then taken from it instead of q.
-
-        Raises:
-            InputError: A configuration of the wrong shape, not finite or without orientation.
         """
         robot = self.robot
         q = robot.half_sitting if q is None else checked_configuration("configuration", q, robot.nq)

@@ -70,9 +70,6 @@ def srdf_pairs(srdf: str | Path, links: Iterable[str]) -> list[tuple[str, str]]:
     Args:
         srdf: SRDF, a path or the XML itself: its `disable_collisions` are what is left out.
         links: Links of which the pairs are made, such as those of `RobotDescription.collision_shapes`.
-
-    Raises:
-        InputError: No SRDF.
     """
     root = _xml(srdf, "SRDF")
     left_out = {frozenset((each.get("link1"), each.get("link2"))) for each in root.iter("disable_collisions")}
@@ -144,9 +141,6 @@ class SelfCollisionLimit(Limit):
             recovery: Smallest acceleration that separates links closer than the margin, m/s². It also stops links that
                 come within `influence` too fast.
             name: Name of the limit.
-
-        Raises:
-            InputError: No pair at all, a pair of a link with itself or twice, or a value out of range.
         """
         self.name, self.dim = name, 0
         links = list(pairs)
@@ -175,13 +169,7 @@ class SelfCollisionLimit(Limit):
         self._time = limit_time_constant(time_constant)
 
     def bind(self, robot: Robot) -> None:
-        """Build the shapes.
-
-        Raises:
-            UnknownNameError: A frame that the robot does not have.
-            InputError: A link without a shape; two links that no joint lies between; a pair that is in collision in
-                half-sitting, so that its shapes must be too large; a pair that no joint brings apart to the margin.
-        """
+        """Build the shapes."""
         self._robot = robot
         for frame in (*self._shapes, *(frame for pair in self._pairs for frame in pair)):
             robot.frame_id(frame)

@@ -54,9 +54,6 @@ class CoMPolygonLimit(Limit):
                 further out, margin / (2 · time constant²).
             max_edges: Number of rows: greatest number of edges of a polygon.
             name: Name of the limit.
-
-        Raises:
-            InputError: A value out of range; a polygon without area, with too many edges or narrower than the margin.
         """
         if not 3 <= max_edges <= MOST_EDGES:
             raise InputError(f"limit '{name}' must have 3 to {MOST_EDGES} edges, got {max_edges}")
@@ -73,11 +70,7 @@ class CoMPolygonLimit(Limit):
 
     @property
     def polygon(self) -> Array:
-        """Corners in world x and y, counter-clockwise, shape (n, 2), m; assign points to take their convex hull.
-
-        Raises:
-            InputError: There is none before the limit has been added to a controller.
-        """
+        """Corners in world x and y, counter-clockwise, shape (n, 2), m; assign points to take their convex hull."""
         if self._polygon is None:
             raise InputError(f"limit '{self.name}' has no polygon before it is added to a controller")
         return self._polygon
@@ -106,10 +99,6 @@ class CoMPolygonLimit(Limit):
 
         Args:
             soles: Names or frames of soles; all that the robot has when None.
-
-        Raises:
-            InputError: No sole at all, or the limit has not been added to a controller.
-            UnknownNameError: A sole that the robot does not have.
         """
         robot = self._robot
         if robot is None:
@@ -127,22 +116,14 @@ class CoMPolygonLimit(Limit):
 
     @property
     def distance(self) -> float:
-        """Distance of the CoM to the polygon less its margin, at the last update of the robot, m; negative outside.
-
-        Raises:
-            InputError: The limit has not been added to a controller.
-        """
+        """Distance of the CoM to the polygon less its margin, at the last update of the robot, m; negative outside."""
         if self._robot is None:
             raise InputError(f"limit '{self.name}' has no robot before it is added to a controller")
         used = slice(0, self._edges)
         return float((self._offsets[used] - self._normals[used] @ self._robot.com[:2]).min())
 
     def bind(self, robot: Robot) -> None:
-        """Take the hull of the soles when no polygon was given.
-
-        Raises:
-            InputError: No soles, or a centre of mass that is not above them: there is no time constant of a pendulum.
-        """
+        """Take the hull of the soles when no polygon was given."""
         self._robot = robot
         gravity = robot.model.gravity.linear
         self._gravity = np.array(gravity[:2])

@@ -102,9 +102,6 @@ class JointLimits(Limit):
                 are added, at most 100 rad/s²: the rest is left for gravity and contact forces.
             margin: Distance kept from the position limits, rad (or m); room for the solver's tolerance.
             velocity_ratio: Share of the velocity limit that may be used, in (0, 1].
-
-        Raises:
-            InputError: A value out of range, or an acceleration limit below the braking deceleration.
         """
         self.name, self.dim = "joint limits", 0
         self._use_position, self._use_velocity = bool(position), bool(velocity)
@@ -112,11 +109,7 @@ class JointLimits(Limit):
         self._margin, self._ratio = margin, velocity_ratio
 
     def bind(self, robot: Robot) -> None:
-        """Take the limits from the model.
-
-        Raises:
-            InputError: An acceleration bound that is not positive or of the wrong shape.
-        """
+        """Take the limits from the model."""
         self.dim = na = robot.na
         self._rows: Array | None = None  # that have been filled
         self.acceleration = np.full(na, np.inf)

@@ -24,9 +24,6 @@ class TorqueLimits(Limit):
         Args:
             ratio: Share of the model's torque limits that may be used, in (0, 1].
             rate: Greatest change of torque per second, Nm/s, scalar or shape (na,); unlimited when None.
-
-        Raises:
-            InputError: A value out of range.
         """
         self.name, self.dim = "torque limits", 0
         self.previous: Array | None = None
@@ -34,11 +31,7 @@ class TorqueLimits(Limit):
         self._rate = rate
 
     def bind(self, robot: Robot) -> None:
-        """Take the limits from the model.
-
-        Raises:
-            InputError: A rate that is not positive or of the wrong shape.
-        """
+        """Take the limits from the model."""
         self.dim = robot.na
         self.least, self.most = self._ratio * robot.torque_lower, self._ratio * robot.torque_upper
         self.rate: Array | None = None

@@ -24,7 +24,6 @@ from wbc.core.errors import (
     finite_scalar,
     non_negative,
     positive,
-    shown,
 )
 from wbc.core.qp.motion import Motion, Rows
 from wbc.core.robot import GRAVITY, Robot
@@ -37,7 +36,6 @@ LEAST_FORCE = 10.0
 FIRMEST = 1e6
 """Greatest motion weight: up to there the motion differs from that of a constraint as one over the weight, 1e-5 m/s² at
 last; from ten times as much on, solutions are off by m/s²."""
-
 
 UPRIGHT = 1e-3
 """Length of the level part of a sole's x axis below which it has no heading: the sole stands on end."""
@@ -64,9 +62,6 @@ def rectangle_wrench_cone(
 
     Returns:
         Matrix F with F w ≤ 0 for a wrench w = [force; moment] in the sole frame at its centre, shape (16, 6).
-
-    Raises:
-        InputError: A size or friction that is not positive; `even` that is neither true nor false.
 
     Source: Caron, Pham, Nakamura, "Stability of surface contacts for humanoid robots: closed-form formulae of the
     contact wrench cone for rectangular support areas", ICRA 2015, eq. (9)–(14).
@@ -133,8 +128,8 @@ class Contact(Motion):
         cone: Matrix F with F f ≤ 0, shape (number of rows, dim).
         revision: Number that changes with the cone, the range of the normal force, gains and weights.
 
-    The options of `ContactOptions` are attributes as well; they can be assigned at any time, `motion_weight` where the
-    contact was made with one.
+    The options of `ContactOptions` and the friction are attributes, too; assign them at any time, `motion_weight` where
+    the contact was made with one.
 
     A contact of one's own has `dim`, calls this constructor with its cone, and fills its motion rows in `evaluate`,
     from `robot`, `frame_id`, `placement` and `target`; `wbc.tasks.check_rows` compares them with finite differences.
@@ -144,18 +139,7 @@ class Contact(Motion):
     force_axis = 2
 
     def __init__(self, name: str, frame: str, cone: Array, **options: Unpack[ContactOptions]) -> None:
-        """Describe the contact.
-
-        Args:
-            name: Name in status tables and solutions.
-            frame: Frame of the robot.
-            cone: Matrix F with F f ≤ 0, shape (number of rows, dim); without rows for any force.
-            **options: See `ContactOptions`.
-
-        Raises:
-            UnknownNameError: An unknown option.
-            InputError: A value out of range.
-        """
+        """Describe the contact by the attributes above; a cone without rows lets it transmit any force."""
         for option in options:
             choose(f"option of contact '{name}'", option, ContactOptions.__annotations__)
         super().__init__(name, options.get("stiffness", 100.0), options.get("damping"))
@@ -185,27 +169,25 @@ class Contact(Motion):
 
     @property
     def min_force(self) -> float:
-        """Smallest normal force while active, N."""
+        """See `ContactOptions`."""
         return self._min_force
 
     @min_force.setter
     def min_force(self, value: float) -> None:
-        force = non_negative(f"smallest force of contact '{self.name}' (N)", value)
-        self._set_forces(force, self._max_force)
+        self._set_forces(non_negative(f"smallest force of contact '{self.name}' (N)", value), self._max_force)
 
     @property
     def max_force(self) -> float | None:
-        """Greatest normal force, N; None before the contact is added if none was given."""
+        """See `ContactOptions`; None before the contact is added if none was given."""
         return self._max_force
 
     @max_force.setter
     def max_force(self, value: float) -> None:
-        force = positive(f"greatest force of contact '{self.name}' (N)", value)
-        self._set_forces(self._min_force, force)
+        self._set_forces(self._min_force, positive(f"greatest force of contact '{self.name}' (N)", value))
 
     @property
     def ramp(self) -> float:
-        """Time of the force ramp when the contact is switched, s."""
+        """See `ContactOptions`."""
         return self._ramp
 
     @ramp.setter
@@ -214,7 +196,7 @@ class Contact(Motion):
 
     @property
     def wrench_weight(self) -> Array:
-        """Cost per N² and (Nm)² of the force variables, shape (dim,); assign that or a scalar, above zero."""
+        """See `ContactOptions`; shape (dim,)."""
         return self._wrench_weight
 
     @wrench_weight.setter
@@ -225,7 +207,7 @@ class Contact(Motion):
 
     @property
     def motion_weight(self) -> Array | None:
-        """Cost of the contact's motion, shape (dim,), to which another may be assigned; None for a constraint."""
+        """See `ContactOptions`; shape (dim,)."""
         return self._motion_weight
 
     @motion_weight.setter
@@ -238,8 +220,7 @@ class Contact(Motion):
         self.revision += 1
 
     def _motion_costs(self, value: ArrayLike) -> Array:
-        weight = self._checked_gain("motion weight", value, most=FIRMEST)
-        return np.broadcast_to(weight, (self.dim,))  # read-only
+        return np.broadcast_to(self._checked_gain("motion weight", value, most=FIRMEST), (self.dim,))
 
     @property
     def active(self) -> bool:
@@ -263,11 +244,7 @@ class Contact(Motion):
         return self._active or self._load > 0.0
 
     def bind(self, robot: Robot) -> None:
-        """Resolve the frame, and take its present placement as that of the contact.
-
-        Raises:
-            UnknownNameError: The robot has no such frame.
-        """
+        """Resolve the frame, and take its present placement as that of the contact."""
         super().bind(robot)
         self._model, self._data = robot.model, robot.data
         self._id = robot.frame_id(self.frame)
@@ -287,11 +264,7 @@ class Contact(Motion):
         return self.robot.placement(self.frame)
 
     def reset(self) -> None:
-        """Take the present placement of the frame as the place of the contact, and end the force ramp.
-
-        Raises:
-            InputError: The contact has not been added to a controller yet.
-        """
+        """Take the present placement of the frame as the place of the contact, and end the force ramp."""
         _ = self.robot
         self._set_load(1.0 if self._active else 0.0)
         self._hold()
@@ -302,11 +275,7 @@ class Contact(Motion):
 
     @property
     def target(self) -> pin.SE3:
-        """Placement of the held frame in the world; assign it, with `velocity`, to move a foot that is loaded.
-
-        Raises:
-            InputError: The contact has not been added to a controller yet, or what is assigned is not a placement.
-        """
+        """Placement of the held frame in the world; assign it, with `velocity`, to move a foot that is loaded."""
         _ = self.robot
         return self._target
 
@@ -328,12 +297,7 @@ class Contact(Motion):
         self._rows.velocity[:] = finite_array(f"velocity of contact '{self.name}'", value, (self.dim,))
 
     def follow(self, target: pin.SE3, velocity: Array) -> None:
-        """Set `target` and `velocity` for one tick, unchecked: for a controller that makes them itself.
-
-        Args:
-            target: Placement of the held frame in the world; kept, not copied.
-            velocity: In the contact frame, shape (dim,), m/s and rad/s.
-        """
+        """Set `target`, kept and not copied, and `velocity` for one tick, unchecked: for who makes them itself."""
         self._target = target
         self._rows.velocity[:] = velocity
 
@@ -347,9 +311,7 @@ class Contact(Motion):
         goal = 1.0 if self._active else 0.0
         if self._load != goal:
             step = dt / self.ramp if self.ramp > 0.0 else 1.0
-            self._set_load(
-                min(goal, self._load + step) if goal > self._load else max(goal, self._load - step)
-            )
+            self._set_load(min(goal, self._load + step) if self._active else max(goal, self._load - step))
 
     @property
     def normal_force_range(self) -> tuple[float, float]:
@@ -436,18 +398,13 @@ class SoleContact(_HeldFrame):
             even: Bound the yaw moment as under even pressure (`rectangle_wrench_cone`).
             torsion: Greatest yaw moment over the normal force on ground of unknown shape, m; None for flat ground.
             **options: See `ContactOptions`.
-
-        Raises:
-            UnknownNameError: An unknown option.
-            InputError: A value out of range.
         """
         self._friction, self._margin, self._even, self._torsion = friction, margin, even, torsion
         self._box: tuple[float, float] | None = None  # as given
         self._size: tuple[float, float] | None = None  # of the robot's sole
         self._centre = np.zeros(3)
-        self._change = np.eye(
-            6
-        )  # from the sole's origin in world axes to the centre of the box in the contact's axes
+        # From the sole's origin in world axes to the centre of the box in the contact's axes.
+        self._change = np.eye(6)
         # With these weights 100 N of shear, 300 N of weight and 10 Nm of ankle torque cost about the same.
         weight = (1e-5, 1e-5, 1e-6, 1e-3, 1e-3, 1e-3)
         chosen: ContactOptions = {"min_force": LEAST_FORCE, "wrench_weight": weight, **options}
@@ -455,12 +412,7 @@ class SoleContact(_HeldFrame):
         super().__init__(sole, sole, np.zeros((16 if torsion is None else 10, 6)), **chosen)
 
     def bind(self, robot: Robot) -> None:
-        """Take frame and rectangle from the robot's sole.
-
-        Raises:
-            UnknownNameError: The robot has no such sole.
-            InputError: The margin leaves nothing of the sole.
-        """
+        """Take frame and rectangle from the robot's sole."""
         sole = robot.sole(self.name)
         self.name, self.frame = sole.name, sole.frame
         self._size = sole.length, sole.width
@@ -468,33 +420,6 @@ class SoleContact(_HeldFrame):
         if not self._force_given:
             self.min_force = LEAST_FORCE * robot.force_scale
         super().bind(robot)
-
-    @property
-    def margin(self) -> float:
-        """Distance that the CoP keeps from the edge of the box, m."""
-        return self._margin
-
-    @margin.setter
-    def margin(self, value: float) -> None:
-        before = self._margin
-        self._margin = non_negative(f"CoP margin of contact '{self.name}' (m)", value)
-        try:
-            self.update_cone()
-        except InputError:
-            self._margin = before
-            raise
-
-    @property
-    def even(self) -> bool:
-        """True if the yaw moment is bounded as under even pressure."""
-        return self._even
-
-    @even.setter
-    def even(self, value: bool) -> None:
-        if not isinstance(value, (bool, np.bool_)):
-            raise InputError(f"even of contact '{self.name}' must be true or false, got {shown(value)}")
-        self._even = bool(value)
-        self.update_cone()
 
     @property
     def centre(self) -> Array:
@@ -509,9 +434,6 @@ class SoleContact(_HeldFrame):
             width: Extent across it, m.
             centre: Centre of the box in the sole frame, m; elsewhere than in the sole centre on ground of unknown shape
                 alone.
-
-        Raises:
-            InputError: A size that is not larger than twice the margin, a centre that is not finite.
         """
         least = 2.0 * self._margin
         self._box = (
@@ -604,10 +526,6 @@ class PointContact(Contact):
             normal: Direction from the surface to the robot, in the world; normalised here.
             friction: Coulomb coefficient.
             **options: See `ContactOptions`.
-
-        Raises:
-            UnknownNameError: An unknown option.
-            InputError: A value out of range.
         """
         self._friction = friction
         super().__init__(frame, frame, friction_pyramid(friction), **options)
@@ -658,10 +576,6 @@ class FixedContact(_HeldFrame):
         Args:
             frame: Frame that is fixed where it is when the contact is added.
             **options: See `ContactOptions`.
-
-        Raises:
-            UnknownNameError: An unknown option.
-            InputError: A value out of range.
         """
         chosen: ContactOptions = {"max_force": 1e6, "wrench_weight": 1e-8, **options}
         super().__init__(frame, frame, np.zeros((0, 6)), **chosen)

@@ -57,9 +57,6 @@ class Controller:
             regularisation: Cost per squared acceleration of every coordinate, above zero: it makes the answer unique,
                 and is shown in the status table.
             settings: Settings of the solver.
-
-        Raises:
-            InputError: A period or regularisation that is not positive.
         """
         self.robot = robot
         self._dt = as_period(dt)
@@ -217,11 +214,7 @@ class Controller:
         return self._contacts if isinstance(item, Contact) else self._limits
 
     def remove(self, *items: Item) -> None:
-        """Take tasks, contacts or limits out again.
-
-        Raises:
-            InputError: An item that the controller does not have; none is taken out then.
-        """
+        """Take tasks, contacts or limits out again."""
         for item in items:
             if _owner(item) is not self:
                 raise InputError(f"{item!r} is not part of this controller")
@@ -235,19 +228,11 @@ class Controller:
         self._dirty = True
 
     def task(self, name: str) -> Task:
-        """Return a task by name.
-
-        Raises:
-            UnknownNameError: There is no such task; the nearest names are given.
-        """
+        """Return a task by name."""
         return _by_name("task", name, self._tasks)
 
     def contact(self, name: str) -> Contact:
-        """Return a contact by name.
-
-        Raises:
-            UnknownNameError: There is no such contact; the nearest names are given.
-        """
+        """Return a contact by name."""
         return _by_name("contact", name, self._contacts)
 
     def move(self, task: Task) -> None:
@@ -322,9 +307,6 @@ class Controller:
 
         Returns:
             Shape (na,), Nm (or N).
-
-        Raises:
-            UnknownNameError: There is no such contact.
         """
         x, columns = solution.variables.copy(), solution.layout.contacts
         for name, wrench in wrenches.items():

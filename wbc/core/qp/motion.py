@@ -85,11 +85,7 @@ class Motion(ABC):  # noqa: B024 (its subclasses have the abstract methods)
 
     @property
     def robot(self) -> Robot:
-        """Robot of the controller.
-
-        Raises:
-            InputError: No controller has it yet.
-        """
+        """Robot of the controller."""
         if self._robot is None:
             raise InputError(
                 f"{self._kind} '{self.name}' belongs to no controller yet; add it first (its own `bind`, if it has "
@@ -102,9 +98,6 @@ class Motion(ABC):  # noqa: B024 (its subclasses have the abstract methods)
 
         Args:
             robot: The robot of the controller, with its state up to date.
-
-        Raises:
-            UnknownNameError: A frame or joint that the robot does not have.
         """
         self._robot = robot
 

@@ -24,7 +24,7 @@ from numpy.typing import ArrayLike, NDArray
 from wbc.core.errors import Array, InputError, WbcError, finite_array, shown, unknown_name, whole_number
 from wbc.core.qp.axes import POSITION_AXES, axis_mask, distinct_joints, other_columns
 from wbc.core.qp.motion import Motion, Rows, read_only
-from wbc.core.qp.move import USUAL_SPEED, Coordinates, Move
+from wbc.core.qp.move import USUAL_SPEED, Coordinates, Move, coordinates
 from wbc.core.qp.problem import Problem
 from wbc.core.robot import Robot
 from wbc.core.signals import Measurement
@@ -88,9 +88,8 @@ class MotionOptions(GainOptions, total=False):
 class Task(Motion):
     """Base of all tasks.
 
-    A task of your own has `evaluate`, which fills its rows, and `bind`, which looks names up. With `present` and
-    `checked` it has a target that is checked, moved (`move_to`) and followed; a vector of shape (dim,) unless they say
-    otherwise.
+    A task of your own has `evaluate`, which fills its rows, and `bind`, which looks names up. `present` and `checked`
+    give it a target that is checked, moved and followed: a vector of shape (dim,) unless they say otherwise.
 
     Attributes:
         name: Name in status tables and solutions, unique within a controller.
@@ -104,11 +103,12 @@ class Task(Motion):
         spared_acceleration: Accelerations of the coordinates in `spared` as they are expected, shape (n,).
         idle: True while the weight is zero: the rows are left as they were, and cost no time.
         accepted: True once a controller has taken the task; from then on its target stays.
+        held_by: What to use instead of assigning a target that another part sets at every tick; None where it is free.
     """
 
     __slots__ = (
-        "_full", "_hard", "_keep", "_linear_rows", "_move", "_n_rows", "_only_joints", "_set_by", "_spared",
-        "_taken", "_target", "_unused", "accepted", "columns", "dim", "idle", "spared_acceleration",
+        "_full", "_hard", "_keep", "_linear_rows", "_move", "_n_rows", "_only_joints", "_spared", "_taken", "_target",
+        "_unused", "accepted", "columns", "dim", "held_by", "idle", "spared_acceleration",
     )  # fmt: skip
 
     unit: ClassVar[str] = "m"
@@ -122,24 +122,21 @@ class Task(Motion):
             name: Name where the options give none.
             rows: Number of rows, at least 1, or their names in order, of which the option `axes` chooses.
             **options: See `MotionOptions`. Weight 1 and stiffness 0 by default.
-
-        Raises:
-            UnknownNameError: An unknown option or axis.
-            InputError: An axis twice or out of order, a gain out of range or of the wrong shape.
         """
         given: dict[str, Any] = {**options}
         name = given.pop("name", None) or name
         if not isinstance(name, str):
             raise InputError(f"the name of a task must be text, got {shown(name)}")
-        self._keep: NDArray[np.intp] | None = None
+        self._keep: slice | NDArray[np.intp] = slice(None)  # the chosen ones of all rows
         self._linear_rows: int | None = None  # the others are of a rotation
         self._n_rows = rows if isinstance(rows, int) else len(rows)  # of all axes
         if isinstance(rows, int):
             self.dim = whole_number(f"number of rows of task '{name}'", rows, low=1)
         else:
             mask = axis_mask(name, given.pop("axes", rows), rows)
-            self._keep = None if mask.all() else np.flatnonzero(mask)
-            self.dim = int(mask.sum())
+            kept = np.flatnonzero(mask)
+            self.dim, first = kept.size, int(kept[0])
+            self._keep = slice(first, first + self.dim) if kept[-1] == first + self.dim - 1 else kept
             self._linear_rows = int(mask[[axis in POSITION_AXES for axis in rows]].sum())
         joints = given.pop("joints", None)
         self._only_joints = None if joints is None else distinct_joints(joints)
@@ -150,7 +147,7 @@ class Task(Motion):
         self._target: Any = None
         self._taken = False  # the target is what was present when the task was bound
         self._move: Move | None = None
-        self._set_by: str | None = None
+        self.held_by: str | None = None
         self._hard = self.idle = self.accepted = False
         super().__init__(name, given.pop("stiffness", 0.0), given.pop("damping", None))
         self.weight = given.pop("weight", 1.0)
@@ -162,11 +159,7 @@ class Task(Motion):
 
     @property
     def hard(self) -> bool:
-        """True if the rows are constraints instead of costs.
-
-        Raises:
-            InputError: Assigned while a controller has the task, or not true or false.
-        """
+        """True if the rows are constraints instead of costs."""
         return self._hard
 
     @hard.setter
@@ -282,51 +275,43 @@ class Task(Motion):
             acceleration: Its acceleration along them, shape (dim,), `unit`/s²; unchanged when None.
         """
         self._target = target
+        rates = self._feedforward()
         if velocity is not None:
-            self._rows.velocity[:] = velocity
+            rates[0][:] = velocity
         if acceleration is not None:
-            self._rows.acceleration[:] = acceleration
+            rates[1][:] = acceleration
 
     @property
     def feedforward_velocity(self) -> Array:
         """Velocity of the target, shape (dim,), `unit`/s, read-only."""
-        return read_only(self._rows.velocity)
+        return read_only(self._feedforward()[0])
 
     @feedforward_velocity.setter
     def feedforward_velocity(self, value: ArrayLike) -> None:
         velocity = finite_array(f"feed-forward velocity of task '{self.name}'", value, (self.dim,))
         self._take_over()
-        self._rows.velocity[:] = velocity
+        self._feedforward()[0][:] = velocity
 
     @property
     def feedforward_acceleration(self) -> Array:
         """Acceleration of the target, shape (dim,), `unit`/s², read-only."""
-        return read_only(self._rows.acceleration)
+        return read_only(self._feedforward()[1])
 
     @feedforward_acceleration.setter
     def feedforward_acceleration(self, value: ArrayLike) -> None:
         acceleration = finite_array(f"feed-forward acceleration of task '{self.name}'", value, (self.dim,))
         self._take_over()
-        self._rows.acceleration[:] = acceleration
+        self._feedforward()[1][:] = acceleration
 
-    def set_by(self, setting: str | None) -> None:
-        """State that another part sets the target at every tick: what is assigned from then on is an error, not lost.
-
-        Args:
-            setting: What to use instead, such as "walking.body.com_height"; None to let the target be assigned again.
-        """
-        self._set_by = setting
-
-    @property
-    def held_by(self) -> str | None:
-        """What to use instead of assigning a target that another part sets at every tick; None where it is free."""
-        return self._set_by
+    def _feedforward(self) -> tuple[Array, Array]:
+        """Return the arrays of velocity and acceleration of the target, each of shape (dim,)."""
+        return self._rows.velocity, self._rows.acceleration
 
     def _take_over(self) -> None:
         """End a move, or refuse a target that another part sets."""
-        if self._set_by is not None:
+        if self.held_by is not None:
             raise InputError(
-                f"the target of task '{self.name}' is set at every tick by another part: use {self._set_by}"
+                f"the target of task '{self.name}' is set at every tick by another part: use {self.held_by}"
             )
         self._stop()
 
@@ -352,10 +337,6 @@ class Task(Motion):
                 0.2 m/s and 1 rad/s when None and no duration is given.
             acceleration: Greatest acceleration, `unit`/s², as `speed`; reaches that speed in 0.2 s when None and no
                 duration is given.
-
-        Raises:
-            InputError: A target that cannot be assigned, a duration, speed or acceleration that is not above zero or do
-                not agree, a task that no controller has, or whose target something else sets.
         """
         self.move_through([target], duration=duration, speed=speed, acceleration=acceleration)
 
@@ -374,16 +355,13 @@ class Task(Motion):
             duration: From the first target to the last, s.
             speed: Greatest speed.
             acceleration: Greatest acceleration.
-
-        Raises:
-            InputError: As in `move_to`; no target at all, or the same twice in a row.
         """
         owner = None if self._owner is None else self._owner()
         if owner is None:
             raise InputError(f"task '{self.name}' can move its target once a controller has it: add it first")
         if not isinstance(targets, (Sequence, np.ndarray)) or len(targets) == 0:
             raise InputError(f"task '{self.name}' moves through one or more targets, got {targets!r}")
-        if self._set_by is not None:
+        if self.held_by is not None:
             self._take_over()
         rates: tuple[Array | None, Array | None] = (None, None)
         if self._move is not None:  # to where the target is at the next tick
@@ -399,12 +377,11 @@ class Task(Motion):
 
     def _coordinates(self) -> Coordinates:
         """Return coordinates of targets, from the present one on."""
-        return Coordinates(self.target, self.checked)
+        return coordinates(self.target, self.checked)
 
     def _put(self, target: Any, velocity: Array, acceleration: Array) -> None:
         """Set the target of one tick of a move, and its rates along all axes."""
-        keep = slice(None) if self._keep is None else self._keep
-        self.follow(target, np.asarray(velocity)[keep], np.asarray(acceleration)[keep])
+        self.follow(target, np.asarray(velocity)[self._keep], np.asarray(acceleration)[self._keep])
 
     @property
     def moving(self) -> bool:
@@ -476,25 +453,17 @@ class Task(Motion):
 
         Args:
             robot: The robot of the controller, with its state up to date.
-
-        Raises:
-            UnknownNameError: A frame or joint that the robot does not have.
         """
         super().bind(robot)
         self._unused = other_columns(robot, self._only_joints)
-        if self._keep is not None:
-            size = self._n_rows
-            self._full = np.zeros((size, robot.nv)), np.zeros(size), np.zeros(size)
+        if self._n_rows != self.dim:
+            self._full = np.zeros((self._n_rows, robot.nv)), np.zeros(self._n_rows), np.zeros(self._n_rows)
         if self._target is None or (self._taken and not self.accepted):
             self._target = self.present(robot)
             self._taken = True
 
     def bind_problem(self, problem: Problem) -> None:  # noqa: B027 (optional)
-        """Look up contacts or torque rows of a task on variables; called whenever the layout of the QP has changed.
-
-        Raises:
-            UnknownNameError: A contact that the controller does not have.
-        """
+        """Look up contacts or torque rows of a task on variables; called whenever the layout of the QP has changed."""
 
     def waits_for(self) -> object | None:
         """Return the contact object of the task, which may be added after it; None where nothing may."""
@@ -521,12 +490,11 @@ class Task(Motion):
 
     def fill(self, jacobian: Array, error: Array, drift: Array) -> None:
         """Fill the rows of the chosen axes, with the chosen joints; as `evaluate`, for the controller."""
-        full = self._full
-        if full is None:
+        if self._full is None:
             self.evaluate(jacobian, error, drift)
         else:
-            self.evaluate(*full)
-            jacobian[:], error[:], drift[:] = (rows[self._keep] for rows in full)
+            self.evaluate(*self._full)
+            jacobian[:], error[:], drift[:] = (rows[self._keep] for rows in self._full)
         if self._spared.size:
             drift += jacobian[:, self._spared].dot(self.spared_acceleration)
             self._leave_out(self._spared, jacobian, drift)
@@ -564,7 +532,8 @@ class Task(Motion):
 
     def _resize(self, dim: int) -> None:
         """Change the number of rows before the task is attached, keeping uniform gains."""
-        old, self._rows, self.dim = self._rows, Rows.zeros(dim), dim
+        old, self._rows = self._rows, Rows.zeros(dim)
+        self.dim = self._n_rows = dim
         for field in ("weight", "stiffness", "damping", "bound"):
             values = getattr(old, field)
             if values.size != dim and not (values == values[0]).all():

@@ -28,10 +28,10 @@ import pinocchio as pin
 from wbc.core.errors import ROUNDING, Array
 from wbc.core.qp.contact import ContactOptions, FixedContact, PointContact
 from wbc.core.qp.controller import Controller, Item
+from wbc.core.qp.move import least_turn
 from wbc.core.settings import NonNegative, Positive, Share, settings
 from wbc.tasks.force.admittance import AdmittanceTask
 from wbc.tasks.force.wrench import WrenchTask
-from wbc.tasks.motion.rotations import least_turn
 from wbc.walking.hands.arm import HandArm
 from wbc.walking.hands.motion import MovingFrame, Ramp, quintic_part
 

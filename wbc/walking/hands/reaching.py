@@ -22,6 +22,7 @@ from numpy.typing import ArrayLike
 
 from wbc.core.errors import Array, InputError, choose, finite_array
 from wbc.core.qp.controller import Controller
+from wbc.core.qp.move import PoseCoordinates
 from wbc.core.qp.task import NEAR, SLOW
 from wbc.core.robot import BASE_DOF
 from wbc.core.settings import NonNegative, Positive, settings
@@ -29,7 +30,6 @@ from wbc.core.trajectories import Trajectory, approach
 from wbc.tasks.motion.com import CoMTask
 from wbc.tasks.motion.frame import PoseTask, RelativeFrameTask, pose
 from wbc.tasks.motion.posture import PostureTask
-from wbc.tasks.motion.rotations import PoseCoordinates
 from wbc.walking.hands.hand import Hand
 from wbc.walking.swing import FootMotion
 
@@ -321,7 +321,7 @@ class Arm:
                 else PoseTask(self.frame, **options)
             )
             task.spared = self._spared
-            task.set_by(f"walking.arms['{self.name}'].reach(…)")
+            task.held_by = f"walking.arms['{self.name}'].reach(…)"
             self._tasks[within_pelvis] = self._controller.add(task)
         return self._tasks[within_pelvis]
 
