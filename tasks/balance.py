@@ -81,7 +81,7 @@ class BalanceGains(BodyGains):
 def balance_controller(
     robot: Robot, dt: float, gains: BalanceGains | None = None, *, solver: SolverSettings | None = None
 ) -> Controller:
-    """Return a controller that keeps a robot standing where it stands.
+    """Return a controller, with joint and torque limits, that keeps a robot standing where it stands.
 
     Its tasks are named "com", "base", "torso" and "posture", its contacts like the robot's soles. Targets are the
     robot's present state; move them, or add tasks, for other motions.
@@ -91,9 +91,6 @@ def balance_controller(
         dt: Control period, s.
         gains: Weights and gains; the defaults when None.
         solver: Settings of the QP solver.
-
-    Returns:
-        The controller, with joint and torque limits.
     """
     robot.needs_feet("the balance controller")
     gains = gains or BalanceGains()

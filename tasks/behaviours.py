@@ -40,19 +40,16 @@ class Scope:
 
     Attributes:
         program: The program.
+        controller: Controller with all tasks, contacts and limits.
         path: Names of the machines around the state and of the state itself, with slashes between.
         began: Time at which the state began, s.
     """
 
     def __init__(self, program: Program, path: str) -> None:
         """Begin now."""
-        self.program, self.path, self.began = program, path, program.time
+        self.program, self.controller = program, program.controller
+        self.path, self.began = path, program.time
         self._items: list[Item] = []
-
-    @property
-    def controller(self) -> Controller:
-        """Controller with all tasks, contacts and limits."""
-        return self.program.controller
 
     @property
     def time(self) -> float:
@@ -73,11 +70,10 @@ class Scope:
     def close(self) -> None:
         """Remove what was added, the last first, but for what has been removed already."""
         controller = self.controller
-        for item in reversed(self._items):
-            present = (*controller.tasks, *controller.contacts, *controller.limits)
-            if any(item is each for each in present):
+        while self._items:
+            item = self._items.pop()
+            if any(item is each for each in (*controller.tasks, *controller.contacts, *controller.limits)):
                 controller.remove(item)
-        self._items.clear()
 
 
 Condition = Callable[[Scope], bool]
@@ -101,8 +97,8 @@ class Behaviour:
 
     Attributes:
         name: Name in paths, logs and messages.
-        timeout: Time after which the state ends with the outcome "timeout", s; None for none.
         outcomes: Outcome → condition, in the order in which they are looked at.
+        timeout: Time after which the state ends with the outcome "timeout", s; None for none.
     """
 
     def __init__(
@@ -134,19 +130,22 @@ class Behaviour:
         self.name = name
         self.timeout = None if timeout is None else positive(f"timeout of state '{name}' (s)", timeout)
         self.outcomes = dict(outcomes or {}) if done is None else {"done": done, **(outcomes or {})}
-        self._start, self._tick, self._end = (each or _nothing for each in (start, tick, end))
+        self._start, self._tick, self._end = start, tick, end
 
     def start(self, now: Scope) -> None:
         """Begin: called once."""
-        self._start(now)
+        if self._start is not None:
+            self._start(now)
 
     def tick(self, now: Scope) -> None:
         """Run one tick."""
-        self._tick(now)
+        if self._tick is not None:
+            self._tick(now)
 
     def end(self, now: Scope) -> None:
         """End: called once."""
-        self._end(now)
+        if self._end is not None:
+            self._end(now)
 
     def outcome(self, now: Scope) -> str | None:
         """Return the outcome, or None while the state goes on."""
@@ -155,21 +154,15 @@ class Behaviour:
         for name, condition in self.outcomes.items():
             if condition(now):
                 return name
+        return self._late(now)
+
+    def _late(self, now: Scope) -> str | None:
         return "timeout" if self.timeout is not None and now.elapsed >= self.timeout - ROUNDING else None
 
     @property
     def possible(self) -> frozenset[str]:
-        """Outcomes that the state may have, but for faults."""
+        """Outcomes that the state may have, but for faults; without any it goes on for ever."""
         return frozenset(self.outcomes) | ({"timeout"} if self.timeout is not None else set())
-
-
-def _named_end(goal: str) -> str:
-    """Return the outcome of a machine that a transition ends."""
-    return goal.partition(":")[2].strip() or "done"
-
-
-def _nothing(now: Scope) -> None:
-    """Do nothing, for a state without a function."""
 
 
 class StateMachine(Behaviour):
@@ -201,11 +194,11 @@ class StateMachine(Behaviour):
         """
         super().__init__(name, timeout=timeout)
         self.states = {state.name: state for state in states}
-        if not states or len(self.states) != len(states):
+        names = [*self.states]
+        if not states or len(names) != len(states):
             raise InputError(
                 f"machine '{name}' needs states of different names, got {[s.name for s in states]}"
             )
-        names = [*self.states]
         self.transitions: dict[str, dict[str, str]] = {
             state: {"done": following} for state, following in zip(names, [*names[1:], END], strict=True)
         }
@@ -216,25 +209,25 @@ class StateMachine(Behaviour):
                 if goal.partition(":")[0] != END:
                     choose(f"state of machine '{name}'", goal, [*names, END])
                 self.transitions[state][outcome] = goal
-        self._name: str | None = None  # of the present state
-        self._scope: Scope | None = None
+        self._name = ""  # of the present state
+        self._scope: Scope | None = None  # of the present state
         self._ended: str | None = None  # outcome of the machine
+
+    def _goal(self, state: str, outcome: str) -> tuple[str | None, str]:
+        """Return the state that follows one, or None and the outcome with which the machine ends."""
+        goal = self.transitions[state].get(outcome, f"{END}: {outcome}")
+        return (goal, "") if goal in self.states else (None, goal.partition(":")[2].strip() or "done")
 
     @property
     def possible(self) -> frozenset[str]:
-        """Outcomes that the machine may have, but for faults; empty where it goes on for ever."""
-        goals = {
-            self.transitions[name].get(outcome, f"{END}: {outcome}")
-            for name, state in self.states.items()
-            for outcome in state.possible
-        }
-        ends = {_named_end(goal) for goal in goals if goal not in self.states}
-        return frozenset(ends | ({"timeout"} if self.timeout is not None else set()))
+        """Outcomes that the machine may have, but for faults; without any it goes on for ever."""
+        goals = [self._goal(name, each) for name, state in self.states.items() for each in state.possible]
+        return super().possible | {end for state, end in goals if state is None}
 
     @property
     def path(self) -> str:
         """Path of the innermost state at work, from this machine on; the machine's own name before and after."""
-        if self._name is None:
+        if self._scope is None:
             return self.name
         inner = self.states[self._name]
         return f"{self.name}/{inner.path if isinstance(inner, StateMachine) else inner.name}"
@@ -246,56 +239,55 @@ class StateMachine(Behaviour):
 
     def tick(self, now: Scope) -> None:
         """Run the present state."""
-        if self._name is not None:
-            self._guarded(now, self.states[self._name].tick)
+        if self._scope is not None:
+            self._guarded(now, self._scope, self.states[self._name].tick)
 
     def end(self, now: Scope) -> None:
         """End the present state."""
-        scope, name = self._scope, self._name
-        self._name = self._scope = None
-        if scope is not None and name is not None:
+        scope, self._scope = self._scope, None
+        if scope is not None:
             try:
-                self.states[name].end(scope)
+                self.states[self._name].end(scope)
             finally:
                 scope.close()
 
     def outcome(self, now: Scope) -> str | None:
-        """Look whether the present state has ended, and go on to the next; return the outcome of the machine."""
-        if self.timeout is not None and now.elapsed >= self.timeout - ROUNDING:
-            return "timeout"
-        if self._name is not None:
-            result = self._guarded(now, self.states[self._name].outcome)
+        """Return the outcome of the machine, or None while it goes on; follow that of the present state."""
+        late = self._late(now)
+        if late is None and self._scope is not None:
+            result = self._guarded(now, self._scope, self.states[self._name].outcome)
             if result is not None:
-                self._follow(str(result), now)
-        return self._ended
+                self._follow(str(result), now, self._scope)
+        return late or self._ended
 
-    def _guarded(self, now: Scope, call: Callable[[Scope], Any]) -> Any:
+    def _guarded(self, now: Scope, scope: Scope, call: Callable[[Scope], Any]) -> Any:
         """Call a function of the present state; an exception is the outcome "error" where a transition is for it."""
-        assert self._scope is not None and self._name is not None
         try:
-            return call(self._scope)
+            return call(scope)
         except Exception as failure:
+            error = failure
+            if not isinstance(failure, BehaviourError):
+                error = BehaviourError(f"state '{scope.path}': {type(failure).__name__}: {failure}")
             if "error" not in self.transitions[self._name]:
-                raise _named(self._scope.path, failure) from failure
-            logger.error("%s", _named(self._scope.path, failure))
-            self._follow("error", now)
+                raise error from failure
+            logger.error("%s", error)
+            self._follow("error", now, scope)
             return None
 
-    def _follow(self, outcome: str, now: Scope) -> None:
+    def _follow(self, outcome: str, now: Scope, scope: Scope) -> None:
         """Go where an outcome leads: to a state, or to the end of the machine."""
-        assert self._scope is not None and self._name is not None
-        goal = self.transitions[self._name].get(outcome, f"{END}: {outcome}")
-        now.program.note(self._scope.path, outcome)
+        state, ended = self._goal(self._name, outcome)
+        now.program.note(scope.path, outcome)
         self.end(now)
-        if goal in self.states:
-            self._enter(goal, now)
+        if state is not None:
+            self._enter(state, now)
         else:
-            self._ended = _named_end(goal)
+            self._ended = ended
 
     def _enter(self, name: str, now: Scope) -> None:
         self._name, self._scope = name, Scope(now.program, f"{now.path}/{name}")
         logger.info("%s begins at %.3f s", self._scope.path, now.time)
-        self._guarded(now, self.states[name].start)
+        self._guarded(now, self._scope, self.states[name].start)
 
 
 class Program:
@@ -324,9 +316,8 @@ class Program:
         """
         if not isinstance(control, Controller) and not hasattr(control, "command"):
             raise InputError(f"a program drives a control or a Controller, got {shown(control)}")
-        self.machine = machine
-        self.control = control
-        self.controller: Controller = control if isinstance(control, Controller) else self.control.controller
+        self.machine, self.control = machine, control
+        self.controller: Controller = control if isinstance(control, Controller) else control.controller
         self._fallen = fallen or (lambda: getattr(control, "fallen", None) is not None)
         self.time, self._began = 0.0, False
         self.outcome: str | None = None
@@ -348,8 +339,7 @@ class Program:
     def command(self, measurement: Measurement) -> Command:
         """Run one tick of the machine, then one of the control, and return its command.
 
-        Raises:
-            BehaviourError: An exception in a function of a state that has no transition for "error".
+        An exception in a function of a state that has no transition for "error" is a `BehaviourError`.
         """
         self.tick()
         command: Command = self.control.command(measurement)
@@ -357,7 +347,7 @@ class Program:
 
     def tick(self) -> None:
         """Run one tick of the machine alone; `command` does it."""
-        if self.outcome is not None:
+        if self.ended:
             return
         if not self._began:
             self._began = True
@@ -383,10 +373,8 @@ class Program:
     ) -> str | None:
         """Run in a simulation until the machine ends, and return its outcome; None if `seconds` were over before.
 
-        `plant` has `measure()` and `step(command)`, as `wbc.Plant`; `seconds` is the longest time, None for a machine
-        that ends by itself; `after_tick` is called after each tick, for a viewer, and `record` in each tick with plant,
-        program, measurement and command, such as a `wbc.app.Recorder`. A machine that never ends, without a time,
-        raises an `InputError`.
+        `plant` has `measure()` and `step(command)`, as `wbc.Plant`; `after_tick` is called after each tick, for a
+        viewer, and `record` in each tick with plant, program, measurement and command, such as a `wbc.app.Recorder`.
         """
         if seconds is None and not self.machine.possible:
             raise InputError(
@@ -416,9 +404,3 @@ class Program:
             return "infeasible"
         down, self._down = self._down, bool(self._fallen())
         return "fall" if self._down and not down else None
-
-
-def _named(path: str, failure: Exception) -> BehaviourError:
-    if isinstance(failure, BehaviourError):
-        return failure
-    return BehaviourError(f"state '{path}': {type(failure).__name__}: {failure}")

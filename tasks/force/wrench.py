@@ -8,12 +8,11 @@ from typing import Unpack
 import numpy as np
 from numpy.typing import ArrayLike
 
-from wbc.core.errors import Array, InputError, finite_array, unknown_name
+from wbc.core.errors import Array, InputError, unknown_name
 from wbc.core.qp.axes import POSE_AXES
 from wbc.core.qp.contact import Contact
 from wbc.core.qp.problem import Problem
 from wbc.core.qp.task import Task, TaskOptions
-from wbc.core.robot import Robot
 
 
 class WrenchTask(Task):
@@ -59,14 +58,6 @@ class WrenchTask(Task):
     def contact(self) -> str:
         """Name of the contact."""
         return self._contact.name if isinstance(self._contact, Contact) else self._contact
-
-    def present(self, robot: Robot) -> Array:
-        """Return no wrench."""
-        return np.zeros(self._size)
-
-    def checked(self, value: ArrayLike) -> Array:
-        """Return force variables in the contact frame after a check, shape (6,), or (3,) for a point, N and Nm."""
-        return finite_array(f"target of task '{self.name}' (N, Nm)", value, (self._size,))
 
     def waits_for(self) -> object | None:
         """Return the contact, where the task was given it and not its name."""

@@ -8,7 +8,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
-from wbc.core.errors import Array, InputError, finite_array
+from wbc.core.errors import Array, InputError
 from wbc.core.qp.axes import POSITION_AXES
 from wbc.core.qp.task import MotionOptions, Task
 from wbc.core.robot import Robot
@@ -41,10 +41,6 @@ class CoMTask(Task):
     def present(self, robot: Robot) -> Array:
         """Return the centre of mass, shape (3,), m."""
         return np.array(robot.com)
-
-    def checked(self, value: ArrayLike) -> Array:
-        """Return a point after a check, shape (3,), m."""
-        return finite_array(f"target of task '{self.name}' (m)", value, (3,))
 
     def bind(self, robot: Robot) -> None:
         """Resolve names; see `Task.bind`."""

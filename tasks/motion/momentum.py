@@ -44,10 +44,6 @@ class MomentumTask(Task):
         super().__init__("momentum", POSE_AXES, **(usual | options))
         self.target = np.zeros(6) if target is None else target
 
-    def checked(self, value: ArrayLike) -> Array:
-        """Return a momentum after a check, shape (6,), kg m/s and kg m²/s."""
-        return finite_array(f"target of task '{self.name}' (kg m/s, kg m²/s)", value, (6,))
-
     def _coordinates(self) -> Coordinates:
         raise InputError(f"task '{self.name}' has a momentum for its target, which is not moved: assign it")
 

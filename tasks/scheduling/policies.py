@@ -80,34 +80,16 @@ class StiffnessPolicy(ABC):
     needs_scan: ClassVar[bool] = True
 
     def prepare(self, scan: ScanSettings) -> None:  # noqa: B027 - optional
-        """Check that the policy can work with such profiles, and do what is slow the first time.
-
-        Args:
-            scan: Settings of the profiles.
-
-        Raises:
-            InputError: Profiles that the policy cannot work with.
-        """
+        """Do what is slow the first time; an `InputError` refuses profiles that the policy cannot work with."""
 
     def standing(self, single: bool) -> float | None:
-        """Return the stiffness of a foot that stands, Nm/rad; None keeps that of its landing.
-
-        Args:
-            single: True while the other foot is in the air.
-        """
+        """Return the stiffness of a foot that stands, alone if `single`, Nm/rad; None keeps that of its landing."""
         del single
         return None
 
     @abstractmethod
     def decide(self, swing: SwingScan) -> StiffnessDecision | float | None:
-        """Decide the stiffness, in a small part of a control period.
-
-        Args:
-            swing: The swing at this time.
-
-        Returns:
-            Stiffness, Nm/rad, or a whole decision; None if the policy has no answer.
-        """
+        """Return the stiffness, Nm/rad, or a whole decision, soon; None if the policy has no answer."""
 
 
 PolicyLike: TypeAlias = StiffnessPolicy | Callable[[SwingScan], StiffnessDecision | float | None]
@@ -148,11 +130,7 @@ class GroundPolicy(StiffnessPolicy):
 
 @dataclass(frozen=True)
 class FunctionPolicy(StiffnessPolicy):
-    """A plain function as a policy.
-
-    Attributes:
-        function: The function, called as `StiffnessPolicy.decide`.
-    """
+    """A plain function as a policy, called as `StiffnessPolicy.decide`."""
 
     function: Callable[[SwingScan], StiffnessDecision | float | None]
 
@@ -163,11 +141,7 @@ class FunctionPolicy(StiffnessPolicy):
 
 @dataclass(frozen=True, eq=False)
 class ModelPolicy(StiffnessPolicy):
-    """Prediction of a stiffness model for the end of the profile, cut to the length that it was trained on.
-
-    Attributes:
-        model: The model.
-    """
+    """Prediction of a stiffness model for the end of the profile, cut to the length that it was trained on."""
 
     model: StiffnessModel
 
@@ -222,22 +196,15 @@ def stiffness_policy_names() -> tuple[str, ...]:
 
 
 def stiffness_policy(name: str, **parameters: Any) -> StiffnessPolicy:
-    """Make a policy: `stiffness_policy("fixed", stiffness=5.0)`, `stiffness_policy("model", path="model.json")`.
-
-    Args:
-        name: One of `stiffness_policy_names()`.
-        **parameters: Of that policy.
-    """
+    """Make a policy: `stiffness_policy("fixed", stiffness=5.0)`, `stiffness_policy("model", path="model.json")`."""
     return call_checked(f"stiffness policy '{name}'", _POLICIES[name], parameters)
 
 
 def register_stiffness_policy(name: str, make: Callable[..., StiffnessPolicy]) -> None:
-    """Make a policy available by name, in place of one of the same name.
+    """Make a policy, its class or a function of named parameters, available by name, in place of one of the same name.
 
-    Args:
-        name: Name for `stiffness_policy`, and for walks. A sweep runs walks in processes of their own: register it in a
-            module that these import, too. The policy behind a name is not part of a journal's keys.
-        make: Its class, or a function of named parameters that returns one.
+    A sweep runs walks in processes of their own: register it in a module that these import, too. The policy behind a
+    name is not part of a journal's keys.
     """
     _POLICIES[name] = make
 

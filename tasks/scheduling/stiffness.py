@@ -77,11 +77,7 @@ class StiffnessScheduler:
         self.reset()
 
     def reset(self, stiffness: float | None = None) -> None:
-        """Clear records and scan, and command the stiffness of the start.
-
-        Args:
-            stiffness: Command for both soles, Nm/rad; that of the foot's description when None.
-        """
+        """Clear records and scan, and command a stiffness, Nm/rad; that of the foot's description when None."""
         start = self.actuator.check(self._initial if stiffness is None else stiffness)
         self._command = np.full(len(SIDES), start)
         self._side: int | None = None

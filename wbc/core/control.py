@@ -137,6 +137,10 @@ class DriveControl:
         policy: FailurePolicy | None,
         safety: SafetySettings | None,
     ) -> None:
+        """Connect a controller to its observer, of the same robot model; where one is None, a new one is made.
+
+        `policy` is the reaction to failures, `safety` the ranges of measurements and commands.
+        """
         self.controller = controller
         self.observer = Observer(controller.robot) if observer is None else observer
         if self.observer.robot.model is not controller.robot.model:
@@ -212,12 +216,9 @@ class DriveControl:
         return "; ".join(parts) or "ok"
 
     def judge_balance(self, dcm_limit: float, *, topples: bool) -> None:
-        """Set what a walk knows of its balance, for `status`.
+        """Set what a walk knows of its balance, for `status`: whether the torso tilts too far, and a limit of the DCM.
 
-        Args:
-            dcm_limit: Distance of the DCM from the nearest sole from which on balance is lost, over the height of the
-                CoM.
-            topples: True while the torso tilts too far.
+        That is the distance of the DCM from the nearest sole from which on balance is lost, over the height of the CoM.
         """
         self._dcm_limit, self._topples = dcm_limit, topples
 
@@ -230,16 +231,13 @@ class DriveControl:
         return min(math.hypot(*(dcm - sole[:2])) for sole in soles) > self._dcm_limit * height
 
     def command(self, measurement: Measurement) -> Command:
-        """Run one tick and return the command until the next one; targets of tasks and contacts are as they are.
-
-        Nothing is raised: a failed tick follows the policy.
-        """
+        """Run one tick, with the targets as they are, and return its command; a failed tick follows the policy."""
         return self.act(self.estimate(measurement))
 
     def estimate(self, measurement: Measurement) -> State:
         """Begin a tick: estimate the state, bring the controller's robot there, and return it.
 
-        Nothing is raised: `State.ok` is False for a measurement that cannot be used.
+        `State.ok` is False for a measurement that cannot be used; nothing is raised.
         """
         observer, start = self.observer, perf_counter()
         self.time = time = self.time + self.controller.dt
@@ -255,10 +253,7 @@ class DriveControl:
         return State(estimate, plausible, observer.load, measurement, True, time)
 
     def refuse(self, state: State, error: Exception) -> State:
-        """Fail a tick between `estimate` and `act`, because its targets could not be computed.
-
-        Returned is the state with `ok` False, for `act`: it holds the robot as after any failure.
-        """
+        """Fail a tick whose targets could not be computed: return its state for `act`, which holds the robot then."""
         if isinstance(error, MeasurementError):
             self._fail(f"measurement refused: {error}")
         else:
@@ -266,15 +261,12 @@ class DriveControl:
         return state._replace(ok=False)
 
     def act(self, state: State, wrenches: Mapping[str, Array] | None = None) -> Command:
-        """End a tick: solve the QP, and return what the drives are to do.
+        """End a tick: solve the QP, and return the command of the drives; a failed tick follows the policy.
 
         Args:
             state: State of this tick.
             wrenches: Name of a contact → wrench in place of the solution's in the torques, in the frame of the
                 contact, N and Nm: what a stabilizer wants (`StabilizerTask.wrenches`), where the QP's own are free.
-
-        Returns:
-            Command of the drives until the next tick. Nothing is raised: a failed tick follows the policy.
         """
         solution = self._solve(state, wrenches) if state.ok else None
         command = self._hold(state) if solution is None else self._follow(state, solution)
@@ -331,13 +323,9 @@ class DriveControl:
             measurement = self._with_wrenches(measurement)
         observer = self.observer
         vertical = float(observer.inertial.rotation[2].dot(measurement.specific_force))
+        turning = observer.foot_rotation, observer.stance_rotation
         self.monitor.update(
-            self.plausibility.values,
-            measurement,
-            vertical,
-            observer.foot_rotation,
-            observer.stance_rotation,
-            observer.inertial.unexplained,
+            self.plausibility.values, measurement, vertical, *turning, observer.inertial.unexplained
         )
         return measurement
 
@@ -350,11 +338,8 @@ class DriveControl:
         if torque is not None:
             passed, self._stamp = measurement.time - self._stamp, measurement.time
             self.wrenches.update(*self.observer.measured_state, torque, passed)
-        return replace(
-            measurement,
-            sole_wrench=self.wrenches.wrench.copy(),
-            wrench_source=cast(WrenchSource, source),
-        )
+        wrench = self.wrenches.wrench.copy()
+        return replace(measurement, sole_wrench=wrench, wrench_source=cast(WrenchSource, source))
 
     def _fail(self, reason: str, error: Exception | None = None) -> None:
         """Count a failed tick and log the first of a row and the stop."""

@@ -52,16 +52,7 @@ def rotation_of(quaternion: Array) -> Array:
 
 
 def configuration_to_mujoco(q: Array, joint_qpos: Index | None = None, out: Array | None = None) -> Array:
-    """Translate a configuration to MuJoCo's `qpos`.
-
-    Args:
-        q: Configuration, shape (nq,), quaternion xyzw.
-        joint_qpos: Places of the joints in `qpos`.
-        out: MuJoCo's `qpos`.
-
-    Returns:
-        `out`, or a new array of shape (nq,).
-    """
+    """Translate a configuration, shape (nq,), quaternion xyzw, to MuJoCo's `qpos`, wxyz."""
     qpos = np.empty(q.size) if out is None else out
     qpos[0:3] = q[0:3]
     qpos[3] = q[6]
@@ -73,16 +64,7 @@ def configuration_to_mujoco(q: Array, joint_qpos: Index | None = None, out: Arra
 def configuration_from_mujoco(
     qpos: Array, joint_qpos: Index | None = None, out: Array | None = None
 ) -> Array:
-    """Translate MuJoCo's `qpos` to a configuration.
-
-    Args:
-        qpos: MuJoCo's positions, quaternion wxyz.
-        joint_qpos: Places of the joints in `qpos`.
-        out: Configuration.
-
-    Returns:
-        Configuration, shape (nq,), quaternion xyzw.
-    """
+    """Translate MuJoCo's `qpos`, quaternion wxyz, to a configuration, shape (nq,), xyzw."""
     joints = qpos[7:] if joint_qpos is None else qpos[joint_qpos]
     q = np.empty(7 + joints.size) if out is None else out
     q[0:3] = qpos[0:3]
@@ -93,17 +75,7 @@ def configuration_from_mujoco(
 
 
 def velocity_to_mujoco(q: Array, v: Array, joint_dof: Index | None = None, out: Array | None = None) -> Array:
-    """Translate a velocity to MuJoCo's `qvel`.
-
-    Args:
-        q: Configuration, shape (nq,).
-        v: Velocity, shape (nv,), base in the base frame.
-        joint_dof: Places of the joints in `qvel`.
-        out: MuJoCo's `qvel`.
-
-    Returns:
-        `out`, or a new array of shape (nv,): base linear velocity in the world.
-    """
+    """Translate a velocity, shape (nv,), base in the base frame, at a configuration to MuJoCo's `qvel`."""
     qvel = np.empty(v.size) if out is None else out
     qvel[0:3] = rotation_of(q[3:7]) @ v[0:3]
     qvel[3:6] = v[3:6]
@@ -114,17 +86,7 @@ def velocity_to_mujoco(q: Array, v: Array, joint_dof: Index | None = None, out: 
 def velocity_from_mujoco(
     q: Array, qvel: Array, joint_dof: Index | None = None, out: Array | None = None
 ) -> Array:
-    """Translate MuJoCo's `qvel` to a velocity.
-
-    Args:
-        q: Configuration (ours, not `qpos`), shape (nq,).
-        qvel: MuJoCo's velocities.
-        joint_dof: Places of the joints in `qvel`.
-        out: Velocity.
-
-    Returns:
-        Velocity, shape (nv,), base in the base frame.
-    """
+    """Translate MuJoCo's `qvel` at a configuration (ours) to a velocity, shape (nv,), base in the base frame."""
     joints = qvel[6:] if joint_dof is None else qvel[joint_dof]
     v = np.empty(6 + joints.size) if out is None else out
     v[0:3] = rotation_of(q[3:7]).T @ qvel[0:3]

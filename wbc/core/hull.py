@@ -11,8 +11,7 @@ from wbc.core.errors import Array, InputError, finite_array
 def convex_hull(points: ArrayLike, tolerance: float = 1e-12) -> Array:
     """Return the corners of the convex hull, shape (k, 2), m, counter-clockwise from the leftmost one.
 
-    Corners are dropped that span less than twice an area of `tolerance`, m², with their neighbours; k < 3 when the
-    points do not span an area.
+    A corner that spans less than half the `tolerance`, m², with its neighbours is dropped; k < 3 for points on a line.
 
     Source: A. M. Andrew, "Another efficient algorithm for convex hulls in two dimensions", Information Processing
     Letters 9(5), 1979.

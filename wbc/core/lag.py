@@ -15,11 +15,7 @@ def lag_gain(dt: float, time_constant: float) -> float:
 
 
 class LagGain:
-    """`lag_gain` for arrays, computed again only when its arguments change.
-
-    Attributes:
-        number: The gain of the last call as a plain number.
-    """
+    """`lag_gain` for arrays, computed again only when its arguments change."""
 
     def __init__(self) -> None:
         self._of = (math.nan, math.nan)

@@ -65,23 +65,15 @@ class Sole:
 
 
 class _View:
-    """Piece of Pinocchio's memory for NumPy, with a reference to the data that owns it."""
+    """Piece of Pinocchio's memory for `numpy.asarray`, with a reference to the data that owns it."""
 
     def __init__(self, array: Array, owner: pin.Data) -> None:
         self.__array_interface__ = array.__array_interface__
         self._owner = owner
 
 
-def _live(array: Array, owner: pin.Data) -> Array:
-    """Return a view of Pinocchio's memory that keeps `owner` alive; its contents follow every update."""
-    return np.asarray(_View(array, owner))
-
-
 def checked_configuration(what: str, value: ArrayLike, nq: int) -> Array:
-    """Return a copy of a configuration, shape (nq,), after a check; `what` is its name in messages.
-
-    Raises `InputError` for a wrong shape, not finite, or a quaternion whose length is not 1 (to 1e-3).
-    """
+    """Return a copy of a configuration, shape (nq,), after a check; `what` is its name in messages."""
     q = finite_array(what, value, (nq,))
     length = float(np.linalg.norm(q[3:7]))
     if abs(length - 1.0) > 1e-3:
@@ -176,18 +168,18 @@ class Robot:
         springs: tuple[Array, Array] | None = None,
         torque_lower: Array | None = None,
     ) -> None:
-        """Make a robot of a complete model: limits, armature and sole frames are in it.
+        """Make a robot of a complete model: limits, armature and sole frames are in it; see the attributes.
 
         Args:
             model: Pinocchio model with a free-flyer root and joints of one degree of freedom.
-            soles: The soles that can make contact, left first.
+            soles: The soles, left first.
             half_sitting: Reference configuration, shape (nq,).
-            torso_frame: Frame of the chest; the root when None.
-            imu_frame: Frame of the IMU; the root when None.
+            torso_frame: The root when None.
+            imu_frame: The root when None.
             frames: Further named frames of interest, role → frame, such as {"left_hand": "l_wrist"}.
             servos: Gains of the servos.
-            springs: Stiffness and rest position of springs beside the drives, each of shape (na,).
-            torque_lower: Least joint torques, shape (na,), Nm; those of the model, negative, when None.
+            springs: Stiffness and rest position of springs.
+            torque_lower: Those of the model, negative, when None.
         """
         if model.njoints < 2 or model.joints[1].shortname() != "JointModelFreeFlyer":
             raise ModelError(f"robot '{model.name}' must have a free-flyer root joint")
@@ -254,11 +246,11 @@ class Robot:
         self._loads = _Loads(model)
 
         # Live views of Pinocchio's memory: their addresses do not change for the life of `data`.
-        self.mass_matrix = _live(self.data.M, self.data)
-        self.bias = _live(self.data.nle, self.data)
-        self.com = _live(self.data.com[0], self.data)
-        self.com_velocity = _live(self.data.vcom[0], self.data)
-        self.com_jacobian = _live(self.data.Jcom, self.data)
+        data = self.data
+        self.mass_matrix, self.bias, self.com, self.com_velocity, self.com_jacobian = (
+            np.asarray(_View(array, data))
+            for array in (data.M, data.nle, data.com[0], data.vcom[0], data.Jcom)
+        )
         self.q = np.array(self.half_sitting)
         self.v = np.zeros(self.nv)
         self.update(self.q, self.v)
@@ -308,12 +300,7 @@ class Robot:
         self._loads.put(index, joint, load)
 
     def update(self, q: Array, v: Array) -> None:
-        """Compute all quantities that depend on the state.
-
-        Args:
-            q: Configuration, shape (nq,); the quaternion is taken as normalised.
-            v: Velocity, shape (nv,).
-        """
+        """Compute all quantities that depend on configuration, shape (nq,), of unit quaternion, and velocity, (nv,)."""
         self._take(q, v)
         pin.computeAllTerms(self.model, self.data, self.q, self.v)
         if self.springs is not None:
@@ -324,12 +311,7 @@ class Robot:
     def update_kinematics(self, q: Array, v: Array) -> None:
         """Compute frames, centre of mass and their velocities alone, in half the time of `update`.
 
-        They equal those of `update` up to rounding in the centre of mass. Mass matrix, bias forces, accelerations and
-        Jacobians are not updated.
-
-        Args:
-            q: Configuration, shape (nq,); the quaternion is taken as normalised.
-            v: Velocity, shape (nv,).
+        They equal those of `update` up to rounding. Mass matrix, bias, accelerations and Jacobians stay as they are.
         """
         self._take(q, v)
         pin.centerOfMass(self.model, self.data, self.q, self.v, False)
@@ -340,10 +322,8 @@ class Robot:
             self.q[:] = q
             self.v[:] = v
         except (TypeError, ValueError) as error:
-            finite_array("configuration", q, (self.nq,))
-            finite_array("velocity", v, (self.nv,))
             raise InputError(
-                f"configuration and velocity must be numbers, got {shown(q)} and {shown(v)}"
+                f"configuration and velocity must have shapes ({self.nq},) and ({self.nv},), got {shown(q)}, {shown(v)}"
             ) from error
 
     def clone(self) -> Robot:
@@ -381,11 +361,7 @@ class Robot:
         return self.joint_names.index(name)
 
     def needs_feet(self, what: str) -> None:
-        """Refuse what needs two feet where the robot has none.
-
-        Args:
-            what: What needs them, such as "an observer".
-        """
+        """Refuse what needs two feet, such as "an observer", where the robot has none."""
         if not self.soles:
             raise InputError(f"{what} needs two feet, robot '{self.name}' is described without")
 
@@ -397,21 +373,13 @@ class Robot:
         unknown_name("sole", name, [sole.name for sole in self.soles])
 
     def placement(self, frame: str | int) -> pin.SE3:
-        """Return the placement of a frame in the world at the last update.
-
-        It is a view that changes with the next update; to keep it, copy it: `pin.SE3(placement)`.
-        """
+        """Return the placement of a frame in the world, a view that follows updates; `pin.SE3(placement)` is a copy."""
         return self.data.oMf[frame if isinstance(frame, int) else self.frame_id(frame)]
 
     def joints_between(self, frame: str, trunk: str) -> list[int]:
-        """Return the joints that move a frame but not a trunk, those of the trunk's side first.
+        """Return the joints that move a frame, such as a hand, but not a trunk, from there outwards.
 
-        Args:
-            frame: Frame at the end of a limb, such as a sole or a hand.
-            trunk: Frame that the limb is fixed to, such as the torso.
-
-        Returns:
-            Indices in arrays of shape (na,).
+        They are indices in arrays of shape (na,).
         """
         limb = joints_to(self.model, self.frame_id(frame), self.frame_id(trunk))
         return [self.model.joints[j].idx_v - BASE_DOF for j in limb]
@@ -424,11 +392,7 @@ class Robot:
     def configuration(self, joints: Mapping[str, float] | None = None) -> Array:
         """Return half-sitting with some joints changed and the lower sole, if there is one, on the ground z = 0.
 
-        Args:
-            joints: Joint name → position, rad (or m).
-
-        Returns:
-            Configuration, shape (nq,).
+        `joints` is joint name → position, rad (or m).
         """
         q = np.array(self.half_sitting)
         for name, value in (joints or {}).items():

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Literal, Protocol
@@ -13,6 +12,9 @@ from wbc.core.errors import Array, InputError, MeasurementError
 
 WrenchSource = Literal["sensor", "measured torques", "commanded torques"]
 """Origin of the wrenches on the soles."""
+
+SIGNALS = ("joint_position", "joint_velocity", "angular_velocity", "specific_force", "sole_wrench")
+"""Fields of a `Measurement` that an estimate is made of."""
 
 LARGEST_COMMAND = 1e6
 """Largest torque, reference or gain of a command, in their units: what is beyond is an error."""
@@ -68,35 +70,12 @@ class Measurement:
 
     @property
     def wrenches(self) -> Array:
-        """Wrench on each sole, measured or estimated, shape (number of soles, 6), N and Nm.
-
-        Raises:
-            MeasurementError: Neither measured nor estimated yet.
-        """
+        """`sole_wrench`; a `MeasurementError` where it is neither measured nor estimated yet."""
         if self.sole_wrench is None:
             raise MeasurementError(
                 f"measurement at {self.time:.4f} s has no sole_wrench; a control estimates it (Control.measurement)"
             )
         return self.sole_wrench
-
-    def check_finite(self) -> None:
-        """Refuse a measurement with NaN or infinity in it."""
-        if not math.isfinite(self.time):
-            raise MeasurementError(f"time of a measurement must be finite, got {self.time}")
-        squares = (
-            self.joint_position.dot(self.joint_position)
-            + self.joint_velocity.dot(self.joint_velocity)
-            + self.angular_velocity.dot(self.angular_velocity)
-            + self.specific_force.dot(self.specific_force)
-            + self.wrenches.ravel().dot(self.wrenches.ravel())
-        )
-        if math.isfinite(squares):
-            return
-        for name in ("joint_position", "joint_velocity", "angular_velocity", "specific_force", "sole_wrench"):
-            if not np.isfinite(getattr(self, name)).all():
-                raise MeasurementError(
-                    f"measurement at {self.time:.4f} s: {name} is not finite: {getattr(self, name)}"
-                )
 
 
 @dataclass(frozen=True, slots=True)
@@ -135,11 +114,7 @@ class Command:
         return Command(self.joint_torque.copy(), *(None if part is None else part.copy() for part in parts))
 
     def check(self, joint_names: Sequence[str]) -> None:
-        """Refuse what no drive must get.
-
-        Args:
-            joint_names: Names of the joints, in their order.
-        """
+        """Refuse what no drive must get: a wrong shape, not finite, beyond `LARGEST_COMMAND`, negative gains."""
         na = len(joint_names)
         for name in ("joint_torque", "joint_position", "joint_velocity", "kp", "kd"):
             value = getattr(self, name)

@@ -50,10 +50,7 @@ class Quintic(Generic[ValueT]):
     """
 
     def __init__(
-        self,
-        start: tuple[ValueT, ValueT, ValueT],
-        end: tuple[ValueT, ValueT, ValueT],
-        duration: float,
+        self, start: tuple[ValueT, ValueT, ValueT], end: tuple[ValueT, ValueT, ValueT], duration: float
     ) -> None:
         """Fit to position, velocity and acceleration at both ends, of one shape, and the time between them, s."""
         self.duration = duration
@@ -171,11 +168,7 @@ class Trajectory:
         self._starts, self._pieces = path.pieces(self.duration)
 
     def at(self, time: float) -> tuple[Array, Array, Array]:
-        """Return position, velocity and acceleration, each of shape (n,); at rest before the start and after the end.
-
-        Args:
-            time: Time since the start, s.
-        """
+        """Return position, velocity and acceleration, shape (n,), at a time since the start, s; at rest outside."""
         if not self._pieces or time >= self.duration:
             return self.end.copy(), np.zeros(self.end.size), np.zeros(self.end.size)
         time = max(time, 0.0)
@@ -251,14 +244,8 @@ class _Path:
     def pieces(self, duration: float) -> tuple[list[float], list[Quintic[Array]]]:
         """Return times at which the pieces begin, s, and the pieces."""
         spline, shares = self.spline(duration), self._shares
-        states = list(
-            zip(
-                self._points,
-                spline(shares, 1) / duration,
-                spline(shares, 2) / duration**2,
-                strict=True,
-            )
-        )
+        rates = spline(shares, 1) / duration, spline(shares, 2) / duration**2
+        states = list(zip(self._points, *rates, strict=True))
         return (duration * shares[:-1]).tolist(), [
             Quintic(start, end, duration * share)
             for start, end, share in zip(states, states[1:], np.diff(shares).tolist(), strict=False)

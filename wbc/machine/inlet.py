@@ -11,9 +11,9 @@ import numpy as np
 
 from wbc.core.errors import MeasurementError
 from wbc.core.estimation.consistency import time_ratio
-from wbc.core.estimation.plausibility import SIGNALS, Plausibility
+from wbc.core.estimation.plausibility import Plausibility
 from wbc.core.robot import Robot
-from wbc.core.signals import Measurement
+from wbc.core.signals import SIGNALS, Measurement
 
 logger = logging.getLogger(__name__)
 

@@ -123,7 +123,9 @@ class WalkTasks:
             controller.add(contact)
         controller.add(limits[1])
         self._all: list[Any] = [self.com, *self._swings, *self._trunk, self.posture, *limits, *self.contacts]
-        com.held_by = "walking.body.com_height for its height, walking.velocity or walking.go_to for its place"
+        com.held_by = (
+            "walking.body.com_height for its height, walking.velocity or walking.go_to for its place"
+        )
         for foot in self._swings:
             foot.held_by = "walking.velocity, walking.go_to or a plan of footsteps"
         for task in self._trunk:

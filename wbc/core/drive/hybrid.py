@@ -43,11 +43,11 @@ class HybridControl(TorqueControl):
         reference_time: Annotated[NonNegative, "s"] = 0.02,
         safety: SafetySettings | None = None,
     ) -> None:
-        """Connect a controller to its observer.
+        """See `DriveControl`.
 
         Args:
             controller: The controller.
-            observer: Observer of the same robot model; a new one when None.
+            observer: As that of torque control.
             policy: Reaction to failures.
             kp: Stiffness of the machine's servos, shape (na,), Nm/rad; that of the robot's description when None, and
                 a soft share of what is derived there (`Servos.soft`).
@@ -70,11 +70,7 @@ class HybridControl(TorqueControl):
         self.q, self.v = np.array(robot.q[7:]), np.zeros(robot.na)
 
     def reset(self, q: Array | None = None) -> None:
-        """Restart from a configuration at rest.
-
-        Args:
-            q: Configuration, shape (nq,); half-sitting when None.
-        """
+        """Restart from a configuration at rest, shape (nq,); half-sitting when None."""
         super().reset(q)
         self.q[:], self.v[:] = self.controller.robot.q[7:], 0.0
 

@@ -45,7 +45,7 @@ class PositionControl(DriveControl):
         reference_time: Annotated[Positive, "s"] = 0.1,
         safety: SafetySettings | None = None,
     ) -> None:
-        """Connect a controller to its observer.
+        """See `DriveControl`.
 
         Args:
             controller: The controller; in open loop its robot becomes the commanded robot, starting from its
@@ -53,7 +53,7 @@ class PositionControl(DriveControl):
             observer: Observer of the same robot model; a new one when None.
             policy: Reaction to failures.
             feedback: "open" or "closed"; see the attribute.
-            feedforward: Add the torques of the solution to the servos, against the sag of position servos.
+            feedforward: Add the torques of the solution, against the sag of position servos.
             reference_time: Time constant with which closed-loop references are drawn to the estimate, s.
             safety: Ranges of measurements and commands.
         """
@@ -79,11 +79,7 @@ class PositionControl(DriveControl):
         self._soles = [controller.robot.placement(sole.frame) for sole in controller.robot.soles]
 
     def reset(self, q: Array | None = None) -> None:
-        """Restart from a configuration at rest.
-
-        Args:
-            q: Configuration, shape (nq,); half-sitting when None.
-        """
+        """Restart from a configuration at rest, shape (nq,); half-sitting when None."""
         robot = self.controller.robot
         self.q[:] = robot.half_sitting if q is None else checked_configuration("configuration", q, robot.nq)
         self.v[:] = 0.0

@@ -21,25 +21,17 @@ class TorqueControl(DriveControl):
         *,
         safety: SafetySettings | None = None,
     ) -> None:
-        """Connect a controller to its observer.
+        """See `DriveControl`.
 
-        Args:
-            controller: The controller.
-            observer: Observer of the same robot model; a new one when None. If it estimates into the controller's own
-                robot (`Observer(robot, adopt=True)`) the model is updated once a tick instead of twice.
-            policy: Reaction to failures.
-            safety: Ranges of measurements and commands.
+        With an observer that estimates into the controller's own robot (`Observer(robot, adopt=True)`, the default) the
+        model is updated once a tick instead of twice.
         """
         if observer is None:
             observer = Observer(controller.robot, adopt=True)
         super().__init__(controller, observer, policy, safety)
 
     def reset(self, q: Array | None = None) -> None:
-        """Restart from a configuration at rest.
-
-        Args:
-            q: Configuration, shape (nq,); half-sitting when None.
-        """
+        """Restart from a configuration at rest, shape (nq,); half-sitting when None."""
         self.observer.reset(q)
         robot = self.controller.robot
         robot.update(self.observer.robot.q, self.observer.robot.v)

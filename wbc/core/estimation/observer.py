@@ -22,7 +22,7 @@ import numpy as np
 import pinocchio as pin
 from pydantic import Field
 
-from wbc.core.errors import Array, InputError, MeasurementError, finite_array
+from wbc.core.errors import Array, InputError, MeasurementError, finite_array, shown
 from wbc.core.estimation.delay import DelayPredictor
 from wbc.core.estimation.inertial import InertialFilter, InertialSettings
 from wbc.core.estimation.outside import OutsideSettings, OutsideWrench
@@ -30,7 +30,7 @@ from wbc.core.estimation.wrenches import WrenchSettings
 from wbc.core.lag import lag_gain
 from wbc.core.robot import BASE_DOF, Robot, checked_configuration
 from wbc.core.settings import NonNegative, Positive, settings
-from wbc.core.signals import Measurement
+from wbc.core.signals import SIGNALS, Measurement
 from wbc.core.vectors import Rotation, Vector, add_cross, part_way, quaternion, turned, turned_all
 
 LONGEST_DELAY = 0.1
@@ -38,9 +38,6 @@ LONGEST_DELAY = 0.1
 
 SHARED = 0.15
 """Part of the load from which a foot counts for the rotation that both feet have in common."""
-
-SIGNALS = ("joint_position", "joint_velocity", "angular_velocity", "specific_force", "sole_wrench")
-"""Fields of `Measurement` that the estimate uses."""
 
 
 @settings
@@ -236,21 +233,12 @@ class Observer:
         return self._measured
 
     def commanded(self, acceleration: Array, dt: float) -> None:
-        """Take over the acceleration of the command that is sent now; needed where delays are stated.
-
-        Args:
-            acceleration: Of the whole robot, shape (nv,).
-            dt: Time for which the command is valid, s.
-        """
+        """Take over the acceleration, shape (nv,), of the command that is sent now for dt, s; for stated delays."""
         if self._predictor is not None:
             self._predictor.commanded(acceleration, dt)
 
     def resume(self, time: float) -> None:
-        """Take up at another time stamp, without integrating over the gap.
-
-        Args:
-            time: Stamp from which the next measurement counts, s.
-        """
+        """Go on from another time stamp, s, without integrating over the gap."""
         self._time = time
 
     def update(
@@ -331,39 +319,23 @@ class Observer:
             self.outside.update(self._wrenches, dt)
         return self.robot
 
-    def _check(self, measurement: Measurement) -> None:
-        m = measurement
-        shapes = (
-            m.joint_position.shape,
-            m.joint_velocity.shape,
-            m.angular_velocity.shape,
-            m.specific_force.shape,
-            m.wrenches.shape,
-        )
-        if shapes != self._shapes:
-            for name, got, shape in zip(SIGNALS, shapes, self._shapes, strict=True):
-                if got != shape:
-                    raise MeasurementError(f"{name} must have shape {shape} for {self.robot!r}, got {got}")
-        measurement.check_finite()
-        if self._time is not None and measurement.time < self._time:
-            raise MeasurementError(
-                f"measurement at {measurement.time:g} s is older than the last, {self._time:g} s"
-            )
+    def _check(self, m: Measurement) -> None:
+        for name, shape in zip(SIGNALS, self._shapes, strict=True):
+            value = m.wrenches if name == "sole_wrench" else getattr(m, name)
+            if value.shape != shape or not np.isfinite(value).all():
+                raise MeasurementError(
+                    f"measurement at {m.time} s: {name} must be finite, of shape {shape}, got {shown(value)}"
+                )
+        if not math.isfinite(m.time) or (self._time is not None and m.time < self._time):
+            raise MeasurementError(f"time of a measurement must be finite and rise, got {m.time} s")
 
     def _update_loads(
         self, wrenches: Sequence[Vector], dt: float, base: Rotation, soles: Sequence[Rotation], first: bool
     ) -> list[Vector]:
         """Update loads, shares and CoPs; an anchor moves over the sole with the CoP.
 
-        Args:
-            wrenches: Measured, N and Nm.
-            dt: Time since the last measurement, s.
-            base: Rotation of the base.
-            soles: Rotations of the soles in the base frame.
-            first: True for the first measurement, which is not filtered.
-
-        Returns:
-            Vectors from the sole centres to the CoPs, in the base frame, m.
+        `base` is the rotation of the base, `soles` those of the soles in it; the first measurement is not filtered.
+        Returned are the vectors from the sole centres to the CoPs, in the base frame, m.
         """
         s = self.settings
         gain = 1.0 if first else lag_gain(dt, s.load_time_constant)
@@ -403,15 +375,9 @@ class Observer:
     ) -> tuple[Array | None, float]:
         """Return what anchors at rest say of the base; update rotations of the feet and headings of feet that spin.
 
-        Args:
-            base: Rotation of the base.
-            spin: Angular velocity of the base, in the world, rad/s.
-            arms: Vectors from the sole centres to the CoPs, in the base frame, m.
-            points: CoPs in the base frame, m.
-            ahead: First axes of the soles in the base frame.
-
-        Returns:
-            Velocity of the base in the world, shape (3,), m/s (None in flight), and error of its yaw, rad.
+        That is the velocity of the base in the world, shape (3,), m/s (None in flight), and the error of its yaw, rad.
+        `spin` is the angular velocity of the base in the world, rad/s; in the base frame, `arms` go from the sole
+        centres to the CoPs, `points` are the CoPs, m, and `ahead` the first axes of the soles.
         """
         self.foot_rotation, self.stance_rotation = 0.0, (0.0, 0.0, 0.0)
         if self.in_flight:
@@ -452,14 +418,8 @@ class Observer:
     ) -> None:
         """Update the base position from the anchors; anchors of feet with little load follow the base.
 
-        Args:
-            base: Rotation of the base.
-            base_velocity: In the world, shape (3,), m/s.
-            points: CoPs in the base frame, m.
-            ahead: First axes of the soles in the base frame.
-            arms: Vectors from the sole centres to the CoPs, in the base frame, m.
-            soles: Placements of the soles in the controller's model.
-            dt: Time since the last measurement, s.
+        The velocity of the base is in the world, m/s; `soles` are placements in the controller's model; the others are
+        as in `_motion_from_anchors`.
         """
         s, shares, anchors = self.settings, self._shares, self._anchors
         reach = turned_all(base, points)

@@ -19,13 +19,10 @@ from pydantic import Field
 from wbc.core.errors import ROUNDING, Array, MeasurementError, shown
 from wbc.core.robot import GRAVITY, UNLIMITED, Robot
 from wbc.core.settings import Count, NonNegative, Positive, settings
-from wbc.core.signals import Measurement
+from wbc.core.signals import SIGNALS, Measurement
 from wbc.core.vectors import largest
 
 logger = logging.getLogger(__name__)
-
-SIGNALS = ("joint_position", "joint_velocity", "angular_velocity", "specific_force", "sole_wrench")
-"""Signals that an estimate is made of, as `Measurement` calls them."""
 
 OPTIONAL = ("joint_torque", "hand_wrenches")
 """Signals that only some robots have; a tick goes on without them."""
@@ -123,10 +120,9 @@ class Plausibility:
             "accelerometer",
             *(f"force sensor of {sole.name}" for sole in robot.soles),
         )
-        self._groups = np.concatenate(
+        self._groups = np.concatenate(  # channel of each number of a measurement
             [np.arange(2 * na), np.repeat([2 * na, 2 * na + 1], 3), np.repeat(2 * na + 2 + np.arange(n), 6)]
         )
-        """Channel of each number of a measurement."""
         self.names = tuple(self._channels[group] for group in self._groups)
         self.reset()
 
@@ -144,21 +140,15 @@ class Plausibility:
         self._lasting = np.zeros(len(self._channels))
 
     def check(self, measurement: Measurement) -> tuple[Measurement, bool]:
-        """Return a measurement that can be used, and True where its clock was adopted anew.
+        """Return a measurement that can be used, and True where its clock was adopted anew: no time has passed then.
 
-        No time must then be integrated over. Refused readings are replaced by predictions. Raises `MeasurementError`
-        for one that cannot be used: of the wrong kind or shape, a time stamp that jumped, readings refused for longer
-        than `hold`, or the same again and again.
+        Refused readings are replaced by predictions. Raises `MeasurementError` for one that cannot be used: of a wrong
+        kind or shape, a time stamp that jumped, readings refused for longer than `hold`, or the same again and again.
         """
         m = self._formed(measurement)
+        wrenches = m.wrenches.reshape(-1)
         values = np.concatenate(
-            (
-                m.joint_position,
-                m.joint_velocity,
-                m.angular_velocity,
-                m.specific_force,
-                m.wrenches.reshape(-1),
-            )
+            (m.joint_position, m.joint_velocity, m.angular_velocity, m.specific_force, wrenches)
         )
         renewed = self._check_time(m.time)
         last = self._values
@@ -234,22 +224,14 @@ class Plausibility:
 
     def _formed(self, m: Any) -> Measurement:
         """Return the measurement with arrays of the right type and shape."""
-        if type(m) is Measurement:
-            for got, shape in zip(
-                (m.joint_position, m.joint_velocity, m.angular_velocity, m.specific_force, m.sole_wrench),
-                self._shapes,
-                strict=True,
-            ):
-                if type(got) is not np.ndarray or got.dtype != np.float64 or got.shape != shape:
-                    break
-            else:
-                return m
         if not isinstance(m, Measurement):
             raise MeasurementError(f"a measurement must be a Measurement, got {type(m).__name__}")
-        arrays: dict[str, Any] = {}
-        for name, shape in zip(SIGNALS, self._shapes, strict=True):
-            arrays[name] = _numbers(m, name, shape)
-        return replace(m, **arrays)
+        given = m.joint_position, m.joint_velocity, m.angular_velocity, m.specific_force, m.sole_wrench
+        for got, of_shape in zip(given, self._shapes, strict=True):
+            if type(got) is not np.ndarray or got.dtype != np.float64 or got.shape != of_shape:
+                shapes = zip(SIGNALS, self._shapes, strict=True)
+                return replace(m, **{name: _numbers(m, name, shape) for name, shape in shapes})
+        return m
 
     def _check_time(self, time: Any) -> bool:
         """Adopt a stamp, refuse it, or adopt a clock that has jumped and moves on; True for the last."""
@@ -333,14 +315,11 @@ class Plausibility:
         np.clip(repaired[na : 2 * na], -self._speed, self._speed, out=repaired[na : 2 * na])
         repaired[:na][encoders] += dt * repaired[na : 2 * na][encoders]
         self._values = repaired
-        return replace(
-            m,
-            joint_position=repaired[:na],
-            joint_velocity=repaired[na : 2 * na],
-            angular_velocity=repaired[2 * na : 2 * na + 3],
-            specific_force=repaired[2 * na + 3 : 2 * na + 6],
-            sole_wrench=repaired[2 * na + 6 :].reshape(-1, 6),
-        )
+        parts = np.split(repaired, [na, 2 * na, 2 * na + 3, 2 * na + 6])
+        arrays = {
+            name: part.reshape(shape) for name, part, shape in zip(SIGNALS, parts, self._shapes, strict=True)
+        }
+        return replace(m, **arrays)
 
 
 def _numbers(m: Measurement, name: str, shape: tuple[int, ...]) -> Array:

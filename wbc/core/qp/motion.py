@@ -94,10 +94,9 @@ class Motion(ABC):  # noqa: B024 (its subclasses have the abstract methods)
         return self._robot
 
     def bind(self, robot: Robot) -> None:
-        """Resolve names of frames and joints; called when a controller gets it. Call `super().bind(robot)` first.
+        """Resolve names against the robot, whose state is up to date; called when a controller gets it.
 
-        Args:
-            robot: The robot of the controller, with its state up to date.
+        Who overrides it calls `super().bind(robot)` first.
         """
         self._robot = robot
 

@@ -89,7 +89,7 @@ class Task(Motion):
     """Base of all tasks.
 
     A task of your own has `evaluate`, which fills its rows, and `bind`, which looks names up. `present` and `checked`
-    give it a target that is checked, moved and followed: a vector of shape (dim,) unless they say otherwise.
+    give it a target that is checked, moved and followed: a number for each axis unless they say otherwise.
 
     Attributes:
         name: Name in status tables and solutions, unique within a controller.
@@ -217,10 +217,9 @@ class Task(Motion):
         return [(unit, part) for unit, part in parts if part.stop > part.start]
 
     def saturate(self, error: Array) -> None:
-        """Shorten an error that is beyond the bound to it, in its own direction; that of a selection each by itself.
+        """Shorten an error, shape (dim,), `unit`, that is beyond the bound to it, in its own direction.
 
-        Args:
-            error: Error of the task, shape (dim,), `unit`; positions and rotations are shortened each by themselves.
+        Positions and rotations are shortened each by themselves, and so is every row of a selection.
         """
         bound = self._rows.bound
         if self.kind == "selection":
@@ -247,11 +246,11 @@ class Task(Motion):
 
     def present(self, robot: Robot) -> Any:
         """Return the target at which the present error is zero, as a copy; zero unless a task says otherwise."""
-        return np.zeros(self.dim)
+        return np.zeros(self._n_rows)
 
     def checked(self, value: Any) -> Any:
-        """Return a target after a check, as a copy; a vector of shape (dim,) unless a task says otherwise."""
-        return finite_array(f"target of task '{self.name}' ({self.unit})", value, (self.dim,))
+        """Return a target after a check, as a copy: a number for each of all axes unless a task says otherwise."""
+        return finite_array(f"target of task '{self.name}' ({self.unit})", value, (self._n_rows,))
 
     @property
     def target(self) -> Any:
@@ -348,13 +347,9 @@ class Task(Motion):
         speed: ArrayLike | None = None,
         acceleration: ArrayLike | None = None,
     ) -> None:
-        """Move the target through others, without a stop, to rest at the last; see `move_to`.
+        """Move the target through others, without a stop, to rest at the last after `duration`; see `move_to`.
 
-        Args:
-            targets: One after the other; a rotation between two of them is the shorter turn.
-            duration: From the first target to the last, s.
-            speed: Greatest speed.
-            acceleration: Greatest acceleration.
+        A rotation between two of the targets is the shorter turn.
         """
         owner = None if self._owner is None else self._owner()
         if owner is None:
@@ -389,14 +384,7 @@ class Task(Motion):
         return self._move is not None
 
     def move_on(self, dt: float) -> bool:
-        """Move a target that is on its way on by one tick.
-
-        Args:
-            dt: Control period, s.
-
-        Returns:
-            True if it is still on its way.
-        """
+        """Move a target that is on its way on by one tick of dt, s; return True if it is still on its way."""
         if self._move is None:
             return False
         self._put(*self._move.now())
@@ -446,13 +434,9 @@ class Task(Motion):
         self._stop()
 
     def bind(self, robot: Robot) -> None:
-        """Resolve names of frames and joints, and take the present state as target where none was given.
+        """Resolve names, and take the present state as target where none was given; see `Motion.bind`.
 
-        Called when the task is added to a controller. Override it; call `super().bind(robot)` first. The rows of
-        a task that does not `observe` are then evaluated once, so that mistakes show before the first tick.
-
-        Args:
-            robot: The robot of the controller, with its state up to date.
+        The rows of a task that does not `observe` are then evaluated once, so that mistakes show before the first tick.
         """
         super().bind(robot)
         self._unused = other_columns(robot, self._only_joints)
@@ -470,12 +454,7 @@ class Task(Motion):
         return None
 
     def observe(self, measurement: Measurement, dt: float) -> None:  # noqa: B027 (optional)
-        """Read the sensors before the rows are written; does nothing unless a task overrides it.
-
-        Args:
-            measurement: Measurement of this tick.
-            dt: Control period, s.
-        """
+        """Read the sensors before the rows are written, at every tick of dt, s; a task overrides it."""
 
     @abstractmethod
     def evaluate(self, jacobian: Array, error: Array, drift: Array) -> None:
