@@ -17,7 +17,6 @@ from wbc.core.vectors import largest
 
 logger = logging.getLogger(__name__)
 
-
 SPEED_MARGIN = 2.0
 """Multiple of a joint's speed limit by which a position reference may change; a velocity reference is clipped there."""
 
@@ -60,12 +59,10 @@ class CommandGate:
         gains: tuple[Array, Array],
         measured: tuple[Array, Array],
     ) -> Command:
-        """Return a command of hybrid control within all limits.
+        """Return a command of hybrid control within all limits; `gains` are kp and kd, `measured` q and q̇ of the joints.
 
         The torque limit holds for what the machine will apply where the joints are now, and for the feed-forward alone:
-        the feed-forward gives way, so that it and the servos together stay within, and where its own limit does not let
-        it, the gains do. The references keep to their ranges as in `pass_on`; `gains` are kp and kd of the machine,
-        `measured` joint positions and velocities, each of shape (na,), in the units of a `Command`.
+        the feed-forward gives way, and where its own limit does not let it, the gains do.
         """
         # References first: what they are clipped to decides what the servos do.
         sent = self.pass_on(np.zeros_like(torque), position, velocity)

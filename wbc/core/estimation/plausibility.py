@@ -230,7 +230,8 @@ class Plausibility:
         for got, of_shape in zip(given, self._shapes, strict=True):
             if type(got) is not np.ndarray or got.dtype != np.float64 or got.shape != of_shape:
                 shapes = zip(SIGNALS, self._shapes, strict=True)
-                return replace(m, **{name: _numbers(m, name, shape) for name, shape in shapes})
+                arrays: dict[str, Any] = {name: _numbers(m, name, shape) for name, shape in shapes}
+                return replace(m, **arrays)
         return m
 
     def _check_time(self, time: Any) -> bool:
@@ -316,7 +317,7 @@ class Plausibility:
         repaired[:na][encoders] += dt * repaired[na : 2 * na][encoders]
         self._values = repaired
         parts = np.split(repaired, [na, 2 * na, 2 * na + 3, 2 * na + 6])
-        arrays = {
+        arrays: dict[str, Any] = {
             name: part.reshape(shape) for name, part, shape in zip(SIGNALS, parts, self._shapes, strict=True)
         }
         return replace(m, **arrays)

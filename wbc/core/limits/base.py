@@ -6,7 +6,7 @@ import weakref
 from abc import ABC, abstractmethod
 from typing import Any
 
-from wbc.core.errors import Array, positive
+from wbc.core.errors import Array
 from wbc.core.robot import Robot
 
 
@@ -36,19 +36,3 @@ class Limit(ABC):
             lower: To fill, shape (dim,); −inf where there is no bound.
             upper: To fill, shape (dim,); inf where there is no bound.
         """
-
-
-def damped_bound(distance: Array, velocity: Array, dt: float, time_constant: float) -> Array:
-    """Return the greatest acceleration towards a bound with which the speed is distance / time constant at most.
-
-    The distance to the bound is negative beyond it, from where the bound leads back; the velocity is towards it; both,
-    and the acceleration, have shape (n,). Control period and time constant are in s.
-
-    Source: velocity damper of Faverjon & Tournassoud, ICRA 1987, held at the end of the period.
-    """
-    return (distance / time_constant - velocity) / dt
-
-
-def limit_time_constant(value: float) -> float:
-    """Return the time constant of a damped limit, s, after a check that it is positive."""
-    return positive("time constant of a limit (s)", value)

@@ -7,14 +7,14 @@ import math
 import xml.etree.ElementTree as ET
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import Annotated, NamedTuple
+from typing import Annotated, Any
 
 import coal
 import numpy as np
 import pinocchio as pin
 
-from wbc.core.errors import ROUNDING, Array, InputError, shown
-from wbc.core.limits.base import Limit, limit_time_constant
+from wbc.core.errors import ROUNDING, Array, InputError, positive, shown
+from wbc.core.limits.base import Limit
 from wbc.core.robot import Robot
 from wbc.core.settings import NonNegative, Positive, settings
 
@@ -65,11 +65,9 @@ Shape = CollisionSphere | CollisionCapsule
 
 
 def srdf_pairs(srdf: str | Path, links: Iterable[str]) -> list[tuple[str, str]]:
-    """Return the pairs of links that an SRDF does not leave out, for `SelfCollisionLimit`.
+    """Return the pairs of some links for `SelfCollisionLimit`, but for the `disable_collisions` of an SRDF.
 
-    Args:
-        srdf: SRDF, a path or the XML itself: its `disable_collisions` are what is left out.
-        links: Links of which the pairs are made, such as those of `RobotDescription.collision_shapes`.
+    The SRDF is a path or the XML itself; the links are such as those of `RobotDescription.collision_shapes`.
     """
     root = _xml(srdf, "SRDF")
     left_out = {frozenset((each.get("link1"), each.get("link2"))) for each in root.iter("disable_collisions")}
@@ -84,24 +82,15 @@ def _xml(source: str | Path, what: str) -> ET.Element:
         raise InputError(f"cannot read the {what} of a collision limit: {error}") from error
 
 
-class _Body(NamedTuple):
-    """Velocity and acceleration of a body at one tick, in the world."""
-
-    origin: Array
-    turning: list[float]
-    jacobian: Array
-    acceleration: Array
-
-    @staticmethod
-    def of(robot: Robot, joint: int) -> _Body:
-        """Read the state of the body behind a joint."""
-        model, data, world = robot.model, robot.data, pin.LOCAL_WORLD_ALIGNED
-        return _Body(
-            data.oMi[joint].translation,
-            pin.getVelocity(model, data, joint, world).angular.tolist(),
-            pin.getJointJacobian(model, data, joint, world),
-            pin.getClassicalAcceleration(model, data, joint, world).vector,
-        )
+def _body(robot: Robot, joint: int) -> tuple[Array, list[float], Array, Array]:
+    """Return origin, angular velocity, Jacobian and acceleration of the body behind a joint, in the world."""
+    model, data, world = robot.model, robot.data, pin.LOCAL_WORLD_ALIGNED
+    return (
+        data.oMi[joint].translation,
+        pin.getVelocity(model, data, joint, world).angular.tolist(),
+        pin.getJointJacobian(model, data, joint, world),
+        pin.getClassicalAcceleration(model, data, joint, world).vector,
+    )
 
 
 class SelfCollisionLimit(Limit):
@@ -149,10 +138,8 @@ class SelfCollisionLimit(Limit):
         self._pairs = [(first, second) for first, second in links]
         if not self._pairs:
             raise InputError(f"limit '{name}' needs at least one pair of links")
-        if any(first == second for first, second in self._pairs):
-            raise InputError(f"limit '{name}' cannot keep a link away from itself: {self._pairs}")
-        if len({frozenset(pair) for pair in self._pairs}) != len(self._pairs):
-            raise InputError(f"limit '{name}' has a pair twice: {self._pairs}")
+        if len({frozenset(pair) for pair in links if pair[0] != pair[1]}) != len(links):
+            raise InputError(f"limit '{name}' has a link with itself, or a pair twice: {self._pairs}")
         self._shapes = {
             frame: [shape] if isinstance(shape, CollisionSphere | CollisionCapsule) else list(shape)
             for frame, shape in (shapes or {}).items()
@@ -166,7 +153,7 @@ class SelfCollisionLimit(Limit):
         self._margin, self._influence, self._recovery = margin, influence, recovery
         if self._influence <= self._margin:
             raise InputError(f"influence of limit '{name}' must exceed its margin, {influence} ≤ {margin} m")
-        self._time = limit_time_constant(time_constant)
+        self._time = positive(f"time constant of limit '{name}' (s)", time_constant)
 
     def bind(self, robot: Robot) -> None:
         """Build the shapes."""
@@ -214,7 +201,6 @@ class SelfCollisionLimit(Limit):
         self.dim = len(self._rows)
         self._geometry, self._geometry_data = geometry, geometry.createData()
         self._distance = np.full(self.dim, np.inf)
-        self._check_half_sitting()
         self._check_separable()
         self._measure()
 
@@ -230,7 +216,7 @@ class SelfCollisionLimit(Limit):
         """Fill one row for each pair of shapes; see `Limit.write`."""
         self._measure()
         v = self._robot.v
-        results, bodies = self._geometry_data.distanceResults, dict[int, _Body]()
+        results, bodies = self._geometry_data.distanceResults, dict[int, Any]()
         rows[:] = 0.0
         lower[:] = -np.inf
         upper[:] = np.inf
@@ -239,12 +225,11 @@ class SelfCollisionLimit(Limit):
             result = results[row]
             normal = result.normal
             # Points on the axis of round shapes move as the shape does; on its surface, spinning would count.
-            drift = self._add_side(
-                rows[row], bodies, first, result.getNearestPoint1() - radius_1 * normal, -normal
+            sides = (
+                (first, result.getNearestPoint1() - radius_1 * normal, -normal),
+                (second, result.getNearestPoint2() + radius_2 * normal, normal),
             )
-            drift += self._add_side(
-                rows[row], bodies, second, result.getNearestPoint2() + radius_2 * normal, normal
-            )
+            drift = sum(self._add_side(rows[row], bodies, *side) for side in sides)
             room = float(self._distance[row]) - self._margin
             demand = -(room / self._time + float(np.dot(rows[row], v))) / dt
             demand = min(demand, max(room, 0.0) / self._time**2 + self._recovery) - drift
@@ -252,20 +237,19 @@ class SelfCollisionLimit(Limit):
             lower[row] = min(demand, ATTAINABLE * float(np.abs(rows[row]).sum()))
 
     def _add_side(
-        self, row: Array, bodies: dict[int, _Body], joint: int, point: Array, direction: Array
+        self, row: Array, bodies: dict[int, Any], joint: int, point: Array, direction: Array
     ) -> float:
         """Add a point's motion along a direction to a row; return its acceleration at zero joint accelerations."""
         if joint not in bodies:
-            bodies[joint] = _Body.of(self._robot, joint)
-        body = bodies[joint]
+            bodies[joint] = _body(self._robot, joint)
+        origin, (wx, wy, wz), jacobian, acceleration = bodies[joint]
         nx, ny, nz = direction.tolist()
-        rx, ry, rz = (point - body.origin).tolist()
-        wx, wy, wz = body.turning
+        rx, ry, rz = (point - origin).tolist()
         lever = np.array([nx, ny, nz, ry * nz - rz * ny, rz * nx - rx * nz, rx * ny - ry * nx])
-        row += np.dot(lever, body.jacobian)
+        row += np.dot(lever, jacobian)
         along, square = wx * rx + wy * ry + wz * rz, wx * wx + wy * wy + wz * wz
         centripetal = along * (nx * wx + ny * wy + nz * wz) - square * (nx * rx + ny * ry + nz * rz)
-        return float(np.dot(lever, body.acceleration) + centripetal)
+        return float(np.dot(lever, acceleration) + centripetal)
 
     def _measure(self) -> None:
         robot, geometry, data = self._robot, self._geometry, self._geometry_data
@@ -273,22 +257,8 @@ class SelfCollisionLimit(Limit):
         for row in range(self.dim):
             self._distance[row] = pin.computeDistance(geometry, data, row).min_distance
 
-    def _check_half_sitting(self) -> None:
-        robot = self._robot
-        state = robot.model.createData()
-        pin.forwardKinematics(robot.model, state, robot.half_sitting)
-        data = self._geometry.createData()
-        pin.updateGeometryPlacements(robot.model, state, self._geometry, data)
-        for row, (first, second) in enumerate(self._names):
-            distance = pin.computeDistance(self._geometry, data, row).min_distance
-            if distance <= 0.0:
-                raise InputError(
-                    f"'{first}' and '{second}' of limit '{self.name}' are {-distance:.3f} m inside each other in "
-                    "half-sitting; leave the pair out or give smaller shapes"
-                )
-
     def _check_separable(self) -> None:
-        """Refuse a pair that is closer than the margin wherever the joints between its links are."""
+        """Refuse a pair that is in collision in half-sitting, or closer than the margin wherever its joints are."""
         robot, model = self._robot, self._robot.model
         state, data = model.createData(), self._geometry.createData()
         random = np.random.default_rng(0)
@@ -297,19 +267,23 @@ class SelfCollisionLimit(Limit):
             for x in (robot.position_lower, robot.position_upper)
         )
         for row, (first, second, *_) in enumerate(self._rows):
+            one, other = self._names[row]
             between = sorted({*model.supports[first]} ^ {*model.supports[second]})
             joints = [model.joints[joint].idx_q - 7 for joint in between if joint > 1]
-            furthest = -np.inf
-            for number in range(SAMPLES):
-                q = np.array(robot.half_sitting)
-                if number > 0:
-                    q[7:][joints] = random.uniform(low, high)[joints]
+            q, furthest = np.array(robot.half_sitting), -np.inf
+            for _ in range(SAMPLES):
                 pin.updateGeometryPlacements(model, state, self._geometry, data, q)
-                furthest = max(furthest, pin.computeDistance(self._geometry, data, row).min_distance)
+                distance = pin.computeDistance(self._geometry, data, row).min_distance
+                if furthest == -np.inf and distance <= 0.0:
+                    raise InputError(
+                        f"'{one}' and '{other}' of limit '{self.name}' are {-distance:.3f} m inside each other in "
+                        "half-sitting; leave the pair out or give smaller shapes"
+                    )
+                furthest = max(furthest, distance)
                 if furthest > self._margin:
                     break
+                q[7:][joints] = random.uniform(low, high)[joints]
             else:
-                one, other = self._names[row]
                 raise InputError(
                     f"no joint brings '{one}' and '{other}' of limit '{self.name}' further apart than "
                     f"{furthest:.4f} m, its margin is {self._margin:g} m; leave the pair out, or lower the margin"
@@ -327,10 +301,7 @@ def _geometry_object(robot: Robot, frame: str, shape: Shape) -> pin.GeometryObje
     index = robot.frame_id(frame)
     parent = robot.model.frames[index]
     if isinstance(shape, CollisionSphere):
-        body, local = (
-            coal.Sphere(shape.radius),
-            pin.SE3(np.eye(3), np.array(shape.centre, dtype=float)),
-        )
+        body, local = coal.Sphere(shape.radius), pin.SE3(np.eye(3), np.array(shape.centre, dtype=float))
     else:
         start, end = np.array(shape.start, dtype=float), np.array(shape.end, dtype=float)
         length = float(np.linalg.norm(end - start))

@@ -1,8 +1,8 @@
 """Limit of the centre of mass to a polygon on the ground, such as the hull of the soles.
 
-The speed towards each edge is bounded by distance / time constant. With the default time constant, that of the linear
-inverted pendulum, √(height / g), the divergent component of motion, c + ċ / ω, stays inside, which a CoP in the same
-polygon can always ensure.
+The speed towards each edge is bounded by distance / time constant at the end of each period (the velocity damper of
+Faverjon & Tournassoud, ICRA 1987). With the default time constant, that of the linear inverted pendulum, √(height / g),
+the divergent component of motion, c + ċ / ω, stays inside, which a CoP in the same polygon can always ensure.
 """
 
 from __future__ import annotations
@@ -14,9 +14,9 @@ from typing import Annotated
 import numpy as np
 from numpy.typing import ArrayLike
 
-from wbc.core.errors import Array, InputError
+from wbc.core.errors import Array, InputError, positive
 from wbc.core.hull import convex_hull
-from wbc.core.limits.base import Limit, damped_bound, limit_time_constant
+from wbc.core.limits.base import Limit
 from wbc.core.robot import Robot
 from wbc.core.settings import NonNegative
 
@@ -59,14 +59,22 @@ class CoMPolygonLimit(Limit):
             raise InputError(f"limit '{name}' must have 3 to {MOST_EDGES} edges, got {max_edges}")
         self.name, self.dim = name, int(max_edges)
         self._margin, self._given_recovery = margin, recovery
-        self._given_time = None if time_constant is None else limit_time_constant(time_constant)
-        self._robot: Robot | None = None
+        self._given_time = (
+            None if time_constant is None else positive(f"time constant of limit '{name}' (s)", time_constant)
+        )
+        self._bound_robot: Robot | None = None
         self._normals, self._offsets = np.zeros((self.dim, 2)), np.full(self.dim, np.inf)
         self._edges = 0
         self._polygon: Array | None = None
         self._of_soles = polygon is None
         if polygon is not None:
             self.polygon = polygon
+
+    @property
+    def _robot(self) -> Robot:
+        if self._bound_robot is None:
+            raise InputError(f"limit '{self.name}' has no robot before it is added to a controller")
+        return self._bound_robot
 
     @property
     def polygon(self) -> Array:
@@ -95,21 +103,15 @@ class CoMPolygonLimit(Limit):
         self._normals[: self._edges], self._offsets[: self._edges] = normals, offsets
 
     def use_soles(self, soles: Iterable[str] | None = None) -> None:
-        """Take the hull of the soles at their present placement; call it when contacts have changed.
-
-        Args:
-            soles: Names or frames of soles; all that the robot has when None.
-        """
+        """Take the hull of soles, by name or frame, all when None; call it when contacts have changed."""
         robot = self._robot
-        if robot is None:
-            raise InputError(f"limit '{self.name}' has no robot before it is added to a controller")
         chosen = robot.soles if soles is None else [robot.sole(name) for name in soles]
-        corners = []
-        for sole in chosen:
-            placement = robot.placement(sole.frame)
-            for x in (-0.5 * sole.length, 0.5 * sole.length):
-                for y in (-0.5 * sole.width, 0.5 * sole.width):
-                    corners.append(placement.act(np.array([x, y, 0.0]))[:2])
+        corners = [
+            robot.placement(sole.frame).act(np.array([x * sole.length, y * sole.width, 0.0]))[:2]
+            for sole in chosen
+            for x in (-0.5, 0.5)
+            for y in (-0.5, 0.5)
+        ]
         if not corners:
             raise InputError(f"limit '{self.name}' needs at least one sole")
         self.polygon = np.array(corners)
@@ -117,33 +119,24 @@ class CoMPolygonLimit(Limit):
     @property
     def distance(self) -> float:
         """Distance of the CoM to the polygon less its margin, at the last update of the robot, m; negative outside."""
-        if self._robot is None:
-            raise InputError(f"limit '{self.name}' has no robot before it is added to a controller")
         used = slice(0, self._edges)
         return float((self._offsets[used] - self._normals[used] @ self._robot.com[:2]).min())
 
     def bind(self, robot: Robot) -> None:
         """Take the hull of the soles when no polygon was given."""
-        self._robot = robot
+        self._bound_robot = robot
         gravity = robot.model.gravity.linear
         self._gravity = np.array(gravity[:2])
-        if self._given_time is None:
-            if not robot.soles:
+        time_constant, recovery = self._given_time, self._given_recovery
+        if time_constant is None:
+            heights = [robot.com[2] - robot.placement(sole.frame).translation[2] for sole in robot.soles]
+            if not heights or max(heights) <= 0.0:
                 raise InputError(
-                    f"limit '{self.name}' needs a polygon and a time constant: {robot!r} has no soles"
+                    f"limit '{self.name}' needs a time constant: the CoM of {robot!r} is above no sole"
                 )
-            height = robot.com[2] - min(robot.placement(sole.frame).translation[2] for sole in robot.soles)
-            if height <= 0.0:
-                raise InputError(
-                    f"limit '{self.name}' needs a time constant: the CoM is {height:.3f} m above the soles"
-                )
-            self.time_constant = math.sqrt(height / -gravity[2])
-        else:
-            self.time_constant = self._given_time
-        if self._given_recovery is None:
-            self.recovery = 0.5 * self._margin / self.time_constant**2
-        else:
-            self.recovery = self._given_recovery
+            time_constant = math.sqrt(max(heights) / -gravity[2])
+        self.time_constant = time_constant
+        self.recovery = 0.5 * self._margin / time_constant**2 if recovery is None else recovery
         self._base_rotation = robot.data.oMi[1].rotation
         if self._of_soles:
             self.use_soles()
@@ -151,10 +144,9 @@ class CoMPolygonLimit(Limit):
     def write(self, dt: float, rows: Array, lower: Array, upper: Array) -> None:
         """Fill one row for each edge; see `Limit.write`."""
         robot, used = self._robot, slice(0, self._edges)
-        assert robot is not None
         normals = self._normals[used]
         distance = self._offsets[used] - np.dot(normals, robot.com[:2])
-        bound = damped_bound(distance, np.dot(normals, robot.com_velocity[:2]), dt, self.time_constant)
+        bound = (distance / self.time_constant - np.dot(normals, robot.com_velocity[:2])) / dt
         demand = np.maximum(distance, 0.0)
         # At the speed distance / time constant towards the edge, the CoM needs the deceleration distance / time
         # constant², and a little more because a period passes before the bound reacts.

@@ -19,7 +19,6 @@ from wbc.core.settings import NonNegative, Ratio
 RECOVERY_TIME = 0.1
 """Time constant with which a violated bound is approached again, s."""
 
-
 _ZERO = scalar(0.0)
 
 
