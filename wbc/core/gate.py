@@ -59,7 +59,7 @@ class CommandGate:
         gains: tuple[Array, Array],
         measured: tuple[Array, Array],
     ) -> Command:
-        """Return a command of hybrid control within all limits; `gains` are kp and kd, `measured` q and q̇ of the joints.
+        """Return a hybrid command within all limits; `gains` are kp and kd, `measured` are q and q̇ of the joints.
 
         The torque limit holds for what the machine will apply where the joints are now, and for the feed-forward alone:
         the feed-forward gives way, and where its own limit does not let it, the gains do.

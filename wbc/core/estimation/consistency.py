@@ -24,8 +24,7 @@ logger = logging.getLogger(__name__)
 _ONE = scalar(1.0)
 
 FROZEN_AFTER = 20
-"""Number of ticks for which a reading must stay the same, bit for bit, to count as frozen; readings that have been
-constant before need four times as long as then."""
+"""Ticks for which a reading must stay the same to the bit to count as frozen; four times as long as it has before."""
 
 TIME_CONSTANT, LASTING = 0.05, 0.08
 """Low-pass of the compared signals; time that a contradiction must last before it is named, s."""
@@ -69,7 +68,6 @@ SETTLING = 0.1
 
 REMEMBERED = 1.0
 """Time for which a doubt of the gyroscope stays, s: the difference fades while the gyroscope stays wrong."""
-
 
 CONTRADICTS, AGREES = 3.5, 2.0
 """Horizontal acceleration that the accelerometer alone shows: from the first on it is left out, until it is below the
@@ -140,7 +138,7 @@ def time_ratio(moved: Array, expected: Array) -> float | None:
 
 
 class ConsistencyMonitor:
-    """Compares sensors with each other, tick by tick.
+    """Comparison of sensors with each other, tick by tick.
 
     Attributes:
         doubts: What is doubted at present, such as "encoder of left_knee frozen"; empty when all agrees.
@@ -200,7 +198,13 @@ class ConsistencyMonitor:
             unexplained: Change of the legs' velocity that the accelerometer does not show, x + iy in the world, m/s.
         """
         gain = self._gain
-        doubts = self._compare_velocities(values, measurement.time) + self._frozen(values)
+        last, self._last = self._last, values
+        passed, self._time = measurement.time - self._time, measurement.time
+        doubts = (
+            []
+            if last is None
+            else self._contradicted_encoders(values, last, passed) + self._frozen(values, last)
+        )
         if measurement.wrench_source == "sensor":
             self._sensed = True
         elif self._sensed:
@@ -231,11 +235,10 @@ class ConsistencyMonitor:
             logger.error("measurement at %.4f s: %s", measurement.time, "; ".join(found))
         self.doubts = found
 
-    def _compare_velocities(self, values: Array, time: float) -> list[str]:
-        """Compare joint velocities with the speeds of the encoders between two time stamps."""
-        na, last = self._na, self._last
-        passed, self._time = time - self._time, time
-        if last is None or not passed > 0.25 * self._dt:  # too close for a difference
+    def _contradicted_encoders(self, values: Array, last: Array, passed: float) -> list[str]:
+        """Compare joint velocities with the speeds of the encoders in the time that has passed, s."""
+        na = self._na
+        if not passed > 0.25 * self._dt:  # too close for a difference
             return []
         speed = np.subtract(values[:na], last[:na], out=self._speed)
         speed /= passed
@@ -283,11 +286,8 @@ class ConsistencyMonitor:
         self._gyro_doubted -= self._dt
         return True
 
-    def _frozen(self, values: Array) -> list[str]:
+    def _frozen(self, values: Array, last: Array) -> list[str]:
         """Names of the channels whose reading has stayed the same for too long."""
-        last, self._last = self._last, values
-        if last is None:
-            return []
         run = self._run
         run += _ONE
         changed = values != last
