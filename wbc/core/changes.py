@@ -23,10 +23,7 @@ Changes = tuple[tuple[str, Value], ...]
 
 
 def as_changes(values: Mapping[str, Any] | Iterable[tuple[str, Any]]) -> Changes:
-    """Return names and values in their normal form, lists as tuples.
-
-    Raises `InputError` for a name that is not text or is given twice, or a value that is not plain.
-    """
+    """Return names and values in their normal form, lists as tuples; `InputError` for what has none."""
     pairs = list(values.items() if isinstance(values, Mapping) else values)
     for pair in pairs:
         if not isinstance(pair, (tuple, list)) or len(pair) != 2:
@@ -101,10 +98,7 @@ def _leaves(settings: Any, prefix: str = "") -> Iterator[tuple[str, Any]]:
 
 
 def _full_name(names: tuple[str, ...], name: str) -> str:
-    """Return the full name of a setting, gains.dcm_p, of which the last part, or the last parts, are given.
-
-    Raises `UnknownNameError` if no setting has that name, with the nearest, `InputError` if several have it.
-    """
+    """Return the full name of a setting, gains.dcm_p, of which the last part, or the last parts, are given."""
     if name in names:
         return name
     matches = [path for path in names if path.endswith("." + name)]
@@ -119,8 +113,7 @@ def changed(settings: T, changes: Mapping[str, Any] | Changes) -> T:
     """Return settings, a frozen dataclass with nested ones, with some values replaced.
 
     Names are full or as far as they are unique. Settings that can be switched off take None, and True while they are
-    off. Values that change together are checked together, whatever their order. Raises `UnknownNameError` for no such
-    setting, `InputError` for a name that several settings have, a value of the wrong kind or out of range.
+    off. Values that change together are checked together, whatever their order.
     """
     new: T = _changed(settings, changes)[0]
     return new
@@ -129,8 +122,8 @@ def changed(settings: T, changes: Mapping[str, Any] | Changes) -> T:
 def normal_changes(settings: Any, changes: Mapping[str, Any] | Changes) -> Changes:
     """Return changes with full names, in alphabetical order, and with the values that the changed settings have.
 
-    Equivalent changes are then equal, hash equally and are written equally: `dcm_p` of 5 is `gains.dcm_p` of (5.0,
-    5.0). Raises as `changed`, and `InputError` for a setting that is changed under two names.
+    Equivalent changes are then equal, hash and are written equally: `dcm_p` of 5 is `gains.dcm_p` of (5.0, 5.0). A
+    setting that is changed under two names is an `InputError`.
     """
     new, pairs = _changed(settings, changes)
     values = ((path, _value(new, path), given) for path, given in pairs)

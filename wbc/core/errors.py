@@ -113,10 +113,7 @@ def scalar(value: float) -> Array:
 
 
 def finite_array(what: str, value: ArrayLike, shape: tuple[int, ...] | None = None) -> Array:
-    """Return a copy of finite numbers as a float64 array, of any shape when None; `what` is its name in messages.
-
-    Raises `InputError` for what is not numbers, a wrong shape, NaN or infinity.
-    """
+    """Return a copy of finite numbers as a float64 array, of any shape when None; `what` is its name in messages."""
     try:
         array = np.array(value, dtype=np.float64)
     except (TypeError, ValueError, OverflowError, RecursionError) as error:
@@ -132,10 +129,7 @@ def finite_array(what: str, value: ArrayLike, shape: tuple[int, ...] | None = No
 def finite_scalar(
     what: str, value: Any, *, low: float = -math.inf, high: float = math.inf, open_low: bool = False
 ) -> float:
-    """Return a number as a float inside [low, high], or (low, high] with `open_low`.
-
-    `what` is its name in messages, with its unit. Raises `InputError` for anything else.
-    """
+    """Return a number as a float inside [low, high], or (low, high] with `open_low`; `what` is named in messages."""
     if isinstance(value, (str, bytes, bool)):
         raise InputError(f"{what} must be a number, got {shown(value)}")
     try:

@@ -20,8 +20,7 @@ T = TypeVar("T")
 class Registry(dict[str, T]):
     """A dictionary of names whose missing names raise an error with the nearest known ones.
 
-    Other packages offer further names by entry points. These are looked up when a name is missing or all names are
-    asked for, and loaded when one is used.
+    Other packages offer further names by entry points, which are loaded when one is used.
 
     Attributes:
         kind: The noun of its messages: "robot", "foot", "terrain", …
@@ -36,10 +35,7 @@ class Registry(dict[str, T]):
         group: str | None = None,
         check: Callable[[T], object] | None = None,
     ) -> None:
-        """Begin with some entries; `kind` and `group` are the attributes.
-
-        `check` raises `InputError` for a value that is none of its kind.
-        """
+        """Begin with some entries; `check` raises an `InputError` for a value that is none of its kind."""
         super().__init__(entries or {})
         self.kind, self.group, self._check = kind, group, check
 
@@ -93,11 +89,7 @@ class Registry(dict[str, T]):
 
 
 def call_checked(what: str, make: Callable[..., T], parameters: Mapping[str, Any]) -> T:
-    """Call a function, in messages `what`, with named parameters, after a check that it takes and gets what it needs.
-
-    Raises `UnknownNameError` for a parameter that it does not have, `InputError` for one that is missing or out of
-    range.
-    """
+    """Call a function, `what` in messages, with named parameters, after a check that it takes and gets what it needs."""
     known = inspect.signature(make, eval_str=True).parameters
     names = {name for name, each in known.items() if each.kind is not each.VAR_KEYWORD}
     for each in known.values():

@@ -27,7 +27,6 @@ from wbc.core.settings import Positive, Share, settings
 ON_TIME = 0.01
 """Share of a control period by which a measurement may come early or late and still count as one period apart."""
 
-
 TORQUE_STD = 0.5
 """Standard deviation of a leg joint's torque, Nm: friction, errors of the drive; of a light robot, its share."""
 
@@ -67,10 +66,7 @@ class WrenchEstimator:
     """
 
     def __init__(self, robot: Robot, dt: float, settings: WrenchSettings | None = None) -> None:
-        """Start with the robot standing still on all soles; its state is not used, dt is the control period, s.
-
-        Raises `InputError` for lift-off at a greater force than touch-down.
-        """
+        """Start with the robot standing still on all soles; its state is not used, dt is the control period, s."""
         self.settings = s = settings or WrenchSettings()
         if s.lift_off > s.touch_down:
             raise InputError(f"lift_off must not exceed touch_down, got {s.lift_off:g} and {s.touch_down:g}")

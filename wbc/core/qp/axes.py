@@ -19,10 +19,7 @@ BASE = "base"
 
 
 def axis_mask(task: str, axes: Sequence[str], choices: Sequence[str]) -> NDArray[np.bool_]:
-    """Return a mask of shape (len(choices),): which of `choices` are in `axes`, given once each in the same order.
-
-    Raises `UnknownNameError` for another axis, `InputError` for none at all, one twice, or another order.
-    """
+    """Return a mask of shape (len(choices),): which of `choices` are in `axes`, given once each in the same order."""
     chosen = names_in(f"axes of task '{task}'", axes)
     if not chosen or len(set(chosen)) != len(chosen):
         raise InputError(f"task '{task}' needs axes out of {', '.join(choices)}, each once; got {chosen}")
@@ -46,8 +43,7 @@ def joint_columns(robot: Robot, joints: Iterable[str]) -> NDArray[np.intp]:
 def other_columns(robot: Robot, joints: Sequence[str] | None) -> NDArray[np.intp] | None:
     """Return the velocity coordinates that a task limited to `joints` must not use; None when it may use all.
 
-    A task that may move only some joints may not move the floating base, unless "base" is among them. Raises
-    `UnknownNameError` for no such joint.
+    A task that may move only some joints may not move the floating base, unless "base" is among them.
     """
     if joints is None:
         return None

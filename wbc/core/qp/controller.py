@@ -12,7 +12,7 @@ from typing import Any, TypeVar, overload
 
 import numpy as np
 
-from wbc.core.errors import Array, InputError, WbcError, as_period, choose, shown, unknown_name
+from wbc.core.errors import Array, InputError, as_period, choose, shown, unknown_name
 from wbc.core.limits.base import Limit
 from wbc.core.limits.joint import JointLimits
 from wbc.core.limits.torque import TorqueLimits
@@ -22,7 +22,7 @@ from wbc.core.qp.diagnosis import groups_not_finite, status_table, violated_grou
 from wbc.core.qp.problem import Problem
 from wbc.core.qp.solution import Solution, Timings
 from wbc.core.qp.solver import QpSolver, SolverSettings
-from wbc.core.qp.task import Task, evaluated
+from wbc.core.qp.task import Task, evaluated, fill_guarded
 from wbc.core.robot import Robot
 from wbc.core.settings import Positive
 from wbc.core.signals import Measurement
@@ -70,9 +70,7 @@ class Controller:
         self._solution: Solution | None = None
         self.outside: Array | None = None
         self._torques: Array | None = None  # of the last tick
-        self._assembly = self._assemble()
-        self._solver = QpSolver(self._assembly.problem, self._settings)
-        self._dirty = False
+        self._rebuild()
 
     @property
     def dt(self) -> float:
@@ -121,16 +119,10 @@ class Controller:
     @overload
     def add(self, item: Item, /, *items: Item) -> tuple[Item, ...]: ...
     def add(self, item: Item, /, *items: Item) -> Item | tuple[Item, ...]:
-        """Add tasks, contacts and limits; names are resolved, and targets not given become the present state.
+        """Add tasks, contacts and limits, and return the item, or all of several as a tuple.
 
-        Returns:
-            The item, or all of them as a tuple when there are several.
-
-        Raises:
-            UnknownNameError: A frame, joint or sole that the robot does not have.
-            InputError: A name used twice, a second set of joint or torque limits, an item of another controller, not a
-                task, contact or limit, or a task whose rows cannot be evaluated, such as one on the wrench of a contact
-                that is not there. None of the items is added then.
+        Names are resolved, and targets not given become the present state. An item that cannot be added, such as one
+        whose name is taken or whose rows cannot be evaluated, is an `InputError`; none is added then.
         """
         new, present = _with_parts(item, *items), self._items()
         for each in new:
@@ -170,11 +162,13 @@ class Controller:
             raise InputError(f"{item!r} has not been bound: its bind must call super().bind(robot) first")
         if isinstance(item, Task) and item.kind != "variables" and type(item).observe is Task.observe:
             evaluated(item)  # one that reads sensors has none yet
-        if isinstance(item, Limit) and not _has_rows(item):
-            raise InputError(
-                f"limit {type(item).__name__} needs a name, text, and dim, its number of rows, once it is bound; got "
-                f"{shown(getattr(item, 'name', None))} and {shown(getattr(item, 'dim', None))}"
-            )
+        if isinstance(item, Limit):
+            name, dim = getattr(item, "name", None), getattr(item, "dim", None)
+            if not isinstance(name, str) or not isinstance(dim, (int, np.integer)):
+                raise InputError(
+                    f"limit {type(item).__name__} needs a name, text, and dim, its number of rows, once it is bound; "
+                    f"got {shown(name)} and {shown(dim)}"
+                )
 
     def _check_names(self, new: Sequence[Item]) -> None:
         """Refuse names that are taken; a contact of a sole has its name from the robot, when it is bound."""
@@ -194,15 +188,9 @@ class Controller:
         problem = Assembly(self.robot, [], contacts, [], self._regularisation).problem
         for task in tasks:
             task.bind_problem(problem)
-            rows = np.zeros((task.dim, problem.diagonal.size)), np.zeros(task.dim)
-            try:
-                task.evaluate(*rows, np.zeros((0, 0)))
-            except WbcError:
-                raise
-            except Exception as failure:  # whatever a task of one's own may raise
-                raise InputError(
-                    f"task '{task.name}' cannot be evaluated: {type(failure).__name__}: {failure}"
-                ) from failure
+            fill_guarded(
+                task, np.zeros((task.dim, problem.diagonal.size)), np.zeros(task.dim), np.zeros((0, 0))
+            )
 
     def _items(self) -> list[Item]:
         items: list[Item] = [*self._tasks, *self._contacts, *self._limits]
@@ -236,36 +224,23 @@ class Controller:
         return _by_name("contact", name, self._contacts)
 
     def move(self, task: Task) -> None:
-        """Advance the target of a task at every tick until it has arrived; `move_to` of the task calls it.
-
-        Args:
-            task: One of this controller's tasks.
-        """
+        """Advance the target of one of the tasks at every tick until it has arrived; its `move_to` calls this."""
         if not any(task is other for other in self._moving):
             self._moving.append(task)
 
     # ---- the tick -----------------------------------------------------------------------------------------------
 
     def update(self, q: Array, v: Array) -> None:
-        """Update the robot's state; the same as `robot.update`, and timed.
-
-        Args:
-            q: Configuration, shape (nq,).
-            v: Velocity, shape (nv,).
-        """
+        """Update the robot's state; the same as `robot.update`, and timed."""
         start = perf_counter()
         self.robot.update(q, v)
         self.model_time = perf_counter() - start
 
     def solve(self, measurement: Measurement | None = None) -> Solution:
-        """Solve the QP at the present state of the robot.
+        """Solve the QP at the present state of the robot; a measurement is for tasks that read sensors.
 
-        Args:
-            measurement: Measurement for tasks that read sensors.
-
-        Returns:
-            The solution. An infeasible QP raises nothing: look at `status`, and call `diagnose` for the constraints
-            that contradict each other.
+        An infeasible QP raises nothing: look at the solution's `status`, and call `diagnose` for the constraints that
+        contradict each other.
         """
         start = perf_counter()
         if self._dirty:
@@ -299,14 +274,9 @@ class Controller:
         return solution
 
     def torques(self, solution: Solution, wrenches: Mapping[str, Array]) -> Array:
-        """Return the joint torques of a solution's motion with other wrenches on some contacts.
+        """Return the joint torques, shape (na,), Nm, of a solution's motion with other wrenches on some contacts.
 
-        Args:
-            solution: Solution of this tick.
-            wrenches: Name of a contact → wrench in place of the solution's, in the frame of the contact, N and Nm.
-
-        Returns:
-            Shape (na,), Nm (or N).
+        `wrenches` is name of a contact → wrench in place of the solution's, in the frame of the contact, N and Nm.
         """
         x, columns = solution.variables.copy(), solution.layout.contacts
         for name, wrench in wrenches.items():
@@ -318,13 +288,10 @@ class Controller:
         torques += problem.torque_bias
         return torques
 
-    def _assemble(self) -> Assembly:
-        """Return a QP of what the controller has now."""
-        return Assembly(self.robot, self._tasks, self._contacts, self._limits, self._regularisation)
-
     def _rebuild(self) -> None:
-        """Make QP and solver anew, after something was added or removed."""
-        self._assembly = self._assemble()
+        """Make QP and solver of what the controller has now."""
+        items = self._tasks, self._contacts, self._limits
+        self._assembly = Assembly(self.robot, *items, self._regularisation)
         self._solver = QpSolver(self._assembly.problem, self._settings)
         self._dirty = False
 
@@ -342,10 +309,8 @@ class Controller:
     def diagnose(self) -> dict[str, float]:
         """Return the constraints that contradict each other, found with slack on every group; slow, not for the tick.
 
-        Returns:
-            Name of a group → largest violation in its own unit, for the groups that cannot be satisfied, worst first;
-            empty when the QP has a solution. If there is NaN or infinity in the QP, NaN for the tasks and groups that
-            it is in.
+        That is name of a group → largest violation in its own unit, worst first; empty when the QP has a solution. If
+        there is NaN or infinity in the QP, it is NaN for the tasks and groups that have it.
         """
         if self._dirty:
             self._rebuild()
@@ -354,22 +319,16 @@ class Controller:
         return groups_not_finite(problem, self._tasks, places) or violated_groups(problem)
 
     def __repr__(self) -> str:
-        names = {
-            kind: ", ".join(item.name for item in items)
-            for kind, items in (
-                ("tasks", self._tasks),
-                ("contacts", self._contacts),
-                ("limits", self._limits),
-            )
-        }
-        held = "; ".join(f"{kind} {listed}" for kind, listed in names.items() if listed)
+        lists = {"tasks": self._tasks, "contacts": self._contacts, "limits": self._limits}
+        held = "; ".join(
+            f"{kind} {', '.join(i.name for i in items)}" for kind, items in lists.items() if items
+        )
         return f"Controller({self.robot!r}, dt={self._dt:g} s{f'; {held}' if held else ''})"
 
     def status_table(self) -> str:
         """Return a table of tasks, contacts and limits as of the last tick, to print."""
-        return status_table(
-            self.robot, self.dt, self._tasks, self._contacts, self._regularisation, self._solution
-        )
+        items = self._tasks, self._contacts
+        return status_table(self.robot, self.dt, *items, self._regularisation, self._solution)
 
 
 def _owner(item: Item) -> Controller | None:
@@ -381,11 +340,6 @@ def _owner(item: Item) -> Controller | None:
 def _with_parts(*items: Item) -> tuple[Item, ...]:
     """Return items, each followed by the items that come and go with it."""
     return tuple(part for item in items for part in (item, *getattr(item, "parts", ())))
-
-
-def _has_rows(limit: Limit) -> bool:
-    name, dim = getattr(limit, "name", None), getattr(limit, "dim", None)
-    return isinstance(name, str) and isinstance(dim, (int, np.integer)) and int(dim) >= 0
 
 
 def _by_name(kind: str, name: str, items: Sequence[ItemT]) -> ItemT:

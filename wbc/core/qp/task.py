@@ -523,6 +523,18 @@ class Task(Motion):
         return f"{type(self).__name__}('{self.name}', dim={self.dim}{', hard' if self.hard else ''})"
 
 
+def fill_guarded(task: Task, *rows: Array) -> None:
+    """Fill the rows of a task; whatever a task of one's own raises is an `InputError`."""
+    try:
+        (task.evaluate if task.kind == "variables" else task.fill)(*rows)
+    except WbcError:
+        raise
+    except Exception as failure:
+        raise InputError(
+            f"task '{task.name}' cannot be evaluated: {type(failure).__name__}: {failure}"
+        ) from failure
+
+
 def evaluated(task: Task) -> tuple[Array, Array, Array]:
     """Return Jacobian, shape (dim, nv), error and drift, shape (dim,), of a bound task at the present state, checked.
 
@@ -531,14 +543,7 @@ def evaluated(task: Task) -> tuple[Array, Array, Array]:
     if task.kind == "variables":
         raise InputError(f"task '{task.name}' is on variables of the QP: it has neither error nor speed")
     jacobian, error, drift = np.zeros((task.dim, task.robot.nv)), np.zeros(task.dim), np.zeros(task.dim)
-    try:
-        task.fill(jacobian, error, drift)
-    except WbcError:
-        raise
-    except Exception as failure:  # whatever a task of one's own may raise
-        raise InputError(
-            f"task '{task.name}' cannot be evaluated: {type(failure).__name__}: {failure}"
-        ) from failure
+    fill_guarded(task, jacobian, error, drift)
     if task.kind == "selection":
         jacobian = np.eye(task.robot.nv)[task.columns]
     for what, rows in (("Jacobian", jacobian), ("error", error), ("drift", drift)):
