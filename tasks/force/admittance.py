@@ -39,8 +39,8 @@ class AdmittanceTask(ComplianceTask):
         """Describe the task.
 
         Args:
-            frame: Frame of the robot, or the name of a sole.
-            target: Pose in the world at zero offset; the present one when None.
+            frame: See `ComplianceTask`.
+            target: See `ComplianceTask`.
             admittance: Velocity per wrench error along the axes of the frame, shape (6,) or a pair (linear, angular),
                 m/(N s) and rad/(Nm s). 1e-4 on ground of 1e5 N/m makes 10 1/s.
             **options: See `ComplianceOptions`.

@@ -76,12 +76,9 @@ class ComplianceTask(FrameTask):
     def __init__(
         self, frame: str, target: pin.SE3 | None = None, **options: Unpack[ComplianceOptions]
     ) -> None:
-        """Describe the task.
+        """Describe the task on a frame, or a sole by its name; see `ComplianceOptions`.
 
-        Args:
-            frame: Frame of the robot, or the name of a sole.
-            target: Pose in the world at zero offset; the present one when None.
-            **options: See `ComplianceOptions`.
+        The target is the pose in the world at zero offset, the present one when None.
         """
         time_constant = options.pop("time_constant", SMOOTHING)
         velocity_bound = options.pop("velocity_bound", VELOCITY_BOUND)
@@ -176,16 +173,14 @@ class ComplianceTask(FrameTask):
 
     @abstractmethod
     def comply(self, error: Array, rate: Array, dt: float) -> tuple[Array, Array]:
-        """Return velocity and acceleration with which the frame yields.
+        """Return velocity and acceleration with which the frame yields, [linear; angular] along its axes, new arrays.
+
+        The velocity is clamped afterwards, and along axes that the task does not follow it becomes zero.
 
         Args:
             error: Filtered wrench error, shape (6,), N and Nm.
             rate: Its derivative, shape (6,), N/s and Nm/s; zero without a low-pass.
             dt: Control period, s.
-
-        Returns:
-            Velocity and acceleration, each [linear; angular] along the axes of the frame, shape (6,), new arrays.
-            The velocity is clamped afterwards, and along axes that the task does not follow it becomes zero.
         """
 
     def offset_vector(self) -> Array:

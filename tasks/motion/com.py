@@ -27,12 +27,7 @@ class CoMTask(Task):
     __slots__ = ("_base_force", "_base_rotation", "_gravity", "_mass")
 
     def __init__(self, target: ArrayLike | None = None, **options: Unpack[MotionOptions]) -> None:
-        """Describe the task.
-
-        Args:
-            target: Point in the world, shape (3,), m; the present one when None.
-            **options: See `MotionOptions`.
-        """
+        """Describe the task; the target is a point in the world, shape (3,), m, the present one when None."""
         usual: MotionOptions = {"weight": 100.0, "stiffness": 30.0, "error_bound": ERROR_BOUND}
         super().__init__("com", POSITION_AXES, **(usual | options))
         if target is not None:
@@ -76,12 +71,7 @@ class CoMOverFeetTask(CoMTask):
     __slots__ = ("_soles",)
 
     def __init__(self, target: ArrayLike | None = None, **options: Unpack[MotionOptions]) -> None:
-        """Describe the task.
-
-        Args:
-            target: Centre of mass minus the middle of the soles, shape (3,), m; the present one when None.
-            **options: See `MotionOptions`.
-        """
+        """Describe the task; the target has shape (3,) and is the present one when None."""
         named: MotionOptions = {"name": "com over feet"}
         super().__init__(target, **(named | options))
 

@@ -66,14 +66,7 @@ class VectorOrientationTask(FrameTask):
         axis: ArrayLike = (1.0, 0.0, 0.0),
         **options: Unpack[MotionOptions],
     ) -> None:
-        """Describe the task.
-
-        Args:
-            frame: Frame of the robot.
-            target: Direction in the world, shape (3,), of any length; the present one when None.
-            axis: Axis of the frame, shape (3,), of any length.
-            **options: See `MotionOptions`.
-        """
+        """Describe the task; target and axis have shape (3,) and any length; without a target it is the present one."""
         self._axis = unit_vector(f"axis of '{frame}'", axis)
         super().__init__(frame, "direction", ROTATION_AXES, target, options)
 

@@ -78,13 +78,7 @@ class PositionTask(FrameTask):
     __slots__ = ()
 
     def __init__(self, frame: str, target: ArrayLike | None = None, **options: Unpack[MotionOptions]) -> None:
-        """Describe the task.
-
-        Args:
-            frame: Frame of the robot.
-            target: Point in the world, shape (3,), m; the present one when None.
-            **options: See `MotionOptions`.
-        """
+        """Describe the task; the target is a point in the world, shape (3,), m, the present one when None."""
         super().__init__(frame, "position", POSITION_AXES, target, options)
 
     def present(self, robot: Robot) -> Array:
@@ -114,13 +108,7 @@ class OrientationTask(FrameTask):
     unit = "rad"
 
     def __init__(self, frame: str, target: ArrayLike | None = None, **options: Unpack[MotionOptions]) -> None:
-        """Describe the task.
-
-        Args:
-            frame: Frame of the robot.
-            target: Rotation from the frame to the world, shape (3, 3); the present one when None.
-            **options: See `MotionOptions`.
-        """
+        """Describe the task; the target is the rotation to the world, shape (3, 3), the present one when None."""
         super().__init__(frame, "orientation", ROTATION_AXES, target, options)
 
     def present(self, robot: Robot) -> Array:
@@ -150,13 +138,7 @@ class PoseTask(FrameTask):
     unit = "m|rad"
 
     def __init__(self, frame: str, target: pin.SE3 | None = None, **options: Unpack[MotionOptions]) -> None:
-        """Describe the task.
-
-        Args:
-            frame: Frame of the robot.
-            target: Pose in the world; the present one when None.
-            **options: See `MotionOptions`.
-        """
+        """Describe the task; the target is a pose in the world, the present one when None."""
         super().__init__(frame, "pose", POSE_AXES, target, options)
 
     def evaluate(self, jacobian: Array, error: Array, drift: Array) -> None:
@@ -174,9 +156,6 @@ class RelativeFrameTask(FrameTask):
     Rows are along the axes of the reference frame: position of `frame`'s origin, m, then rotation, rad; the weight is
     a cost per (m/s²)² and (rad/s²)². With axes x, y, z it is a task on the position alone, with roll, pitch, yaw on
     the orientation. Moving both frames together costs nothing. Weight 1 and stiffness 30 1/s² by default.
-
-    Attributes:
-        reference: Frame that the pose is relative to.
     """
 
     __slots__ = ("_reference_id", "_reference_placement", "reference")
@@ -185,14 +164,7 @@ class RelativeFrameTask(FrameTask):
     def __init__(
         self, frame: str, reference: str, target: pin.SE3 | None = None, **options: Unpack[MotionOptions]
     ) -> None:
-        """Describe the task.
-
-        Args:
-            frame: Frame of the robot.
-            reference: Frame of the robot that the pose is relative to.
-            target: Pose of `frame` in `reference`; the present one when None.
-            **options: See `MotionOptions`.
-        """
+        """Describe the task; the target is the pose of `frame` in `reference`, the present one when None."""
         if frame == reference:
             raise InputError(f"a relative task needs two frames, got '{frame}' twice")
         self.reference = reference

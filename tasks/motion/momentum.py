@@ -34,12 +34,7 @@ class MomentumTask(Task):
     unit = "kg m/s|kg m²/s"
 
     def __init__(self, target: ArrayLike | None = None, **options: Unpack[MotionOptions]) -> None:
-        """Describe the task.
-
-        Args:
-            target: [linear; angular] along the world axes, shape (6,), kg m/s and kg m²/s; zero when None.
-            **options: See `MotionOptions`; no damping.
-        """
+        """Describe the task; the target, [linear; angular] along the world axes, shape (6,), is zero when None."""
         usual: MotionOptions = {"weight": 1e-3, "stiffness": 5.0, "damping": 0.0}
         super().__init__("momentum", POSE_AXES, **(usual | options))
         self.target = np.zeros(6) if target is None else target

@@ -89,7 +89,7 @@ class Registry(dict[str, T]):
 
 
 def call_checked(what: str, make: Callable[..., T], parameters: Mapping[str, Any]) -> T:
-    """Call a function, `what` in messages, with named parameters, after a check that it takes and gets what it needs."""
+    """Call a function, `what` in messages, with named parameters, after a check that they fit."""
     known = inspect.signature(make, eval_str=True).parameters
     names = {name for name, each in known.items() if each.kind is not each.VAR_KEYWORD}
     for each in known.values():

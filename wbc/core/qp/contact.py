@@ -571,12 +571,7 @@ class FixedContact(_HeldFrame):
     """
 
     def __init__(self, frame: str, **options: Unpack[ContactOptions]) -> None:
-        """Describe the contact.
-
-        Args:
-            frame: Frame that is fixed where it is when the contact is added.
-            **options: See `ContactOptions`.
-        """
+        """Describe the contact of a frame, which is fixed where it is when the contact is added."""
         chosen: ContactOptions = {"max_force": 1e6, "wrench_weight": 1e-8, **options}
         super().__init__(frame, frame, np.zeros((0, 6)), **chosen)
 
