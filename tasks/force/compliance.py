@@ -221,11 +221,7 @@ class ComplianceTask(FrameTask):
         self.advance(dt)
 
     def advance(self, dt: float) -> None:
-        """Yield for one control period to `measured_wrench`; `observe` calls it when the controller gets measurements.
-
-        Args:
-            dt: Control period, s.
-        """
+        """Yield for a period of dt, s, to `measured_wrench`; `observe` calls it where there are measurements."""
         if dt != self._period:
             self._start(dt)
         error, rate = self._wrench_error, self._wrench_rate

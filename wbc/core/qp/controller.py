@@ -319,7 +319,11 @@ class Controller:
         return groups_not_finite(problem, self._tasks, places) or violated_groups(problem)
 
     def __repr__(self) -> str:
-        lists = {"tasks": self._tasks, "contacts": self._contacts, "limits": self._limits}
+        lists: dict[str, Sequence[Item]] = {
+            "tasks": self._tasks,
+            "contacts": self._contacts,
+            "limits": self._limits,
+        }
         held = "; ".join(
             f"{kind} {', '.join(i.name for i in items)}" for kind, items in lists.items() if items
         )
