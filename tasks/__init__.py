@@ -5,7 +5,6 @@ A new motion task is a file in `motion/`, a new force task a file in `force/`, e
 """
 
 from wbc.core.qp.task import Task
-from wbc.core.trajectories import Trajectory
 from wbc.tasks.balance import balance_controller
 from wbc.tasks.behaviours import Behaviour, Program, StateMachine, after, reached
 from wbc.tasks.check import check_rows
@@ -49,8 +48,6 @@ __all__ = [
     "WrenchTask",
     "AdmittanceTask",
     "ImpedanceTask",
-    # Targets that move
-    "Trajectory",
     # Behaviours: states, one after another
     "Behaviour",
     "StateMachine",

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from problem_streams import ProblemStream, least_violation
 
-from wbc.core.errors import InputError, UnknownNameError
+from wbc.core.errors import UnknownNameError
 from wbc.core.qp import solver as ladder
 from wbc.core.qp.other_solvers import DaqpSolver, solve_by_qpsolvers
 from wbc.core.qp.problem import Problem
@@ -130,14 +130,10 @@ def test_badly_scaled_ticks_are_solved_and_infeasible_ones_have_no_solution(seed
     assert min(violations) > 1e-6
 
 
-def test_an_unknown_solver_names_those_installed_and_the_way_to_others() -> None:
-    with pytest.raises(UnknownNameError, match="'osqp2'"):
-        SolverSettings(solver="osqp2")
-
-
-def test_a_solver_of_sparse_problems_is_refused_before_the_first_tick() -> None:
-    with pytest.raises(InputError, match="'osqp'"):
-        SolverSettings(solver="osqp")
+@pytest.mark.parametrize("name", ["osqp2", "osqp"])  # a wrong name, and a solver of sparse problems alone
+def test_a_solver_that_cannot_solve_a_tick_is_refused_by_name(name: str) -> None:
+    with pytest.raises(UnknownNameError, match=f"'{name}'"):
+        SolverSettings(solver=name)
 
 
 def small() -> Problem:

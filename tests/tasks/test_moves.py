@@ -17,7 +17,7 @@ from wbc.core.errors import InputError
 from wbc.core.qp.controller import Controller
 from wbc.core.qp.move import least_turn
 from wbc.core.robot import Robot
-from wbc.core.trajectories import Quintic, approach, minimum_jerk
+from wbc.core.trajectories import Quintic, Trajectory, approach, minimum_jerk
 from wbc.tasks import (
     CoMTask,
     ImpedanceTask,
@@ -27,7 +27,6 @@ from wbc.tasks import (
     PositionTask,
     PostureTask,
     RelativeFrameTask,
-    Trajectory,
     VectorOrientationTask,
 )
 

@@ -17,7 +17,7 @@ import numpy as np
 import proxsuite
 import qpsolvers
 
-from wbc.core.errors import Array, InputError, UnknownNameError
+from wbc.core.errors import Array, UnknownNameError
 from wbc.core.qp.active_set import ActiveSet
 from wbc.core.qp.other_solvers import DaqpSolver, solve_by_qpsolvers
 from wbc.core.qp.problem import Problem
@@ -67,7 +67,6 @@ class Status(enum.Enum):
 _SOLVED = Status.SOLVED
 """For the tick: a look-up in an enumeration takes ten times as long as one in a module."""
 
-
 ITERATIONS, INNER_ITERATIONS = 15, 30
 """Outer iterations of ProxQP, and iterations of each inner problem: its only time limit."""
 
@@ -98,25 +97,11 @@ class SolverSettings:
     relaxation: Positive | None = None
 
     def __post_init__(self) -> None:
-        if self.solver in SPARSE:
-            raise InputError(
-                f"solver '{self.solver}' needs sparse matrices, and those of a tick are dense; "
-                f"choices: {', '.join(solver_names())}"
-            )
         if self.solver not in solver_names():
             raise UnknownNameError(
-                f"no solver '{self.solver}'; choices: {', '.join(solver_names())}; further ones after "
-                f"`pip install qpsolvers[NAME]`, such as {', '.join(NOT_INSTALLED)}"
+                f"no dense solver '{self.solver}'; choices: {', '.join(solver_names())}; further ones, such as piqp, "
+                "after `pip install qpsolvers[NAME]`"
             )
-
-
-NOT_INSTALLED = tuple(
-    name for name in ("cvxopt", "piqp", "qpoases", "quadprog") if name not in qpsolvers.available_solvers
-)
-"""Well-known dense solvers that qpsolvers could use."""
-
-SPARSE = ("clarabel", "copt", "gurobi", "highs", "mosek", "osqp", "qpalm", "scs")
-"""Solvers that qpsolvers gives sparse matrices alone."""
 
 
 def solver_names() -> tuple[str, ...]:
@@ -325,11 +310,8 @@ class QpSolver:
         if self._room(values, self.problem.n_eq) is not None:
             self.x[:], self.values[:] = x, values
         self.multipliers[:] = _cut(self.multipliers)
-        self._guess[0][:], self._guess[1][:], self._guess[2][:] = (
-            self.x,
-            _cut(self._guess[1]),
-            self.multipliers,
-        )
+        guess = self._guess
+        guess[0][:], guess[1][:], guess[2][:] = self.x, _cut(guess[1]), self.multipliers
 
     def _polish(self) -> bool:
         """Solve again from the active set of the accepted solution; return False, with nothing changed, on failure."""
