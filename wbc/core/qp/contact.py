@@ -149,7 +149,7 @@ class Contact(Motion):
         self.min_force = options.get("min_force", 0.0)
         if (max_force := options.get("max_force")) is not None:
             self.max_force = max_force
-        self.ramp = options.get("ramp", 0.1)
+        self.ramp = non_negative(f"force ramp of contact '{name}' (s)", options.get("ramp", 0.1))
         self.wrench_weight = options.get("wrench_weight", 1e-5)
         self._motion_weight: Array | None = None
         if (motion_weight := options.get("motion_weight")) is not None:
@@ -184,15 +184,6 @@ class Contact(Motion):
     @max_force.setter
     def max_force(self, value: float) -> None:
         self._set_forces(self._min_force, positive(f"greatest force of contact '{self.name}' (N)", value))
-
-    @property
-    def ramp(self) -> float:
-        """See `ContactOptions`."""
-        return self._ramp
-
-    @ramp.setter
-    def ramp(self, value: float) -> None:
-        self._ramp = non_negative(f"force ramp of contact '{self.name}' (s)", value)
 
     @property
     def wrench_weight(self) -> Array:
