@@ -15,7 +15,7 @@ from matplotlib.patches import Polygon
 import wbc
 from wbc.core.errors import Array
 from wbc.feet.sensing.scan import resample
-from wbc.feet.stiffness.roughness import RoughnessSettings, low_pass, profile_roughness
+from wbc.feet.stiffness.roughness import RoughnessSettings, low_pass, roughness
 from wbc.sim.terrain.spec import terrain
 from wbc.tasks.stabilizer.pendulum import Pendulum
 from wbc.walking.lipm.preview import PreviewController
@@ -93,7 +93,7 @@ def draw_roughness(path: Path) -> None:
         ground = terrain("random", amplitude=0.03, seed=4, cutoff=cutoff)
         z = np.array([float(ground.height(value, 0.0)) for value in x + 0.5 * ground.length])
         profile = resample(x, z)
-        found = profile_roughness(profile, settings)
+        found = roughness(profile.x, profile.z, settings)
         axis.plot(x, 1e3 * z, color=FOOT, lw=1.2, label="ground")
         axis.plot(
             profile.x,

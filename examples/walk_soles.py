@@ -11,7 +11,7 @@ from typing import Any
 
 from _common import parse, report
 
-from wbc.feet import profile_roughness
+from wbc.feet import roughness
 from wbc.sim import WalkPlan, WalkSpec, WalkTrial
 from wbc.tasks import StiffnessPolicy, SwingScan
 
@@ -23,7 +23,7 @@ class SofterWhereItIsRough(StiffnessPolicy):
         """Return the stiffness of the swinging sole, Nm/rad."""
         assert swing.profile is not None  # called only with a scan that is long enough
         deviation = float(
-            profile_roughness(swing.profile)["Sq"]
+            roughness(swing.profile.x, swing.profile.z)["Sq"]
         )  # m, after the low-pass of the foot's length
         return max(2.0, 60.0 * (1.0 - deviation / 0.004))
 

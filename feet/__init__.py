@@ -13,9 +13,9 @@ from wbc.feet.soles.catalog import foot, register_foot
 from wbc.feet.soles.foot import Foot, FootParts, fitted_sole
 from wbc.feet.soles.soft import SoftFoot
 from wbc.feet.soles.sole import FootFit
-from wbc.feet.stiffness.features import PAPER_FEATURES, FeatureSet
+from wbc.feet.stiffness.features import FeatureSet
 from wbc.feet.stiffness.model import Clusters, ModelSettings, ProfileRecipe, StiffnessModel
-from wbc.feet.stiffness.roughness import PARAMETERS, profile_roughness, roughness
+from wbc.feet.stiffness.roughness import PARAMETERS, roughness
 
 __all__ = [
     # Feet by name
@@ -36,12 +36,10 @@ __all__ = [
     # Roughness of a profile
     "PARAMETERS",
     "roughness",
-    "profile_roughness",
     # Stiffness from roughness
     "StiffnessModel",
     "ModelSettings",
     "Clusters",
     "FeatureSet",
-    "PAPER_FEATURES",
     "ProfileRecipe",
 ]

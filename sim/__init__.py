@@ -1,6 +1,7 @@
 """Simulation: the MuJoCo plant, stands and walks on it, terrains, the rig for feet, and studies.
 
-A new experiment goes to a room of its own beside `balance` and `walks`: a `TrialSpec`, a `Trial`, a `TrialResult`.
+Many trials, their journals and tables are in `wbc.sim.studies`. A new experiment goes to a room of its own beside
+`balance` and `walks`: a `TrialSpec`, a `Trial`, a `TrialResult`.
 """
 
 from wbc.sim.balance.standing import stand
@@ -8,7 +9,7 @@ from wbc.sim.balance.tracking import TrackSpec, track_motion
 from wbc.sim.loop.mujoco_loop import MujocoLoop
 from wbc.sim.loop.server import RobotServer
 from wbc.sim.loop.shared import SharedPlant
-from wbc.sim.plant.eyes import DepthCamera, DepthView, ToeSensors
+from wbc.sim.plant.eyes import DepthCamera, DepthView
 from wbc.sim.plant.feet import with_feet
 from wbc.sim.plant.plant import Plant
 from wbc.sim.plant.robot import DivergedError
@@ -17,13 +18,8 @@ from wbc.sim.plant.settings import Machine, PhysicsSettings
 from wbc.sim.rig.press import pitch, press
 from wbc.sim.rig.rig import FootTest
 from wbc.sim.scenes.base import Scene, make_scene, scene_kind
-from wbc.sim.studies.journal import Journal, read_journal
-from wbc.sim.studies.study import Cell, Study
-from wbc.sim.studies.study_table import study_table
-from wbc.sim.studies.sweep import cluster_executor, sweep
-from wbc.sim.studies.trials import register_trial
 from wbc.sim.terrain.families.base import FieldFamily, ShapeFamily, family, param
-from wbc.sim.terrain.families.solids import bar, dome, plate, stone
+from wbc.sim.terrain.families.solids import dome
 from wbc.sim.terrain.spec import terrain as make_terrain
 from wbc.sim.trial.falls import TrueFallDetector
 from wbc.sim.trial.loop import Trial, TrialHook
@@ -43,7 +39,6 @@ __all__ = [
     # Sensors that see the ground
     "DepthCamera",
     "DepthView",
-    "ToeSensors",
     # A MuJoCo model of one's own
     "MujocoLoop",
     "RobotServer",
@@ -71,10 +66,7 @@ __all__ = [
     "param",
     "FieldFamily",
     "ShapeFamily",
-    "bar",
     "dome",
-    "plate",
-    "stone",
     # Scenes: things before the robot, and scenes of your own
     "Scene",
     "make_scene",
@@ -83,13 +75,4 @@ __all__ = [
     "FootTest",
     "pitch",
     "press",
-    # Studies: many trials, journals and tables
-    "Cell",
-    "Journal",
-    "Study",
-    "cluster_executor",
-    "read_journal",
-    "register_trial",
-    "study_table",
-    "sweep",
 ]

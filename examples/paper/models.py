@@ -30,9 +30,11 @@ from sklearn.preprocessing import FunctionTransformer, StandardScaler
 from sklearn.svm import SVR
 from walks import MODELS, markdown, walks
 
-from wbc.feet import PAPER_FEATURES, PARAMETERS, Clusters, FeatureSet, ModelSettings, StiffnessModel
+from wbc.feet import PARAMETERS, Clusters, FeatureSet, ModelSettings, StiffnessModel
 
 Array = NDArray[np.float64]
+
+PAPER_FEATURES = ModelSettings().features
 
 DEFAULT_TABLE = MODELS / "stiffness_table.csv"
 """Training data of the model that comes with the library: 1,920 walks of version 1."""

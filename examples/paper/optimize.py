@@ -25,8 +25,8 @@ from sklearn.gaussian_process import GaussianProcessRegressor
 from sklearn.gaussian_process.kernels import ConstantKernel, Matern, WhiteKernel
 from walks import by_sole, gain, markdown, shown, walks
 
-from wbc.sim import Journal, Study, WalkSpec, sweep
-from wbc.sim.studies import local_executor, read_journal, study_table
+from wbc.sim import WalkSpec
+from wbc.sim.studies import Journal, Study, local_executor, read_journal, study_table, sweep
 
 Array = NDArray[np.float64]
 

@@ -12,7 +12,7 @@ from typing import ClassVar
 
 from walks import STUDIES
 
-from wbc.sim import Journal, Study, read_journal, study_table, sweep
+from wbc.sim.studies import Journal, Study, read_journal, study_table, sweep
 from wbc.tasks import StiffnessPolicy, SwingScan, register_stiffness_policy
 
 

@@ -13,7 +13,6 @@ from scipy.linalg import solveh_banded
 
 from wbc.core.errors import Array, InputError, choose, finite_array, positive
 from wbc.core.settings import Positive, settings
-from wbc.feet.sensing.scan import Profile
 from wbc.feet.soles.rigid import SOFT_LENGTH
 
 PARAMETERS = ("Sa", "Sq", "Ssk", "Sku", "Sv", "Sp", "Sz", "M", "P", "K")
@@ -109,11 +108,6 @@ def roughness(x: ArrayLike, z: ArrayLike, settings: RoughnessSettings | None = N
     given = RoughnessSettings() if settings is None else settings
     heights, step = _checked(x, z)
     return Roughness(_roughness(heights, step, given))
-
-
-def profile_roughness(profile: Profile, settings: RoughnessSettings | None = None) -> Roughness:
-    """Return the roughness of one scanned profile; see `roughness`."""
-    return roughness(profile.x, profile.z, settings)
 
 
 def _checked(x: ArrayLike, z: ArrayLike) -> tuple[Array, float]:

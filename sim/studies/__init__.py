@@ -15,7 +15,7 @@ from wbc.sim.studies.intervals import (
 from wbc.sim.studies.journal import Entry, Journal, JournalError, read_journal
 from wbc.sim.studies.study import Cell, Study, study_entries
 from wbc.sim.studies.study_table import StudyTable, study_frame, study_table
-from wbc.sim.studies.sweep import SweepError, SweepSummary, local_executor, sweep
+from wbc.sim.studies.sweep import SweepError, SweepSummary, cluster_executor, local_executor, sweep
 from wbc.sim.studies.trials import register_trial, run_trial, trial_from_json
 
 __all__ = [
@@ -28,6 +28,7 @@ __all__ = [
     # Many trials
     "SweepError",
     "SweepSummary",
+    "cluster_executor",
     "local_executor",
     "sweep",
     # Their results

@@ -16,7 +16,7 @@ from wbc.core.registry import Registry, call_checked
 from wbc.core.settings import NonNegative, settings
 from wbc.feet.sensing.scan import Profile, ScanSettings
 from wbc.feet.stiffness.model import StiffnessModel, default_model
-from wbc.feet.stiffness.roughness import LEAST_SAMPLES, profile_roughness, roughness
+from wbc.feet.stiffness.roughness import LEAST_SAMPLES, roughness
 
 
 @dataclass(frozen=True, eq=False)
@@ -167,7 +167,7 @@ class ModelPolicy(StiffnessPolicy):
             return None
         recipe = self.model.recipe
         profile = swing.profile if recipe.window is None else swing.profile.last(recipe.window)
-        prediction = self.model.predict(profile_roughness(profile, recipe.roughness).values)
+        prediction = self.model.predict(roughness(profile.x, profile.z, recipe.roughness).values)
         return StiffnessDecision(
             stiffness=prediction.stiffness,
             cluster=prediction.cluster,

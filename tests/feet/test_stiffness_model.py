@@ -10,7 +10,6 @@ import pytest
 
 from wbc.core.errors import InputError
 from wbc.feet import (
-    PAPER_FEATURES,
     PARAMETERS,
     Clusters,
     FeatureSet,
@@ -19,6 +18,7 @@ from wbc.feet import (
     roughness,
 )
 from wbc.feet.sensing.scan import PROFILE_STEP
+from wbc.feet.stiffness.features import PAPER_FEATURES
 from wbc.feet.stiffness.model import DEFAULT_MODEL
 
 LOGARITHMIC = Clusters((0.0, *np.geomspace(1.0, 81.0, 5).tolist()))

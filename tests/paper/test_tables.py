@@ -10,7 +10,7 @@ from choice import choice
 from tables import NONE, PAPER_TABLE_IV, PARTS, SOLES, WHOLE, parts
 from walks import STUDIES, by_sole, corrected, falls, gain, shown, walks
 
-from wbc.sim import Study
+from wbc.sim.studies import Study
 
 pytestmark = pytest.mark.slow  # 20,000 walks are read
 

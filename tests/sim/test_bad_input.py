@@ -14,11 +14,11 @@ from wbc import Plant
 from wbc.core.errors import InputError, UnknownNameError
 from wbc.feet import foot
 from wbc.robots import load
-from wbc.sim import FootTest, Journal, Study, WalkPlan, WalkPush, WalkSpec, make_scene
+from wbc.sim import FootTest, WalkPlan, WalkPush, WalkSpec, make_scene
 from wbc.sim import make_terrain as ground
 from wbc.sim.plant.settings import PhysicsSettings
 from wbc.sim.rig.press import pitch
-from wbc.sim.studies.study import Cell
+from wbc.sim.studies import Cell, Journal, Study
 from wbc.sim.terrain.spec import terrain
 from wbc.walking import Footstep, Gait
 

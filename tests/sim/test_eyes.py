@@ -13,7 +13,8 @@ from wbc.core.errors import InputError
 from wbc.ground import KnownGround, PointCloud
 from wbc.ground.cloud import ElevationMap
 from wbc.robots import load
-from wbc.sim import DepthCamera, DepthView, Plant, ToeSensors, WalkPlan, WalkSpec, make_terrain
+from wbc.sim import DepthCamera, DepthView, Plant, WalkPlan, WalkSpec, make_terrain
+from wbc.sim.plant.eyes import ToeSensors
 from wbc.sim.plant.eyes.depth import visible_model
 from wbc.sim.trial.loop import TrialHook
 from wbc.sim.walks.trial import WalkTrial

@@ -21,7 +21,7 @@ from wbc.feet.sensing.scan import PROFILE_STEP
 from wbc.feet.soles.actuator import StiffnessState
 from wbc.feet.soles.soft import VariableStiffnessFoot, toe_sensor
 from wbc.feet.stiffness.model import ModelSettings, ProfileRecipe, StiffnessModel
-from wbc.feet.stiffness.roughness import profile_roughness, roughness
+from wbc.feet.stiffness.roughness import roughness
 from wbc.sim.terrain.spec import Terrain, terrain
 from wbc.tasks.scheduling.policies import FixedPolicy, GroundPolicy, ModelPolicy, SwingScan
 from wbc.tasks.scheduling.record import StepStiffness, StiffnessTiming
@@ -270,7 +270,8 @@ def test_the_model_decides_what_it_would_say_of_the_profile(model: StiffnessMode
         rig.step()
         record = rig.step()
         assert record.decision is not None and record.profile is not None
-        said = model.predict(profile_roughness(record.profile.last(WINDOW)).values)
+        window = record.profile.last(WINDOW)
+        said = model.predict(roughness(window.x, window.z).values)
         assert (record.decision.stiffness, record.decision.cluster) == (said.stiffness, said.cluster)
         assert record.decision.distance == said.distance
         assert tuple(record.decision.features) == model.settings.features
