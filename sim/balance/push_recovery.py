@@ -1,17 +1,17 @@
-"""Push recovery of a standing robot: one push as a function of a frozen spec, the largest push, and tables of them."""
+"""Push recovery of a standing robot: one push, the largest push, and tables of them."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Annotated, Literal
 
 import numpy as np
 
 from wbc.core.control import Mode
 from wbc.core.errors import InputError
-from wbc.core.settings import Count, NonNegative, Positive, Seed, settings
+from wbc.core.settings import Count, Positive, Seed, settings
 from wbc.sim.balance.standing import MODES, Feedback, StandSpec, StandTrial
 from wbc.sim.trial.push import PUSH_DURATION, PushSchedule, WalkPush
 
@@ -20,62 +20,17 @@ REST_SPEED = 0.1
 noisy sensors, below the speed of a fall once it has begun."""
 
 
-@settings(kw_only=True)
-class StandPushSpec(StandSpec):
-    """A stand with one push: a constant horizontal force on the torso's centre of mass.
+def recovers(spec: StandSpec, push: WalkPush) -> bool:
+    """Return True if a standing robot recovers from a push.
 
-    Attributes:
-        mode: Command of the drives.
-        impulse: Force times duration over the robot's mass, Ns/kg: the change of the speed of its centre of mass.
-        direction: Direction of the force, rad; 0 is forward, π/2 to the left.
-        duration: Duration of the push, s.
-        before: Time of standing before the push, s.
-        after: Time from the end of the push to the verdict, s.
-        seconds: Sum of these three times, s, whatever is given.
+    It has never fallen (`wbc.sim.TrueFallDetector`) and its centre of mass is at rest in the end, its horizontal speed
+    below 0.1 m/s. Feet may have slid, tipped or left the ground meanwhile.
     """
-
-    mode: Mode = "torque"
-    impulse: Annotated[NonNegative, "Ns/kg"] = 0.1
-    direction: Annotated[float, "rad"] = 0.0
-    duration: Annotated[Positive, "s"] = PUSH_DURATION
-    before: Annotated[Positive, "s"] = 0.5
-    after: Annotated[Positive, "s"] = 4.0
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "seconds", self.before + self.duration + self.after)
-        super().__post_init__()
-
-
-@dataclass(frozen=True)
-class PushResult:
-    """Result of a push at a standing robot.
-
-    Attributes:
-        recovered: True if it never fell (`wbc.sim.TrueFallDetector`) and at the end its centre of mass is at rest, its
-            horizontal speed below 0.1 m/s. Feet may have slid, tipped or left the ground meanwhile.
-    """
-
-    recovered: bool
-    fell_at: float | None  # time of the fall, s; None if it did not fall
-    com_offset: float  # largest horizontal distance of the centre of mass from its place before the push, m
-    failures: int  # ticks without a solution
-
-
-def push_standing(spec: StandPushSpec) -> PushResult:
-    """Push a standing robot; the same spec gives the same result."""
-    push = WalkPush(time=spec.before, impulse=spec.impulse, direction=spec.direction, duration=spec.duration)
     trial = StandTrial(spec, [PushSchedule([push])])
-    plant, sway = trial.plant, trial.sway
     with trial.running():
         trial.advance(spec.seconds)
-    pushed = sway.com[round(spec.before / spec.period) :]
-    speed = float(np.linalg.norm(plant.truth().com_velocity[:2]))
-    return PushResult(
-        recovered=not trial.fallen and speed < REST_SPEED,
-        fell_at=plant.time if trial.fallen else None,
-        com_offset=max((float(np.linalg.norm((com - sway.origin)[:2])) for com in pushed), default=0.0),
-        failures=trial.control.failures,
-    )
+    speed = float(np.linalg.norm(trial.plant.truth().com_velocity[:2]))
+    return not trial.fallen and speed < REST_SPEED
 
 
 def largest_recovered(recovers: Callable[[float], bool], highest: float, resolution: float) -> float:
@@ -94,6 +49,10 @@ def largest_recovered(recovers: Callable[[float], bool], highest: float, resolut
         else:
             high = middle
     return low
+
+
+BEFORE = 0.5
+"""Time of standing before a push, s."""
 
 
 @settings(kw_only=True)
@@ -135,15 +94,14 @@ class PushTableSpec:
             )
         self.specs()
 
-    def specs(self) -> list[StandPushSpec]:
-        """Return a spec for each cell of the table, robot by robot, mode by mode, direction by direction."""
-        same = ("duration", "after", "foot", "noise", "seed", "feedback", "steps")
-        common = {name: getattr(self, name) for name in same}
+    def specs(self) -> list[StandSpec]:
+        """Return the stand of each robot and mode."""
+        common = {name: getattr(self, name) for name in ("foot", "noise", "seed", "feedback", "steps")}
+        seconds = BEFORE + self.duration + self.after
         return [
-            StandPushSpec(robot=robot, mode=mode, direction=math.tau * i / self.directions, **common)
+            StandSpec(robot=robot, mode=mode, seconds=seconds, **common)
             for robot in self.robot
             for mode in self.mode
-            for i in range(self.directions)
         ]
 
 
@@ -160,12 +118,15 @@ class PushCell:
 def push_table(table: PushTableSpec) -> Iterator[PushCell]:
     """Yield the largest push of every robot, mode and direction, cell by cell."""
     for spec in table.specs():
+        for i in range(table.directions):
+            direction = math.tau * i / table.directions
 
-        def recovers(impulse: float, spec: StandPushSpec = spec) -> bool:
-            return push_standing(replace(spec, impulse=impulse)).recovered
+            def stays(impulse: float, spec: StandSpec = spec, direction: float = direction) -> bool:
+                push = WalkPush(time=BEFORE, impulse=impulse, direction=direction, duration=table.duration)
+                return recovers(spec, push)
 
-        impulse = largest_recovered(recovers, table.highest, table.resolution)
-        yield PushCell(spec.robot, spec.mode, round(math.degrees(spec.direction), 3), round(impulse, 4))
+            impulse = largest_recovered(stays, table.highest, table.resolution)
+            yield PushCell(spec.robot, spec.chosen, round(math.degrees(direction), 3), round(impulse, 4))
 
 
 def format_push_table(cells: list[PushCell]) -> str:

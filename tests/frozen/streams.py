@@ -32,7 +32,8 @@ from wbc import Plant, __version__, load_robot
 from wbc.core.signals import Command
 from wbc.motion import make_feasible
 from wbc.sim import FootTest, Machine, TrackSpec, WalkPush, press, stand, track_motion, walk
-from wbc.sim.balance.push_recovery import StandPushSpec, push_standing
+from wbc.sim.balance.push_recovery import recovers
+from wbc.sim.balance.standing import StandSpec
 
 FILE = Path(__file__).with_name("streams.json")
 BLOCK = 100
@@ -100,7 +101,9 @@ def runs() -> dict[str, Callable[[], Any]]:
             walk, **soft, machine=Machine(force_sensors=False), distance=0.3
         ),
         "walk legacy": functools.partial(walk, **soft, **STONES, gains="no_bias", distance=0.4),
-        "stand pushed": lambda: push_standing(StandPushSpec(impulse=0.2, direction=0.5, seconds=2.0)),
+        "stand pushed": lambda: recovers(
+            StandSpec(mode="torque", seconds=4.6), WalkPush(time=0.5, impulse=0.2, direction=0.5)
+        ),
         "carry": _carry,
         "press": lambda: _of_hands("press").main(["--on", "rail", "--force", "40", "--hold", "0.5"]),
         "cart": lambda: _of_hands("cart").main(

@@ -19,11 +19,12 @@ from wbc.core.errors import InputError
 from wbc.feet import foot
 from wbc.feet.soles.rigid import RigidFoot
 from wbc.robots import RobotDescription, load, names
-from wbc.sim.balance.push_recovery import StandPushSpec, push_standing
+from wbc.sim.balance.push_recovery import recovers
 from wbc.sim.balance.standing import MODES, StandSpec, StandTrial, centre_of_pressure, stand
 from wbc.sim.plant.feet import with_feet
 from wbc.sim.plant.plant import Plant
 from wbc.sim.trial.falls import LARGEST_TILT, LOWEST_SHARE, TrueFallDetector
+from wbc.sim.trial.push import WalkPush
 from wbc.sim.walks.plans import WalkPlan
 from wbc.sim.walks.spec import WalkSpec
 from wbc.sim.walks.trial import WalkTrial
@@ -124,17 +125,16 @@ def test_fallen_means_low_or_tilted_or_lost_wherever_and_whichever_way(robot: st
 
 @pytest.mark.slow
 def test_a_weak_push_is_recovered_and_a_strong_one_is_not() -> None:
-    weak = push_standing(StandPushSpec(impulse=0.2, before=0.2, after=1.3))
-    assert weak.recovered and weak.fell_at is None and 0.005 < weak.com_offset < 0.1
-    strong = push_standing(StandPushSpec(impulse=0.8, before=0.2, after=1.3))
-    assert not strong.recovered and strong.fell_at is not None and 0.3 < strong.fell_at < 1.6
+    spec = StandSpec(mode="torque", seconds=1.6)
+    assert recovers(spec, WalkPush(time=0.2, impulse=0.2))
+    assert not recovers(spec, WalkPush(time=0.2, impulse=0.8))
 
 
 @pytest.mark.slow
 def test_a_robot_that_may_step_takes_a_push_that_its_feet_in_place_do_not() -> None:
-    spec = StandPushSpec(robot="g1", impulse=0.55, after=3.0)
-    assert not push_standing(spec).recovered
-    assert push_standing(replace(spec, steps="allowed")).recovered
+    spec, push = StandSpec(robot="g1", mode="torque", seconds=3.6), WalkPush(time=0.5, impulse=0.55)
+    assert not recovers(spec, push)
+    assert recovers(replace(spec, steps="allowed"), push)
 
 
 def scaled_biped(share: float, effort: float = 1.0) -> RobotDescription:

@@ -52,7 +52,7 @@ def push(
     output: Output,
 ) -> Report:
     """Push standing robots on the torso from all sides: largest impulse per kg that they recover from."""
-    total = len(options.specs())
+    total = len(options.specs()) * options.directions
     with quiet(
         "wbc.core", logging.INFO if output.verbose else logging.CRITICAL
     ):  # robots are expected to fall
