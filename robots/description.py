@@ -267,14 +267,7 @@ class RobotDescription:
         )
 
     def needs_feet(self, what: str) -> None:
-        """Refuse what needs two feet where the robot has none.
-
-        Args:
-            what: What needs them, such as "a walk".
-
-        Raises:
-            InputError: The robot has no feet.
-        """
+        """Raise an `InputError` where the robot has no feet; `what` needs them, such as "a walk"."""
         if not self.soles:
             hint = feet_hint(self._model) or (
                 "left_sole and right_sole (--left, --right) say which links they are, of "
@@ -294,27 +287,14 @@ class RobotDescription:
         return shapes.capsules(self.urdf, self.package_dirs)
 
     def attachment(self, frame: str) -> tuple[str, pin.SE3]:
-        """Return the moving link that carries a frame, and the placement of the frame in this link.
+        """Return the moving link that carries a frame, and the placement of the frame in it.
 
         MuJoCo's import keeps moving links and merges those that are fixed to them.
-
-        Args:
-            frame: A sole frame, the IMU frame or any frame of the URDF.
-
-        Raises:
-            UnknownNameError: There is no such frame.
         """
         return frames.carrier(self._model, frame)
 
     def ankle(self, sole: str) -> Array:
-        """Return the origin of the last ankle joint in the sole frame, shape (3,), m.
-
-        Args:
-            sole: "left_foot" or "right_foot".
-
-        Raises:
-            UnknownNameError: There is no such sole.
-        """
+        """Return the origin of the last ankle joint in the frame of the sole of that name, shape (3,), m."""
         description = self.soles[frames.SOLE_NAMES.index(choose("sole", sole, frames.SOLE_NAMES))]
         frame = self._model.frames[self._model.getFrameId(description.frame)]
         return np.array(frame.placement.inverse().translation)

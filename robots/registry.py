@@ -40,11 +40,7 @@ def others() -> tuple[str, ...]:
 
 
 def register(name: str, factory: Callable[[], RobotDescription]) -> None:
-    """Register a robot under a name.
-
-    Args:
-        name: Name for `load`.
-        factory: Function that returns the description; `load` calls it once.
+    """Register a robot under a name for `load`, which calls the factory of its description once.
 
     Raises:
         InputError: The name is not text, is empty or is taken.

@@ -101,12 +101,7 @@ class WbcEnv(gymnasium.Env[Array, Array]):  # type: ignore[misc]
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Array, dict[str, Any]]:
-        """Begin an episode: another ground, other sensor errors and pushes for each seed.
-
-        Args:
-            seed: Seed of the episodes from here on; the series goes on when None.
-            options: None are known.
-        """
+        """Begin an episode: another ground, other sensor errors and pushes for each seed, or for each call."""
         super().reset(seed=seed)
         pushes: tuple[WalkPush, ...] = ()
         if self._task == "stand":

@@ -44,14 +44,10 @@ class RangeSensor:
 class RangeSampler:
     """Readings of one range sensor over time.
 
-    Attributes:
-        sensor: Range and errors of the sensor.
-        reading: Last reading, m; NaN when lost or out of range.
-        fresh: True if the last call took a new reading, False if it held the previous one.
+    The last `reading`, m, is NaN when lost or out of range; `fresh` says whether the last call took a new one.
     """
 
     def __init__(self, sensor: RangeSensor, seed: int = 0) -> None:
-        """Start without a reading; the seed is that of noise and drop-outs. `InputError` for one below 0."""
         self.sensor = sensor
         self._seed = whole_number("seed", seed, low=0)
         self.reset()

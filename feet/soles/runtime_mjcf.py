@@ -25,12 +25,7 @@ def _id(model: mujoco.MjModel, kind: mujoco.mjtObj, name: str) -> int:
 
 
 class SoleStiffness:
-    """Stiffness of a soft sole in a running simulation, behind its actuator.
-
-    Attributes:
-        actuator: Rate limit, lag and range of the stiffness.
-        state: Commanded, rate-limited and actual stiffness, Nm/rad.
-    """
+    """Stiffness of a soft sole in a running simulation, behind its actuator."""
 
     def __init__(
         self,
@@ -39,10 +34,9 @@ class SoleStiffness:
         actuator: StiffnessActuator | None = None,
         damping: Callable[[float], float] | None = None,
     ) -> None:
-        """Start at the stiffness that the model was compiled with; its `jnt_stiffness` is written from now on.
+        """Start at the compiled stiffness; without an actuator the sole acts at once.
 
-        Without an actuator the sole acts at once. `damping` is stiffness (Nm/rad) → damping of the hinges about the
-        transverse axis (Nms/rad) that goes with it; it does not change when None.
+        `damping` is stiffness (Nm/rad) → damping of all hinges (Nms/rad) that goes with it; it stays when None.
         """
         if not foot.variable_joints:
             raise InputError(f"the {foot.side} foot is rigid: it has no stiffness to set")
@@ -67,11 +61,7 @@ class SoleStiffness:
         self._write()
 
     def step(self, command: float, duration: float) -> float:
-        """Advance the actuator by a duration, s, and write the stiffness into the model, for the next physics step.
-
-        Returned is the actual stiffness, Nm/rad; a command, Nm/rad, outside the range of the actuator is an
-        `InputError`.
-        """
+        """Advance the actuator by a duration, s, under a command; write and return the actual stiffness, Nm/rad."""
         self.state = self.actuator.advance(self.state, command, duration)
         self._write()
         return self.state.actual

@@ -85,16 +85,7 @@ class SoleGeometry:
         ankle_behind: float = 0.0,
         spacing: float | None = None,
     ) -> SoleGeometry:
-        """Return a level sole whose centre is ahead of an upright ankle link.
-
-        Args:
-            ankle_height: Height of the ankle over the sole, m.
-            length: Extent along x, m.
-            width: Extent along y, m.
-            ankle_link: Body that carries the sole.
-            ankle_behind: Distance from the ankle forward to the sole centre, m.
-            spacing: Lateral distance between the two sole centres, m.
-        """
+        """Return a level sole below an upright ankle link, its centre `ankle_behind` ahead of it; all in m."""
         positive("ankle height over the sole (m)", ankle_height)
         return cls(
             ankle_link,

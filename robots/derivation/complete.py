@@ -37,11 +37,7 @@ def from_geometry(
     package_dirs: tuple[str, ...],
     base: Path | None,
 ) -> SoleFinder:
-    """Return the finder of soles whose frames are given, from the geometry of a URDF.
-
-    `left` and `right` are frames, placements or descriptions; `size` is length and width, m, from the geometry when
-    None; `base` is the folder of the URDF.
-    """
+    """Return the finder of given soles from the geometry of a URDF in the folder `base`; see `complete_sole`."""
 
     def find(root: urdf.Element, model: pin.Model, _: float, notes: list[str]) -> defaults.Soles:
         one, other = (
@@ -66,22 +62,11 @@ def complete(
     taken: Mapping[str, Any] | None = None,
     **options: Unpack[DescriptionOptions],
 ) -> dict[str, Any]:
-    """Return the fields of a `RobotDescription`.
+    """Return the fields of a `RobotDescription` of a `<robot>` element, which is changed.
 
-    Args:
-        root: The `<robot>` element; changed.
-        find_soles: Finder of the soles; None for a robot without feet.
-        name: Name of the robot; that in the URDF when None.
-        source: Origin of the model.
-        notes: Remarks so far.
-        package_dirs: Folders for `package://`.
-        postures: Postures of the file, name and joint → position, that may serve as half-sitting.
-        feet_found: True if it was left to `find_soles` which foot is the left one.
-        taken: Further fields, taken over as they are.
-        **options: See `DescriptionOptions`.
-
-    Raises:
-        InputError: As `RobotDescription.from_urdf`.
+    `notes` are the remarks so far, `postures` those of the file (name, joint → position) that may be half-sitting,
+    `taken` further fields, taken over as they are. With `feet_found` it was left to `find_soles`, which is None for a
+    robot without feet, which foot is the left one.
     """
     notes += urdf.tidy(root)
     urdf.lock(root, options.get("lock") or {})

@@ -66,27 +66,13 @@ class ServoRule:
     ankle_stiffness: Annotated[Positive, "m g h/rad"] = 6.5
 
     def gains(self, inertia: Array, bound: Array) -> tuple[Array, Array]:
-        """Return stiffness kp and damping kd of joints.
-
-        Args:
-            inertia: Effective inertia, shape (na,), kg m².
-            bound: Largest stiffness, shape (na,), Nm/rad.
-
-        Returns:
-            kp in Nm/rad and kd in Nms/rad, each of shape (na,); kd/kp is the same everywhere.
-        """
+        """Return kp (Nm/rad) and kd (Nms/rad) by effective inertia (kg m²) and bound (Nm/rad), all of shape (na,)."""
         omega = math.tau * self.frequency
         kp = np.minimum(omega**2 * inertia, bound)
         return kp, kp * (2.0 * self.damping_ratio / omega)
 
     def bound(self, model: pin.Model, q: Array, sole_frames: tuple[str, ...]) -> Array:
-        """Return the largest stiffness of each joint, shape (na,), Nm/rad; infinite where the rule gives none.
-
-        Args:
-            model: Pinocchio model with a free-flyer.
-            q: Configuration, shape (nq,).
-            sole_frames: Frames of the soles; without any, no joint has a bound.
-        """
+        """Return the largest stiffness of each joint, shape (na,), Nm/rad; infinite where the rule gives none."""
         bound = np.full(model.nv - 6, np.inf)
         if not sole_frames:
             return bound

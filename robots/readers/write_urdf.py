@@ -13,11 +13,7 @@ from wbc.robots.urdf import Element
 
 
 class UrdfWriter:
-    """A URDF under construction.
-
-    Attributes:
-        root: The `<robot>` element.
-    """
+    """A URDF under construction."""
 
     def __init__(self, name: str) -> None:
         self.root: Element = ElementTree.Element("robot", name=name)

@@ -34,10 +34,9 @@ def recovers(spec: StandSpec, push: WalkPush) -> bool:
 
 
 def largest_recovered(recovers: Callable[[float], bool], highest: float, resolution: float) -> float:
-    """Return the largest impulse with a recovery, found by bisection up to `highest`, Ns/kg; 0 if there was none.
+    """Return the largest impulse with a recovery, by bisection up to `highest`, Ns/kg; 0 if there was none.
 
-    Bisection assumes that a robot that recovers from a push recovers from weaker ones, and from none. The result lies
-    within `resolution`, Ns/kg, of a change from recovery to fall.
+    A robot that recovers from a push is taken to recover from weaker ones; `resolution` is in Ns/kg.
     """
     low, high = 0.0, highest
     if recovers(high):

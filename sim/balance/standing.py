@@ -95,13 +95,7 @@ class StandResult(TrialResult):
 
 
 class StandTrial(Trial):
-    """One stand about to begin: plant and controller, connected.
-
-    Attributes:
-        spec: The stand.
-        control: The controller and its observer.
-        sway: Measures where the centre of mass is.
-    """
+    """One stand about to begin: plant and controller, connected; `control` is the controller with its observer."""
 
     def __init__(self, spec: StandSpec, scenario: Sequence[TrialHook] = (), *, visuals: bool = False) -> None:
         """Build robot, plant (see it for `visuals`) and controller; `scenario` are hooks that act, such as pushes."""
@@ -157,13 +151,7 @@ class StandTrial(Trial):
 
 
 class Sway(TrialHook):
-    """True centre of mass and zero-tilting moment point after each control period.
-
-    Attributes:
-        origin: Centre of mass at the start, shape (3,), m.
-        com: Those since, m.
-        zmp: Zero-tilting moment points, shape (2,), m.
-    """
+    """True centre of mass, from its `origin`, m, and zero-tilting moment point, m, after each control period."""
 
     def __init__(self, origin: Array) -> None:
         self.origin = origin.copy()

@@ -74,13 +74,7 @@ class TrackResult(TrialResult):
 
 
 class TrackTrial(Trial):
-    """One clip about to be tracked: plant and controller, connected.
-
-    Attributes:
-        spec: The simulation.
-        walking: The controller.
-        source: Its references.
-    """
+    """One clip about to be tracked: plant and controller with its references (`source`), connected."""
 
     walking: WalkingControl
 
@@ -144,13 +138,7 @@ class TrackTrial(Trial):
 
 
 class _TrackMeter(TrialHook):
-    """Errors of joints and centre of mass, and how far loaded feet slide.
-
-    Attributes:
-        joints: Errors of all joints, rad.
-        com: Horizontal errors of the centre of mass, m.
-        slide: Greatest distance of a sole from where it was first loaded, m.
-    """
+    """Errors of joints, rad, and centre of mass, m, and how far loaded feet slide, m."""
 
     def __init__(self, weight: float) -> None:
         self.joints: list[Array] = []

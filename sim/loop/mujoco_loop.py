@@ -105,8 +105,8 @@ class MujocoLoop(SimulatedRobot):
         machine = machine or Machine(torque_sensors=True)
         if machine.friction > 0.0 or machine.payload > 0.0 or machine.hand_sensors:
             raise InputError(
-                "a MuJoCo model of one's own has friction and payload in itself, and its hands are not measured: put "
-                "them into the model, and leave friction, payload and hand_sensors of the machine alone"
+                "friction and payload of a MuJoCo model of one's own are those of the model, and its hands are not "
+                "measured: leave friction, payload and hand_sensors of the machine alone"
             )
         description.needs_feet("a loop with sensors of a humanoid")
         steps_per_tick(control_period, float(model.opt.timestep))
@@ -245,25 +245,17 @@ class MujocoLoop(SimulatedRobot):
     def _other_joints(self) -> list[str]:
         """Return notes on springs, damping and friction that the model has otherwise than the description."""
         model, described, dof = self.model, self.description, self.places.joint_dof
-        springs = [described.springs.get(name, (0.0, 0.0))[0] for name in described.joint_names]
+        springs = {name: stiffness for name, (stiffness, _) in described.springs.items()}
         found = []
         for what, own, theirs in (
             ("springs", model.jnt_stiffness[self.places.joints], springs),
-            (
-                "damping",
-                model.dof_damping[dof],
-                [described.damping.get(n, 0.0) for n in described.joint_names],
-            ),
-            (
-                "dry friction",
-                model.dof_frictionloss[dof],
-                [described.frictionloss.get(n, 0.0) for n in described.joint_names],
-            ),
+            ("damping", model.dof_damping[dof], described.damping),
+            ("dry friction", model.dof_frictionloss[dof], described.frictionloss),
         ):
             other = [
                 f"{name} {mine:g}"
-                for name, mine, said in zip(described.joint_names, own.tolist(), theirs, strict=True)
-                if not math.isclose(mine, said, rel_tol=0.01, abs_tol=1e-9)
+                for name, mine in zip(described.joint_names, own.tolist(), strict=True)
+                if not math.isclose(mine, theirs.get(name, 0.0), rel_tol=0.01, abs_tol=1e-9)
             ]
             if other:
                 found.append(

@@ -47,17 +47,11 @@ class SimulatedRobot(ABC):
     period, and single samples of that mislead the controller.
 
     Attributes:
-        description: The robot as data.
-        robot: The robot as a model, for names and sizes; its state is not kept up to date.
-        model: MuJoCo's model.
-        data: MuJoCo's state; positions and velocities are up to date after `step`.
+        description: The robot as data; `robot` is its model, for names and sizes, whose state is not kept up to date.
+        model: MuJoCo's model; in its `data` positions and velocities are up to date after `step`.
         places: Places of joints, base, feet and IMU in the model.
         timestep: Physics step, s.
-        control_period: Time that `step` advances, s.
-        steps: Physics steps in it.
-        noise: Sensor errors.
-        machine: Delays, friction, payload and which sensors there are.
-        seed: Seed of every random draw.
+        control_period: Time that `step` advances, s; `steps` physics steps.
         diverged: Reason of a divergence of the simulation; None as a rule.
     """
 
@@ -173,12 +167,7 @@ class SimulatedRobot(ABC):
         self._grips.close(self.data, hand, handle)
 
     def let_go(self, hand: str) -> None:
-        """Open a hand.
-
-        Raises:
-            UnknownNameError: No such hand.
-            InputError: No scene with handles.
-        """
+        """Open a hand, by its role."""
         self._grips.open(self.data, hand)
 
     def truth(self) -> GroundTruth:

@@ -139,10 +139,9 @@ class SupportPolygon:
 
 @dataclass(frozen=True)
 class PressResult:
-    """A foot dropped onto a ground and pressed.
+    """A foot dropped onto a ground and pressed; nothing but `diverged` if the simulation diverged.
 
     Attributes:
-        diverged: True if the simulation diverged; the rest is None then.
         impact: The landing.
         hold: The foot at rest.
         support: Equivalent support polygon; None if it was not asked for.

@@ -124,20 +124,9 @@ def fit_facts(fit: FootFit) -> dict[str, Any]:
 
 
 class Rig:
-    """Simulation of a foot test.
-
-    Attributes:
-        test: Foot, ground and load.
-        model: Compiled MuJoCo model.
-        data: Its MuJoCo state.
-        foot: Names of the foot's parts.
-        probe: Ground truth of the foot.
-        mass: Mass of carriage and foot together, kg.
-        centre: World x and y of the sole centre at the start, m.
-    """
+    """Simulation of a foot test, with names (`foot`) and ground truth (`probe`) of the foot."""
 
     def __init__(self, test: FootTest) -> None:
-        """Build the rig and put the foot over the ground."""
         self.test = test
         fitted = test.foot.fit(test.robot_sole).sole
         cos, sin = math.cos(test.yaw), math.sin(test.yaw)

@@ -25,7 +25,7 @@ import os
 import sys
 import time
 from collections.abc import Mapping
-from dataclasses import field
+from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 from types import TracebackType
@@ -35,7 +35,7 @@ from pydantic_core import from_json
 
 from wbc.core.errors import InputError, WbcError, shown_path
 from wbc.core.files import decoding
-from wbc.core.settings import settings, to_json
+from wbc.core.settings import to_json
 from wbc.sim.studies.provenance import provenance
 from wbc.sim.studies.trials import AnyTrialSpec, Status, trial_from_json
 from wbc.sim.walks.stiffness_policy import CONTENT, FILE
@@ -64,27 +64,17 @@ def _now() -> str:
     return datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds")
 
 
-@settings
+@dataclass(frozen=True)
 class Entry:
-    """One row of the journal: a trial's spec, status and result.
-
-    Attributes:
-        spec: The spec, as plain values.
-        status: End of the trial.
-        result: Result, as plain values; None without one.
-        clock: Wall-clock timings; None without a result.
-        error: Reason why there is no result; None if there is one.
-        version: Version of the code that ran it.
-        ended: Date and time (UTC).
-    """
+    """One row of the journal: a trial's spec, status and result, as plain values."""
 
     spec: Mapping[str, Any]
     status: Status
     result: Mapping[str, Any] | None
-    clock: Mapping[str, Any] | None
-    error: str | None
-    version: Mapping[str, Any]
-    ended: str = field(default_factory=_now)
+    clock: Mapping[str, Any] | None  # wall-clock timings
+    error: str | None  # reason why there is no result
+    version: Mapping[str, Any]  # of the code that ran it
+    ended: str = field(default_factory=_now)  # date and time (UTC)
 
     @cached_property
     def key(self) -> str:
@@ -211,18 +201,14 @@ def _entry(line: bytes) -> Entry | None:
         rest = line.replace(f',"sum":"{data.pop("sum")}"'.encode(), b"", 1)
         if f',"sum":"{hashlib.sha256(rest).hexdigest()[:16]}"'.encode() not in line:
             return None
-        entry = object.__new__(Entry)  # its values were checked before the line was written
-        entry.__dict__.update(data)
-        return entry
+        del data["key"]
+        return Entry(**data)
     except (ValueError, TypeError, KeyError, AttributeError):
         return None
 
 
 def _as_own(entries: Mapping[str, Entry]) -> dict[str, Entry]:
-    """Return entries by the keys of their specs with this code, whatever code made them; its own come first.
-
-    Those whose spec this code cannot read are left out, and their number is logged.
-    """
+    """Return entries by the keys of their specs with this code, whatever code made them; its own come first."""
     found: dict[str, Entry] = {}
     unreadable = 0
     for key, entry in entries.items():
@@ -267,7 +253,12 @@ class Journal:
         except OSError as error:
             raise JournalError(f"journal {path} cannot be written: {error}") from error
         try:
-            self._lock()
+            try:
+                fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            except OSError as error:
+                raise JournalError(
+                    f"journal {path} is being written by another program; wait for it, or use another journal"
+                ) from error
             entries, torn = _read(self.path)
             self.entries = _as_own(entries) if any_code else entries
             if torn:
@@ -276,14 +267,6 @@ class Journal:
         except BaseException:
             self.close()
             raise
-
-    def _lock(self) -> None:
-        try:
-            fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except OSError as error:
-            raise JournalError(
-                f"journal {self.path} is being written by another program; wait for it, or use another journal"
-            ) from error
 
     def __contains__(self, key: object) -> bool:
         return key in self.entries
@@ -336,10 +319,7 @@ class Journal:
 
 
 def check_journal_path(path: Path | str) -> Path:
-    """Return the path of a journal to write, checked before a long run begins.
-
-    Refused are a folder, a compressed file, which can be read alone, and a name that the system does not take.
-    """
+    """Return the path of a journal to write; refused are a folder and a compressed file, before a long run begins."""
     path = Path(path)
     try:
         folder = path.is_dir()

@@ -253,23 +253,15 @@ def study_entries(study: Study, entries: Mapping[str, Entry]) -> Iterator[tuple[
         yield trial, entries.get(trial_key(trial.plain))
 
 
-@settings(kw_only=True)
+@dataclass(frozen=True)
 class LeftOut:
-    """Entries of a journal that a result does not use, by reason.
+    """Numbers of entries of a journal that a result of a study does not use, by reason."""
 
-    Attributes:
-        entries: Number of all entries of the journal.
-        other_code: Entries of the study's trials by another version of the code.
-        other_trials: Entries of trials that the study, or the part of it, does not have.
-        unreadable: Entries whose spec the present code cannot read.
-        differences: Differences between the other versions and the present one → number of entries.
-    """
-
-    entries: int
-    other_code: int = 0
-    other_trials: int = 0
-    unreadable: int = 0
-    differences: Mapping[str, int] = field(default_factory=dict)
+    entries: int  # all of the journal
+    other_code: int  # of the study's trials by another version of the code
+    other_trials: int  # of trials that the study, or the part of it, does not have
+    unreadable: int  # whose spec the present code cannot read
+    differences: Mapping[str, int]  # between the other versions and the present one → number of entries
 
     def text(self) -> str | None:
         """Return the numbers and reasons; None if there is nothing that a user would miss in a result."""

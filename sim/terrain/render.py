@@ -56,10 +56,8 @@ FLOOR = "terrain_floor"
 def add_to_spec(spec: mujoco.MjSpec, terrain: Terrain, *, sole_radius: float | None = None) -> Terrain:
     """Draw a terrain into the world body of a model.
 
-    Everything is checked before anything is added.
-
     Args:
-        spec: The model; changed in place.
+        spec: The model; changed in place once everything is checked.
         terrain: The terrain.
         sole_radius: Radius of the spheres under the soles, m; that of the terrain when None.
 
@@ -67,8 +65,7 @@ def add_to_spec(spec: mujoco.MjSpec, terrain: Terrain, *, sole_radius: float | N
         The terrain as drawn: its `height` is that of vertical rays.
 
     Raises:
-        InputError: The terrain's resolution is too coarse for the soles (the message names the one needed), or the
-            model has a terrain already.
+        InputError: The model has a terrain already.
     """
     if spec.geom(FLOOR) is not None:
         raise InputError("the model has a terrain already")

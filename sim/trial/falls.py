@@ -42,12 +42,7 @@ class TrueFallDetector:
     """
 
     def __init__(self, robot: Robot, limits: PelvisLimits | None = None) -> None:
-        """Take the robot's half-sitting as upright.
-
-        Args:
-            robot: The robot.
-            limits: Limits of the pelvis; those of a robot that stands or squats, whose feet may slide, when None.
-        """
+        """Take half-sitting as upright; limits of a robot that stands or squats, whose feet may slide, when None."""
         self.limits = limits or PelvisLimits(LOWEST_SHARE * float(robot.half_sitting[2]))
         rotation = np.asarray(pin.Quaternion(robot.half_sitting[3:7]).toRotationMatrix())
         self._up: tuple[float, float, float] = tuple(rotation[2].tolist())

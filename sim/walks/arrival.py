@@ -23,16 +23,13 @@ GOAL_TURN = math.radians(45.0)
 
 
 class Arrival(TrialHook):
-    """Comparison of a walk with its goal and its track.
+    """Comparison of a walk with its goal, x, y (m) and yaw (rad) of the middle of the feet, and with its track.
 
-    Attributes:
-        goal: Place of the middle of the feet at the end, and heading there: x, y (m) and yaw (rad) in the world.
-        track: Middles of the feet in order, joined by straight lines, shape (n, 2), m.
-        track_error: Greatest distance of the middle of the feet from the track so far, m.
+    The track has the middles of the feet in order, joined by straight lines, shape (n, 2), m; `track_error` is the
+    greatest distance from it so far, m.
     """
 
     def __init__(self, goal: tuple[float, float, float], track: ArrayLike) -> None:
-        """Begin a walk to a goal, x, y (m) and yaw (rad) in the world, along a track of places, shape (n, 2), m."""
         self.goal = goal
         self.track = finite_array("track (m)", track)
         self.track_error = 0.0

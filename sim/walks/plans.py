@@ -160,10 +160,7 @@ class Drive(TrialHook):
 
 
 def stair_of(terrain: Terrain) -> tuple[float, float, int, float]:
-    """Return rise (m), tread (m), number of stairs and x of the first edge (m) of a ground of the family `steps`.
-
-    Another ground, or stairs that lead both up and down, are an `InputError`.
-    """
+    """Return rise (m), tread (m), number and x of the first edge (m) of the stairs of a ground, or refuse it."""
     family = terrain.parameters
     if not isinstance(family, Stairs) or terrain.amplitude <= 0.0:
         raise InputError(f"there are no stairs on terrain '{terrain.name}'; use terrain 'steps'")

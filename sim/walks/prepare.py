@@ -127,10 +127,7 @@ def prepare(
 def _orders(
     plan: WalkPlan, way: FootstepPlan, walking: SteppingControl
 ) -> tuple[tuple[tuple[float, float, float, float], ...] | None, float]:
-    """Return the velocities of a stepping walk, None for the goal at the end of `way`, and its nominal time, s.
-
-    A plan that states footsteps is an `InputError`.
-    """
+    """Return the velocities of a stepping walk, None for the goal at the end of `way`, and its nominal time, s."""
     for name in ("footsteps", "stairs"):
         if getattr(plan, name) is not None:
             raise InputError(

@@ -98,8 +98,7 @@ class WalkTrial(Trial):
 
     Attributes:
         spec: The walk.
-        meter: Measures the figures of the result.
-        sole_meter: Measures the figures of soles of variable stiffness; None without a policy.
+        meter: Measures the figures of the result; `sole_meter` those of soles of variable stiffness, None without.
     """
 
     def __init__(self, spec: WalkSpec, *, policy: PolicyLike | None = None, visuals: bool = False) -> None:
@@ -247,33 +246,16 @@ def _walking(
     observer.reset(prepared.configuration)
     robot.update(prepared.configuration, np.zeros(robot.nv))
     ground = None if spec.eyes == "none" else KnownGround(robot, settings.ground)
+    parts: dict[str, Any] = {"observer": observer, "stiffness": scheduler, "ground": ground}
     if isinstance(settings, SteppingTrialSettings):
-        walking = SteppingControl(
-            robot, spec.period, settings, observer=observer, stiffness=scheduler, ground=ground
-        )
+        walking = SteppingControl(robot, spec.period, settings, **parts)
         return walking, walking.source.gait.scale.height
     if isinstance(settings, AutoTrialSettings):
-        auto = AutoControl(
-            robot,
-            spec.period,
-            settings,
-            plan=prepared.plan if prepared.plan.steps else None,
-            observer=observer,
-            stiffness=scheduler,
-            extent=spec.extent,
-            ground=ground,
-        )
+        plan = prepared.plan if prepared.plan.steps else None
+        auto = AutoControl(robot, spec.period, settings, plan=plan, extent=spec.extent, **parts)
         return auto, auto.source.com_height
-    return WalkingControl(
-        robot,
-        prepared.plan,
-        spec.period,
-        settings,
-        observer=observer,
-        stiffness=scheduler,
-        extent=spec.extent,
-        ground=ground,
-    ), settings.com_height
+    plain = WalkingControl(robot, prepared.plan, spec.period, settings, extent=spec.extent, **parts)
+    return plain, settings.com_height
 
 
 def _plant(spec: WalkSpec, prepared: PreparedWalk, robot: Robot, visuals: bool) -> Plant:
@@ -303,7 +285,7 @@ def _plant(spec: WalkSpec, prepared: PreparedWalk, robot: Robot, visuals: bool) 
 
 def _name(policy: PolicyLike) -> str:
     """Return the name of a policy that is not in the registry: that of its function or class."""
-    return policy.__name__ if hasattr(policy, "__name__") else type(policy).__name__
+    return str(getattr(policy, "__name__", type(policy).__name__))
 
 
 def _range_sensor(spec: WalkSpec, settings: AnyTrialSettings) -> RangeSensor | None:

@@ -30,8 +30,7 @@ GREY_MODES = ("1", "L", "I", "F", "I;16", "I;16L", "I;16B", "I;16N")
 class GreyMap:
     """A grey image as bytes, so that it can be compared and hashed.
 
-    Args:
-        rows: Height, pixels; the first row is the left edge of the ground (largest y), as if seen from above.
+    The first row is the left edge of the ground (largest y), as if seen from above.
     """
 
     rows: int

@@ -14,14 +14,7 @@ BURIED = 0.005
 
 
 def dome(x: float, y: float, radius: float, top: float) -> Shape:
-    """Make a round stone on the floor at z = 0: a cap of a ball, or half an ellipsoid where the cap would overhang.
-
-    Args:
-        x: Position, m.
-        y: Position, m.
-        radius: Of its circle on the floor, m.
-        top: Height of its crown, m.
-    """
+    """Make a round stone by its place, radius on the floor and height (m): a cap of a ball, or half an ellipsoid."""
     if top > radius:
         return stone(x, y, (radius, radius), top, 0.0)
     ball = (top**2 + radius**2) / (2.0 * top)
@@ -34,17 +27,10 @@ def stone(x: float, y: float, semi_axes: tuple[float, float], top: float, yaw: f
 
 
 def bar(x: float, y: float, length: float, yaw: float, width: float, top: float) -> list[Shape]:
-    """Make a round-topped bar lying on the floor at z = 0, across the track at yaw 0.
+    """Make a round-topped bar lying on the floor at z = 0, across the track at yaw 0 (rad), its middle at x and y (m).
 
-    Its section is a segment of a circle; where it is higher than half its width, a half circle on a rectangle.
-
-    Args:
-        x: Position of its middle, m.
-        y: Position of its middle, m.
-        length: From end to end, m.
-        yaw: Turn from the transverse direction, rad.
-        width: On the floor, m.
-        top: Height of its crown, m.
+    Its section is a segment of a circle; where it is higher than half its width, a half circle on a rectangle. Length,
+    width on the floor and height of the crown (`top`) are in m.
     """
     half = width / 2.0
     radius = (top**2 + half**2) / (2.0 * top) if top <= half else half
@@ -69,16 +55,10 @@ def plate(
     yaw: float = 0.0,
     thickness: float | None = None,
 ) -> Box:
-    """Make a tile, brick or board by the height of its highest corner.
+    """Make a tile, brick or board by the place of its middle and the height of its highest corner (`top`), m.
 
-    Args:
-        x: Position of its middle, m.
-        y: Position of its middle, m.
-        size: Along its own first and second axis, m.
-        top: Height of its highest corner, m.
-        slope: Rise of its face along world x and y.
-        yaw: Heading of its first axis, rad.
-        thickness: Across the face, m; down into the floor z = 0 when None.
+    `size` is along its own first and second axis, m, `slope` the rise of its face along world x and y, `yaw` the
+    heading of its first axis, rad; without a `thickness` across the face, m, it reaches down into the floor z = 0.
     """
     rotation = tilted_rotation(*slope, yaw)
     up = rotation[2]
