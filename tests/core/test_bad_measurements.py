@@ -15,6 +15,7 @@ from wbc.core.control import FailurePolicy
 from wbc.core.drive.position import PositionControl
 from wbc.core.drive.torque import TorqueControl
 from wbc.core.qp.solver import Status
+from wbc.core.signals import SIGNALS
 from wbc.tasks import AdmittanceTask, PositionTask
 from wbc.tasks.balance import balance_controller
 
@@ -49,9 +50,6 @@ def test_contradictory_hard_constraints_are_named() -> None:
     broken.task("up").damping = 0.0
     assert broken.solve().ok
     assert broken.diagnose() == {}
-
-
-SIGNALS = ("joint_position", "joint_velocity", "angular_velocity", "specific_force", "sole_wrench")
 
 
 @pytest.mark.parametrize("bad", [NAN, INF])
