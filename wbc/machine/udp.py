@@ -5,12 +5,12 @@ signature where both ends share a secret.
 
 | Header | | |
 |---|---|---|
-| 4 bytes | `wbc2` | |
+| 4 bytes | `wbc3` | |
 | u8 | kind | 0 hello, 1 measurement, 2 command, 3 damp |
 | u8 | flags | bit 0: joint torques (measurement), references (command); bit 1: sole wrenches, gains |
 | u16 | number of joints | |
 | u64 | key of the sender | drawn anew for each driver and each `UdpRobot` |
-| u64 | key of the receiver | 0 in a first hello, and in a damp |
+| u64 | key of the receiver | 0 in a hello and in a damp |
 | u64 | number | rises from packet to packet of a key |
 | f64 | time of the sensors, s (measurement); 0 | |
 
@@ -21,17 +21,16 @@ signature where both ends share a secret.
 
 The signature is the first half of the HMAC-SHA256 of all bytes before it.
 
-A hello without a receiver is answered by a hello, which tells the key of the robot. The first hello or command that
-names that key makes its sender the owner: it gets the measurements, and packets of other keys are refused until the
-owner has been silent for `SILENCE`. A damp acts if it carries the key of the owner, from whatever address: the guard's
-process has a copy of the driver. A packet whose number is not above all before it of its key is old and dropped.
+Whoever says hello gets the measurements, which tell the key of the robot. A command that names that key makes its
+sender the owner: packets of other keys are refused until it has been silent for `SILENCE`. A damp acts if it carries
+the key of the owner, from whatever address: the guard's process has a copy of the driver. A packet whose number is not
+above all before it of its key is old and dropped.
 """
 
 from __future__ import annotations
 
 import contextlib
 import hmac
-import ipaddress
 import logging
 import math
 import secrets
@@ -57,17 +56,17 @@ PORT = 7700
 SILENCE = 0.5
 """Silence of the owner after which the robot obeys another sender, s."""
 
-HELLO, MEASUREMENT, COMMAND, DAMP = range(4)
-HEADER = struct.Struct("<4sBBHQQQd")
-MAGIC = b"wbc2"
-SIGNATURE = 16
-"""Length of a signature, bytes."""
+HERE = ("127.0.0.1", "localhost", "::1")
+"""Hosts between which packets need no signature."""
 
 SHORTEST = 16
 """Least number of characters of a secret."""
 
-MOST = 1000
-"""Packets that one call takes from a socket; more arrive only while they are taken."""
+HELLO, MEASUREMENT, COMMAND, DAMP = range(4)
+HEADER = struct.Struct("<4sBBHQQQd")
+MAGIC = b"wbc3"
+SIGNATURE = 16
+"""Length of a signature, bytes."""
 
 ARRAYS = {
     MEASUREMENT: {"joint_position": 0, "joint_velocity": 0, "joint_torque": 1}
@@ -93,20 +92,21 @@ class Header(NamedTuple):
 
 
 class End:
-    """Packets of one end of the wire.
+    """Packets of one end of the wire, whose key it draws."""
 
-    Attributes:
-        key: Key of this end.
-        longest: Length of the longest packet, bytes.
-    """
-
-    def __init__(self, joints: int, secret: str | None) -> None:
-        """Draw a key, for that number of joints; a secret of both ends signs, None does not."""
+    def __init__(self, joints: int, host: str, secret: str | None) -> None:
+        """Draw a key; packets are signed with a secret, which other computers need."""
+        if secret is None and host not in HERE:
+            raise InputError(
+                f"packets to and from other computers are signed: {host} needs secret='…' at both ends"
+            )
+        if secret is not None and len(secret) < SHORTEST:
+            raise InputError(f"secret must have {SHORTEST} characters at least, got {len(secret)}")
         self.key = secrets.randbits(63) + 1
         self._joints = joints
         self._secret = secret.encode() if secret else b""
         self._number = 0
-        self.longest = HEADER.size + 8 * (5 * joints + 18) + SIGNATURE
+        self._newest: dict[int, int] = {}  # key of a sender → number of its last packet
 
     def pack(self, kind: int, to: int, content: Measurement | Command | None = None) -> bytes:
         """Return a packet to the other end; kp and kd of a command go together, one alone does not go."""
@@ -128,17 +128,21 @@ class End:
         return hmac.digest(self._secret, data, "sha256")[:SIGNATURE] if self._secret else b""
 
     def header(self, data: bytes) -> Header | None:
-        """Return the header of a packet, before its signature is checked; None if it is of another kind or robot."""
+        """Return the header of a packet; None for another kind or robot, or a wrong signature."""
         if len(data) < HEADER.size:
             return None
         magic, *rest = HEADER.unpack_from(data)
         head = Header(*rest)
-        return head if magic == MAGIC and head.joints == self._joints else None
-
-    def genuine(self, data: bytes) -> bool:
-        """Return True if the signature is right, or none is asked for."""
         body, signature = (data[:-SIGNATURE], data[-SIGNATURE:]) if self._secret else (data, b"")
-        return hmac.compare_digest(self._sign(body), signature)
+        known = magic == MAGIC and head.joints == self._joints
+        return head if known and hmac.compare_digest(self._sign(body), signature) else None
+
+    def is_new(self, head: Header) -> bool:
+        """Return True if no later packet of its sender has come before."""
+        if head.number <= self._newest.get(head.key, 0):
+            return False
+        self._newest[head.key] = head.number
+        return True
 
     def content(self, head: Header, data: bytes) -> Measurement | Command | None:
         """Return what a measurement or a command carries; None if its length is wrong."""
@@ -156,23 +160,6 @@ class End:
         return Measurement(**({"time": head.time, "sole_wrench": None} | content))
 
 
-def _checked_secret(host: str, secret: str | None, unsigned: bool) -> str | None:
-    """Return the secret with which packets are signed, None if they are not."""
-    if secret is not None and len(secret) < SHORTEST:
-        raise InputError(f"secret must have {SHORTEST} characters at least, got {len(secret)}")
-    if secret is not None and unsigned:
-        raise InputError("packets are signed with a secret or unsigned: give one of both")
-    here = host == "localhost"
-    with contextlib.suppress(ValueError):  # a name
-        here = ipaddress.ip_address(host).is_loopback
-    if secret is None and not unsigned and not here:
-        raise InputError(
-            f"packets to and from other computers are signed: {host} needs secret='…', the same at both ends, "
-            f"{SHORTEST} characters at least; unsigned=True does without"
-        )
-    return secret
-
-
 class UdpDriver(Driver):
     """Driver of a robot that speaks the packets of this module.
 
@@ -188,7 +175,6 @@ class UdpDriver(Driver):
         port: int = PORT,
         *,
         secret: str | None = None,
-        unsigned: bool = False,
     ) -> None:
         """Store the address; the socket is opened at the first call.
 
@@ -197,7 +183,6 @@ class UdpDriver(Driver):
             host: Host of the robot.
             port: Its port.
             secret: Secret that the robot shares, with which packets are signed; a robot on another computer needs one.
-            unsigned: Do without on another computer.
 
         Raises:
             InputError: A port out of range; a secret that is missing or short.
@@ -205,12 +190,10 @@ class UdpDriver(Driver):
         if not 0 < port < 65536:
             raise InputError(f"port must be in 1 … 65535, got {port}")
         self.description, self.address = description, (host, port)
-        joints = len(description.joint_names)
-        self._end = End(joints, _checked_secret(host, secret, unsigned))
+        self._end = End(len(description.joint_names), host, secret)
         self._gains = np.array(description.kp), np.array(description.kd)
         self._socket: socket.socket | None = None
-        self._robot = 0
-        self._newest: dict[int, int] = {}  # number of the last packet of each key: of one robot, begun anew
+        self._robot = 0  # key
         self._greeted = False
 
     def __getstate__(self) -> dict[str, object]:
@@ -231,10 +214,7 @@ class UdpDriver(Driver):
                 self._send(HELLO, 0)
 
     def write(self, command: Command) -> None:
-        """See `Driver`; a gain that the command leaves out is the description's, or zero in torque control.
-
-        The robot obeys commands that come after a measurement or a hello of its own has been read.
-        """
+        """See `Driver`; the robot obeys commands that come after a measurement of its own has been read."""
         if (command.kp is None) is not (command.kd is None):
             command = with_gains(command, self._gains)
         self._send(COMMAND, self._robot, command)
@@ -251,14 +231,15 @@ class UdpDriver(Driver):
 
     def _open(self) -> socket.socket:
         if self._socket is None:
-            host, port = self.address
             wire = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
             wire.setblocking(False)
             try:
-                wire.connect((host, port))  # packets of other addresses do not arrive
+                wire.connect(self.address)  # packets of other addresses do not arrive
             except (OSError, UnicodeError) as error:
                 wire.close()
-                raise MachineError(f"the robot's host '{host}' cannot be found ({error})") from error
+                raise MachineError(
+                    f"the robot's host '{self.address[0]}' cannot be found ({error})"
+                ) from error
             self._socket = wire
         return self._socket
 
@@ -271,19 +252,18 @@ class UdpDriver(Driver):
 
     def _receive(self) -> Measurement | None:
         newest = None
-        for data, _ in _taken(self._open(), self._end.longest):
+        for data, _ in _taken(self._open()):
             head = self._end.header(data)
-            if head is None or head.to != self._end.key or not self._end.genuine(data):
+            if (
+                head is None
+                or head.kind != MEASUREMENT
+                or head.to != self._end.key
+                or not self._end.is_new(head)
+            ):
                 continue
-            if head.number <= self._newest.get(head.key, 0):
-                continue
-            self._newest[head.key] = head.number
-            self._robot = head.key
-            if head.kind == HELLO:
-                self._send(HELLO, self._robot)
-            elif head.kind == MEASUREMENT:
-                content = self._end.content(head, data)
-                newest = content if isinstance(content, Measurement) else newest
+            content = self._end.content(head, data)
+            if isinstance(content, Measurement):
+                self._robot, newest = head.key, content
         return newest
 
 
@@ -293,7 +273,7 @@ class UdpRobot:
     Attributes:
         port: Port at which it listens.
         refused: Packets so far that were not the owner's, not signed rightly, or no packets of this wire.
-        sender: Address of the owner, the last one included; None before there is one.
+        sender: Address that gets the measurements: of the owner, or of who said hello last; None before.
     """
 
     def __init__(
@@ -303,7 +283,6 @@ class UdpRobot:
         host: str = "127.0.0.1",
         *,
         secret: str | None = None,
-        unsigned: bool = False,
     ) -> None:
         """Listen.
 
@@ -312,14 +291,13 @@ class UdpRobot:
             port: Port to listen at; any free one when 0.
             host: Address to listen at.
             secret: Secret that drivers share, with which packets are signed; needed where other computers are heard.
-            unsigned: Do without there.
 
         Raises:
             InputError: A port that is taken or out of range, an address that is not of this machine; a secret that is
                 missing or short.
         """
         self._names = tuple(description.joint_names)
-        self._end = End(len(self._names), _checked_secret(host, secret, unsigned))
+        self._end = End(len(self._names), host, secret)
         self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         try:
             self._socket.bind((host, port))
@@ -329,8 +307,8 @@ class UdpRobot:
         self._socket.setblocking(False)
         self.port = int(self._socket.getsockname()[1])
         self.sender: tuple[str, int] | None = None
+        self._to = 0  # key of the sender
         self._owner, self._heard = 0, -np.inf
-        self._newest: dict[int, int] = {}  # number of the last packet of each key
         self.refused = 0
 
     def receive(self) -> tuple[bool, Command | None]:
@@ -339,28 +317,25 @@ class UdpRobot:
         A command that no drive must get asks for damping.
         """
         damped, newest = False, None
-        for data, peer in _taken(self._socket, self._end.longest):
+        for data, peer in _taken(self._socket):
             head, now = self._end.header(data), time.monotonic()
             owned = now - self._heard < SILENCE
-            if head is None or (owned and head.key != self._owner) or not self._end.genuine(data):
+            stranger = head is None or (owned and head.key != self._owner)
+            if head is None or stranger or (head.kind == COMMAND and head.to != self._end.key):
                 self._refuse(peer)
                 continue
-            if head.number <= self._newest.get(head.key, 0):
+            if not self._end.is_new(head):
                 continue
-            if head.kind == HELLO and head.to == 0:
-                self._write(self._end.pack(HELLO, head.key), peer)
-            elif head.kind == DAMP:
+            if owned:
+                self._heard = now
+            if head.kind == DAMP:
                 damped, newest = True, None
-                if owned:
-                    self._newest[head.key], self._heard = head.number, now
-            elif head.to == self._end.key and head.kind in (HELLO, COMMAND):
-                self._newest[head.key], self._owner, self._heard = head.number, head.key, now
-                self.sender = peer
-                if head.kind == COMMAND:
-                    newest = self._command(head, data, peer)
-                    damped = newest is None
-            else:
-                self._refuse(peer)
+                continue
+            self.sender, self._to = peer, head.key
+            if head.kind == COMMAND:
+                self._owner, self._heard = head.key, now
+                newest = self._command(head, data, peer)
+                damped = newest is None
         return damped, newest
 
     def _command(self, head: Header, data: bytes, peer: tuple[str, int]) -> Command | None:
@@ -375,29 +350,26 @@ class UdpRobot:
         return command
 
     def _refuse(self, peer: tuple[str, int]) -> None:
+        if self.refused == 0:
+            logger.warning("a packet of %s, port %d, is refused; further ones are counted", *peer)
         self.refused += 1
-        if self.refused in (1, 10, 100) or self.refused % 1000 == 0:
-            logger.warning("%d packets refused, the last one of %s, port %d", self.refused, *peer)
 
     def send(self, measurement: Measurement) -> None:
-        """Send a measurement to the owner, or to the last one."""
+        """Send a measurement to the owner, or to who said hello last."""
         if self.sender is not None:
-            self._write(self._end.pack(MEASUREMENT, self._owner, measurement), self.sender)
-
-    def _write(self, data: bytes, peer: tuple[str, int]) -> None:
-        with contextlib.suppress(OSError):  # nobody listens, no cable: its watchdog will tell
-            self._socket.sendto(data, peer)
+            with contextlib.suppress(OSError):  # nobody listens, no cable: its watchdog will tell
+                self._socket.sendto(self._end.pack(MEASUREMENT, self._to, measurement), self.sender)
 
     def close(self) -> None:
         """Close the socket."""
         self._socket.close()
 
 
-def _taken(wire: socket.socket, longest: int) -> Iterator[tuple[bytes, tuple[str, int]]]:
-    """Yield the packets that have arrived, with their senders; a longer one is cut and not a packet any more."""
-    for _ in range(MOST):
+def _taken(wire: socket.socket) -> Iterator[tuple[bytes, tuple[str, int]]]:
+    """Yield the packets that have arrived, with their senders."""
+    while True:
         try:
-            yield wire.recvfrom(longest + 1)
+            yield wire.recvfrom(65536)
         except BlockingIOError:
             return
         except OSError:  # what has become of a packet sent before: refused, unreachable

@@ -43,7 +43,7 @@ class Log:
         self._table = table
         kinds = {kind: name for name, kind in TYPES.items()}
         self.signals = MappingProxyType({f.name: _signal(f, kinds) for f in table.schema})
-        self._arrays: dict[str, Any] = {}
+        self._arrays: dict[str, Array] = {}
 
     @staticmethod
     def open(path: str | Path) -> Log:
@@ -113,24 +113,19 @@ class Log:
                 kind = self.signals[name].kind
                 if kind in ("text", "list"):
                     raise InputError(f"signal '{name}' holds {kind}s, not numbers; use log.{kind}s('{name}')")
-                column = self._table.column(name)
-                self._arrays[name] = _frozen(column.cast(pa.float64()).to_numpy())
+                array = np.array(self._table.column(name).cast(pa.float64()).to_numpy())
             else:
-                parts = self.parts(name)
-                self._arrays[name] = _frozen(np.stack([self[part] for part in parts], axis=1))
-        values: Array = self._arrays[name]
-        return values
+                array = np.stack([self[part] for part in self.parts(name)], axis=1)
+            array.setflags(write=False)
+            self._arrays[name] = array
+        return self._arrays[name]
 
     def column(self, name: str) -> Any:
         """Return a signal as the file holds it: a pyarrow column."""
         return self._table.column(name)
 
     def parts(self, group: str) -> list[str]:
-        """Return the names of the signals of a group that hold numbers.
-
-        Raises:
-            UnknownNameError: No such group; the nearest names are given.
-        """
+        """Return the names of the signals of a group that hold numbers; `UnknownNameError` for no such group."""
         names = [
             name
             for name, signal in self.signals.items()
@@ -142,21 +137,11 @@ class Log:
         return names
 
     def texts(self, name: str) -> NDArray[np.object_]:
-        """Return the texts of a signal, shape (ticks,); None in ticks without one.
-
-        Raises:
-            UnknownNameError: No such signal.
-            InputError: Other than texts.
-        """
+        """Return the texts of a signal, shape (ticks,); None in ticks without one."""
         return self._objects(name, "text")
 
     def lists(self, name: str) -> list[Array | None]:
-        """Return the lists of a signal, one a tick; None in ticks without one.
-
-        Raises:
-            UnknownNameError: No such signal.
-            InputError: Other than lists.
-        """
+        """Return the lists of a signal, one a tick; None in ticks without one."""
         values = self._objects(name, "list")
         return [None if value is None else np.asarray(value, dtype=np.float64) for value in values]
 
@@ -164,11 +149,8 @@ class Log:
         if name not in self.signals:
             unknown_name("signal", name, self.signals)
         if self.signals[name].kind != kind:
-            held = {"text": "texts", "list": "lists"}.get(self.signals[name].kind, "numbers")
-            raise InputError(f"signal '{name}' holds {held}, not {kind}s")
-        if name not in self._arrays:
-            self._arrays[name] = self._table.column(name).to_numpy(zero_copy_only=False)
-        values: NDArray[np.object_] = self._arrays[name]
+            raise InputError(f"signal '{name}' holds {self.signals[name].kind}s, not {kind}s")
+        values: NDArray[np.object_] = self._table.column(name).to_numpy(zero_copy_only=False)
         return values
 
     @property
@@ -206,8 +188,3 @@ def _signal(field: Any, kinds: Mapping[Any, Kind]) -> Signal:
     facts = {key.decode(): value.decode() for key, value in (field.metadata or {}).items()}
     return Signal(field.name, facts.get("unit", "1"), facts.get("about", ""), kinds[field.type])
 
-
-def _frozen(array: Array) -> Array:
-    array = np.array(array, dtype=np.float64)
-    array.setflags(write=False)
-    return array
