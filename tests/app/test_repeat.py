@@ -9,9 +9,9 @@ from typing import Any
 
 import pytest
 
-from wbc.app import Log, interventions_of
+from wbc.app import Log
 from wbc.app.cli import RAN, main
-from wbc.app.repeat import first_difference
+from wbc.app.repeat import first_difference, interventions_of
 from wbc.sim.trial.loop import Trial
 
 LEVEL = ["--terrain", "flat", "--foot", "flat", "--noise", "none"]

@@ -26,9 +26,10 @@ from wbc import Command, Measurement
 from wbc.core.errors import InputError
 from wbc.core.robot import GRAVITY
 from wbc.ground import PointCloud
-from wbc.machine import Driver, MachineError, Runner, RunSettings, guard
+from wbc.machine import Driver, Runner, RunSettings, guard
 from wbc.machine.clock import ask_priority
 from wbc.machine.loads import SoleLoads
+from wbc.machine.loop import MachineError
 from wbc.machine.report import Phase
 from wbc.machine.start import SafeStart
 from wbc.sim import Machine, MujocoLoop, Plant

@@ -1,10 +1,7 @@
 from .log.reader import Log as Log
 from .log.recorder import Recorder as Recorder
 from .plot.figures import draw as draw
-from .plot.output import save as save
 from .plot.signals import draw_signals as draw_signals
-from .repeat import RepeatWalk as RepeatWalk
-from .repeat import interventions_of as interventions_of
 from .replay.convert import convert_log as convert_log
 from .replay.film import render_video as render_video
 from .replay.player import Player as Player

@@ -24,12 +24,7 @@ LONGEST_LINE = 1000
 
 
 def make_app(words: Sequence[str] | None = ()) -> App:
-    """Build the command-line application from the table of commands; a command's module is imported when it runs.
-
-    Args:
-        words: Words of the command line. The command that they name explains itself in full, the others have a line;
-            with None each command explains itself, and all are imported.
-    """
+    """Build the command-line application from the table of commands; a command's module is imported when it runs."""
     options = {
         "default_parameter": Parameter(negative=(), show_default=_shown_default),
         "help_format": "markdown",

@@ -18,11 +18,7 @@ FILMS = (".mp4", ".gif")
 def check_target(
     what: str, path: str | Path, endings: tuple[str, ...], inputs: Iterable[str | Path | None] = ()
 ) -> Path:
-    """Return the path of a file to write, `what` in messages, after a check; an existing file stays unchanged.
-
-    `InputError` for an ending that is none of `endings`, a folder that does not exist, a file that is not writable, or
-    one of the inputs that it is made from: paths, or texts such as source=ground.png; None is skipped.
-    """
+    """Return the path of a file to write, `what` in messages, after a check; an existing file stays unchanged."""
     target = Path(path)
     if target.suffix.lower() not in endings:
         raise InputError(f"the name of {what} must end in one of {', '.join(endings)}, got '{target.name}'")
@@ -51,10 +47,7 @@ def unique(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
 
 
 def read_object(what: str, path: Path) -> dict[str, Any]:
-    """Return the object in a JSON file, of a `what` such as "walk".
-
-    Raises `InputError` if it cannot be read, is not JSON, holds no object, or one with the same name twice.
-    """
+    """Return the object in a JSON file, of a `what` such as "walk"."""
     data = read_json(path, object_pairs_hook=unique)
     if not isinstance(data, dict):
         raise InputError(f"{path} is no {what}: it must hold a JSON object")

@@ -62,10 +62,7 @@ class Report:
 
 
 def reports(function: Callable[P, Report]) -> Callable[P, None]:
-    """Make a command of a function that returns a report; see `with_options`.
-
-    While it runs, everything written to stdout (by C++ libraries, too) goes to stderr; then the report is printed.
-    """
+    """Make a command of a function that returns a report; see `with_options`."""
 
     @functools.wraps(function)
     def run(*args: P.args, **kwargs: P.kwargs) -> None:

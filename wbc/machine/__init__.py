@@ -4,7 +4,7 @@ A new wire is a class derived from `Driver`, with its three methods, in a module
 """
 
 from wbc.machine.conformance import conformance
-from wbc.machine.loop import Driver, DriverLoop, MachineError
+from wbc.machine.loop import Driver, DriverLoop
 from wbc.machine.report import RunReport
 from wbc.machine.run import Runner, RunSettings, run
 from wbc.machine.udp import UdpDriver, UdpRobot
@@ -19,7 +19,6 @@ __all__ = [
     "Runner",
     "RunSettings",
     "RunReport",
-    "MachineError",
     # Wires
     "UdpDriver",
     "UdpRobot",

@@ -71,10 +71,7 @@ def keep_timers_sharp() -> None:
 
 @contextlib.contextmanager
 def quiet(priority: int | None) -> Iterator[Quiet]:
-    """Keep garbage collector, pager and scheduler out of a loop as far as this process may; never fail.
-
-    Yields what was got; its counts are filled in at the end. A priority of None leaves the scheduler as it is.
-    """
+    """Keep garbage collector, pager and scheduler out of a loop as far as this process may; never fail."""
     got = Quiet()
     enabled = gc.isenabled()
     gc.collect()

@@ -45,10 +45,7 @@ class Guard:
     """The guard, as the loop sees it."""
 
     def __init__(self, driver: Driver, age: float, priority: int | None = None) -> None:
-        """Start the process and wait until it watches; `age` is the longest time between two beats, s.
-
-        The driver is pickled. Raises `MachineError` when the process cannot take it over, or cannot damp with it.
-        """
+        """Start the process and wait until it watches; `age` is the longest time between two beats, s."""
         self._age = age
         try:
             copy = pickle.dumps(driver)

@@ -98,10 +98,7 @@ class Stand:
 
 
 def standing(robot: Robot, q: Array) -> Array:
-    """Return a configuration with its soles, in the mean, where those of half-sitting are, shape (nq,).
-
-    Place and heading of the base are replaced; the robot's state is not changed.
-    """
+    """Return a configuration with its soles, in the mean, where those of half-sitting are, shape (nq,)."""
     data = robot.model.createData()
 
     def middle(q: Array) -> tuple[Array, float]:

@@ -118,10 +118,7 @@ class Landing:
         self._time = -np.inf
 
     def reference(self, measurement: Measurement) -> Array:
-        """Return the joint positions to hold, shape (na,), rad; from the first touch on they stay as they are.
-
-        The loads have seen the measurement.
-        """
+        """Return the joint positions to hold, shape (na,), rad; from the first touch on they stay as they are."""
         q, model, data = self._q, self._robot.model, self._data
         passed = min(max(measurement.time - self._time, 0.0), LONGEST)
         self._time = measurement.time

@@ -49,12 +49,7 @@ class MotionClip:
     standing: Array | None = None
 
     def __post_init__(self) -> None:
-        """Check shapes, numbers, quaternions and the first frame.
-
-        Raises:
-            InputError: A wrong shape, a number that is not finite (its frame and column are named), a quaternion that
-                is none, joints in degrees, a first frame in which the robot is not upright, a joint named twice.
-        """
+        """Check shapes, numbers, quaternions and the first frame."""
         names = tuple(self.joint_names)
         finite_scalar("rate of a motion (Hz)", self.rate, low=1.0, high=10_000.0)
         twice = sorted({name for name in names if names.count(name) > 1})

@@ -182,10 +182,7 @@ def _slowed(pace: Array, times: Array) -> Array:
 
 
 def _retimed(clip: MotionClip, pace: Array) -> tuple[MotionClip, Array]:
-    """Slow down where the pace asks for it, ease in and out of rest, and rest at both ends.
-
-    Return the clip, and the time in the given one of each of its frames, shape (T,), s.
-    """
+    """Slow down where the pace asks for it, ease in and out of rest, and rest at both ends."""
     slowed = _integral(gaussian_filter1d(pace, 0.1 * RATE, mode="nearest")) / RATE
     # An eased start takes twice the time for the same way: x of a ramp is t²/(2 ease), so the total grows by ease.
     t = np.linspace(0.0, slowed[-1] + EASE, round((slowed[-1] + EASE) * RATE) + 1)
@@ -202,10 +199,7 @@ def _integral(values: Array) -> Array:
 
 
 def _balanced(robot: Robot, clip: MotionClip, share: float) -> tuple[BodyMotion, Array, float]:
-    """Freeze the feet, and move the centre of mass until the ZMP is inside the support.
-
-    Return the motion, where soles stand, and by how much a step was shortened, m.
-    """
+    """Freeze the feet, and move the centre of mass until the ZMP is inside the support."""
     given, standing = on_ground(robot, clip, DOUBLE_SUPPORT)
     soles, moves, shortened = footsteps(robot, given, standing)
     q = given.q
@@ -240,11 +234,7 @@ def _balanced(robot: Robot, clip: MotionClip, share: float) -> tuple[BodyMotion,
 
 
 def supports_on(robot: Robot, soles: list[tuple[pin.SE3, pin.SE3]], standing: Array) -> list[Array]:
-    """Return the areas on which the ZMP is to stay, each of shape (n, 2), m.
-
-    Where both soles stand and no step is near, their areas are moved towards each other, so that neither loses its
-    load.
-    """
+    """Return the areas on which the ZMP is to stay, each of shape (n, 2), m."""
     corners = corners_of(robot, soles, SOLE_SHARE)
     near = maximum_filter1d((~standing.all(axis=1)).astype(float), round(SHIFT * RATE))
     load = (

@@ -134,10 +134,7 @@ class BodyMotion:
 
 
 def corners_of(robot: Robot, soles: Sequence[Soles], share: float = 1.0) -> Array:
-    """Return the corners of left and right sole, T pairs of placements, shape (T, 2, 4, 3), m.
-
-    Of length and width of each sole a `share` about its centre counts.
-    """
+    """Return the corners of left and right sole, T pairs of placements, shape (T, 2, 4, 3), m."""
     offsets = [
         0.5 * share * np.array([(x * s.length, y * s.width, 0.0) for x in (1, -1) for y in (1, -1)])
         for s in robot.soles[:2]

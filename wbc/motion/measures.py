@@ -21,10 +21,7 @@ SHARE_SLACK, ZMP_SLACK = 1.05, 0.005
 
 
 def supports_of(corners: Array, standing: Array) -> list[Array]:
-    """Return the support area of each frame by its corners, counter-clockwise, each of shape (n, 2), m.
-
-    Corners of both soles have shape (T, 2, 4, 3), m; `standing` (T, 2) is true where a sole stands: one at least.
-    """
+    """Return the support area of each frame by its corners, counter-clockwise, each of shape (n, 2), m."""
     return [
         convex_hull(pair[stands, :, :2].reshape(-1, 2))
         for pair, stands in zip(corners, standing, strict=True)
@@ -83,10 +80,7 @@ class MotionMeasures:
 
 
 def measure(robot: Robot, motion: BodyMotion, stands: Array, share: float, friction: float) -> MotionMeasures:
-    """Measure a motion on a ground at z = 0, of which one sole stands at least in each frame, shape (T, 2).
-
-    Allowed are a share of the limits of joint speeds and torques, and a coefficient of friction.
-    """
+    """Measure a motion on a ground at z = 0, of which one sole stands at least in each frame, shape (T, 2)."""
     joints = motion.q[:, 7:]
     excess = np.maximum(joints - robot.position_upper, robot.position_lower - joints).max(axis=0)
     speed, torque = abs(motion.v[:, BASE_DOF:]) / robot.velocity_limit, motion.torque_share(robot)

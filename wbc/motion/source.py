@@ -165,10 +165,7 @@ class MotionSource(ReferenceSource):
         return (Event.TOUCH_DOWN if planned else Event.EARLY_TOUCH_DOWN,)
 
     def _foot(self, side: int, i: int) -> FootMotion:
-        """Motion of a sole: at rest where it stands; in the air that of the clip, from where it was lifted.
-
-        No `SwingFoot`: a clip has the whole path of a foot, of which a swing keeps the landing alone.
-        """
+        """Motion of a sole: at rest where it stands; in the air that of the clip, from where it was lifted."""
         swing, given = self._swings[side], self.motion[i].feet[side]
         if swing is None:
             return FootMotion.at_rest(self._places[side])

@@ -69,10 +69,7 @@ class FootOptions:
     rate: float = 10.0
 
     def test(self, given: Mapping[str, Any], ground: Mapping[str, Any]) -> FootTest:
-        """Return the test of one foot on one ground, with further fields of both.
-
-        Raises `UnknownNameError` for no such foot, robot, ground or parameter, `InputError` for a value out of range.
-        """
+        """Return the test of one foot on one ground, with further fields of both."""
         design = self._foot()
         family = make_family(self.terrain, read_changes(self.param))
         return FootTest(

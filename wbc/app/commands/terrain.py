@@ -83,11 +83,7 @@ def terrain(
 def describe_terrain(
     name: str, options: TerrainOptions = TerrainOptions(), given: Mapping[str, Any] | None = None
 ) -> dict[str, Any]:
-    """Return `Terrain.describe()`, roughness and whether the swing foot clears it; draw it if asked to.
-
-    Raises `UnknownNameError` for no such family or parameter, `InputError` for a value out of range; a ground higher
-    than the clearance is warned of.
-    """
+    """Return `Terrain.describe()`, roughness and whether the swing foot clears it; draw it if asked to."""
     ground = make_terrain(make_family(name, read_changes(options.param)), **(given or {}))
     target = check_picture(options.plot, options.param)
     facts = ground.describe() | {

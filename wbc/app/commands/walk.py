@@ -176,10 +176,7 @@ def _news(acting: Sequence[WatchWalk | RepeatWalk], trial: WalkTrial) -> str:
 
 
 def walk_spec(given: Mapping[str, Any], options: WalkOptions, drive: bool = False) -> WalkSpec:
-    """Return the walk: what is given, over what the file of `--spec` says, over the defaults of the command.
-
-    Raises `InputError` for a walk that cannot be walked, or a file that cannot be read.
-    """
+    """Return the walk: what is given, over what the file of `--spec` says, over the defaults of the command."""
     upper = {name: dict(value) if isinstance(value, Mapping) else value for name, value in given.items()}
     lower = {} if options.spec is None else read_spec(options.spec)
     plan = upper.setdefault("plan", {})
@@ -215,10 +212,7 @@ def walk_spec(given: Mapping[str, Any], options: WalkOptions, drive: bool = Fals
 def _bounded(
     spec: WalkSpec, rows: tuple[tuple[float, float, float, float], ...], seconds: float | None
 ) -> WalkSpec:
-    """Return a walk whose drive ends with a stand after some seconds at the latest.
-
-    A drive that takes longer than an hour, and has no time that bounds it, is an `InputError`.
-    """
+    """Return a walk whose drive ends with a stand after some seconds at the latest."""
     if seconds is None and rows[-1][0] > DRIVE_TIME:
         raise InputError(
             f"a drive of {rows[-1][0]:g} s takes longer than {DRIVE_TIME:g} s: give its longest time, --seconds"
@@ -230,10 +224,7 @@ def _bounded(
 
 
 def place_of(name: str, law: str) -> str:
-    """Return the place in a spec of what `--set` names: one of its fields, or under "changes" one of the settings.
-
-    Names are full, or as far as they are unique. Raises `UnknownNameError` for none of these, `InputError` for both.
-    """
+    """Return the place in a spec of what `--set` names: one of its fields, or under "changes" one of the settings."""
     stepping = law == "stepping"  # has a gait of its own among its settings
     own = [each.name for each in fields(WalkSpec)]
     for kind in ("plan", "machine") if stepping else ("plan", "machine", "gait"):

@@ -187,4 +187,3 @@ def _read(path: Path, file: Any) -> tuple[Any, str | None]:
 def _signal(field: Any, kinds: Mapping[Any, Kind]) -> Signal:
     facts = {key.decode(): value.decode() for key, value in (field.metadata or {}).items()}
     return Signal(field.name, facts.get("unit", "1"), facts.get("about", ""), kinds[field.type])
-

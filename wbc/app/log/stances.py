@@ -42,10 +42,7 @@ def sole_sizes(log: Log) -> list[tuple[float, float]]:
 
 
 def support_box(log: Log) -> tuple[Array, Array]:
-    """Return lower and upper x and y of the support in every tick, shape (ticks, 2), m; NaN where no foot stands.
-
-    The support is the planned one of a walk, else that of the loaded feet.
-    """
+    """Return lower and upper x and y of the support in every tick, shape (ticks, 2), m; NaN where no foot stands."""
     low = np.full((len(log), 2), np.inf)
     high = np.full((len(log), 2), -np.inf)
     walk = "foot/left/contact" in log
@@ -92,10 +89,7 @@ class Drift:
         return size
 
     def __call__(self, points: Array, tick: int | slice = slice(None)) -> Array:
-        """Return points of the estimate's world where they are in the true one, shape (ticks, 2) or (ticks, 3), m.
-
-        Of one tick, any number of points.
-        """
+        """Return points of the estimate's world where they are in the true one, shape (ticks, 2) or (ticks, 3), m."""
         turn, size = self.turn[tick], points.shape[-1]
         c, s, (x, y) = np.cos(turn), np.sin(turn), (points - self._from[tick, :size]).T[:2]
         moved: Array = points - self._from[tick, :size] + self._to[tick, :size]
@@ -122,10 +116,7 @@ class Stance:
 
 
 def stances(log: Log, which: str = "reference") -> list[Stance]:
-    """Return all stances of both feet, ordered by touch-down.
-
-    `which` is "reference" for the planned position, "truth" for the real one; the heading is planned in both.
-    """
+    """Return all stances of both feet, ordered by touch-down."""
     made, drift = [], Drift(log)
     for side, size in zip(SIDES, sole_sizes(log), strict=True):
         foot = f"foot/{side}/{'estimated' if which == 'truth' else 'reference'}"

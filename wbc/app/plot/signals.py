@@ -21,11 +21,7 @@ MAX_SIGNALS = 40
 
 
 def select(logs: Sequence[Log], words: Sequence[str]) -> list[str]:
-    """Return the signals that words stand for, without repetitions, in the order of the words.
-
-    A word is a signal, a group ("com/estimated", "joint/torque_command"), or a pattern with * and ?; one that matches
-    none is an `UnknownNameError`, a signal of lists, or too many, an `InputError`.
-    """
+    """Return the signals that words stand for, without repetitions, in the order of the words."""
     kinds = {name: signal.kind for log in logs for name, signal in log.signals.items()}
     chosen: dict[str, None] = {}
     for word in words:

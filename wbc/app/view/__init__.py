@@ -7,7 +7,6 @@
 
     with Workbench(plant, control) as view:  # the same, with controls of everything that the run has
     walk(spec, hooks=[WatchWalk()])     # a simulated walk, with its footsteps
-    walk(spec, hooks=[RepeatWalk(interventions_of("walk.arrow"))])  # once more, with what was changed from the page
 
 Robot, feet, ground and things are the geoms of one MuJoCo model (`meshes`); everything else is a mark (`marks`,
 `live_marks`). A new control of a run goes into `controls`.

@@ -223,10 +223,7 @@ def _answer(s: Session, **gains: Array) -> tuple[Array, Array]:
 
 
 def commanded_gains(s: Session) -> str:
-    """Send half the gains: a torque moves a joint twice as far, a velocity reference as far as before.
-
-    Free joints get half of the gains that their servos were found to have, the legs those of the description.
-    """
+    """Send half the gains: a torque moves a joint twice as far, a velocity reference as far as before."""
     free, (kp, kd) = s.free, np.copy(s.gains)
     if not free or not s.good("torque"):
         return "own gains are not as they should" if free else "no joint beside the legs"

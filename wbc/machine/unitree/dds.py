@@ -70,11 +70,7 @@ def _packed(made: Any) -> Any:
 
 @functools.cache
 def messages() -> dict[str, Any]:
-    """Return the type of each topic.
-
-    Raises:
-        DdsError: cyclonedds is not installed.
-    """
+    """Return the type of each topic."""
     try:
         from cyclonedds.idl import types  # noqa: PLC0415 - an extra
     except ImportError as error:

@@ -109,11 +109,7 @@ def from_cdr(data: bytes, layout: np.dtype[Any]) -> Any:
 
 
 def motor_index(joint_names: Sequence[str]) -> Array:
-    """Return the index of each joint's motor.
-
-    Raises:
-        InputError: Joints that the machine has not.
-    """
+    """Return the index of each joint's motor."""
     missing = [name for name in joint_names if name not in G1_MOTORS]
     if missing:
         raise InputError(f"joints without a motor in Unitree's order: {', '.join(missing[:4])}")

@@ -185,10 +185,7 @@ def _rerun(options: RunOrRerunOptions, key: str, output: Output) -> Report:
 
 
 def run_trials(study: Study, options: RunOptions, *, any_code: bool = False) -> SweepSummary:
-    """Run the trials that a study's journal does not have, with a progress bar.
-
-    A journal with trials of the study by another version of the code is an `InputError`, without `any_code`.
-    """
+    """Run the trials that a study's journal does not have, with a progress bar."""
     specs = [trial.spec for trial in study.trials()]
     with ExitStack() as stack:
         journal = stack.enter_context(Journal(options.journal, any_code=any_code))
