@@ -9,7 +9,6 @@ import weakref
 from typing import Any
 
 import numpy as np
-import umsgpack  # comes with meshcat
 import zmq  # comes with meshcat
 
 from wbc.app.view.base import LOCAL, View, ViewError
@@ -85,7 +84,7 @@ class MeshcatView(View):
         """Send a command of MeshCat to a path; its answer is not waited for."""
         plain = kind(*values, path=self._commands.Path(tuple(path.strip("/").split("/")))).lower()
         self._socket.send_multipart(
-            [b"", plain["type"].encode(), plain["path"].encode(), umsgpack.packb(plain)]
+            [b"", plain["type"].encode(), plain["path"].encode(), self._geometry.umsgpack.packb(plain)]
         )
         self._unanswered += 1
 
