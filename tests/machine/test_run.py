@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 import contextlib
-import mmap
 import os
 import re
 import time
@@ -24,9 +23,8 @@ from machine_process import Process
 import wbc
 from wbc import Command, Measurement
 from wbc.core.errors import InputError
-from wbc.core.robot import GRAVITY
 from wbc.ground import PointCloud
-from wbc.machine import Driver, Runner, RunSettings, guard
+from wbc.machine import Driver, Runner, RunSettings
 from wbc.machine.clock import ask_priority
 from wbc.machine.loads import SoleLoads
 from wbc.machine.loop import MachineError
@@ -381,66 +379,3 @@ def test_torques_of_the_start_carry_the_limbs_less_what_the_soles_press() -> Non
         wanted += (wrench * [1.0, 1.0, 0.0, 1.0, 1.0, 1.0]) @ jacobian[:, 6:]
     start = SafeStart(robot, measurement, loads, fade=0.2, speed=1.0, gains=gains)
     np.testing.assert_allclose(start.carry(replace(measurement, time=2.0)), wanted, atol=2.0)
-
-
-def loads_of(**loads: Any) -> SoleLoads:
-    """Return estimated loads that have seen a robot upright and at rest, some values of theirs others."""
-    found = SoleLoads(DESCRIPTION, PERIOD, (DESCRIPTION.kp, DESCRIPTION.kd))
-    found.wrenches(replace(standing(), time=0.0, specific_force=found._base_from_imu.T @ [0.0, 0.0, GRAVITY]))
-    for name, value in loads.items():
-        setattr(found, name, value)
-    return found
-
-
-def test_a_start_holds_then_goes_along_a_quintic_and_then_lands() -> None:
-    robot, gains = DESCRIPTION.robot(), (DESCRIPTION.kp, DESCRIPTION.kd)
-    first = replace(standing(), time=0.0, joint_position=robot.half_sitting[7:] + np.linspace(-0.4, 0.2, NA))
-    start = SafeStart(robot, first, loads_of(), fade=0.5, speed=0.25, gains=gains)
-    assert start.duration == pytest.approx(0.5 + 0.4 / 0.25)
-    assert SafeStart(
-        robot, standing(), loads_of(), fade=0.2, speed=9.0, gains=gains
-    ).duration == pytest.approx(0.7)
-    way = robot.half_sitting[7:] - first.joint_position
-    for elapsed, part, s in (
-        (0.0, 0.0, 0.0),
-        (0.2, 0.4, 0.0),
-        (0.5, 1.0, 0.0),
-        (0.9, 1.0, 0.25),
-        (2.09, 1.0, 0.99375),
-    ):
-        told = replace(first, time=elapsed)
-        command, carried = start.command(told, elapsed), start.carry(told)
-        np.testing.assert_allclose(command.joint_torque, part * carried, atol=1e-9)
-        to = first.joint_position + (10.0 * s**3 - 15.0 * s**4 + 6.0 * s**5) * way
-        np.testing.assert_allclose(command.joint_position, to, atol=1e-9)
-        np.testing.assert_allclose(command.joint_velocity, 30.0 * (s * (1.0 - s)) ** 2 * way / 1.6, atol=1e-9)
-        np.testing.assert_allclose(command.kp, part * DESCRIPTION.kp)
-        np.testing.assert_array_equal(command.kd, DESCRIPTION.kd)
-    held = SafeStart(robot, first, loads_of(), fade=0.0, speed=0.25, gains=gains)
-    np.testing.assert_array_equal(held.command(first, 0.0).kp, DESCRIPTION.kp)
-
-
-@pytest.mark.parametrize("gone", [False, True])
-def test_the_guard_damps_as_soon_as_the_heart_has_stood_for_its_time(
-    gone: bool, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """It goes on for 3 s once the process of the loop is gone, and without end while it is there."""
-    now, damped = [100.0], []
-
-    class Driver:
-        def damp(self) -> None:
-            damped.append(now[0])
-            if now[0] > 110.0:
-                raise InterruptedError
-
-    def sleep(seconds: float) -> None:
-        now[0] += max(seconds, 1e-4)
-
-    monkeypatch.setattr(guard, "time", types.SimpleNamespace(monotonic=lambda: now[0], sleep=sleep))
-    monkeypatch.setattr(guard, "os", types.SimpleNamespace(getppid=lambda: int(gone and bool(damped))))
-    memory = mmap.mmap(-1, mmap.PAGESIZE)
-    guard.BEAT.pack_into(memory, 0, 99.999, 0.015)
-    with contextlib.nullcontext() if gone else pytest.raises(InterruptedError):
-        guard.watch(Driver(), memory)
-    assert damped[0] == pytest.approx(100.014, abs=2e-4) and damped[2] < 100.1
-    assert damped[-1] == pytest.approx(103.014 if gone else 110.0, abs=0.01)

@@ -21,7 +21,7 @@ from wbc import Command, Measurement
 from wbc.core.errors import InputError
 from wbc.machine import Runner, RunSettings, UnitreeDriver
 from wbc.machine.report import Phase
-from wbc.machine.unitree import DdsError, driver, switch
+from wbc.machine.unitree import DdsError, driver
 from wbc.machine.unitree.wire import G1_MOTORS, LOW_CMD, LOW_STATE, checksum, from_cdr, intact, sealed, to_cdr
 
 DESCRIPTION = wbc.load_robot("g1")
@@ -146,40 +146,23 @@ class Bus:
 
     def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
         self.sent: dict[str, list[Any]] = {}
-        self.time, self.waits = 10.0, 0
-        self.serve: Callable[[], object] = lambda: None
-        for module in (robot, driver, switch):
+        for module in (robot, driver):
             monkeypatch.setattr(module, "Topics", self.topics)
-            monkeypatch.setattr(module, "message", self.message, raising=False)
-        monkeypatch.setattr(
-            switch, "time", SimpleNamespace(monotonic=lambda: self.time, monotonic_ns=lambda: 77)
-        )
 
     def topics(self, domain: int, interface: str, reads: str, writes: str) -> Any:
         self.sent |= {name: self.sent.get(name, []) for name in (reads, writes)}
 
         def take(timeout: float) -> list[Any]:
-            self.time += timeout
-            self.waits += timeout > 0.0
-            if timeout > 0.0:
-                self.serve()
             found, self.sent[reads] = self.sent[reads], []
             return found
 
         def read(layout: np.dtype, timeout: float) -> Any:
             return next(reversed(take(timeout)), None)
 
-        def send(message: Any) -> None:
-            self.sent[writes].append(message.copy() if isinstance(message, np.ndarray) else message)
+        def write(record: np.ndarray) -> None:
+            self.sent[writes].append(record.copy())
 
-        return SimpleNamespace(take=take, read=read, send=send, write=send)
-
-    def message(self, topic: str, head: tuple[Any, ...], text: str, binary: list[int]) -> Any:
-        assert binary == [] and (head[1:] == ((0,), (0, False)) if "request" in topic else len(head[1]) == 1)
-        identity, status = SimpleNamespace(id=head[0][0], api_id=head[0][1]), SimpleNamespace(code=head[1][0])
-        return SimpleNamespace(
-            header=SimpleNamespace(identity=identity, status=status), parameter=text, data=text
-        )
+        return SimpleNamespace(take=take, read=read, write=write)
 
 
 def test_states_and_commands_come_through_as_they_were_sent(monkeypatch: pytest.MonkeyPatch) -> None:

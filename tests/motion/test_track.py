@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -15,20 +14,14 @@ from made_motions import make_motion
 
 from wbc import load_robot
 from wbc.app.cli import main
-from wbc.core.conventions import rotation_of
 from wbc.core.robot import GRAVITY, Robot
-from wbc.motion import MotionClip, MotionSource, check_motion, make_feasible, write_motion
-from wbc.motion.feasible import _balanced, _straightened, supports_on
-from wbc.motion.inverse_kinematics import inverse_kinematics
-from wbc.motion.kinematics import BodyMotion
-from wbc.motion.measures import nearest_inside
+from wbc.motion import MotionClip, MotionSource, make_feasible, write_motion
 from wbc.motion.source import clip_references, splines
 from wbc.sim import Machine, TrackSpec, track_motion
 from wbc.walking import Reference
 from wbc.walking.contact import Event
 
 DT = 0.005
-SIDES = ("left", "right")
 
 
 @pytest.fixture(scope="module")
@@ -119,65 +112,6 @@ def test_arms_are_tracked_while_the_robot_stands(g1: Robot) -> None:
     result = track_motion(short, TrackSpec(after=0.0))
     assert result.fall is None and result.failures == 0
     assert result.joint_rms_deg < 1.0 and result.com_rms_mm < 5.0 and result.foot_slide_mm < 1.0
-
-
-def bow(robot: Robot, angle: float) -> MotionClip:
-    """Return a clip of a second in which the robot stands bent forward from its hips."""
-    q = np.array(robot.half_sitting)
-    data = robot.model.createData()
-    pin.framesForwardKinematics(robot.model, data, q)
-    com = pin.centerOfMass(robot.model, data, q).copy()
-    left, right = (data.oMf[robot.frame_id(sole.frame)].copy() for sole in robot.soles[:2])
-    q[3:7] = pin.Quaternion(pin.utils.rotate("y", angle) @ pin.Quaternion(q[3:7]).matrix()).coeffs()
-    lower = com[None] - [0.0, 0.0, 0.03]
-    bent, stands = q[None], np.ones((1, 2))
-    for _ in range(8):
-        bent = inverse_kinematics(robot, 0.05, q[None], [(left, right)], stands, lower, bent)
-    return MotionClip.of(robot, np.repeat(bent, 101, axis=0), 100.0, "bow")
-
-
-def reaching_bow(g1: Robot) -> MotionClip:
-    """A bow with the arms ahead, which the waist of g1 cannot hold."""
-    clip = bow(g1, 1.0)
-    joints = clip.joints.copy()
-    for name, angle in (
-        ("waist_pitch_joint", 0.4),
-        *((f"{side}_shoulder_pitch_joint", -2.0) for side in SIDES),
-    ):
-        joints[:, clip.joint_names.index(name)] = angle
-    return replace(clip, joints=joints)
-
-
-def test_a_trunk_is_turned_up_about_the_horizontal_axis_across_its_tilt_until_the_waist_holds_it(
-    g1: Robot,
-) -> None:
-    q = reaching_bow(g1).configurations(g1)[:12]
-    turn = pin.Quaternion(pin.utils.rotate("z", 0.8))
-    q[:, 3:7] = [(turn * pin.Quaternion(base)).coeffs() for base in q[:, 3:7]]
-    before = BodyMotion.of(g1, q, 100.0).torque_share(g1).max()
-    base = _straightened(g1, q, 0.8)
-    up = q.copy()
-    up[:, 3:7] = base
-    assert before > 1.05 and BodyMotion.of(g1, up, 100.0).torque_share(g1).max() == pytest.approx(
-        0.8, rel=0.02
-    )
-    change = pin.log3(rotation_of(base[5]) @ rotation_of(q[5, 3:7]).T)
-    axis = rotation_of(q[5, 3:7])[:2, 1]  # it bows about its own y axis
-    np.testing.assert_allclose(change / np.linalg.norm(change), [*-axis, 0.0], atol=1e-3)
-    np.testing.assert_allclose(_straightened(g1, q, 2.0), q[:, 3:7], atol=1e-12)
-
-
-def test_a_centre_of_mass_beyond_the_toes_is_brought_back_over_the_middle_of_the_soles(g1: Robot) -> None:
-    still = BodyMotion.of(g1, np.tile(g1.half_sitting, (2, 1)), 100.0)
-    toes, leaned = still.corners[0, :, :, 0].max(), still.q[:1]
-    for ahead in (0.5, 1.02):
-        com = still.com[:1] * (0.0, 1.0, 1.0) + (ahead * toes, 0.0, -0.02)
-        leaned = inverse_kinematics(g1, 0.05, still.q[:1], still.soles[:1], np.ones((1, 2)), com, leaned)
-    clip = MotionClip.of(g1, np.repeat(leaned, 60, axis=0), 100.0)
-    motion, standing, _ = _balanced(g1, clip, 0.8)
-    areas = supports_on(g1, list(motion.soles), standing)
-    off = np.linalg.norm(nearest_inside(areas, motion.zmp()) - motion.zmp(), axis=1)[5:-5]
-    assert check_motion(g1, clip).zmp_worst > 0.5 and off.max() < 1e-3
 
 
 @pytest.mark.slow

@@ -162,8 +162,10 @@ class RunMarks:
         while len(self._real) > MAX_STEPS:
             del self._real[next(iter(self._real))]
         picture.marks += [*self._planned.values(), *self._real.values()]
-        middle = np.mean([pose[:3, 3] for pose in soles], axis=0)
-        off = float(np.linalg.norm((moved(np.linalg.inv(drift), middle) - middle)[:2]))
+        middle = np.asarray(np.mean([pose[:3, 3] for pose in soles], axis=0), dtype=np.float64)
+        off = float(
+            np.linalg.norm((moved(np.asarray(np.linalg.inv(drift), dtype=np.float64), middle) - middle)[:2])
+        )
         turn = unsigned_zero(math.degrees(heading(drift[:3, :3])), 1)
         picture.text += [*walk_lines(walking), f"estimate {1e3 * off:.0f} mm and {turn:+.1f}° off"]
 
