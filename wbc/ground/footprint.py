@@ -55,6 +55,7 @@ class FootprintSettings:
         unrest: Cost of the tilt of resting planes, m/rad.
         distance: Cost of moving a landing, m/m.
         move: Cost of moving it at all, m.
+        edge: Cost of a height of the first contact that differs within a node of the place, m/m.
         tilt: Greatest tilt of a landing, rad; 0 keeps the sole level.
         choice: Whether another place nearby may be chosen.
         way: Whether the swing clears the highest ground on its way.
@@ -65,6 +66,7 @@ class FootprintSettings:
     unrest: Annotated[NonNegative, "m/rad"] = 0.1
     distance: Annotated[NonNegative, "m/m"] = 0.15
     move: Annotated[NonNegative, "m"] = 0.002
+    edge: Annotated[NonNegative, "m/m"] = 0.2
     tilt: Annotated[NonNegative, "rad"] = 0.0
     choice: bool = True
     way: bool = True
@@ -141,7 +143,8 @@ class Footprint:
     def support(self, ground: Heights, x: float, y: float, yaw: float) -> Support | None:
         """Return the ground under a sole at a place, m and rad, in the world; None where too little is known."""
         low = self._low(ground, self._near.nodes, x, y, yaw)
-        return self._support(low[self._near.soles[4]], float(_first_contacts(low, self._near)[0]), x, y)
+        top, _ = _first_contacts(low, self._near)
+        return self._support(low[self._near.soles[4]], float(top[0]), x, y)
 
     def best(
         self,
@@ -160,10 +163,10 @@ class Footprint:
         if not s.choice:
             return self.support(ground, x, y, yaw)
         low = self._low(ground, lattice.nodes, x, y, yaw)
-        soles, top = low[lattice.soles[lattice.inner]], _first_contacts(low, lattice)
+        soles, (top, spread) = low[lattice.soles[lattice.inner]], _first_contacts(low, lattice)
         known = (soles > NOTHING).mean(axis=1) >= s.least_known
         moving = self._moving if cost is None else cost(lattice.moves)
-        costs = np.where(known, s.unrest * self._unrest(soles, top) + moving, np.inf)
+        costs = np.where(known, s.unrest * self._unrest(soles, top) + s.edge * spread + moving, np.inf)
         turn, middle = complex(math.cos(yaw), math.sin(yaw)), len(costs) // 2
         for k in np.argsort(costs, kind="stable").tolist():
             if not known[k]:
@@ -230,8 +233,9 @@ class Footprint:
         return np.asarray(np.hypot(*(self._slopes[rest] * (1.0, ACROSS)).transpose(2, 0, 1)).mean(axis=1))
 
 
-def _first_contacts(low: Array, lattice: _Lattice) -> Array:
-    """Return the height of the first contact at each inner place, the mean over the nine about it, m."""
+def _first_contacts(low: Array, lattice: _Lattice) -> tuple[Array, Array]:
+    """Return the height of the first contact at each inner place, the mean over the nine about it, and their range, m."""
     tops = low[lattice.soles].max(axis=1)
     nine = tops[lattice.around]
-    return np.asarray(np.where(nine > NOTHING, nine, nine[:, 4:5]).mean(axis=1))
+    nine = np.where(nine > NOTHING, nine, nine[:, 4:5])
+    return np.asarray(nine.mean(axis=1)), np.asarray(np.ptp(nine, axis=1))

@@ -227,10 +227,10 @@ class KnownGround:
     def _at(self, places: Places) -> tuple[Array, Array]:
         """Return heights, NaN where unknown, and standard deviations, m, at places x + iy, m."""
         z, std = self.map.at(places)
+        unknown = np.isnan(z)
+        std[unknown] = 0.0
         if self.elevation is not None and "map" not in self.doubts:
-            unknown = np.isnan(z)
             z[unknown] = self.elevation.at(places[unknown]) + self._raised
-            std[unknown] = 0.0
         return z, std
 
     def _doubt(self, what: str, why: str) -> None:
