@@ -234,7 +234,7 @@ class Footprint:
 
 
 def _first_contacts(low: Array, lattice: _Lattice) -> tuple[Array, Array]:
-    """Return the height of the first contact at each inner place, the mean over the nine about it, and their range, m."""
+    """Return the height of first contact at each inner place, m: the mean over the nine about it, and their range."""
     tops = low[lattice.soles].max(axis=1)
     nine = tops[lattice.around]
     nine = np.where(nine > NOTHING, nine, nine[:, 4:5])
