@@ -1,8 +1,9 @@
 """Height of the support under the pendulum: level on level ground, smooth over slopes and stairs.
 
 Going up, the pendulum rises from the landing until the middle of the next single support, when the upper leg
-carries; going down, it sinks from the middle of the single support until both feet have settled, so that the
-swing foot reaches the lower stair.
+carries; up a high stair it rises but a little before the lower foot leaves, whose leg would be stretched. Going
+down, it sinks from the middle of the single support until both feet have settled, so that the swing foot reaches
+the lower stair.
 """
 
 from __future__ import annotations
@@ -18,6 +19,15 @@ from wbc.walking.lipm.schedule import SupportPhase
 SHORTEST = 0.1
 """Least duration of a change of height, s."""
 
+HIGH = 0.06
+"""Rise from which on a stair is high, m."""
+
+STRETCH = 0.02
+"""Rise up a high stair until the lower foot leaves, m."""
+
+CLIMB = 0.16
+"""Greatest mean speed of a rise, m/s."""
+
 
 class HeightProfile:
     """Height of the support over time, with continuous acceleration."""
@@ -27,14 +37,16 @@ class HeightProfile:
         events = _events(supports)
         state = float(start.com[2]) - height, float(start.com_velocity[2]), float(start.com_acceleration[2])
         self._starts = [0.0]
-        self._pieces = [Quintic(state, (events[0][1], 0.0, 0.0), max(SHORTEST, events[0][2]))]
-        goal = events[0][1]
+        _, goal, deadline = events[0]
+        duration = max(SHORTEST, deadline, (goal - state[0]) / CLIMB)
+        self._pieces = [Quintic(state, (goal, 0.0, 0.0), duration)]
         for time, level, deadline in events[1:]:
             if abs(level - goal) < ROUNDING:
                 continue
             state = self.at(time)
+            duration = max(SHORTEST, deadline - time, (level - state[0]) / CLIMB)
             self._starts.append(time)
-            self._pieces.append(Quintic(state, (level, 0.0, 0.0), max(SHORTEST, deadline - time)))
+            self._pieces.append(Quintic(state, (level, 0.0, 0.0), duration))
             goal = level
 
     def at(self, time: float) -> tuple[float, float, float]:
@@ -61,9 +73,12 @@ def _events(supports: Sequence[SupportPhase]) -> list[tuple[float, float, float]
             if following is not None and _level(supports, i + 1) < level - ROUNDING:
                 events.append((middle, _level(supports, i + 1), end + following.duration))
         else:
-            extra = 0.5 * following.total if following is not None else 0.0
-            rising = _level(supports, i) > support.feet[0].z + ROUNDING
-            events.append((time, _level(supports, i), end + (extra if rising else 0.0)))
+            level, low = _level(supports, i), support.feet[0].z
+            if following is not None and level > low + HIGH:
+                events.append((time, low + STRETCH, end))
+            else:
+                extra = 0.5 * following.total if following is not None and level > low + ROUNDING else 0.0
+                events.append((time, level, end + extra))
         time = end
     return events
 
