@@ -135,8 +135,7 @@ def _add_walk(signals: Signals, tick: Tick) -> None:
         velocity = planned(lambda r, i=i: r.feet[i].velocity)  # type: ignore[misc]
         _add_motion(signals, f"foot/{foot}/reference", "sole", "world", pose, velocity)
     group("dcm/reference", XY, "m", "world", planned(lambda r: r.pendulum.dcm[:2]))
-    about = "of the estimated CoM, world"
-    group("dcm/estimated", XY, "m", about, lambda t: _dcm(t, t.estimate))
+    group("dcm/estimated", XY, "m", "of the estimated CoM, world", lambda t: _dcm(t, t.estimate))
 
 
 def _add_stabilizer(signals: Signals, tick: Tick) -> None:
@@ -152,8 +151,7 @@ def _add_stabilizer(signals: Signals, tick: Tick) -> None:
     group("zmp/desired", XYZ, "m", "of the desired net wrench, world", stabilized(lambda o: o.zmp))
     about = "of the measured foot wrenches, world"
     group("zmp/measured", XYZ, "m", about, stabilized(lambda o: o.measured_zmp))
-    about = "target minus measured, world"
-    group("stabilizer/dcm_error", XY, "m", about, stabilized(lambda o: o.errors.dcm))
+    group("stabilizer/dcm_error", XY, "m", "target minus measured, world", stabilized(lambda o: o.errors.dcm))
     group("stabilizer/dcm_error_average", XY, "m", "world", stabilized(lambda o: o.errors.average))
     group("stabilizer/dcm_error_rate", XY, "m/s", "world", stabilized(lambda o: o.errors.rate))
     about = "desired, world"
@@ -482,8 +480,7 @@ def _add_stiffness(signals: Signals, task: StiffnessScheduler) -> None:
         step(lambda s: (s.commanded, s.actual, s.requested, s.decided_before, s.computing)),
     )
     one("stiffness/cluster", "1", "cluster chosen by the policy", decision(lambda d: d.cluster), "whole")
-    about = "reason for the fallback stiffness"
-    one("stiffness/fallback", "1", about, step(lambda s: s.fallback), "text")
+    one("stiffness/fallback", "1", "reason for the fallback stiffness", step(lambda s: s.fallback), "text")
     features = decision(lambda d: json.dumps(dict(d.features)))
     one("stiffness/features", "1", "features of the decision, as JSON", features, "text")
     about = "profile: distance along the walking direction from the world origin"

@@ -10,14 +10,7 @@ from pathlib import Path
 from typing import Annotated, Any
 
 from cyclopts import Parameter
-from rich.progress import (
-    BarColumn,
-    MofNCompleteColumn,
-    Progress,
-    TextColumn,
-    TimeElapsedColumn,
-    TimeRemainingColumn,
-)
+from rich.progress import Progress, TextColumn
 
 from wbc.app.commands.study.show import PartOptions, StudyName, entries_of
 from wbc.app.files import check_target
@@ -56,7 +49,7 @@ def reruns(study: Study, entries: Mapping[str, Entry], journal: Path) -> list[di
 
 @settings(kw_only=True)
 class RunOptions:
-    """Options of a sweep over the trials of a study.
+    """Options of a sweep over the trials of a study, or of one trial of a journal once more.
 
     Attributes:
         journal: File that every trial is written to as soon as it has ended; what is in it is not run again.
@@ -64,6 +57,8 @@ class RunOptions:
         cluster: Run through Dask instead: address of a scheduler.
         timeout: Wall time that a trial may take, s.
         retry: Run trials again that crashed or timed out.
+        key: Key of a trial of the journal, or the beginning of it, that is run again instead; the journal is only read.
+        out: File to write the spec of that trial to before it runs (.json), for `wbc walk --spec`.
     """
 
     journal: Path
@@ -71,22 +66,11 @@ class RunOptions:
     cluster: str | None = None
     timeout: Annotated[Positive, "s"] = TIMEOUT
     retry: bool = False
+    key: str | None = None
+    out: Annotated[Path | None, Parameter(alias="-o")] = None
 
     def __post_init__(self) -> None:
         check_journal_path(self.journal)
-
-
-@settings(kw_only=True)
-class RunOrRerunOptions(RunOptions):
-    """Options of a sweep, or of one trial of a journal once more.
-
-    Attributes:
-        key: Key of a trial of the journal, or the beginning of it, that is run again instead; the journal is only read.
-        out: File to write the spec of that trial to before it runs (.json), for `wbc walk --spec`.
-    """
-
-    key: str | None = None
-    out: Annotated[Path | None, Parameter(alias="-o")] = None
 
 
 @reports
@@ -94,7 +78,7 @@ def run(
     study: StudyName | None = None,
     /,
     *,
-    options: RunOrRerunOptions,
+    options: RunOptions,
     part: PartOptions,
     output: Output,
 ) -> Report:
@@ -141,7 +125,7 @@ def run(
     return output.report(data, "\n  ".join(lines))
 
 
-def _rerun(options: RunOrRerunOptions, key: str, output: Output) -> Report:
+def _rerun(options: RunOptions, key: str, output: Output) -> Report:
     """Run one trial of a journal again, and report whether it ends as there."""
     target = None
     if options.out is not None:
@@ -198,7 +182,11 @@ def run_trials(study: Study, options: RunOptions, *, any_code: bool = False) -> 
         executor = None
         if options.cluster is not None:
             executor = stack.enter_context(cluster_executor(options.cluster))
-        bar = stack.enter_context(progress_bar())
+        columns = (
+            *Progress.get_default_columns(),
+            TextColumn("{task.completed} of {task.total}  {task.fields[rate]}"),
+        )
+        bar = stack.enter_context(Progress(*columns, console=progress_console()))
         task = bar.add_task(study.name, total=len(specs), rate="")
 
         def progress(summary: SweepSummary) -> None:
@@ -216,16 +204,3 @@ def run_trials(study: Study, options: RunOptions, *, any_code: bool = False) -> 
             retry=options.retry,
             progress=progress,
         )
-
-
-def progress_bar() -> Progress:
-    """Return the progress bar of a sweep."""
-    return Progress(
-        TextColumn("{task.description}"),
-        BarColumn(),
-        MofNCompleteColumn(),
-        TimeElapsedColumn(),
-        TimeRemainingColumn(),
-        TextColumn("{task.fields[rate]}"),
-        console=progress_console(),
-    )
