@@ -9,14 +9,13 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pytest
 from browser import Browser, needs_chromium
 
 import wbc
 from wbc.app.view.base import PortError
-from wbc.app.view.controls import LiveControls
-from wbc.app.view.widgets import round_slider, round_up
+from wbc.app.view.controls import LiveControls, round_up
+from wbc.app.view.widgets import round_slider
 from wbc.sim import WalkPlan, WalkSpec
 from wbc.sim.walks.trial import WalkTrial
 from wbc.walking import FootstepPlan, Gait, WalkingControl, walk_distance
@@ -60,10 +59,10 @@ def test_a_run_is_the_same_with_and_without_a_workbench() -> None:
 def test_a_run_is_repeated_with_its_interventions_bit_for_bit() -> None:
     orders: dict[int, dict[str, Any]] = {
         3: {"do": "push", "direction": "left", "impulse": 0.05},
-        8: {"do": "task", "task": "com", "weight": 30.0},
-        10: {"do": "task", "task": "com", "damping": 9.0},
+        8: {"do": "set", "name": "task com/weight", "value": 30.0},
+        10: {"do": "set", "name": "task com/damping", "value": 9.0},
         12: {"do": "pull", "body": "torso", "force": [10.0, 0.0, 0.0]},
-        20: {"do": "task", "task": "com", "on": False},
+        20: {"do": "target", "task": "com", "target": [0.0, 0.01, 0.75]},
         25: {"do": "pull", "body": "torso", "force": [0.0, 0.0, 0.0]},
     }
 
@@ -89,8 +88,10 @@ def test_a_run_is_repeated_with_its_interventions_bit_for_bit() -> None:
 @pytest.mark.parametrize(
     ("order", "named"),
     [
-        ({"do": "task", "task": "cm", "weight": 1.0}, "com"),
-        ({"do": "task", "task": "com", "weight": -1.0}, "weight"),
+        ({"do": "set", "name": "task cm/weight", "value": 1.0}, "task com"),
+        ({"do": "target", "task": "cm", "target": [0.0, 0.0, 0.8]}, "com"),
+        ({"do": "target", "task": "com", "target": [0.0, 0.0]}, "com"),
+        ({"do": "set", "name": "task com/weight", "value": -1.0}, "weight"),
         ({"do": "pull", "body": "tail", "force": [0.0, 0.0, 1.0]}, "tail"),
         ({"do": "jump"}, "jump"),
         ({"do": "push", "direction": "left", "impulse": 50.0}, "impulse"),
@@ -104,14 +105,17 @@ def test_orders_that_make_no_sense_are_refused(order: Any, named: str) -> None:
     assert controls.interventions == []
 
 
-def test_a_task_is_switched_off_and_on_with_its_weight() -> None:
+def test_what_may_be_set_follows_the_tasks() -> None:
     plant, control = stand()
-    com = control.controller.task("com")
-    weight, controls = np.array(com.weight), LiveControls(plant, None, control.controller)
-    controls.apply({"do": "task", "task": "com", "on": False})
-    assert not com.weight.any()
-    controls.apply({"do": "task", "task": "com", "on": True})
-    assert com.weight == pytest.approx(weight)
+    controls, controller = LiveControls(plant, None, control.controller), control.controller
+    before = set(controls.settings)
+    assert {"task com/weight", "task com/stiffness", "task com/damping"} <= before
+    hand = controller.add(wbc.PositionTask("left_hand", name="hand", weight=3.0))
+    more = controls.settings
+    assert {name.partition("/")[0] for name in set(more) - before} == {"task hand"}
+    assert more["task hand/weight"].low < more["task hand/weight"].value == 3.0
+    controller.remove(hand)
+    assert set(controls.settings) == before
 
 
 # ---- the page -------------------------------------------------------------------------------------------------------
@@ -163,10 +167,10 @@ def test_a_page_drives_a_robot_that_stands_and_sets_gains_and_stops() -> None:
     assert len(controls.interventions) == 1, "of several commands to one tick the last one counts"
     controls.halt()
     assert walking.velocity == (0.0, 0.0, 0.0)
-    controls.apply({"do": "gain", "name": "dcm_p", "value": 5.5})
+    controls.apply({"do": "set", "name": "stabilizer/dcm_p", "value": 5.5})
     assert walking.stabilizer is not None and walking.stabilizer.gains.dcm_p == (5.5, 5.5)
     controls.apply({"do": "stop"})
-    assert [entry["what"] for entry in controls.interventions] == ["drive", "gain", "stop"]
+    assert [entry["what"] for entry in controls.interventions] == ["drive", "set", "stop"]
     planned = WalkingControl(robot, walk_distance(FootstepPlan.standing(robot), 0.3), 0.005)
     assert "drive" not in LiveControls(plant, planned).offered
 
@@ -177,7 +181,7 @@ def test_soles_take_a_stiffness_in_their_next_swing() -> None:
     plan = WalkPlan(distance=0.1)
     spec = WalkSpec(plan=plan, gait=gait, foot="variable", stiffness=10.0, noise="none", changes=in_time)
     trial = WalkTrial(spec)
-    LiveControls(trial.plant, trial.walking).apply({"do": "stiffness", "value": 30.0})
+    LiveControls(trial.plant, trial.walking).apply({"do": "set", "name": "soles/stiffness", "value": 30.0})
     while trial.walking.steps_done < 1:
         measured = trial.plant.measure()
         trial.plant.step(trial.walking.command(measured))

@@ -7,10 +7,8 @@ at a tick, and kept as interventions with their simulated time, which results an
     pull        a force on a link for as long as it is held, as by the mouse
     stop        the walk stops safely, with the present step
     drive       velocity of a robot that is steered: forward, left and turn; a stand when no page is left
-    gain        of the stabilizer, where the controller has one, from the next tick on
-    stiffness   of variable soles: each foot gets it in its next swing, as if decided by a policy, as far as its
-                actuator is sure to reach it before the landing
-    task        weight, stiffness, damping, target of a task, or whether it is on
+    set         one of the `settings`: gains of the stabilizer, stiffness of variable soles, weights and gains of tasks
+    target      target of a task: a point, a rotation or a pose
 
 A footstep plan, gait, terrain and seed belong to another run; a run cannot go back in time: `wbc view` replays it.
 """
@@ -21,18 +19,21 @@ import json
 import logging
 import math
 from collections import deque
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from functools import partial
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 import pinocchio as pin
 
+from wbc.app.arguments import attribute_docs
 from wbc.core.errors import InputError, WbcError, choose, finite_array, finite_scalar
 from wbc.core.qp.controller import Controller
 from wbc.core.robot import GRAVITY
 from wbc.feet.soles.soft import VariableStiffnessFoot
 from wbc.sim.plant.plant import Plant
+from wbc.tasks.stabilizer.gains import LIMITS, StabilizerGains
 
 if TYPE_CHECKING:
     from wbc.sim.plant.robot import SimulatedRobot
@@ -52,8 +53,14 @@ STABILIZER_GAINS = {
 DIRECTIONS = {"forward": 0.0, "left": 0.5 * math.pi, "back": math.pi, "right": -0.5 * math.pi}
 """Directions of a push in the robot's frame, rad to the left of forward."""
 
-TASK_ORDERS = ("weight", "stiffness", "damping", "on", "target")
-"""Fields of an order to a task, of which it changes one."""
+GAINS = (
+    ("stiffness", "1/s²", "acceleration per error; the damping stays critical unless it was set"),
+    ("damping", "1/s", "acceleration per velocity error"),
+)
+"""Gains of a task: name, unit and hint."""
+
+POWERS = 3.0
+"""Powers of ten by which a weight may be changed, up and down."""
 
 IMPULSE, MAX_IMPULSE = 0.1, 2.0
 """Impulse of a push per mass, Ns/kg: the page's default (a walk recovers from it), and the largest one."""
@@ -66,6 +73,19 @@ MAX_ORDERS = 16
 
 PUSH_DURATION = 0.1
 """Duration of a push, s; as in `wbc push`."""
+
+
+class Setting(NamedTuple):
+    """A number of a run that may be changed while it goes on."""
+
+    name: str  # group and name, such as stabilizer/dcm_p
+    unit: str
+    value: float  # now
+    low: float  # that a page offers
+    high: float
+    about: str
+    take: Callable[[float], object]
+    by_power: bool = False  # its power of ten is offered
 
 
 class LiveControls:
@@ -93,21 +113,36 @@ class LiveControls:
         self._orders: deque[dict[str, Any]] = deque(maxlen=MAX_ORDERS)  # of pages, until the next tick
         self._repeat = deque(sorted(repeat, key=lambda entry: float(entry["time"])))
         self._pull: tuple[str, list[float]] | None = None
-        self._weights: dict[str, Any] = {}  # of tasks that are off
         self._reported, self._time = 0, 0.0
-        self._actions: dict[str, Callable[[dict[str, Any]], dict[str, Any]]] = {}
+        self._actions: dict[str, Callable[[dict[str, Any]], dict[str, Any]]] = {"set": self._set}
         if self.controller is not None:
-            self._actions["task"] = self._set_task
+            self._actions["target"] = self._aim
         if plant is not None:
             self._actions |= {"push": self._push, "pull": self._hold}
         if walking is not None:
             self._actions["stop"] = self._stop
-            if walking.stabilizer is not None:
-                self._actions["gain"] = self._set_gain
             if walking.steered:
                 self._actions["drive"] = self._drive
-            if self.variable_foot is not None:
-                self._actions["stiffness"] = self._set_stiffness
+
+    @property
+    def settings(self) -> dict[str, Setting]:
+        """What may be set, by name; tasks come and go."""
+        walking, foot = self._walking, self._plant.foot if isinstance(self._plant, Plant) else None
+        found: list[Setting] = []
+        if walking is not None and walking.stabilizer is not None:
+            docs = attribute_docs(StabilizerGains)
+            for name, unit in STABILIZER_GAINS.items():
+                value = first(getattr(walking.stabilizer.gains, name))
+                take = partial(self._set_gain, name)
+                found.append(Setting(f"stabilizer/{name}", unit, value, 0.0, LIMITS[name], docs[name], take))
+        if walking is not None and isinstance(foot, VariableStiffnessFoot):
+            about, high = "each foot takes it in its next swing", max(100.0, 2.0 * foot.stiffness)
+            low, high = foot.actuator.low, min(foot.actuator.high, high)
+            take = self._set_stiffness
+            found.append(Setting("soles/stiffness", "Nm/rad", foot.stiffness, low, high, about, take))
+        for task in () if self.controller is None else self.controller.tasks:
+            found += _task_settings(task)
+        return {each.name: each for each in found}
 
     # ---- the tick ---------------------------------------------------------------------------------------------------
 
@@ -141,12 +176,6 @@ class LiveControls:
         """Kinds of orders that the run takes."""
         return {*self._actions}
 
-    @property
-    def variable_foot(self) -> VariableStiffnessFoot | None:
-        """The foot of a walk on soles of variable stiffness; None for others."""
-        foot = self._plant.foot if isinstance(self._plant, Plant) else None
-        return foot if self._walking is not None and isinstance(foot, VariableStiffnessFoot) else None
-
     def apply(self, request: Any) -> None:
         """Carry out an order, {"do": name, …}, now; `message` says whether it was refused."""
         try:
@@ -170,28 +199,18 @@ class LiveControls:
         """Simulated time, s."""
         return self._time if self._plant is None else self._plant.time
 
-    def _set_task(self, request: dict[str, Any]) -> dict[str, Any]:
+    def _set(self, request: dict[str, Any]) -> dict[str, Any]:
+        settings, name = self.settings, str(request.get("name"))
+        value = finite_scalar(f"value of {name}", request.get("value"), low=0.0)
+        settings[choose("setting", name, settings)].take(value)
+        return {"name": name, "value": value}
+
+    def _aim(self, request: dict[str, Any]) -> dict[str, Any]:
         task: Any = self.controller.task(str(request.get("task")))
-        facts: dict[str, Any] = {key: request[key] for key in TASK_ORDERS if key in request}
-        if len(facts) != 1:
-            raise InputError(f"an order to a task has one of {', '.join(TASK_ORDERS)}")
-        ((what, value),) = facts.items()
-        if what == "target":
-            if task.held_by is not None:
-                raise InputError(f"the target of task '{task.name}' is set at every tick: use {task.held_by}")
-            task.target = target_of(task, value)
-        elif what == "on":
-            if task.hard:
-                raise InputError(f"task '{task.name}' is hard: it cannot be switched off")
-            if value and task.name in self._weights:
-                task.weight = self._weights.pop(task.name)
-            elif not value and task.name not in self._weights:
-                self._weights[task.name], task.weight = np.array(task.weight), 0.0
-        elif what == "weight" and task.name in self._weights:
-            self._weights[task.name] = finite_array(f"weight of task '{task.name}'", value)
-        else:
-            setattr(task, what, value)
-        return {"task": task.name, **facts}
+        if task.held_by is not None:
+            raise InputError(f"the target of task '{task.name}' is set at every tick: use {task.held_by}")
+        task.target = target_of(task, request.get("target"))
+        return {"task": task.name, "target": request["target"]}
 
     def _hold(self, request: dict[str, Any]) -> dict[str, Any]:
         body = str(request.get("body"))
@@ -237,25 +256,36 @@ class LiveControls:
         if moves and any(entry["what"] == "drive" for entry in self.interventions):
             self.apply({"do": "drive", "forward": 0.0, "left": 0.0, "turn": 0.0})
 
-    def _set_gain(self, request: dict[str, Any]) -> dict[str, Any]:
-        name = choose("gain", str(request.get("name")), STABILIZER_GAINS)
-        value = finite_scalar(f"gain '{name}'", request.get("value"), low=0.0)
+    def _set_gain(self, name: str, value: float) -> None:
         stabilizer = self._walking.stabilizer
         stabilizer.gains = replace(stabilizer.gains, **{name: value})
-        return {"name": name, "value": first(getattr(stabilizer.gains, name))}
 
-    def _set_stiffness(self, request: dict[str, Any]) -> dict[str, Any]:
+    def _set_stiffness(self, value: float) -> None:
         from wbc.tasks.scheduling.policies import FixedPolicy  # noqa: PLC0415
         from wbc.tasks.scheduling.stiffness import StiffnessScheduler  # noqa: PLC0415 - few runs need it
 
-        foot = self._plant.foot
-        value = foot.actuator.check(finite_scalar("stiffness (Nm/rad)", request.get("value"), low=0.0))
-        if self._walking.stiffness is None:
-            robot = self._walking.controller.robot
-            self._walking.stiffness = StiffnessScheduler(robot, foot, FixedPolicy(value))
+        policy, walking = FixedPolicy(self._plant.foot.actuator.check(value)), self._walking
+        if walking.stiffness is None:
+            walking.stiffness = StiffnessScheduler(walking.controller.robot, self._plant.foot, policy)
         else:
-            self._walking.stiffness.policy = FixedPolicy(value)
-        return {"value": value}
+            walking.stiffness.policy = policy
+
+
+def _task_settings(task: Any) -> Iterator[Setting]:
+    """Yield weight and gains of a task; all its rows get the same."""
+    group, weight = f"task {task.name}", float(task.weight.max())
+    if not task.hard and weight > 0.0:
+        low, high = (
+            10.0 ** (math.floor(math.log10(weight)) - POWERS),
+            10.0 ** (math.ceil(math.log10(weight)) + POWERS),
+        )
+        about = f"cost per squared residual, ({task.residual_unit})²"
+        yield Setting(f"{group}/weight", "", weight, low, high, about, partial(setattr, task, "weight"), True)
+    for name, unit, about in GAINS:
+        value = float(getattr(task, name).max())
+        if value > 0.0:
+            take = partial(setattr, task, name)
+            yield Setting(f"{group}/{name}", unit, value, 0.0, round_up(4.0 * value), about, take)
 
 
 def target_of(task: Any, value: Any) -> Any:
@@ -271,10 +301,9 @@ def intervention_text(entry: dict[str, Any]) -> str:
         "push": "pushed {direction} with {impulse:g} Ns/kg",
         "stop": "told to stop",
         "drive": "driven at {forward:.2f} m/s forward, {left:.2f} m/s left, {turn:.2f} rad/s",
-        "gain": "gain {name} set to {value:g}",
-        "stiffness": "soles told to take {value:g} Nm/rad",
+        "set": "{name} set to {value:g}",
+        "target": "target of task {task} moved",
         "pull": "pulled at {body} with ({force}) N",
-        "task": "task {task} changed",
         "end": "ended",
     }[entry["what"]]
     force = ", ".join(str(round(part)) for part in entry.get("force", ()))
@@ -284,3 +313,9 @@ def intervention_text(entry: dict[str, Any]) -> str:
 def first(value: Any) -> float:
     """Return a gain, the forward one of two."""
     return float(value[0] if isinstance(value, tuple) else value)
+
+
+def round_up(value: float) -> float:
+    """Return the next number that is not below and has one digit alone, such as 0.3, 8 or 200."""
+    power = 10.0 ** math.floor(math.log10(value))
+    return float(f"{math.ceil(round(value / power, 9)) * power:.0e}")

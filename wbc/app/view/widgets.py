@@ -13,6 +13,8 @@ import pinocchio as pin
 if TYPE_CHECKING:
     import viser
 
+    from wbc.app.view.controls import Setting
+
 Order = Callable[[dict[str, Any]], None]
 """Function that queues an order, see `wbc.app.view.controls`."""
 
@@ -64,21 +66,20 @@ class Widgets:
         box = self.server.gui.add_checkbox(label, value)
         when(box.on_update, lambda _: call(bool(box.value)))
 
-    def slider(
-        self,
-        label: str,
-        low: float,
-        high: float,
-        value: float,
-        hint: str,
-        order: dict[str, Any],
-        key: str = "value",
-        taken: Callable[[float], float] = float,
-    ) -> None:
-        """Add a slider whose value, as `taken`, is the `key` of an order; its steps are round numbers."""
+    def slider(self, setting: Setting) -> None:
+        """Add a slider that orders a setting; its steps are round numbers."""
+        label = setting.name.rpartition("/")[2] + (f" ({setting.unit})" if setting.unit else "")
+        low, high, value = setting.low, setting.high, min(max(setting.value, setting.low), setting.high)
+        if setting.by_power:
+            label, (low, high, value) = f"{label}, power of ten", map(math.log10, (low, high, value))
         step, shown = round_slider(low, high, value)
-        slider = self.server.gui.add_slider(label, low, high, step, shown, hint=hint or None)
-        when(slider.on_update, lambda _: self._order(order | {key: taken(slider.value)}))
+        slider = self.server.gui.add_slider(label, low, high, step, shown, hint=setting.about or None)
+
+        def moved(_: object) -> None:
+            given = 10.0**slider.value if setting.by_power else float(slider.value)
+            self._order({"do": "set", "name": setting.name, "value": given})
+
+        when(slider.on_update, moved)
 
     def gizmo(
         self,
@@ -148,9 +149,3 @@ def round_slider(low: float, high: float, value: float) -> tuple[float, float]:
     """Return step of a slider, a power of ten, and a value rounded to it, within the slider's ends."""
     digits = -math.floor(math.log10((high - low) / 200.0))
     return 10.0**-digits, min(max(round(value, digits) + 0.0, low), high)
-
-
-def round_up(value: float) -> float:
-    """Return the next number that is not below and has one digit alone, such as 0.3, 8 or 200."""
-    power = 10.0 ** math.floor(math.log10(value))
-    return float(f"{math.ceil(round(value / power, 9)) * power:.0e}")

@@ -15,19 +15,16 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from wbc.app.arguments import attribute_docs
 from wbc.app.view.base import View
-from wbc.app.view.controls import DIRECTIONS, IMPULSE, MAX_IMPULSE, STABILIZER_GAINS, LiveControls, first
+from wbc.app.view.controls import DIRECTIONS, IMPULSE, MAX_IMPULSE, LiveControls
 from wbc.app.view.marks import Picture
 from wbc.app.view.stage import SimulatedStage
 from wbc.app.view.viser_page import ViserPage, start_server, stop_server
-from wbc.app.view.widgets import Gizmo, Widgets, round_up, when
+from wbc.app.view.widgets import Gizmo, Widgets, when
 from wbc.core.errors import Array
-from wbc.core.qp.task import Task
 from wbc.robots import RobotDescription
 from wbc.sim.plant.robot import SimulatedRobot
 from wbc.tasks.behaviours import Program
-from wbc.tasks.stabilizer.gains import LIMITS, StabilizerGains
 
 SPEEDS = {"0.1": 0.1, "0.25": 0.25, "0.5": 0.5, "1": 1.0, "2": 2.0, "4": 4.0, "as fast as it goes": None}
 """Choices of the run's speed, multiples of real time."""
@@ -48,18 +45,12 @@ KEYS = (
 )
 """Commands of a robot that is driven: label, key, part of the velocity, and its sign. Arrows turn viser's camera."""
 
-GAINS = (
-    ("stiffness", "1/s²", "acceleration per error; the damping stays critical unless it was set"),
-    ("damping", "1/s", "acceleration per velocity error"),
-)
-"""Gains of a task: name, unit and hint."""
-
 
 class Workbench(View):
     """A live view with controls of everything that the run has: see `View` for what it shows.
 
-    Each task has a folder: gizmo on its target, weight, gains, on or off. Ctrl and the mouse pull at a link; a robot
-    that is steered is driven by sliders or keys. Orders are carried out at ticks and kept in `interventions`. Whoever
+    Each task has a folder: gizmo on its target, weight, gains. Ctrl and the mouse pull at a link; a robot that is
+    steered is driven by sliders or keys. Orders are carried out at ticks and kept in `interventions`. Whoever
     reaches the page, on this machine, changes the run.
 
     Attributes:
@@ -89,8 +80,8 @@ class Workbench(View):
         server.scene.reset()
         self._widgets = Widgets(server, self.controls.order)
         self._pace.restart()
-        self._task_room: Any = None  # folder of all tasks
-        self._tasks: list[Task] = []  # that it shows
+        self._room: Any = None  # folder of settings and targets
+        self._shown: list[str] = []  # settings in it
         with server.atomic():
             self._page = ViserPage(server, stage, None if robot is None else self._pull)
             self._fill(self._program)
@@ -178,42 +169,31 @@ class Workbench(View):
             self._widgets.button("stop walking", lambda: {"do": "stop"}, "the run ends when the robot stands")
         if "push" in offered:
             self._push_folder()
-        if "gain" in offered and walking is not None and walking.stabilizer is not None:
-            docs = attribute_docs(StabilizerGains)
-            with gui.add_folder("stabilizer gains", expand_by_default=False):
-                for name, unit in STABILIZER_GAINS.items():
-                    label, order = f"{name} ({unit})" if unit else name, {"do": "gain", "name": name}
-                    value, most = first(getattr(walking.stabilizer.gains, name)), LIMITS[name]
-                    self._widgets.slider(label, 0.0, most, min(value, most), docs[name], order)
-        if (foot := self.controls.variable_foot) is not None:
-            hint, high = "each foot takes it in its next swing", max(100.0, 2.0 * foot.stiffness)
-            with gui.add_folder("soles", expand_by_default=False):
-                self._widgets.slider(
-                    "stiffness (Nm/rad)",
-                    foot.actuator.low,
-                    min(foot.actuator.high, high),
-                    foot.stiffness,
-                    hint,
-                    {"do": "stiffness"},
-                )
         self._match()
 
     def _match(self) -> None:
-        """Make the folders of the tasks anew when tasks have come or gone."""
-        controller, gui = self.controls.controller, self._server.gui
-        present = [] if controller is None else list(controller.tasks)
-        if present == self._tasks:
+        """Make the folders of settings and targets anew when tasks have come or gone."""
+        settings, gui = self.controls.settings, self._server.gui
+        if list(settings) == self._shown:
             return
-        self._tasks = present
+        self._shown = list(settings)
         for gone in self._widgets.gizmos:
             gone.remove()
         self._widgets.gizmos.clear()
-        if self._task_room is not None:
-            self._task_room.remove()
-        self._task_room = gui.add_folder("tasks", expand_by_default=False)
-        with self._task_room:
-            for task in present:
-                self._task_folder(task)
+        if self._room is not None:
+            self._room.remove()
+        self._room = gui.add_folder("settings and targets", expand_by_default=False)
+        tasks = {f"task {task.name}": task for task in getattr(self.controls.controller, "tasks", ())}
+        groups = dict.fromkeys([*(name.rpartition("/")[0] for name in settings), *tasks])
+        with self._room:
+            for group in groups:
+                with gui.add_folder(group, expand_by_default=False):
+                    for name, setting in settings.items():
+                        if name.rpartition("/")[0] == group:
+                            self._widgets.slider(setting)
+                    task = tasks.get(group)
+                    if task is not None and task.held_by is None and _has_place(task):
+                        self._widgets.checkbox("gizmo on the target", False, self._task_gizmo(task).ask)
 
     def _drive_folder(self, limits: Iterable[float]) -> None:
         gui, parts = self._server.gui, ("forward", "left", "turn")
@@ -259,36 +239,6 @@ class Workbench(View):
             )
             gui.add_markdown("Ctrl and the mouse pull at a link.")
 
-    def _task_folder(self, task: Task) -> None:
-        gui, name, order = self._server.gui, task.name, {"do": "task", "task": task.name}
-        with gui.add_folder(name, expand_by_default=False):
-            if task.hard:
-                gui.add_markdown("hard: a constraint")
-            else:
-                weight = float(task.weight.max())
-                self._widgets.checkbox("on", weight > 0.0, lambda on: self.controls.order(order | {"on": on}))
-                power = math.log10(weight) if weight > 0.0 else 0.0
-                self._widgets.slider(
-                    "weight, power of ten",
-                    math.floor(power) - 3.0,
-                    math.ceil(power) + 3.0,
-                    power,
-                    f"cost per squared residual, ({task.residual_unit})²; all rows get the same",
-                    order,
-                    "weight",
-                    lambda power: 10.0**power,
-                )
-            for gain, unit, about in GAINS:
-                value = float(getattr(task, gain).max())
-                if value > 0.0:
-                    self._widgets.slider(
-                        f"{gain} ({unit})", 0.0, round_up(4.0 * value), value, about, order, gain
-                    )
-            if task.held_by is not None:
-                gui.add_markdown(f"Target set at every tick: use {task.held_by}")
-            elif _has_place(task):
-                self._widgets.checkbox("gizmo on the target", False, self._task_gizmo(task).ask)
-
     def _task_gizmo(self, task: Any) -> Gizmo:
         """Return the gizmo on the target of a task, which is shown when it is asked for."""
         robot, whole = task.robot, isinstance(task.target, pin.SE3)
@@ -305,7 +255,7 @@ class Workbench(View):
 
         def order(place: pin.SE3) -> dict[str, Any]:
             value = pin.SE3ToXYZQUAT(place) if whole else place.rotation if turns else place.translation
-            return {"do": "task", "task": task.name, "target": np.asarray(value).tolist()}
+            return {"do": "target", "task": task.name, "target": np.asarray(value).tolist()}
 
         size = 0.25 * self.stage.scale.height
         return self._widgets.gizmo(task.name, size, place, order, turns=turns, moves=moves)
