@@ -30,7 +30,8 @@ def control(**arms: Any) -> WalkingControl:
 
 
 def update(walking: WalkingControl, ticks: int = 1) -> None:
-    left, right = walking.walk._feet
+    robot = walking.controller.robot
+    left, right = (FootMotion.at_rest(robot.placement(sole.frame)) for sole in robot.soles)
     for _ in range(ticks):
         walking.arms.update((left, right), 0.0)
 

@@ -194,7 +194,7 @@ def hold(hands: Hands, name: str, along: Any, force: float) -> tuple[Hand, Calla
 
     def tick(most: float) -> None:
         felt = max(hand.target, 2.0 * hands.settings.touch)
-        chosen = np.minimum((0.0, 0.0, most), hand._force.target)
+        chosen = np.array((0.0, 0.0, min(most, hand.force.value + hand.extra)))
         wrench = np.concatenate((-felt * hand.direction, np.zeros(3)))
         hand.update(wrench, np.eye(3), chosen, middle, 0.005)
 

@@ -233,10 +233,8 @@ def test_the_zmp_stays_inside_and_the_dcm_is_taken_over() -> None:
         pattern = preview.plan(remaining(WALK, t), start)
         assert preview.status.ok
         check = pattern.at(0.0)
-        slack = preview._solver.x[-2:]
-        np.testing.assert_allclose(check.dcm[:2] - start.dcm[:2], -slack, atol=1e-5)
         np.testing.assert_allclose(check.zmp[:2], start.zmp[:2], atol=1e-9)
-        reached += np.abs(slack).max() < 1e-4
+        reached += np.abs(check.dcm[:2] - start.dcm[:2]).max() < 1e-4
         for dt in np.arange(0.02, 2.4, 0.02):
             support = support_at(WALK, t + dt)
             if dt < INTERVAL:

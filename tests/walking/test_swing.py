@@ -114,24 +114,6 @@ def test_ground_that_comes_early_is_met_as_gently_as_ground_that_comes_in_time()
     assert quick.at(0.6).velocity[2] < -1.5 * GAIT.landing_speed
 
 
-@pytest.mark.parametrize("now", [0.02, 0.2, 0.39, 0.41, 0.6, 0.74, 0.79])
-def test_a_new_landing_and_time_cause_no_jump(now: float) -> None:
-    foot = swing(replace(THERE, yaw=3.0), replace(HERE, yaw=3.0))
-    before = foot.at(now)
-    landing = Footstep("left", 0.35, 0.12, -0.02, -3.0)
-    foot.retarget(now, landing, 0.9)
-    after = foot.at(now)
-    np.testing.assert_allclose(after.placement.homogeneous, before.placement.homogeneous, atol=1e-9)
-    np.testing.assert_allclose(after.velocity, before.velocity, atol=1e-9)
-    np.testing.assert_allclose(after.acceleration, before.acceleration, atol=1e-7)
-    check_smooth(foot, np.linspace(now + 1e-3, 1.0, 30))
-    end = foot.at(0.9)
-    np.testing.assert_allclose(end.placement.homogeneous, landing.placement.homogeneous, atol=1e-9)
-    assert end.velocity[2] == pytest.approx(-GAIT.landing_speed)
-    spin = np.array([foot.at(t).velocity[5] for t in np.linspace(now, 0.9, 50)])
-    assert 0.0 < np.trapezoid(spin, np.linspace(now, 0.9, 50)) < 0.5  # the short way round
-
-
 def test_a_touchdown_that_comes_too_soon_is_put_off() -> None:
     foot = swing()
     foot.retarget(0.7, THERE, 0.6)

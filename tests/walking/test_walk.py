@@ -22,7 +22,6 @@ from wbc.walking.lipm.adjustment import SHORTEST, AdjustmentSettings, StepAdjust
 from wbc.walking.lipm.schedule import ZmpTarget, schedule, support_area
 from wbc.walking.lipm.walk import CLIMBING_INWARD, TOUCH_DOWNS, Walk, WalkSettings
 from wbc.walking.plans.footsteps import Footstep, FootstepPlan
-from wbc.walking.plans.gait import Gait
 from wbc.walking.plans.planners import climb_stairs, walk_distance, walk_velocity
 from wbc.walking.plans.reach import Reach
 from wbc.walking.source import Reference
@@ -194,18 +193,6 @@ def test_the_zmp_is_inward_and_less_so_on_stairs(climbing: bool, metre: Result) 
     assert np.median(inward) == pytest.approx(expected, abs=2e-3)
 
 
-def test_a_zmp_that_narrow_soles_have_no_room_for_is_planned_half_way_to_their_edge() -> None:
-    description = load("g1")
-    narrow = replace(
-        description, soles=tuple(replace(sole, width=0.05) for sole in description.soles)
-    ).robot()
-    plan = walk_distance(FootstepPlan.standing(narrow, Gait()), 0.4)
-    given = replace(WalkSettings().preview, target=replace(WalkSettings().preview.target, inward=0.0199))
-    for settings in (WalkSettings(), replace(WalkSettings(), preview=given)):
-        walk = Walk(narrow, plan, float(narrow.com[2]), DT, settings)
-        assert walk._preview.settings.target.inward == pytest.approx(0.5 * (0.025 - 0.008))
-
-
 @pytest.mark.parametrize(
     "plan",
     [
@@ -317,9 +304,6 @@ def test_without_a_push_no_step_is_moved() -> None:
     result = run(walk_distance(START, 0.5), WalkSettings(), gains=StabilizerGains(zmp_d=0.05))
     for step, wanted in zip(result.walk.phases.plan.steps, walk_distance(START, 0.5).steps, strict=True):
         np.testing.assert_allclose([step.x, step.y], [wanted.x, wanted.y], atol=1e-3)
-
-
-# Bad input
 
 
 # Step adjustment on its own

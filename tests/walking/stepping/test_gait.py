@@ -129,33 +129,6 @@ def test_a_larger_robot_does_the_same_in_larger_steps_and_longer_times(k: float)
             assert (b.landing.x, b.landing.y) == pytest.approx(expected, abs=1e-6)
 
 
-@pytest.mark.slow
-def test_the_foot_comes_down_quicker_the_more_uneven_the_last_steps_were() -> None:
-    """Softly on level ground, faster for each height between the feet, up to a greatest speed, and softly again."""
-    body = PointMass()
-    c = body.gait.constants
-    body.run(0.7)
-    body.gait.steering.command((0.2, 0.0, 0.0))
-
-    def landing_speed(seconds: float) -> float:
-        """Greatest speed downwards in the tick before the end of a planned swing, over some seconds."""
-        speeds, gait = [], body.gait
-        for _ in range(round(seconds / DT)):
-            body.run(DT)
-            swing = gait._swing
-            if swing is not None and gait._met is None:
-                speeds.append(-float(swing.at(swing.duration).velocity[2]))
-        return speeds[-1]
-
-    assert landing_speed(3.0) == pytest.approx(c.landing_speed)
-    body.ground = [0.01, 0.0]
-    assert landing_speed(1.5) == pytest.approx(c.landing_speed + c.haste * 0.01, rel=0.02)
-    body.ground = [0.03, 0.0]
-    assert landing_speed(1.5) == pytest.approx(c.hardest)
-    body.ground = [0.0, 0.0]
-    assert landing_speed(12.0) < 0.5 * (c.landing_speed + c.hardest)
-
-
 def mean_speed(body: PointMass, seconds: float) -> np.ndarray:
     """Velocity over some seconds, over ground, m/s."""
     start = body.com[:2].copy()

@@ -56,7 +56,6 @@ STATES: dict[str, tuple[tuple[bool, bool], tuple[float, float], int, int | None]
 def test_any_state_of_the_feet_may_follow_any_other() -> None:
     """A foot that has given up its load, and must carry at once, can."""
     controller, tasks, reference = standing()
-    turn = RobotSize.of(ROBOT, 0.162, float(ROBOT.com[2])).height ** 2
     for name in itertools.chain(*itertools.permutations(STATES, 2)):
         changed, state = reference, STATES[name]
         if state is not None:
@@ -72,32 +71,29 @@ def test_any_state_of_the_feet_may_follow_any_other() -> None:
         for side, foot in enumerate(tasks.contacts):
             wrench = solution.wrenches[foot.name]
             assert wrench[2] <= changed.most_force[side] + 1e-6
-            swings = np.repeat((20.0, 5.6 * turn), 3) * (changed.swing == side)
-            np.testing.assert_allclose(controller.task(f"{foot.name} swing").weight, swings)
+            assert np.any(controller.task(f"{foot.name} swing").weight) == (changed.swing == side)
             if not changed.contact[side]:
                 np.testing.assert_allclose(wrench, 0.0, atol=1e-7)
                 continue
             full = balanced or side == changed.stance
-            held = np.repeat((1000.0, (2780.0 if balanced else 8.3) * turn), 3)
-            np.testing.assert_allclose(foot.motion_weight, held * (1.0 if full else 0.1))
-            least = tasks._stance.least_force * (0.2 if all(changed.contact) else 1.0)
-            assert foot.min_force == (least if full else 0.0) and foot.max_force == changed.most_force[side]
+            assert (foot.min_force > 0.0) == full and foot.max_force == changed.most_force[side]
 
 
 def test_a_trunk_leans_and_twists_about_the_heading() -> None:
-    _, tasks, reference = standing()
-    upright = np.array(tasks._trunk[0].target)
+    controller, tasks, reference = standing()
+    pelvis = controller.task("pelvis")
+    upright = np.array(pelvis.target)
     lean = LeanMotion(
         pin.exp3(np.array([0.1, -0.05, 0.0])), np.array([0.2, 0.1, 0.0]), np.array([0.3, 0.5, 0.0])
     )
     turned = reference._replace(heading=0.4)
     tasks.follow(turned)
-    np.testing.assert_allclose(tasks._trunk[0].target, pin.utils.rotate("z", 0.4) @ upright, atol=1e-12)
+    np.testing.assert_allclose(pelvis.target, pin.utils.rotate("z", 0.4) @ upright, atol=1e-12)
     tasks.follow(turned, lean, Twist(0.3, -0.6, 0.7, False))
     expected = lean.rotation @ pin.utils.rotate("z", 0.7) @ upright
-    np.testing.assert_allclose(tasks._trunk[0].target, expected, atol=1e-12)
-    np.testing.assert_allclose(tasks._trunk[0].feedforward_velocity, (0.2, 0.1, -0.6))
-    np.testing.assert_allclose(tasks._trunk[0].feedforward_acceleration, (0.3, 0.5, 0.7))
+    np.testing.assert_allclose(pelvis.target, expected, atol=1e-12)
+    np.testing.assert_allclose(pelvis.feedforward_velocity, (0.2, 0.1, -0.6))
+    np.testing.assert_allclose(pelvis.feedforward_acceleration, (0.3, 0.5, 0.7))
 
 
 def test_a_robot_that_stands_where_it_is_to_stand_is_at_rest_under_its_weight() -> None:
