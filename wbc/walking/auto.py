@@ -6,7 +6,8 @@
 A robot that is asked for nothing stands by the law that steps out of pushes.
 
 Both laws share robot, controller, drives, estimate, arms and body; source, tasks and balance are exchanged between two
-ticks. In the middle of a step they are not: the plan has the contacts as constraints and its CoM at another height.
+ticks. In the middle of a step they are not: the plan's swings last twice as long as the other law's steps, so that by
+the next double support it is too late for either.
 """
 
 from __future__ import annotations
@@ -118,10 +119,10 @@ class AutoControl(ReferenceControl):
             dt: Control period, s.
             settings: Settings; the defaults when None.
             plan: Footsteps to begin with; a stand when None.
-            observer: Estimates the robot's state; a new one when None.
-            stiffness: Sets the soles while they swing; needs feet of variable stiffness.
-            extent: Least and greatest x, least and greatest y of the ground, m; endless when None.
-            ground: What is known of the ground; None walks blind.
+            observer: This and the others: see `WalkingControl`.
+            stiffness: See there.
+            extent: See there.
+            ground: See there.
 
         Raises:
             InputError: A robot without two feet, steps or a plan that cannot be walked.
