@@ -15,9 +15,10 @@ from recorded import recorded_stand, recorded_walk
 
 import wbc
 from wbc.app.cli import main
+from wbc.app.drift import Drift
 from wbc.app.log.reader import Log
 from wbc.app.log.recorder import Recorder
-from wbc.app.log.stances import SIDES, Drift, sole_sizes, stances, support_box
+from wbc.app.log.stances import SIDES, sole_sizes, stances, support_box
 from wbc.app.plot.figures import draw, missing
 from wbc.app.plot.output import save
 from wbc.app.plot.signals import draw_signals, select
@@ -54,7 +55,7 @@ def test_figures_show_the_numbers_of_the_log(log: Log) -> None:
     for group in ("zmp/measured", "zmp/reference", "dcm/estimated", "com/estimated", "com/reference"):
         assert shows(balance, log[group][:, 0]) and shows(balance, log[group][:, 1]), group
     assert shows(balance, 1e3 * log["stabilizer/dcm_error/y"])
-    assert shows(draw("plan", [log]), Drift(log)(log["com/estimated"])[:, 1])
+    assert shows(draw("plan", [log]), Drift.of(log)(log["com/estimated"])[:, 1])
     assert shows(draw("stiffness", [log]), log["foot/left/stiffness"])
     own = draw_signals([log], ["own/answer", "com/estimated", "walk/phase"])
     assert shows(own, log["own/answer"]) and shows(own, log["com/estimated/z"])
@@ -100,7 +101,7 @@ def test_states_of_a_program_are_drawn_as_bands(tmp_path: Path) -> None:
     ended = [(path, how) for _, path, how in program.history]
     assert [event for _, event in log.events] == [f"{path}: {how}" for path, how in ended]
     assert log.events[0][0] == pytest.approx(program.history[0][0])
-    caption = Captions(log, Drift(log))
+    caption = Captions(log, Drift.of(log))
     assert caption(2) == ["demo/wait"] and caption(len(log) - 1)[0] == "demo"
     for figure in (draw("balance", [log]), draw_signals([log], ["com/estimated"])):
         assert {text.get_text() for text in figure.axes[0].texts} >= {"wait", "look"}
@@ -111,7 +112,7 @@ def test_states_of_a_program_are_drawn_as_bands(tmp_path: Path) -> None:
 
 
 def test_planned_footsteps_lie_where_feet_really_landed(log: Log) -> None:
-    drift = Drift(log)
+    drift = Drift.of(log)
     estimated, true = log["com/estimated"][:, :2], log["truth/com"][:, :2]
     assert np.abs(drift(estimated) - true).max() < 3e-3 < np.abs(estimated - true).max()
     assert drift.size.max() > 5e-3

@@ -19,7 +19,7 @@ from recorded import make_walk, recorded_scans, recorded_stand, recorded_walk, r
 import wbc
 from wbc.app import Log, Player, Recorder, Replay, convert_log, render_video
 from wbc.app.cli import main
-from wbc.app.log.stances import Drift
+from wbc.app.drift import Drift
 from wbc.app.replay.film import RenderError, add_marks, renderer
 from wbc.app.view.marks import Mark, stiffness_colour
 from wbc.core.errors import InputError
@@ -109,7 +109,7 @@ def test_footsteps_appear_when_feet_have_landed(replay: Replay) -> None:
 def test_soles_and_scans_are_shown_as_they_were() -> None:
     path, steps = recorded_scans()
     replay = Replay(Log.open(path))
-    log, drift = replay.log, Drift(replay.log)
+    log, drift = replay.log, Drift.of(replay.log)
     for tick in (0, len(log) - 1):
         stiffness = [log[f"foot/{side}/stiffness"][tick] for side in ("left", "right")]
         colours = replay.picture(tick).colours

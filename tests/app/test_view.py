@@ -195,8 +195,8 @@ def test_footsteps_are_where_they_are_planned_and_where_feet_really_stand() -> N
     wanted = None
     while walking.steps_done < 2:
         if walking.walk.phases.swing == "left":
-            drift = drift_of(trial.plant, walking)
-            wanted = (drift @ [*walking.walk.phases.plan.steps[0].position, 1.0])[:3]
+            place = walking.walk.phases.plan.steps[0].position
+            wanted = drift_of(trial.plant, walking)(np.array([place]), 0)[0]
         tick(trial)
         picture = stage.picture(None)
         if walking.steps_done == 1 and walking.walk.phases.swing == "right":

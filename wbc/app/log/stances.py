@@ -1,26 +1,18 @@
-"""Sole outlines, stances, support, ZMP and DCM of a logged run, for figures and replays."""
+"""Sole outlines, stances and support of a logged run, for figures and replays."""
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 
+from wbc.app.drift import Drift, yaw_of
 from wbc.app.log.reader import Log
 from wbc.core.errors import Array
 from wbc.core.robot import GRAVITY, SIDES
 
 MIN_LOAD = 0.02
 """Smallest share of the weight on a foot that counts as contact where no contact is planned."""
-
-
-def yaw_of(quaternions: Array) -> Array:
-    """Return the headings (rad), shape (n,), of frames given as quaternions xyzw, shape (n, 4)."""
-    x, y, z, w = quaternions.T
-    heading: Array = np.arctan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
-    return heading
 
 
 def corners(centre: Array, yaw: Array, size: tuple[float, float]) -> Array:
@@ -59,45 +51,6 @@ def support_box(log: Log) -> tuple[Array, Array]:
     return low, high
 
 
-class Drift:
-    """Placement of the world of the estimate in the true one, by the middle of the feet and the heading of the base.
-
-    Plans are made in the world of the estimate, which drifts; a log without ground truth has no other.
-
-    Attributes:
-        turn: Heading of the estimate's world, shape (ticks,), rad.
-    """
-
-    def __init__(self, log: Log) -> None:
-        """Read the drift of a log."""
-        self.turn = np.zeros(len(log))
-        self._from = self._to = np.zeros((len(log), 3))
-        if "truth/base/orientation/x" in log and "base/estimated/orientation/x" in log:
-            turn = yaw_of(log["truth/base/orientation"]) - yaw_of(log["base/estimated/orientation"])
-            self.turn = np.arctan2(np.sin(turn), np.cos(turn))
-            self._from = np.mean([log[f"foot/{side}/estimated/position"] for side in SIDES], axis=0)
-            self._to = np.mean([log[f"truth/foot/{side}/position"] for side in SIDES], axis=0)
-
-    def text(self, tick: int) -> str:
-        """Return what a page says of the drift at a tick."""
-        return f"estimate {1e3 * self.size[tick]:.0f} mm and {round(math.degrees(self.turn[tick]), 1) + 0.0:+.1f}° off"
-
-    @cached_property
-    def size(self) -> Array:
-        """Horizontal distance between the middle of the feet and where it is estimated, shape (ticks,), m."""
-        size: Array = np.linalg.norm((self._to - self._from)[:, :2], axis=1)
-        return size
-
-    def __call__(self, points: Array, tick: int | slice = slice(None)) -> Array:
-        """Return points of the estimate's world where they are in the true one, shape (ticks, 2) or (ticks, 3), m."""
-        turn, size = self.turn[tick], points.shape[-1]
-        c, s, (x, y) = np.cos(turn), np.sin(turn), (points - self._from[tick, :size]).T[:2]
-        moved: Array = points - self._from[tick, :size] + self._to[tick, :size]
-        moved[..., 0] += c * x - s * y - x
-        moved[..., 1] += s * x + c * y - y
-        return moved
-
-
 @dataclass(frozen=True, eq=False)
 class Stance:
     """One stance of a foot, from touch-down to lift-off.
@@ -117,7 +70,7 @@ class Stance:
 
 def stances(log: Log, which: str = "reference") -> list[Stance]:
     """Return all stances of both feet, ordered by touch-down."""
-    made, drift = [], Drift(log)
+    made, drift = [], Drift.of(log)
     for side, size in zip(SIDES, sole_sizes(log), strict=True):
         foot = f"foot/{side}/{'estimated' if which == 'truth' else 'reference'}"
         position = log[f"truth/foot/{side}/position" if which == "truth" else f"{foot}/position"]

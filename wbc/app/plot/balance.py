@@ -9,8 +9,9 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.patches import Polygon
 
+from wbc.app.drift import Drift
 from wbc.app.log.reader import Log
-from wbc.app.log.stances import Drift, stances, support_box
+from wbc.app.log.stances import stances, support_box
 from wbc.app.plot.style import (
     BLACK,
     BLUE,
@@ -102,7 +103,7 @@ def _true(log: Log) -> bool:
 
 
 def _one_plan(ax: Axes, log: Log, name: str) -> None:
-    truth, drift = _true(log), Drift(log)
+    truth, drift = _true(log), Drift.of(log)
     for stance in stances(log):
         colour, shape = SIDE_COLOURS[stance.side], stance.corners[:, :2]
         ax.add_patch(Polygon(shape, facecolor=colour, alpha=0.13, edgecolor="none"))

@@ -6,8 +6,9 @@ import math
 
 import numpy as np
 
+from wbc.app.drift import Drift
 from wbc.app.log.reader import Log
-from wbc.app.log.stances import Drift, stances
+from wbc.app.log.stances import stances
 from wbc.app.view.live_marks import stiffness_text
 from wbc.app.view.marks import (
     DCM_COLOUR,

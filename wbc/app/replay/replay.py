@@ -7,10 +7,10 @@ import math
 import mujoco
 import numpy as np
 
+from wbc.app.drift import Drift
 from wbc.app.log.header import read_description, read_plant
 from wbc.app.log.reader import Log
 from wbc.app.log.sources import position_signal
-from wbc.app.log.stances import Drift
 from wbc.app.replay.marks import Captions, LoggedMarks
 from wbc.app.view.live_marks import sole_bodies, sole_poses
 from wbc.app.view.marks import Force, Picture, balance_marks, stiffness_colour
@@ -64,7 +64,7 @@ class Replay:
             self.title = str(log.header.get("title") or stage.title)
             self._com = log["truth/com" if "truth/com/x" in log else "com/estimated"]
             self._wrenches = [log[f"foot/{side}/wrench_measured"] for side in SIDES]
-            drift = Drift(log)
+            drift = Drift.of(log)
             self._marks, self._caption = LoggedMarks(log, drift, self.scale), Captions(log, drift)
             self._zmp = drift(log["zmp/measured"]) if "zmp/measured/x" in log else None
             self.base_places = self._q[:, :3]

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import mujoco
 import numpy as np
 
+from wbc.app.drift import Drift
 from wbc.app.view.marks import (
     DCM_COLOUR,
     FRUSTUM_COLOUR,
@@ -62,22 +63,14 @@ def sole_poses(places: RobotPlaces, data: mujoco.MjData) -> list[Array]:
     return poses
 
 
-def drift_of(robot: SimulatedRobot, walking: ReferenceControl) -> Array:
-    """Return where the world of the estimate and the plans lies, shape (4, 4), m: by feet and heading of the base."""
+def drift_of(robot: SimulatedRobot, walking: ReferenceControl) -> Drift:
+    """Return the present drift of a walk's estimate, as of one tick."""
     estimated = walking.control.observer.robot
     base = robot.data.xmat[robot.places.root].reshape(3, 3)
     turn = heading(base) - heading(estimated.placement(estimated.base_frame).rotation)
-    drift = np.eye(4)
-    drift[:2, :2] = [[math.cos(turn), -math.sin(turn)], [math.sin(turn), math.cos(turn)]]
-    middle = np.mean([estimated.placement(sole.frame).translation for sole in estimated.soles], axis=0)
-    true = np.mean([pose[:3, 3] for pose in sole_poses(robot.places, robot.data)], axis=0)
-    drift[:3, 3] = true - drift[:3, :3] @ middle
-    return drift
-
-
-def moved(drift: Array, points: Array) -> Array:
-    """Return points of the estimate's world in the true one, shape (…, 3), m."""
-    return np.asarray(points @ drift[:3, :3].T + drift[:3, 3])
+    feet = [[estimated.placement(sole.frame).translation for sole in estimated.soles]]
+    true = [[pose[:3, 3] for pose in sole_poses(robot.places, robot.data)]]
+    return Drift(np.array([turn]), np.mean(feet, axis=1), np.mean(true, axis=1))
 
 
 class RunMarks:
@@ -131,24 +124,24 @@ class RunMarks:
         dcm = np.array([[*(truth.com[:2] + truth.com_velocity[:2] / omega), level]])
         picture.marks.append(Mark("dcm", "ball", dcm, DCM_COLOUR, POINT * self._scale.height, "DCM"))
 
-    def _draw_plans(self, picture: Picture, walking: ReferenceControl, drift: Array) -> None:
+    def _draw_plans(self, picture: Picture, walking: ReferenceControl, drift: Drift) -> None:
         if walking.reference is None:
             return
         pendulum, radius = walking.reference.pendulum, 1.6 * POINT * self._scale.height
         dcm = np.array([*pendulum.dcm[:2], pendulum.zmp[2]])
         for name, point, colour in (("ZMP", pendulum.zmp, ZMP_COLOUR), ("DCM", dcm, DCM_COLOUR)):
-            ring = circle(moved(drift, point) + (0.0, 0.0, LIFT), radius)
+            ring = circle(drift(point, 0) + (0.0, 0.0, LIFT), radius)
             meaning = f"ring: {name} as planned"
             picture.marks.append(Mark(f"{name} planned", "line", ring, colour, meaning=meaning))
 
-    def _draw_footsteps(self, picture: Picture, walking: ReferenceControl, drift: Array) -> None:
+    def _draw_footsteps(self, picture: Picture, walking: ReferenceControl, drift: Drift) -> None:
         """Draw outlines of the planned footsteps, adjusted until they land, and areas of the real ones."""
         progress, soles = walking.progress, sole_poses(self._robot.places, self._robot.data)
         done = progress.steps_done
         self._planned = {i: mark for i, mark in self._planned.items() if done - MAX_STEPS <= i < done}
         for i, step in enumerate(progress.upcoming[:MAX_STEPS], start=done):
             size = self._sizes[SIDES.index(step.side)]
-            corners = sole_corners(*size, drift @ step.placement.homogeneous)
+            corners = drift(sole_corners(*size, step.placement.homogeneous), 0)
             self._planned[i] = footstep(f"planned step {i}", step.side, corners, real=False)
         for side, pose, size in zip(SIDES, soles, self._sizes, strict=True):
             if side == progress.swing_side:
@@ -162,14 +155,9 @@ class RunMarks:
         while len(self._real) > MAX_STEPS:
             del self._real[next(iter(self._real))]
         picture.marks += [*self._planned.values(), *self._real.values()]
-        middle = np.asarray(np.mean([pose[:3, 3] for pose in soles], axis=0), dtype=np.float64)
-        off = float(
-            np.linalg.norm((moved(np.asarray(np.linalg.inv(drift), dtype=np.float64), middle) - middle)[:2])
-        )
-        turn = unsigned_zero(math.degrees(heading(drift[:3, :3])), 1)
-        picture.text += [*walk_lines(walking), f"estimate {1e3 * off:.0f} mm and {turn:+.1f}° off"]
+        picture.text += [*walk_lines(walking), drift.text(0)]
 
-    def _draw_outside_force(self, picture: Picture, walking: ReferenceControl, drift: Array) -> None:
+    def _draw_outside_force(self, picture: Picture, walking: ReferenceControl, drift: Drift) -> None:
         """Draw the estimated force on the hands, with the weight of the load, at their middle."""
         observer, load = walking.control.observer, walking.load
         if observer.outside is None:
@@ -181,18 +169,18 @@ class RunMarks:
             force[2] -= load.applied * GRAVITY
             start = load.place
             picture.text.append(f"load {load.mass:.2f} kg")
-        ends = moved(drift, np.stack([start, start + force_reach(self._scale, force)]))
+        ends = drift(np.stack([start, start + force_reach(self._scale, force)]), 0)
         size, meaning = 0.012 * self._scale.height, "force on the hands, estimated"
         picture.marks.append(Mark("outside", "arrow", ends, OUTSIDE_COLOUR, size, meaning))
 
-    def _draw_ground(self, picture: Picture, walking: ReferenceControl, drift: Array) -> None:
+    def _draw_ground(self, picture: Picture, walking: ReferenceControl, drift: Drift) -> None:
         """Draw the cells of the ground that are known, and the fields of view of the depth cameras."""
         ground = walking.ground
         if ground is None:
             return
         if ground.version != self._map_version and not 0.0 <= picture.time - self._map_time < MAP_PERIOD:
             self._map_version, self._map_time = ground.version, picture.time
-            self._map = moved(drift, ground.map.known()[0])
+            self._map = drift(ground.map.known()[0], 0)
         if len(self._map):
             picture.marks.append(ground_mark(self._map))
         eyes = None if self._plant is None else self._plant.eyes
