@@ -138,8 +138,8 @@ class LiveControls:
         if walking is not None and isinstance(foot, VariableStiffnessFoot):
             about, high = "each foot takes it in its next swing", max(100.0, 2.0 * foot.stiffness)
             low, high = foot.actuator.low, min(foot.actuator.high, high)
-            take = self._set_stiffness
-            found.append(Setting("soles/stiffness", "Nm/rad", foot.stiffness, low, high, about, take))
+            sole = Setting("soles/stiffness", "Nm/rad", foot.stiffness, low, high, about, self._set_stiffness)
+            found.append(sole)
         for task in () if self.controller is None else self.controller.tasks:
             found += _task_settings(task)
         return {each.name: each for each in found}
@@ -273,12 +273,11 @@ class LiveControls:
 
 def _task_settings(task: Any) -> Iterator[Setting]:
     """Yield weight and gains of a task; all its rows get the same."""
-    group, weight = f"task {task.name}", float(task.weight.max())
-    if not task.hard and weight > 0.0:
-        low, high = (
-            10.0 ** (math.floor(math.log10(weight)) - POWERS),
-            10.0 ** (math.ceil(math.log10(weight)) + POWERS),
-        )
+    group = f"task {task.name}"
+    if not task.hard:
+        weight = float(task.weight.max())  # that of a swing foot is zero while it stands
+        power = math.log10(weight) if weight > 0.0 else 0.0
+        low, high = 10.0 ** (math.floor(power) - POWERS), 10.0 ** (math.ceil(power) + POWERS)
         about = f"cost per squared residual, ({task.residual_unit})²"
         yield Setting(f"{group}/weight", "", weight, low, high, about, partial(setattr, task, "weight"), True)
     for name, unit, about in GAINS:
