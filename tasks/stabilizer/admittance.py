@@ -22,6 +22,12 @@ import pinocchio as pin
 from wbc.core.errors import Array
 from wbc.tasks.stabilizer.gains import StabilizerGains, pair
 
+HEIGHT_LEAK = 1.0
+"""Decay of the feet's mean height on both feet, 1/s."""
+
+MAX_SPEED, MAX_ROTATION, MAX_HEIGHT = 0.1, 0.4, 0.05
+"""Greatest vertical speed of a foot, m/s, rotation of an ankle, rad, and offset of a foot's height, m."""
+
 
 class FootCorrection(NamedTuple):
     """Correction of a foot by the admittances.
@@ -82,10 +88,9 @@ def height_rates(
     """
     force = (target[0] - target[1]) - (measured[0] - measured[1])
     difference = gains.force_difference * force
-    mean = -gains.height_leak * (heights[0] + heights[1])
-    bound = gains.max_linear_velocity
+    mean = -HEIGHT_LEAK * (heights[0] + heights[1])
     left, right = 0.5 * (mean - difference), 0.5 * (mean + difference)
-    return min(max(left, -bound), bound), min(max(right, -bound), bound)
+    return min(max(left, -MAX_SPEED), MAX_SPEED), min(max(right, -MAX_SPEED), MAX_SPEED)
 
 
 class FootAdmittance:
@@ -128,7 +133,7 @@ class FootAdmittance:
             # An exact decay, however long the period.
             decay = (math.exp(-g.support_height_leak * dt) - 1.0) / dt
             climb = (decay * heights[0], decay * heights[1])
-        bounds = (g.max_rotation, g.max_rotation, g.max_height)
+        bounds = (MAX_ROTATION, MAX_ROTATION, MAX_HEIGHT)
         for foot in (0, 1):
             before = self._state[foot]
             if not contact[foot]:

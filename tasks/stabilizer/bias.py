@@ -23,28 +23,26 @@ import numpy as np
 from pydantic import Field
 
 from wbc.core.errors import Array
-from wbc.core.settings import NonNegative, Positive, settings
+from wbc.core.settings import NonNegative, settings
 
 Limit = Annotated[float, Field(ge=0.0, allow_inf_nan=True)]
 """A number of at least zero, or infinity."""
 
 
+DCM_STD, ZMP_STD, INITIAL_STD = 0.01, 0.05, 0.01
+"""Noise of the measured DCM and of the ZMP that drives the pendulum; of the bias after a reset, m."""
+
+
 @settings
 class BiasSettings:
-    """Noise levels and limits. Defaults are mc_rtc's, which find 90 % of a bias within about 1.3 s.
+    """Drift and limits. Defaults are mc_rtc's, as the other noise levels, and find 90 % of a bias within about 1.3 s.
 
     Attributes:
-        dcm_std: Measured DCM, m.
-        zmp_std: ZMP that drives the pendulum, m.
-        drift_std: Bias, m/s.
-        initial_std: Bias after a reset, m.
+        drift_std: Noise of the bias, m/s.
         limit: Greatest bias, forward and sideways, m; infinity for none.
     """
 
-    dcm_std: Annotated[Positive, "m"] = 0.01
-    zmp_std: Annotated[NonNegative, "m"] = 0.05
     drift_std: Annotated[NonNegative, "m/s"] = 0.02
-    initial_std: Annotated[NonNegative, "m"] = 0.01
     limit: Annotated[tuple[Limit, Limit], "m"] = (0.02, 0.02)
 
     def sized(self, scale: float) -> BiasSettings:
@@ -57,7 +55,7 @@ class BiasSettings:
 
 
 REFERENCE_PERIOD = 0.005
-"""Period of the samples whose noise the settings give, s."""
+"""Period of the samples of that noise, s."""
 
 
 class BiasEstimator:
@@ -67,7 +65,7 @@ class BiasEstimator:
     then two variances and one complex covariance.
 
     Attributes:
-        settings: Noise levels and limits.
+        settings: Drift and limits.
     """
 
     def __init__(self, settings: BiasSettings | None = None) -> None:
@@ -91,7 +89,7 @@ class BiasEstimator:
     def reset(self) -> None:
         """Forget DCM and bias; the next update starts from its measurement and a bias of zero."""
         self._dcm = self._bias = 0j
-        self._bias_variance = self.settings.initial_std**2
+        self._bias_variance = INITIAL_STD**2
         self._begins = True
 
     def pause(self) -> None:
@@ -103,8 +101,7 @@ class BiasEstimator:
 
         Measured DCM and ZMP are in the world, shape (2,) or longer, m; `omega` is the natural frequency, 1/s.
         """
-        s = self.settings
-        noise = s.dcm_std**2 * (REFERENCE_PERIOD / dt)
+        noise = DCM_STD**2 * (REFERENCE_PERIOD / dt)
         heading = complex(math.cos(yaw), math.sin(yaw))
         measured = complex(dcm[0], dcm[1])
         if self._begins:
@@ -131,13 +128,12 @@ class BiasEstimator:
         return self.bias
 
     def _predict(self, turn: complex, omega: float, dt: float) -> None:
-        s = self.settings
         grow = math.expm1(omega * dt)  # exact over a held ZMP; ω dt to first order
         self._dcm += grow * (self._dcm - self._zmp)
         self._bias *= turn
         scale = REFERENCE_PERIOD / dt
-        self._dcm_variance = (1.0 + grow) ** 2 * self._dcm_variance + scale * (grow * s.zmp_std) ** 2
-        self._bias_variance += scale * (s.drift_std * dt) ** 2
+        self._dcm_variance = (1.0 + grow) ** 2 * self._dcm_variance + scale * (grow * ZMP_STD) ** 2
+        self._bias_variance += scale * (self.settings.drift_std * dt) ** 2
         self._covariance *= (1.0 + grow) * turn.conjugate()
 
     def _clamp(self) -> None:

@@ -39,11 +39,16 @@ LEAST_SHARE = 0.05
 """Least ratio of a foot's load to the sum by which its moments are weighed."""
 
 
+NET_MOMENT, ANKLE_TORQUE, PRESSURE = 1e2, 1.0, 1e-2
+"""Costs of missing moment about the target ZMP and of roll and pitch torque at the ankle, 1/(Nm)²; of a load that is
+not shared by the left-foot ratio, 1/N²: mc_rtc's, of which only ratios matter."""
+
+
 @settings
 class DistributionSettings:
     """Limits and costs of the distribution.
 
-    Only ratios matter. Those of net moment, ankle torque and pressure are mc_rtc's. Missing force costs ten times
+    Costs stand beside those of `NET_MOMENT`, `ANKLE_TORQUE` and `PRESSURE`. Missing force costs ten times
     more, because the weight has to be borne whatever the CoP can do. The costs that only pick one of many solutions are
     small, but large enough for the solver.
 
@@ -52,12 +57,9 @@ class DistributionSettings:
         min_force: Least normal force of a foot in contact, N; `StabilizerTask` gives a light robot its share.
         margin: Distance of the CoP from the edge of the sole, m.
         net_force: Cost of missing force, 1/N².
-        net_moment: Cost of missing moment about the target ZMP, 1/(Nm)².
-        ankle_torque: Cost of roll and pitch torque at the ankle, 1/(Nm)².
         ankle_yaw: Cost of yaw torque at the ankle, 1/(Nm)².
         ankle_shear: Cost of horizontal force, 1/N².
         ankle_normal: Cost of normal force, 1/N²; it only picks one of several solutions.
-        pressure: Cost of a load that is not shared by the left-foot ratio, 1/N².
         by_load: Weigh the ankle torque of each of two feet, here and in the QP, by the inverse square of its load over
             the sum, so that the CoP of the foot with less load lies closer to the middle of its sole. At equal costs
             both get the same torque, and its CoP lies at the edge. Soles then press evenly, which bounds their yaw
@@ -68,12 +70,9 @@ class DistributionSettings:
     min_force: Annotated[NonNegative, "N"] = 15.0
     margin: Annotated[NonNegative, "m"] = 0.0
     net_force: Annotated[Positive, "1/N²"] = 1e3
-    net_moment: Annotated[Positive, "1/(Nm)²"] = 1e2
-    ankle_torque: Annotated[Positive, "1/(Nm)²"] = 1.0
     ankle_yaw: Annotated[Positive, "1/(Nm)²"] = 1e-2
     ankle_shear: Annotated[Positive, "1/N²"] = 1e-4
     ankle_normal: Annotated[Positive, "1/N²"] = 1e-5
-    pressure: Annotated[Positive, "1/N²"] = 1e-2
     by_load: bool = False
 
     @staticmethod
@@ -145,7 +144,7 @@ class WrenchDistribution:
             p.diagonal[column : column + 3] = (s.ankle_shear, s.ankle_shear, s.ankle_normal)
             p.diagonal[column + 5] = s.ankle_yaw
             p.inequality[row + ROWS - 1, column + 2] = 1.0
-        p.diagonal[12:15], p.diagonal[15:] = s.net_force, s.net_moment
+        p.diagonal[12:15], p.diagonal[15:] = s.net_force, NET_MOMENT
         p.equality[:, 12:] = np.eye(6)
         self._cones = [np.array(p.inequality[:ROWS, :6]), np.array(p.inequality[ROWS:, 6:12])]
         self._torques = np.array((3, 4, 9, 10))  # roll and pitch torques among the unknowns
@@ -188,14 +187,14 @@ class WrenchDistribution:
         if both is not self._both:
             self._both = both
             # On one foot there is no choice: its torque follows from the ZMP.
-            p.diagonal[self._torques] = s.ankle_torque if both else s.ankle_yaw
+            p.diagonal[self._torques] = ANKLE_TORQUE if both else s.ankle_yaw
             p.soft[0, 2] = p.soft[0, 8] = 0.0
-            p.soft_weight[0] = s.pressure if both else 0.0
+            p.soft_weight[0] = PRESSURE if both else 0.0
         if both:
             p.soft[0, 2], p.soft[0, 8] = 1.0 - ratio, -ratio
             if s.by_load:
                 for columns, share in ((slice(3, 5), ratio), (slice(9, 11), 1.0 - ratio)):
-                    p.diagonal[columns] = s.ankle_torque * (0.5 / max(share, LEAST_SHARE)) ** 2
+                    p.diagonal[columns] = ANKLE_TORQUE * (0.5 / max(share, LEAST_SHARE)) ** 2
         fx, fy, fz, mx, my, mz = net.tolist()
         x, y, z = zmp.tolist()
         about_zmp = (mx - y * fz + z * fy, my - z * fx + x * fz, mz - x * fy + y * fx)

@@ -61,15 +61,11 @@ class StabilizerGains:
         cop_admittance: Ankle rotation per CoP torque error, rad/(Nm·s), along x (pitch) and y (roll). None: 0.05, or
             less for a robot of more than 40 kg, see `for_mass`.
         force_difference: Foot height per difference of normal forces, m/(N·s).
-        height_leak: Decay of the feet's mean height on both feet, 1/s.
         support_height_leak: Decay of the support foot's height on one foot, 1/s.
         wrench_time: Low-pass of the measured wrenches before the admittances, s.
         max_average_dcm_error: Bound of the average, m.
         max_angular_velocity: Bound of the ankle rotation's speed, rad/s: on a stone a foot may have to turn by 10°
             to be carried elsewhere, and the DCM grows e-fold in 0.3 s meanwhile.
-        max_linear_velocity: Bound of the foot's vertical speed, m/s.
-        max_rotation: Bound of the ankle rotation, rad.
-        max_height: Bound of the foot's height offset, m.
         min_force: Normal force of both feet below which the robot is in the air, N; of a light robot, its share.
     """
 
@@ -82,14 +78,10 @@ class StabilizerGains:
     derivator_time: Annotated[Positive, "s"] = 1.0
     cop_admittance: Annotated[Gain, "rad/(Nm·s)"] | None = None
     force_difference: Annotated[NonNegative, "m/(N·s)"] = 5e-4
-    height_leak: Annotated[NonNegative, "1/s"] = 1.0
     support_height_leak: Annotated[NonNegative, "1/s"] = 3.0
     wrench_time: Annotated[NonNegative, "s"] = 0.02
     max_average_dcm_error: Annotated[Positive, "m"] = 0.05
     max_angular_velocity: Annotated[Positive, "rad/s"] = 1.0
-    max_linear_velocity: Annotated[Positive, "m/s"] = 0.1
-    max_rotation: Annotated[Positive, "rad"] = 0.4
-    max_height: Annotated[Positive, "m"] = 0.05
     min_force: Annotated[NonNegative, "N"] = 15.0
 
     def __post_init__(self) -> None:

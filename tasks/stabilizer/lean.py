@@ -24,6 +24,9 @@ from wbc.core.errors import Array, positive
 from wbc.core.robot import GRAVITY
 from wbc.core.settings import Positive, settings
 
+DEAD_BAND = 0.002
+"""Missing moment that causes no lean, over m g h."""
+
 STILL_ANGLE = 1e-4
 """Lean below which a trunk without a missing moment is upright, rad."""
 
@@ -39,7 +42,6 @@ class LeanSettings:
         inertia: I over m h², with the mass of the robot and the height of its CoM; a smaller one leans more.
         stiffness: Stiffness k of the spring that brings the trunk back, 1/s².
         damping: Damping ratio ζ of the spring.
-        dead_band: Missing moment that causes no lean, over m g h.
         limit: Greatest lean about each axis, φ_max, rad.
         braking: Deceleration before the limit, rad/s².
     """
@@ -47,7 +49,6 @@ class LeanSettings:
     inertia: Positive = 0.06
     stiffness: Annotated[Positive, "1/s²"] = 25.0
     damping: Positive = 0.7
-    dead_band: Positive = 0.002
     limit: Annotated[Positive, "rad"] = 0.4
     braking: Annotated[Positive, "rad/s²"] = 60.0
 
@@ -90,7 +91,7 @@ class Lean:
         s = self.settings
         first_moment = positive("mass (kg)", mass) * self._height
         self._inertia = s.inertia * first_moment * self._height
-        self._dead_band = s.dead_band * first_moment * GRAVITY
+        self._dead_band = DEAD_BAND * first_moment * GRAVITY
 
     def reset(self) -> None:
         """Stand upright, at once."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from wbc.tasks.stabilizer.bias import BiasEstimator, BiasSettings
+from wbc.tasks.stabilizer.bias import DCM_STD, INITIAL_STD, ZMP_STD, BiasEstimator, BiasSettings
 
 OMEGA = 3.4
 
@@ -65,13 +65,13 @@ def test_one_step_is_the_kalman_filters() -> None:
     estimator.update(np.array([0.1, 0.2]), z0, 0.3, OMEGA, dt)
     estimator.update(np.array([0.11, 0.19]), np.zeros(2), 0.4, OMEGA, dt)
     # Textbook form with full matrices.
-    R, P0 = settings.dcm_std**2 * np.eye(2), settings.initial_std**2 * np.eye(2)
+    R, P0 = DCM_STD**2 * np.eye(2), INITIAL_STD**2 * np.eye(2)
     P = np.block([[P0 + R, -P0], [-P0, P0]])
     c, s = np.cos(0.1), np.sin(0.1)
     a = np.exp(OMEGA * dt)
     F = np.block([[a * np.eye(2), np.zeros((2, 2))], [np.zeros((2, 2)), np.array([[c, -s], [s, c]])]])
     x = F @ np.array([0.1, 0.2, 0.0, 0.0]) + np.concatenate([(1 - a) * z0, np.zeros(2)])
-    Q = np.diag([((a - 1) * settings.zmp_std) ** 2] * 2 + [(settings.drift_std * dt) ** 2] * 2)
+    Q = np.diag([((a - 1) * ZMP_STD) ** 2] * 2 + [(settings.drift_std * dt) ** 2] * 2)
     P = F @ P @ F.T + Q
     H = np.hstack([np.eye(2), np.eye(2)])
     K = P @ H.T @ np.linalg.inv(H @ P @ H.T + R)

@@ -8,7 +8,7 @@ import pytest
 
 from wbc.sim.walks.spec import WalkSpec
 from wbc.sim.walks.trial import WalkTrial
-from wbc.tasks.stabilizer.lean import UPRIGHT, Lean, LeanSettings
+from wbc.tasks.stabilizer.lean import DEAD_BAND, UPRIGHT, Lean, LeanSettings
 
 MASS, HEIGHT, DT = 40.0, 0.8, 0.005
 
@@ -55,8 +55,8 @@ def test_it_comes_back_upright_and_rests() -> None:
 
 
 def test_small_moments_are_left_alone() -> None:
-    trunk = lean(dead_band=0.002)
-    dead_band = 0.002 * MASS * 9.81 * HEIGHT
+    trunk = lean()
+    dead_band = DEAD_BAND * MASS * 9.81 * HEIGHT
     assert trunk.update((0.9 * dead_band, 0.0), DT) is UPRIGHT
     assert trunk.update((0.0, 1.1 * dead_band), DT) is not UPRIGHT
 

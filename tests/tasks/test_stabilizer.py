@@ -385,7 +385,7 @@ def test_feet_turn_by_the_error_of_the_filtered_wrenches_to_the_desired_ones(wre
 
 
 def test_foot_heights_settle_and_leak() -> None:
-    gains = StabilizerGains(force_difference=1e-4, height_leak=1.0, support_height_leak=3.0)
+    gains = StabilizerGains(force_difference=1e-4, support_height_leak=3.0)
     f = FootAdmittance(gains.for_mass(39.0))
     for _ in range(100):
         f.update(feet(350.0, 250.0), feet(300.0, 300.0), (True, True), DT)
