@@ -9,6 +9,7 @@ import pytest
 
 import wbc
 from wbc.core.errors import InputError
+from wbc.sim import WalkPlan, WalkSpec
 from wbc.sim.trial.falls import TrueFallDetector
 from wbc.walking import AutoControl, FootstepPlan, walk_distance
 
@@ -61,6 +62,20 @@ def test_orders_choose_the_law_of_a_robot_that_stands_and_not_of_one_that_steps(
     walking = AutoControl(wide.robot(), DT)
     walking.velocity = (0.7, 0.0, 0.0)  # more than a plan gives
     assert walking.law == "stepping" and walking.velocity == (0.7, 0.0, 0.0)
+
+
+@pytest.mark.parametrize(
+    ("robot", "foot", "planned"), [("hrp4_class", "long_arch", True), ("g1", "flat", False)]
+)
+def test_a_distance_is_planned_on_wide_soles_and_a_goal_on_narrow_ones(
+    robot: str, foot: str, planned: bool
+) -> None:
+    """Footsteps that are given are walked on any."""
+    spec = WalkSpec(robot=robot, foot=foot, law="auto", plan=WalkPlan(distance=1.0))
+    walk = spec.prepare()
+    assert bool(walk.plan.steps) is planned and walk.arrival() is not None
+    given = replace(spec, plan=WalkPlan(footsteps=walk.way.steps[:2])).prepare()
+    assert given.plan.steps[:2] == walk.way.steps[:2]
 
 
 @pytest.mark.slow
