@@ -19,6 +19,7 @@ from models import (
     splitter,
 )
 from optimize import Optimum, stored_optima
+from seeing import sight
 from sklearn.metrics import confusion_matrix
 from sklearn.model_selection import cross_val_predict
 from tables import SOLES
@@ -189,7 +190,15 @@ def stiffness_model() -> Figure:
 
 FIGURES: dict[str, Callable[[], Figure]] = {
     f.__name__: f
-    for f in (risks, stiffness_differences, fig5_frizza_steps, optima, stiffness_labels, stiffness_model)
+    for f in (
+        risks,
+        sight,
+        stiffness_differences,
+        fig5_frizza_steps,
+        optima,
+        stiffness_labels,
+        stiffness_model,
+    )
 }
 
 

@@ -1,0 +1,82 @@
+"""Softness or sight: how seeing and blind walks end, as a small table, and its figure.
+
+python examples/paper/seeing.py JOURNAL …   writes seeing.csv from journals of `wbc study run seeing` and `seeing_high`
+python examples/paper/figures.py sight      draws it
+"""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+import pandas as pd
+from matplotlib.figure import Figure
+from walks import PAPER
+
+from wbc.sim.studies import mean_interval, read_journal
+from wbc.sim.studies.seeing import HEIGHTS, SOLES
+
+TABLE = PAPER / "seeing.csv"
+EYES = {"none": ("blind", "0.6"), "toes": ("toes", "#f0b429"), "depth": ("depth", "#1f77b4")}
+COLUMNS = ["sole", "eyes", "family", "height", "seed", "outcome", "code"]
+
+
+def rows(journal: Path) -> list[tuple[object, ...]]:
+    """Return sole, eyes, family, height (m), seed, outcome and version of the code of each walk of a journal."""
+    names = {(sole["foot"], sole.get("stiffness")): name for name, sole in SOLES.items()}
+    return [
+        (
+            names[entry.spec["foot"], entry.spec["stiffness"]],
+            entry.spec.get("eyes", "none"),
+            *(entry.spec[name] for name in ("terrain", "amplitude", "seed")),
+            entry.result["outcome"],
+            entry.version["git"],
+        )
+        for entry in read_journal(journal).values()
+        if entry.result is not None and (entry.spec["foot"], entry.spec["stiffness"]) in names
+    ]
+
+
+def sight() -> Figure:
+    """Draw the share of walks completed, and of those that strayed, by sole, sight and height."""
+    table = pd.read_csv(TABLE)
+    table["high"] = table["height"] > 1.01 * table["family"].map(HEIGHTS)
+    figure = Figure(figsize=(7.6, 2.8), layout="constrained")
+    for axes, high in zip(figure.subplots(1, 2, sharey=True), (False, True), strict=True):
+        part = table[table["high"] == high]
+        soles = [sole for sole in SOLES if sole in set(part["sole"])]
+        eyes = [eye for eye in EYES if eye in set(part["eyes"])]
+        for k, eye in enumerate(eyes):
+            name, colour = EYES[eye]
+            for i, sole in enumerate(soles):
+                own = part[(part["eyes"] == eye) & (part["sole"] == sole)]
+                if own.empty:
+                    continue
+                x, width = i + 0.8 * ((k + 0.5) / len(eyes) - 0.5), 0.76 / len(eyes)
+                share = 100.0 * (own["outcome"] == "completed").groupby(own["family"]).mean()
+                strayed = 100.0 * (own["outcome"] == "strayed").mean()
+                each = mean_interval(share.to_numpy())
+                axes.bar(x, each.mean, width, color=colour, label=name if i == 0 else None)
+                axes.bar(x, strayed, width, each.mean, color=colour, alpha=0.35)
+                axes.plot([x, x], [max(each.low, 0.0), min(each.high, 100.0)], color="0.2", lw=1.0)
+                axes.text(x, 2.0, f"{len(own)}", ha="center", fontsize=6, color="white")
+        axes.set_xticks(range(len(soles)), soles, fontsize=8)
+        axes.set_title("1.5 times as high" if high else "heights of the study", fontsize=9)
+    figure.axes[0].set(ylim=(0.0, 118.0), yticks=range(0, 101, 20))
+    figure.axes[0].set_ylabel("walks completed, %", fontsize=8)
+    figure.axes[0].legend(fontsize=7, loc="upper center", ncols=3, frameon=False)
+    return figure
+
+
+def main() -> None:
+    """Write the table of outcomes from journals; of the same walk in two of them the later counts."""
+    parser = argparse.ArgumentParser(description=main.__doc__)
+    parser.add_argument("journals", nargs="+", type=Path)
+    found = [row for journal in parser.parse_args().journals for row in rows(journal)]
+    table = pd.DataFrame(found, columns=COLUMNS).drop_duplicates(COLUMNS[:5], keep="last")
+    table.sort_values(COLUMNS[:5]).to_csv(TABLE, index=False)
+    print(f"{TABLE}: {len(table)} walks of {', '.join(sorted(set(table['code'])))}")
+
+
+if __name__ == "__main__":
+    main()
