@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from typing import Literal
 
 import mujoco
@@ -11,10 +10,10 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from wbc.core.errors import InputError
-from wbc.feet import Foot, FootParts, RangeSensor, StiffnessActuator, foot
+from wbc.feet import Foot, FootParts, StiffnessActuator, foot
 from wbc.feet.soles.common_mjcf import RANGE_OFFSET
 from wbc.feet.soles.contact import LOOP_CLOSURE, SOLE_GROUND, ConstraintLaw, solver_parameters
-from wbc.feet.soles.runtime_mjcf import GroundContacts, RangeFinder, SoleProbe, SoleStiffness
+from wbc.feet.soles.runtime_mjcf import RangeFinder, SoleProbe, SoleStiffness
 from wbc.feet.soles.sole import SoleGeometry
 from wbc.sim.plant.settings import PhysicsSettings
 from wbc.sim.terrain.render import TERRAIN_GROUP, add_to_spec
@@ -267,17 +266,6 @@ def test_the_hinges_of_the_toe_have_a_stiffness_of_their_own() -> None:
         foot("long_arch", front_stiffness=300.0)
 
 
-def test_the_centre_of_pressure_is_the_mean_of_the_contacts_by_their_load() -> None:
-    points, forces = (
-        np.array([[0.0, 0.0, 0.0], [0.2, 0.1, 0.04]]),
-        np.array([[1.0, 2.0, 30.0], [3.0, 4.0, 10.0]]),
-    )
-    loaded = GroundContacts(points, forces)
-    np.testing.assert_allclose(loaded.force, [4.0, 6.0, 40.0])
-    np.testing.assert_allclose(loaded.centre_of_pressure, [0.05, 0.025, 0.01])
-    assert np.isnan(GroundContacts(points, 0.0 * forces).centre_of_pressure).all()
-
-
 # --- range -----------------------------------------------------------------------------------------------------------
 
 
@@ -317,14 +305,3 @@ def test_range_readings_follow_the_ground_and_none_is_lost(family: str) -> None:
         assert near.min() - 1e-4 < hit[2] < near.max() + 1e-4
         if not tilted:
             assert hit[2] == pytest.approx(float(ground.height(hit[0], hit[1])), abs=1e-4)
-
-
-def test_range_errors_and_limits_act_on_the_ray() -> None:
-    stand = Stand(foot("soft"), terrain("flat"), drop=0.3)
-    near = RangeFinder(stand.model, stand.foot, ground_group=TERRAIN_GROUP, sensor=RangeSensor(greatest=0.2))
-    assert math.isnan(near.read(stand.model, stand.data))
-    noisy = RangeFinder(stand.model, stand.foot, ground_group=TERRAIN_GROUP, sensor=RangeSensor(noise=0.001))
-    true = noisy.distance(stand.model, stand.data)
-    assert 0.0 < abs(noisy.read(stand.model, stand.data) - true) < 0.006
-    with pytest.raises(InputError, match="group"):
-        RangeFinder(stand.model, stand.foot, ground_group=6)

@@ -11,7 +11,6 @@ from hypothesis import strategies as st
 from properties import examples
 from scipy import signal, stats
 
-from wbc.feet.soles.rigid import SOFT_LENGTH
 from wbc.feet.stiffness.roughness import PARAMETERS, RoughnessSettings, low_pass, roughness
 from wbc.sim.terrain.spec import terrain
 
@@ -98,24 +97,3 @@ def test_the_filter_is_scipys_on_ground_that_goes_on_as_its_mirror_image(n: int,
     b, a = signal.butter(1, corner, fs=1 / STEP)
     theirs = signal.filtfilt(b, a, np.pad(z, again * n, mode="symmetric"))
     np.testing.assert_allclose(low_pass(z, STEP, corner), theirs[again * n : (again + 1) * n], atol=1e-9)
-
-
-def test_filtering_takes_roughness_away() -> None:
-    z = rough(100, count=5)
-    raw, filtered = roughness(grid(100), z, RoughnessSettings(corner=None)), roughness(grid(100), z)
-    for name in ("Sq", "P", "K"):
-        assert (filtered[name] < raw[name]).all(), name
-    above_nyquist = roughness(grid(100), z, RoughnessSettings(corner=0.5 / STEP))
-    np.testing.assert_allclose(above_nyquist.values, raw.values)
-
-
-def test_roughness_is_that_of_the_filtered_profile_about_its_line() -> None:
-    z = rough(60, 9)[0] + 0.2 * grid(60)
-    t = np.arange(60)
-
-    def about_its_line(heights: np.ndarray) -> np.ndarray:
-        return heights - np.polyval(np.polyfit(t, heights, 1), t)
-
-    y = about_its_line(low_pass(about_its_line(z), STEP, 1 / SOFT_LENGTH))
-    r = roughness(grid(60), z)
-    assert (r["Sq"], r["Sz"]) == (pytest.approx(np.sqrt((y**2).mean())), pytest.approx(np.ptp(y)))

@@ -64,11 +64,6 @@ def test_a_humanoid_from_its_file_does_what_the_table_says(name: str) -> None:
             assert ends[0] == ends[1], column
 
 
-def test_every_robot_of_the_table_has_a_row_in_the_page() -> None:
-    page = PAGE.read_text(encoding="utf-8")
-    assert [name for name in TABLE.ROBOTS if f"\n| {name} |" not in page] == []
-
-
 @pytest.mark.parametrize(
     "name", [name for name, (_, file, _) in TABLE.ROBOTS.items() if file.endswith(".xml")]
 )

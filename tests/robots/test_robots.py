@@ -108,29 +108,6 @@ def test_servos_hold_the_robot(name: str) -> None:
     assert description.effective_inertia[ankle] < 0.5 * 1.5 * robot.mass * height**2
 
 
-def test_hrp4_class_is_what_it_says() -> None:
-    """Figures of HRP-4 (IROS 2011) and HRP-4C, measured on the finished model."""
-    description = load("hrp4_class")
-    robot = description.robot()
-    assert robot.mass == pytest.approx(39.0, abs=1e-6)
-    assert robot.na == 34
-    arms = [
-        name for name in robot.joint_names if name.startswith("left_") and name not in description.legs[0]
-    ]
-    assert len(arms) == 7 + 2
-    assert [name.removeprefix("left_") for name in description.legs[0]] == [
-        "hip_yaw", "hip_roll", "hip_pitch", "knee_pitch", "ankle_pitch", "ankle_roll",
-    ]  # fmt: skip
-    q = pin.neutral(robot.model)
-    robot.update(q, np.zeros(robot.nv))
-    left, right = (robot.placement(sole.frame).translation for sole in robot.soles)
-    np.testing.assert_allclose(left - right, [0, 0.175, 0], atol=1e-9)
-    assert description.summary()["height_m"] == pytest.approx(1.51, abs=1e-6)
-    np.testing.assert_allclose(description.ankle("left_foot"), [-0.020, 0.0, 0.093], atol=1e-9)
-    assert all((sole.length, sole.width) == (0.160, 0.076) for sole in robot.soles)
-    assert "<mesh" not in description.urdf
-
-
 def test_hrp4_class_inertias_are_those_of_its_shapes() -> None:
     """Each link weighs and turns as its drawn solids do at one density; coal integrates them."""
     robot = load("hrp4_class").robot()
@@ -147,14 +124,6 @@ def test_hrp4_class_inertias_are_those_of_its_shapes() -> None:
         body = robot.model.inertias[joint]
         np.testing.assert_allclose(body.lever, total.lever, atol=1e-8)
         np.testing.assert_allclose(body.inertia / body.mass, total.inertia / total.mass, atol=1e-8)
-
-
-def test_the_published_figures_of_the_others() -> None:
-    """Masses and joints of the example robots, so that another release of the data shows."""
-    assert load("talos").robot().mass == pytest.approx(90.27, abs=0.01)
-    assert load("talos").robot().na == 32
-    assert load("g1").robot().mass == pytest.approx(33.34, abs=0.01)
-    assert load("g1").robot().na == 29
 
 
 @pytest.mark.parametrize("name", names())

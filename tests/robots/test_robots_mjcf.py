@@ -129,7 +129,6 @@ APART = "".join(
     f'<exclude body1="{one}" body2="{two}"/>'
     for one, two in (("world", "left_foot"), ("right_foot", "world"))
 )
-NOTE = "body '{}_foot': no geom can touch the ground (contype, conaffinity, pairs); the sole is from {}"
 
 
 @pytest.mark.parametrize(
@@ -161,8 +160,8 @@ def test_a_sole_is_what_touches_the_ground_else_what_is_drawn_as_collisions(
     assert description.soles[0].length == pytest.approx(length) and description.soles[
         1
     ].length == pytest.approx(length)
-    notes = [NOTE.format(side, says) for side in ("left", "right")]
-    assert [line for line in description.derived if "no geom" in line] == (notes if says else [])
+    said = [line for line in description.derived if "no geom" in line]
+    assert len(said) == (2 if says else 0) and all(says in line for line in said)
 
 
 @pytest.mark.parametrize(("tilt", "noted"), [(0.9, False), (10.0, True)])
@@ -254,33 +253,25 @@ PULLER = '<motor name="puller" tendon="string"/></actuator>'
 INERTIA = "0.08 0.06 0.05"
 END = "</worldbody>"
 BAD = {
-    "two robots": ([(END, OTHER)], "2 robots, at bodies 'pelvis', 'other'; choose one with root"),
-    "no free joint": (
-        [('<freejoint name="floating"/>', "")],
-        "root='pelvis' replaces the joints of that body",
-    ),
-    "closed chain": ([(END, END + CHAIN)], "closed chain: 'rod' ties body 'left_arm' to 'right_arm'"),
-    "tendon drive": (
-        [(END, END + STRING), ("</actuator>", PULLER)],
-        "actuator 'puller' drives tendon 'string', no joint",
-    ),
-    "negative inertia": ([(INERTIA, "0.08 -0.06 0.05")], "inertia must satisfy A + B >= C"),
+    "two robots": ([(END, OTHER)], "'other'"),
+    "no free joint": ([('<freejoint name="floating"/>', "")], "root='pelvis'"),
+    "closed chain": ([(END, END + CHAIN)], "'rod'"),
+    "tendon drive": ([(END, END + STRING), ("</actuator>", PULLER)], "'puller'"),
+    "negative inertia": ([(INERTIA, "0.08 -0.06 0.05")], "inertia"),
     "actuator on no joint": ([('joint="waist"', 'joint="wiast"')], "wiast"),
     "no XML": ([(biped(), "<<<")], "MJCF string"),
 }
 
 
 @pytest.mark.parametrize("what", BAD)
-def test_bad_files_are_named_in_one_line(what: str) -> None:
-    changes, message = BAD[what]
+def test_bad_files_are_refused_by_name(what: str) -> None:
+    changes, named = BAD[what]
     xml = biped()
     for old, new in changes:
         assert old in xml
         xml = xml.replace(old, new)
-    with pytest.raises(ModelError) as caught:
+    with pytest.raises(ModelError, match=named):
         RobotDescription.from_mjcf(xml)
-    assert message in str(caught.value)
-    assert "\n" not in str(caught.value)
 
 
 TENDONS = (
@@ -447,10 +438,3 @@ def test_a_file_that_cannot_be_parsed_is_named(tmp_path: Path) -> None:
             RobotDescription.from_mjcf(file)
     file.write_text(f"<!-- mass='nan'\n <inertial mass=\"nan\"/> -->{biped()}")
     assert RobotDescription.from_mjcf(file).joint_names == RobotDescription.from_mjcf(biped()).joint_names
-
-
-def test_gains_of_the_file_are_given_and_the_others_derived() -> None:
-    derived = RobotDescription.from_mjcf(biped(drives=MOTORS), use_gains=False)
-    assert not derived.gains
-    own = RobotDescription.from_mjcf(biped(), gains={"left_knee": (150.0, 4.0)})
-    assert dict(own.gains) == {"waist": (200.0, 10.0), "left_knee": (150.0, 4.0)}

@@ -18,7 +18,6 @@ from wbc.core.robot import Robot
 from wbc.core.servos import ANKLE_SHARE
 from wbc.robots import FrameDescription, RobotDescription, urdf
 from wbc.robots.derivation.inertia import second_moments
-from wbc.robots.derivation.posture import knee_direction
 from wbc.robots.report import standing_torques
 
 THIGH, SHIN, ANKLE = 0.30, 0.28, 0.06
@@ -187,20 +186,6 @@ def test_sole_rectangle_from_a_mesh(tmp_path: Path) -> None:
     assert lost.soles[0].length == pytest.approx(0.152 / 0.530 * (THIGH + SHIN + ANKLE))
     assert "no usable geometry" in "\n".join(lost.derived)
     assert [sole.frame for sole in lost.soles] == ["left_foot_sole", "right_foot_sole"]
-
-
-def test_a_knee_goes_forward_when_it_bends() -> None:
-    """The sole lies 0.03 m in front of the knee and 0.34 m below it: per radian these are its way up and forward."""
-    model = RobotDescription.from_urdf(biped(), **FEET).robot().model
-    for sign in (1.0, -1.0):  # the knees bend the other way
-        lower, upper = model.lowerPositionLimit, model.upperPositionLimit
-        lower[7:], upper[7:] = (
-            (lower[7:].copy(), upper[7:].copy()) if sign > 0.0 else (-upper[7:], -lower[7:])
-        )
-        for sole in ("left_foot_sole", "right_foot_sole"):
-            np.testing.assert_allclose(
-                knee_direction(model, sole), [sign * 0.34, 0.0, sign * 0.03], atol=1e-9
-            )
 
 
 def test_a_root_that_looks_backward_is_turned() -> None:

@@ -124,18 +124,9 @@ def test_a_link_with_the_name_of_mujocos_ground_is_renamed(link: str) -> None:
 SPACE = 'xmlns:xacro="http://www.ros.org/wiki/xacro"'
 UNREADABLE = {
     "xacro": (f'<robot name="r" {SPACE}><xacro:include filename="leg"/></robot>', "xacro FILE > robot.urdf"),
-    "xacro without its prefix": ('<robot name="r"><xacro:leg side="l"/></robot>', "xacro FILE > robot.urdf"),
-    "macros beside links": (
-        URDF.replace("</robot>", f"<xacro:leg {SPACE}/></robot>"),
-        "xacro FILE > robot.urdf",
-    ),
     "radians read as degrees": (MJCF.replace('<compiler angle="radian"/>', ""), 'angle="radian"'),
     "meshes elsewhere": (
         MJCF.replace("<worldbody>", '<asset><mesh file="part.STL"/></asset><worldbody>', 1),
-        "--without-meshes",
-    ),
-    "meshes elsewhere, OBJ": (
-        MJCF.replace("<worldbody>", '<asset><mesh file="a/part.obj"/></asset><worldbody>', 1),
         "--without-meshes",
     ),
     "no torque limits, no feet": (re.sub(' effort="[^"]+"', "", URDF), "--left left_foot --right right_foot"),

@@ -20,7 +20,6 @@ from wbc.sim.studies.journal import (
     Entry,
     Journal,
     JournalError,
-    canonical,
     check_journal_path,
     read_journal,
     trial_key,
@@ -156,13 +155,6 @@ def test_the_version_of_a_clone_is_the_commit_of_its_sources_and_what_was_change
     git("add", ".")
     git("commit", "-qm", "sim")
     assert len({*found, sources(tmp_path)}) == 4
-
-
-@examples(30)
-@given(st.recursive(st.none() | st.booleans() | st.integers() | st.floats() | st.text(), st.lists))
-def test_canonical_json_is_json(value: object) -> None:
-    text = canonical(value)
-    assert canonical(json.loads(text)) == text
 
 
 def test_a_compressed_journal_is_read_and_never_written(tmp_path: Path) -> None:

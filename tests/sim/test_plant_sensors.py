@@ -215,20 +215,6 @@ def test_latency_shows_the_past(ages: dict[str, int], rounded_down: float) -> No
         assert measured.time == pytest.approx(0.005 * (tick + 1))
 
 
-def test_stiffness_follows_its_command() -> None:
-    foot = VariableStiffnessFoot(stiffness=5.0, actuator=StiffnessActuator(rate_limit=5.0, time_constant=0.0))
-    plant = Plant(load("hrp4_class"), foot=foot)
-    zero = np.zeros(plant.robot.na)
-    half = plant.hold().joint_position
-    np.testing.assert_array_equal(plant.measure().sole_stiffness, [5.0, 5.0])
-    for tick in range(1, 11):  # the command is given once and kept
-        plant.step(Command(zero, half, zero, np.array([7.0, 5.0]) if tick == 1 else None))
-        expected = min(7.0, 5.0 * 10.0 ** (5.0 * 0.005 * tick))
-        np.testing.assert_allclose(plant.measure().sole_stiffness, [expected, 5.0])
-    plant.reset()
-    np.testing.assert_array_equal(plant.measure().sole_stiffness, [5.0, 5.0])
-
-
 def test_a_new_stiffness_acts_at_once_as_if_compiled_in() -> None:
     """From one bent state: a plant told to be stiff against a plant that was built stiff."""
     actuator = StiffnessActuator.instantaneous()

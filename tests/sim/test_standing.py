@@ -20,7 +20,7 @@ from wbc.feet import foot
 from wbc.feet.soles.rigid import RigidFoot
 from wbc.robots import RobotDescription, load, names
 from wbc.sim.balance.push_recovery import recovers
-from wbc.sim.balance.standing import MODES, StandSpec, StandTrial, centre_of_pressure, stand
+from wbc.sim.balance.standing import MODES, StandSpec, stand
 from wbc.sim.plant.feet import with_feet
 from wbc.sim.plant.plant import Plant
 from wbc.sim.trial.falls import LARGEST_TILT, LOWEST_SHARE, TrueFallDetector
@@ -85,15 +85,6 @@ def test_a_controller_may_know_the_masses_of_the_feet(name: str) -> None:
         )
     with pytest.raises(InputError, match="wears"):
         with_feet(description, RigidFoot(mass=0.5), mass=True)
-
-
-def test_pressure_of_a_robot_at_rest_is_under_its_centre_of_mass() -> None:
-    trial = StandTrial(StandSpec(robot="g1"))
-    trial.advance(0.6)
-    truth = trial.plant.truth()
-    np.testing.assert_allclose(centre_of_pressure(truth), truth.com[:2], atol=1e-4)
-    flying = replace(truth, contact_force=np.zeros((0, 3)), contact_position=np.zeros((0, 3)))
-    assert np.isnan(centre_of_pressure(flying)).all()
 
 
 def turned(q: np.ndarray[Any, Any], angle: float, axis: list[float]) -> np.ndarray[Any, Any]:

@@ -157,9 +157,6 @@ def test_an_executor_of_a_cluster_will_do(tmp_path: Path) -> None:
     assert there.result == json.loads(json.dumps(here.result))
 
 
-# Walks as trials
-
-
 def test_the_interval_of_a_rate_is_that_of_a_poisson_count() -> None:
     """10 events: 4.795 to 18.39 (Garwood's table); none in half an hour: at most 6.0 an hour."""
     assert rate_interval(10, 1.0) == pytest.approx((4.795, 18.39), abs=0.01)

@@ -209,6 +209,3 @@ def test_stairs_of_the_ground_are_climbed() -> None:
         assert step.z == pytest.approx(float(ground.height(step.x, step.y)), abs=1e-9)
         for dx in (-0.08, 0.08):  # the whole sole stands on one stair
             assert float(ground.height(step.x + dx, step.y)) == pytest.approx(step.z, abs=1e-9)
-
-
-# The world
