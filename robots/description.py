@@ -80,18 +80,9 @@ class RobotDescription:
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "soles", tuple(self.soles))
-        for mapping in (
-            "half_sitting",
-            "armature",
-            "hands",
-            "gains",
-            "damping",
-            "frictionloss",
-            "springs",
-            "torque_ranges",
-            "sensors",
-        ):
-            object.__setattr__(self, mapping, MappingProxyType(dict(getattr(self, mapping))))
+        for item in fields(self):
+            if isinstance(value := getattr(self, item.name), Mapping):
+                object.__setattr__(self, item.name, MappingProxyType(dict(value)))
         if self.soles and tuple(sole.name for sole in self.soles) != frames.SOLE_NAMES:
             raise InputError(
                 f"soles must be {frames.SOLE_NAMES}, or none, got {tuple(s.name for s in self.soles)}"
@@ -101,9 +92,7 @@ class RobotDescription:
             missing = [name for name in names if name not in given]
             if missing:
                 raise InputError(f"{what} must give every joint; missing: {', '.join(missing)}")
-        check_values(
-            names, self._model, self.half_sitting, self.armature, self.damping, self.frictionloss, self.gains
-        )
+        check_values(self, self._model)
         for name in self.springs:
             choose("joint", name, names)
         q = self._half_sitting_configuration()
@@ -196,7 +185,7 @@ class RobotDescription:
             source: MJCF, a path or the XML itself, an `mujoco.MjSpec` (not changed) or a compiled `mujoco.MjModel`.
             left_sole: Body, site or geom of the left foot, or a `SoleDescription`; the lowest limbs when None.
             right_sole: Same for the right foot.
-            name: Name of the robot; that in the file when None.
+            name: As in `from_urdf`.
             sole_size: Length and width of both soles, m; from the geoms that can touch the ground when None.
             feet: False for a robot without feet, such as an arm or a quadruped, for a `Controller` of its own.
             root: Body that floats; the one with a free joint when None. Joints of its own are replaced.
@@ -307,21 +296,10 @@ class RobotDescription:
     @cached_property
     def digest(self) -> str:
         """Hash of everything that a model is made of, 12 hex digits."""
-        content = (
-            self.urdf,
-            self.soles,
-            self.imu,
-            self.torso,
-            self.servo,
-            *(
-                sorted(values.items())
-                for values in (self.half_sitting, self.armature, self.hands, self.gains)
-            ),
-            *(
-                sorted(values.items())
-                for values in (self.damping, self.frictionloss, self.springs, self.torque_ranges)
-            ),
-        )
+        mappings = (self.half_sitting, self.armature, self.hands, self.gains)
+        mappings += (self.damping, self.frictionloss, self.springs, self.torque_ranges)
+        content = (self.urdf, self.soles, self.imu, self.torso, self.servo)
+        content += tuple(sorted(values.items()) for values in mappings)
         return hashlib.sha256(repr(content).encode()).hexdigest()[:12]
 
     @cached_property

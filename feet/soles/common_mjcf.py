@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TypeAlias
+from typing import Any, TypeAlias
 
 import mujoco
 import numpy as np
@@ -30,6 +30,7 @@ RANGE_OFFSET = 1e-6
 TOE_TO_RANGE = 0.014
 """Distance of the range sensor from the front edge of a rigid sole, m; as in the soft foot."""
 
+_VISUAL: dict[str, Any] = {"contype": 0, "conaffinity": 0, "mass": 0.0, "group": VISUAL_GROUP}
 _SOLE_COLOR = (0.85, 0.55, 0.25, 1.0)
 _ARCH_COLOR = (0.35, 0.38, 0.42, 1.0)
 
@@ -103,11 +104,8 @@ def add_box(body: mujoco.MjsBody, name: str, position: Point, size: Point) -> No
         type=mujoco.mjtGeom.mjGEOM_BOX,
         size=np.asarray(size) / 2.0,
         pos=position,
-        contype=0,
-        conaffinity=0,
-        mass=0.0,
-        group=VISUAL_GROUP,
         rgba=_SOLE_COLOR,
+        **_VISUAL,
     )
 
 
@@ -118,11 +116,8 @@ def add_bar(body: mujoco.MjsBody, name: str, start: Point, end: Point, radius: f
         type=mujoco.mjtGeom.mjGEOM_CAPSULE,
         size=[radius, 0.0, 0.0],
         fromto=[*start, *end],
-        contype=0,
-        conaffinity=0,
-        mass=0.0,
-        group=VISUAL_GROUP,
         rgba=_ARCH_COLOR,
+        **_VISUAL,
     )
 
 

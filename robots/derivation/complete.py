@@ -143,28 +143,22 @@ def complete(
     }
 
 
-def check_values(
-    names: Sequence[str],
-    model: pin.Model,
-    half_sitting: Mapping[str, float],
-    armature: Mapping[str, float],
-    damping: Mapping[str, float],
-    friction: Mapping[str, float],
-    gains: Mapping[str, tuple[float, float]],
-) -> None:
+def check_values(robot: Any, model: pin.Model) -> None:
     """Check the values that a description gives for single joints, each by the name of the joint."""
-    values = {"armature": (armature, " (kg m²)"), "damping": (damping, ""), "friction": (friction, "")}
+    names = robot.joint_names
+    values = {
+        "armature": (robot.armature, " (kg m²)"),
+        "damping": (robot.damping, ""),
+        "friction": (robot.frictionloss, ""),
+        "kp": ({name: kp for name, (kp, _) in robot.gains.items()}, " (Nm/rad)"),
+        "kd": ({name: kd for name, (_, kd) in robot.gains.items()}, " (Nms/rad)"),
+    }
     for what, (given, unit) in values.items():
         for name, value in given.items():
             choose("joint", name, names)
             non_negative(f"{what} of joint '{name}'{unit}", value)
-    for name, (kp, kd) in gains.items():
-        choose("joint", name, names)
-        non_negative(f"kp of joint '{name}' (Nm/rad)", kp)
-        non_negative(f"kd of joint '{name}' (Nms/rad)", kd)
-    for name, value in half_sitting.items():
-        choose("joint", name, names)
-        i = 7 + names.index(name)
+    for name, value in robot.half_sitting.items():
+        i = 7 + names.index(choose("joint", name, names))
         low, high = float(model.lowerPositionLimit[i]), float(model.upperPositionLimit[i])
         finite_scalar(f"half-sitting of joint '{name}'", value, low=low, high=high)
 

@@ -65,19 +65,16 @@ class SharedPlant:
         Args:
             robots: Name → description.
             places: Name → x, y (m) and heading (rad) in the world; the origin when not given.
-            foot: Foot under all ankles.
+            foot: Foot under all ankles; this and what follows is as of `wbc.Plant`, and raises as it does.
             terrain: The ground; level where the robots begin.
-            scene: What stands or lies about, as of `wbc.Plant`.
+            scene: What stands or lies about.
             timestep: Physics step, s.
             control_period: Time between two commands, s.
             noise: Sensor errors of every robot.
             seed: Seed of the sensor errors of the first robot; the others have the next ones.
 
         Raises:
-            UnknownNameError: A place of a robot that there is not; no such foot, terrain or scene.
-            InputError: No robot or too many, a name with a slash, robots that stand in one another, a scene that goes
-                through one.
-            ModelError: A robot that cannot be simulated.
+            InputError: No robot or too many, a name with a slash, robots that stand in one another.
         """
         if not 0 < len(robots) <= MOST_ROBOTS or any(not name or "/" in name for name in robots):
             raise InputError(
@@ -149,22 +146,14 @@ class SharedPlant:
             )
 
     def measure(self) -> dict[str, Measurement]:
-        """Return name → readings of the sensors now.
-
-        Raises:
-            MeasurementError: The simulation has diverged.
-        """
+        """Return name → readings of the sensors now; `MeasurementError` of a simulation that has diverged."""
         return {name: loop.measure() for name, loop in self.loops.items()}
 
     def step(self, commands: Mapping[str, Command]) -> None:
-        """Advance by one control period.
-
-        Args:
-            commands: Name → command, one for every robot.
+        """Advance by one control period, under a command for every robot by its name.
 
         Raises:
-            UnknownNameError: A command for a robot that there is not.
-            InputError: A robot without a command, or a command that cannot be followed; the simulation has not moved.
+            InputError: No such robot, one without a command or with one that cannot be followed; nothing has moved.
         """
         for name in commands:
             choose("robot", name, self.loops)
@@ -173,12 +162,7 @@ class SharedPlant:
         step_together(tuple(self.loops.values()), [commands[name] for name in self.loops])
 
     def in_world(self, robot: str, point: Sequence[float] | Array) -> Array:
-        """Return a point of a robot's own world, which begins between its feet at the start, in that of the plant.
-
-        Args:
-            robot: Name of the robot.
-            point: In the world of that robot, shape (3,), m.
-        """
+        """Return a point of a robot's own world, shape (3,), m, in that of the plant."""
         place: Array = self._places[choose("robot", robot, self._places)].act(
             finite_array("point (m)", point, (3,))
         )

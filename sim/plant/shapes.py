@@ -33,15 +33,6 @@ Colour = tuple[float, float, float, float]
 PLAIN: Colour = (0.78, 0.80, 0.83, 1.0)
 """Colour of links without one."""
 
-SKY = ([0.95, 0.97, 1.0], [0.72, 0.78, 0.84])
-"""Colours of the sky, above and at the horizon."""
-
-TILES, TILE = ([0.80, 0.82, 0.83], [0.86, 0.875, 0.885]), 0.5
-"""Colours of the tiles of the floor, and their side, m."""
-
-FLOOR_COLOUR: Colour = (0.85, 0.87, 0.88, 1.0)
-"""Colour of the floor under its tiles, and in pages without."""
-
 MESH = "visual:"
 """Beginning of the names of the robot's meshes, after the prefix of a robot among others."""
 
@@ -76,29 +67,16 @@ def add_visuals(spec: mujoco.MjSpec, description: RobotDescription, robot: Robot
 
 def add_stage(spec: mujoco.MjSpec) -> None:
     """Add sky and lamp, and tiles on the floor."""
-    light, dark = TILES
-    spec.add_texture(
-        name="sky",
-        type=mujoco.mjtTexture.mjTEXTURE_SKYBOX,
-        builtin=mujoco.mjtBuiltin.mjBUILTIN_GRADIENT,
-        rgb1=SKY[0],
-        rgb2=SKY[1],
-        width=256,
-        height=256,
-    )
-    spec.add_texture(
-        name="tiles",
-        type=mujoco.mjtTexture.mjTEXTURE_2D,
-        builtin=mujoco.mjtBuiltin.mjBUILTIN_CHECKER,
-        rgb1=light,
-        rgb2=dark,
-        width=256,
-        height=256,
-    )
-    tiles = spec.add_material(name="tiles", texuniform=True, texrepeat=[0.5 / TILE] * 2)
+    kinds, patterns = mujoco.mjtTexture, mujoco.mjtBuiltin
+    for name, kind, pattern, one, other in (
+        ("sky", kinds.mjTEXTURE_SKYBOX, patterns.mjBUILTIN_GRADIENT, [0.95, 0.97, 1.0], [0.72, 0.78, 0.84]),
+        ("tiles", kinds.mjTEXTURE_2D, patterns.mjBUILTIN_CHECKER, [0.80, 0.82, 0.83], [0.86, 0.875, 0.885]),
+    ):
+        spec.add_texture(name=name, type=kind, builtin=pattern, rgb1=one, rgb2=other, width=256, height=256)
+    tiles = spec.add_material(name="tiles", texuniform=True, texrepeat=[1.0, 1.0])  # of 0.5 m
     tiles.textures[mujoco.mjtTextureRole.mjTEXROLE_RGB] = "tiles"
     floor = spec.geom(FLOOR)
-    floor.material, floor.rgba = "tiles", FLOOR_COLOUR
+    floor.material, floor.rgba = "tiles", (0.85, 0.87, 0.88, 1.0)
     spec.worldbody.add_light(
         type=mujoco.mjtLightType.mjLIGHT_DIRECTIONAL,
         pos=[0.0, -3.0, 6.0],

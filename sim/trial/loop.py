@@ -95,8 +95,7 @@ class Trial:
         plant: The plant.
         walking: The controller.
         meters: Hooks that measure the figures of the result; they come first in every tick.
-        hooks: Hooks that observe, whose time is not counted.
-        scenario: Hooks that act: steer, push, give orders.
+        hooks: Hooks that observe, whose time is not counted; those of `scenario` act: steer, push, give orders.
         stage: Name of the present stage, which whoever advances the trial sets.
         fall: Reason of the fall; None before.
         diverged: Reason of a divergence of the simulation; None as a rule.
@@ -246,11 +245,7 @@ class Trial:
         return self.fall is None and self.diverged is None and not self.stopped
 
     def advance(self, seconds: float, look: Look | None = None) -> None:
-        """Simulate for a time.
-
-        Args:
-            seconds: Simulated time, s.
-            look: Called after each control period.
+        """Simulate for a time, s; `look` is called after each control period.
 
         Raises:
             StageError: The robot falls, or has fallen, or the trial is stopped.
@@ -269,16 +264,10 @@ class Trial:
             raise StageError(f"stage '{self.stage}' was stopped")
 
     def until(self, what: Callable[[], bool], most: float, look: Look | None = None) -> None:
-        """Simulate until something is true.
-
-        Args:
-            what: Condition, asked every 0.1 s.
-            most: Longest time, s.
-            look: Called after each control period.
+        """Simulate until something is true, asked every 0.1 s; raises as `advance`.
 
         Raises:
-            StageError: The robot falls, or the time is over.
-            DivergedError: The simulation has diverged.
+            StageError: The longest time, s, is over.
         """
         begin = self.plant.time
         while not what():
@@ -287,16 +276,10 @@ class Trial:
             self.advance(0.1, look)
 
     def follow(self, plan: FootstepPlan, rest: float = 0.0, look: Look | None = None) -> None:
-        """Walk along a plan to its end, and rest.
-
-        Args:
-            plan: Footsteps from where the robot stands.
-            rest: Time at rest after the last step, s.
-            look: Called after each control period.
+        """Walk along a plan from where the robot stands to its end, and rest for a time, s; raises as `advance`.
 
         Raises:
-            StageError: The robot falls, or does not come to the end of the plan: a step is refused, or takes too long.
-            DivergedError: The simulation has diverged.
+            StageError: The robot does not come to the end of the plan: a step is refused, or takes too long.
         """
         walking = self.walking
         walking.follow(plan)
