@@ -124,11 +124,6 @@ def test_urdf_and_sole_links_are_enough(tmp_path: Path) -> None:
     assert left.translation[1] - right.translation[1] == pytest.approx(0.2, abs=1e-6)
     np.testing.assert_array_equal(description.torque_limit, 80.0)
     np.testing.assert_allclose(mujoco_mass_matrix(description), robot.mass_matrix, atol=1e-9)
-    said = "\n".join(description.derived)
-    for word in ("200 x 90 mm", "half-sitting", "armature", "torso", "IMU"):
-        assert word in said
-    aside = RobotDescription.from_urdf(biped(geometry=FOOT_BOX.replace("0.03 0 ", "0.03 -1e-5 ")), **FEET)
-    assert any("at (30, 0, -60) mm" in line for line in aside.derived), "no -0"
 
 
 @pytest.mark.parametrize(
@@ -302,14 +297,6 @@ def test_missing_limits_come_from_mass_and_size() -> None:
         gravity = np.abs(pin.computeGeneralizedGravity(robot.model, robot.data, q)[6:])
         assert (robot.torque_limit[others] >= gravity[others]).all()
     assert "torque limits not given" in "\n".join(without.derived)
-    # An arm that hangs straight, turned about every way: a third of its limit holds it at worst.
-    shoulder, worst = robot.joint_index("l_shoulder"), 0.0
-    for _ in range(300):
-        q = np.array(robot.half_sitting)
-        quaternion = rng.normal(size=4)
-        q[3:7] = quaternion / np.linalg.norm(quaternion)
-        worst = max(worst, abs(pin.computeGeneralizedGravity(robot.model, robot.data, q)[6 + shoulder]))
-    assert robot.torque_limit[shoulder] == pytest.approx(3.0 * worst, rel=0.05)
     # MuJoCo is fed the same limits.
     assert without.urdf.count('effort="0"') == 0
 

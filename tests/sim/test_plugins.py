@@ -30,36 +30,29 @@ class Waves(FieldFamily):
     def heights(self, site, x, y):
         return x + y
 
-class Undecorated(FieldFamily):
-    smallest_feature = property(lambda self: 0.1)
-
 policy = FixedPolicy
 """
 
 POINTS = """
 [wbc.robots]
 their_biped = theirs:describe
-their_policy = theirs:policy
 [wbc.feet]
 long_toes = theirs:LongToes
 no_foot = theirs:Waves
 gone = their_other:Foot
 [wbc.terrains]
 their_waves = theirs:Waves
-undecorated = theirs:Undecorated
 [wbc.policies]
 theirs = theirs:policy
-absent = theirs:nothing
 """
 
 PROGRAM = """
 import json, sys
 import wbc
 from wbc.feet import foot
-from wbc.feet.soles.catalog import foot_names
-from wbc.robots import load, names, others
+from wbc.robots import load, others
 from wbc.sim.terrain.families.base import terrain_families
-from wbc.tasks.scheduling.policies import stiffness_policy, stiffness_policy_names
+from wbc.tasks.scheduling.policies import stiffness_policy
 
 def error(call, *values):
     try:
@@ -68,15 +61,11 @@ def error(call, *values):
         return str(failure)
 
 wbc.load_robot("hrp4_class"), foot("flat")
-said = {"listed": [*others(), *foot_names(), *stiffness_policy_names()], "early": "theirs" in sys.modules}
-said["joints"] = len(load("their_biped").joint_names)
+said = {"listed": others(), "early": "theirs" in sys.modules, "joints": len(load("their_biped").joint_names)}
 said["phalanges"] = foot("long_toes").phalanges
 said["policy"] = type(stiffness_policy("theirs", stiffness=5.0)).__name__
 said["families"] = list(terrain_families())
-said["errors"] = [
-    error(foot, "no_foot"), error(foot, "gone"), error(stiffness_policy, "absent"), error(load, "their_policy"),
-    error(load, "their_bipeds"),
-]
+said["errors"] = [error(foot, "no_foot"), error(foot, "gone"), error(load, "their_bipeds")]
 print(json.dumps(said))
 """
 
@@ -101,14 +90,8 @@ def test_what_another_package_brings_is_listed_and_loaded_when_it_is_used_and_a_
         text=True,
     )
     assert done.returncode == 0, done.stderr
-    assert "undecorated" in done.stderr  # which a list leaves out with a warning
     said = json.loads(done.stdout)
-    assert {"their_biped", "long_toes", "gone", "theirs"} <= set(said["listed"]) and not said["early"]
+    assert "their_biped" in said["listed"] and not said["early"] and "their_waves" in said["families"]
     assert (said["joints"], said["phalanges"], said["policy"]) == (12, 12, "FixedPolicy")
-    assert "their_waves" in said["families"] and "undecorated" not in said["families"]
-    wrong, gone, absent, no_robot, unknown = said["errors"]
-    assert "'no_foot' of package 'theirs'" in wrong and "derived from Foot" in wrong
-    assert "their_other:Foot (entry point of wbc.feet): ModuleNotFoundError" in gone
-    assert "theirs:nothing" in absent and "AttributeError" in absent
-    assert "must return a RobotDescription" in no_robot
-    assert "did you mean 'their_biped'" in unknown
+    for message, named in zip(said["errors"], ("no_foot", "their_other:Foot", "their_biped"), strict=True):
+        assert named in message
