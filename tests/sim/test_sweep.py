@@ -323,7 +323,7 @@ def test_trials_on_one_layout_are_not_counted_as_independent() -> None:
 
 def test_sign_flips_keep_their_level() -> None:
     """Under no difference one test in twenty says there is one."""
-    draws = np.random.default_rng(4).normal(0.0, 1.0, (120, 20))
+    draws = np.random.default_rng(4).normal(0.0, 1.0, (120, 10))
     found = [sign_flip_p(row.tolist()) for row in draws]
     assert 0.01 <= np.mean([p is not None and p < 0.05 for p in found]) <= 0.10
     exact = [1.0, 1.0, 1.0, 1.0, 1.0]

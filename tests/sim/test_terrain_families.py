@@ -42,11 +42,11 @@ def _peaks(t: Terrain) -> Array:
 
 
 @pytest.mark.parametrize("name", NAMES)
-@examples(4)
+@examples(2)
 @given(seed=st.integers(0, 2**40), share=st.floats(0.05, 1.0))
 def test_amplitude_is_highest_minus_lowest_point(name: str, seed: int, share: float) -> None:
     t = terrain(name, amplitude=share * terrain(name).amplitude, seed=seed, ramp=0.0)
-    x, y = _inside(t, 4000)
+    x, y = _inside(t, 1000)
     # The stop strip of a climb meets the rough part's end; the very edge belongs to the rough part.
     x = np.append(np.append(x, _peaks(t)[:, 0]), t.stop - 1e-12)
     y = np.append(np.append(y, _peaks(t)[:, 1]), 0.0)
@@ -69,7 +69,7 @@ def _layouts(ground: Terrain, seeds: int) -> Array:
 RANDOM_CUTOFFS = [{"cutoff": 0.02}, {"cutoff": 0.0102}]
 
 
-@pytest.mark.parametrize("name", ["patchwork", "random", "stones"])
+@pytest.mark.parametrize("name", ["patchwork", "random"])
 def test_layouts_of_one_seed_are_independent_between_amplitudes_parameters_and_seeds(name: str) -> None:
     """Over many seeds, as two single random walks may look alike by chance."""
     usual = terrain(name)
