@@ -24,7 +24,7 @@ from typing import Annotated, NamedTuple
 import numpy as np
 import pinocchio as pin
 
-from wbc.core.errors import Array, InputError, finite_scalar
+from wbc.core.errors import Array, InputError
 from wbc.core.qp.contact import rectangle_wrench_cone
 from wbc.core.qp.problem import Problem
 from wbc.core.qp.solver import QpSolver, SolverSettings, Status
@@ -172,8 +172,6 @@ class WrenchDistribution:
         """
         if not any(contact):
             raise InputError("a wrench can only be distributed over feet in contact; neither is")
-        if not (isinstance(ratio, float) and 0.0 <= ratio <= 1.0):
-            ratio = finite_scalar("left-foot ratio", ratio, low=0.0, high=1.0)
         p, s = self._problem, self.settings
         both = all(contact)
         if not both:

@@ -19,7 +19,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from wbc.core.errors import Array, positive
+from wbc.core.errors import Array
 from wbc.core.robot import GRAVITY
 from wbc.tasks.stabilizer.filters import Average, HighPass
 from wbc.tasks.stabilizer.gains import StabilizerGains, pair
@@ -147,7 +147,6 @@ def wrench_through(com: Array, acceleration: Array, mass: float) -> Array:
     [force; moment] is at the world origin in world axes, shape (6,), N and Nm; point (m) and acceleration (m/s²) have
     shape (3,).
     """
-    mass = positive("mass (kg)", mass)
     x, y, z = com.tolist()
     ax, ay, az = acceleration.tolist()
     fx, fy, fz = mass * ax, mass * ay, mass * (az + GRAVITY)

@@ -6,7 +6,6 @@ import logging
 from dataclasses import replace
 from typing import Annotated
 
-from wbc.core.errors import positive
 from wbc.core.robot import force_scale
 from wbc.core.settings import NonNegative, Positive, settings
 
@@ -117,6 +116,5 @@ class StabilizerGains:
         Args:
             mass: Mass of the robot, kg.
         """
-        mass = positive("mass (kg)", mass)
         admittance = min(0.05, 2.0 / mass) if self.cop_admittance is None else self.cop_admittance
         return replace(self, cop_admittance=admittance, min_force=self.min_force * force_scale(mass))

@@ -20,7 +20,7 @@ from typing import Annotated, NamedTuple
 import numpy as np
 import pinocchio as pin
 
-from wbc.core.errors import Array, positive
+from wbc.core.errors import Array
 from wbc.core.robot import GRAVITY
 from wbc.core.settings import Positive, settings
 
@@ -82,14 +82,14 @@ class Lean:
     def __init__(self, mass: float, height: float, settings: LeanSettings | None = None) -> None:
         """Stand upright; mass of the robot, kg, and height of the CoM over the support, m, are above zero."""
         self.settings = settings or LeanSettings()
-        self._height = positive("height of the CoM over the support (m)", height)
+        self._height = height
         self.set_mass(mass)
         self.angle = self.speed = (0.0, 0.0)
 
     def set_mass(self, mass: float) -> None:
         """Set the mass of the robot with its load, kg, above zero."""
         s = self.settings
-        first_moment = positive("mass (kg)", mass) * self._height
+        first_moment = mass * self._height
         self._inertia = s.inertia * first_moment * self._height
         self._dead_band = DEAD_BAND * first_moment * GRAVITY
 

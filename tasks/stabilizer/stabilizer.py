@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 import pinocchio as pin
 
-from wbc.core.errors import Array, finite_array, positive
+from wbc.core.errors import Array
 from wbc.core.robot import GRAVITY
 from wbc.tasks.stabilizer.admittance import FootAdmittance, FootCorrection
 from wbc.tasks.stabilizer.distribution import FootWrenches, WrenchDistribution, left_foot_ratio
@@ -64,7 +64,7 @@ class Stabilizer:
         self, mass: float, distribution: WrenchDistribution, gains: StabilizerGains | None = None
     ) -> None:
         """Start on the ground, with an empty memory, for a mass above zero, kg, and its soles."""
-        self._mass = positive("mass (kg)", mass)
+        self._mass = mass
         self.distribution = distribution
         self._given = gains or StabilizerGains()
         self._gains = self._given.for_mass(self._mass)
@@ -80,7 +80,7 @@ class Stabilizer:
 
     @mass.setter
     def mass(self, mass: float) -> None:
-        self._mass = positive("mass (kg)", mass)
+        self._mass = mass
         gains = self._given.for_mass(self._mass)
         if gains.cop_admittance != self._gains.cop_admittance:
             self.gains = self._given
@@ -127,30 +127,7 @@ class Stabilizer:
         bias: Array | None = None,
         outside: Array | None = None,
     ) -> StabilizerOutput:
-        """Compute one tick.
-
-        Args:
-            target: Reference of the pendulum.
-            com: Measured CoM in the world, shape (3,), m.
-            com_velocity: Measured velocity of the CoM, shape (3,), m/s.
-            wrenches: Measured contact wrenches of left and right sole, [force; moment] in the sole frames, shape
-                (2, 6), N and Nm.
-            soles: Placements of left and right sole.
-            contact: True for each foot that is to carry; at least one.
-            yaw: Heading of the robot, rad.
-            dt: Control period, s.
-            bias: Bias of the measured DCM, shape (2,), m.
-            outside: Wrench of the surroundings on all but the feet, [force; moment] at the world origin, shape (6,), N
-                and Nm: the feet give what it does not. The target's ZMP is then that of feet and this together.
-
-        Raises:
-            InputError: Measurements that are not finite, or no foot in contact.
-        """
-        if not _usable(wrenches, com, com_velocity, dt):
-            dt = positive("control period (s)", dt)
-            wrenches = finite_array("foot wrenches (N, Nm)", wrenches, (2, 6))
-            com = finite_array("CoM (m)", com, (3,))
-            com_velocity = finite_array("CoM velocity (m/s)", com_velocity, (3,))
+        """Compute one tick from measured CoM, wrenches and soles; for the rest see `StabilizerTask.update`."""
         self._update_in_air(wrenches)
         measured_zmp = self._measured_zmp(target, wrenches, soles, contact)
         if outside is not None:
@@ -213,18 +190,3 @@ class Stabilizer:
         if total[2] < MIN_FORCE:
             return np.full(3, np.nan)
         return level_zmp(total, target.zmp)
-
-
-def _usable(wrenches: Array, com: Array, com_velocity: Array, dt: float) -> bool:
-    """True for measurements of the right kind and shape without NaN or infinity: in a tick they nearly always are."""
-    return (
-        isinstance(dt, float)
-        and dt > 0.0
-        and all(isinstance(each, np.ndarray) for each in (wrenches, com, com_velocity))
-        and wrenches.dtype == com.dtype == com_velocity.dtype == np.float64
-        and wrenches.shape == (2, 6)
-        and com.shape == com_velocity.shape == (3,)
-        and math.isfinite(
-            dt + sum(wrenches.ravel().tolist()) + sum(com.tolist()) + sum(com_velocity.tolist())
-        )
-    )

@@ -17,7 +17,7 @@ from typing import NamedTuple
 import numpy as np
 import pinocchio as pin
 
-from wbc.core.errors import ROUNDING, Array, InputError, positive
+from wbc.core.errors import ROUNDING, Array, InputError
 from wbc.core.robot import GRAVITY
 from wbc.core.trajectories import Quintic
 from wbc.core.vectors import Vector
@@ -108,7 +108,7 @@ class SwingFoot:
     ) -> None:
         """Plan from a foot at rest; an `InputError` for a duration too short for take-off and landing."""
         self._shape = shape
-        self.duration = positive("duration of the swing (s)", duration)
+        self.duration = duration
         self.landing, self.over = landing, over
         if duration < shape.shortest:
             raise InputError(

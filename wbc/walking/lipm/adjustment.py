@@ -25,7 +25,7 @@ from typing import Annotated
 
 import numpy as np
 
-from wbc.core.errors import Array, positive
+from wbc.core.errors import Array
 from wbc.core.qp.problem import Problem
 from wbc.core.qp.solver import QpSolver
 from wbc.core.robot import SIDES
@@ -83,7 +83,7 @@ class StepAdjuster:
     ) -> None:
         """Set up the QP for a natural frequency, 1/s, and (length, width) of the left and of the right sole, m."""
         self.settings = settings or AdjustmentSettings()
-        self._omega = positive("natural frequency (1/s)", omega)
+        self._omega = omega
         self._reach = reach
         margin = self.settings.margin
         self._half = [[max(0.5 * size - margin, 1e-3) for size in sole] for sole in sizes]  # less the margin

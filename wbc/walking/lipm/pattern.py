@@ -14,7 +14,7 @@ from bisect import bisect_right
 
 import numpy as np
 
-from wbc.core.errors import Array, InputError, positive
+from wbc.core.errors import Array, InputError
 from wbc.tasks.stabilizer.pendulum import Pendulum, natural_frequency
 from wbc.walking.lipm.height import HeightProfile
 
@@ -61,7 +61,7 @@ class Pattern:
         span = self.times[1:] - self.times[:-1]
         if self.times[0] != 0.0 or not (span > 0.0).all():
             raise InputError(f"times of a pattern must increase from 0, got {self.times}")
-        self.height = positive("height of the CoM over the support (m)", height)
+        self.height = height
         self.omega = omega = natural_frequency(self.height)
         self._profile = profile
         self._knots: list[float] = self.times.tolist()

@@ -13,7 +13,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import Annotated
 
-from wbc.core.errors import ROUNDING, InputError, non_negative, positive
+from wbc.core.errors import ROUNDING, InputError
 from wbc.core.robot import SIDES
 from wbc.core.settings import NonNegative, Share, settings
 from wbc.walking.contact import Event, GaitPhase, Touch, touch_down
@@ -66,7 +66,7 @@ class WalkPhases:
         self.plan = plan
         self._schedule: tuple[FootstepPlan, tuple[SupportPhase, ...]] | None = None  # with its plan
         self.settings = settings or PhaseSettings()
-        self.weight = positive("weight of the robot (N)", weight)
+        self.weight = weight
         self.phase = GaitPhase.STANDING
         self.step = 0
         self.elapsed = 0.0
@@ -165,7 +165,7 @@ class WalkPhases:
     def retime(self, remaining: float) -> None:
         """Let the present single support end after a time (s), to catch the pendulum."""
         if self.phase is GaitPhase.SINGLE:
-            self.duration = self.elapsed + non_negative("remaining time of the swing (s)", remaining)
+            self.duration = self.elapsed + remaining
 
     def set_landing(self, step: Footstep, *, carry: bool = True) -> None:
         """Set the landing of the foot that swings, or has landed last; see `FootstepPlan.with_step`."""
@@ -174,7 +174,7 @@ class WalkPhases:
 
     def update(self, loads: Sequence[float], dt: float) -> tuple[Event, ...]:
         """Advance by one tick with the normal force on left and right foot, N; return its events."""
-        self.elapsed += positive("control period (s)", dt)
+        self.elapsed += dt
         if self.phase is GaitPhase.SINGLE:
             return self._single(loads, dt)
         if self.phase is GaitPhase.DOUBLE:

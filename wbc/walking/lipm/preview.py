@@ -26,7 +26,7 @@ from typing import Annotated
 
 import numpy as np
 
-from wbc.core.errors import ROUNDING, Array, InputError, positive
+from wbc.core.errors import ROUNDING, Array, InputError
 from wbc.core.qp.problem import Problem
 from wbc.core.qp.solver import QpSolver, Status
 from wbc.core.settings import NonNegative, settings
@@ -73,7 +73,7 @@ class PreviewController:
     def __init__(self, sizes: SoleSizes, height: float, settings: PreviewSettings | None = None) -> None:
         """Set up the QP; an `InputError` for a margin or a target that does not fit into a sole."""
         self.settings = s = settings or PreviewSettings()
-        self.height = positive("height of the CoM over the support (m)", height)
+        self.height = height
         self.omega = natural_frequency(height)
         self._sizes = sizes
         for length, width in sizes:
