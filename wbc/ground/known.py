@@ -179,9 +179,7 @@ class KnownGround:
         s = self.settings
         over, most, inside = self._footprints[side].over(self._at, placement.translation, placement.rotation)
         self.difference = over
-        off = max(inside, 0.0) + min(
-            most, 0.0
-        )  # how deep the sole would be in the ground, or how high it would hang
+        off = max(inside, 0.0) + min(most, 0.0)  # depth of the sole in the ground, or height over it
         if abs(off) > s.contradiction:
             name = self._names[side]
             self._doubt("stance", f"the ground known under the {name} sole is {off:+.3f} m from it")
