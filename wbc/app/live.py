@@ -48,7 +48,7 @@ class LiveView:
     @property
     def changes(self) -> bool:
         """True if the page changes the run."""
-        return self.workbench or getattr(self, "drive", False)
+        return self.workbench
 
     @property
     def watched(self) -> bool:
@@ -96,6 +96,11 @@ class LiveDrive(LiveView):
     """
 
     drive: bool = False
+
+    @property
+    def changes(self) -> bool:
+        """True if the page changes the run."""
+        return self.workbench or self.drive
 
 
 def with_changes(
