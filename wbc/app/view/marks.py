@@ -7,7 +7,7 @@ what was before, and a line in `live_marks` (what a run shows) or in `wbc.app.re
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import cache
 from typing import Literal, NamedTuple
@@ -223,6 +223,26 @@ def placed(mark: Mark) -> Placed:
         points, faces = _ribbon(points, mark.size)
     both = np.concatenate([faces, faces[:, ::-1]])  # seen from above and from below
     return Placed(Mesh(points, both), origin, np.eye(3), np.ones(3))
+
+
+Shown = dict[str, tuple[Mark, Mesh | None]]
+"""Marks of a page by name, each with its triangles; None for a cloud."""
+
+
+def changes(shown: Shown, marks: Sequence[Mark]) -> Iterator[tuple[str, Mark | None, Placed | None, bool]]:
+    """Yield name, mark, placed triangles and whether these are new, for what looks other than shown; None if gone."""
+    for name in shown.keys() - {mark.name for mark in marks}:
+        del shown[name]
+        yield name, None, None, False
+    for mark in marks:
+        old = shown.get(mark.name)
+        if old is not None and mark.looks_like(old[0]):
+            continue
+        place = None if mark.kind == "cloud" else placed(mark)
+        mesh = None if place is None else place.mesh
+        anew = old is None or old[1] is not mesh or old[0].colour != mark.colour
+        shown[mark.name] = (mark, mesh)
+        yield mark.name, mark, place, anew
 
 
 @cache

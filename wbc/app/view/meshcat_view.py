@@ -12,7 +12,7 @@ import numpy as np
 import zmq  # comes with meshcat
 
 from wbc.app.view.base import LOCAL, View, ViewError
-from wbc.app.view.marks import Mark, Picture, placed
+from wbc.app.view.marks import Mark, Picture, Shown, changes
 from wbc.app.view.meshes import Colour, Mesh, body_meshes
 from wbc.core.errors import Array
 
@@ -67,7 +67,7 @@ class MeshcatView(View):
             self._order(path, commands.SetProperty, name, value)
         self._places: dict[str, bytes] = {}  # path → matrix as it is shown
         self._colours: dict[int, Colour] = {}
-        self._marks: dict[str, tuple[Mark, Mesh | None]] = {}  # marks and their triangles as they are shown
+        self._marks: Shown = {}
         self._move("/Grid", _matrix(np.array([0.0, 0.0, self.stage.floor])))
         # A body's path is below that of its parent and is moved when the joint between them has moved: few have.
         self._bodies = [f"{ROOT}/0"]
@@ -112,29 +112,20 @@ class MeshcatView(View):
                 self._colours[body] = colour
                 for path in self._meshes.get(body, ()):
                     self._order(path, self._commands.SetProperty, "color", list(colour))
-        for name in self._marks.keys() - {mark.name for mark in picture.marks}:
-            self._order(f"{ROOT}/mark/{name}", self._commands.Delete)
-            del self._marks[name]
-            self._places.pop(f"{ROOT}/mark/{name}", None)
-        for mark in picture.marks:
-            self._draw_mark(mark)
+        for name, mark, place, anew in changes(self._marks, picture.marks):
+            path = f"{ROOT}/mark/{name}"
+            if mark is None:
+                self._order(path, self._commands.Delete)
+                self._places.pop(path, None)
+            elif place is None:
+                self._set_cloud(f"{path}/shape", mark)
+            else:
+                if anew:
+                    on_top = mark.kind in ("ball", "arrow")
+                    self._set_mesh(f"{path}/shape", place.mesh, mark.colour, on_top=on_top)
+                self._move(path, _matrix(place.position, place.rotation * place.scale))
         middle = self.stage.floor + 0.8 * self.stage.scale.height
         self._move("/Cameras/default", _matrix(np.array([*picture.target[:2], middle])))
-
-    def _draw_mark(self, mark: Mark) -> None:
-        """Show a mark, unless it is shown as it is; its triangles are sent when they are others."""
-        old, path = self._marks.get(mark.name), f"{ROOT}/mark/{mark.name}"
-        if old is not None and mark.looks_like(old[0]):
-            return
-        if mark.kind == "cloud":
-            self._set_cloud(f"{path}/shape", mark)
-            self._marks[mark.name] = (mark, None)
-            return
-        mesh, position, rotation, scale = placed(mark)
-        if old is None or old[1] is not mesh or old[0].colour != mark.colour:
-            self._set_mesh(f"{path}/shape", mesh, mark.colour, on_top=mark.kind in ("ball", "arrow"))
-        self._marks[mark.name] = (mark, mesh)
-        self._move(path, _matrix(position, rotation * scale))
 
     def _set_mesh(self, path: str, mesh: Mesh, colour: Colour, *, on_top: bool = False) -> None:
         red, green, blue = (round(255 * part) for part in colour[:3])

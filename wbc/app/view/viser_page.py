@@ -11,8 +11,8 @@ import mujoco
 import numpy as np
 
 from wbc.app.view.base import LOCAL, ViewError
-from wbc.app.view.marks import Mark, Picture, legend, placed
-from wbc.app.view.meshes import Colour, Mesh, body_meshes
+from wbc.app.view.marks import Picture, Shown, changes, legend
+from wbc.app.view.meshes import Colour, body_meshes
 from wbc.app.view.stage import Stage
 from wbc.app.view.widgets import Widgets
 from wbc.core.errors import Array
@@ -81,9 +81,8 @@ class ViserPage:
                 _let_pull(made, link, pull)
         self._shown = np.full((model.nbody, 7), np.nan)
         self._colours: dict[int, Colour] = {}
-        self._marks: dict[
-            str, tuple[Any, Mark, Mesh | None]
-        ] = {}  # node, mark and its triangles as they are shown
+        self._marks: Shown = {}
+        self._nodes: dict[str, Any] = {}  # of marks
 
     def draw(self, picture: Picture) -> None:
         """Show a picture."""
@@ -106,35 +105,26 @@ class ViserPage:
         self.meanings |= legend([picture])
 
     def _draw_marks(self, picture: Picture) -> None:
-        for name in self._marks.keys() - {mark.name for mark in picture.marks}:
-            self._marks.pop(name)[0].remove()
-        for mark in picture.marks:
-            old = self._marks.get(mark.name)
-            if old is not None and mark.looks_like(old[1]):
-                continue
-            name = f"{ROOT}/marks/{mark.name}"
-            if mark.kind == "cloud":
-                cloud = self._server.scene.add_point_cloud(
-                    name,
-                    mark.points,
-                    _paint(mark.colour)["color"],
-                    point_size=2.0 * mark.size,
-                    precision="float32",
+        scene = self._server.scene
+        for name, mark, place, anew in changes(self._marks, picture.marks):
+            path = f"{ROOT}/marks/{name}"
+            if mark is None:
+                self._nodes.pop(name).remove()
+            elif place is None:
+                colour, size = _paint(mark.colour)["color"], 2.0 * mark.size
+                self._nodes[name] = scene.add_point_cloud(
+                    path, mark.points, colour, point_size=size, precision="float32"
                 )
-                self._marks[mark.name] = (cloud, mark, None)
-                continue
-            mesh, position, rotation, scale = placed(mark)
-            if old is not None and old[2] is mesh and old[1].colour == mark.colour:
-                node = old[0]
             else:
-                paint = _paint(mark.colour)
-                node = self._server.scene.add_mesh_simple(
-                    name, mesh.vertices, mesh.faces, **paint, cast_shadow=False
-                )
-            quaternion = np.empty(4)
-            mujoco.mju_mat2Quat(quaternion, np.ascontiguousarray(rotation).ravel())
-            node.position, node.wxyz, node.scale = position, quaternion, tuple(scale.tolist())
-            self._marks[mark.name] = (node, mark, mesh)
+                if anew:
+                    (vertices, faces), paint = place.mesh, _paint(mark.colour)
+                    self._nodes[name] = scene.add_mesh_simple(
+                        path, vertices, faces, **paint, cast_shadow=False
+                    )
+                node, quaternion = self._nodes[name], np.empty(4)
+                mujoco.mju_mat2Quat(quaternion, np.ascontiguousarray(place.rotation).ravel())
+                node.position, node.wxyz = place.position, quaternion
+                node.scale = tuple(place.scale.tolist())
 
     def options(self, widgets: Widgets) -> None:
         """Add what changes the picture alone to a panel, and the meaning of the colours."""
