@@ -60,7 +60,7 @@ def robot(watchdog: float) -> None:
     wire = UdpRobot(description, 0)
     server = RobotServer(loop, wire, watchdog=watchdog)
     print("port", wire.port, ask_priority(PRIORITY), flush=True)
-    was, end = False, time.monotonic() + 60.0
+    was, end = False, time.monotonic() + 300.0
 
     def looked_at() -> bool:
         nonlocal was
