@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from copy import copy
 from typing import NamedTuple
 
 import numpy as np
@@ -214,17 +213,6 @@ class Body:
         if self._gaze is None:
             return
         self._gaze.target, self._gaze.weight = place, self._gaze_weight
-
-    def check(self, name: str, value: ArrayLike) -> None:
-        """Refuse what `look_at`, or assigning com_height, lean or turn, would refuse, and set nothing."""
-        if name == "look_at":
-            place = finite_array("point to look at (m)", value, (3,))
-            if self._gaze is None and (self._neck or not self._waist):
-                _gaze_task(self._robot, place)
-            return
-        tried = copy(self)
-        tried._goal = self._goal.copy()
-        setattr(tried, name, value)
 
     @property
     def reached(self) -> bool:

@@ -222,15 +222,6 @@ class ReferenceSource(ABC):
         """
         raise InputError(self.unsteered)
 
-    def check_goal(self, x: float, y: float) -> None:
-        """Check a place of `go_to` (m), and walk nowhere.
-
-        Raises:
-            InputError: The source cannot be steered, or not there.
-        """
-        if type(self).go_to is ReferenceSource.go_to:
-            raise InputError(self.unsteered)
-
     def follow(self, source: FootstepPlan | FootstepSource) -> None:
         """Take the footsteps from a plan or a planner.
 

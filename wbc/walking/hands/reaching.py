@@ -222,15 +222,6 @@ class Arm:
             if within != (frame == PELVIS):
                 task.weight = 0.0
 
-    @property
-    def position(self) -> Array:
-        """Commanded position of the hand in the world, shape (3,), m."""
-        return np.array(self._robot.placement(self.frame).translation)
-
-    def check(self, target: ArrayLike | pin.SE3, frame: str = WORLD, **_: object) -> None:
-        """Refuse a target or frame that `reach` would refuse, and move nothing: for programs that are read."""
-        self._checked(target, frame)
-
     def _checked(self, target: ArrayLike | pin.SE3, frame: str) -> pin.SE3:
         """Return a target as a pose."""
         choose("frame of a hand's target", frame, (WORLD, PELVIS, *self._objects))

@@ -194,15 +194,6 @@ class LipmWalk(ReferenceSource):
 
     def go_to(self, x: float, y: float, yaw: float) -> None:
         """Walk to a place (m) and heading (rad) of the middle between the feet, and stand there."""
-        self.check_goal(x, y)
-        self.follow(GoalSource((x, y, yaw), self.velocity_source()))
-
-    def see(self, ground: KnownGround) -> None:
-        """Put feet by what is known of the ground, from the next swing on."""
-        self.walk.ground.sight = ground
-
-    def check_goal(self, x: float, y: float) -> None:
-        """Refuse a place beyond the ground."""
         if self._extent is not None:
             low_x, high_x, low_y, high_y = self._extent
             if not (low_x <= x <= high_x and low_y <= y <= high_y):
@@ -210,6 +201,11 @@ class LipmWalk(ReferenceSource):
                     f"the ground extends over x from {low_x:g} to {high_x:g} and y from {low_y:g} to {high_y:g} m, "
                     f"got the goal ({x:g}, {y:g})"
                 )
+        self.follow(GoalSource((x, y, yaw), self.velocity_source()))
+
+    def see(self, ground: KnownGround) -> None:
+        """Put feet by what is known of the ground, from the next swing on."""
+        self.walk.ground.sight = ground
 
     def plan_steps(self, time: float) -> None:
         """Plan the footsteps anew if it is time to, by the time since the start of the walk, s."""
