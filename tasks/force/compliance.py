@@ -71,6 +71,7 @@ class ComplianceTask(FrameTask):
         "_time_constant", "_velocity", "_velocity_bound", "_wrench_error", "_wrench_rate",
     )  # fmt: skip
     unit = "m|rad"
+    usual = {"weight": 10.0, "stiffness": 100.0}
     law = "compliance"
 
     def __init__(
@@ -83,10 +84,8 @@ class ComplianceTask(FrameTask):
         time_constant = options.pop("time_constant", SMOOTHING)
         velocity_bound = options.pop("velocity_bound", VELOCITY_BOUND)
         target_wrench, offset_bound = options.pop("target_wrench", None), options.pop("offset_bound", None)
-        usual: MotionOptions = {"weight": 10.0, "stiffness": 100.0}
-        motion: MotionOptions = options
         self._period = 0.0  # of the ticks so far, s
-        super().__init__(frame, self.law, POSE_AXES, target, usual | motion)
+        super().__init__(frame, self.law, POSE_AXES, target, options)
         self._time_constant = non_negative(f"time constant of task '{self.name}' (s)", time_constant)
         self._frozen = np.ones(6, dtype=bool)  # what the task does not follow must not drift away either
         self._frozen[self._keep] = False

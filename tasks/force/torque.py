@@ -24,6 +24,7 @@ class JointTorqueTask(JointTask):
     __slots__ = ("_selection", "_torque_bias", "_torque_rows")
     unit = "Nm"
     kind = "variables"
+    usual = {"weight": 1e-4}
 
     def __init__(
         self,
@@ -40,8 +41,7 @@ class JointTorqueTask(JointTask):
             joints: Joint or joints of the task; all when None.
             **options: See `TaskOptions`.
         """
-        usual: TaskOptions = {"weight": 1e-4}
-        super().__init__("joint torques", target, joints, usual | options)
+        super().__init__("joint torques", target, joints, options)
 
     def bind_problem(self, problem: Problem) -> None:
         """Find the torque rows; see `Task.bind_problem`."""

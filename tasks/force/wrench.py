@@ -26,6 +26,7 @@ class WrenchTask(Task):
     __slots__ = ("_axes", "_columns", "_contact", "_order", "_size")
     unit = "N|Nm"
     kind = "variables"
+    usual = {"weight": 1e-3}
 
     def __init__(
         self,
@@ -48,9 +49,8 @@ class WrenchTask(Task):
         self._contact = contact
         self._size = contact.dim if isinstance(contact, Contact) else len(POSE_AXES)
         every = POSE_AXES[: self._size]
-        usual: TaskOptions = {"weight": 1e-3}
         chosen = every if axes is None else axes
-        super().__init__(f"{self.contact} wrench", every, axes=chosen, **(usual | options))
+        super().__init__(f"{self.contact} wrench", every, axes=chosen, **options)
         self._axes = np.arange(self._size)[self._keep]
         self.target = np.zeros(self._size) if target is None else target
 

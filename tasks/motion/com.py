@@ -13,9 +13,6 @@ from wbc.core.qp.axes import POSITION_AXES
 from wbc.core.qp.task import MotionOptions, Task
 from wbc.core.robot import Robot
 
-ERROR_BOUND = 0.3
-"""Greatest component of the error that acts, m: a push moves the centre of mass further than a motion moves a hand."""
-
 
 class CoMTask(Task):
     """Bring the centre of mass to a point of the world.
@@ -25,11 +22,12 @@ class CoMTask(Task):
     """
 
     __slots__ = ("_base_force", "_base_rotation", "_gravity", "_mass")
+    # A push moves the centre of mass further than a motion moves a hand: hence the bound, m.
+    usual = {"weight": 100.0, "stiffness": 30.0, "error_bound": 0.3}
 
     def __init__(self, target: ArrayLike | None = None, **options: Unpack[MotionOptions]) -> None:
         """Describe the task; the target is a point in the world, shape (3,), m, the present one when None."""
-        usual: MotionOptions = {"weight": 100.0, "stiffness": 30.0, "error_bound": ERROR_BOUND}
-        super().__init__("com", POSITION_AXES, **(usual | options))
+        super().__init__("com", POSITION_AXES, **options)
         if target is not None:
             self.target = target
 
@@ -69,11 +67,7 @@ class CoMOverFeetTask(CoMTask):
     """
 
     __slots__ = ("_soles",)
-
-    def __init__(self, target: ArrayLike | None = None, **options: Unpack[MotionOptions]) -> None:
-        """Describe the task; the target has shape (3,) and is the present one when None."""
-        named: MotionOptions = {"name": "com over feet"}
-        super().__init__(target, **(named | options))
+    usual = {**CoMTask.usual, "name": "com over feet"}
 
     def present(self, robot: Robot) -> Array:
         """Return the vector from the middle of the soles to the centre of mass, shape (3,), m."""

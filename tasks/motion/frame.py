@@ -40,14 +40,14 @@ class FrameTask(Task):
     """
 
     __slots__ = ("_data", "_id", "_model", "_placement", "_rotation", "_translation", "_world", "frame")
+    usual = {"stiffness": 30.0}
 
     def __init__(
         self, frame: str, what: str, rows: tuple[str, ...], target: Any, options: MotionOptions
     ) -> None:
-        """Describe the task, by default named after frame and `what`; see `Task`. Stiffness 30 1/s² by default."""
+        """Describe the task, by default named after frame and `what`; see `Task`."""
         self.frame = frame
-        usual: MotionOptions = {"stiffness": 30.0}
-        super().__init__(f"{frame} {what}", rows, **(usual | options))
+        super().__init__(f"{frame} {what}", rows, **options)
         if target is not None:
             self.target = target
 

@@ -32,11 +32,11 @@ class MomentumTask(Task):
 
     __slots__ = ("_base", "_gravity", "_map", "_momentum")
     unit = "kg m/s|kg m²/s"
+    usual = {"weight": 1e-3, "stiffness": 5.0, "damping": 0.0}
 
     def __init__(self, target: ArrayLike | None = None, **options: Unpack[MotionOptions]) -> None:
         """Describe the task; the target, [linear; angular] along the world axes, shape (6,), is zero when None."""
-        usual: MotionOptions = {"weight": 1e-3, "stiffness": 5.0, "damping": 0.0}
-        super().__init__("momentum", POSE_AXES, **(usual | options))
+        super().__init__("momentum", POSE_AXES, **options)
         self.target = np.zeros(6) if target is None else target
 
     def _coordinates(self) -> Coordinates:

@@ -25,6 +25,7 @@ class PostureTask(JointTask):
     __slots__ = ("_factor", "_factors", "_positions")
     unit = "rad"
     kind = "selection"
+    usual = {"weight": 0.1, "stiffness": 20.0}
 
     def __init__(
         self,
@@ -48,8 +49,7 @@ class PostureTask(JointTask):
             joint: non_negative(f"weight of joint '{joint}' in a posture task", factor)
             for joint, factor in (joint_weights or {}).items()
         }
-        usual: GainOptions = {"weight": 0.1, "stiffness": 20.0}
-        super().__init__("posture", target, joints, usual | options)
+        super().__init__("posture", target, joints, options)
 
     def bind(self, robot: Robot) -> None:
         """Resolve the joints, and take the present posture where no target was given."""

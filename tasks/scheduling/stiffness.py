@@ -58,8 +58,7 @@ class StiffnessScheduler:
         """
         if not isinstance(foot, VariableStiffnessFoot):
             raise InputError(f"a foot of variable stiffness is needed, got {type(foot).__name__}")
-        if len(robot.soles) != len(SIDES):
-            raise InputError(f"two soles are needed, left first, robot '{robot.name}' has {len(robot.soles)}")
+        robot.needs_feet("scheduling of stiffness")
         self.timing = StiffnessTiming() if timing is None else timing
         self.policy = as_policy(policy)
         self.actuator: StiffnessActuator = foot.actuator

@@ -99,6 +99,7 @@ class Task(Motion):
         kind: "motion": rows over the accelerations. "selection": rows that select the coordinates `columns`, which cost
             nothing but a diagonal; `evaluate` fills the error alone. "variables": rows over all variables of the QP,
             matrix · x = reference, for torques and wrenches.
+        usual: Options of the tasks of a class where none are given.
         columns: Velocity coordinates that a selection has, distinct, shape (dim,) or a slice.
         spared_acceleration: Accelerations of the coordinates in `spared` as they are expected, shape (n,).
         idle: True while the weight is zero: the rows are left as they were, and cost no time.
@@ -113,6 +114,7 @@ class Task(Motion):
 
     unit: ClassVar[str] = "m"
     kind: ClassVar[Literal["motion", "selection", "variables"]] = "motion"
+    usual: ClassVar[MotionOptions] = {}
     columns: slice | NDArray[np.intp]
 
     def __init__(self, name: str, rows: int | Sequence[str], /, **options: Unpack[MotionOptions]) -> None:
@@ -121,9 +123,9 @@ class Task(Motion):
         Args:
             name: Name where the options give none.
             rows: Number of rows, at least 1, or their names in order, of which the option `axes` chooses.
-            **options: See `MotionOptions`. Weight 1 and stiffness 0 by default.
+            **options: See `MotionOptions`. Weight 1 and stiffness 0 where neither they nor `usual` say otherwise.
         """
-        given: dict[str, Any] = {**options}
+        given: dict[str, Any] = {**self.usual, **options}
         name = given.pop("name", None) or name
         if not isinstance(name, str):
             raise InputError(f"the name of a task must be text, got {shown(name)}")
