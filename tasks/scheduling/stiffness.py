@@ -6,7 +6,6 @@ import math
 import time
 from collections import deque
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 
@@ -106,7 +105,7 @@ class StiffnessScheduler:
         measurement: Measurement,
         landing: Array | None = None,
     ) -> Array:
-        """Run one tick.
+        """Run one tick, and return the stiffness to command, left first, shape (2,), Nm/rad.
 
         Args:
             swing: The foot that swings, "left" or "right"; None while both are on the ground.
@@ -114,11 +113,7 @@ class StiffnessScheduler:
             time_left: Time until the swinging foot lands as planned, s; not used without a swing.
             robot: Estimated state, updated.
             measurement: Range and stiffness of the soles.
-            landing: Planned centre of the swinging sole at its landing in the world, shape (3,), m; for policies that
-                depend on the place.
-
-        Returns:
-            Stiffness to command, left first, shape (2,), Nm/rad.
+            landing: Planned centre of the swinging sole at its landing in the world, shape (3,), m.
         """
         side = None if swing is None else SIDES.index(choose("swing foot", swing, SIDES))
         # A swing that starts over on the same side is another step: hopping, or both feet down for less than a tick.
@@ -159,7 +154,7 @@ class StiffnessScheduler:
 
     def _look(self, side: int, robot: Robot, measurement: Measurement) -> None:
         """Add the reading of this tick, unless it is an old one that the sensor holds."""
-        reading = _of_sole(measurement.sole_range, side)
+        reading = float(measurement.sole_range[side])
         if self.timing.sensor_rate > 0.0:
             held = reading == self._last_reading or (math.isnan(reading) and math.isnan(self._last_reading))
             if held and measurement.time < self._last_time + 1.0 / self.timing.sensor_rate - ROUNDING:
@@ -175,7 +170,7 @@ class StiffnessScheduler:
         """Ask the policy, or fall back, and command the stiffness that can be reached."""
         started = time.perf_counter()
         profile, problem = self._profile()
-        measured = _of_sole(measurement.sole_stiffness, side)
+        measured = float(measurement.sole_stiffness[side])
         actual = float(self._command[side]) if math.isnan(measured) else measured
         actual = min(max(actual, self.actuator.low), self.actuator.high)
         decision = None
@@ -255,18 +250,10 @@ class StiffnessScheduler:
             )
         else:
             record = replace(record, decided_before=measurement.time - self._decided_at)
-        actual = _of_sole(measurement.sole_stiffness, self._side)
+        actual = float(measurement.sole_stiffness[self._side])
         reached = as_good_as(actual, record.commanded, self.timing.tolerance)
         self.steps.append(replace(record, actual=actual, reached=reached))
         self._count += 1
-
-
-def _of_sole(values: Any, side: int) -> float:
-    """Return what a measurement has for one sole; NaN, no reading, where it has no numbers."""
-    try:
-        return float(values[side])
-    except (TypeError, ValueError, LookupError):
-        return math.nan
 
 
 def reachable(
