@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -98,12 +98,12 @@ class Hold:
     ankle_place: tuple[float, float]
     ankle_tilt: tuple[float, float]
     contacts: int
-    contact_points: Points
+    contact_points: Points = field(repr=False)
     contact_forces: tuple[float, ...]
     contact_area: float
     sole_angles: tuple[float, ...]
-    sole_line: Points
-    skeleton: Points
+    sole_line: Points = field(repr=False)
+    skeleton: Points = field(repr=False)
     loop_gap: float
     loop_gap_peak: float
     penetration: float
@@ -129,7 +129,7 @@ class SupportPolygon:
     """
 
     tilt: float
-    polygon: Points
+    polygon: Points = field(repr=False)
     area: float
     forward: float
     backward: float
