@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from abc import abstractmethod
-from typing import Annotated, TypedDict, Unpack
+from typing import Annotated, ClassVar, TypedDict, Unpack
 
 import numpy as np
 import pinocchio as pin
@@ -125,6 +125,7 @@ class Contact(Motion):
         frame: Frame of the robot that is in contact.
         dim: Number of motion rows and of force variables.
         force_axis: Place of the normal force among the force variables.
+        usual: Options of the contacts of a class where none are given.
         cone: Matrix F with F f ≤ 0, shape (number of rows, dim).
         revision: Number that changes with the cone, the range of the normal force, gains and weights.
 
@@ -137,24 +138,24 @@ class Contact(Motion):
 
     _kind = "contact"
     force_axis = 2
+    usual: ClassVar[ContactOptions] = {}
 
     def __init__(self, name: str, frame: str, cone: Array, **options: Unpack[ContactOptions]) -> None:
         """Describe the contact by the attributes above; a cone without rows lets it transmit any force."""
         for option in options:
             choose(f"option of contact '{name}'", option, ContactOptions.__annotations__)
-        super().__init__(name, options.get("stiffness", 100.0), options.get("damping"))
-        self.frame = frame
-        self.cone = cone
+        given: ContactOptions = {**self.usual, **options}
+        super().__init__(name, given.get("stiffness", 100.0), given.get("damping"))
+        self.frame, self.cone = frame, cone
         self._max_force: float | None = None
-        self.min_force = options.get("min_force", 0.0)
-        if (max_force := options.get("max_force")) is not None:
+        self.min_force = given.get("min_force", 0.0)
+        if (max_force := given.get("max_force")) is not None:
             self.max_force = max_force
-        self.ramp = non_negative(f"force ramp of contact '{name}' (s)", options.get("ramp", 0.1))
-        self.wrench_weight = options.get("wrench_weight", 1e-5)
-        self._motion_weight: Array | None = None
-        if (motion_weight := options.get("motion_weight")) is not None:
-            self._motion_weight = self._motion_costs(motion_weight)
-        self._active = bool(options.get("active", True))
+        self.ramp = non_negative(f"force ramp of contact '{name}' (s)", given.get("ramp", 0.1))
+        self.wrench_weight = given.get("wrench_weight", 1e-5)
+        motion_weight = given.get("motion_weight")
+        self._motion_weight = None if motion_weight is None else self._motion_costs(motion_weight)
+        self._active = bool(given.get("active", True))
         self._load = 1.0 if self._active else 0.0  # share of the greatest normal force allowed now
 
     @property
@@ -370,6 +371,9 @@ class SoleContact(_HeldFrame):
     10⁻⁵ per N² of shear, 10⁻⁶ per N² of normal force and 10⁻³ per (Nm)².
     """
 
+    # With these weights 100 N of shear, 300 N of weight and 10 Nm of ankle torque cost about the same.
+    usual = {"min_force": LEAST_FORCE, "wrench_weight": (1e-5, 1e-5, 1e-6, 1e-3, 1e-3, 1e-3)}
+
     def __init__(
         self,
         sole: str,
@@ -396,11 +400,8 @@ class SoleContact(_HeldFrame):
         self._centre = np.zeros(3)
         # From the sole's origin in world axes to the centre of the box in the contact's axes.
         self._change = np.eye(6)
-        # With these weights 100 N of shear, 300 N of weight and 10 Nm of ankle torque cost about the same.
-        weight = (1e-5, 1e-5, 1e-6, 1e-3, 1e-3, 1e-3)
-        chosen: ContactOptions = {"min_force": LEAST_FORCE, "wrench_weight": weight, **options}
         self._force_given = "min_force" in options
-        super().__init__(sole, sole, np.zeros((16 if torsion is None else 10, 6)), **chosen)
+        super().__init__(sole, sole, np.zeros((16 if torsion is None else 10, 6)), **options)
 
     def bind(self, robot: Robot) -> None:
         """Take frame and rectangle from the robot's sole."""
@@ -561,10 +562,11 @@ class FixedContact(_HeldFrame):
     along the z axis both ways, 10⁶ N by default.
     """
 
+    usual = {"max_force": 1e6, "wrench_weight": 1e-8}
+
     def __init__(self, frame: str, **options: Unpack[ContactOptions]) -> None:
         """Describe the contact of a frame, which is fixed where it is when the contact is added."""
-        chosen: ContactOptions = {"max_force": 1e6, "wrench_weight": 1e-8, **options}
-        super().__init__(frame, frame, np.zeros((0, 6)), **chosen)
+        super().__init__(frame, frame, np.zeros((0, 6)), **options)
 
     @property
     def normal_force_range(self) -> tuple[float, float]:
