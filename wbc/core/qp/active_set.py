@@ -35,7 +35,6 @@ class ActiveSet:
         x: Solution, shape (n,); another array after every solve.
         values: All rows times x, shape (number of rows,); another array after every solve.
         multipliers: Multipliers of the inequalities, shape (n_in,), positive where the upper bound is active.
-        equality_multipliers: Multipliers of the equalities, shape (n_eq,), positive where they act upwards.
         iterations: Number of systems solved by the last `solve`.
     """
 
@@ -49,7 +48,6 @@ class ActiveSet:
         self._x, self._values = np.zeros(n), np.zeros(p.rows.shape[0])  # under trial
         self._force = np.zeros(m)
         self.multipliers = np.zeros(p.lower.size)
-        self.equality_multipliers = np.zeros(p.n_eq)
         self.iterations = 0
         self._active = np.zeros(0, dtype=np.intp)
         self._upper_side = np.zeros(0, dtype=bool)
@@ -84,7 +82,6 @@ class ActiveSet:
                 break
             if not wrong:
                 self.x, self._x, self.values, self._values = self._x, self.x, self._values, self.values
-                self.equality_multipliers = self._force[: p.n_eq]
                 return True
         self._active, self._upper_side = self._active[:0], self._upper_side[:0]
         return False

@@ -46,9 +46,7 @@ class Status(enum.Enum):
     ok: bool
 
     SOLVED = "solved"
-    """By the active set of the tick before, by DAQP from there, or by the persistent ProxQP."""
-    RECOVERED = "recovered"
-    """By a fresh ProxQP without a guess."""
+    """By the active set of the tick before, by DAQP from there, or by ProxQP."""
     FALLBACK = "fallback"
     """By DAQP without a guess."""
     BADLY_SCALED = "badly scaled"
@@ -124,15 +122,12 @@ class QpSolver:
         self.problem = problem
         self.settings = settings or SolverSettings()
         self._fast = ActiveSet(problem, self.settings.tolerance, CORRECTIONS)
-        self._persistent: proxsuite.proxqp.dense.QP | None = None
-        self._guess = (np.zeros(problem.diagonal.size), np.zeros(problem.n_eq), np.zeros(problem.lower.size))
+        self._guess = np.zeros(problem.lower.size)  # multipliers
         self._exact = False  # the last solution is the active set's, and not in the guess yet
         self.multipliers = self._fast.multipliers
         self.iterations = 0
-        self.counts = dict.fromkeys(("active set", "DAQP", "ProxQP", "fresh ProxQP"), 0)
-        self.counts |= dict.fromkeys(
-            ("DAQP without a guess", "badly scaled", "relaxed", "other", "failed"), 0
-        )
+        rescues = ("DAQP without a guess", "badly scaled", "relaxed", "other", "failed")
+        self.counts = dict.fromkeys(("active set", "DAQP", "ProxQP", *rescues), 0)
         self._daqp = DaqpSolver(problem, min(self.settings.tolerance, 1e-7))
         self._no_guess = np.zeros(problem.lower.size)
         self._by_active_set = self.settings.solver == "auto"
@@ -158,10 +153,11 @@ class QpSolver:
             self.counts["active set"] += 1
             self._exact = True
             return _SOLVED
-        self._keep()
+        if self._exact:  # what was found last is the next guess
+            self._exact = False
+            self._guess[:] = self.multipliers
         hopeless = without_solution(p)
         if hopeless is not None:
-            self._persistent = None
             self.counts["failed"] += 1
             return hopeless
         hessian, gradient = p.hessian, p.gradient
@@ -181,41 +177,35 @@ class QpSolver:
 
     def _solve_by_daqp(self, hessian: Array, gradient: Array) -> bool:
         """Solve with DAQP from the active set of the last tick; return True if its solution is accepted."""
-        solution = self._daqp.solve(hessian, gradient, self._guess[2])
+        solution = self._daqp.solve(hessian, gradient, self._guess)
         self.iterations = self._daqp.iterations
         if solution is None or not self._accept(solution[0], solution[2]):
             return False
         active = solution[2] != 0.0
-        self._steady = bool((active == (self._guess[2] != 0.0)).all())
-        for guess_of, result in zip(self._guess, solution, strict=True):
-            guess_of[:] = result
+        self._steady = bool((active == (self._guess != 0.0)).all())
+        self._guess[:] = solution[2]
         self._fast.guess(self.multipliers)
         self.counts["DAQP"] += 1
         return True
 
-    def _keep(self) -> None:
-        """Take the last solution of the active set, if it is the last one, as the next guess."""
-        if not self._exact:
-            return
-        self._exact = False
-        x, y, z = self._guess
-        x[:], z[:] = self.x, self.multipliers
-        np.negative(self._fast.equality_multipliers, out=y)
-
     def _solve_by_proxqp(self, hessian: Array, gradient: Array) -> Status:
-        p = self.problem
-        data = (hessian, gradient, p.equality, p.equality_target, p.inequality, p.lower, p.upper)
-        first = self._persistent is None
-        if self._persistent is not None:
-            self._persistent.update(*data, update_preconditioner=False)
-            if self._run(self._persistent, self._guess):
-                return self._finish("ProxQP", Status.SOLVED, hessian, gradient)
-        if self._start(data, first):
-            if first:
-                return self._finish("ProxQP", Status.SOLVED, hessian, gradient)
-            logger.info("ProxQP failed with its last result as guess; a fresh solver succeeded")
-            return self._finish("fresh ProxQP", Status.RECOVERED, hessian, gradient)
-        self._persistent = None
+        """Solve with ProxQP, which is set up anew, or else without it.
+
+        In the ladder's first tick DAQP makes the guess, which ProxQP then only has to confirm: 0.25 ms in the middle
+        and 0.39 at most in 240 first ticks of humanoids with ten active limits; from the solution of the equalities it
+        takes 0.55 and 1.3 ms, from zero 0.7 in the middle.
+        """
+        p, guess_of = self.problem, proxsuite.proxqp.InitialGuess
+        guess = self._daqp.solve(hessian, gradient, self._no_guess) if self._guessed else None
+        for start in (guess, None) if guess is not None else (None,):
+            qp = self._proxqp()
+            qp.settings.initial_guess = (
+                guess_of.WARM_START if start else guess_of.EQUALITY_CONSTRAINED_INITIAL_GUESS
+            )
+            qp.init(hessian, gradient, p.equality, p.equality_target, p.inequality, p.lower, p.upper)
+            if self._run(qp, start):
+                self._finish(hessian, gradient)
+                return Status.SOLVED
         return self._rescue(hessian, gradient)
 
     def _rescue(self, hessian: Array, gradient: Array) -> Status:
@@ -246,27 +236,6 @@ class QpSolver:
         self.counts["failed"] += 1
         return Status.INFEASIBLE
 
-    def _start(self, data: tuple[Array, ...], first: bool) -> bool:
-        """Solve with a ProxQP that is set up anew; return True if its solution is accepted.
-
-        In the ladder's first tick DAQP makes the guess, which ProxQP then only has to confirm: 0.25 ms in the middle
-        and 0.39 at most in 240 first ticks of humanoids with ten active limits; from the solution of the equalities it
-        takes 0.55 and 1.3 ms, from zero 0.7 in the middle.
-        """
-        guess_of = proxsuite.proxqp.InitialGuess
-        guess = self._daqp.solve(data[0], data[1], self._no_guess) if first and self._guessed else None
-        for start in (guess, None) if guess is not None else (None,):
-            qp = self._fresh()
-            qp.settings.initial_guess = (
-                guess_of.WARM_START if start else guess_of.EQUALITY_CONSTRAINED_INITIAL_GUESS
-            )
-            qp.init(*data)
-            if self._run(qp, start):
-                qp.settings.initial_guess = guess_of.WARM_START
-                self._persistent = qp
-                return True
-        return False
-
     def _by_daqp_alone(
         self, hessian: Array, gradient: Array, relaxation: float | None = None, n_eq: int | None = None
     ) -> bool:
@@ -283,24 +252,22 @@ class QpSolver:
             return False
         if not self._accept(results.x, results.z):
             return False
-        for guess_of, result in zip(self._guess, (results.x, results.y, results.z), strict=True):
-            guess_of[:] = result
+        self._guess[:] = results.z
         return True
 
-    def _finish(self, name: str, status: Status, hessian: Array, gradient: Array) -> Status:
+    def _finish(self, hessian: Array, gradient: Array) -> None:
         """Make a solution of ProxQP exact, from its active set or else by DAQP.
 
         The last digits of ProxQP's solutions depend on the address of its memory, so that two runs of a simulation
         would differ; an exact solution does not. A solution that neither confirms, as where costs differ by many orders
         of magnitude, is rounded, which hides nearly all of that.
         """
-        self.counts[name] += 1
+        self.counts["ProxQP"] += 1
         if not self._polish():
             if not self._by_daqp_alone(hessian, gradient):
                 logger.debug("neither the active set nor DAQP confirms ProxQP's answer")
                 self._cut_off()
             self._fast.guess(self.multipliers)
-        return status
 
     def _cut_off(self) -> None:
         """Round a solution that nothing confirms and whose last digits differ between runs, if it stays acceptable."""
@@ -310,8 +277,7 @@ class QpSolver:
         if self._room(values, self.problem.n_eq) is not None:
             self.x[:], self.values[:] = x, values
         self.multipliers[:] = _cut(self.multipliers)
-        guess = self._guess
-        guess[0][:], guess[1][:], guess[2][:] = self.x, _cut(guess[1]), self.multipliers
+        self._guess[:] = self.multipliers
 
     def _polish(self) -> bool:
         """Solve again from the active set of the accepted solution; return False, with nothing changed, on failure."""
@@ -355,7 +321,7 @@ class QpSolver:
         )
         return (above, below) if feasible else None
 
-    def _fresh(self) -> proxsuite.proxqp.dense.QP:
+    def _proxqp(self) -> proxsuite.proxqp.dense.QP:
         p, dense, ours = self.problem, proxsuite.proxqp.dense, self.settings
         # The backend is named because the automatic choice changes with the number of rows, to one twice as slow.
         size = (p.diagonal.size, p.n_eq, p.lower.size)
