@@ -46,7 +46,6 @@ class ObserverSettings:
 
     Attributes:
         inertial: Time constants of the inertial part.
-        anchor_at_cop: Anchor each foot at its CoP; at the sole centre when False, which assumes a flat sole at rest.
         min_load: Normal force below which a foot has no share in the estimate, N; of a light robot, its share
             (`Robot.force_scale`).
         load_time_constant: Low-pass of the normal forces, s; 0 for none.
@@ -64,7 +63,6 @@ class ObserverSettings:
     """
 
     inertial: InertialSettings = field(default_factory=InertialSettings)
-    anchor_at_cop: bool = True
     min_load: Annotated[NonNegative, "N"] = 20.0
     load_time_constant: Annotated[NonNegative, "s"] = 0.01
     cop_time_constant: Annotated[NonNegative, "s"] = 0.02
@@ -345,8 +343,6 @@ class Observer:
         shares = [max(load - self._min_load, 0.0) for load in self._loads]
         total = sum(shares)
         self._shares = [share / total for share in shares] if total > 0.0 else shares
-        if not s.anchor_at_cop:
-            return [(0.0, 0.0, 0.0)] * len(soles)
         gain = 1.0 if first else lag_gain(dt, s.cop_time_constant)
         arms: list[Vector] = []
         for i, (_, _, force, roll, pitch, _) in enumerate(wrenches):
