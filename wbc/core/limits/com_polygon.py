@@ -20,8 +20,8 @@ from wbc.core.limits.base import Limit
 from wbc.core.robot import Robot
 from wbc.core.settings import NonNegative
 
-MOST_EDGES = 1000
-"""Largest number of edges of a polygon."""
+EDGES = 8
+"""Rows of a limit, one for each edge that the hull of two soles may have; more for a given polygon that has more."""
 
 
 class CoMPolygonLimit(Limit):
@@ -39,7 +39,6 @@ class CoMPolygonLimit(Limit):
         margin: Annotated[NonNegative, "m"] = 0.01,
         time_constant: float | None = None,
         recovery: Annotated[NonNegative, "m/s²"] | None = None,
-        max_edges: int = 8,
         name: str = "CoM polygon",
     ) -> None:
         """Describe the limit.
@@ -52,12 +51,9 @@ class CoMPolygonLimit(Limit):
                 shorter one the CoM may reach speeds from which the ground cannot stop it.
             recovery: Smallest acceleration back from beyond an edge, m/s². When None, that of a CoP half the margin
                 further out, margin / (2 · time constant²).
-            max_edges: Number of rows: greatest number of edges of a polygon.
             name: Name of the limit.
         """
-        if not 3 <= max_edges <= MOST_EDGES:
-            raise InputError(f"limit '{name}' must have 3 to {MOST_EDGES} edges, got {max_edges}")
-        self.name, self.dim = name, int(max_edges)
+        self.name, self.dim = name, EDGES if polygon is None else max(EDGES, len(convex_hull(polygon)))
         self._margin, self._given_recovery = margin, recovery
         self._given_time = (
             None if time_constant is None else positive(f"time constant of limit '{name}' (s)", time_constant)
