@@ -170,16 +170,6 @@ class Observer:
         return np.array(self._shares)
 
     @property
-    def cop(self) -> Array:
-        """CoPs in the sole frames after the low-pass, shape (number of soles, 2), m."""
-        return np.array(self._cops)
-
-    @property
-    def anchor(self) -> Array:
-        """Anchors of the feet in the world, shape (number of soles, 3), m."""
-        return np.array(self._anchors)
-
-    @property
     def net_wrench(self) -> Array:
         """Wrench of the ground on the robot, unfiltered, [force; moment] at the world origin, shape (6,), N and Nm."""
         net = pin.Force.Zero()

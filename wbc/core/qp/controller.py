@@ -95,11 +95,6 @@ class Controller:
     # ---- tasks, contacts and limits -------------------------------------------------------------------------------
 
     @property
-    def regularisation(self) -> float:
-        """Cost per squared acceleration of every variable."""
-        return self._regularisation
-
-    @property
     def tasks(self) -> tuple[Task, ...]:
         """Tasks in the order in which they were added."""
         return tuple(self._tasks)
