@@ -114,7 +114,7 @@ def test_collision_bound_counts_drift_and_damper(name: str) -> None:
 
 def meet(name: str, limited: bool, seconds: float = 1.5) -> tuple[SelfCollisionLimit, Array, list[str]]:
     """Ask both hands to go to the same point in front of the chest; distances of their balls."""
-    controller = Controller(make_robot(name), 0.002)
+    controller = Controller(make_robot(name), 0.004)
     robot = controller.robot
     limit = balls(robot, 0.06, margin=0.02)
     controller.add(
@@ -148,7 +148,7 @@ def test_hands_that_want_to_pass_through_each_other_do_not(name: str) -> None:
     assert kept.min() >= 0.02 - 1e-5
     assert kept.min() < 0.03
     assert active
-    assert limit.distances[tuple(limit._pairs[0])] == pytest.approx(kept[-2], abs=1e-3)
+    assert min(limit.distances.values()) == pytest.approx(kept[-2], abs=1e-3)
 
 
 def test_links_closer_than_the_margin_come_apart() -> None:

@@ -86,7 +86,7 @@ def test_a_trajectory_passes_its_points_from_rest_to_rest_within_its_limits(
     if any(np.linalg.norm(b - a) < 1e-3 for a, b in zip(way, way[1:], strict=False)):
         return
     path = Trajectory(way, speed=speed, acceleration=acceleration)
-    times = np.linspace(0.0, path.duration, 2001)
+    times = np.linspace(0.0, path.duration, 1001)
     states = np.array([path.at(float(t)) for t in times])
     np.testing.assert_allclose(states[0], [way[0], np.zeros(3), np.zeros(3)], atol=1e-8)
     np.testing.assert_allclose(states[-1], [way[-1], np.zeros(3), np.zeros(3)], atol=1e-6)
