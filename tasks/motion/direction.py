@@ -51,8 +51,7 @@ class VectorOrientationTask(FrameTask):
     """Turn one axis of a frame to a direction of the world; turning about that axis costs nothing.
 
     The error is the least rotation vector from axis a to direction d, along the chosen axes of the world, rad; the rows
-    are ω − a (a · ω), of which two are independent. The weight is a cost per (rad/s²)². Weight 1 and stiffness 30 1/s²
-    by default.
+    are ω − a (a · ω), of which two are independent.
     """
 
     __slots__ = ("_axis",)
@@ -98,8 +97,7 @@ class LookAtTask(FrameTask):
 
     It has the joints between base and frame, neck and waist of a head, unless others are given: with its legs `g1` fell
     when it looked to the side at the end of a walk. With d the unit vector to the point and r its distance, the rows
-    are those of `VectorOrientationTask` and d × v / r, by which a frame that moves turns past the point. Weight 1 and
-    stiffness 30 1/s² by default; a point 1 m ahead when none is given.
+    are those of `VectorOrientationTask` and d × v / r, by which a frame that moves turns past the point.
     """
 
     __slots__ = ("_axis", "_followed", "_followed_id")

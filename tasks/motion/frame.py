@@ -35,6 +35,8 @@ def pose(what: str, value: pin.SE3) -> pin.SE3:
 class FrameTask(Task):
     """Base of tasks on a frame, whose target is a pose unless a task says otherwise.
 
+    Weight 1 and stiffness 30 1/s² by default; the weight is a cost per (m/s²)² and (rad/s²)².
+
     Attributes:
         frame: Frame of the robot.
     """
@@ -71,8 +73,7 @@ class FrameTask(Task):
 class PositionTask(FrameTask):
     """Bring the origin of a frame to a point of the world.
 
-    Error and residual are along the chosen world axes, m and m/s²; the weight is a cost per (m/s²)². Weight 1 and
-    stiffness 30 1/s² by default.
+    Error and residual are along the chosen world axes, m and m/s².
     """
 
     __slots__ = ()
@@ -100,8 +101,7 @@ class PositionTask(FrameTask):
 class OrientationTask(FrameTask):
     """Turn a frame, such as the pelvis or the torso, to an orientation in the world.
 
-    The error is the rotation vector from the present to the target orientation, along the chosen world axes, rad; the
-    weight is a cost per (rad/s²)². Weight 1 and stiffness 30 1/s² by default.
+    The error is the rotation vector from the present to the target orientation, along the chosen world axes, rad.
     """
 
     __slots__ = ()
@@ -130,8 +130,7 @@ class OrientationTask(FrameTask):
 class PoseTask(FrameTask):
     """Bring a frame to a pose in the world.
 
-    Rows are along the chosen world axes: position, m, then rotation, rad; the weight is a cost per (m/s²)² and
-    (rad/s²)². Weight 1 and stiffness 30 1/s² by default.
+    Rows are along the chosen world axes: position, m, then rotation, rad.
     """
 
     __slots__ = ()
@@ -153,9 +152,9 @@ class PoseTask(FrameTask):
 class RelativeFrameTask(FrameTask):
     """Bring a frame to a pose in another frame of the robot, such as one hand in the other.
 
-    Rows are along the axes of the reference frame: position of `frame`'s origin, m, then rotation, rad; the weight is
-    a cost per (m/s²)² and (rad/s²)². With axes x, y, z it is a task on the position alone, with roll, pitch, yaw on
-    the orientation. Moving both frames together costs nothing. Weight 1 and stiffness 30 1/s² by default.
+    Rows are along the axes of the reference frame: position of `frame`'s origin, m, then rotation, rad. With axes x, y,
+    z it is a task on the position alone, with roll, pitch, yaw on the orientation. Moving both frames together costs
+    nothing.
     """
 
     __slots__ = ("_reference_id", "_reference_placement", "reference")
