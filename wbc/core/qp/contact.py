@@ -248,12 +248,14 @@ class Contact(Motion):
     @property
     def frame_id(self) -> int:
         """Number of the frame in the robot's model."""
-        return self.robot.frame_id(self.frame)
+        _ = self.robot
+        return self._id
 
     @property
     def placement(self) -> pin.SE3:
         """Placement of the frame in the world, a view that changes with the robot."""
-        return self.robot.placement(self.frame)
+        _ = self.robot
+        return self._placement
 
     def reset(self) -> None:
         """Take the present placement of the frame as the place of the contact, and end the force ramp."""
