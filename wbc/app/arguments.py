@@ -149,7 +149,6 @@ def made_of(kind: Any, given: Mapping[str, Any]) -> Any:
     return kind(**{**given, **parts})
 
 
-@functools.cache
 def attribute_docs(kind: type) -> dict[str, str]:
     """Return the documentation of each field of a dataclass, from it and the classes it derives from."""
     found: dict[str, str] = {}

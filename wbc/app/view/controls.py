@@ -114,6 +114,7 @@ class LiveControls:
         self._repeat = deque(sorted(repeat, key=lambda entry: float(entry["time"])))
         self._pull: tuple[str, list[float]] | None = None
         self._reported, self._time = 0, 0.0
+        self._docs = attribute_docs(StabilizerGains)
         self._actions: dict[str, Callable[[dict[str, Any]], dict[str, Any]]] = {"set": self._set}
         if self.controller is not None:
             self._actions["target"] = self._aim
@@ -130,11 +131,12 @@ class LiveControls:
         walking, foot = self._walking, self._plant.foot if isinstance(self._plant, Plant) else None
         found: list[Setting] = []
         if walking is not None and walking.stabilizer is not None:
-            docs = attribute_docs(StabilizerGains)
             for name, unit in STABILIZER_GAINS.items():
                 value = first(getattr(walking.stabilizer.gains, name))
                 take = partial(self._set_gain, name)
-                found.append(Setting(f"stabilizer/{name}", unit, value, 0.0, LIMITS[name], docs[name], take))
+                found.append(
+                    Setting(f"stabilizer/{name}", unit, value, 0.0, LIMITS[name], self._docs[name], take)
+                )
         if walking is not None and isinstance(foot, VariableStiffnessFoot):
             about, high = "each foot takes it in its next swing", max(100.0, 2.0 * foot.stiffness)
             low, high = foot.actuator.low, min(foot.actuator.high, high)
