@@ -16,8 +16,7 @@ from wbc.core.errors import Array, InputError
 from wbc.core.settings import Positive, settings
 from wbc.sim.plant.truth import GroundTruth
 from wbc.sim.trial.loop import Trial, TrialHook
-from wbc.sim.trial.result import TrialResult
-from wbc.sim.trial.spec import TrialSpec
+from wbc.sim.trial.spec import TrialResult, TrialSpec
 from wbc.tasks.balance import BalanceGains, balance_controller
 from wbc.walking.falls import FallReason
 from wbc.walking.stepping.control import OBSERVER, SteppingControl, SteppingControlSettings

@@ -16,8 +16,7 @@ from wbc.core.settings import NonNegative, settings
 from wbc.motion import MotionClip, MotionSource, tracking_settings
 from wbc.sim.trial.falls import PelvisLimits
 from wbc.sim.trial.loop import Trial, TrialHook, TrialTick
-from wbc.sim.trial.result import TrialResult
-from wbc.sim.trial.spec import TrialSpec
+from wbc.sim.trial.spec import TrialResult, TrialSpec
 from wbc.walking.control import WalkingControl
 from wbc.walking.falls import FallReason
 

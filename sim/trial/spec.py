@@ -1,4 +1,4 @@
-"""Robot, drives, foot and sensors of a simulation: base of the specs of all trials.
+"""Robot, drives, foot and sensors of a simulation: base of the specs of all trials, and of their results.
 
 The command line, files and journals of a trial are made from the fields of its spec.
 """
@@ -6,7 +6,7 @@ The command line, files and journals of a trial are made from the fields of its 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import field, replace
+from dataclasses import dataclass, field, replace
 from typing import Annotated, Any, ClassVar, Self
 
 from wbc.core.control import Mode
@@ -114,6 +114,23 @@ class TrialSpec:
         delays = {name: getattr(self.machine, name) for name in ("measurement_delay", "command_delay")}
         knowing = replace(observer or ObserverSettings(), **delays)
         return robot, plant, Observer(robot, knowing, adopt=self.chosen != "position")
+
+
+@dataclass(frozen=True, kw_only=True)
+class TrialResult:
+    """Result of a trial; what follows from the spec alone is the same bit for bit in every run.
+
+    Attributes:
+        robot: Name of the robot.
+        seed: Seed.
+        seconds: Simulated time, s.
+        failures: Ticks without a solution or with an unusable measurement.
+    """
+
+    robot: str
+    seed: int
+    seconds: float
+    failures: int
 
 
 def chosen_mode(description: RobotDescription, mode: Mode | None) -> Mode:

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from wbc.core.settings import to_json
-from wbc.sim.trial.result import TrialResult
+from wbc.sim.trial.spec import TrialResult
 from wbc.sim.walks.spec import WalkSpec
 
 
