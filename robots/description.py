@@ -296,10 +296,9 @@ class RobotDescription:
     @cached_property
     def digest(self) -> str:
         """Hash of everything that a model is made of, 12 hex digits."""
-        mappings = (self.half_sitting, self.armature, self.hands, self.gains)
-        mappings += (self.damping, self.frictionloss, self.springs, self.torque_ranges)
-        content = (self.urdf, self.soles, self.imu, self.torso, self.servo)
-        content += tuple(sorted(values.items()) for values in mappings)
+        names = "half_sitting armature hands gains damping frictionloss springs torque_ranges".split()
+        values = [sorted(getattr(self, name).items()) for name in names]
+        content = (self.urdf, self.soles, self.imu, self.torso, self.servo, *values)
         return hashlib.sha256(repr(content).encode()).hexdigest()[:12]
 
     @cached_property
