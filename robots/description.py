@@ -296,7 +296,16 @@ class RobotDescription:
     @cached_property
     def digest(self) -> str:
         """Hash of everything that a model is made of, 12 hex digits."""
-        names = "half_sitting armature hands gains damping frictionloss springs torque_ranges".split()
+        names = [
+            "half_sitting",
+            "armature",
+            "hands",
+            "gains",
+            "damping",
+            "frictionloss",
+            "springs",
+            "torque_ranges",
+        ]
         values = [sorted(getattr(self, name).items()) for name in names]
         content = (self.urdf, self.soles, self.imu, self.torso, self.servo, *values)
         return hashlib.sha256(repr(content).encode()).hexdigest()[:12]
