@@ -190,6 +190,11 @@ def test_a_quiet_place_is_chosen_and_only_where_it_is_allowed():
     assert outer is not None and outer.y >= 0.0
     stays = foot.best(edge, 0.0, 0.0, 0.0, lambda x, y: False)
     assert stays is not None and (stays.x, stays.y) == (0.0, 0.0)
+    for x in np.linspace(-0.24, -0.12, 7).tolist():  # before a high stair, not at a third of its height
+        stair = foot.best(
+            lambda p: (np.where(p.real > 0.0, 0.1, 0.0), np.zeros(p.size)), x, 0.0, 0.0, lambda x, y: True
+        )
+        assert stair is not None and stair.z == pytest.approx(0.0)
     level = foot.best(lambda p: (np.zeros(p.size), np.zeros(p.size)), 0.3, 0.2, 0.4, lambda x, y: True)
     assert level is not None and (level.x, level.y, level.z) == pytest.approx((0.3, 0.2, 0.0))
     assert foot.highest(ridge, np.array([0.3 + 0j]), 0.0) < foot.highest(ridge, np.array([0j]), 0.0)

@@ -8,12 +8,4 @@ from wbc.ground.cloud import PointCloud
 from wbc.ground.height_map import HeightMap
 from wbc.ground.known import KnownGround
 
-__all__ = [
-    # Inputs
-    "PointCloud",
-    # Heights on cells
-    "HeightMap",
-    # What a sole would meet
-    # All of it for one robot
-    "KnownGround",
-]
+__all__ = ["HeightMap", "KnownGround", "PointCloud"]
