@@ -215,6 +215,7 @@ def test_a_film_as_mp4(replay: Replay, tmp_path: Path) -> None:
     assert len(pictures) == count and np.ptp(pictures[0].astype(int)) > 100
 
 
+@pytest.mark.slow
 @drawing
 def test_a_film_on_a_full_disk_leaves_the_old_one(replay: Replay, tmp_path: Path) -> None:
     path = tmp_path / "walk.gif"
@@ -249,6 +250,7 @@ def test_rerun_opens_an_rrd(tmp_path: Path) -> None:
 # ---- the command ----------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_the_command_writes_films_and_files_for_rerun(
     replay: Replay, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -27,12 +27,14 @@ from wbc.sim.terrain.spec import terrain
 ROOT = Path(__file__).resolve().parents[2]
 PAGES = [*sorted((ROOT / "docs").glob("*.md")), ROOT / "CONTRIBUTING.md"]
 LONG = (
+    "control.md",
     "logs.md",
     "motion.md",
     "coming_from.md",
     "own_loop.md",
     "programs.md",
     "seeing.md",
+    "stepping.md",
     "studies.md",
     "walking.md",
 )

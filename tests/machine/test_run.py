@@ -93,6 +93,7 @@ def bent() -> np.ndarray:
     return DESCRIPTION.robot().configuration(joints)
 
 
+@pytest.mark.slow
 def test_a_robot_goes_from_any_posture_to_the_stand_and_sinks_at_the_end() -> None:
     machine = SimulatedMachine(SimulatedTime(), bent())
     runner = make(machine)
@@ -222,7 +223,9 @@ ENDS: dict[str, tuple[dict[str, Any] | Callable[[], Any], Callable[[SimulatedMac
 """Name → another control, or its parts, what happens in tick 20, and the reason of the end."""
 
 
-@pytest.mark.parametrize("end", ENDS)
+@pytest.mark.parametrize(
+    "end", [pytest.param(e, marks=() if e in ("silence", "exception") else pytest.mark.slow) for e in ENDS]
+)
 def test_whatever_fails_ends_in_damping(end: str) -> None:
     machine, (parts, happens, reason) = SimulatedMachine(SimulatedTime()), ENDS[end]
     runner = make(

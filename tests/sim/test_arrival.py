@@ -89,6 +89,7 @@ class Carry(TrialHook):
             tick.plant.data.qpos[1] += self._moves.pop(0)[1]
 
 
+@pytest.mark.slow
 def test_a_robot_that_does_its_steps_elsewhere_has_strayed() -> None:
     quick = Gait(single_support=0.5, double_support=0.2, initial_double_support=0.5, final_double_support=0.5)
     spec = WalkSpec(plan=WalkPlan(distance=0.1), noise="none", gait=quick)

@@ -152,6 +152,7 @@ def test_a_light_robot_stands_as_a_heavy_one(
     np.testing.assert_allclose(plant.truth().com, start, atol=2e-3)
 
 
+@pytest.mark.slow
 def test_a_small_light_robot_walks(tmp_path: Path) -> None:
     """The example's biped of 1.5 kg with its CoM at 0.185 m shifts its weight, takes four LIPM steps and stands."""
     size, mass = 0.3, 0.0577

@@ -98,6 +98,7 @@ class Impulse(TrialHook):
             self.lift_off = tick.plant.time
 
 
+@pytest.mark.slow
 def test_a_push_has_its_impulse_at_its_phase_and_a_hard_one_is_a_fall() -> None:
     """Step 1 is of the left foot: a push to the left is one to the inside of the stance foot."""
     hook = Impulse()

@@ -83,6 +83,7 @@ def shift_of(trial: Trial) -> np.ndarray[Any, Any]:
     return -zmp_offset(wrench_at(place, (0.0, 0.0, 50.0)), np.zeros(3), weight)
 
 
+@pytest.mark.slow
 def test_both_hands_press_on_a_table_and_a_loss_is_noticed_within_50_ms() -> None:
     trial, hands = pressing(SensorNoise(hand_force=SignalNoise(bias_std=1.5)))
     both, plant = hands.all.values(), trial.plant

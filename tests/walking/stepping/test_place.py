@@ -116,6 +116,7 @@ def test_a_walk_that_chooses_lands_quieter_and_keeps_its_velocity() -> None:
     assert apart.min() > body.gait.settings.gap - 1e-6
 
 
+@pytest.mark.slow
 def test_a_mirrored_ground_gives_mirrored_landings() -> None:
     _, left = grooved(Grooves(), 0.6, (0.25, 0.05, 0.0))
     _, right = grooved(Grooves(mirror=True), -0.6, (0.25, -0.05, 0.0))
