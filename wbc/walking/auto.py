@@ -6,8 +6,7 @@
 A robot that is asked for nothing stands by the law that steps out of pushes.
 
 Both laws share robot, controller, drives, estimate, arms and body; source, tasks and balance are exchanged between two
-ticks. In the middle of a step they are not: the plan's swings last twice as long as the other law's steps, so that by
-the next double support it is too late for either.
+ticks. In the middle of a step they are not: docs/walking.md has what was tried.
 """
 
 from __future__ import annotations
