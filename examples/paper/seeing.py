@@ -9,6 +9,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
+import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 from walks import PAPER
@@ -56,9 +57,11 @@ def sight() -> Figure:
                 share = 100.0 * (own["outcome"] == "completed").groupby(own["family"]).mean()
                 strayed = 100.0 * (own["outcome"] == "strayed").mean()
                 each = mean_interval(share.to_numpy())
-                axes.bar(x, each.mean, width, color=colour, label=name if i == 0 else None)
-                axes.bar(x, strayed, width, each.mean, color=colour, alpha=0.35)
-                axes.plot([x, x], [max(each.low, 0.0), min(each.high, 100.0)], color="0.2", lw=1.0)
+                mean = share.mean()
+                ends = [mean if end is None else end for end in (each.low, each.high)]
+                axes.bar(x, mean, width, color=colour, label=name if i == 0 else None)
+                axes.bar(x, strayed, width, mean, color=colour, alpha=0.35)
+                axes.plot([x, x], np.clip(ends, 0.0, 100.0), color="0.2", lw=1.0)
                 axes.text(x, 2.0, f"{len(own)}", ha="center", fontsize=6, color="white")
         axes.set_xticks(range(len(soles)), soles, fontsize=8)
         axes.set_title("1.5 times as high" if high else "heights of the study", fontsize=9)
