@@ -228,6 +228,12 @@ class MujocoLoop(SimulatedRobot):
             notes.append(
                 f"the robot has {mass:.2f} kg in the model and {self.robot.mass:.2f} kg in the description"
             )
+        displaced = self.places.displaced_mass()
+        if displaced is not None:
+            notes.append(
+                f"at half-sitting the centre of mass of the link of '{displaced[0]}' is {1e3 * displaced[1]:.0f} mm "
+                "off in the model: the joint counts from another zero, or the mass is elsewhere"
+            )
         joints = dict(zip(self.places.joints, names, strict=True))
         notes += unmodelled(model, np.flatnonzero(self.places.of_robot).tolist(), joints)
         notes += self._other_joints()
