@@ -42,6 +42,14 @@ def test_a_robot_stands_on_actuators_of_any_kind(kind: str, mode: str) -> None:
     assert np.allclose(ball, [1.0, 1.0, 0.1], atol=2e-3) and loop.data.ctrl[0] == 0.0  # that of the door
 
 
+def test_a_link_whose_mass_is_elsewhere_is_noted_by_its_joint() -> None:
+    model = foreign_model(DESCRIPTION, "motor")
+    shank = int(model.joint(f"{PREFIX}left_knee_pitch").bodyid[0])
+    assert not any("left_knee_pitch" in note for note in MujocoLoop(DESCRIPTION, model, prefix=PREFIX).notes)
+    model.body_ipos[shank] += [0.03, 0.0, 0.0]
+    assert any("left_knee_pitch" in note for note in MujocoLoop(DESCRIPTION, model, prefix=PREFIX).notes)
+
+
 @pytest.mark.parametrize("integrator", ["euler", "implicit", "rk4"])
 def test_every_integrator_and_a_gear(integrator: str) -> None:
     model = foreign_model(DESCRIPTION, "motor", integrator=integrator, gear=-20.0)
