@@ -179,8 +179,9 @@ class WbcEnv(gymnasium.Env[Array, Array]):  # type: ignore[misc]
     def _over_feet(self) -> Array:
         """Return the estimated CoM from the middle of the feet, shape (3,), m."""
         robot = self._observer().robot
-        middle = np.mean([robot.placement(sole.frame).translation for sole in robot.soles], axis=0)
-        return np.subtract(robot.com, middle)
+        middle: Array = np.mean([robot.placement(sole.frame).translation for sole in robot.soles], axis=0)
+        offset: Array = robot.com - middle
+        return offset
 
     def _observer(self) -> Observer:
         assert self.trial is not None
