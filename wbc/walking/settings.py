@@ -22,7 +22,7 @@ from wbc.walking.load import LoadSettings
 from wbc.walking.plans.sources import DriveSettings
 from wbc.walking.tasks import TaskGains
 
-OBSERVER = ObserverSettings(inertial=InertialSettings(yaw_time_constant=200.0))
+OBSERVER = ObserverSettings(inertial=InertialSettings(yaw_time_constant=30.0))
 """Estimate of a robot that walks: on stones feet turn slowly, and a yaw that follows them within a second turns along,
 by 40° in 25 s, with a gyro bias a hundred times the true one."""
 
