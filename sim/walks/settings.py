@@ -22,7 +22,6 @@ from wbc.walking.auto import AutoControlSettings
 from wbc.walking.lipm.phases import PhaseSettings
 from wbc.walking.lipm.preview import PreviewSettings
 from wbc.walking.lipm.walk import WalkSettings
-from wbc.walking.settings import OBSERVER as WALKING_OBSERVER
 from wbc.walking.settings import WalkingControlSettings
 from wbc.walking.stepping.control import OBSERVER, SteppingControlSettings
 
@@ -63,7 +62,7 @@ class Surroundings:
         ground: What is made of what they see.
     """
 
-    observer: ObserverSettings = WALKING_OBSERVER
+    observer: ObserverSettings = field(default_factory=ObserverSettings)
     physics: PhysicsSettings = field(default_factory=PhysicsSettings)
     stiffness: StiffnessTiming = field(default_factory=StiffnessTiming)
     range_sensor: RangeSensor = field(default_factory=lambda: RangeSensor(noise=0.001, resolution=0.001))

@@ -36,7 +36,6 @@ from wbc.walking.hands.reaching import Arms
 from wbc.walking.lipm.source import LipmWalk
 from wbc.walking.plans.footsteps import FootstepPlan, heading
 from wbc.walking.plans.sources import FootstepSource, Velocity, checked_velocity
-from wbc.walking.settings import OBSERVER as WALKING_OBSERVER
 from wbc.walking.settings import WalkingControlSettings
 from wbc.walking.source import Progress
 from wbc.walking.stepping.control import OBSERVER, SteppingControlSettings
@@ -129,7 +128,7 @@ class AutoControl(ReferenceControl):
         self.settings = s = settings or AutoControlSettings()
         dt, lipm = as_period(dt), replace(s.lipm, mode=s.mode)
         controller = Controller(robot, dt, settings=lipm.solver)
-        observer = observer or Observer(robot, WALKING_OBSERVER, adopt=True)
+        observer = observer or Observer(robot, adopt=True)
         given = plan or FootstepPlan.standing(robot)
         planned = LipmWalk(robot, given, dt, lipm, extent)
         stepping = SteppingWalk(robot, dt, s.stepping.gait, s.stepping.com_height)

@@ -44,7 +44,7 @@ from wbc.walking.lipm.walk import Walk
 from wbc.walking.load import HeldLoad
 from wbc.walking.plans.footsteps import FootstepPlan
 from wbc.walking.plans.sources import FootstepSource, Velocity
-from wbc.walking.settings import OBSERVER, WalkingControlSettings
+from wbc.walking.settings import WalkingControlSettings
 from wbc.walking.source import Progress, Reference, ReferenceSource, VelocityLimits
 from wbc.walking.tasks import WalkTasks, stabilized_tasks
 
@@ -397,7 +397,7 @@ class WalkingControl(ReferenceControl):
             height = float(robot.com[2]) - 0.5 * (soles[0] + soles[1])
         torque = s.mode != "position"
         controller = Controller(robot, dt, settings=s.solver)
-        observer = observer or Observer(robot, OBSERVER, adopt=torque)
+        observer = observer or Observer(robot, adopt=torque)
         tasks = stabilized_tasks(controller, s.tasks, s.gains, s.distribution, observer.robot, torque=torque)
         arms = Arms(controller, tasks.com, tasks.posture, dt, s.arms)
         body = Body(controller, height, dt, waist=True, lift=source.lift)

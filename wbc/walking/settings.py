@@ -6,8 +6,6 @@ from dataclasses import field
 from typing import Annotated
 
 from wbc.core.control import Mode, SafetySettings
-from wbc.core.estimation.inertial import InertialSettings
-from wbc.core.estimation.observer import ObserverSettings
 from wbc.core.qp.solver import SolverSettings
 from wbc.core.settings import Positive, settings
 from wbc.tasks.stabilizer.bias import BiasSettings
@@ -21,10 +19,6 @@ from wbc.walking.lipm.walk import WalkSettings
 from wbc.walking.load import LoadSettings
 from wbc.walking.plans.sources import DriveSettings
 from wbc.walking.tasks import TaskGains
-
-OBSERVER = ObserverSettings(inertial=InertialSettings(yaw_time_constant=30.0))
-"""Estimate of a robot that walks: on stones feet turn slowly, and a yaw that follows them within a second turns along,
-by 40° in 25 s, with a gyro bias a hundred times the true one."""
 
 
 @settings
