@@ -1,6 +1,6 @@
 """Random drives with pushes, plans and stands of a robot whose law changes: falls in half an hour.
 
-    python tests/benchmarks/auto_drives.py --journal drives.jsonl                       # 30 minutes of three robots
+    python tests/benchmarks/auto_drives.py --journal drives.jsonl                       # 30 minutes of each robot
     python tests/benchmarks/auto_drives.py --journal drives.jsonl --robot g1 --minutes 10
     python tests/benchmarks/auto_drives.py --journal drives.jsonl --table
 

@@ -127,7 +127,7 @@ class LiveControls:
 
     @property
     def settings(self) -> dict[str, Setting]:
-        """What may be set, by name; tasks come and go."""
+        """Settings of the run by name; tasks come and go."""
         walking, foot = self._walking, self._plant.foot if isinstance(self._plant, Plant) else None
         found: list[Setting] = []
         if walking is not None and walking.stabilizer is not None:
