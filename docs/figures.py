@@ -14,8 +14,8 @@ from matplotlib.patches import Polygon
 
 import wbc
 from wbc.core.errors import Array
+from wbc.feet.sensing.roughness import RoughnessSettings, low_pass, roughness
 from wbc.feet.sensing.scan import resample
-from wbc.feet.stiffness.roughness import RoughnessSettings, low_pass, roughness
 from wbc.sim.terrain.spec import terrain
 from wbc.tasks.stabilizer.pendulum import Pendulum
 from wbc.walking.lipm.preview import PreviewController

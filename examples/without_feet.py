@@ -11,6 +11,11 @@ import numpy as np
 from _common import parse, report
 
 import wbc
+from wbc.core.conventions import (
+    configuration_from_mujoco,
+    configuration_to_mujoco,
+    velocity_from_mujoco,
+)
 
 
 def main(arguments: Sequence[str] | None = None) -> dict[str, Any]:
@@ -35,7 +40,7 @@ def main(arguments: Sequence[str] | None = None) -> dict[str, Any]:
     places, dofs = np.array([(joint.qposadr[0], joint.dofadr[0]) for joint in joints]).T
     q = robot.configuration()
     q[2] = -min((robot.placement(foot).translation[2] for foot in feet), default=0.0)
-    wbc.configuration_to_mujoco(q, places, data.qpos)
+    configuration_to_mujoco(q, places, data.qpos)
     robot.update(q, robot.v)
     controller = wbc.Controller(robot, model.opt.timestep)
     moved = controller.add(wbc.PositionTask("panda_hand", weight=100.0) if arm else wbc.CoMTask())
@@ -48,8 +53,8 @@ def main(arguments: Sequence[str] | None = None) -> dict[str, Any]:
             turn = np.array([0.0, np.sin(np.pi * data.time), np.cos(np.pi * data.time)])
             moved.target, moved.feedforward_acceleration = start + radius * turn, -(np.pi**2) * radius * turn
             moved.feedforward_velocity = np.pi * radius * np.array([0.0, turn[2], -turn[1]])
-            q = wbc.configuration_from_mujoco(data.qpos, places)
-            controller.update(q, wbc.velocity_from_mujoco(q, data.qvel, dofs))
+            q = configuration_from_mujoco(data.qpos, places)
+            controller.update(q, velocity_from_mujoco(q, data.qvel, dofs))
             data.ctrl = controller.solve().torques
             mujoco.mj_step(model, data)
             view.update(robot)

@@ -7,15 +7,13 @@ MuJoCo end in `_mjcf` and are imported from there.
 from __future__ import annotations
 
 from wbc.feet.sensing.range_sensor import RangeSensor
-from wbc.feet.sensing.scan import GroundScan
+from wbc.feet.sensing.roughness import roughness
 from wbc.feet.soles.actuator import StiffnessActuator
 from wbc.feet.soles.catalog import foot, register_foot
 from wbc.feet.soles.foot import Foot, FootParts, fitted_sole
 from wbc.feet.soles.soft import SoftFoot
 from wbc.feet.soles.sole import FootFit
-from wbc.feet.stiffness.features import FeatureSet
-from wbc.feet.stiffness.model import Clusters, ModelSettings, ProfileRecipe, StiffnessModel
-from wbc.feet.stiffness.roughness import PARAMETERS, roughness
+from wbc.feet.stiffness.model import StiffnessModel
 
 __all__ = [
     # Feet by name
@@ -32,14 +30,8 @@ __all__ = [
     "StiffnessActuator",
     # Range sensor and scanned profile
     "RangeSensor",
-    "GroundScan",
     # Roughness of a profile
-    "PARAMETERS",
     "roughness",
     # Stiffness from roughness
     "StiffnessModel",
-    "ModelSettings",
-    "Clusters",
-    "FeatureSet",
-    "ProfileRecipe",
 ]

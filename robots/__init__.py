@@ -14,8 +14,7 @@ A new built-in robot is a function in `models/` and a line in `registry`; a new 
 
 from wbc.robots.derivation.servo import ServoRule
 from wbc.robots.description import RobotDescription
-from wbc.robots.frames import FrameDescription, SoleDescription
-from wbc.robots.registry import load, names, others, register
+from wbc.robots.registry import load, names, register
 
 load_robot = load
 """Name of `load` in `wbc`, where no room says what is loaded."""
@@ -24,11 +23,8 @@ __all__ = [
     # Robots by name
     "load",
     "names",
-    "others",
     "register",
     # Describe a robot
     "RobotDescription",
-    "FrameDescription",
-    "SoleDescription",
     "ServoRule",
 ]

@@ -1,11 +1,9 @@
 """Tasks of the controller, each a plain object whose target is an attribute, and the stiffness scheduler of soles.
 
 A new motion task is a file in `motion/`, a new force task a file in `force/`, each with a line here and a test.
-`balance` has the tasks of a robot that stands.
+`balance` has the tasks of a robot that stands, `stabilizer` the DCM stabilizer of walks.
 """
 
-from wbc.core.qp.task import Task
-from wbc.tasks.balance import balance_controller
 from wbc.tasks.behaviours import Behaviour, Program, StateMachine, after, reached
 from wbc.tasks.check import check_rows
 from wbc.tasks.force.admittance import AdmittanceTask
@@ -18,20 +16,10 @@ from wbc.tasks.motion.direction import LookAtTask, VectorOrientationTask
 from wbc.tasks.motion.frame import OrientationTask, PoseTask, PositionTask, RelativeFrameTask
 from wbc.tasks.motion.momentum import MomentumTask
 from wbc.tasks.motion.posture import PostureTask
-from wbc.tasks.scheduling.policies import (
-    StiffnessPolicy,
-    SwingScan,
-    register_stiffness_policy,
-    stiffness_policy,
-)
+from wbc.tasks.scheduling.policies import StiffnessPolicy, SwingScan, register_stiffness_policy
 from wbc.tasks.scheduling.stiffness import StiffnessScheduler
-from wbc.tasks.stabilizer.task import StabilizerTask
 
 __all__ = [
-    # Stabilizer: feedback of the DCM, wrenches of the feet, admittances
-    "StabilizerTask",
-    # Controller of a standing robot
-    "balance_controller",
     # Motion tasks
     "CoMTask",
     "CoMOverFeetTask",
@@ -55,13 +43,11 @@ __all__ = [
     "after",
     "reached",
     # Bases for tasks of one's own
-    "Task",
     "ComplianceTask",
     "check_rows",
     # Stiffness scheduling
     "StiffnessScheduler",
     "StiffnessPolicy",
     "SwingScan",
-    "stiffness_policy",
     "register_stiffness_policy",
 ]

@@ -25,7 +25,7 @@ PATIENCE = 10
 """Ticks in a row without a solution from which the QP counts as infeasible."""
 
 FAULTS = ("infeasible", "fall", "error")
-"""Outcomes that any state may have, whatever it waits for: no solution, a fall, an exception in its own functions."""
+"""Outcomes of any state, whatever it waits for: no solution, a fall, an exception in its own functions."""
 
 END = "end"
 """Where a transition goes that ends a machine with the outcome "done"; "end: NAME" ends it with that outcome."""
@@ -39,14 +39,12 @@ class Scope:
     """What the functions of a state are given: the parts of the program, the time, and what lives as long as the state.
 
     Attributes:
-        program: The program.
-        controller: Controller with all tasks, contacts and limits.
+        program, controller: The program, and the controller with all tasks, contacts and limits.
         path: Names of the machines around the state and of the state itself, with slashes between.
         began: Time at which the state began, s.
     """
 
     def __init__(self, program: Program, path: str) -> None:
-        """Begin now."""
         self.program, self.controller = program, program.controller
         self.path, self.began = path, program.time
         self._items: list[Item] = []
@@ -70,9 +68,9 @@ class Scope:
     def close(self) -> None:
         """Remove what was added, the last first, but for what has been removed already."""
         controller = self.controller
-        while self._items:
-            item = self._items.pop()
-            if any(item is each for each in (*controller.tasks, *controller.contacts, *controller.limits)):
+        there = {id(each) for each in (*controller.tasks, *controller.contacts, *controller.limits)}
+        for item in reversed(self._items):
+            if id(item) in there:
                 controller.remove(item)
 
 
@@ -93,12 +91,8 @@ def reached(*things: Any) -> Condition:
 class Behaviour:
     """One thing that a robot does: a state of a `StateMachine`.
 
-    Give functions, or override `start`, `tick` and `end` in a class of your own.
-
-    Attributes:
-        name: Name in paths, logs and messages.
-        outcomes: Outcome → condition, in the order in which they are looked at.
-        timeout: Time after which the state ends with the outcome "timeout", s; None for none.
+    Give functions, or override `start`, `tick` and `end` in a class of your own. All arguments but the functions are
+    attributes; "done" is the first of `outcomes`.
     """
 
     def __init__(
@@ -115,13 +109,13 @@ class Behaviour:
         """Describe the state.
 
         Args:
-            name: Name, unique within its machine, without a slash.
+            name: Name in paths, logs and messages, unique within its machine, without a slash.
             start: Called once when the state begins, with its scope.
             tick: Called at every tick of the state.
             end: Called once when it ends, whatever the outcome, before what it has added is removed.
             done: Condition of the outcome "done"; None for a state that has others, a timeout, or no end.
-            outcomes: Further outcomes, each with its condition.
-            timeout: s.
+            outcomes: Further outcomes, each with its condition, in the order in which they are looked at.
+            timeout: Time after which the state ends with the outcome "timeout", s.
         """
         if not name or "/" in name or name.startswith(END):
             raise InputError(
@@ -130,34 +124,29 @@ class Behaviour:
         self.name = name
         self.timeout = None if timeout is None else positive(f"timeout of state '{name}' (s)", timeout)
         self.outcomes = dict(outcomes or {}) if done is None else {"done": done, **(outcomes or {})}
-        self._start, self._tick, self._end = start, tick, end
+        self._start, self._tick, self._end = (each or (lambda now: None) for each in (start, tick, end))
 
     def start(self, now: Scope) -> None:
         """Begin: called once."""
-        if self._start is not None:
-            self._start(now)
+        self._start(now)
 
     def tick(self, now: Scope) -> None:
         """Run one tick."""
-        if self._tick is not None:
-            self._tick(now)
+        self._tick(now)
 
     def end(self, now: Scope) -> None:
         """End: called once."""
-        if self._end is not None:
-            self._end(now)
+        self._end(now)
 
     def outcome(self, now: Scope) -> str | None:
         """Return the outcome, or None while the state goes on."""
         if now.program.fault is not None:
             return now.program.fault
-        for name, condition in self.outcomes.items():
-            if condition(now):
-                return name
-        return self._late(now)
+        met = (name for name, condition in self.outcomes.items() if condition(now))
+        return next(met, "timeout" if self._late(now) else None)
 
-    def _late(self, now: Scope) -> str | None:
-        return "timeout" if self.timeout is not None and now.elapsed >= self.timeout - ROUNDING else None
+    def _late(self, now: Scope) -> bool:
+        return self.timeout is not None and now.elapsed >= self.timeout - ROUNDING
 
     @property
     def possible(self) -> frozenset[str]:
@@ -169,11 +158,7 @@ class StateMachine(Behaviour):
     """States, and what follows each of them for each outcome.
 
     "done" leads to the next state of the list, or ends the machine after the last; any other outcome without a
-    transition ends the machine with that outcome.
-
-    Attributes:
-        states: Name → state.
-        transitions: State → outcome → state, or the end.
+    transition ends the machine with that outcome. `states` and `transitions` are dicts by the names of the states.
     """
 
     def __init__(
@@ -184,24 +169,14 @@ class StateMachine(Behaviour):
         *,
         timeout: float | None = None,
     ) -> None:
-        """Describe the machine.
-
-        Args:
-            name: Name.
-            states: States, the first one first.
-            transitions: State → outcome → name of the state that follows, "end", or "end: OUTCOME".
-            timeout: Time after which the machine ends with the outcome "timeout", s.
-        """
+        """Take the states, the first one first; a transition leads to the name of a state, "end", or "end: OUTCOME"."""
         super().__init__(name, timeout=timeout)
         self.states = {state.name: state for state in states}
-        names = [*self.states]
-        if not states or len(names) != len(states):
-            raise InputError(
-                f"machine '{name}' needs states of different names, got {[s.name for s in states]}"
-            )
-        self.transitions: dict[str, dict[str, str]] = {
-            state: {"done": following} for state, following in zip(names, [*names[1:], END], strict=True)
-        }
+        names = [state.name for state in states]
+        if not states or len(self.states) != len(states):
+            raise InputError(f"machine '{name}' needs states of different names, got {names}")
+        following = zip(names, [*names[1:], END], strict=True)
+        self.transitions: dict[str, dict[str, str]] = {state: {"done": goal} for state, goal in following}
         for state, follows in (transitions or {}).items():
             choose(f"state of machine '{name}'", state, names)
             for outcome, goal in follows.items():
@@ -213,16 +188,16 @@ class StateMachine(Behaviour):
         self._scope: Scope | None = None  # of the present state
         self._ended: str | None = None  # outcome of the machine
 
-    def _goal(self, state: str, outcome: str) -> tuple[str | None, str]:
-        """Return the state that follows one, or None and the outcome with which the machine ends."""
+    def _goal(self, state: str, outcome: str) -> str:
+        """Return the state that follows one, or "end: " and the outcome with which the machine ends."""
         goal = self.transitions[state].get(outcome, f"{END}: {outcome}")
-        return (goal, "") if goal in self.states else (None, goal.partition(":")[2].strip() or "done")
+        return goal if goal in self.states else f"{END}: {goal.partition(':')[2].strip() or 'done'}"
 
     @property
     def possible(self) -> frozenset[str]:
         """Outcomes that the machine may have, but for faults; without any it goes on for ever."""
-        goals = [self._goal(name, each) for name, state in self.states.items() for each in state.possible]
-        return super().possible | {end for state, end in goals if state is None}
+        goals = {self._goal(name, each) for name, state in self.states.items() for each in state.possible}
+        return super().possible | {goal.partition(": ")[2] for goal in goals - self.states.keys()}
 
     @property
     def path(self) -> str:
@@ -253,12 +228,13 @@ class StateMachine(Behaviour):
 
     def outcome(self, now: Scope) -> str | None:
         """Return the outcome of the machine, or None while it goes on; follow that of the present state."""
-        late = self._late(now)
-        if late is None and self._scope is not None:
+        if self._late(now):
+            return "timeout"
+        if self._scope is not None:
             result = self._guarded(now, self._scope, self.states[self._name].outcome)
             if result is not None:
                 self._follow(str(result), now, self._scope)
-        return late or self._ended
+        return self._ended
 
     def _guarded(self, now: Scope, scope: Scope, call: Callable[[Scope], Any]) -> Any:
         """Call a function of the present state; an exception is the outcome "error" where a transition is for it."""
@@ -276,13 +252,13 @@ class StateMachine(Behaviour):
 
     def _follow(self, outcome: str, now: Scope, scope: Scope) -> None:
         """Go where an outcome leads: to a state, or to the end of the machine."""
-        state, ended = self._goal(self._name, outcome)
+        goal = self._goal(self._name, outcome)
         now.program.note(scope.path, outcome)
         self.end(now)
-        if state is not None:
-            self._enter(state, now)
+        if goal in self.states:
+            self._enter(goal, now)
         else:
-            self._ended = ended
+            self._ended = goal.partition(": ")[2]
 
     def _enter(self, name: str, now: Scope) -> None:
         self._name, self._scope = name, Scope(now.program, f"{now.path}/{name}")
@@ -294,9 +270,7 @@ class Program:
     """A machine that runs, one tick of it before each tick of a controller.
 
     Attributes:
-        machine: The machine.
-        control: What it drives: a control of drives, a walking robot, or a `Controller` alone.
-        controller: The controller with all tasks.
+        machine, control, controller: The machine, what it drives, and the controller with all tasks.
         time: Time since the start, s.
         outcome: Outcome of the machine; None before its end. After it the control goes on as it is.
         fault: Fault of this tick, "fall" or "infeasible"; None without one.
@@ -308,22 +282,20 @@ class Program:
     ) -> None:
         """Begin with the first tick.
 
-        Args:
-            machine: The machine.
-            control: Object with `command(measurement)` and `controller`, such as `wbc.PositionControl` or
-                `wbc.walking.WalkingControl`; or a `Controller`, for a loop that solves it itself after `tick`.
-            fallen: Returns whether the robot has fallen; that of the control (`fallen`) when None.
+        `control` has `command(measurement)` and `controller`, as `wbc.PositionControl` and `wbc.walking.WalkingControl`
+        do, or is a `Controller`, for a loop that solves it itself after `tick`. `fallen` returns whether the robot has
+        fallen; None asks the control.
         """
         if not isinstance(control, Controller) and not hasattr(control, "command"):
             raise InputError(f"a program drives a control or a Controller, got {shown(control)}")
         self.machine, self.control = machine, control
         self.controller: Controller = control if isinstance(control, Controller) else control.controller
         self._fallen = fallen or (lambda: getattr(control, "fallen", None) is not None)
-        self.time, self._began = 0.0, False
+        self.time = 0.0
         self.outcome: str | None = None
         self.fault: str | None = None
         self.history: list[tuple[float, str, str]] = []
-        self._scope = Scope(self, machine.name)
+        self._scope: Scope | None = None  # of the machine, from its first tick on
         self._failed, self._down = 0, False
 
     @property
@@ -349,8 +321,8 @@ class Program:
         """Run one tick of the machine alone; `command` does it."""
         if self.ended:
             return
-        if not self._began:
-            self._began = True
+        if self._scope is None:
+            self._scope = Scope(self, self.machine.name)
             self.machine.start(self._scope)
         else:
             self.time += self.controller.dt
@@ -377,10 +349,7 @@ class Program:
         viewer, and `record` in each tick with plant, program, measurement and command, such as a `wbc.app.Recorder`.
         """
         if seconds is None and not self.machine.possible:
-            raise InputError(
-                f"machine '{self.machine.name}' has no end: give one of its states a condition that leads there, or "
-                "run it for a number of seconds"
-            )
+            raise InputError(f"machine '{self.machine.name}' has no end: run it for a number of seconds")
         while self.outcome is None and (seconds is None or self.time < seconds - ROUNDING):
             measurement = plant.measure()
             command = self.command(measurement)
@@ -398,9 +367,9 @@ class Program:
 
     def _fault(self) -> str | None:
         """Return a fault that begins in this tick."""
-        solution = self.controller.solution
+        solution, before = self.controller.solution, self._down
         self._failed = 0 if solution is None or solution.ok else self._failed + 1
+        self._down = bool(self._fallen())
         if self._failed == PATIENCE:
             return "infeasible"
-        down, self._down = self._down, bool(self._fallen())
-        return "fall" if self._down and not down else None
+        return "fall" if self._down and not before else None

@@ -8,11 +8,6 @@ from . import sim as sim
 from . import tasks as tasks
 from . import walking as walking
 from ._version import __version__ as __version__
-from .core.control import FailurePolicy as FailurePolicy
-from .core.conventions import configuration_from_mujoco as configuration_from_mujoco
-from .core.conventions import configuration_to_mujoco as configuration_to_mujoco
-from .core.conventions import velocity_from_mujoco as velocity_from_mujoco
-from .core.conventions import velocity_to_mujoco as velocity_to_mujoco
 from .core.drive.hybrid import HybridControl as HybridControl
 from .core.drive.position import PositionControl as PositionControl
 from .core.drive.torque import TorqueControl as TorqueControl
@@ -20,10 +15,7 @@ from .core.errors import InputError as InputError
 from .core.errors import WbcError as WbcError
 from .core.estimation.observer import Observer as Observer
 from .core.limits.base import Limit as Limit
-from .core.limits.collision import CollisionCapsule as CollisionCapsule
-from .core.limits.collision import CollisionSphere as CollisionSphere
 from .core.limits.collision import SelfCollisionLimit as SelfCollisionLimit
-from .core.limits.collision import srdf_pairs as srdf_pairs
 from .core.limits.com_polygon import CoMPolygonLimit as CoMPolygonLimit
 from .core.limits.joint import JointLimits as JointLimits
 from .core.limits.torque import TorqueLimits as TorqueLimits
@@ -31,12 +23,8 @@ from .core.qp.contact import FixedContact as FixedContact
 from .core.qp.contact import PointContact as PointContact
 from .core.qp.contact import SoleContact as SoleContact
 from .core.qp.controller import Controller as Controller
-from .core.qp.solver import SolverSettings as SolverSettings
 from .core.qp.task import Task as Task
 from .core.robot import Robot as Robot
-from .core.settings import Count as Count
-from .core.settings import Positive as Positive
-from .core.settings import settings as settings
 from .core.signals import Command as Command
 from .core.signals import Measurement as Measurement
 from .machine import conformance as conformance
@@ -44,8 +32,6 @@ from .machine import run as run
 from .robots import RobotDescription as RobotDescription
 from .robots import load_robot as load_robot
 from .sim import Plant as Plant
-from .sim import WalkSpec as WalkSpec
-from .sim import stand as stand
 from .sim import walk as walk
 from .tasks.balance import balance_controller as balance_controller
 from .tasks.motion.com import CoMTask as CoMTask

@@ -25,7 +25,7 @@ from sklearn.model_selection import cross_val_predict
 from tables import SOLES
 from walks import PAPER, by_sole, corrected, falls, gain, walks
 
-from wbc.feet import PARAMETERS
+from wbc.feet.sensing.roughness import PARAMETERS
 
 BLUE, ORANGE, AMBER = "#1f77b4", "#ff7f0e", "#f0b429"
 

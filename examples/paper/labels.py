@@ -21,7 +21,9 @@ from sklearn.gaussian_process.kernels import ConstantKernel, Matern, WhiteKernel
 from walks import walks
 
 import wbc
-from wbc.feet import PARAMETERS, ProfileRecipe, roughness
+from wbc.feet import roughness
+from wbc.feet.sensing.roughness import PARAMETERS
+from wbc.feet.stiffness.model import ProfileRecipe
 from wbc.sim import make_terrain
 
 Array = NDArray[np.float64]

@@ -25,16 +25,18 @@ from sklearn.decomposition import PCA
 from sklearn.dummy import DummyClassifier, DummyRegressor
 from sklearn.ensemble import RandomForestRegressor
 from sklearn.model_selection import GroupKFold, StratifiedKFold, cross_val_predict
+from sklearn.neighbors import KNeighborsClassifier, KNeighborsRegressor
 from sklearn.pipeline import Pipeline, make_pipeline
 from sklearn.preprocessing import FunctionTransformer, StandardScaler
 from sklearn.svm import SVR
 from walks import MODELS, markdown, walks
 
-from wbc.feet import PARAMETERS, Clusters, FeatureSet, ModelSettings, StiffnessModel
+from wbc.feet import StiffnessModel
+from wbc.feet.sensing.roughness import PARAMETERS
+from wbc.feet.stiffness.model import PAPER_FEATURES, Clusters, ModelSettings, feature_values
 
 Array = NDArray[np.float64]
 
-PAPER_FEATURES = ModelSettings().features
 
 DEFAULT_TABLE = MODELS / "stiffness_table.csv"
 """Training data of the model that comes with the library: 1,920 walks of version 1."""
@@ -95,6 +97,15 @@ class Candidate:
     classifies: bool = True
 
 
+def pipeline(
+    features: tuple[str, ...] = PAPER_FEATURES, kind: str = "classification", neighbours: int = 10
+) -> Pipeline:
+    """Return scikit-learn's model of nearest neighbours, from roughness parameters to cluster or stiffness."""
+    model = KNeighborsClassifier if kind == "classification" else KNeighborsRegressor
+    taken = FunctionTransformer(feature_values, kw_args={"names": features})
+    return make_pipeline(taken, StandardScaler(), model(neighbours, weights="distance", algorithm="kd_tree"))
+
+
 def candidates(features: Iterable[str] = ("paper", "window")) -> list[Candidate]:
     """Return the paper's model, variations of it, other kinds of models, and two baselines without features."""
     names = {"paper": PAPER_FEATURES, "window": WINDOW_FEATURES}
@@ -102,11 +113,11 @@ def candidates(features: Iterable[str] = ("paper", "window")) -> list[Candidate]
     for which in features:
         for kind in ("classification", "regression"):
             for neighbours in (10, 30):
-                settings = ModelSettings(names[which], neighbours, kind=kind)
                 own = " (paper)" if (which, kind, neighbours) == ("paper", "classification", 10) else ""
                 name = f"KNN {neighbours}{'' if kind == 'classification' else ' regression'}, {which}'s features{own}"
-                found.append(Candidate(name, settings.pipeline(), kind == "classification"))
-        taken = FunctionTransformer(FeatureSet(names[which]))
+                model = pipeline(names[which], kind, neighbours)
+                found.append(Candidate(name, model, kind == "classification"))
+        taken = FunctionTransformer(feature_values, kw_args={"names": names[which]})
         others = {"support vectors": make_pipeline(taken, StandardScaler(), SVR(C=10.0, epsilon=1.0))}
         others["random forest"] = make_pipeline(
             taken, RandomForestRegressor(100, min_samples_leaf=3, random_state=0)
@@ -198,7 +209,7 @@ def select_features(values: Array, powers: Sequence[int] = (1, 2, 3), bound: flo
     Source: Golub & Van Loan, Matrix Computations, sections 5.4.2 (column pivoting) and 5.5.7 (subset selection).
     """
     names = [name if p == 1 else f"{name}^{p}" for p in powers for name in PARAMETERS]
-    matrix = FeatureSet(tuple(names))(values)
+    matrix = feature_values(values, tuple(names))
     varies = matrix.std(axis=0) > 1e-12 * np.abs(matrix).max(axis=0)
     names = [name for name, own in zip(names, varies, strict=True) if own]
     scaled = (matrix[:, varies] - matrix[:, varies].mean(axis=0)) / matrix[:, varies].std(axis=0)
@@ -234,7 +245,7 @@ def learning_curve(table: pd.DataFrame, points: int = 6, repetitions: int = 10) 
         test = np.isin(groups, order[:tested])
         for i, size in enumerate(sizes):
             train = np.isin(groups, order[tested : tested + size])
-            predicted = ModelSettings().pipeline().fit(values[train], labels[train]).predict(values[test])
+            predicted = pipeline().fit(values[train], labels[train]).predict(values[test])
             accuracy[i, j] = (predicted == labels[test]).mean()
             error[i, j] = np.abs(clusters.centres[predicted - 1] - best[test]).mean()
     return sizes, accuracy, error
@@ -242,7 +253,7 @@ def learning_curve(table: pd.DataFrame, points: int = 6, repetitions: int = 10) 
 
 def principal_components(table: pd.DataFrame) -> tuple[Array, Array]:
     """Return the shares of the components of the paper's features, and the rows in the first two."""
-    scaled = StandardScaler().fit_transform(FeatureSet(PAPER_FEATURES)(table[list(PARAMETERS)].to_numpy()))
+    scaled = StandardScaler().fit_transform(feature_values(table[list(PARAMETERS)], PAPER_FEATURES))
     pca = PCA().fit(scaled)
     return pca.explained_variance_ratio_, pca.transform(scaled)[:, :2]
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cache, cached_property
@@ -14,17 +15,50 @@ from numpy.typing import ArrayLike, NDArray
 from pydantic import Field
 
 from wbc._version import __version__
-from wbc.core.errors import Array, InputError, finite_array
+from wbc.core.errors import Array, InputError, choose, finite_array
 from wbc.core.files import decoding, parsing, read_text, write_text
 from wbc.core.settings import Count, Positive, from_json, settings, to_json
+from wbc.feet.sensing.roughness import PARAMETERS, RoughnessSettings
 from wbc.feet.sensing.scan import PROFILE_STEP
-from wbc.feet.stiffness.features import PAPER_FEATURES, FeatureSet
-from wbc.feet.stiffness.roughness import RoughnessSettings
 
 FORMAT, VERSION = "wbc stiffness model", 1
 
 DEFAULT_MODEL = Path(__file__).parent / "data" / "stiffness_model.json"
 """The default model, part of the library."""
+
+PAPER_FEATURES = ("Sp", "P", "P^2", "Sku^3", "P^3", "Sp^3")
+"""Features of the paper, section IV-B."""
+
+
+def feature_values(values: ArrayLike, names: tuple[str, ...]) -> Array:
+    """Return features, shape (…, n), of roughness parameters in the order of `PARAMETERS`, shape (…, 10).
+
+    A feature is a parameter ("Sp"), one of its powers ("Sp^3"), its square root ("sqrt(P)") or "lines": 1 / (1 − K),
+    the effective number of lines in the spectrum, 2 for one wave, the number of samples for white noise.
+    """
+    given = finite_array("roughness parameters", values)
+    if given.ndim < 1 or given.shape[-1] != len(PARAMETERS):
+        raise InputError(f"roughness parameters must have shape (…, {len(PARAMETERS)}), got {given.shape}")
+    base, power = _parsed(names)
+    # K of a real profile is below 1 − 1 / samples; the floor is for values of K that no profile has.
+    lines = 1.0 / np.maximum(1.0 - given[..., -1:], 1e-6)
+    return np.asarray(np.concatenate([given, lines], axis=-1)[..., base] ** power)
+
+
+@cache
+def _parsed(names: tuple[str, ...]) -> tuple[NDArray[np.intp], Array]:
+    """Return the index of each feature's parameter, that of "lines" the last, and its power."""
+    base, power = [], []
+    for name in names:
+        found = re.fullmatch(r"sqrt\((?P<root>\w+)\)|(?P<base>\w+)(\^(?P<power>[2-9]))?", name)
+        if found is None or found["root"] == "Ssk":  # which can be negative
+            raise InputError(
+                f"feature '{name}' must be a parameter, a power such as 'Sp^3' or a root such as 'sqrt(P)'"
+            )
+        known = (*PARAMETERS, "lines")
+        base.append(known.index(choose("roughness parameter", found["root"] or found["base"], known)))
+        power.append(0.5 if found["root"] else float(found["power"] or 1.0))
+    return np.array(base, np.intp), np.array(power)
 
 
 @settings
@@ -81,7 +115,7 @@ class ModelSettings:
     """Settings of a nearest-neighbour model.
 
     Attributes:
-        features: Names of the features, see `FeatureSet`.
+        features: Names of the features, see `feature_values`.
         neighbours: Number of neighbours, each weighted by the inverse of its distance.
         clusters: Classes of a classification, ranges of stiffness.
         kind: "classification" commands the middle of the most likely cluster, "regression" the weighted mean of the
@@ -92,24 +126,14 @@ class ModelSettings:
     Source: features, neighbours and clusters from the paper, section IV-B.
     """
 
-    features: tuple[str, ...] = PAPER_FEATURES
+    features: Annotated[tuple[str, ...], Field(min_length=1)] = PAPER_FEATURES
     neighbours: Count = 10
     clusters: Clusters = field(default_factory=Clusters)
     kind: Literal["classification", "regression"] = "classification"
     familiar_share: Annotated[float, Field(ge=0.5, le=1.0)] = 0.99
 
     def __post_init__(self) -> None:
-        FeatureSet(self.features)
-
-    def pipeline(self) -> Any:
-        """Return the model as a scikit-learn pipeline from roughness parameters to cluster or stiffness, not fitted."""
-        from sklearn.neighbors import KNeighborsClassifier, KNeighborsRegressor  # noqa: PLC0415 - slow to import
-        from sklearn.pipeline import make_pipeline  # noqa: PLC0415
-        from sklearn.preprocessing import FunctionTransformer, StandardScaler  # noqa: PLC0415
-
-        kind = KNeighborsClassifier if self.kind == "classification" else KNeighborsRegressor
-        neighbours = kind(self.neighbours, weights="distance", algorithm="kd_tree")
-        return make_pipeline(FunctionTransformer(FeatureSet(self.features)), StandardScaler(), neighbours)
+        _parsed(self.features)
 
 
 @dataclass(frozen=True, slots=True)
@@ -135,8 +159,9 @@ class Prediction:
 class StiffnessModel:
     """A fitted model: scaled features, and the nearest profiles of known best stiffness.
 
-    `predict` is the prediction of `ModelSettings.pipeline` in plain NumPy, which takes microseconds. All rows at the
-    distance of the last neighbour are neighbours, as level ground among level ground; scikit-learn takes the first.
+    `predict` is that of scikit-learn's scaler and nearest neighbours in plain NumPy, which takes microseconds. All rows
+    at the distance of the last neighbour are neighbours, as level ground among level ground; scikit-learn takes the
+    first.
 
     Attributes:
         settings: Settings of the model.
@@ -178,12 +203,9 @@ class StiffnessModel:
             settings: Settings of the model; the paper's when None.
             recipe: Settings of the roughness.
             made: Provenance of the profiles.
-
-        Raises:
-            InputError: Shapes that differ, fewer rows than neighbours, a stiffness outside the clusters.
         """
         given = settings or ModelSettings()
-        features = FeatureSet(given.features)(values)
+        features = feature_values(values, given.features)
         best = finite_array("best stiffness (Nm/rad)", stiffness)
         if features.ndim != 2 or best.shape != features.shape[:1] or len(best) < given.neighbours:
             raise InputError(
@@ -194,9 +216,7 @@ class StiffnessModel:
         mean, scale = features.mean(axis=0), features.std(axis=0)
         scale[scale <= 1e-12 * np.abs(mean)] = 1.0
         samples = (features - mean) / scale
-        which = (
-            np.arange(len(best)) if groups is None else np.unique(np.asarray(groups), return_inverse=True)[1]
-        )
+        which = np.arange(len(best)) if groups is None else np.asarray(groups)
         nearest = [
             np.sqrt(((samples[which != own] - row) ** 2).sum(axis=1).min())
             for row, own in zip(samples, which, strict=True)
@@ -215,17 +235,9 @@ class StiffnessModel:
         """Cluster of each training profile, from 1, shape (n,)."""
         return self.settings.clusters.of(self.stiffness)
 
-    @cached_property
-    def _features_of(self) -> FeatureSet:
-        return FeatureSet(self.settings.features)
-
     def predict(self, values: ArrayLike) -> Prediction:
-        """Return the prediction for one profile of some roughness parameters, shape (10,).
-
-        Raises:
-            InputError: Wrong shape, NaN or infinite.
-        """
-        features = self._features_of(values)
+        """Return the prediction for one profile of some roughness parameters, shape (10,)."""
+        features = feature_values(values, self.settings.features)
         if features.ndim != 1:
             raise InputError(f"predict is for one profile, got values of shape {np.shape(values)}")
         difference = self._samples - (features - self.mean) / self.scale
@@ -251,16 +263,14 @@ class StiffnessModel:
             "version": VERSION,
             "settings": to_json(self.settings),
             "recipe": to_json(self.recipe),
-        }
-        head |= {
             "mean": self.mean.tolist(),
             "scale": self.scale.tolist(),
             "reach": self.reach,
             "made": dict(self.made),
         }
-        rows = [[*f, k] for f, k in zip(self.features.tolist(), self.stiffness.tolist(), strict=True)]
+        rows = [json.dumps([*f, k]) for f, k in zip(self.features.tolist(), self.stiffness, strict=True)]
         lines = [f"  {json.dumps(key)}: {json.dumps(value)}" for key, value in head.items()]
-        lines.append('  "rows": [\n' + ",\n".join("    " + json.dumps(row) for row in rows) + "\n  ]")
+        lines.append('  "rows": [\n    ' + ",\n    ".join(rows) + "\n  ]")
         write_text(path, "{\n" + ",\n".join(lines) + "\n}\n")
 
     @classmethod
@@ -275,17 +285,17 @@ class StiffnessModel:
             raise InputError(f"{target} is not a {FORMAT} of version {VERSION}")
         with decoding(target, FORMAT):
             chosen = from_json(ModelSettings, given["settings"])
-            count, rows = len(chosen.features), finite_array(f"{target}: rows", given["rows"])
-            if rows.ndim != 2 or rows.shape[1] != count + 1 or len(rows) < chosen.neighbours:
-                raise InputError(
-                    f"{target}: rows must have shape ({chosen.neighbours} or more, {count + 1}), got {rows.shape}"
-                )
+            count = len(chosen.features)
+            rows = finite_array(f"{target}: rows", given["rows"], (len(given["rows"]), count + 1))
             mean, scale = (
                 finite_array(f"{target}: {name}", given[name], (count,)) for name in ("mean", "scale")
             )
             reach, recipe = float(given["reach"]), from_json(ProfileRecipe, given["recipe"])
-            if (scale <= 0.0).any() or not reach >= 0.0:
-                raise InputError(f"{target}: scale and reach must be positive, got {scale} and {reach}")
+            if len(rows) < chosen.neighbours or (scale <= 0.0).any() or not reach >= 0.0:
+                raise InputError(
+                    f"{target}: {chosen.neighbours} rows or more, a scale and a reach above 0 are needed, got "
+                    f"{len(rows)}, {scale} and {reach}"
+                )
             chosen.clusters.of(rows[:, -1])
             return cls(chosen, recipe, rows[:, :-1], rows[:, -1], mean, scale, reach, dict(given["made"]))
 

@@ -23,7 +23,7 @@ noisy sensors, below the speed of a fall once it has begun."""
 def recovers(spec: StandSpec, push: WalkPush) -> bool:
     """Return True if a standing robot recovers from a push.
 
-    It has never fallen (`wbc.sim.TrueFallDetector`) and its centre of mass is at rest in the end, its horizontal speed
+    It has never fallen (`TrueFallDetector`) and its centre of mass is at rest in the end, its horizontal speed
     below 0.1 m/s. Feet may have slid, tipped or left the ground meanwhile.
     """
     trial = StandTrial(spec, [PushSchedule([push])])

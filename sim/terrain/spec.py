@@ -17,8 +17,8 @@ from pydantic import Field
 
 from wbc.core.errors import ROUNDING, Array, InputError, finite_scalar, non_negative, positive
 from wbc.core.settings import NonNegative, Positive, Seed, settings
+from wbc.feet.sensing.roughness import LEAST_SAMPLES, Roughness, RoughnessSettings, roughness
 from wbc.feet.sensing.scan import PROFILE_STEP
-from wbc.feet.stiffness.roughness import LEAST_SAMPLES, Roughness, RoughnessSettings, roughness
 from wbc.sim.terrain.families.base import Family, FieldFamily, ShapeFamily, make_family
 from wbc.sim.terrain.families.site import Draws, Site, cells
 from wbc.sim.terrain.ground import FLOOR_GAP, Ground, strip

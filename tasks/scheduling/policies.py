@@ -14,9 +14,9 @@ import numpy as np
 from wbc.core.errors import Array, InputError, finite_scalar, shown
 from wbc.core.registry import Registry, call_checked
 from wbc.core.settings import NonNegative, settings
+from wbc.feet.sensing.roughness import LEAST_SAMPLES, roughness
 from wbc.feet.sensing.scan import Profile, ScanSettings
 from wbc.feet.stiffness.model import StiffnessModel, default_model
-from wbc.feet.stiffness.roughness import LEAST_SAMPLES, roughness
 
 
 @dataclass(frozen=True, eq=False)

@@ -10,8 +10,8 @@ from pydantic import Field
 
 from wbc.core.errors import InputError
 from wbc.core.settings import Count, NonNegative, Positive, Share, settings
+from wbc.feet.sensing.roughness import LEAST_SAMPLES
 from wbc.feet.sensing.scan import Profile, ScanSettings
-from wbc.feet.stiffness.roughness import LEAST_SAMPLES
 from wbc.tasks.scheduling.policies import StiffnessDecision
 
 

@@ -16,7 +16,8 @@ from properties import by_default
 from wbc.app import cli
 from wbc.app.commands import COMMANDS, balance
 from wbc.app.output import Output, Report, reports
-from wbc.robots import names, others
+from wbc.robots import names
+from wbc.robots.registry import others
 
 Captured = pytest.CaptureFixture[str]
 

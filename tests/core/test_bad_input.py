@@ -10,13 +10,14 @@ import pytest
 
 import wbc
 from wbc.core.errors import InputError, ModelError, UnknownNameError
+from wbc.core.limits.collision import CollisionSphere
 from wbc.core.robot import Robot
 from wbc.robots import load
 from wbc.tasks.balance import balance_controller
 
 Sole, Point = wbc.SoleContact, wbc.PointContact
 NAN = float("nan")
-BALL = wbc.CollisionSphere(0.05)
+BALL = CollisionSphere(0.05)
 
 
 @cache

@@ -9,9 +9,9 @@ import pytest
 
 from wbc.core.errors import InputError
 from wbc.feet import foot
+from wbc.feet.sensing.roughness import roughness
 from wbc.feet.sensing.scan import GroundScan, ScanSettings, resample
 from wbc.feet.soles.sole import SoleGeometry
-from wbc.feet.stiffness.roughness import roughness
 
 OWN = SoleGeometry.under_ankle(0.093, 0.16, 0.076)
 GRID, FLAT = 0.007 * np.arange(20), np.zeros(20)

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from properties import examples
 from scipy import signal, stats
 
-from wbc.feet.stiffness.roughness import PARAMETERS, RoughnessSettings, low_pass, roughness
+from wbc.feet.sensing.roughness import PARAMETERS, RoughnessSettings, low_pass, roughness
 from wbc.sim.terrain.spec import terrain
 
 STEP = 0.007

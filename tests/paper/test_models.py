@@ -13,8 +13,9 @@ from optimize import BOUNDS, FIRST_DESIGN, Bounds, ask, fitted, optimum
 from sklearn.dummy import DummyClassifier
 from sklearn.pipeline import make_pipeline
 
-from wbc.feet import PARAMETERS, ModelSettings, ProfileRecipe, roughness
-from wbc.feet.stiffness.model import default_model
+from wbc.feet import roughness
+from wbc.feet.sensing.roughness import PARAMETERS
+from wbc.feet.stiffness.model import ModelSettings, ProfileRecipe, default_model
 from wbc.sim import make_terrain
 
 GRID = np.geomspace(1.0, 2000.0, 16)

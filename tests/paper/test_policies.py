@@ -6,7 +6,8 @@ import numpy as np
 from policies import EdgePolicy, PhasePolicy
 
 from wbc.feet.sensing.scan import Profile
-from wbc.tasks import SwingScan, stiffness_policy
+from wbc.tasks import SwingScan
+from wbc.tasks.scheduling.policies import stiffness_policy
 
 
 def scan(z: np.ndarray) -> SwingScan:

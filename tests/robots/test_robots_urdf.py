@@ -16,8 +16,9 @@ import pytest
 from wbc.core.errors import InputError, ModelError, UnknownNameError
 from wbc.core.robot import Robot
 from wbc.core.servos import ANKLE_SHARE
-from wbc.robots import FrameDescription, RobotDescription, urdf
+from wbc.robots import RobotDescription, urdf
 from wbc.robots.derivation.inertia import second_moments
+from wbc.robots.frames import FrameDescription
 from wbc.robots.report import standing_torques
 
 THIGH, SHIN, ANKLE = 0.30, 0.28, 0.06

@@ -50,7 +50,8 @@ PROGRAM = """
 import json, sys
 import wbc
 from wbc.feet import foot
-from wbc.robots import load, others
+from wbc.robots import load
+from wbc.robots.registry import others
 from wbc.sim.terrain.families.base import terrain_families
 from wbc.tasks.scheduling.policies import stiffness_policy
 

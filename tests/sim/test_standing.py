@@ -28,7 +28,7 @@ from wbc.sim.trial.push import WalkPush
 from wbc.sim.walks.plans import WalkPlan
 from wbc.sim.walks.spec import WalkSpec
 from wbc.sim.walks.trial import WalkTrial
-from wbc.tasks import balance_controller
+from wbc.tasks.balance import balance_controller
 
 BIPED = (Path(__file__).parents[2] / "examples" / "biped.urdf").read_text()
 

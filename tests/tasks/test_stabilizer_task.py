@@ -14,8 +14,8 @@ import wbc
 from wbc.core.errors import InputError
 from wbc.core.robot import GRAVITY
 from wbc.robots import load
-from wbc.tasks import StabilizerTask
 from wbc.tasks.stabilizer.gains import StabilizerGains
+from wbc.tasks.stabilizer.task import StabilizerTask
 
 CONTROLS = {"torque": wbc.TorqueControl, "hybrid": wbc.HybridControl, "position": wbc.PositionControl}
 

@@ -17,11 +17,11 @@ from wbc.core.errors import InputError, WbcError
 from wbc.core.robot import Robot, Sole
 from wbc.core.signals import Measurement
 from wbc.feet import StiffnessActuator
+from wbc.feet.sensing.roughness import roughness
 from wbc.feet.sensing.scan import PROFILE_STEP
 from wbc.feet.soles.actuator import StiffnessState
 from wbc.feet.soles.soft import VariableStiffnessFoot, toe_sensor
 from wbc.feet.stiffness.model import ModelSettings, ProfileRecipe, StiffnessModel
-from wbc.feet.stiffness.roughness import roughness
 from wbc.sim.terrain.spec import Terrain, terrain
 from wbc.tasks.scheduling.policies import FixedPolicy, GroundPolicy, ModelPolicy, SwingScan
 from wbc.tasks.scheduling.record import StepStiffness, StiffnessTiming

@@ -18,8 +18,7 @@ from wbc.core.trajectories import minimum_jerk
 from wbc.machine.loads import SoleLoads
 from wbc.machine.loop import Restartable
 from wbc.robots import RobotDescription
-from wbc.tasks import balance_controller
-from wbc.tasks.balance import BalanceGains
+from wbc.tasks.balance import BalanceGains, balance_controller
 
 SETTLE = 1.5
 """Time in which trunk and pelvis turn from where the robot was caught to upright, s."""

@@ -11,7 +11,8 @@ from wbc.app.files import check_target
 from wbc.app.output import Output, Report, reports
 from wbc.core.errors import InputError, finite_scalar
 from wbc.core.settings import Positive, settings
-from wbc.robots import files, load, names, others
+from wbc.robots import files, load, names
+from wbc.robots.registry import others
 
 COLUMNS = {"mass_kg": "mass kg", "height_m": "height m", "com_height_m": "CoM m", "dof": "joints"}
 """Columns of the table: key of `RobotDescription.summary` → heading."""

@@ -16,7 +16,7 @@ from wbc.app.output import Output, Report, reports
 from wbc.core.changes import read_changes
 from wbc.core.errors import InputError
 from wbc.core.settings import settings, unit_and_choices
-from wbc.feet.stiffness.roughness import PARAMETERS, UNITS
+from wbc.feet.sensing.roughness import PARAMETERS, UNITS
 from wbc.sim.scenes.base import scene_kinds
 from wbc.sim.terrain.families.base import make_family, terrain_families
 from wbc.sim.terrain.plot import plot_families, plot_terrain

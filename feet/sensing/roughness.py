@@ -11,9 +11,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.linalg import solveh_banded
 
-from wbc.core.errors import Array, InputError, choose, finite_array, positive
+from wbc.core.errors import Array, InputError, choose, finite_array
 from wbc.core.settings import Positive, settings
-from wbc.feet.soles.rigid import SOFT_LENGTH
 
 PARAMETERS = ("Sa", "Sq", "Ssk", "Sku", "Sv", "Sp", "Sz", "M", "P", "K")
 """Names of the parameters, in the order of `Roughness.values`."""
@@ -37,13 +36,13 @@ class RoughnessSettings:
     amplitude of a wave at the corner (−6 dB), and 1/√2 of it (−3 dB) at 0.64 of that frequency.
 
     Attributes:
-        corner: Corner of the filter, cycles/m: 1 / foot length. None for no filter.
+        corner: Corner of the filter, cycles/m, by default 1 / length of the soft foot. None for no filter.
 
     Source: the paper, section IV-A; Gadelmawla et al., J. Mater. Process. Technol. 123 (2002) for the
     amplitude parameters; Hoffman & Krotkov, SPIE 1195 (1989) for M, P and K.
     """
 
-    corner: Annotated[Positive, "cycles/m"] | None = 1.0 / SOFT_LENGTH
+    corner: Annotated[Positive, "cycles/m"] | None = 1.0 / 0.27782
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,21 +75,11 @@ class Roughness:
     values: Array
 
     def __getitem__(self, name: str) -> Array:
-        """Return one parameter by name, shape (…).
-
-        Raises:
-            UnknownNameError: Not one of `PARAMETERS`.
-        """
+        """Return one parameter by name, shape (…)."""
         return np.asarray(self.values[..., PARAMETERS.index(choose("roughness parameter", name, PARAMETERS))])
 
     def as_dict(self) -> dict[str, float]:
-        """Return name → value of a single profile.
-
-        Raises:
-            InputError: There are several profiles.
-        """
-        if self.values.ndim != 1:
-            raise InputError(f"as_dict is for a single profile, this holds {self.values.shape[:-1]}")
+        """Return name → value of a single profile."""
         return dict(zip(PARAMETERS, self.values.tolist(), strict=True))
 
 
@@ -98,45 +87,26 @@ def roughness(x: ArrayLike, z: ArrayLike, settings: RoughnessSettings | None = N
     """Return the roughness of profiles on a uniform grid.
 
     Args:
-        x: Places along the walking direction, ascending and evenly spaced, shape (n,), m.
+        x: Places along the walking direction, 8 or more, ascending and evenly spaced, shape (n,), m.
         z: Heights, shape (…, n), m.
         settings: Filter.
-
-    Raises:
-        InputError: Fewer than 8 samples, NaN or infinite, x not ascending or not evenly spaced, shapes that differ.
     """
-    given = RoughnessSettings() if settings is None else settings
-    heights, step = _checked(x, z)
-    return Roughness(_roughness(heights, step, given))
-
-
-def _checked(x: ArrayLike, z: ArrayLike) -> tuple[Array, float]:
-    """Return heights and step of profiles, or raise if they cannot be used."""
-    places, heights = finite_array("places of a profile (m)", x), finite_array("heights of a profile (m)", z)
-    if places.ndim != 1 or heights.ndim < 1 or heights.shape[-1] != places.size:
-        raise InputError(f"x must have shape (n,) and z (…, n), got {places.shape} and {heights.shape}")
-    if places.size < LEAST_SAMPLES:
-        raise InputError(f"a profile must have at least {LEAST_SAMPLES} samples, got {places.size}")
-    gaps = np.diff(places)
-    if (gaps <= 0.0).any():
-        bad = int(np.argmax(gaps <= 0.0))
+    corner = (settings or RoughnessSettings()).corner
+    places, z = finite_array("places of a profile (m)", x), finite_array("heights of a profile (m)", z)
+    if places.ndim != 1 or places.size < LEAST_SAMPLES or z.shape[-1:] != places.shape:
         raise InputError(
-            f"places of a profile must ascend, got x[{bad + 1}] = {places[bad + 1]:g} m after "
-            f"x[{bad}] = {places[bad]:g} m; `wbc.feet.sensing.scan.resample` sorts them"
+            f"x must have shape (n,), n at least {LEAST_SAMPLES}, and z (…, n), got {places.shape} and {z.shape}"
         )
+    gaps = np.diff(places)
     step = float(places[-1] - places[0]) / gaps.size
-    if np.abs(gaps - step).max() > 1e-4 * step:
+    if step <= 0.0 or np.abs(gaps - step).max() > 1e-4 * step:
         raise InputError(
-            f"places of a profile must be evenly spaced, got gaps from {gaps.min():g} to {gaps.max():g} m; "
+            f"places of a profile must ascend evenly, got gaps from {gaps.min():g} to {gaps.max():g} m; "
             "`wbc.feet.sensing.scan.resample` puts them on a grid"
         )
-    return heights, step
-
-
-def _roughness(z: Array, step: float, settings: RoughnessSettings) -> Array:
     z = about_line(z)
-    if settings.corner is not None:
-        z = about_line(low_pass(z, step, settings.corner))
+    if corner is not None:
+        z = about_line(low_pass(z, step, corner))
     z = np.where((np.abs(z).max(axis=-1) <= LEVEL)[..., None], 0.0, z)
     z2 = z * z
     variance = z2.mean(axis=-1)
@@ -147,21 +117,19 @@ def _roughness(z: Array, step: float, settings: RoughnessSettings) -> Array:
     total = power.sum(axis=-1)
     spread = 1.0 - (power**2).sum(axis=-1) / np.where(total > 0.0, total, 1.0) ** 2
     sv, sp = np.abs(z.min(axis=-1)), np.abs(z.max(axis=-1))
-    return np.stack(
-        [
-            np.abs(z).mean(axis=-1),
-            sq,
-            (z2 * z) @ weight * per_sq**3,
-            (z2 * z2) @ weight * per_sq**4,
-            sv,
-            sp,
-            sv + sp,
-            variance,
-            np.diff(z).var(axis=-1) / step**2,
-            np.where(total > 0.0, spread, 0.0),
-        ],
-        axis=-1,
-    )
+    values = [
+        np.abs(z).mean(axis=-1),
+        sq,
+        (z2 * z) @ weight * per_sq**3,
+        (z2 * z2) @ weight * per_sq**4,
+        sv,
+        sp,
+        sv + sp,
+        variance,
+        np.diff(z).var(axis=-1) / step**2,
+        np.where(total > 0.0, spread, 0.0),
+    ]
+    return Roughness(np.stack(values, axis=-1))
 
 
 def about_line(z: Array) -> Array:
@@ -169,10 +137,6 @@ def about_line(z: Array) -> Array:
     z = z - z.mean(axis=-1, keepdims=True)
     t = np.arange(z.shape[-1]) - (z.shape[-1] - 1) / 2.0
     return np.asarray(z - (z @ t / (t @ t))[..., None] * t)
-
-
-LOWEST_CORNER = 1e-6
-"""Lowest corner of the low-pass, cycles per sample: below, its equations lose the ground in rounding."""
 
 
 def low_pass(z: Array, step: float, corner: float) -> Array:
@@ -190,23 +154,15 @@ def low_pass(z: Array, step: float, corner: float) -> Array:
     Args:
         z: Heights on a uniform grid, shape (…, n), m.
         step: Distance of the samples, m.
-        corner: Corner of one pass, cycles/m; at or above the Nyquist frequency 1 / (2 step) there is no filter.
-
-    Raises:
-        InputError: No samples, or a corner below 1e-6 cycles per sample.
+        corner: Corner of one pass, cycles/m, from 1e-6 / step; from the Nyquist frequency 1 / (2 step) on there is no
+            filter.
 
     Source: the paper, section IV-A: "Butterworth design, a cutoff frequency given by the inverse of the foot length".
     """
-    positive("corner (cycles/m)", corner)
-    z = finite_array("heights (m)", z)
-    if z.ndim == 0 or z.shape[-1] == 0:
-        raise InputError(f"heights must be those of at least one sample, got shape {z.shape}")
-    if corner >= 0.5 / positive("step (m)", step):
+    if corner >= 0.5 / step:
         return z
-    if corner * step < LOWEST_CORNER:
-        raise InputError(
-            f"corner (cycles/m) must be at least {LOWEST_CORNER:g} / step = {LOWEST_CORNER / step:g}, got {corner:g}"
-        )
+    if corner < 1e-6 / step:  # its equations lose the ground in rounding
+        raise InputError(f"corner (cycles/m) must be at least {1e-6 / step:g}, got {corner:g}")
     bands = _bands(z.shape[-1], corner * step)
     padded = np.concatenate([z[..., :1], z, z[..., -1:]], axis=-1)
     right = padded[..., :-2] + 2.0 * z + padded[..., 2:]
