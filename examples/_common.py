@@ -10,8 +10,7 @@ from typing import Any
 
 import wbc
 from wbc.app import MeshcatView, WatchWalk
-from wbc.sim import MujocoLoop
-from wbc.sim.trial.falls import TrueFallDetector
+from wbc.sim import MujocoLoop, TrueFallDetector
 from wbc.tasks import Program
 
 BROWSER_TIME = 20.0

@@ -21,6 +21,7 @@ from wbc.sim.scenes.base import Scene, make_scene, scene_kind
 from wbc.sim.terrain.families.base import FieldFamily, ShapeFamily, family, param
 from wbc.sim.terrain.families.solids import dome
 from wbc.sim.terrain.spec import terrain as make_terrain
+from wbc.sim.trial.falls import TrueFallDetector
 from wbc.sim.trial.loop import Trial, TrialHook
 from wbc.sim.trial.push import WalkPush
 from wbc.sim.walks.plans import WalkPlan
@@ -33,6 +34,7 @@ __all__ = [
     "Machine",
     "PhysicsSettings",
     "Plant",
+    "TrueFallDetector",
     "with_feet",
     # Sensors that see the ground
     "DepthCamera",
