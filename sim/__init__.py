@@ -15,7 +15,7 @@ from wbc.sim.plant.plant import Plant
 from wbc.sim.plant.robot import DivergedError
 from wbc.sim.plant.sensors import SensorNoise, SignalNoise
 from wbc.sim.plant.settings import Machine, PhysicsSettings
-from wbc.sim.rig.press import pitch, press
+from wbc.sim.rig.press import press
 from wbc.sim.rig.rig import FootTest
 from wbc.sim.scenes.base import Scene, make_scene, scene_kind
 from wbc.sim.terrain.families.base import FieldFamily, ShapeFamily, family, param
@@ -71,8 +71,7 @@ __all__ = [
     "Scene",
     "make_scene",
     "scene_kind",
-    # Rig: tests of one foot
+    # Rig: one foot pressed on a ground
     "FootTest",
-    "pitch",
     "press",
 ]

@@ -1,7 +1,6 @@
-"""A foot on the rig: pressed on a ground and drawn from the side and from above, or its ankle pitched.
+"""A foot on the rig: pressed on a ground, and drawn from the side and from above.
 
 python examples/paper/foot.py --stiffness 5 --terrain stones --amplitude 0.03 --seed 1 -o press.png
-python examples/paper/foot.py --pitch -o pitch.png
 """
 
 from __future__ import annotations
@@ -18,7 +17,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from wbc.feet import foot
-from wbc.sim import FootTest, make_terrain, pitch, press
+from wbc.sim import FootTest, make_terrain, press
 
 Array = NDArray[np.float64]
 
@@ -46,23 +45,6 @@ def press_figure(test: FootTest, result: Any) -> Figure:
         f"{1e4 * hold.contact_area:.0f} cm²{support}",
         fontsize=9,
     )
-    return figure
-
-
-def pitch_figure(test: FootTest, result: Any) -> Figure:
-    """Draw centre of pressure, ankle moment and ankle height over the pitch of the ankle."""
-    figure = _figure(9.0, 3.4)
-    angle = np.degrees(result.pitch)
-    panels = (
-        (result.centre_of_pressure, 1e3, "centre of pressure, x (mm)"),
-        (result.moment, 1.0, "ankle moment (Nm)"),
-        (result.ankle_height, 1e3, "ankle height (mm)"),
-    )
-    for axes, (values, scale, label) in zip(figure.subplots(1, 3), panels, strict=True):
-        axes.plot(angle, scale * np.array(values), color=_SOLE)
-        axes.set_xlabel("pitch, toe down (°)")
-        axes.set_ylabel(label)
-    figure.suptitle(f"{_named(test)}, pitched with {test.load:g} N on the ankle", fontsize=9)
     return figure
 
 
@@ -145,16 +127,15 @@ def main() -> None:
     parser.add_argument("--amplitude", type=float, help="m")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--load", type=float, default=200.0, help="on the ankle, N")
-    parser.add_argument("--pitch", action="store_true", help="pitch the ankle instead")
     parser.add_argument("-o", "--out", type=Path, required=True, help="picture")
     options = parser.parse_args()
     design = foot(options.foot, **({} if options.stiffness is None else {"stiffness": options.stiffness}))
     ground = make_terrain(options.terrain, options.amplitude, options.seed)
     test = FootTest(design, ground, load=options.load)
-    result = pitch(test) if options.pitch else press(test)
+    result = press(test)
     if result.diverged:
         raise SystemExit("the simulation diverged")
-    (pitch_figure if options.pitch else press_figure)(test, result).savefig(options.out, dpi=150)
+    press_figure(test, result).savefig(options.out, dpi=150)
 
 
 if __name__ == "__main__":

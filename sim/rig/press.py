@@ -1,4 +1,4 @@
-"""Press and pitch: pure functions of a foot test, and their results."""
+"""Press: a pure function of a foot test, and its result."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from wbc.core.errors import Array, InputError, finite_scalar, positive
+from wbc.core.errors import Array
 from wbc.core.hull import hull_and_area
 from wbc.sim.plant.robot import DivergedError
 from wbc.sim.rig.rig import MIN_CONTACT_SHARE, FootTest, Rig
@@ -29,9 +29,6 @@ quotient of two small moments and forces lies anywhere."""
 
 _RAMP = 0.6  # s for one tilt; ten times slower changes the polygons of the soft foot by less than 1 mm
 _SAMPLE = 0.005  # s between samples of the centre of pressure
-
-LONGEST = 60.0
-"""Longest motion of a test, s."""
 
 Points = tuple[tuple[float, ...], ...]
 
@@ -153,25 +150,6 @@ class PressResult:
     support: SupportPolygon | None = None
 
 
-@dataclass(frozen=True)
-class PitchResult:
-    """A loaded foot whose ankle is pitched slowly back and forth.
-
-    Attributes:
-        diverged: True if the simulation diverged.
-        pitch: Pitch of the ankle, toe down positive, rad.
-        centre_of_pressure: x of the centre of pressure in plan, m.
-        moment: Ankle moment of the ground's force about the transverse axis, Nm.
-        ankle_height: Height of the ankle over the level z = 0 of the ground, m.
-    """
-
-    diverged: bool
-    pitch: tuple[float, ...] = ()
-    centre_of_pressure: tuple[float, ...] = ()
-    moment: tuple[float, ...] = ()
-    ankle_height: tuple[float, ...] = ()
-
-
 def press(test: FootTest, *, support: bool = True) -> PressResult:
     """Drop the foot onto the ground, let it settle under its load and measure it at rest.
 
@@ -187,40 +165,6 @@ def press(test: FootTest, *, support: bool = True) -> PressResult:
     except DivergedError:
         return PressResult(diverged=True)
     return PressResult(False, impact, hold, polygon)
-
-
-def pitch(
-    test: FootTest, *, amplitude: float = math.radians(5.0), rate: float = math.radians(10.0)
-) -> PitchResult:
-    """Pitch the ankle of a loaded foot toe down, toe up and back, and follow the centre of pressure.
-
-    Args:
-        test: Foot, ground and load.
-        amplitude: Largest commanded pitch, rad.
-        rate: Speed of the command, rad/s.
-
-    Raises:
-        InputError: An ankle without a servo, or a motion that is too short or too long.
-    """
-    if test.ankle_stiffness == 0.0:
-        raise InputError("pitching needs an ankle servo: ankle_stiffness must be above 0 Nm/rad")
-    finite_scalar("pitch amplitude (rad)", amplitude, low=0.0, high=0.5 * math.pi, open_low=True)
-    duration = 4.0 * amplitude / positive("pitch rate (rad/s)", rate)
-    finite_scalar("duration of the pitch (s)", duration, low=2.0 * _SAMPLE, high=LONGEST)
-    path = np.array([0.0, amplitude, -amplitude, 0.0])
-    times = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(path)) / rate)])
-    rig = Rig(test)
-    commands = np.interp(test.physics.timestep * np.arange(1, rig.steps(float(times[-1])) + 1), times, path)
-    rows: list[tuple[float, float, float, float]] = []
-    try:
-        _land(rig)
-        for _ in _tilted(rig, np.zeros(commands.size), commands):
-            rows.append(
-                (rig.tilt[1], float(rig.centre_of_pressure()[0]), rig.pitch_moment, float(rig.ankle[2]))
-            )
-    except DivergedError:
-        return PitchResult(True)
-    return PitchResult(False, *(tuple(column) for column in zip(*rows, strict=True)))
 
 
 def _land(rig: Rig) -> tuple[Impact, float, float]:

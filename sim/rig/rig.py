@@ -168,7 +168,7 @@ class Rig:
         self.data = mujoco.MjData(self.model)
         self.probe = SoleProbe(self.model, self.foot)
         self.mass = float(self.model.body_mass.sum())
-        self._dof = {name: int(self.model.joint(name).dofadr[0]) for name in ("lift", "pitch")}
+        self._lift = int(self.model.joint("lift").dofadr[0])
         arch = () if self.foot.arch_joint is None else (self.foot.arch_joint,)
         self._joints = [
             np.array([self.model.joint(name).id for name in names], dtype=int)
@@ -201,7 +201,7 @@ class Rig:
     @property
     def vertical_force(self) -> float:
         """Sum of the vertical contact forces, N: the constraint force on the free vertical slide."""
-        return float(self.data.qfrc_constraint[self._dof["lift"]])
+        return float(self.data.qfrc_constraint[self._lift])
 
     @property
     def ankle(self) -> Array:
@@ -211,12 +211,7 @@ class Rig:
     @property
     def ankle_speed(self) -> float:
         """Upward speed of the ankle, m/s."""
-        return float(self.data.qvel[self._dof["lift"]])
-
-    @property
-    def pitch_moment(self) -> float:
-        """Moment of the contact forces about the ankle's pitch axis, Nm."""
-        return float(self.data.qfrc_constraint[self._dof["pitch"]])
+        return float(self.data.qvel[self._lift])
 
     @property
     def tilt(self) -> tuple[float, float]:

@@ -49,7 +49,6 @@ QUICK: dict[str, tuple[list[str], set[str]]] = {  # arguments with which it ends
     ),
     "foot": (["--robot", "g1"], {"feet"}),
     "foot press": (["--terrain", "stones", "--amplitude", "0.02"], {"foot", "hold", "support", "impact"}),
-    "foot pitch": (["--foot", "rigid", "--rate", "60"], {"foot", "pitch", "centre_of_pressure"}),
     "terrain": ([], {"terrains", "scenes"}),
     "terrain stones": (["--amplitude", "0.02"], {"terrain", "amplitude_m", "roughness"}),
 }

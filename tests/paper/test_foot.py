@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
-from foot import pitch_figure, press_figure
+from foot import press_figure
 from matplotlib.collections import PathCollection
 
 from wbc.feet import foot
-from wbc.sim import FootTest, make_terrain, pitch, press
+from wbc.sim import FootTest, make_terrain, press
 
 STONES = make_terrain("stones", 0.03, 1)
 
@@ -20,13 +20,3 @@ def test_contacts_of_a_press_are_drawn_where_they_are() -> None:
     (spots,) = (each for each in top.collections if isinstance(each, PathCollection))
     np.testing.assert_allclose(spots.get_offsets(), 1e3 * np.array(result.hold.contact_points)[:, :2])
     np.testing.assert_allclose(top.lines[1].get_xydata(), [1e3 * np.array(result.hold.centre_of_pressure)])
-
-
-def test_a_pitched_foot_is_drawn_over_its_angle() -> None:
-    test = FootTest(foot("rigid"), STONES, load=250.0)
-    result = pitch(test, rate=1.0)
-    curves = [ax.lines[0].get_data() for ax in pitch_figure(test, result).axes]
-    np.testing.assert_allclose(
-        curves[0], (np.degrees(result.pitch), 1e3 * np.array(result.centre_of_pressure))
-    )
-    assert len(curves) == 3

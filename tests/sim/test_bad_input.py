@@ -17,7 +17,6 @@ from wbc.robots import load
 from wbc.sim import FootTest, WalkPlan, WalkPush, WalkSpec, make_scene
 from wbc.sim import make_terrain as ground
 from wbc.sim.plant.settings import PhysicsSettings
-from wbc.sim.rig.press import pitch
 from wbc.sim.studies import Cell, Journal, Study
 from wbc.sim.terrain.spec import terrain
 from wbc.walking import Footstep, Gait
@@ -62,7 +61,6 @@ REFUSED: dict[str, list[tuple[Callable[[], object], str]]] = {
     "rig": [
         (lambda: FootTest(physics=PhysicsSettings(gravity=0.0)), "gravity"),
         (lambda: FootTest(foot=foot("soft", ankle_height=0.01)), "foot"),
-        (lambda: pitch(FootTest(ankle_stiffness=0.0)), "servo"),
     ],
     "walk": [
         (lambda: WalkSpec(foot="flat", stiffness=5.0), "stiffness"),

@@ -12,7 +12,7 @@ from properties import by_default
 
 from wbc.feet import Foot, foot
 from wbc.sim.plant.settings import PhysicsSettings
-from wbc.sim.rig.press import pitch, press
+from wbc.sim.rig.press import press
 from wbc.sim.rig.rig import FootTest, Rig
 from wbc.sim.terrain.spec import Terrain, terrain
 
@@ -136,15 +136,3 @@ def test_a_support_lies_within_the_sole_also_on_the_flanks_of_stones(seed: int) 
 
 
 # --- pitch -------------------------------------------------------------------------------------------------
-
-
-def test_pitching_the_toe_down_moves_the_centre_of_pressure_forward() -> None:
-    result = pitch(FootTest(foot("rigid"), FLAT))
-    angle, centre = np.array(result.pitch), np.array(result.centre_of_pressure)
-    moment = np.array(result.moment)
-    assert not result.diverged and angle.max() > 0.05 and angle.min() < -0.05
-    assert len(angle) == 400, "200 in each of two seconds"
-    assert np.nanmedian(centre[angle > 0.02]) == pytest.approx(0.139, abs=0.005)
-    assert np.nanmedian(centre[angle < -0.02]) == pytest.approx(-0.139, abs=0.005)
-    # A force ahead of the ankle turns the toe up, about -y.
-    assert np.nanmedian(moment[angle > 0.02]) < 0.0 < np.nanmedian(moment[angle < -0.02])

@@ -21,13 +21,13 @@ from wbc.feet.soles.sole import SoleGeometry
 from wbc.robots import load, names
 from wbc.sim.plant.feet import sole_geometries
 from wbc.sim.plant.settings import PhysicsSettings
-from wbc.sim.rig.press import PitchResult, PressResult, pitch, press
+from wbc.sim.rig.press import PressResult, press
 from wbc.sim.rig.rig import HRP4C_SOLE, FootTest, fit_facts
 from wbc.sim.terrain.families.base import make_family
 from wbc.sim.terrain.spec import Terrain
 from wbc.sim.terrain.spec import terrain as make_terrain
 
-Test = Literal["press", "pitch"]
+Test = Literal["press"]
 
 SHARED = Fields(FootTest, "load ankle_stiffness x y drop settle hold")
 """Options that are fields of the test."""
@@ -53,8 +53,6 @@ class FootOptions:
         param: Parameters of the ground, each as name=value.
         yaw: Heading of the foot, degrees.
         timestep: Physics step, s.
-        angle: Largest pitch that the ankle is asked for, degrees.
-        rate: Speed of the pitch, degrees/s.
     """
 
     foot: str = "soft"
@@ -65,8 +63,6 @@ class FootOptions:
     param: tuple[str, ...] = ()
     yaw: float = math.degrees(FootTest.yaw)
     timestep: float = PhysicsSettings.timestep
-    angle: float = 5.0
-    rate: float = 10.0
 
     def test(self, given: Mapping[str, Any], ground: Mapping[str, Any]) -> FootTest:
         """Return the test of one foot on one ground, with further fields of both."""
@@ -105,27 +101,17 @@ def foot(
     ground: Annotated[Mapping[str, Any], GROUND],
     output: Output,
 ) -> Report:
-    """List the feet, or test one on a rig: press it on a ground, or pitch its ankle.
+    """List the feet, or press one on a ground, on a rig.
 
     A press lets the foot fall on the ground and settle under a load, and looks at impact, forces, contacts, support and
-    sole; a pitch shows how the centre of pressure follows the ankle.
+    sole.
     """
     if test is None:
         return _list(options.robot, output)
-    for name in ("angle", "rate") if test == "press" else ():
-        if getattr(options, name) != getattr(FootOptions, name):
-            raise InputError(f"--{name} is no option of 'foot press'")
     made = options.test(given, ground)
-    result: PressResult | PitchResult
-    if test == "press":
-        result = pressed = press(made)
-        lines = _press_lines(pressed)
-    else:
-        angle, rate = math.radians(options.angle), math.radians(options.rate)
-        result = pitched = pitch(made, amplitude=angle, rate=rate)
-        lines = _pitch_lines(pitched)
+    result = press(made)
     data = {**made.describe(), **to_json(result)}
-    return output.report(data, "\n".join([_headline(made), *lines]))
+    return output.report(data, "\n".join([_headline(made), *_press_lines(result)]))
 
 
 def _list(robot: str | None, output: Output) -> Report:
@@ -231,20 +217,6 @@ def _press_lines(result: PressResult) -> list[str]:
     lines.append(
         f"  depth     {1e3 * hold.penetration:.3f} mm penetration, {1e3 * hold.penetration_peak:.3f} mm at landing"
     )
-    return lines
-
-
-def _pitch_lines(result: PitchResult) -> list[str]:
-    if result.diverged:
-        return [_DIVERGED]
-    lines = []
-    for name, pick in (("toe down", max), ("toe up", min)):
-        i = result.pitch.index(pick(result.pitch))
-        lines.append(
-            f"  {name:<9} {math.degrees(result.pitch[i]):+.1f}°: centre of pressure at "
-            f"{1e3 * result.centre_of_pressure[i]:.0f} mm, moment {result.moment[i]:.1f} Nm, ankle "
-            f"{1e3 * result.ankle_height[i]:.1f} mm high"
-        )
     return lines
 
 
