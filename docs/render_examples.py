@@ -75,7 +75,7 @@ class Catcher(TrialHook):
 def photograph(plant: Plant) -> Image.Image:
     """Draw a plant as it is now, as a replay would be drawn."""
     stage = SimulatedStage(plant, None)
-    picture, height, camera = stage.picture(None), stage.scale.height, mujoco.MjvCamera()
+    picture, height, camera = stage.picture(), stage.scale.height, mujoco.MjvCamera()
     camera.distance, camera.azimuth, camera.elevation = 3.3 * height, 130.0, -14.0
     camera.lookat[:] = (*picture.target[:2], stage.floor + 0.85 * height)
     with renderer(stage.model, *SIZE, samples=4) as drawn:

@@ -60,7 +60,7 @@ def main() -> None:
 
         def film() -> None:
             if len(frames) < count and plant.time >= start + len(frames) / rate:
-                picture = stage.picture(None)
+                picture = stage.picture()
                 picture.marks = [mark for mark in picture.marks if mark.name in MARKS]
                 if not frames or options.clip is not None:  # a robot that walks is followed
                     camera.lookat[:2] = picture.target[:2]

@@ -58,7 +58,7 @@ def test_a_source_of_ones_own_is_followed_logged_and_shown(tmp_path: Path) -> No
             assert walking.reference is not None and walking.output is not None
             sides.append(float(plant.truth().com[1]))
             error = max(error, abs(sides[-1] - float(walking.reference.pendulum.com[1])))
-    assert {"com", "zmp", "dcm", "DCM planned"} <= {mark.name for mark in stage.picture(None).marks}
+    assert {"com", "zmp", "dcm", "DCM planned"} <= {mark.name for mark in stage.picture().marks}
     assert walking.fallen is None and not walking.finished and error < 0.01
     assert max(sides) - min(sides) > 0.015
     wanted = Log.open(tmp_path / "own.arrow")["com/reference"]

@@ -11,9 +11,6 @@ from wbc.core.files import check_writable, read_json, same_file
 
 PICTURES = (".png", ".pdf", ".svg", ".jpg")
 
-FILMS = (".mp4", ".gif")
-"""Endings of films."""
-
 
 def check_target(
     what: str, path: str | Path, endings: tuple[str, ...], inputs: Iterable[str | Path | None] = ()

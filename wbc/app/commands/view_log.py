@@ -11,14 +11,13 @@ from typing import Annotated, Any
 from cyclopts import Parameter
 from rich.progress import track
 
-from wbc.app.files import FILMS
 from wbc.app.live import Port
 from wbc.app.log.reader import Log
 from wbc.app.output import Output, Report, progress_console, reports
 from wbc.core.errors import InputError
 from wbc.core.settings import Count, Positive, settings
 
-EXPORTS = (*FILMS, ".rrd")
+EXPORTS = (".mp4", ".rrd")
 
 
 @settings(kw_only=True)
@@ -26,9 +25,9 @@ class ViewOptions:
     """Page or file of the replay.
 
     Attributes:
-        out: File to write instead of serving a page: .mp4 or .gif, or .rrd for Rerun with all signals.
+        out: File to write instead of serving a page: a film, .mp4, or .rrd for Rerun with all signals.
         port: Port of the page; the first free one from 7000 on when not given.
-        rate: Pictures a second of a file; a GIF has at most 20.
+        rate: Pictures a second of a file.
         speed: Seconds of the run in a second of the film.
         size: Width and height of the film, pixels.
     """
@@ -45,8 +44,8 @@ class ViewOptions:
             raise InputError(
                 f"a replay's name must end in one of {', '.join(EXPORTS)}, got '{self.out.name}'"
             )
-        if ending not in FILMS and (self.speed != 1.0 or self.size != (960, 720)):
-            raise InputError(f"speed and size are those of a film: they need --out with {' or '.join(FILMS)}")
+        if ending != ".mp4" and (self.speed != 1.0 or self.size != (960, 720)):
+            raise InputError("speed and size are those of a film: they need --out with .mp4")
         if self.out is not None and self.port is not None:
             raise InputError(f"the port is that of a page that is served, not of '{self.out.name}'")
 

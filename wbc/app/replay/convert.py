@@ -17,8 +17,8 @@ from wbc.app.files import check_target
 from wbc.app.log.reader import Log
 from wbc.app.log.signals import Signal
 from wbc.app.replay.replay import Replay
-from wbc.app.view.marks import Mark, placed
-from wbc.app.view.meshes import body_meshes
+from wbc.app.view.marks import Mark, changes, mark_mesh
+from wbc.app.view.meshes import Colour, Mesh, body_meshes
 from wbc.core.errors import InputError
 from wbc.core.files import replacing
 from wbc.core.settings import Positive
@@ -130,33 +130,18 @@ def _write_scene(rr: Any, stream: Any, replay: Replay, rate: float) -> None:
         places[i] = replay.data.xpos[moving]
         turns[i] = replay.data.xmat[moving].reshape(-1, 3, 3)
         stream.set_time("time", duration=picture.time)
-        marks = {mark.name: mark for mark in picture.marks}
-        for name in shown.keys() - marks.keys():
-            stream.log(f"marks/{_plain(name)}", rr.Clear(recursive=False))
-        for name, mark in marks.items():
-            if name not in shown or not np.array_equal(shown[name].points, mark.points):
-                stream.log(f"marks/{_plain(name)}", _mark(rr, mark))
-        shown = marks
+        for name, mark in changes(shown, picture.marks):
+            drawn = rr.Clear(recursive=False) if mark is None else _mesh(rr, mark_mesh(mark), mark.colour)
+            stream.log(f"marks/{_plain(name)}", drawn)
     stream.reset_time()
     times = rr.TimeColumn("time", duration=replay.log.time[ticks])
     for i, body in enumerate(moving):
         placements = rr.Transform3D.columns(mat3x3=turns[:, i], translation=places[:, i])
         stream.send_columns(names[body], [times], placements)
-    for number, (body, colour, (vertices, faces)) in enumerate(meshes):
-        tint = tuple(round(255 * part) for part in colour)
-        shape = rr.Mesh3D(vertex_positions=vertices, triangle_indices=faces, albedo_factor=tint)
-        stream.log(f"{names[body]}/{number}", shape, static=True)
+    for number, (body, colour, mesh) in enumerate(meshes):
+        stream.log(f"{names[body]}/{number}", _mesh(rr, mesh, colour), static=True)
 
 
-def _mark(rr: Any, mark: Mark) -> Any:
-    """Return Rerun's shape of a mark."""
-    colour = tuple(round(255 * part) for part in mark.colour)
-    if mark.kind in ("ball", "cloud"):
-        return rr.Points3D(mark.points, radii=mark.size, colors=colour)
-    if mark.kind == "arrow":
-        start, end = mark.points
-        return rr.Arrows3D(origins=[start], vectors=[end - start], radii=mark.size, colors=colour)
-    if mark.kind == "line":
-        return rr.LineStrips3D([mark.points], radii=0.5 * mark.size, colors=colour)
-    vertices, faces = placed(mark).mesh
-    return rr.Mesh3D(vertex_positions=vertices, triangle_indices=faces, albedo_factor=colour)
+def _mesh(rr: Any, mesh: Mesh, colour: Colour) -> Any:
+    tint = tuple(round(255 * part) for part in colour)
+    return rr.Mesh3D(vertex_positions=mesh.vertices, triangle_indices=mesh.faces, albedo_factor=tint)

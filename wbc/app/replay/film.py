@@ -1,4 +1,4 @@
-"""Films of a replay: MP4 or GIF, rendered offscreen by `mujoco.Renderer`."""
+"""Films of a replay: MP4, rendered offscreen by `mujoco.Renderer`."""
 
 from __future__ import annotations
 
@@ -15,10 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
 
-from wbc.app.files import FILMS, check_target
+from wbc.app.files import check_target
 from wbc.app.replay.replay import Replay
-from wbc.app.view.marks import Mark, Picture
-from wbc.app.view.meshes import Colour
+from wbc.app.view.marks import Mark, Picture, mark_mesh
 from wbc.app.view.stage import Stage
 from wbc.core.errors import Array, InputError, WbcError
 from wbc.core.files import replacing
@@ -30,15 +29,13 @@ GL_HELP = (
     "offscreen rendering needs OpenGL without a display: install EGL (Debian, Ubuntu: apt install libegl1 "
     "libgl1-mesa-dri) and set MUJOCO_GL=egl, or OSMesa (apt install libosmesa6) and set MUJOCO_GL=osmesa"
 )
-FFMPEG_HELP = 'MP4 needs the extra "film": pip install -e ".[film]" in the clone; GIF needs nothing'
-GIF_RATE = 20.0
-"""Largest rate of a GIF, 1/s: players round the time between two pictures to hundredths of a second."""
+FFMPEG_HELP = 'a film needs the extra "film": pip install -e ".[film]" in the clone'
 
 FOLLOW_TIME = 0.5
 """Time constant with which the camera follows the robot, s."""
 
-MOST_MARKS, MOST_POINTS = 5000, 3000
-"""Geoms of marks in a picture, and points of a cloud."""
+MOST_MARKS = 10_000
+"""Geoms of marks in a picture."""
 
 
 class RenderError(WbcError):
@@ -47,8 +44,8 @@ class RenderError(WbcError):
 
 def check_film(path: str | Path, inputs: Iterable[str | Path] = ()) -> Path:
     """Return the path of a film, after `check_target` and a check that it can be made here: `RenderError` if not."""
-    target = check_target("a film", path, FILMS, inputs)
-    if target.suffix.lower() == ".mp4" and find_spec("imageio_ffmpeg") is None:
+    target = check_target("a film", path, (".mp4",), inputs)
+    if find_spec("imageio_ffmpeg") is None:
         raise RenderError(FFMPEG_HELP)
     renderer(mujoco.MjSpec().compile(), 64, 64).close()
     return target
@@ -78,8 +75,8 @@ def render_video(
 
     Args:
         replay: The replay.
-        path: File to write, .mp4 or .gif.
-        rate: Pictures a second; a GIF takes at most 20.
+        path: File to write, .mp4.
+        rate: Pictures a second.
         speed: Seconds of the run in a second of the film.
         size: Width and height, pixels; even numbers.
         progress: Shows how far the work has come, such as `tqdm.tqdm`: called with all ticks, it yields them.
@@ -95,12 +92,9 @@ def render_video(
     width, height = size
     if min(size) < 16 or width % 2 or height % 2:
         raise InputError(f"size of a film must be two even numbers of at least 16, got {width} x {height}")
-    gif = target.suffix.lower() == ".gif"
-    rate = min(rate, GIF_RATE) if gif else rate
     ticks = replay.ticks(rate, speed)
-    write = _write_gif if gif else _write_mp4
     with replacing(target) as new:
-        write(new, _pictures(replay, progress(ticks), rate, size), rate, size)
+        _write(new, _pictures(replay, progress(ticks), rate, size), rate, size)
     return len(ticks)
 
 
@@ -134,42 +128,26 @@ def add_marks(scene: mujoco.MjvScene, marks: Sequence[Mark]) -> None:
     """Add geoms for marks to MuJoCo's picture; those beyond its room are left out."""
     kinds, level = mujoco.mjtGeom, np.eye(3)
 
-    def add(
-        kind: mujoco.mjtGeom,
-        colour: Colour,
-        size: float,
-        place: Array,
-        to: Array | None = None,
-        axes: Array = level,
-    ) -> None:
-        if scene.ngeom >= scene.maxgeom:
-            return
-        geom = scene.geoms[scene.ngeom]
-        mujoco.mjv_initGeom(
-            geom, kind, np.full(3, size), place, axes.ravel(), np.array(colour, dtype=np.float32)
-        )
-        if to is not None:
-            mujoco.mjv_connector(geom, kind, size, place, to)
-            if kind == mujoco.mjtGeom.mjGEOM_ARROW:  # is drawn half as long as the connector says
-                geom.size[2] *= 2.0
-        scene.ngeom += 1
+    def add(kind: mujoco.mjtGeom, mark: Mark, size: float, place: Array, axes: Array = level) -> None:
+        if scene.ngeom < scene.maxgeom:
+            geom, colour = scene.geoms[scene.ngeom], np.array(mark.colour, dtype=np.float32)
+            mujoco.mjv_initGeom(geom, kind, np.full(3, size), place, axes.ravel(), colour)
+            scene.ngeom += 1
 
     for mark in marks:
         points = np.asarray(mark.points, dtype=np.float64)
-        if mark.kind in ("ball", "cloud"):
-            kind = kinds.mjGEOM_SPHERE if mark.kind == "ball" else kinds.mjGEOM_BOX
-            for point in points[:: 1 + len(points) // MOST_POINTS]:
-                add(kind, mark.colour, mark.size, point)
-        elif mark.kind == "arrow":
-            add(kinds.mjGEOM_ARROW, mark.colour, mark.size, points[0], points[1])
+        if mark.kind == "ball":
+            add(kinds.mjGEOM_SPHERE, mark, mark.size, points[0])
+        elif mark.kind == "arrow" and scene.ngeom < scene.maxgeom:
+            add(kinds.mjGEOM_ARROW, mark, mark.size, points[0])
+            geom = scene.geoms[scene.ngeom - 1]
+            mujoco.mjv_connector(geom, kinds.mjGEOM_ARROW, mark.size, points[0], points[1])
+            geom.size[2] *= 2.0  # it is drawn half as long as the connector says
         else:
-            for start, end in zip(points, points[1:], strict=False):
-                if mark.kind == "line":
-                    add(kinds.mjGEOM_CAPSULE, mark.colour, 0.5 * mark.size, start, end)
-                elif start is not points[0]:  # a fan of triangles, each half the parallelogram of two edges
-                    sides = np.stack([start - points[0], end - points[0]])
-                    axes = np.column_stack([*sides, np.cross(*sides)])
-                    add(kinds.mjGEOM_TRIANGLE, mark.colour, 1.0, points[0], axes=axes)
+            vertices, faces = mark_mesh(mark)
+            for corner, one, other in np.asarray(vertices, dtype=np.float64)[faces]:
+                sides = np.stack([one - corner, other - corner])
+                add(kinds.mjGEOM_TRIANGLE, mark, 1.0, corner, np.column_stack([*sides, np.cross(*sides)]))
 
 
 def _with_caption(pixels: Pixels, title: str, picture: Picture) -> Pixels:
@@ -181,7 +159,7 @@ def _with_caption(pixels: Pixels, title: str, picture: Picture) -> Pixels:
     return np.asarray(image)
 
 
-def _write_mp4(path: Path, pictures: Iterator[Pixels], rate: float, size: tuple[int, int]) -> None:
+def _write(path: Path, pictures: Iterator[Pixels], rate: float, size: tuple[int, int]) -> None:
     import imageio_ffmpeg  # noqa: PLC0415 - an extra
 
     film = imageio_ffmpeg.write_frames(str(path), size, fps=rate, codec="libx264", macro_block_size=2)
@@ -195,9 +173,3 @@ def _write_mp4(path: Path, pictures: Iterator[Pixels], rate: float, size: tuple[
         raise RenderError(f"ffmpeg could not write the film: {str(error).splitlines()[0]}") from error
     finally:
         film.close()
-
-
-def _write_gif(path: Path, pictures: Iterator[Pixels], rate: float, size: tuple[int, int]) -> None:
-    frames = (Image.fromarray(picture).quantize(128, dither=Image.Dither.NONE) for picture in pictures)
-    first = next(frames)
-    first.save(path, save_all=True, append_images=frames, duration=round(1000.0 / rate), loop=0)

@@ -8,8 +8,7 @@ import numpy as np
 
 from wbc.app.replay.replay import Replay
 from wbc.app.view.base import free_port
-from wbc.app.view.viser_page import ViserPage, start_server, stop_server
-from wbc.app.view.widgets import Widgets, when
+from wbc.app.view.viser_page import ViserPage, when
 
 RATE = 30.0
 """Largest rate of pictures, 1/s."""
@@ -37,26 +36,23 @@ class Player:
             ViewError: No viser.
         """
         self._replay, self._times = replay, replay.log.time
-        self._server, self.url = start_server(free_port(port), replay.title)
-        gui, last = self._server.gui, float(self._times[-1])
-        self._page = ViserPage(self._server, replay)
-        self._widgets = Widgets(self._server, lambda order: None)
-        self._tick = -1
-        self._widgets.text(lambda: "  \n".join(self._page.said))
-        self._time = gui.add_slider("time (s)", round(float(self._times[0]), 2), round(last, 2), 0.01, 0.0)
+        self._page = ViserPage(free_port(port), replay.title)
+        self.url, gui = self._page.url, self._page.server.gui
+        self._page.build(replay)
+        self._tick, first, last = -1, float(self._times[0]), float(self._times[-1])
+        self._time = gui.add_slider("time (s)", round(first, 2), round(last, 2), 0.01, round(first, 2))
         self._playing = gui.add_checkbox("play", True)
         self._speed = gui.add_dropdown("speed", tuple(SPEEDS), initial_value="1")
-        self._page.options(self._widgets)
-        when(gui.add_command("play or pause", hotkey="space").on_trigger, self._toggle)
+        play = gui.add_command("play or pause", hotkey="space")
+        when(play.on_trigger, lambda _: setattr(self._playing, "value", not self._playing.value))
         self.show(0)
 
     def show(self, tick: int) -> None:
         """Show a tick of the log, if it is not shown already."""
-        if tick == self._tick:
-            return
-        self._tick = tick
-        self._page.draw(self._replay.picture(tick))
-        self._widgets.speak()
+        if tick != self._tick:
+            self._tick = tick
+            self._page.draw(self._replay.picture(tick))
+            self._page.speak(now=True)
 
     def run(self) -> None:
         """Play until the program is interrupted; a page at the end begins anew when it is played."""
@@ -64,7 +60,7 @@ class Player:
         while True:
             clock.sleep(1.0 / RATE)
             now = clock.perf_counter()
-            if self._playing.value and self._server.get_clients():
+            if self._playing.value and self._page.open_pages:
                 ahead = self._time.value + (now - last) * SPEEDS[self._speed.value]
                 if self._time.value >= self._time.max:
                     ahead = self._time.min
@@ -79,7 +75,4 @@ class Player:
 
     def close(self) -> None:
         """End the page."""
-        stop_server(self._server)
-
-    def _toggle(self, _: object) -> None:
-        self._playing.value = not self._playing.value
+        self._page.close()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 
 import mujoco
 import numpy as np
@@ -11,10 +12,22 @@ from wbc.app.drift import Drift
 from wbc.app.log.header import read_description, read_plant
 from wbc.app.log.reader import Log
 from wbc.app.log.sources import position_signal
-from wbc.app.replay.marks import Captions, LoggedMarks
-from wbc.app.view.live_marks import sole_bodies, sole_poses
-from wbc.app.view.marks import Force, Picture, balance_marks, stiffness_colour
-from wbc.app.view.stage import DescribedStage, SimulatedStage, sole_force
+from wbc.app.log.stances import stances
+from wbc.app.view.marks import (
+    Force,
+    Mark,
+    Picture,
+    balance_marks,
+    force_marks,
+    ground_mark,
+    planned_step,
+    real_step,
+    scan_mark,
+    sole_force,
+    walk_text,
+)
+from wbc.app.view.stage import DescribedStage, SimulatedStage, sole_bodies
+from wbc.app.view.walk_marks import sole_poses
 from wbc.core.errors import Array, InputError, positive, whole_number
 from wbc.core.files import decoding
 from wbc.core.robot import SIDES
@@ -22,6 +35,9 @@ from wbc.sim.plant.plant import Plant
 
 MOST_PICTURES = 1_000_000
 """Pictures of the longest film: nine hours at 30 a second."""
+
+EVENT_TIME = 2.0
+"""Time for which an event is shown, s."""
 
 
 class Replay:
@@ -55,23 +71,25 @@ class Replay:
             self.plant = None if log.header.get("plant") is None else read_plant(dict(log.header))
             if self.plant is not None:
                 stage, self._q = SimulatedStage(self.plant, None), _states_of_plant(log, self.plant)
-                self._soles, self._places = sole_bodies(self.plant), self.plant.places
+                self._places, self._soles = self.plant.places, sole_bodies(self.plant)
             else:
                 stage, self._q = _robot_of_loop(log)
-                self._soles, self._places = [[], []], stage.places
+                self._places, self._soles = stage.places, []
             self._stage, self.model, self.data = stage, stage.model, stage.data
             self.floor, self.scale = stage.floor, stage.scale
             self.title = str(log.header.get("title") or stage.title)
-            self._com = log["truth/com" if "truth/com/x" in log else "com/estimated"]
-            self._wrenches = [log[f"foot/{side}/wrench_measured"] for side in SIDES]
-            drift = Drift.of(log)
-            self._marks, self._caption = LoggedMarks(log, drift, self.scale), Captions(log, drift)
-            self._zmp = drift(log["zmp/measured"]) if "zmp/measured/x" in log else None
             self.base_places = self._q[:, :3]
-            self._stiffness = [log[f"foot/{side}/stiffness"] for side in SIDES]
-            self._push: tuple[Array, ...] = ()
-            if "truth/push/point/x" in log:
-                self._push = (log["truth/push/point"], log["truth/push/force"])
+            self._drift = drift = Drift.of(log)
+            self._com = log["truth/com" if "truth/com/x" in log else "com/estimated"]
+            self._zmp = drift(log["zmp/measured"]) if "zmp/measured/x" in log else None
+            self._dcm = drift(log["dcm/estimated"]) if "dcm/estimated/x" in log else None
+            self._wrenches = [log[f"foot/{side}/wrench_measured"] for side in SIDES]
+            push = "truth/push/point/x" in log
+            self._push = (log["truth/push/point"], log["truth/push/force"]) if push else None
+            self._marks = list(_walk_marks(log, drift))
+            self._stances = stances(log, "truth") if self._marks else []
+            names = ("program/state", "walk/phase", "step/side")
+            self._texts = {name: log.texts(name) for name in names if name in log}
 
     def __len__(self) -> int:
         return len(self.log)
@@ -112,18 +130,61 @@ class Replay:
         forces = []
         for pose, wrenches in zip(sole_poses(self._places, self.data), self._wrenches, strict=True):
             forces += sole_force(pose[:3, 3], pose[:3, :3], wrenches[tick])
-        if self._push:
-            point, force = (values[tick] for values in self._push)
-            if np.isfinite(point).all() and force.any():
-                forces.append(Force("push", point, force))
-        zmp = None if self._zmp is None or not np.isfinite(self._zmp[tick]).all() else self._zmp[tick]
-        level = self.floor if zmp is None else float(zmp[2])
-        marks = balance_marks(self.scale, self._com[tick], zmp, forces, level) + self._marks(tick)
-        picture = Picture(float(self.log.time[tick]), marks, self._caption(tick), self.base_places[tick])
-        for bodies, stiffness in zip(self._soles, self._stiffness, strict=True):
-            value = float(stiffness[tick])
-            picture.colours |= dict.fromkeys(bodies, stiffness_colour(value if math.isfinite(value) else 0.0))
+        if self._push is not None and self._push[1][tick].any() and np.isfinite(self._push[0][tick]).all():
+            forces.append(Force("push", self._push[0][tick], self._push[1][tick]))
+        zmp, dcm = (None if values is None else values[tick] for values in (self._zmp, self._dcm))
+        level = float(zmp[2]) if zmp is not None and np.isfinite(zmp[2]) else self.floor
+        standing = [foot.corners for foot in self._stances if foot.start <= tick < foot.end]
+        support = np.concatenate(standing) if standing else None
+        marks = balance_marks(self.scale, self._com[tick], zmp, dcm, level, support)
+        marks += force_marks(self.scale, forces)
+        marks += [mark for start, end, mark in self._marks if start <= tick < end]
+        picture = Picture(float(self.log.time[tick]), marks, self._text(tick), self.base_places[tick])
+        if any(self._soles):
+            stiffness = [float(self.log[f"foot/{side}/stiffness"][tick]) for side in SIDES]
+            picture.colour_soles(self._soles, stiffness)
         return picture
+
+    def _text(self, tick: int) -> list[str]:
+        """Return the lines of text at a tick: program, phase, drift and last event."""
+        state, phase, side = (
+            self._texts[name][tick] if name in self._texts else None
+            for name in ("program/state", "walk/phase", "step/side")
+        )
+        lines = [] if state is None else [str(state)]
+        if phase is not None:
+            lines.append(walk_text(phase, side, int(np.nan_to_num(self.log["walk/steps_done"][tick]))))
+        if self._marks and "truth/com/x" in self.log:
+            lines.append(self._drift.text(tick))
+        now = float(self.log.time[tick])
+        return lines + [text for time, text in self.log.events if now - EVENT_TIME <= time <= now][-1:]
+
+
+def _walk_marks(log: Log, drift: Drift) -> Iterator[tuple[int, int, Mark]]:
+    """Yield first tick, tick after the last one and mark of footsteps, scans and maps of a walk; none of other runs."""
+    end = len(log)
+    if "foot/left/contact" in log and "dcm/reference/x" in log:
+        for k, stance in enumerate(stances(log)):
+            yield 0, end, planned_step(k, stance.side, stance.corners)
+        for k, stance in enumerate(stances(log, "truth")):
+            yield stance.start, end, real_step(k, stance.side, stance.corners)
+    for k, (tick, along) in enumerate(_lists(log, "stiffness/scan", ("x", "lateral", "z"))):
+        heading = float(log["stiffness/scan/heading"][tick])
+        c, s = math.cos(heading), math.sin(heading)
+        points = along @ np.array([(c, s, 0.0), (-s, c, 0.0), (0.0, 0.0, 1.0)])
+        yield tick, end, scan_mark(k, drift(points, tick))
+    maps = _lists(log, "ground/map", ("x", "y", "z"))
+    for (tick, points), until in zip(maps, [*(tick for tick, _ in maps[1:]), end], strict=False):
+        yield tick, until, ground_mark(drift(points, tick))
+
+
+def _lists(log: Log, group: str, parts: tuple[str, ...]) -> list[tuple[int, Array]]:
+    """Return the ticks in which a group of lists has values, and these as points, shape (n, 3)."""
+    if f"{group}/{parts[0]}" not in log:
+        return []
+    rows = zip(*(log.lists(f"{group}/{part}") for part in parts), strict=True)
+    found = [(k, row) for k, row in enumerate(rows) if row[0] is not None and row[0].size > 1]
+    return [(k, np.column_stack(row)) for k, row in found]
 
 
 def _states_of_plant(log: Log, plant: Plant) -> Array:

@@ -15,7 +15,6 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, Self
 
 from wbc.app.view.marks import Picture
-from wbc.app.view.pace import Pace
 from wbc.app.view.stage import DescribedStage, SimulatedStage
 from wbc.core.control import DriveControl
 from wbc.core.errors import Array, InputError, WbcError, finite_scalar, positive
@@ -39,6 +38,9 @@ FIRST_PORT, PORTS = 7000, 200
 RATE = 20.0
 """Largest rate of pictures unless told otherwise, 1/s."""
 
+CATCH_UP_TIME, MAX_STEP = 0.2, 1.0
+"""A run that is further behind the clock does not catch up, nor one whose time has gone on by more, or back, s."""
+
 
 class ViewError(WbcError):
     """A live view cannot be started."""
@@ -61,6 +63,7 @@ class View(ABC):
         frames: Number of pictures so far.
         url: Link to the page.
         closed: True after `close`.
+        speed: Multiple of real time that the run is held back to; None never waits.
     """
 
     url: str
@@ -95,7 +98,8 @@ class View(ABC):
             ViewError: A workbench without viser.
         """
         self._period = 1.0 / positive("rate of the view (1/s)", rate)
-        self._pace = Pace(None if speed is None else positive("speed of the view", speed))
+        self.speed = None if speed is None else positive("speed of the view", speed)
+        self._due = self._time = 0.0  # clock and simulated time of the last tick
         self._next, self.frames, self.closed = -math.inf, 0, False
         self._set_source(source, control, program, terrain)
         self._open(free_port(port))
@@ -120,18 +124,14 @@ class View(ABC):
         self._controller = control if isinstance(control, Controller | None) else control.controller
         self.walking = control if isinstance(control, ReferenceControl) else None
         self.stage: SimulatedStage | DescribedStage
-        if isinstance(source, RobotDescription):
-            if self.walking is not None:
-                raise InputError("a walk is shown with its plant; give the plant in place of the description")
+        if isinstance(source, RobotDescription) and self.walking is None:
             self.stage = DescribedStage(source, terrain)
-        elif isinstance(source, SimulatedRobot):
-            if terrain is not None:
-                raise InputError("a simulation has its own terrain; leave `terrain` out")
+        elif isinstance(source, SimulatedRobot) and terrain is None:
             self.stage = SimulatedStage(source, self.walking)
         else:
             raise InputError(
-                f"a view shows a plant, a MujocoLoop or the description of a robot, got {source!r}; for a loop of your "
-                "own give the description of the robot, and update(robot) its state"
+                "a view shows a plant or a MujocoLoop, whose terrain is its own, or the description of a robot without "
+                f"a walk, whose states update(robot) is given; got {source!r}"
             )
 
     def _begin(self) -> None:
@@ -172,8 +172,7 @@ class View(ABC):
 
         Args:
             state: Only of a described robot: the robot, up to date, or a configuration of shape (nq,).
-            measurement: The latest measurement: of a plant, to show the rays of range sensors; of a described robot,
-                for time and contact wrenches of the soles.
+            measurement: Only of a described robot: time and contact wrenches of the soles.
 
         Raises:
             InputError: A state given with a simulation, none of a described robot, or one of another robot.
@@ -186,26 +185,35 @@ class View(ABC):
             raise InputError(
                 "a view takes the state of a simulation from there, that of a description by update(robot)"
             )
-        now = None if measurement is None else measurement.time
+        now = self._time if measurement is None else measurement.time
         if isinstance(stage, SimulatedStage):
             now = stage.robot.time
 
         def picture() -> Picture:
             if isinstance(stage, SimulatedStage):
-                return stage.picture(measurement)
+                return stage.picture()
             assert state is not None
             return stage.picture(state, measurement)
 
-        self._take_orders(0.0 if now is None else now, picture)
-        self._pace.wait(now)
+        self._take_orders(now, picture)
+        self._wait_for(now)
         if (present := clock.perf_counter()) >= self._next:
             self._next = present + self._period
             self._show(picture())
 
+    def _wait_for(self, time: float) -> None:
+        """Wait until the clock has come as far as the run, s."""
+        step, self._time, present = time - self._time, time, clock.perf_counter()
+        self._due += step / (self.speed or math.inf)
+        if not 0.0 <= step <= MAX_STEP or present > self._due + CATCH_UP_TIME:
+            self._due = present
+        elif self.speed is not None:
+            clock.sleep(max(0.0, self._due - present))
+
     def _show_last(self) -> None:
         """Show the present state of a simulation."""
         if isinstance(self.stage, SimulatedStage):
-            self._show(self.stage.picture(None))
+            self._show(self.stage.picture())
 
     def _show(self, picture: Picture) -> None:
         self.frames += 1

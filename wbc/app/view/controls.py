@@ -4,7 +4,6 @@ Pause and speed change only when things happen on the clock. Everything else is 
 at a tick, and kept as interventions with their simulated time, which results and logs hold and which repeat the run.
 
     push        a push on the torso, from the robot's front, back or sides
-    pull        a force on a link for as long as it is held, as by the mouse
     stop        the walk stops safely, with the present step
     drive       velocity of a robot that is steered: forward, left and turn; a stand when no page is left
     set         one of the `settings`: gains of the stabilizer, stiffness of variable soles, weights and gains of tasks
@@ -30,10 +29,9 @@ import pinocchio as pin
 from wbc.app.arguments import attribute_docs
 from wbc.core.errors import InputError, WbcError, choose, finite_array, finite_scalar
 from wbc.core.qp.controller import Controller
-from wbc.core.robot import GRAVITY
 from wbc.feet.soles.soft import VariableStiffnessFoot
 from wbc.sim.plant.plant import Plant
-from wbc.tasks.stabilizer.gains import LIMITS, StabilizerGains
+from wbc.tasks.stabilizer.gains import StabilizerGains
 
 if TYPE_CHECKING:
     from wbc.sim.plant.robot import SimulatedRobot
@@ -59,9 +57,6 @@ GAINS = (
 )
 """Gains of a task: name, unit and hint."""
 
-POWERS = 3.0
-"""Powers of ten by which a weight may be changed, up and down."""
-
 IMPULSE, MAX_IMPULSE = 0.1, 2.0
 """Impulse of a push per mass, Ns/kg: the page's default (a walk recovers from it), and the largest one."""
 
@@ -81,11 +76,8 @@ class Setting(NamedTuple):
     name: str  # group and name, such as stabilizer/dcm_p
     unit: str
     value: float  # now
-    low: float  # that a page offers
-    high: float
     about: str
     take: Callable[[float], object]
-    by_power: bool = False  # its power of ten is offered
 
 
 class LiveControls:
@@ -112,14 +104,13 @@ class LiveControls:
         self.message = ""
         self._orders: deque[dict[str, Any]] = deque(maxlen=MAX_ORDERS)  # of pages, until the next tick
         self._repeat = deque(sorted(repeat, key=lambda entry: float(entry["time"])))
-        self._pull: tuple[str, list[float]] | None = None
         self._reported, self._time = 0, 0.0
         self._docs = attribute_docs(StabilizerGains)
         self._actions: dict[str, Callable[[dict[str, Any]], dict[str, Any]]] = {"set": self._set}
         if self.controller is not None:
             self._actions["target"] = self._aim
         if plant is not None:
-            self._actions |= {"push": self._push, "pull": self._hold}
+            self._actions["push"] = self._push
         if walking is not None:
             self._actions["stop"] = self._stop
             if walking.steered:
@@ -132,16 +123,12 @@ class LiveControls:
         found: list[Setting] = []
         if walking is not None and walking.stabilizer is not None:
             for name, unit in STABILIZER_GAINS.items():
-                value = first(getattr(walking.stabilizer.gains, name))
+                value = float(np.max(getattr(walking.stabilizer.gains, name)))
                 take = partial(self._set_gain, name)
-                found.append(
-                    Setting(f"stabilizer/{name}", unit, value, 0.0, LIMITS[name], self._docs[name], take)
-                )
+                found.append(Setting(f"stabilizer/{name}", unit, value, self._docs[name], take))
         if walking is not None and isinstance(foot, VariableStiffnessFoot):
-            about, high = "each foot takes it in its next swing", max(100.0, 2.0 * foot.stiffness)
-            low, high = foot.actuator.low, min(foot.actuator.high, high)
-            sole = Setting("soles/stiffness", "Nm/rad", foot.stiffness, low, high, about, self._set_stiffness)
-            found.append(sole)
+            about = "each foot takes it in its next swing"
+            found.append(Setting("soles/stiffness", "Nm/rad", foot.stiffness, about, self._set_stiffness))
         for task in () if self.controller is None else self.controller.tasks:
             found += _task_settings(task)
         return {each.name: each for each in found}
@@ -153,14 +140,8 @@ class LiveControls:
         self._orders.append(request)
 
     def update(self, time: float | None = None) -> None:
-        """Run one tick at a time (s), that of the plant when None: do what is due, pull where a link is held."""
-        self.carry_out(self._now if time is None else time)
-        if self._pull is not None and self._plant is not None:
-            self._plant.push(self._pull[0], self._pull[1], self._plant.control_period)
-
-    def carry_out(self, time: float) -> None:
-        """Carry out the orders that are due at a time, s."""
-        self._time = time
+        """Carry out the orders that are due at a time (s), that of the plant when None."""
+        self._time = time = self._now if time is None else time
         while self._repeat and self._repeat[0]["time"] <= time:
             entry = dict(self._repeat.popleft())
             self.apply({"do": entry.pop("what"), **entry})
@@ -214,18 +195,6 @@ class LiveControls:
         task.target = target_of(task, request.get("target"))
         return {"task": task.name, "target": request["target"]}
 
-    def _hold(self, request: dict[str, Any]) -> dict[str, Any]:
-        body = str(request.get("body"))
-        force = finite_array("force of a pull (N)", request.get("force", math.nan), (3,))
-        weight = self._plant.robot.mass * GRAVITY
-        size = float(np.linalg.norm(force))
-        if size > weight:
-            force = force * (weight / size)
-        if body not in ("torso", "base"):  # which `Plant.push` takes beside frames
-            self._plant.robot.frame_id(body)
-        self._pull = (body, force.tolist()) if size > 0.0 else None
-        return {"body": body, "force": force.tolist()}
-
     def _push(self, request: dict[str, Any]) -> dict[str, Any]:
         side = choose("direction of a push", str(request.get("direction")), DIRECTIONS)
         impulse = finite_scalar(
@@ -277,16 +246,13 @@ def _task_settings(task: Any) -> Iterator[Setting]:
     """Yield weight and gains of a task; all its rows get the same."""
     group = f"task {task.name}"
     if not task.hard:
-        weight = float(task.weight.max())  # that of a swing foot is zero while it stands
-        power = math.log10(weight) if weight > 0.0 else 0.0
-        low, high = 10.0 ** (math.floor(power) - POWERS), 10.0 ** (math.ceil(power) + POWERS)
         about = f"cost per squared residual, ({task.residual_unit})²"
-        yield Setting(f"{group}/weight", "", weight, low, high, about, partial(setattr, task, "weight"), True)
+        yield Setting(
+            f"{group}/weight", "", float(task.weight.max()), about, partial(setattr, task, "weight")
+        )
     for name, unit, about in GAINS:
-        value = float(getattr(task, name).max())
-        if value > 0.0:
-            take = partial(setattr, task, name)
-            yield Setting(f"{group}/{name}", unit, value, 0.0, round_up(4.0 * value), about, take)
+        if (value := float(getattr(task, name).max())) > 0.0:
+            yield Setting(f"{group}/{name}", unit, value, about, partial(setattr, task, name))
 
 
 def target_of(task: Any, value: Any) -> Any:
@@ -304,19 +270,6 @@ def intervention_text(entry: dict[str, Any]) -> str:
         "drive": "driven at {forward:.2f} m/s forward, {left:.2f} m/s left, {turn:.2f} rad/s",
         "set": "{name} set to {value:g}",
         "target": "target of task {task} moved",
-        "pull": "pulled at {body} with ({force}) N",
         "end": "ended",
     }[entry["what"]]
-    force = ", ".join(str(round(part)) for part in entry.get("force", ()))
-    return f"{entry['time']:.2f} s: {what.format(**entry | {'force': force})}"
-
-
-def first(value: Any) -> float:
-    """Return a gain, the forward one of two."""
-    return float(value[0] if isinstance(value, tuple) else value)
-
-
-def round_up(value: float) -> float:
-    """Return the next number that is not below and has one digit alone, such as 0.3, 8 or 200."""
-    power = 10.0 ** math.floor(math.log10(value))
-    return float(f"{math.ceil(round(value / power, 9)) * power:.0e}")
+    return f"{entry['time']:.2f} s: {what.format(**entry)}"

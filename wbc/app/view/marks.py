@@ -1,34 +1,39 @@
 """Marks: everything that is drawn beside the model, as one list for each picture.
 
-A view, a film and a replay draw the same marks. A new mark is a function that returns some, or a class if it remembers
-what was before, and a line in `live_marks` (what a run shows) or in `wbc.app.replay.marks` (what a log shows).
+Live views, replays and films draw the same marks, made by the functions of this module from the values of a run
+(`stage`, `walk_marks`) or of a log (`wbc.app.replay.replay`). Pages and Rerun draw the triangles of a mark.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
-from functools import cache
 from typing import Literal, NamedTuple
 
 import numpy as np
+import pinocchio as pin
 
 from wbc.app.view.meshes import Colour, Mesh, ball, lathe
 from wbc.core.errors import Array
+from wbc.core.hull import convex_hull
 from wbc.feet.soles.actuator import STIFFEST
+from wbc.tasks.stabilizer.zmp import cop
 
 COM_COLOUR: Colour = (0.95, 0.60, 0.10, 1.0)
 ZMP_COLOUR: Colour = (0.75, 0.15, 0.75, 1.0)
 DCM_COLOUR: Colour = (0.34, 0.71, 0.91, 1.0)
-FORCE_COLOURS: dict[str, Colour] = {"ground": (0.10, 0.60, 0.25, 0.9), "push": (0.85, 0.15, 0.10, 0.9)}
+FORCES: dict[str, tuple[Colour, str]] = {
+    "ground": ((0.10, 0.60, 0.25, 0.9), "contact force"),
+    "push": ((0.85, 0.15, 0.10, 0.9), "push"),
+    "outside": ((0.55, 0.25, 0.10, 0.9), "force on the hands, estimated"),
+}
+"""Kinds of forces: colour and meaning; an arrow as long as the centre of mass is high is the robot's weight."""
+
 SIDE_COLOURS: dict[str, Colour] = {"left": (0.0, 0.45, 0.70, 1.0), "right": (0.84, 0.37, 0.0, 1.0)}
 SUPPORT_COLOUR: Colour = (0.0, 0.62, 0.45, 0.35)
-OUTSIDE_COLOUR: Colour = (0.55, 0.25, 0.10, 0.9)
-RAY_COLOUR: Colour = (0.90, 0.20, 0.20, 0.9)
 SCAN_COLOUR: Colour = (0.95, 0.90, 0.25, 1.0)
 GROUND_COLOUR: Colour = (0.10, 0.35, 0.75, 1.0)
-FRUSTUM_COLOUR: Colour = (0.10, 0.35, 0.75, 0.6)
 SOFT_COLOUR: Colour = (0.35, 0.80, 0.85, 1.0)
 STIFF_COLOUR: Colour = (0.50, 0.10, 0.45, 1.0)
 
@@ -44,11 +49,11 @@ POINT = 0.02
 LONGEST = 1.5
 """Longest arrow of a force, in weights of the robot: one of a landing would grow out of the picture."""
 
+MIN_LOAD = 1.0
+"""Smallest contact force of a sole that is drawn, N."""
+
 NOTICED = 5e-4
 """Distance from which on a mark that has moved is drawn anew, m."""
-
-HEAD_LENGTH, HEAD_WIDTH = 0.25, 2.5
-"""Length of an arrow's head, share of the arrow, and its radius, in radii of the shaft."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -61,7 +66,7 @@ class Mark:
             area within them, or a cloud of points.
         points: In the world, shape (n, 3), m.
         colour: Its colour.
-        size: Radius of a ball, of an arrow's shaft, of the points of a cloud, width of a line, m.
+        size: Radius of a ball, of an arrow's shaft, half the side of the points of a cloud, width of a line, m.
         meaning: Text of the legend; marks with the same share a line.
     """
 
@@ -96,9 +101,17 @@ class Picture:
     target: Array = field(default_factory=lambda: np.zeros(3))
     colours: dict[int, Colour] = field(default_factory=dict)
 
+    def colour_soles(self, bodies: Sequence[Sequence[int]], stiffness: Sequence[float]) -> None:
+        """Colour the bodies of each sole by its stiffness (Nm/rad), which becomes a line of text; NaN is none."""
+        for sole, value in zip(bodies, stiffness, strict=True):
+            if math.isfinite(value):
+                self.colours |= dict.fromkeys(sole, stiffness_colour(value))
+        if self.colours:
+            self.text.append("soles " + " and ".join(f"{value:.1f}" for value in stiffness) + " Nm/rad")
+
 
 class Force(NamedTuple):
-    """A force: "ground" or "push", point of attack (world, m) and force (world, N), both of shape (3,)."""
+    """A force: one of `FORCES`, point of attack (world, m) and force (world, N), both of shape (3,)."""
 
     kind: str
     point: Array
@@ -113,69 +126,86 @@ class Scale(NamedTuple):
 
 
 def balance_marks(
-    scale: Scale, com: Array, zmp: Array | None, forces: Sequence[Force], level: float
+    scale: Scale, com: Array, zmp: Array | None, dcm: Array | None, level: float, support: Array | None = None
 ) -> list[Mark]:
-    """Return forces, centre of mass with its shadow at a level (m), and ZMP; None without contact."""
-    size = POINT * scale.height
-    shadow = np.array([[com[0], com[1], level]])
+    """Return CoM with its shadow at a level (m), ZMP, DCM (x, y) and support, the hull of points of shape (n, 3)."""
+    size, shadow = POINT * scale.height, np.array([[com[0], com[1], level]])
     marks = [
         Mark("com", "ball", com[None], COM_COLOUR, size, "centre of mass and its shadow"),
         Mark("com shadow", "ball", shadow, COM_COLOUR, 0.6 * size, "centre of mass and its shadow"),
     ]
-    if zmp is not None:
+    if zmp is not None and np.isfinite(zmp).all():
         marks.append(Mark("zmp", "ball", zmp[None], ZMP_COLOUR, size, "ZMP"))
-    number = {"ground": 0, "push": 0}
+    if dcm is not None and np.isfinite(dcm).all():
+        marks.append(Mark("dcm", "ball", np.array([[*dcm[:2], level + LIFT]]), DCM_COLOUR, size, "DCM"))
+    if support is not None and len(corners := convex_hull(support[:, :2])) > 2:
+        area = np.column_stack([corners, np.full(len(corners), support[:, 2].mean() + LIFT)])
+        marks.append(Mark("support", "area", area, SUPPORT_COLOUR, meaning="support polygon"))
+    return marks
+
+
+def force_marks(scale: Scale, forces: Sequence[Force]) -> list[Mark]:
+    """Return the arrows of forces: a push ends at its point, others begin there."""
+    marks, number = [], dict.fromkeys(FORCES, 0)
     for kind, point, force in forces:
-        reach = force_reach(scale, force)
+        length = float(np.linalg.norm(force)) / scale.weight
+        reach = scale.height / scale.weight * force * min(1.0, LONGEST / max(length, 1e-9))
         ends = np.stack([point - reach, point] if kind == "push" else [point, point + reach])
-        meaning = "push" if kind == "push" else f"contact force, drawn up to {LONGEST:g} x weight"
-        name = f"{kind} force {number[kind]}"
-        marks.append(Mark(name, "arrow", ends, FORCE_COLOURS[kind], 0.01 * scale.height, meaning))
+        colour, meaning = FORCES[kind]
+        marks.append(
+            Mark(f"{kind} force {number[kind]}", "arrow", ends, colour, 0.01 * scale.height, meaning)
+        )
         number[kind] += 1
     return marks
 
 
-def force_reach(scale: Scale, force: Array) -> Array:
-    """Return the arrow of a force (N), m: the robot's weight is as long as its centre of mass is high."""
-    length = float(np.linalg.norm(force)) / scale.weight
-    return scale.height / scale.weight * force * min(1.0, LONGEST / max(length, 1e-9))
+def sole_force(position: Array, rotation: Array, wrench: Array) -> list[Force]:
+    """Return the contact force of a sole by the wrench in its frame, at its centre of pressure; empty without one."""
+    if not (np.isfinite(wrench).all() and wrench[2] >= MIN_LOAD):
+        return []
+    return [Force("ground", position + rotation[:, :2] @ cop(wrench), rotation @ wrench[:3])]
 
 
-def sole_corners(length: float, width: float, pose: Array) -> Array:
-    """Return the corners of a sole with a homogeneous pose, shape (4, 3), m, a little above it."""
-    local = np.array([(1, 1), (-1, 1), (-1, -1), (1, -1)]) * (0.5 * length, 0.5 * width)
-    corners: Array = np.column_stack([local, np.full(4, LIFT)]) @ pose[:3, :3].T + pose[:3, 3]
-    return corners
+def planned_step(number: int, side: str, corners: Array) -> Mark:
+    """Return the outline of a planned footstep."""
+    closed = np.concatenate([corners, corners[:1]]) + (0.0, 0.0, LIFT)
+    return Mark(
+        f"planned step {number}", "line", closed, SIDE_COLOURS[side], meaning=f"{side} footstep, planned"
+    )
 
 
-def footstep(name: str, side: str, corners: Array, *, real: bool) -> Mark:
-    """Return a footstep: the outline of a planned one, the area of a real one."""
-    if real:
-        return Mark(name, "area", corners, translucent(SIDE_COLOURS[side]), meaning=f"{side} footstep")
-    return Mark(name, "line", closed(corners), SIDE_COLOURS[side], meaning=f"{side} footstep, planned")
+def real_step(number: int, side: str, corners: Array) -> Mark:
+    """Return the area of a footstep where the foot stood."""
+    colour = (*SIDE_COLOURS[side][:3], 0.35)
+    return Mark(f"real step {number}", "area", corners + (0.0, 0.0, LIFT), colour, meaning=f"{side} footstep")
+
+
+def scan_mark(number: int, points: Array) -> Mark:
+    """Return the ground that a range sensor has scanned in a swing, shape (n, 3), m."""
+    return Mark(
+        f"scan {number}", "line", points + (0.0, 0.0, LIFT), SCAN_COLOUR, 2.0 * LINE, "ground as scanned"
+    )
 
 
 def ground_mark(points: Array) -> Mark:
     """Return the cells of the ground that are known, shape (n, 3), m."""
+    lifted = points + (0.0, 0.0, LIFT)
+    return Mark("known ground", "cloud", lifted, GROUND_COLOUR, 0.5 * LINE, "ground as seen")
+
+
+def ring(name: str, colour: Colour, centre: Array, scale: Scale) -> Mark:
+    """Return the ring of a planned point."""
+    angle, radius = np.linspace(0.0, math.tau, 17), 1.6 * POINT * scale.height
+    circle = radius * np.stack([np.cos(angle), np.sin(angle), np.zeros(17)], axis=1)
     return Mark(
-        "known ground", "cloud", points + (0.0, 0.0, LIFT), GROUND_COLOUR, 0.5 * LINE, "ground as seen"
+        f"{name} planned", "line", centre + circle + (0.0, 0.0, LIFT), colour, meaning=f"{name} as planned"
     )
 
 
-def closed(corners: Array) -> Array:
-    """Return the line around corners, back to the first."""
-    return np.concatenate([corners, corners[:1]])
-
-
-def circle(centre: Array, radius: float) -> Array:
-    """Return a level circle, shape (17, 3), m."""
-    angle = np.linspace(0.0, math.tau, 17)
-    return centre + radius * np.stack([np.cos(angle), np.sin(angle), np.zeros(17)], axis=1)
-
-
-def translucent(colour: Colour) -> Colour:
-    """Return the colour of a filled area."""
-    return (*colour[:3], 0.35)
+def walk_text(phase: str, swing: str | None, steps_done: int) -> str:
+    """Return phase and steps of a walk as a line of text."""
+    swings = f", {swing} foot swings" if phase == "single support" and swing else ""
+    return f"{phase}{swings}, {steps_done} steps done"
 
 
 def stiffness_colour(stiffness: float) -> Colour:
@@ -187,101 +217,51 @@ def stiffness_colour(stiffness: float) -> Colour:
     return r, g, b, a
 
 
-def legend(pictures: Iterable[Picture]) -> dict[str, Colour]:
-    """Return the meaning of the colours in pictures."""
-    meanings = {mark.meaning: mark.colour for picture in pictures for mark in picture.marks if mark.meaning}
-    if any(picture.colours for picture in pictures):
+def legend(picture: Picture) -> dict[str, Colour]:
+    """Return the meaning of the colours in a picture."""
+    meanings = {mark.meaning: mark.colour for mark in picture.marks if mark.meaning}
+    if picture.colours:
         meanings |= {"sole of 0 Nm/rad": SOFT_COLOUR, f"sole of {STIFFEST:g} Nm/rad": STIFF_COLOUR}
     return meanings
+
+
+def changes(shown: dict[str, Mark], marks: Sequence[Mark]) -> Iterator[tuple[str, Mark | None]]:
+    """Yield name and mark of what looks other than shown, which is brought up to date; None for a mark that is gone."""
+    for name in shown.keys() - {mark.name for mark in marks}:
+        del shown[name]
+        yield name, None
+    for mark in marks:
+        if mark.name not in shown or not mark.looks_like(shown[mark.name]):
+            shown[mark.name] = mark
+            yield mark.name, mark
 
 
 # ---- shapes ---------------------------------------------------------------------------------------------------------
 
 
-class Placed(NamedTuple):
-    """Triangles of a mark, and where they are: position (m), rotation, shape (3, 3), and scale along its axes."""
-
-    mesh: Mesh
-    position: Array
-    rotation: Array
-    scale: Array
-
-
-def placed(mark: Mark) -> Placed:
-    """Return the triangles of a mark but a cloud: one mesh for all balls and arrows, else those of its points."""
-    points, origin = mark.points, np.zeros(3)
+def mark_mesh(mark: Mark) -> Mesh:
+    """Return the triangles of a mark in the world, to be drawn from both sides; lines and clouds are level."""
+    points, size = mark.points, mark.size
     if mark.kind == "ball":
-        return Placed(_unit_ball(), points[0], np.eye(3), np.full(3, mark.size))
+        vertices, faces = ball(size, size, size)
+        return Mesh(vertices + points[0], faces)
     if mark.kind == "arrow":
         along = points[1] - points[0]
         length = max(float(np.linalg.norm(along)), 1e-6)
-        return Placed(_unit_arrow(), points[0], _turn_to(along), np.array([mark.size, mark.size, length]))
+        neck, head = 0.75 * length, 2.5 * size
+        vertices, faces = lathe([(0.0, 0.0), (size, 0.0), (size, neck), (head, neck), (0.0, length)])
+        turn = pin.Quaternion.FromTwoVectors(np.array([0.0, 0.0, 1.0]), along).matrix()
+        return Mesh(vertices @ turn.T + points[0], faces)
     if mark.kind == "area":
         count = np.arange(1, len(points) - 1, dtype=np.uint32)
-        faces = np.stack([np.zeros_like(count), count, count + 1], axis=1)
+        return Mesh(points, np.stack([np.zeros_like(count), count, count + 1], axis=1))
+    if mark.kind == "line":
+        start, end = points[:-1], points[1:]
+        aside = np.cross((0.0, 0.0, 0.5 * size), end - start)
+        aside /= np.maximum(np.linalg.norm(end - start, axis=1, keepdims=True), 1e-9)
+        corners = [start - aside, end - aside, end + aside, start + aside]
     else:
-        points, faces = _ribbon(points, mark.size)
-    both = np.concatenate([faces, faces[:, ::-1]])  # seen from above and from below
-    return Placed(Mesh(points, both), origin, np.eye(3), np.ones(3))
-
-
-Shown = dict[str, tuple[Mark, Mesh | None]]
-"""Marks of a page by name, each with its triangles; None for a cloud."""
-
-
-def changes(shown: Shown, marks: Sequence[Mark]) -> Iterator[tuple[str, Mark | None, Placed | None, bool]]:
-    """Yield name, mark, placed triangles and whether these are new, for what looks other than shown; None if gone."""
-    for name in shown.keys() - {mark.name for mark in marks}:
-        del shown[name]
-        yield name, None, None, False
-    for mark in marks:
-        old = shown.get(mark.name)
-        if old is not None and mark.looks_like(old[0]):
-            continue
-        place = None if mark.kind == "cloud" else placed(mark)
-        mesh = None if place is None else place.mesh
-        anew = old is None or old[1] is not mesh or old[0].colour != mark.colour
-        shown[mark.name] = (mark, mesh)
-        yield mark.name, mark, place, anew
-
-
-@cache
-def _unit_ball() -> Mesh:
-    return ball(1.0, 1.0, 1.0)
-
-
-@cache
-def _unit_arrow() -> Mesh:
-    """Arrow of length 1 along z with a shaft of radius 1."""
-    neck = 1.0 - HEAD_LENGTH
-    return lathe([(0.0, 0.0), (1.0, 0.0), (1.0, neck), (HEAD_WIDTH, neck), (0.0, 1.0)])
-
-
-def _turn_to(along: Array) -> Array:
-    """Return a rotation, shape (3, 3), whose z axis is along a vector."""
-    length = float(np.linalg.norm(along))
-    if length < 1e-9:
-        return np.eye(3)
-    z = along / length
-    x = np.cross(z, (0.0, 1.0, 0.0) if abs(z[1]) < 0.9 else (1.0, 0.0, 0.0))
-    x /= np.linalg.norm(x)
-    return np.column_stack([x, np.cross(z, x), z])
-
-
-def _ribbon(points: Array, width: float) -> tuple[Array, np.ndarray[tuple[int, int], np.dtype[np.uint32]]]:
-    """Return a ribbon along points, seen from above: a rectangle for each segment; one that rises is a cross of two."""
-    start, end = points[:-1], points[1:]
-    along = end - start
-    length = np.linalg.norm(along, axis=1, keepdims=True)
-    start, end, along = (each[length[:, 0] > 1e-9] for each in (start, end, along / np.maximum(length, 1e-9)))
-    aside = np.cross((0.0, 0.0, 1.0), along)
-    size = np.linalg.norm(aside, axis=1, keepdims=True)
-    aside = np.where(size > 1e-6, aside / np.maximum(size, 1e-6), (1.0, 0.0, 0.0))
-    steep = np.abs(along[:, 2]) > 0.5
-    sides = [(start, end, aside), (start[steep], end[steep], np.cross(along, aside)[steep])]
-    corners = np.concatenate(
-        [np.stack([a - w, b - w, b + w, a + w], axis=1) for a, b, n in sides for w in [0.5 * width * n]]
-    )
-    first = 4 * np.arange(len(corners), dtype=np.uint32)[:, None, None]
-    sides_of = np.array([(0, 1, 2), (0, 2, 3)], dtype=np.uint32)
-    return corners.reshape(-1, 3), (first + sides_of).reshape(-1, 3)
+        corners = [points + (x, y, 0.0) for x, y in size * np.array([(1, 1), (-1, 1), (-1, -1), (1, -1)])]
+    first = 4 * np.arange(len(corners[0]), dtype=np.uint32)[:, None, None]
+    faces = (first + np.array([(0, 1, 2), (0, 2, 3)], dtype=np.uint32)).reshape(-1, 3)
+    return Mesh(np.stack(corners, axis=1).reshape(-1, 3), faces)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import contextlib
+import io
 import os
 import subprocess
 import sys
@@ -9,32 +11,24 @@ import weakref
 from typing import Any
 
 import numpy as np
-import zmq  # comes with meshcat
 
 from wbc.app.view.base import LOCAL, View, ViewError
-from wbc.app.view.marks import Mark, Picture, Shown, changes
+from wbc.app.view.marks import Mark, Picture, changes, mark_mesh
 from wbc.app.view.meshes import Colour, Mesh, body_meshes
 from wbc.core.errors import Array
-
-ROOT = "/meshcat/wbc"
-"""Root of all objects in MeshCat's tree."""
-
-DIGITS = 4
-"""Digits of a matrix (m) from which on a path has not moved."""
 
 
 class MeshcatView(View):
     """A page in the browser that shows a robot as it moves; see `View` for what it shows.
 
     Every page of this machine may watch; none changes the run, which a `Workbench` does. MeshCat's server is a process
-    of its own, which ends with the program; the page keeps its last picture. The run does not wait for it: while the
-    server is busy with one picture, others are left out.
+    of its own, which ends with the program; the page keeps its last picture.
     """
 
     def _open(self, port: int) -> None:
-        from meshcat import commands, geometry  # noqa: PLC0415 - slow
+        import meshcat  # noqa: PLC0415 - slow
+        from meshcat import geometry  # noqa: PLC0415
 
-        self._commands: Any = commands
         self._geometry: Any = geometry
         command = [sys.executable, "-m", "wbc.app.view.meshcat_server", str(port)]
         pipe = subprocess.PIPE
@@ -48,108 +42,51 @@ class MeshcatView(View):
             )
         os.set_blocking(server.stdout.fileno(), False)
         self._lines, self._pages = server.stdout, 0
-        self._socket: Any = zmq.Context.instance().socket(zmq.DEALER)
-        self._socket.connect(address)
-        self._unanswered = 0
+        with contextlib.redirect_stdout(io.StringIO()):
+            self._root: Any = meshcat.Visualizer(address)
         self.url = f"http://{LOCAL}:{port}/static/"
 
     def _build(self) -> None:
-        commands = self._commands
-        height = self.stage.scale.height
+        root, height = self._root, self.stage.scale.height
+        self._scene: Any = root["wbc"]
+        root["/Background"].set_property("top_color", [0.95, 0.97, 1.0])
+        root["/Background"].set_property("bottom_color", [0.82, 0.86, 0.90])
+        root["/Axes"].set_property("visible", False)
+        root["/Grid"].set_transform(_matrix(np.array([0.0, 0.0, self.stage.floor])))
         eye = [1.9 * height, 0.5 * height, 1.9 * height]
-        self._order(ROOT, commands.Delete)
-        for path, name, value in (
-            ("/Background", "top_color", [0.95, 0.97, 1.0]),
-            ("/Background", "bottom_color", [0.82, 0.86, 0.90]),
-            ("/Axes", "visible", False),
-            ("/Cameras/default/rotated/<object>", "position", eye),
-        ):
-            self._order(path, commands.SetProperty, name, value)
-        self._places: dict[str, bytes] = {}  # path → matrix as it is shown
+        root["/Cameras/default/rotated/<object>"].set_property("position", eye)
+        self._marks: dict[str, Mark] = {}
         self._colours: dict[int, Colour] = {}
-        self._marks: Shown = {}
-        self._move("/Grid", _matrix(np.array([0.0, 0.0, self.stage.floor])))
-        # A body's path is below that of its parent and is moved when the joint between them has moved: few have.
-        self._bodies = [f"{ROOT}/0"]
-        for body, parent in enumerate(self.stage.model.body_parentid[1:].tolist(), start=1):
-            self._bodies.append(f"{self._bodies[parent]}/{body}")
-        self._meshes: dict[int, list[str]] = {}
+        self._bodies: dict[int, list[str]] = {}
         for number, (body, colour, mesh) in enumerate(body_meshes(self.stage.model)):
-            path = f"{self._bodies[body]}/mesh {number}"
-            self._meshes.setdefault(body, []).append(path)
-            self._set_mesh(path, mesh, colour)
-        self._answered(wait=True)
-
-    def _order(self, path: str, kind: Any, *values: Any) -> None:
-        """Send a command of MeshCat to a path; its answer is not waited for."""
-        plain = kind(*values, path=self._commands.Path(tuple(path.strip("/").split("/")))).lower()
-        self._socket.send_multipart(
-            [b"", plain["type"].encode(), plain["path"].encode(), self._geometry.umsgpack.packb(plain)]
-        )
-        self._unanswered += 1
-
-    def _answered(self, *, wait: bool) -> bool:
-        """Take the server's answers; return True if it has carried out all commands."""
-        try:
-            while self._unanswered:
-                self._socket.recv_multipart(0 if wait else zmq.NOBLOCK)
-                self._unanswered -= 1
-        except zmq.Again:
-            return False
-        return True
+            self._bodies.setdefault(body, []).append(name := f"{number}")
+            self._set_mesh(self._scene[f"body {body}"][name], mesh, colour)
 
     def _send(self, picture: Picture) -> None:
-        if not self._answered(wait=self.closed):
-            return
-        data, parents = self.stage.data, self.stage.model.body_parentid
-        axes = data.xmat.reshape(-1, 3, 3)
-        back = axes[parents].transpose(0, 2, 1)
-        ways = np.einsum("bij,bj->bi", back, data.xpos - data.xpos[parents])
-        for path, way, turn in zip(self._bodies[1:], ways[1:], (back @ axes)[1:], strict=True):
-            self._move(path, _matrix(way, turn))
+        data = self.stage.data
+        for body in self._bodies:
+            self._scene[f"body {body}"].set_transform(_matrix(data.xpos[body], data.xmat[body].reshape(3, 3)))
         for body, colour in picture.colours.items():
             if self._colours.get(body) != colour:
                 self._colours[body] = colour
-                for path in self._meshes.get(body, ()):
-                    self._order(path, self._commands.SetProperty, "color", list(colour))
-        for name, mark, place, anew in changes(self._marks, picture.marks):
-            path = f"{ROOT}/mark/{name}"
+                for name in self._bodies.get(body, ()):
+                    self._scene[f"body {body}"][name].set_property("color", list(colour))
+        for name, mark in changes(self._marks, picture.marks):
             if mark is None:
-                self._order(path, self._commands.Delete)
-                self._places.pop(path, None)
-            elif place is None:
-                self._set_cloud(f"{path}/shape", mark)
+                self._scene["mark"][name].delete()
             else:
-                if anew:
-                    on_top = mark.kind in ("ball", "arrow")
-                    self._set_mesh(f"{path}/shape", place.mesh, mark.colour, on_top=on_top)
-                self._move(path, _matrix(place.position, place.rotation * place.scale))
+                on_top = mark.kind in ("ball", "arrow")
+                self._set_mesh(self._scene["mark"][name], mark_mesh(mark), mark.colour, on_top=on_top)
         middle = self.stage.floor + 0.8 * self.stage.scale.height
-        self._move("/Cameras/default", _matrix(np.array([*picture.target[:2], middle])))
+        self._root["/Cameras/default"].set_transform(_matrix(np.array([*picture.target[:2], middle])))
 
-    def _set_mesh(self, path: str, mesh: Mesh, colour: Colour, *, on_top: bool = False) -> None:
+    def _set_mesh(self, place: Any, mesh: Mesh, colour: Colour, *, on_top: bool = False) -> None:
         red, green, blue = (round(255 * part) for part in colour[:3])
         options: dict[str, Any] = {"color": (red << 16) + (green << 8) + blue, "opacity": colour[3]}
         if on_top:  # drawn last and not hidden by anything
             options |= {"transparent": True, "depthTest": False}
-        geometry = self._geometry
-        shape = geometry.TriangularMeshGeometry(mesh.vertices.astype(np.float32), mesh.faces)
-        drawn = geometry.Mesh(shape, geometry.MeshLambertMaterial(**options))
-        self._order(path, self._commands.SetObject, drawn)
-
-    def _set_cloud(self, path: str, mark: Mark) -> None:
-        geometry = self._geometry
-        places = np.ascontiguousarray(mark.points.T, dtype=np.float32)
-        colours = np.tile(np.array(mark.colour[:3], dtype=np.float32)[:, None], len(mark.points))
-        points = geometry.PointsGeometry(places, colours)
-        cloud = geometry.Points(points, geometry.PointsMaterial(2.0 * mark.size))
-        self._order(path, self._commands.SetObject, cloud)
-
-    def _move(self, path: str, matrix: Array) -> None:
-        """Move a path, if it is not there already."""
-        if self._places.get(path) != (place := (matrix.round(DIGITS) + 0.0).tobytes()):
-            self._places[path] = place
-            self._order(path, self._commands.SetTransform, matrix)
+        shape = self._geometry.TriangularMeshGeometry(mesh.vertices.astype(np.float32), mesh.faces)
+        place.set_object(shape, self._geometry.MeshLambertMaterial(**options))
 
     @property
     def pages(self) -> int:
@@ -161,8 +98,7 @@ class MeshcatView(View):
         return self._pages
 
     def _end(self) -> None:
-        self._answered(wait=True)
-        self._socket.close(linger=0)
+        self._root.window.zmq_socket.close(linger=0)
         self._finalizer()
 
 

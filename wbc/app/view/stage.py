@@ -8,8 +8,8 @@ import mujoco
 import numpy as np
 import pinocchio as pin
 
-from wbc.app.view.live_marks import RunMarks
-from wbc.app.view.marks import Force, Picture, Scale, balance_marks
+from wbc.app.view.marks import Force, Picture, Scale, balance_marks, force_marks, sole_force
+from wbc.app.view.walk_marks import WalkMarks
 from wbc.core.conventions import configuration_to_mujoco
 from wbc.core.errors import Array, InputError, finite_array
 from wbc.core.robot import GRAVITY, Robot
@@ -19,15 +19,16 @@ from wbc.sim.plant.plant import Plant
 from wbc.sim.plant.robot import SimulatedRobot
 from wbc.sim.terrain.spec import Terrain
 from wbc.sim.terrain.spec import terrain as terrain_by_name
-from wbc.tasks.stabilizer.zmp import NoContactForceError, cop, zmp
+from wbc.tasks.stabilizer.pendulum import natural_frequency
+from wbc.tasks.stabilizer.zmp import NoContactForceError, zmp
 
 if TYPE_CHECKING:
     from wbc.core.signals import Measurement
     from wbc.robots import RobotDescription
     from wbc.walking.control import ReferenceControl
 
-MIN_LOAD = 1.0
-"""Smallest contact force of a sole that is drawn, N."""
+MIN_LOAD_SHARE = 0.005
+"""Contacts that bear less than this share of the robot's weight are no corners of the support polygon."""
 
 
 class Stage(Protocol):
@@ -52,15 +53,18 @@ class SimulatedStage:
     """Robot in a simulation, to which nothing is written; see `Stage`."""
 
     def __init__(self, robot: SimulatedRobot, walking: ReferenceControl | None) -> None:
-        self.robot = robot
+        self.robot, self._walking = robot, walking
         self.title, self.model, self.data = robot.description.name, robot.model, robot.data
         self.floor = float(robot.terrain.surface.floor) if isinstance(robot, Plant) else 0.0
-        height = float(robot.truth().com[2]) - self.floor
-        self.scale = Scale(height, robot.robot.mass * GRAVITY)
-        self._marks = RunMarks(robot, walking, self.scale)
+        self.scale = Scale(float(robot.truth().com[2]) - self.floor, robot.robot.mass * GRAVITY)
+        self._marks = None if walking is None else WalkMarks(robot, walking, self.scale)
+        self._soles = sole_bodies(robot)
+        self._springs: list[int] = []
+        if isinstance(robot, Plant) and all(self._soles):
+            self._springs = [robot.model.joint(foot.variable_joints[0]).id for foot in robot.feet]
 
-    def picture(self, measurement: Measurement | None) -> Picture:
-        """Return the present picture; the latest measurement has the rays of range sensors."""
+    def picture(self) -> Picture:
+        """Return the present picture."""
         robot, truth, data = self.robot, self.robot.truth(), self.robot.data
         position, force, sole = truth.contact_position, truth.contact_force, truth.contact_sole
         forces = []
@@ -76,9 +80,17 @@ class SimulatedStage:
         wrench = np.concatenate([force.sum(axis=0), np.cross(position, force).sum(axis=0)])
         total = float(force[:, 2].sum())
         level = float(force[:, 2] @ position[:, 2]) / total if total > 0.0 else self.floor
-        marks = balance_marks(self.scale, truth.com, zmp_of(wrench, level), forces, level)
+        reference = None if self._walking is None else self._walking.reference
+        omega = natural_frequency(self.scale.height) if reference is None else reference.pendulum.omega
+        dcm = truth.com + truth.com_velocity / omega
+        support = position[force[:, 2] > MIN_LOAD_SHARE * self.scale.weight]
+        marks = balance_marks(self.scale, truth.com, zmp_of(wrench, level), dcm, level, support)
         picture = Picture(robot.time, marks, target=truth.com)
-        self._marks.draw(picture, measurement)
+        if self._marks is not None:
+            self._marks.draw(picture, forces)
+        picture.marks += force_marks(self.scale, forces)
+        if self._springs:
+            picture.colour_soles(self._soles, [float(self.model.jnt_stiffness[k]) for k in self._springs])
         return picture
 
 
@@ -100,10 +112,10 @@ class DescribedStage:
         mujoco.mj_kinematics(self.model, self.data)
 
     def picture(self, state: Robot | Array, read: Measurement | None) -> Picture:
-        """Return the picture of a robot of this model, up to date, or of a configuration, and of a measurement."""
+        """Return the picture of a robot, or configuration (nq,); time and forces of the soles are those measured."""
         robot = self.robot
         if isinstance(state, Robot):
-            if state.model.nq != robot.nq or state.model.nframes != robot.model.nframes:
+            if state.model.nq != robot.model.nq or state.model.nframes != robot.model.nframes:
                 raise InputError(f"the view shows '{robot.name}', not {state!r}")
             robot = state
         else:
@@ -116,15 +128,18 @@ class DescribedStage:
                 total += place.act(pin.Force(wrench)).vector
                 forces += sole_force(place.translation, place.rotation, wrench)
             level = min(float(place.translation[2]) for place in places)
-        marks = balance_marks(self.scale, np.array(robot.com), zmp_of(total, level), forces, level)
-        return Picture(0.0 if read is None else read.time, marks, target=np.array(robot.com))
+        com = np.array(robot.com)
+        marks = balance_marks(self.scale, com, zmp_of(total, level), None, level)
+        marks += force_marks(self.scale, forces)
+        return Picture(0.0 if read is None else read.time, marks, target=com)
 
 
-def sole_force(position: Array, rotation: Array, wrench: Array) -> list[Force]:
-    """Return the contact force of a sole by the wrench in its frame, at its centre of pressure; empty without one."""
-    if not (np.isfinite(wrench).all() and wrench[2] >= MIN_LOAD):
-        return []
-    return [Force("ground", position + rotation[:, :2] @ cop(wrench), rotation @ wrench[:3])]
+def sole_bodies(robot: SimulatedRobot) -> list[list[int]]:
+    """Return the bodies of each foot of a plant on hinges of variable stiffness; empty for a passive foot."""
+    feet = robot.feet if isinstance(robot, Plant) else ()
+    return [
+        sorted({int(robot.model.joint(name).bodyid[0]) for name in foot.variable_joints}) for foot in feet
+    ]
 
 
 def zmp_of(wrench: Array, level: float) -> Array | None:

@@ -75,7 +75,7 @@ class WatchWalk(TrialHook):
     def tick(self, tick: TrialTick) -> None:
         """See `TrialHook`."""
         if self.view is not None:
-            self.view.update(measurement=tick.measurement)
+            self.view.update()
 
     def end(self, result: object) -> None:
         """See `TrialHook`."""

@@ -16,12 +16,10 @@ import numpy as np
 import pinocchio as pin
 
 from wbc.app.view.base import View
-from wbc.app.view.controls import DIRECTIONS, IMPULSE, MAX_IMPULSE, LiveControls
+from wbc.app.view.controls import DIRECTIONS, IMPULSE, MAX_IMPULSE, LiveControls, Setting
 from wbc.app.view.marks import Picture
 from wbc.app.view.stage import SimulatedStage
-from wbc.app.view.viser_page import ViserPage, start_server, stop_server
-from wbc.app.view.widgets import Gizmo, Widgets, when
-from wbc.core.errors import Array
+from wbc.app.view.viser_page import ROOT, ViserPage, when
 from wbc.robots import RobotDescription
 from wbc.sim.plant.robot import SimulatedRobot
 from wbc.tasks.behaviours import Program
@@ -29,28 +27,18 @@ from wbc.tasks.behaviours import Program
 SPEEDS = {"0.1": 0.1, "0.25": 0.25, "0.5": 0.5, "1": 1.0, "2": 2.0, "4": 4.0, "as fast as it goes": None}
 """Choices of the run's speed, multiples of real time."""
 
-DRAG_FORCE = 2.0
-"""Force of a link that is dragged, in weights of the robot a metre."""
-
 PAUSE_TICK = 0.02
 """Period at which a page is asked whether a run that waits may go on, s."""
 
-KEYS = (
-    ("faster", "i", 0, 1),
-    ("slower", "k", 0, -1),
-    ("turn left", "j", 2, 1),
-    ("turn right", "l", 2, -1),
-    ("to the left", "u", 1, 1),
-    ("to the right", "o", 1, -1),
-)
-"""Commands of a robot that is driven: label, key, part of the velocity, and its sign. Arrows turn viser's camera."""
+KEYS = {"i": (0, 1), "k": (0, -1), "j": (2, 1), "l": (2, -1), "u": (1, 1), "o": (1, -1)}
+"""Keys that drive a robot: part of the velocity, and its sign. Arrows turn viser's camera."""
 
 
 class Workbench(View):
     """A live view with controls of everything that the run has: see `View` for what it shows.
 
-    Each task has a folder: gizmo on its target, weight, gains. Ctrl and the mouse pull at a link; a robot that is
-    steered is driven by sliders or keys. Orders are carried out at ticks and kept in `interventions`. Whoever
+    Each task has a folder: gizmo on its target, weight, gains; a robot that is steered is driven by sliders or keys.
+    Orders are carried out at ticks and kept in `controls.interventions`, each with its simulated time (s). Whoever
     reaches the page, on this machine, changes the run.
 
     Attributes:
@@ -65,66 +53,52 @@ class Workbench(View):
         self._begin()
 
     def _open(self, port: int) -> None:
-        server, self.url = start_server(port, self.stage.title)
-        self._server: Any = server
+        self._page = ViserPage(port, self.stage.title)
+        self.url, self._gui = self._page.url, self._page.server.gui
         self._commands: list[Any] = []
 
     def _build(self) -> None:
-        server, stage = self._server, self.stage
-        robot = stage.robot if isinstance(stage, SimulatedStage) else None
+        robot = self.stage.robot if isinstance(self.stage, SimulatedStage) else None
         self.controls = LiveControls(robot, self.walking, self._controller)
         for command in self._commands:
             command.remove()
         self._commands.clear()
-        server.gui.reset()
-        server.scene.reset()
-        self._widgets = Widgets(server, self.controls.order)
-        self._pace.restart()
+        self._paused = False
         self._room: Any = None  # folder of settings and targets
         self._shown: list[str] = []  # settings in it
-        with server.atomic():
-            self._page = ViserPage(server, stage, None if robot is None else self._pull)
+        self._gizmos: list[Gizmo] = []
+        with self._page.server.atomic():
+            self._page.build(self.stage)
             self._fill(self._program)
 
     # ---- the run ----------------------------------------------------------------------------------------------------
-
-    @property
-    def interventions(self) -> list[dict[str, Any]]:
-        """Changes made from the page, each with its simulated time (s); empty if nobody changed the run."""
-        return self.controls.interventions
 
     def _take_orders(self, time: float, picture: Callable[[], Picture]) -> None:
         self.controls.update(time)
         if self.controls.interventions and not self.pages:
             self.controls.halt()  # nobody is left who could
-        if not self._pace.paused:
-            return
-        self._show(picture())
-        while self._pace.paused and self.pages > 0:
+        if self._paused:
+            self._show(picture())
+        while self._paused and self.pages > 0:
             clock.sleep(PAUSE_TICK)
-            before = self.controls.message
-            self.controls.carry_out(time)
-            if self.controls.message != before:
-                self._widgets.speak()
-        self._pace.paused = False
-        self._pace.restart()
+            self.controls.update(time)
+            self._page.speak()
+        self._paused = False
 
     def ended(self, how: str) -> bool:
         """Say on the page in a few words how the run has ended; True if it asks for a restart, False if it is left."""
         answers: deque[bool] = deque()
         self._show_last()
-        gui = self._server.gui
-        with (folder := gui.add_folder("the run has ended", order=-2.0)):
-            gui.add_markdown(f"**{how}**")
-            when(gui.add_button("restart", color="green").on_click, lambda _: answers.append(True))
-            when(gui.add_button("leave").on_click, lambda _: answers.append(False))
+        with (folder := self._gui.add_folder("the run has ended", order=-2.0)):
+            self._gui.add_markdown(f"**{how}**")
+            when(self._gui.add_button("restart", color="green").on_click, lambda _: answers.append(True))
+            when(self._gui.add_button("leave").on_click, lambda _: answers.append(False))
         try:
             while not answers and self.pages > 0:
                 clock.sleep(PAUSE_TICK)
         except KeyboardInterrupt:
             return False
         folder.remove()
-        self._pace.restart()
         return bool(answers) and answers[0]
 
     # ---- the page ---------------------------------------------------------------------------------------------------
@@ -132,54 +106,56 @@ class Workbench(View):
     @property
     def pages(self) -> int:
         """Number of open browser pages."""
-        return 0 if self.closed else len(self._server.get_clients())
+        return 0 if self.closed else self._page.open_pages
 
     def _end(self) -> None:
-        stop_server(self._server)
+        self._page.close()
 
     def _send(self, picture: Picture) -> None:
         self._page.draw(picture)
-        if self._widgets.show():
+        for gizmo in self._gizmos:
+            gizmo.follow()
+        if self._page.speak():
             self._match()
 
-    def _status(self) -> str:
-        return "  \n".join([*self._page.said, *([self.controls.message] if self.controls.message else [])])
-
-    def _pull(self, body: str, way: Array) -> None:
-        force = DRAG_FORCE * self.stage.scale.weight * way
-        self.controls.order({"do": "pull", "body": body, "force": force.tolist()})
-
-    # ---- folders ----------------------------------------------------------------------------------------------------
+    # ---- the panel --------------------------------------------------------------------------------------------------
 
     def _fill(self, program: Program | None) -> None:
         """Make all controls."""
-        gui, offered, walking = self._server.gui, self.controls.offered, self.walking
-        self._widgets.text(self._status)
-        self._widgets.checkbox("pause", False, lambda on: setattr(self._pace, "paused", on))
-        speed = next((name for name, value in SPEEDS.items() if value == self._pace.speed), "1")
+        gui, offered, order = self._gui, self.controls.offered, self.controls.order
+        self._page.text(lambda: self.controls.message)
+        self._page.checkbox("pause", False, lambda on: setattr(self, "_paused", on))
+        speed = next((name for name, value in SPEEDS.items() if value == self.speed), "1")
         chosen = gui.add_dropdown("speed", tuple(SPEEDS), initial_value=speed)
-        when(chosen.on_update, lambda _: setattr(self._pace, "speed", SPEEDS[chosen.value]))
-        self._page.options(self._widgets)
+        when(chosen.on_update, lambda _: setattr(self, "speed", SPEEDS[chosen.value]))
         if program is not None:
             with gui.add_folder("program"):
-                self._widgets.text(lambda: program_text(program))
-        if "drive" in offered and walking is not None:
-            self._drive_folder(walking.velocity_limits)
-        if "stop" in offered and "drive" not in offered:
-            self._widgets.button("stop walking", lambda: {"do": "stop"}, "the run ends when the robot stands")
+                self._page.text(lambda: program_text(program))
+        if "drive" in offered and self.walking is not None:
+            self._drive_folder(self.walking.velocity_limits)
+        elif "stop" in offered:
+            stop = gui.add_button("stop walking", hint="the run ends when the robot stands")
+            when(stop.on_click, lambda _: order({"do": "stop"}))
         if "push" in offered:
-            self._push_folder()
+            with gui.add_folder("push", expand_by_default=False):
+                side = gui.add_dropdown("direction", tuple(DIRECTIONS))
+                size = gui.add_slider("impulse (Ns/kg)", 0.0, MAX_IMPULSE, 0.01, IMPULSE)
+                push = gui.add_button("push")
+            when(
+                push.on_click,
+                lambda _: order({"do": "push", "direction": side.value, "impulse": size.value}),
+            )
         self._match()
 
     def _match(self) -> None:
         """Make the folders of settings and targets anew when tasks have come or gone."""
-        settings, gui = self.controls.settings, self._server.gui
+        settings, gui = self.controls.settings, self._gui
         if list(settings) == self._shown:
             return
         self._shown = list(settings)
-        for gone in self._widgets.gizmos:
+        for gone in self._gizmos:
             gone.remove()
-        self._widgets.gizmos.clear()
+        self._gizmos = []
         if self._room is not None:
             self._room.remove()
         self._room = gui.add_folder("settings and targets", expand_by_default=False)
@@ -190,13 +166,26 @@ class Workbench(View):
                 with gui.add_folder(group, expand_by_default=False):
                     for name, setting in settings.items():
                         if name.rpartition("/")[0] == group:
-                            self._widgets.slider(setting)
-                    task = tasks.get(group)
+                            self._add_number(setting)
+                    task: Any = tasks.get(group)
                     if task is not None and task.held_by is None and _has_place(task):
-                        self._widgets.checkbox("gizmo on the target", False, self._task_gizmo(task).ask)
+                        gizmo = Gizmo(self._page, task, 0.25 * self.stage.scale.height, self.controls.order)
+                        self._gizmos.append(gizmo)
+                        self._page.checkbox("gizmo on the target", False, gizmo.show)
+
+    def _add_number(self, setting: Setting) -> None:
+        label = setting.name.rpartition("/")[2] + (f" ({setting.unit})" if setting.unit else "")
+        number = self._gui.add_number(
+            label, float(f"{setting.value:.4g}"), min=0.0, hint=setting.about or None
+        )
+
+        def given(_: Any) -> None:
+            self.controls.order({"do": "set", "name": setting.name, "value": float(number.value)})
+
+        when(number.on_update, given)
 
     def _drive_folder(self, limits: Iterable[float]) -> None:
-        gui, parts = self._server.gui, ("forward", "left", "turn")
+        gui, parts = self._gui, ("forward", "left", "turn")
         ahead, back, aside, turn = (math.floor(100.0 * limit) / 100.0 for limit in limits)
         low, high = (-back, -aside, -turn), (ahead, aside, turn)
         with gui.add_folder("drive"):
@@ -223,42 +212,61 @@ class Workbench(View):
         for slider in sliders:
             when(slider.on_update, lambda event: drive() if event.client is not None else None)
         when(stand.on_click, halt)
-        for label, key, index, sign in KEYS:
-            self._commands.append(gui.add_command(label, hotkey=key))
+        for key, (index, sign) in KEYS.items():
+            self._commands.append(gui.add_command(f"{parts[index]} {sign:+d}", hotkey=key))
             when(self._commands[-1].on_trigger, partial(step, index, sign))
         self._commands.append(gui.add_command("stand", hotkey="space"))
         when(self._commands[-1].on_trigger, halt)
 
-    def _push_folder(self) -> None:
-        gui = self._server.gui
-        with gui.add_folder("push", expand_by_default=False):
-            side = gui.add_dropdown("direction", tuple(DIRECTIONS))
-            size = gui.add_slider("impulse (Ns/kg)", 0.0, MAX_IMPULSE, 0.01, IMPULSE)
-            self._widgets.button(
-                "push", lambda: {"do": "push", "direction": side.value, "impulse": size.value}
-            )
-            gui.add_markdown("Ctrl and the mouse pull at a link.")
 
-    def _task_gizmo(self, task: Any) -> Gizmo:
-        """Return the gizmo on the target of a task, which is shown when it is asked for."""
-        robot, whole = task.robot, isinstance(task.target, pin.SE3)
-        turns = whole or np.shape(task.target) == (3, 3)
-        moves = whole or not turns
+class Gizmo:
+    """Gizmo on the target of a task, hidden until it is asked for: it follows the target, and moves it."""
 
-        def place() -> pin.SE3:
-            target = task.target
-            if isinstance(target, pin.SE3):
-                return target
-            if np.shape(target) == (3, 3):
-                return pin.SE3(np.array(target), robot.placement(task.frame).translation)
-            return pin.SE3(np.eye(3), np.array(target))
+    def __init__(
+        self, page: ViserPage, task: Any, size: float, order: Callable[[dict[str, Any]], None]
+    ) -> None:
+        """Make it, of a size in m."""
+        self._task, self._order, self._held = task, order, False
+        self._turns, self._moves = np.shape(task.target) != (3,), np.shape(task.target) != (3, 3)
+        self._handle = page.server.scene.add_transform_controls(
+            f"{ROOT}/gizmos/{task.name.replace('/', '_')}",
+            scale=size,
+            disable_axes=not self._moves,
+            disable_sliders=not self._moves,
+            disable_rotations=not self._turns,
+            depth_test=False,
+            visible=False,
+        )
+        when(self._handle.on_update, self._take)
 
-        def order(place: pin.SE3) -> dict[str, Any]:
-            value = pin.SE3ToXYZQUAT(place) if whole else place.rotation if turns else place.translation
-            return {"do": "target", "task": task.name, "target": np.asarray(value).tolist()}
+    def show(self, on: bool) -> None:
+        """Show it or hide it."""
+        self._handle.visible = on
+        self.follow()
 
-        size = 0.25 * self.stage.scale.height
-        return self._widgets.gizmo(task.name, size, place, order, turns=turns, moves=moves)
+    def follow(self) -> None:
+        """Move it to the target, unless somebody holds it."""
+        if self._handle.visible and not self._held:
+            task, place = self._task, self._task.target
+            if not self._moves:
+                place = pin.SE3(np.array(place), task.robot.placement(task.frame).translation)
+            elif not self._turns:
+                place = pin.SE3(np.eye(3), np.array(place))
+            x, y, z, w = pin.Quaternion(place.rotation).coeffs().tolist()
+            self._handle.position, self._handle.wxyz = place.translation, (w, x, y, z)
+
+    def remove(self) -> None:
+        """Take it away."""
+        self._handle.remove()
+
+    def _take(self, event: Any) -> None:
+        self._held = event.phase != "end"
+        (w, x, y, z), position = map(float, event.target.wxyz), np.array(event.target.position, dtype=float)
+        turn = pin.Quaternion(w, x, y, z).normalized()
+        target = turn.matrix() if not self._moves else position
+        if self._moves and self._turns:
+            target = np.concatenate([position, turn.coeffs()])
+        self._order({"do": "target", "task": self._task.name, "target": target.tolist()})
 
 
 def program_text(program: Program) -> str:
