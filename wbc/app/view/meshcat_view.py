@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
-import io
 import os
 import subprocess
 import sys
@@ -11,24 +9,29 @@ import weakref
 from typing import Any
 
 import numpy as np
+import zmq  # comes with meshcat
 
 from wbc.app.view.base import LOCAL, View, ViewError
 from wbc.app.view.marks import Mark, Picture, changes, mark_mesh
 from wbc.app.view.meshes import Colour, Mesh, body_meshes
 from wbc.core.errors import Array
 
+ROOT = "/meshcat/wbc"
+"""Root of all objects in MeshCat's tree."""
+
 
 class MeshcatView(View):
     """A page in the browser that shows a robot as it moves; see `View` for what it shows.
 
     Every page of this machine may watch; none changes the run, which a `Workbench` does. MeshCat's server is a process
-    of its own, which ends with the program; the page keeps its last picture.
+    of its own, which ends with the program; the page keeps its last picture. The run does not wait for it: while the
+    server is busy with one picture, others are left out.
     """
 
     def _open(self, port: int) -> None:
-        import meshcat  # noqa: PLC0415 - slow
-        from meshcat import geometry  # noqa: PLC0415
+        from meshcat import commands, geometry  # noqa: PLC0415 - slow
 
+        self._commands: Any = commands
         self._geometry: Any = geometry
         command = [sys.executable, "-m", "wbc.app.view.meshcat_server", str(port)]
         pipe = subprocess.PIPE
@@ -42,51 +45,83 @@ class MeshcatView(View):
             )
         os.set_blocking(server.stdout.fileno(), False)
         self._lines, self._pages = server.stdout, 0
-        with contextlib.redirect_stdout(io.StringIO()):
-            self._root: Any = meshcat.Visualizer(address)
+        self._socket: Any = zmq.Context.instance().socket(zmq.DEALER)
+        self._socket.connect(address)
+        self._unanswered = 0
         self.url = f"http://{LOCAL}:{port}/static/"
 
     def _build(self) -> None:
-        root, height = self._root, self.stage.scale.height
-        self._scene: Any = root["wbc"]
-        root["/Background"].set_property("top_color", [0.95, 0.97, 1.0])
-        root["/Background"].set_property("bottom_color", [0.82, 0.86, 0.90])
-        root["/Axes"].set_property("visible", False)
-        root["/Grid"].set_transform(_matrix(np.array([0.0, 0.0, self.stage.floor])))
+        height, properties = self.stage.scale.height, self._commands.SetProperty
         eye = [1.9 * height, 0.5 * height, 1.9 * height]
-        root["/Cameras/default/rotated/<object>"].set_property("position", eye)
+        self._order("/Background", properties, "top_color", [0.95, 0.97, 1.0])
+        self._order("/Background", properties, "bottom_color", [0.82, 0.86, 0.90])
+        self._order("/Axes", properties, "visible", False)
+        self._order("/Cameras/default/rotated/<object>", properties, "position", eye)
+        self._move("/Grid", np.array([0.0, 0.0, self.stage.floor]))
         self._marks: dict[str, Mark] = {}
         self._colours: dict[int, Colour] = {}
-        self._bodies: dict[int, list[str]] = {}
+        self._meshes: dict[int, list[str]] = {}  # path of each mesh of a body
         for number, (body, colour, mesh) in enumerate(body_meshes(self.stage.model)):
-            self._bodies.setdefault(body, []).append(name := f"{number}")
-            self._set_mesh(self._scene[f"body {body}"][name], mesh, colour)
+            path = f"{ROOT}/body {body}/{number}"
+            self._meshes.setdefault(body, []).append(path)
+            self._set_mesh(path, mesh, colour)
+        self._answered(wait=True)
+
+    def _order(self, path: str, kind: Any, *values: Any) -> None:
+        """Send a command of MeshCat to a path; its answer is not waited for."""
+        plain = kind(*values, path=self._commands.Path(tuple(path.strip("/").split("/")))).lower()
+        packed = self._geometry.umsgpack.packb(plain)
+        self._socket.send_multipart([b"", plain["type"].encode(), plain["path"].encode(), packed])
+        self._unanswered += 1
+
+    def _answered(self, *, wait: bool) -> bool:
+        """Take the server's answers; return True if it has carried out all commands."""
+        try:
+            while self._unanswered:
+                self._socket.recv_multipart(0 if wait else zmq.NOBLOCK)
+                self._unanswered -= 1
+        except zmq.Again:
+            return False
+        return True
 
     def _send(self, picture: Picture) -> None:
+        if not self._answered(wait=self.closed):
+            return
         data = self.stage.data
-        for body in self._bodies:
-            self._scene[f"body {body}"].set_transform(_matrix(data.xpos[body], data.xmat[body].reshape(3, 3)))
+        for body in self._meshes:
+            self._move(f"{ROOT}/body {body}", data.xpos[body], data.xmat[body].reshape(3, 3))
         for body, colour in picture.colours.items():
             if self._colours.get(body) != colour:
                 self._colours[body] = colour
-                for name in self._bodies.get(body, ()):
-                    self._scene[f"body {body}"][name].set_property("color", list(colour))
+                for path in self._meshes.get(body, ()):
+                    self._order(path, self._commands.SetProperty, "color", list(colour))
         for name, mark in changes(self._marks, picture.marks):
+            path = f"{ROOT}/mark/{name}"
             if mark is None:
-                self._scene["mark"][name].delete()
+                self._order(path, self._commands.Delete)
             else:
                 on_top = mark.kind in ("ball", "arrow")
-                self._set_mesh(self._scene["mark"][name], mark_mesh(mark), mark.colour, on_top=on_top)
+                self._set_mesh(path, mark_mesh(mark), mark.colour, on_top=on_top)
         middle = self.stage.floor + 0.8 * self.stage.scale.height
-        self._root["/Cameras/default"].set_transform(_matrix(np.array([*picture.target[:2], middle])))
+        self._move("/Cameras/default", np.array([*picture.target[:2], middle]))
 
-    def _set_mesh(self, place: Any, mesh: Mesh, colour: Colour, *, on_top: bool = False) -> None:
+    def _set_mesh(self, path: str, mesh: Mesh, colour: Colour, *, on_top: bool = False) -> None:
         red, green, blue = (round(255 * part) for part in colour[:3])
         options: dict[str, Any] = {"color": (red << 16) + (green << 8) + blue, "opacity": colour[3]}
         if on_top:  # drawn last and not hidden by anything
             options |= {"transparent": True, "depthTest": False}
-        shape = self._geometry.TriangularMeshGeometry(mesh.vertices.astype(np.float32), mesh.faces)
-        place.set_object(shape, self._geometry.MeshLambertMaterial(**options))
+        geometry = self._geometry
+        shape = geometry.TriangularMeshGeometry(mesh.vertices.astype(np.float32), mesh.faces)
+        drawn = geometry.Mesh(shape, geometry.MeshLambertMaterial(**options))
+        self._order(path, self._commands.SetObject, drawn)
+
+    def _move(self, path: str, position: Array, axes: Array | None = None) -> None:
+        """Move a path; `axes` are the columns of its rotation, shape (3, 3)."""
+        matrix = np.eye(4)
+        matrix[:3, 3] = position
+        if axes is not None:
+            matrix[:3, :3] = axes
+        self._order(path, self._commands.SetTransform, matrix)
 
     @property
     def pages(self) -> int:
@@ -98,14 +133,6 @@ class MeshcatView(View):
         return self._pages
 
     def _end(self) -> None:
-        self._root.window.zmq_socket.close(linger=0)
+        self._answered(wait=True)
+        self._socket.close(linger=0)
         self._finalizer()
-
-
-def _matrix(position: Array, axes: Array | None = None) -> Array:
-    """Return a homogeneous matrix; `axes` are its columns, shape (3, 3)."""
-    matrix = np.eye(4)
-    matrix[:3, 3] = position
-    if axes is not None:
-        matrix[:3, :3] = axes
-    return matrix
