@@ -182,17 +182,6 @@ def test_a_friction_that_is_assigned_bounds_the_next_wrench() -> None:
         assert abs(after.wrenches[sole.name][0]) <= 0.1 * after.wrenches[sole.name][2] + 1e-5
 
 
-def test_a_fixed_frame_pulls_as_hard_as_it_pushes() -> None:
-    robot = make_robot("g1")
-    contact, free = FixedContact("pelvis", max_force=80.0, ramp=0.1, active=False), FixedContact("pelvis")
-    for each in (contact, free):
-        each.bind(robot)
-    assert contact.normal_force_range == (0.0, 0.0) and free.normal_force_range == (-1e6, 1e6)
-    contact.active = True
-    contact.advance(0.025)
-    assert contact.normal_force_range == pytest.approx((-20.0, 20.0)) and contact.cone.shape == (0, 6)
-
-
 def test_a_configuration_stands_on_its_lower_sole() -> None:
     robot = make_robot("g1")
     knee = robot.joint_index("left_knee_joint")

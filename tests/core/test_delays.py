@@ -183,32 +183,6 @@ def test_a_foot_meets_the_ground_at_a_greater_force_than_it_leaves_it() -> None:
     assert found == [True, False, False, True, True] and estimator.contact[0]
 
 
-@pytest.mark.parametrize(("passed", "periods"), [(None, 1.0), (1.5, 1.5), (9.0, 4.0), (0.1, 0.25)])
-def test_an_estimate_follows_torques_and_momentum_as_a_first_order_lag(
-    passed: float | None, periods: float
-) -> None:
-    """The force moves to the other sole with e^{−80 t}, t within a quarter and four periods; so in other periods."""
-    robot, normal, torque = carried(0.5)
-    estimator, v, still = WrenchEstimator(robot, DT), np.zeros(robot.nv), np.zeros(robot.nv)
-    q = robot.half_sitting
-    first = estimator.update(q, still, torque).copy()
-    np.testing.assert_allclose(first[:, 2], normal, rtol=1e-2)
-    shifted = carried(0.3)[2]
-    last = WrenchEstimator(robot, DT).update(q, still, shifted).copy()
-    for tick in range(1, 6):
-        wrench = estimator.update(q, still, shifted, None if passed is None else passed * DT)
-        share = -np.expm1(-80.0 * periods * DT * tick)
-        np.testing.assert_allclose(wrench, first + share * (last - first), rtol=1e-6, atol=1e-6)
-    known = WrenchEstimator(robot, periods * DT)
-    for speed in (0.0, 0.1, 0.3):
-        v[:3] = speed
-        wrench = known.update(q, v, torque).copy()
-        if speed == 0.0:
-            estimator.reset()
-        found = estimator.update(q, v, torque, None if passed is None else passed * DT)
-        np.testing.assert_allclose(found, wrench, rtol=1e-9, atol=1e-9)
-
-
 @pytest.mark.parametrize("right", [0.0, 0.02, 0.3])
 def test_what_holds_a_robot_beside_the_ground_is_what_its_legs_do_not_explain(right: float) -> None:
     """It hangs by its base, and one leg presses on the ground; a foot below the lift-off force is in the air."""

@@ -8,7 +8,7 @@ from task_factory import standing
 
 from wbc import Command, HybridControl, InputError, Measurement, Plant, balance_controller, walk
 from wbc.core.control import FailurePolicy
-from wbc.core.gate import CommandGate
+from wbc.core.drive.gate import CommandGate
 from wbc.core.robot import Robot
 from wbc.feet.soles.contact import ContactSpheres
 from wbc.feet.soles.rigid import FlatFoot

@@ -10,8 +10,7 @@ from task_factory import ROBOTS, integrate, make_robot, standing
 from wbc.core.errors import Array
 from wbc.core.limits.joint import BrakingLaw, JointLimits
 from wbc.core.limits.torque import TorqueLimits
-from wbc.core.qp.controller import Controller
-from wbc.core.robot import UNLIMITED, Robot
+from wbc.core.robot import Robot
 from wbc.tasks import CoMTask, PostureTask
 
 robots = pytest.mark.parametrize("name", by_default(ROBOTS, "hrp4_class"))
@@ -127,16 +126,6 @@ def test_the_way_back_into_the_range_is_no_faster_than_the_velocity_limit(side: 
         greatest = np.maximum(greatest, np.abs(joints.v))
     assert (greatest <= np.maximum(limits.velocity, abs(speed)) + TOLERANCE).all()
     assert (side * (before - joints.q) > 0.5 * np.minimum(limits.velocity, 0.3)).all()
-
-
-def test_limits_that_stand_for_none_are_one_number() -> None:
-    model = make_robot("hrp4_class").model.copy()
-    model.upperEffortLimit[6:], model.upperVelocityLimit[6:] = np.inf, 1e9
-    robot = Robot(model, (), make_robot("hrp4_class").half_sitting)
-    assert (robot.torque_limit == UNLIMITED).all() and (robot.velocity_limit == UNLIMITED).all()
-    controller = Controller(robot, 0.005)
-    controller.add(PostureTask(), JointLimits(), TorqueLimits())
-    assert controller.solve().ok
 
 
 @pytest.mark.parametrize("dt", PERIODS)

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from properties import by_default, examples
 from task_factory import ROBOTS, make_robot, near_half_sitting, random_state
 
-from wbc.core.errors import Array, InputError
+from wbc.core.errors import Array
 from wbc.core.limits.torque import TorqueLimits
 from wbc.core.qp.contact import Contact, SoleContact
 from wbc.core.qp.controller import Controller
@@ -151,21 +151,6 @@ def test_the_cone_is_box_friction_and_torsion() -> None:
     assert (contact.cone @ [0.0, 0.0, -1.0, 0.0, 0.0, 0.0] > 0.0).any(), "the ground does not pull"
 
 
-def test_the_box_is_the_whole_sole_until_it_is_set_and_other_sizes_are_refused() -> None:
-    robot = make_robot("g1")
-    contact = on_stones("left_foot")
-    contact.bind(robot)
-    sole = robot.soles[0]
-    assert (contact.cone @ [0, 0, 1, 0.49 * sole.width, 0.49 * sole.length, 0] <= 0.0).all()
-    assert (contact.cone @ [0, 0, 1, 0.51 * sole.width, 0.0, 0] > 0.0).any()
-    np.testing.assert_array_equal(contact.centre, 0.0)
-    for size in (0.0, -0.1, np.nan):
-        with pytest.raises(InputError, match="'left_foot'"):
-            contact.set_box(size, 0.02)
-    with pytest.raises(InputError, match="'left_foot'"):
-        contact.set_box(0.05, 0.02, (np.inf, 0.0))
-
-
 def with_contacts(name: str, *contacts: Contact, limited: bool = True) -> Controller:
     """Return a controller of a robot on some contacts, which is asked to move."""
     controller = Controller(make_robot(name), 0.002)
@@ -244,19 +229,3 @@ def test_a_motion_of_a_small_weight_gives_way() -> None:
     assert solution.ok
     jacobian, _, drift = rows_of(feet[0], controller.robot)
     assert np.abs(jacobian @ solution.accelerations + drift).max() > 1.0
-
-
-def test_a_foothold_that_is_switched_off_has_no_force_and_one_that_is_switched_on_carries() -> None:
-    left, right = on_stones("left_foot"), on_stones("right_foot")
-    controller = with_contacts("g1", left, right)
-    for active in (True, False, True):
-        left.active = active
-        for _ in range(2):
-            solution = controller.solve()
-            assert solution.ok
-            force = solution.wrenches["left_foot"]
-            if active:
-                assert force[2] > 10.0
-            else:
-                np.testing.assert_allclose(force, 0.0, atol=1e-7)
-            assert solution.wrenches["right_foot"][2] > 10.0

@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 from collections import Counter
-from typing import Any
 
 import numpy as np
 import pytest
 from problem_streams import ProblemStream, least_violation
 
 from wbc.core.errors import UnknownNameError
-from wbc.core.qp import solver as ladder
 from wbc.core.qp.other_solvers import DaqpSolver, solve_by_qpsolvers
 from wbc.core.qp.problem import Problem
 from wbc.core.qp.solver import QpSolver, SolverSettings, Status, solver_names
@@ -39,29 +37,6 @@ def test_all_solvers_give_the_same_solution(solver: str) -> None:
     used = {name for name, count in other.counts.items() if count}
     expected = {"auto": "DAQP", "proxqp": "ProxQP", "daqp": "DAQP"}.get(solver, "other")
     assert expected in used and "failed" not in used
-
-
-def test_the_ladder_leaves_changing_limits_to_daqp_and_the_first_tick_to_proxqp() -> None:
-    problems = stream()
-    for _ in range(60):
-        assert problems.step().ok
-    counts = problems.controller.solver_counts
-    assert counts["ProxQP"] == 1 and counts["DAQP"] > 5 and counts["active set"] > 5
-
-
-def test_the_first_tick_is_proxqp_s_from_daqp_s_guess_and_without_it(monkeypatch: pytest.MonkeyPatch) -> None:
-    problems = stream()
-    for _ in range(20):
-        solution = problems.step()
-    problem = problems.controller.problem
-    guessed = QpSolver(problem)
-    assert guessed.solve() is Status.SOLVED and guessed.counts["ProxQP"] == 1
-    assert guessed.iterations == 0, "ProxQP confirms an exact guess without an iteration"
-    monkeypatch.setattr(DaqpSolver, "solve", lambda *_: None)
-    alone = QpSolver(problem)
-    assert alone.solve() is Status.SOLVED and alone.counts["ProxQP"] == 1 and alone.iterations > 0
-    for one in (guessed, alone):
-        np.testing.assert_allclose(one.x[: problem.nv], solution.accelerations, atol=1e-4)
 
 
 def test_daqp_finds_the_same_from_any_guess_and_repeats_bit_for_bit() -> None:
@@ -174,21 +149,3 @@ def test_a_qp_with_crossed_bounds_or_numbers_that_are_none_is_not_tried() -> Non
         assert tried.solve() is Status.SOLVED or tried.x is not None
         getattr(problem, array).reshape(-1)[0] = value
         assert tried.solve() is status and tried.counts["failed"] == 1, array
-
-
-def test_a_solver_of_another_package_is_asked_first_and_checked(monkeypatch: pytest.MonkeyPatch) -> None:
-    answers: list[Any] = []
-
-    def mine(name: str, *problem: Any) -> Any:
-        assert name == "mine"
-        return answers.pop() if answers else solve_by_qpsolvers("daqp", *problem)
-
-    monkeypatch.setattr(ladder, "solver_names", lambda: ("auto", "mine"))
-    monkeypatch.setattr(ladder, "solve_by_qpsolvers", mine)
-    problem = small()
-    problem.target[2] = 3.0
-    asked = QpSolver(problem, SolverSettings(solver="mine"))
-    for answer, count in ((None, 1), ((np.array([1.0, 3.0, 9.0]), np.zeros(2)), 1)):
-        answers += [] if answer is None else [answer]
-        assert asked.solve().ok and asked.counts["other"] == count
-        np.testing.assert_allclose(asked.x, [1.0, 3.0, 0.4], atol=1e-6)

@@ -212,24 +212,3 @@ def test_a_simulation_that_has_diverged_gives_no_measurement_and_a_reset_leaves_
     for _ in range(20):
         loop.step(loop.hold())
     assert loop.measure().time == loop.time and np.isfinite(loop.measure().joint_position).all()
-
-
-# ---- furniture in the plant ------------------------------------------------------------------------------------------
-
-TABLE = """<mujoco><worldbody>
-  <body name="table" pos="0.5 0 0.35"><geom type="box" size="0.2 0.4 0.35"/></body>
-  <body name="cup" pos="0.5 0 0.75"><freejoint/><geom type="cylinder" size="0.04 0.05" mass="0.3"/></body>
-</worldbody></mujoco>"""
-
-
-def test_a_plant_with_furniture_walks_as_without_it() -> None:
-    plants = [Plant(DESCRIPTION, scene=scene) for scene in (None, TABLE)]
-    for plant in plants:
-        for _ in range(10):
-            plant.step(plant.hold())
-    bare, furnished = plants
-    cup = furnished.model.body("scene/cup").id
-    assert furnished.data.xpos[cup][2] == pytest.approx(0.75, abs=2e-3)
-    np.testing.assert_allclose(furnished.truth().q, bare.truth().q, atol=1e-6)
-    assert furnished.truth().contact_sole.min() >= 0  # the cup's contacts with the table are not the robot's
-    assert furnished.scene is not None and "cup" in furnished.scene

@@ -93,13 +93,3 @@ def test_a_torque_limit_that_stands_for_none_is_derived_and_doubted(effort: str)
     plant = Plant(robot, foot=FEW_SPHERES)
     plant.step(Command(np.full(robot.robot().na, 1e5)))
     assert abs(plant.model.actuator_forcerange[0]).max() == robot.torque_limit[0]
-
-
-@pytest.mark.parametrize(
-    ("speed", "limit", "doubted"), [("50000", 5e4, True), ("1e6", 6.0, False), ("8", 8.0, False)]
-)
-def test_a_speed_limit_that_no_joint_has_is_doubted(speed: str, limit: float, doubted: bool) -> None:
-    text = re.sub(r'velocity="[^"]+"', f'velocity="{speed}"', BIPED, count=1)
-    robot = RobotDescription.from_urdf(text, left_sole="left_foot", right_sole="right_foot")
-    assert robot.velocity_limit[0] == limit
-    assert any("left_hip_yaw" in line for line in robot.doubts()) == doubted

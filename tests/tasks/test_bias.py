@@ -91,14 +91,3 @@ def test_a_pause_keeps_the_bias_wherever_the_dcm_goes_meanwhile_and_however_the_
         found = estimator.update(there + quarter @ bias, there, 0.5 * np.pi, OMEGA, 0.005)
         np.testing.assert_allclose(found, quarter @ known, atol=2e-4)
     np.testing.assert_allclose(estimator.dcm, there, atol=1e-3)
-
-
-def test_a_reset_forgets_bias_and_dcm() -> None:
-    estimator = BiasEstimator()
-    for _ in range(50):
-        estimator.update(np.array([0.1, 0.0]), np.zeros(2), 0.0, OMEGA, 0.005)
-    assert estimator.bias.any()
-    estimator.reset()
-    assert not estimator.bias.any() and not estimator.dcm.any()
-    assert not estimator.update(np.array([0.3, 0.0]), np.zeros(2), 0.0, OMEGA, 0.005).any()
-    np.testing.assert_allclose(estimator.dcm, [0.3, 0.0])

@@ -9,9 +9,6 @@ import pytest
 from wbc.core.errors import InputError
 from wbc.core.robot import GRAVITY
 from wbc.tasks.stabilizer.distribution import (
-    ANKLE_TORQUE,
-    NET_MOMENT,
-    PRESSURE,
     DistributionSettings,
     FootWrenches,
     WrenchDistribution,
@@ -159,11 +156,3 @@ def test_torques_by_load_keep_the_cop_of_the_foot_with_less_load_off_the_edge(y:
     np.testing.assert_allclose(
         [by_load[light], by_load[1 - light]], torques / (1.0 - share, share), rtol=0.05
     )
-
-
-def test_the_costs_of_mc_rtc_are_its_own_over_100() -> None:
-    """Net wrench 10⁴, ankle torque and the others 100 · (1, 10⁻⁴ …)², none below 10⁻⁵, and pressure 1."""
-    s = DistributionSettings.mc_rtc()
-    costs = np.array((s.net_force, NET_MOMENT, ANKLE_TORQUE, PRESSURE))
-    np.testing.assert_allclose(100.0 * costs, (1e4, 1e4, 100.0 * 1.0**2, 1.0))
-    assert s.ankle_yaw == s.ankle_shear == s.ankle_normal == 1e-5

@@ -78,13 +78,6 @@ def test_it_stays_within_its_limit_and_can_always_brake(dt: float) -> None:
     assert highest > 0.35
 
 
-def test_a_reset_stands_upright_at_once() -> None:
-    trunk = lean()
-    trunk.update((50.0, 50.0), DT)
-    trunk.reset()
-    assert trunk.update((0.0, 0.0), DT) is UPRIGHT
-
-
 @pytest.mark.parametrize("robot", ["hrp4_class", "talos"])
 def test_the_trunks_of_robots_have_that_inertia(robot: str) -> None:
     """The QP turns an acceleration of the trunk into a moment as the settings say: same sign, same size."""

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from numpy.lib.stride_tricks import sliding_window_view
 from properties import examples
 
-from wbc.core.errors import InputError, WbcError
+from wbc.core.errors import WbcError
 from wbc.core.robot import Robot, Sole
 from wbc.core.signals import Measurement
 from wbc.feet import StiffnessActuator
@@ -25,7 +25,7 @@ from wbc.feet.stiffness.model import ModelSettings, ProfileRecipe, StiffnessMode
 from wbc.sim.terrain.spec import Terrain, terrain
 from wbc.tasks.scheduling.policies import FixedPolicy, GroundPolicy, ModelPolicy, SwingScan
 from wbc.tasks.scheduling.record import StepStiffness, StiffnessTiming
-from wbc.tasks.scheduling.stiffness import StiffnessScheduler, reachable
+from wbc.tasks.scheduling.stiffness import StiffnessScheduler
 
 DT = 0.005
 WINDOW = ProfileRecipe().window
@@ -191,19 +191,6 @@ def test_feet_take_turns_and_keep_what_they_have() -> None:
     assert all(r.reached for r in task.steps)
 
 
-def test_a_reset_starts_over() -> None:
-    task = make_task()
-    rig = Rig(task)
-    rig.step()
-    task.reset()
-    assert not task.steps
-    np.testing.assert_array_equal(task.command, 5.0)
-    task.reset(33.0)
-    np.testing.assert_array_equal(task.command, 33.0)
-    with pytest.raises(InputError, match="commanded sole stiffness"):
-        task.reset(2001.0)
-
-
 # --- scan -------------------------------------------------------------------------------------------------------------
 
 
@@ -362,15 +349,6 @@ def test_what_is_commanded_is_reached(wanted: float, rate: float, lag: float, de
     assert min(40.0, wanted) <= record.commanded <= max(40.0, wanted)
     if rate * record.planned_before < 0.5 * abs(math.log10(wanted / 40.0)):
         assert record.commanded != wanted
-
-
-def test_the_command_goes_as_far_as_it_can() -> None:
-    actuator = StiffnessActuator(rate_limit=1.0, time_constant=0.0)  # 0.3 decades, a factor of two, in 0.3 s
-    assert reachable(actuator, 10.0, 80.0, 0.30103) == pytest.approx(20.0, rel=0.03)
-    assert reachable(actuator, 80.0, 1.0, 0.30103) == pytest.approx(40.0, rel=0.03)
-    assert reachable(actuator, 10.0, 15.0, 0.2) == 15.0
-    assert reachable(actuator, 10.0, 25.0, 0.0) == pytest.approx(10.0, rel=0.03)
-    assert reachable(StiffnessActuator.instantaneous(), 0.0, 80.0, 0.0) == 80.0
 
 
 # --- records and bad input --------------------------------------------------------------------------------------------

@@ -61,31 +61,6 @@ def test_rows_are_what_finite_differences_say(name: str, case: str) -> None:
     Controller(robot, 0.002).add(task)  # it has not been bound
 
 
-def test_selections_are_checked_as_well() -> None:
-    robot = make_robot("hrp4_class")
-    check_rows(PostureTask(), robot)
-    check_rows(PostureTask(joints=arm(robot)), robot)
-
-
-class Counts(PositionTask):
-    """A position that counts its evaluations in an array, as a filter keeps its state."""
-
-    def __init__(self, frame: str) -> None:
-        super().__init__(frame)
-        self.count = np.zeros(1)
-
-    def evaluate(self, jacobian: Array, error: Array, drift: Array) -> None:
-        self.count += 1.0
-        super().evaluate(jacobian, error, drift)
-
-
-def test_a_check_leaves_the_state_of_a_task_as_it_is() -> None:
-    robot = make_robot("hrp4_class")
-    task = Counts(left_hand(robot))
-    check_rows(task, robot)
-    assert task.count == 0.0
-
-
 class Wrong(PositionTask):
     """A position with one mistake."""
 

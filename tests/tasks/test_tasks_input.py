@@ -71,33 +71,6 @@ def test_an_unknown_name_is_refused(what: str) -> None:
     assert controller.tasks == ()
 
 
-def test_an_option_replaces_the_default_of_its_task() -> None:
-    task = ImpedanceTask("left_foot", weight=2.0, name="ankles", axes=("z", "roll"), hard=True)
-    assert (task.name, task.dim, task.hard) == ("ankles", 2, True)
-    assert (task.weight == 2.0).all()
-    assert CoMTask(stiffness=4.0).damping[0] == 4.0 and CoMTask(damping=3.0).damping[0] == 3.0
-
-
-def test_what_a_refused_add_leaves_is_as_it_was() -> None:
-    robot = make_robot("hrp4_class")
-    controller, joint = Controller(robot, 0.005), robot.joint_names[0]
-    posture, hand = PostureTask(weight=2.0, joint_weights={joint: 5.0}), PositionTask("left_hand")
-    hull = CoMPolygonLimit()
-    for _ in range(3):
-        with pytest.raises(UnknownNameError, match="left_hant"):
-            controller.add(posture, hand, hull, PositionTask("left_hant"))
-    q = pin.integrate(robot.model, robot.half_sitting, np.full(robot.nv, 0.05))
-    robot.update(q, robot.v)
-    other = Controller(robot, 0.005)
-    other.add(posture, hand, hull)
-    assert posture.weight[0] == 10.0 and (posture.weight[1:] == 2.0).all()
-    np.testing.assert_array_equal(posture.target, q[7:])
-    np.testing.assert_array_equal(hand.target, robot.placement("left_hand").translation)
-    fresh = CoMPolygonLimit()
-    Controller(robot, 0.005).add(fresh)
-    np.testing.assert_array_equal(hull.polygon, fresh.polygon)
-
-
 def test_no_item_is_in_two_controllers() -> None:
     robot = make_robot("hrp4_class")
     first, second = Controller(robot, 0.002), Controller(robot, 0.002)

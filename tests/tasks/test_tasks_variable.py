@@ -6,10 +6,10 @@ import numpy as np
 import pinocchio as pin
 import pytest
 from properties import by_default
-from task_factory import ROBOTS, arm, left_hand, make_robot, near_half_sitting, standing
+from task_factory import ROBOTS, arm, left_hand, near_half_sitting, standing
 
 from wbc.core.errors import Array
-from wbc.core.qp.contact import PointContact, SoleContact
+from wbc.core.qp.contact import PointContact
 from wbc.core.qp.controller import Controller
 from wbc.core.qp.solution import Solution
 from wbc.tasks import CoMTask, JointTorqueTask, PostureTask, WrenchTask
@@ -134,11 +134,3 @@ def test_force_of_a_point_contact_is_tracked() -> None:
     controller.add(hand)
     controller.add(WrenchTask(hand, [0.0, 0.0, 15.0], weight=1e3))
     np.testing.assert_allclose(controller.solve().wrenches[hand.name], [0.0, 0.0, 15.0], atol=1e-2)
-
-
-def test_contact_may_be_added_after_the_task() -> None:
-    controller = Controller(make_robot("g1"), 0.002)
-    sole = SoleContact("left_sole" if "left_sole" in controller.robot.soles[0].frame else "left_foot")
-    controller.add(WrenchTask(sole, [0, 0, 100.0, 0, 0, 0], weight=1e3))
-    controller.add(sole)
-    np.testing.assert_allclose(controller.solve().wrenches["left_foot"], [0, 0, 100.0, 0, 0, 0], atol=0.1)

@@ -21,13 +21,13 @@ from typing import Annotated, Literal, NamedTuple, cast
 import numpy as np
 import pinocchio as pin
 
+from wbc.core.drive.gate import CommandGate
 from wbc.core.errors import Array, InputError, MeasurementError
 from wbc.core.estimation.consistency import WEIGHT_SHARE, AccelerometerCheck, ConsistencyMonitor
 from wbc.core.estimation.delay import SentCommands
 from wbc.core.estimation.observer import Observer
 from wbc.core.estimation.plausibility import Plausibility, PlausibilitySettings
 from wbc.core.estimation.wrenches import WrenchEstimator
-from wbc.core.gate import CommandGate
 from wbc.core.qp.controller import Controller
 from wbc.core.qp.solution import Solution
 from wbc.core.qp.solver import Status

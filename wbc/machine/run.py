@@ -16,11 +16,11 @@ from typing import Annotated, Any
 import numpy as np
 from pydantic import Field
 
+from wbc.core.drive.gate import CommandGate
 from wbc.core.drive.position import PositionControl
 from wbc.core.drive.torque import TorqueControl
 from wbc.core.errors import ROUNDING, InputError, check_parts, non_negative, positive
 from wbc.core.estimation.consistency import REAL_TIME
-from wbc.core.gate import CommandGate
 from wbc.core.robot import GRAVITY
 from wbc.core.settings import NonNegative, Positive, Share, settings
 from wbc.core.signals import Command, Control, Measurement

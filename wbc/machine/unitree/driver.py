@@ -12,8 +12,8 @@ from typing import Any
 
 import numpy as np
 
+from wbc.core.drive.gate import CommandGate
 from wbc.core.errors import Array, InputError
-from wbc.core.gate import CommandGate
 from wbc.core.signals import Command, Measurement
 from wbc.machine.loop import Driver, with_gains
 from wbc.machine.unitree.dds import COMMAND_TOPIC, STATE_TOPIC, Topics
