@@ -8,7 +8,7 @@ from wbc.machine.loop import Driver, DriverLoop
 from wbc.machine.report import RunReport
 from wbc.machine.run import Runner, RunSettings, run
 from wbc.machine.udp import UdpDriver, UdpRobot
-from wbc.machine.unitree import MotionSwitcher, UnitreeDriver
+from wbc.machine.unitree import UnitreeDriver
 
 __all__ = [
     # Interfaces
@@ -23,7 +23,6 @@ __all__ = [
     "UdpDriver",
     "UdpRobot",
     "UnitreeDriver",
-    "MotionSwitcher",
     # Check of a loop
     "conformance",
 ]

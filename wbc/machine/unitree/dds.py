@@ -1,4 +1,4 @@
-"""DDS: one topic to read and one to write, and the messages of unitree_hg and unitree_api.
+"""DDS: one topic to read and one to write, and the messages of unitree_hg.
 
 Needs the extra `unitree` (cyclonedds 11; it does not find 0.10 on the loopback interface).
 
@@ -16,7 +16,6 @@ from wbc.core.errors import WbcError
 from wbc.machine.unitree.wire import LOW_CMD, LOW_STATE, from_cdr, to_cdr
 
 COMMAND_TOPIC, STATE_TOPIC = "rt/lowcmd", "rt/lowstate"
-REQUEST_TOPIC, RESPONSE_TOPIC = "rt/api/motion_switcher/request", "rt/api/motion_switcher/response"
 
 PARTS = {"motor_cmd": "MotorCmd_", "motor_state": "MotorState_", "imu_state": "IMUState_"}
 """Names of the structures in a message of unitree_hg."""
@@ -28,21 +27,12 @@ CONFIG = (
 
 
 class DdsError(WbcError):
-    """DDS that cannot be used here, or a service that does not answer."""
-
-
-def _struct(name: str, fields: dict[str, Any], module: str = "unitree_api") -> Any:
-    from cyclonedds.idl import annotations, make_idl_struct  # noqa: PLC0415 - an extra
-
-    made = make_idl_struct(name, f"{module}.msg.dds_.{name}", fields)
-    annotations.final(made)
-    annotations.autoid("sequential")(made)
-    return made
+    """DDS that cannot be used here."""
 
 
 def _of_layout(name: str, layout: np.dtype[Any]) -> Any:
     """Return the message of unitree_hg with the fields of a C struct, but for its padding."""
-    from cyclonedds.idl import types  # noqa: PLC0415 - an extra
+    from cyclonedds.idl import annotations, make_idl_struct, types  # noqa: PLC0415 - an extra
 
     fields = {}
     for field in layout.names or ():
@@ -50,7 +40,10 @@ def _of_layout(name: str, layout: np.dtype[Any]) -> Any:
         made = _of_layout(PARTS[field], base) if base.names else getattr(types, base.name)
         fields[field] = types.array[made, shape[0]] if shape else made
     fields.pop("pad", None)
-    return _struct(name, fields, "unitree_hg")
+    struct = make_idl_struct(name, f"unitree_hg.msg.dds_.{name}", fields)
+    annotations.final(struct)
+    annotations.autoid("sequential")(struct)
+    return struct
 
 
 def _packed(made: Any) -> Any:
@@ -72,35 +65,15 @@ def _packed(made: Any) -> Any:
 def messages() -> dict[str, Any]:
     """Return the type of each topic."""
     try:
-        from cyclonedds.idl import types  # noqa: PLC0415 - an extra
+        import cyclonedds.idl  # noqa: F401, PLC0415 - an extra
     except ImportError as error:
         raise DdsError(
             "Unitree's topics need cyclonedds: pip install -e '.[unitree]' in the clone"
         ) from error
-    identity = _struct("RequestIdentity_", {"id": types.int64, "api_id": types.int64})
-    lease = _struct("RequestLease_", {"id": types.int64})
-    policy = _struct("RequestPolicy_", {"priority": types.int32, "noreply": bool})
-    header = _struct("RequestHeader_", {"identity": identity, "lease": lease, "policy": policy})
-    status = _struct("ResponseStatus_", {"code": types.int32})
-    answer = _struct("ResponseHeader_", {"identity": identity, "status": status})
-    binary = types.sequence[types.uint8]
     return {
         COMMAND_TOPIC: _packed(_of_layout("LowCmd_", LOW_CMD)),
         STATE_TOPIC: _packed(_of_layout("LowState_", LOW_STATE)),
-        REQUEST_TOPIC: _struct("Request_", {"header": header, "parameter": str, "binary": binary}),
-        RESPONSE_TOPIC: _struct("Response_", {"header": answer, "data": str, "binary": binary}),
     }
-
-
-def message(topic: str, *values: Any) -> Any:
-    """Return a message of a topic; a structure in it is a tuple of its values, in the order of its fields."""
-
-    def filled(kind: Any, values: tuple[Any, ...]) -> Any:
-        kinds = kind.__annotations__.values()
-        parts = zip(kinds, values, strict=True)
-        return kind(*(filled(part, value) if isinstance(value, tuple) else value for part, value in parts))
-
-    return filled(messages()[topic], values)
 
 
 class Topics:
@@ -135,30 +108,16 @@ class Topics:
         self._participant = participant
 
     def read(self, layout: np.dtype[Any], timeout: float) -> Any:
-        """Return the newest message as a record, None if there is none in time."""
-        newest = None
-        for sample in self.take(timeout):
-            record = from_cdr(sample.payload, layout) if hasattr(sample, "payload") else None
-            newest = newest if record is None else record
-        return newest
+        """Return the newest message as a record, None if there is none in time, s."""
+        samples = self._reader.take(16)
+        if not samples and timeout > 0.0:
+            self._waiting.wait(int(timeout * 1e9))
+            samples = self._reader.take(16)
+        records = [from_cdr(sample.payload, layout) for sample in samples if hasattr(sample, "payload")]
+        return next((record for record in reversed(records) if record is not None), None)
 
     def write(self, record: Any) -> None:
         """Send a record."""
         message = object.__new__(self._type)
         object.__setattr__(message, "payload", to_cdr(record))
-        self.send(message)
-
-    def take(self, timeout: float) -> list[Any]:
-        """Return the messages that have come, the oldest first; wait for one, `timeout` seconds, if there is none.
-
-        Among them may be notes of cyclonedds on writers that have left.
-        """
-        samples: list[Any] = self._reader.take(16)
-        if not samples and timeout > 0.0:
-            self._waiting.wait(int(timeout * 1e9))
-            samples = self._reader.take(16)
-        return samples
-
-    def send(self, message: Any) -> None:
-        """Send a message."""
         self._writer.write(message)
