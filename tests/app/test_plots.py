@@ -22,7 +22,7 @@ from wbc.app.log.stances import SIDES, sole_sizes, stances, support_box
 from wbc.app.plot.figures import draw, missing
 from wbc.app.plot.output import save
 from wbc.app.plot.signals import draw_signals, select
-from wbc.app.replay.marks import Captions
+from wbc.app.replay.replay import Replay
 from wbc.core.errors import InputError, UnknownNameError
 from wbc.tasks import Behaviour, Program, StateMachine, after
 from wbc.tasks.balance import balance_controller
@@ -101,8 +101,8 @@ def test_states_of_a_program_are_drawn_as_bands(tmp_path: Path) -> None:
     ended = [(path, how) for _, path, how in program.history]
     assert [event for _, event in log.events] == [f"{path}: {how}" for path, how in ended]
     assert log.events[0][0] == pytest.approx(program.history[0][0])
-    caption = Captions(log, Drift.of(log))
-    assert caption(2) == ["demo/wait"] and caption(len(log) - 1)[0] == "demo"
+    replay = Replay(log)
+    assert replay.picture(2).text == ["demo/wait"] and replay.picture(len(log) - 1).text[0] == "demo"
     for figure in (draw("balance", [log]), draw_signals([log], ["com/estimated"])):
         assert {text.get_text() for text in figure.axes[0].texts} >= {"wait", "look"}
         assert figure.axes[0].patches
@@ -117,7 +117,7 @@ def test_planned_footsteps_lie_where_feet_really_landed(log: Log) -> None:
     assert np.abs(drift(estimated) - true).max() < 3e-3 < np.abs(estimated - true).max()
     assert drift.size.max() > 5e-3
     assert re.fullmatch(r"estimate \d+ mm and [+-]\d\.\d° off", drift.text(-1))
-    assert Captions(log, drift)(9)[-2] == drift.text(9)
+    assert drift.text(9) in Replay(log).picture(9).text
     for planned, real in zip(stances(log), stances(log, "truth"), strict=True):
         assert (planned.side, planned.start) == (real.side, real.start)
         np.testing.assert_allclose(planned.corners.mean(axis=0), real.corners.mean(axis=0), atol=6e-3)

@@ -9,5 +9,5 @@
     walk(spec, hooks=[WatchWalk()])     # a simulated walk, with its footsteps
 
 Robot, feet, ground and things are the geoms of one MuJoCo model (`meshes`); everything else is a mark (`marks`,
-`live_marks`). A new control of a run goes into `controls`.
+`walk_marks`). A new control of a run goes into `controls`.
 """
