@@ -20,8 +20,11 @@ from wbc.ground.height_map import Places
 NODE = (0.02, 0.012)
 """Distance between nodes along and across the sole, m."""
 
-MOVES = 2
-"""Number of nodes by which a place may be moved to either side: 40 mm along and 24 mm across."""
+MOVES, FAR = (2, 2), (4, 2)
+"""Number of nodes by which a place may be moved along and across, to either side: 40 and 24 mm; at a high edge, 80 mm."""
+
+HIGH, HANGING = 0.08, 0.1
+"""Height over which an edge is high, m: no sole comes to rest over it; greatest share of a sole that may hang over it."""
 
 SLOPES = np.array([-0.36, -0.26, -0.18, -0.11, -0.05, 0.0, 0.05, 0.11, 0.18, 0.26, 0.36])
 """Slopes of resting planes along and across the sole."""
@@ -95,28 +98,28 @@ class _Lattice:
 
     Attributes:
         nodes: Place of each node, row by row from the heel, as u + iv in the axes of the sole, m.
-        soles: Nodes under the sole at each of its places, shape ((2 n + 1)², nodes of the sole).
+        soles: Nodes under the sole at each of its places, shape (places, nodes of the sole).
         moves: Displacement of each place with all places about it, as u + iv, m.
         inner: These places, as rows of `soles`.
         around: The nine places within a node of each of them, itself in the middle, as rows of `soles`.
     """
 
-    def __init__(self, size: tuple[int, int], step: tuple[float, float], n: int) -> None:
-        (nu, nv), (du, dv), side = size, step, 2 * n + 1
+    def __init__(self, size: tuple[int, int], step: tuple[float, float], moves: tuple[int, int]) -> None:
+        (nu, nv), (du, dv), (n, m) = size, step, (moves[0] + 1, moves[1] + 1)
         u = du * (np.arange(nu + 2 * n) - 0.5 * (nu - 1) - n)
-        v = dv * (np.arange(nv + 2 * n) - 0.5 * (nv - 1) - n)
+        v = dv * (np.arange(nv + 2 * m) - 0.5 * (nv - 1) - m)
         self.nodes = (u[:, None] + 1j * v).ravel()
         number = np.arange(self.nodes.size).reshape(u.size, v.size)
+        rows, columns = 2 * n + 1, 2 * m + 1
         self.soles = np.array(
-            [number[i : i + nu, j : j + nv].ravel() for i in range(side) for j in range(side)]
+            [number[i : i + nu, j : j + nv].ravel() for i in range(rows) for j in range(columns)]
         )
-        places = np.arange(side * side).reshape(side, side)
+        places = np.arange(rows * columns).reshape(rows, columns)
         self.inner = places[1:-1, 1:-1].ravel()
         self.around = np.array(
-            [places[i : i + 3, j : j + 3].ravel() for i in range(side - 2) for j in range(side - 2)]
+            [places[i : i + 3, j : j + 3].ravel() for i in range(rows - 2) for j in range(columns - 2)]
         )
-        shifts = np.arange(-n + 1, n)
-        self.moves = (du * shifts[:, None] + 1j * dv * shifts).ravel()
+        self.moves = (du * np.arange(1 - n, n)[:, None] + 1j * dv * np.arange(1 - m, m)).ravel()
 
 
 class Footprint:
@@ -127,8 +130,8 @@ class Footprint:
         self.settings = s = settings or FootprintSettings()
         size = nu, nv = max(round(length / NODE[0]), 2) + 1, max(round(width / NODE[1]), 2) + 1
         step = length / (nu - 1), width / (nv - 1)
-        self._near, self._wide = _Lattice(size, step, 1), _Lattice(size, step, MOVES + 1)
-        self._sole = _Lattice(size, step, 0).nodes
+        self._near, *self._wide = (_Lattice(size, step, moves) for moves in ((0, 0), MOVES, FAR))
+        self._sole = _Lattice(size, step, (-1, -1)).nodes
         self._inside = np.arange(nu * nv).reshape(size)[1:-1, 1:-1].ravel()
         # Resting planes are found over blocks of two by two nodes, whose highest counts: a quarter of the work.
         rows, columns = (np.minimum(np.arange(0, n, 2)[:, None] + (0, 1), n - 1) for n in size)
@@ -137,8 +140,6 @@ class Footprint:
         self._slopes = np.stack([a.ravel() for a in np.meshgrid(SLOPES, SLOPES)], axis=1)
         self._planes = (self._slopes @ (middle.real, middle.imag)).astype(np.float32)
         self._under_loads = (self._slopes @ LOADS).T.astype(np.float32)
-        moves = self._wide.moves
-        self._moving = s.distance * np.abs(moves) + s.move * (moves != 0.0)
 
     def support(self, ground: Heights, x: float, y: float, yaw: float) -> Support | None:
         """Return the ground under a sole at a place, m and rad, in the world; None where too little is known."""
@@ -157,24 +158,45 @@ class Footprint:
     ) -> Support | None:
         """Return the ground at the best place near a place: where the sole rests quietly, not far away.
 
-        `allowed` is asked with the coordinates of a place in the world, m; `cost` replaces that of the distance.
+        `allowed` is asked with the coordinates of a place in the world, m; `cost` replaces that of the distance. Further
+        away is looked only if a high edge leaves none nearby that holds the sole.
         """
-        lattice, s = self._wide, self.settings
-        if not s.choice:
+        if not self.settings.choice:
             return self.support(ground, x, y, yaw)
+        found, held = self._choose(self._wide[0], ground, (x, y, yaw), allowed, cost)
+        return found if held else self._choose(self._wide[1], ground, (x, y, yaw), allowed, cost)[0]
+
+    def _choose(
+        self,
+        lattice: _Lattice,
+        ground: Heights,
+        at: tuple[float, float, float],
+        allowed: Callable[[float, float], bool],
+        cost: Cost | None,
+    ) -> tuple[Support | None, bool]:
+        """Return the ground at the best place of a lattice, and whether no high edge keeps it from holding the sole."""
+        s, (x, y, yaw) = self.settings, at
         low = self._low(ground, lattice.nodes, x, y, yaw)
         soles, (top, spread) = low[lattice.soles[lattice.inner]], _first_contacts(low, lattice)
         known = (soles > NOTHING).mean(axis=1) >= s.least_known
-        moving = self._moving if cost is None else cost(lattice.moves)
-        costs = np.where(known, s.unrest * self._unrest(soles, top) + s.edge * spread + moving, np.inf)
+        if cost is None:
+            moving = s.distance * np.abs(lattice.moves) + s.move * (lattice.moves != 0.0)
+        else:
+            moving = cost(lattice.moves)
+        costs = s.unrest * self._unrest(soles, top) + s.edge * spread + moving
+        hanging = ((soles > NOTHING) & (soles < top[:, None] - HIGH)).mean(axis=1)
+        if lattice is self._wide[1]:
+            costs += s.unrest * hanging
+        costs[~known] = np.inf
         turn, middle = complex(math.cos(yaw), math.sin(yaw)), len(costs) // 2
         for k in np.argsort(costs, kind="stable").tolist():
             if not known[k]:
                 break
             place = complex(complex(x, y) + turn * lattice.moves[k])
             if k == middle or allowed(place.real, place.imag):
-                return self._support(soles[k], float(top[k]), place.real, place.imag)
-        return None
+                held = bool(spread[k] <= HIGH and hanging[k] <= HANGING)
+                return self._support(soles[k], float(top[k]), place.real, place.imag), held
+        return None, True
 
     def highest(self, ground: Heights, places: Places, yaw: float) -> float:
         """Return the highest ground under a sole at any of some places x + iy, m; −inf where nothing is known."""

@@ -67,11 +67,14 @@ def _events(supports: Sequence[SupportPhase]) -> list[tuple[float, float, float]
         following = supports[i + 1] if i + 1 < len(supports) else None
         end = time + support.duration
         if support.single:
-            level = support.feet[0].z
+            level, lower = support.feet[0].z, _level(supports, min(i + 1, len(supports) - 1))
             middle = max(time, end - 0.5 * support.total)
-            events.append((time, level, middle))
-            if following is not None and _level(supports, i + 1) < level - ROUNDING:
-                events.append((middle, _level(supports, i + 1), end + following.duration))
+            if following is not None and lower < level - HIGH:
+                events.append((time, lower + STRETCH, end))
+            else:
+                events.append((time, level, middle))
+                if following is not None and lower < level - ROUNDING:
+                    events.append((middle, lower, end + following.duration))
         else:
             level, low = _level(supports, i), support.feet[0].z
             if following is not None and level > low + HIGH:
