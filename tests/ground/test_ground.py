@@ -200,6 +200,18 @@ def test_a_quiet_place_is_chosen_and_only_where_it_is_allowed():
     assert foot.highest(ridge, np.array([0.3 + 0j]), 0.0) < foot.highest(ridge, np.array([0j]), 0.0)
 
 
+def test_no_sole_stands_half_over_a_high_edge():
+    def stairs(places):
+        return 0.1 * np.floor(places.real / 0.3), np.zeros(places.size)
+
+    foot = Footprint(0.21, 0.12)
+    for x in np.linspace(0.0, 0.29, 13).tolist():
+        place = foot.best(stairs, x, 0.0, 0.0, lambda x, y: True)
+        assert place is not None and abs(place.x - x) < 0.106  # five nodes
+        under, _ = stairs(place.x + np.linspace(-0.105, 0.105, 21) + 0j)
+        assert place.z == pytest.approx(under.max()) and (under > place.z - 0.01).mean() >= 0.75
+
+
 def test_clouds_are_placed_by_the_pose_at_their_time():
     robot, ground = known()
     sole = robot.soles[0].frame

@@ -115,7 +115,7 @@ def test_the_zmp_target_is_inward_on_both_feet() -> None:
 # Heights
 
 
-@pytest.mark.parametrize("rise", [0.1, -0.1])
+@pytest.mark.parametrize("rise", [0.1, -0.1, -0.2])
 def test_the_height_follows_stairs_smoothly(rise: float) -> None:
     supports = schedule(climb_stairs(START, rise=rise, tread=0.3, count=3, first_edge=0.4))
     profile = HeightProfile(supports, HEIGHT, REST)
@@ -139,6 +139,10 @@ def test_the_height_follows_stairs_smoothly(rise: float) -> None:
             assert profile.at(time + support.duration)[0] < level + 0.021
         if support.single and rise < 0 and following.feet[-1].z < level:  # half of the support's time is over
             assert profile.at(time + support.duration - 0.25 * support.total)[0] < level - 1e-3
+        if (
+            support.single and rise < -0.12 and following.feet[-1].z < level
+        ):  # the leg reaches down no further
+            assert profile.at(time + support.duration)[0] < following.feet[-1].z + 0.021
         if not support.single and rise < 0 and following.single:
             assert profile.at(time + support.duration)[0] == pytest.approx(following.feet[0].z, abs=1e-9)
         time += support.duration

@@ -20,11 +20,11 @@ from wbc.ground.height_map import Places
 NODE = (0.02, 0.012)
 """Distance between nodes along and across the sole, m."""
 
-MOVES, FAR = (2, 2), (4, 2)
-"""Number of nodes by which a place may be moved along and across, to either side: 40 and 24 mm; at a high edge, 80 mm."""
+MOVES, FAR = (2, 2), (5, 2)
+"""Number of nodes by which a place may be moved along and across: 40 and 24 mm; at a high edge 100 mm along."""
 
-HIGH, HANGING = 0.08, 0.1
-"""Height over which an edge is high, m: no sole comes to rest over it; greatest share of a sole that may hang over it."""
+HIGH, HANGING = 0.08, 0.2
+"""Height over which an edge is high, m: no sole rests over it; share of a sole that may hang over one."""
 
 SLOPES = np.array([-0.36, -0.26, -0.18, -0.11, -0.05, 0.0, 0.05, 0.11, 0.18, 0.26, 0.36])
 """Slopes of resting planes along and across the sole."""
@@ -127,7 +127,7 @@ class Footprint:
 
     def __init__(self, length: float, width: float, settings: FootprintSettings | None = None) -> None:
         """Lay nodes over a sole of a length and a width, m."""
-        self.settings = s = settings or FootprintSettings()
+        self.settings = settings or FootprintSettings()
         size = nu, nv = max(round(length / NODE[0]), 2) + 1, max(round(width / NODE[1]), 2) + 1
         step = length / (nu - 1), width / (nv - 1)
         self._near, *self._wide = (_Lattice(size, step, moves) for moves in ((0, 0), MOVES, FAR))
@@ -158,45 +158,31 @@ class Footprint:
     ) -> Support | None:
         """Return the ground at the best place near a place: where the sole rests quietly, not far away.
 
-        `allowed` is asked with the coordinates of a place in the world, m; `cost` replaces that of the distance. Further
-        away is looked only if a high edge leaves none nearby that holds the sole.
+        `allowed` is asked with the coordinates of a place in the world, m; `cost` replaces that of the distance. If
+        high edges leave none nearby that holds the sole, one further along is taken that does.
         """
-        if not self.settings.choice:
+        s, near, turn = self.settings, None, complex(math.cos(yaw), math.sin(yaw))
+        if not s.choice:
             return self.support(ground, x, y, yaw)
-        found, held = self._choose(self._wide[0], ground, (x, y, yaw), allowed, cost)
-        return found if held else self._choose(self._wide[1], ground, (x, y, yaw), allowed, cost)[0]
-
-    def _choose(
-        self,
-        lattice: _Lattice,
-        ground: Heights,
-        at: tuple[float, float, float],
-        allowed: Callable[[float, float], bool],
-        cost: Cost | None,
-    ) -> tuple[Support | None, bool]:
-        """Return the ground at the best place of a lattice, and whether no high edge keeps it from holding the sole."""
-        s, (x, y, yaw) = self.settings, at
-        low = self._low(ground, lattice.nodes, x, y, yaw)
-        soles, (top, spread) = low[lattice.soles[lattice.inner]], _first_contacts(low, lattice)
-        known = (soles > NOTHING).mean(axis=1) >= s.least_known
-        if cost is None:
-            moving = s.distance * np.abs(lattice.moves) + s.move * (lattice.moves != 0.0)
-        else:
-            moving = cost(lattice.moves)
-        costs = s.unrest * self._unrest(soles, top) + s.edge * spread + moving
-        hanging = ((soles > NOTHING) & (soles < top[:, None] - HIGH)).mean(axis=1)
-        if lattice is self._wide[1]:
-            costs += s.unrest * hanging
-        costs[~known] = np.inf
-        turn, middle = complex(math.cos(yaw), math.sin(yaw)), len(costs) // 2
-        for k in np.argsort(costs, kind="stable").tolist():
-            if not known[k]:
+        for lattice in self._wide:
+            low = self._low(ground, lattice.nodes, x, y, yaw)
+            soles, (top, spread) = low[lattice.soles[lattice.inner]], _first_contacts(low, lattice)
+            hanging = (soles < top[:, None] - HIGH).mean(axis=1)  # or in the shadow of the edge
+            holds = ((hanging <= HANGING) & (spread <= HIGH)) | (low[low > NOTHING] >= low.max() - HIGH).all()
+            usable = ((soles > NOTHING).mean(axis=1) >= s.least_known) & (holds | (near is None))
+            moves = lattice.moves
+            moving = s.distance * np.abs(moves) + s.move * (moves != 0.0) if cost is None else cost(moves)
+            costs = np.where(usable, s.unrest * self._unrest(soles, top) + s.edge * spread + moving, np.inf)
+            for k in np.argsort(costs, kind="stable").tolist():
+                place = complex(complex(x, y) + turn * moves[k])
+                if usable[k] and (moves[k] == 0.0 or allowed(place.real, place.imag)):
+                    near = self._support(soles[k], float(top[k]), place.real, place.imag)
+                    if holds[k]:
+                        return near
+                    break
+            if near is None:
                 break
-            place = complex(complex(x, y) + turn * lattice.moves[k])
-            if k == middle or allowed(place.real, place.imag):
-                held = bool(spread[k] <= HIGH and hanging[k] <= HANGING)
-                return self._support(soles[k], float(top[k]), place.real, place.imag), held
-        return None, True
+        return near
 
     def highest(self, ground: Heights, places: Places, yaw: float) -> float:
         """Return the highest ground under a sole at any of some places x + iy, m; −inf where nothing is known."""

@@ -3,7 +3,7 @@
 Going up, the pendulum rises from the landing until the middle of the next single support, when the upper leg
 carries; up a high stair it rises but a little before the lower foot leaves, whose leg would be stretched. Going
 down, it sinks from the middle of the single support until both feet have settled, so that the swing foot reaches
-the lower stair.
+the lower stair; down a deep one it has sunk but a little less when the foot lands.
 """
 
 from __future__ import annotations
@@ -24,6 +24,9 @@ HIGH = 0.06
 
 STRETCH = 0.02
 """Rise up a high stair until the lower foot leaves, m."""
+
+DEEP = 0.12
+"""Drop from which on the pendulum sinks sooner, m: half of it would leave too much to the leg that reaches down."""
 
 CLIMB = 0.16
 """Greatest mean speed of a rise, m/s."""
@@ -69,7 +72,7 @@ def _events(supports: Sequence[SupportPhase]) -> list[tuple[float, float, float]
         if support.single:
             level, lower = support.feet[0].z, _level(supports, min(i + 1, len(supports) - 1))
             middle = max(time, end - 0.5 * support.total)
-            if following is not None and lower < level - HIGH:
+            if following is not None and lower < level - DEEP:
                 events.append((time, lower + STRETCH, end))
             else:
                 events.append((time, level, middle))
