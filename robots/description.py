@@ -135,11 +135,6 @@ class RobotDescription:
             package_dirs: Folders for `package://` in the URDF.
             provenance: Origin of the model; the path when None.
             **options: See `wbc.robots.options.DescriptionOptions`.
-
-        Raises:
-            UnknownNameError: A parameter, frame or joint that does not exist.
-            InputError: A file, frame, joint or value that cannot be used.
-            ModelError: A URDF that cannot be simulated or controlled as it stands.
         """
         if (left_sole is None) != (right_sole is None):
             raise InputError("give left_sole and right_sole, or none of both for a robot without feet")
@@ -195,12 +190,6 @@ class RobotDescription:
             **options: See `wbc.robots.options.DescriptionOptions`. When not given, half-sitting is a keyframe in which
                 the robot stands, the IMU is at the site of a gyroscope, velocity limits, which an MJCF has not, are
                 20 rad/s, and torque limits the tightest of the file's.
-
-        Raises:
-            UnknownNameError: A parameter, body, site, geom or joint that does not exist.
-            InputError: A file or value that cannot be used.
-            ModelError: No robot or several, no free joint, a closed chain, a tendon drive, or a file that MuJoCo
-                refuses.
         """
         from wbc.robots.readers import robot_mjcf  # noqa: PLC0415  MuJoCo is imported with it
 
@@ -225,9 +214,6 @@ class RobotDescription:
 
         Args:
             gains: Each as pattern=kp,kd, such as "*knee*=100,2", Nm/rad and Nms/rad; * stands for any letters.
-
-        Raises:
-            InputError: Not of that form, a pattern that fits no joint, or a gain below zero.
         """
         if not gains:
             return self

@@ -40,11 +40,7 @@ def others() -> tuple[str, ...]:
 
 
 def register(name: str, factory: Callable[[], RobotDescription]) -> None:
-    """Register a robot under a name for `load`, which calls the factory of its description once.
-
-    Raises:
-        InputError: The name is not text, is empty or is taken.
-    """
+    """Register a robot under a name for `load`, which calls the factory of its description once."""
     _FACTORIES.add(name, factory)
 
 
@@ -68,10 +64,6 @@ def load(name: str) -> RobotDescription:
 
     Args:
         name: One of `names()` or `others()`, or the path of an MJCF, a URDF or a TOML description.
-
-    Raises:
-        UnknownNameError: No such robot; the nearest names are given.
-        InputError: A file that cannot be used, or a package that cannot be loaded.
     """
     if name not in _FACTORIES and (stamp := STAMPED.fullmatch(name)):
         description = load(stamp[1])

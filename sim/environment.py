@@ -78,10 +78,6 @@ class WbcEnv(gymnasium.Env[Array, Array]):  # type: ignore[misc]
             seconds: Length of an episode, s.
             robot: Name of the robot.
             **fields: Other fields of `wbc.sim.WalkSpec`, such as foot, terrain, amplitude, mode, law.
-
-        Raises:
-            UnknownNameError: No such task, robot, foot or ground.
-            InputError: A walk that cannot be walked, or a field that the environment sets itself.
         """
         self._task = choose("task of the environment", task, TASKS)
         for name in ("seed", "plan", "pushes"):
@@ -125,7 +121,6 @@ class WbcEnv(gymnasium.Env[Array, Array]):  # type: ignore[misc]
         """Let an action hold for a period; see the class for actions, observations and rewards.
 
         Raises:
-            InputError: An action that is not finite or of another shape, or an episode that has not begun.
             DivergedError: The simulation has diverged.
         """
         trial = self.trial

@@ -49,11 +49,6 @@ def check_rows(
         partial: True for a task that leaves joints to others: columns of zeros are not compared, nor is its drift.
         dt: Control period of a limit, s.
         seed: Fixes the states.
-
-    Raises:
-        InputError: Rows that are not filled, not finite or not what finite differences say; the first one is named. A
-            lower bound above the upper one, or bounds without zero in them on a row that no acceleration changes: the
-            QP would have no solution. An item that has been added, or a frame of rows that are no threes.
     """
     robot, random = robot.clone(), np.random.default_rng(seed)
     if isinstance(item, Limit):

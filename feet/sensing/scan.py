@@ -81,11 +81,7 @@ class Profile:
         return np.stack([c * x - s * y, s * x + c * y, self.z], axis=-1)
 
     def last(self, length: float) -> Profile:
-        """Return the end of the profile, nearest to the landing place, at most `length` (m) long.
-
-        Raises:
-            InputError: The length is not positive.
-        """
+        """Return the end of the profile, nearest to the landing place, at most `length` (m) long."""
         count = int(positive("length of the end of a profile (m)", length) / self.step + 1e-6) + 1
         if count >= self.x.size:
             return self
@@ -123,9 +119,6 @@ class GroundScan:
 
         Args:
             forward: Walking direction in the world's x–y plane, any length, shape (2,).
-
-        Raises:
-            InputError: Not two finite numbers, or both zero.
         """
         given = finite_array("walking direction", forward, (2,))
         norm = math.hypot(*given)
@@ -178,9 +171,6 @@ class GroundScan:
 
         Where the distance of two neighbouring cells with hits exceeds `max_gap`, the profile is cut and the longest
         piece returned, the later one if two are equally long.
-
-        Raises:
-            InputError: Fewer than two samples; the message counts hits and lost readings.
         """
         filled = np.flatnonzero(self._sums[0])
         if filled.size < 2 or self._first is None:

@@ -75,19 +75,11 @@ class StiffnessActuator:
         return math.isinf(self.rate_limit) and self.time_constant == 0.0
 
     def check(self, stiffness: float) -> float:
-        """Return a commanded stiffness, Nm/rad, if it is within the range.
-
-        Raises:
-            InputError: Not a number or outside [low, high].
-        """
+        """Return a commanded stiffness, Nm/rad, if it is within the range."""
         return finite_scalar("commanded sole stiffness (Nm/rad)", stiffness, low=self.low, high=self.high)
 
     def at_rest(self, stiffness: float) -> StiffnessState:
-        """Return the state after a long time at one command, Nm/rad.
-
-        Raises:
-            InputError: Not a number or outside [low, high].
-        """
+        """Return the state after a long time at one command, Nm/rad."""
         k = self.check(stiffness)
         return StiffnessState(k, k, k)
 
@@ -98,9 +90,6 @@ class StiffnessActuator:
             state: State at the start.
             command: Commanded stiffness, Nm/rad.
             duration: Seconds.
-
-        Raises:
-            InputError: The command is outside [low, high], or the duration is negative.
         """
         target = self.check(command)
         left = non_negative("duration (s)", duration)

@@ -44,10 +44,6 @@ def foot(name: str, **parameters: Any) -> Foot:
     Args:
         name: One of `foot_names()`.
         **parameters: Fields of the foot's class.
-
-    Raises:
-        UnknownNameError: No such foot, or no such parameter of this foot.
-        InputError: A parameter out of its range.
     """
     return call_checked(f"foot '{name}'", _FEET[name], parameters)
 
@@ -63,8 +59,5 @@ def register_foot(name: str, kind: type[Foot]) -> None:
     Args:
         name: Name for `foot` and the command line.
         kind: Frozen dataclass derived from `Foot`.
-
-    Raises:
-        InputError: A name that is not text or is empty, or a kind that is no class derived from `Foot`.
     """
     _FEET[name] = kind

@@ -68,9 +68,6 @@ class Foot(ABC):
 
         Args:
             sole: The robot's own sole.
-
-        Raises:
-            InputError: The foot does not fit this ankle; the message names the numbers.
         """
 
     @abstractmethod
@@ -87,9 +84,6 @@ class Foot(ABC):
 
         Returns:
             Names of the added parts.
-
-        Raises:
-            InputError: The foot does not fit this ankle.
         """
 
 
@@ -115,9 +109,6 @@ def fitted_sole(
         ankle_behind: Distance from the ankle forward to the sole centre, m.
         ankle_height: Height of the ankle over the sole, m; None takes the robot's own or, if larger, `min_height`.
         min_height: Smallest height of the ankle that leaves room for the foot, m.
-
-    Raises:
-        InputError: The foot does not fit this ankle.
     """
     own_height = float(sole.ankle[2])
     if ankle_height is None:

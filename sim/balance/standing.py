@@ -172,10 +172,6 @@ def stand(spec: StandSpec | None = None, **values: Any) -> StandResult:
     Args:
         spec: The stand; the default one when None.
         **values: Fields of `StandSpec` that differ from it.
-
-    Raises:
-        UnknownNameError: A field that the spec does not have; the nearest names are given.
-        InputError: A value out of range, or a foot that does not fit the robot.
     """
     result: StandResult = StandTrial(replace(spec or StandSpec(), **values)).run()
     return result

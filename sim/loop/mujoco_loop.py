@@ -95,12 +95,6 @@ class MujocoLoop(SimulatedRobot):
             seed: Seed of every random draw.
             machine: Delays and which sensors there are; torques are measured when None. Friction and payload are
                 those of the model.
-
-        Raises:
-            UnknownNameError: A joint or sensor that the model has not, no such noise preset.
-            ModelError: A model that does not hold this robot, or an actuator that cannot be commanded.
-            InputError: A control period that is no multiple of the physics step, data of another model, a machine
-                with friction, payload or hand sensors.
         """
         machine = machine or Machine(torque_sensors=True)
         if machine.friction > 0.0 or machine.payload > 0.0 or machine.hand_sensors:
@@ -148,9 +142,6 @@ class MujocoLoop(SimulatedRobot):
         Args:
             configuration: Shape (nq,); half-sitting on z = 0 when None.
             seed: New seed of the sensor errors; the same as before when None.
-
-        Raises:
-            InputError: A configuration of the wrong shape or not finite.
         """
         q = self.robot.half_sitting
         if seed is not None:

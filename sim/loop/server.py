@@ -56,9 +56,6 @@ class RobotServer:
             wire: Its end of the wire.
             watchdog: Longest time for which a command acts, s; a period in which it would end begins damped.
             band: Time for which the robot hangs at an elastic band before it is let down, s.
-
-        Raises:
-            InputError: A loop or a wire that is none, a watchdog within a control period, a negative time at the band.
         """
         check_parts("a wire", wire, "receive", "send")
         self.loop, self._wire = loop, wire

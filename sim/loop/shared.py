@@ -72,9 +72,6 @@ class SharedPlant:
             control_period: Time between two commands, s.
             noise: Sensor errors of every robot.
             seed: Seed of the sensor errors of the first robot; the others have the next ones.
-
-        Raises:
-            InputError: No robot or too many, a name with a slash, robots that stand in one another.
         """
         if not 0 < len(robots) <= MOST_ROBOTS or any(not name or "/" in name for name in robots):
             raise InputError(
@@ -128,11 +125,7 @@ class SharedPlant:
         return float(self.data.time)
 
     def reset(self) -> None:
-        """Put all robots into half-sitting at their places, and everything else where it was at first.
-
-        Raises:
-            InputError: Robots that stand in one another or in a thing.
-        """
+        """Put all robots into half-sitting at their places, and everything else where it was at first."""
         mujoco.mj_resetData(self.model, self.data)
         for _ in range(2):  # a loop begins with all robots in place only once the last one has been reset
             for name, loop in self.loops.items():

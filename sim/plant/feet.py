@@ -67,9 +67,6 @@ def with_feet(description: RobotDescription, foot: Foot, *, mass: bool = False) 
         foot: Foot under both ankles.
         mass: Add mass and inertia of the feet in their rest shape; otherwise they stay unknown to the controller, as in
             the paper. The plant builds the feet itself and takes a description without them.
-
-    Raises:
-        InputError: The foot does not fit.
     """
     robot = description.robot()
     soles = []

@@ -107,12 +107,6 @@ class Plant(SimulatedRobot):
             eyes: Depth cameras and range sensors at the toes, whose clouds `clouds` returns.
             visuals: Keep the shapes by which the robot is drawn: they touch nothing, and no number of a run changes
                 with them. Studies leave them out.
-
-        Raises:
-            UnknownNameError: No such foot, terrain, scene, noise preset or link of a camera.
-            InputError: A value out of range, a control period that is no multiple of the physics step, a foot that does
-                not fit, a scene that goes through the robot, a camera that sees no ground.
-            ModelError: A robot that cannot be simulated.
         """
         description.needs_feet("the plant")
         steps_per_tick(control_period, timestep)
@@ -245,9 +239,6 @@ class Plant(SimulatedRobot):
         Returns:
             Configuration, shape (nq,), pressed into the ground by a micrometre; peaks of a rough ground between the
             points of the grid on which the soles are compared with it, some 13 mm apart, are not seen.
-
-        Raises:
-            InputError: A configuration of the wrong shape or not finite.
         """
         q = finite_array("configuration", configuration, (self.robot.nq,))
         data = mujoco.MjData(self.model)
@@ -322,10 +313,6 @@ class Plant(SimulatedRobot):
             mass: Mass at that place in the end, kg; zero takes it off.
             over: Duration of the ramp from the mass that it carries there now, s; zero for at once.
             at: Place in the frame of that body, shape (3,), m.
-
-        Raises:
-            UnknownNameError: No such body; the nearest names are given.
-            InputError: A mass or a duration below zero, a place that is not three finite numbers.
         """
         index, place = self.places.carrier(body)
         point = place.act(finite_array("place of the load (m)", at, (3,)))

@@ -145,10 +145,6 @@ class SimulatedRobot(ABC):
             force: In the world, shape (3,), N; constant.
             duration: s.
             at: Point of attack in the frame of that body, shape (3,), m; the centre of mass of its link when None.
-
-        Raises:
-            UnknownNameError: No such body; the nearest names are given.
-            InputError: A force or point that is not three finite numbers, a duration that is not above zero.
         """
         index, place = self.places.carrier(body)
         self._pushes.add(Push.at(index, place, force, duration, at))
@@ -159,10 +155,6 @@ class SimulatedRobot(ABC):
         Args:
             hand: Role of the hand, such as "left_hand".
             handle: Name of the handle's site in the scene, such as "left handle".
-
-        Raises:
-            UnknownNameError: No such hand or handle.
-            InputError: No scene with handles, or the handle is out of the hand's reach.
         """
         self._grips.close(self.data, hand, handle)
 

@@ -118,9 +118,6 @@ def scene_kind(name: str) -> Callable[[type[_S]], type[_S]]:
 
     Args:
         name: Name for `make_scene(name, …)` and the command line.
-
-    Raises:
-        InputError: The name is taken.
     """
 
     def register(cls: type[_S]) -> type[_S]:
@@ -142,10 +139,6 @@ def make_scene(name: str, **parameters: Any) -> Scene:
     Args:
         name: One of `scene_kinds()`.
         **parameters: Parameters that differ from their defaults.
-
-    Raises:
-        UnknownNameError: No such scene, or it has no such parameter.
-        InputError: A value out of range.
     """
     return call_checked(f"scene '{name}'", _SCENES[name], parameters)
 

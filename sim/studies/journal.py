@@ -242,7 +242,6 @@ class Journal:
             any_code: Take results of other versions of the code for those of this one, see `read_journal`.
 
         Raises:
-            InputError: A folder or a compressed file.
             JournalError: Another process writes into it, or the file is no journal or cannot be written.
         """
         self.path = check_journal_path(path)

@@ -146,11 +146,7 @@ class Study:
         return len(self.seeds) * sum(len(cell.arms or self.arms) for cell in self.cells)
 
     def trials(self) -> Iterator[StudyTrial]:
-        """Yield all trials, seed by seed: a sweep that is stopped has tried all arms on the same grounds.
-
-        Raises:
-            InputError: A spec that cannot be run; the message names its cell and arm.
-        """
+        """Yield all trials, seed by seed: a sweep that is stopped has tried all arms on the same grounds."""
         first: dict[tuple[str, str], tuple[AnyTrialSpec, dict[str, Any]]] = {}
         for seed in self.seeds:
             last = {"seed": seed, "kind": self.kind}
@@ -178,10 +174,6 @@ class Study:
             cells: Names of cells, or beginnings of names; all when none is given.
             arms: Names of arms; all when none is given.
             seeds: Number of seeds, the first ones; all when None.
-
-        Raises:
-            UnknownNameError: No such cell or arm.
-            InputError: A number of seeds that the study does not have.
         """
         rows, columns = tuple(cells), tuple(arms)
         for name in rows:
@@ -212,12 +204,7 @@ class Study:
 
     @staticmethod
     def from_json(data: Mapping[str, Any]) -> Study:
-        """Return the study that `to_json` wrote.
-
-        Raises:
-            UnknownNameError: A key that a study does not have.
-            InputError: Something is missing or of another form.
-        """
+        """Return the study that `to_json` wrote."""
         values = dict(data)
         cells = values.get("cells", {})
         if not isinstance(cells, Mapping) or not all(isinstance(parts, Mapping) for parts in cells.values()):

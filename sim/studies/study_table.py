@@ -226,9 +226,6 @@ def study_table(
         completed_only: Leave out walks that were not completed, and their pairs.
         by: Parts of the specs, such as "terrain" or "gait.swing_height": cells that agree in them are one row. Without
             any, each cell is a row.
-
-    Raises:
-        UnknownNameError: A metric that no result has, or a part that no spec has.
     """
     import pandas as pd  # noqa: PLC0415 - slow to import
 

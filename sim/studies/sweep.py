@@ -101,7 +101,6 @@ def sweep(
         progress: Called when the sweep begins and after each trial.
 
     Raises:
-        InputError: A number of workers below 1, a time-out that is not positive, or a spec that is no trial.
         JournalError: The journal cannot be written.
         SweepError: The executor has broken down or cancelled trials, or its processes have other code than this one.
     """
@@ -257,9 +256,6 @@ def cluster_executor(address: str) -> Iterator[Executor]:
 
     Args:
         address: Address of the scheduler, such as "tcp://10.0.0.1:8786".
-
-    Raises:
-        InputError: Dask is not installed, or no scheduler answers at that address.
     """
     try:
         from distributed import Client  # noqa: PLC0415 - an extra

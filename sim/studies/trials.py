@@ -79,9 +79,6 @@ def register_trial(name: str, kind: TrialKind) -> None:
     Args:
         name: The `kind` of its specs.
         kind: Functions that read and run them.
-
-    Raises:
-        InputError: The name is taken.
     """
     KINDS.add(name, kind)
 

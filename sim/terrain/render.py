@@ -63,9 +63,6 @@ def add_to_spec(spec: mujoco.MjSpec, terrain: Terrain, *, sole_radius: float | N
 
     Returns:
         The terrain as drawn: its `height` is that of vertical rays.
-
-    Raises:
-        InputError: The model has a terrain already.
     """
     if spec.geom(FLOOR) is not None:
         raise InputError("the model has a terrain already")

@@ -254,9 +254,6 @@ class Terrain:
 
         Returns:
             x and z of the samples, each of shape (n,), m.
-
-        Raises:
-            InputError: x1 is not beyond x0, or the step is not positive or too short.
         """
         a = finite_scalar("profile x0 (m)", self.start if x0 is None else x0)
         b = finite_scalar("profile x1 (m)", self.stop if x1 is None else x1, low=a, open_low=True)
@@ -348,10 +345,6 @@ def terrain(name: str | Family, amplitude: float | None = None, seed: int = 0, *
         seed: Fixes every random draw.
         **values: Fields of `Terrain` (length, width, start, strip, ramp, sole_radius; all in m) and parameters of the
             family; what is left out is the family's own.
-
-    Raises:
-        UnknownNameError: No such family, or it has no such parameter.
-        InputError: A value is out of range.
     """
     given = {field: values.pop(field) for field in TRACK if field in values}
     parameters = make_family(name, values) if isinstance(name, str) else replace(name, **values)

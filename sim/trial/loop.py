@@ -186,11 +186,7 @@ class Trial:
         return result
 
     def simulate(self) -> None:
-        """Advance to the end; each kind of trial has its own.
-
-        Raises:
-            InputError: A trial of one's own, which has no end.
-        """
+        """Advance to the end; each kind of trial has its own."""
         raise InputError("a trial of one's own has no end: `advance` or `until`, within `running`")
 
     def result(self) -> Any:

@@ -69,12 +69,7 @@ class TrialSpec:
 
     @classmethod
     def from_json(cls, data: Mapping[str, Any]) -> Self:
-        """Return the spec that `to_json` wrote, or a shorter one: what is left out has its default.
-
-        Raises:
-            UnknownNameError: A key that a spec does not have.
-            InputError: A value that cannot be used.
-        """
+        """Return the spec that `to_json` wrote, or a shorter one: what is left out has its default."""
         values = dict(data)
         choose("kind of trial", values.pop("kind", cls.kind), (cls.kind,))
         return from_json(cls, values)

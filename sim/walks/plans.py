@@ -80,9 +80,6 @@ class WalkPlan:
         Args:
             start: Feet and gait.
             terrain: The ground, for its stairs.
-
-        Raises:
-            InputError: A plan without steps, stairs on a ground that has none, or that the robot does not face.
         """
         first = self.first or "left"
         if self.distance is not None:

@@ -153,20 +153,11 @@ class WalkSpec(TrialSpec):
         return super()._usual_period() if self.law == "lipm" else CONTROL_PERIOD["torque"]
 
     def foot_design(self) -> Foot:
-        """Return the foot.
-
-        Raises:
-            InputError: A parameter that it does not have, or a value out of range.
-        """
+        """Return the foot."""
         return _foot(self.foot, self.stiffness, self.foot_changes)
 
     def ground(self) -> Terrain:
-        """Return the ground.
-
-        Raises:
-            UnknownNameError: No such family or parameter.
-            InputError: A value out of range.
-        """
+        """Return the ground."""
         params: dict[str, Any] = dict(self.terrain_params)
         for name in ("name", "amplitude", "seed"):
             if name in params:
@@ -179,12 +170,7 @@ class WalkSpec(TrialSpec):
         return terrain_by_name(self.terrain, self.amplitude, self.seed, **params)
 
     def things(self) -> Scene | None:
-        """Return what stands on the ground.
-
-        Raises:
-            UnknownNameError: No such scene or parameter.
-            InputError: A value out of range.
-        """
+        """Return what stands on the ground."""
         return None if self.scene is None else make_scene(self.scene, **dict(self.scene_params))
 
     @property
@@ -218,11 +204,7 @@ class WalkSpec(TrialSpec):
         )
 
     def with_seed(self, seed: int) -> WalkSpec:
-        """Return the spec with another seed: quicker than `replace`, which checks what does not depend on the seed.
-
-        Raises:
-            InputError: No integer from 0 to 2**63 − 1, or a policy that cannot be had on the ground of that seed.
-        """
+        """Return the spec with another seed: quicker than `replace`, which checks what does not depend on the seed."""
         twin = copy.copy(self)
         number = whole_number("seed", seed, low=0)
         if number >= SEED_LIMIT:

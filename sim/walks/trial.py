@@ -69,10 +69,6 @@ def walk(
 
     Returns:
         The result. The same spec gives the same record, bit for bit, with any hooks and in any process.
-
-    Raises:
-        UnknownNameError: A field that the spec does not have; the nearest names are given.
-        InputError: A value that cannot be used.
     """
     family = terrain_families().get(str(values.get("terrain", "flat" if spec is None else spec.terrain)))
     for name in values:
@@ -108,9 +104,6 @@ class WalkTrial(Trial):
             spec: The walk.
             policy: Stiffness policy of variable soles in place of the spec's.
             visuals: Keep the shapes by which the robot is drawn; the walk is the same.
-
-        Raises:
-            InputError: A policy for soles without a stiffness to set.
         """
         self._begin = time.perf_counter()
         self.spec = spec

@@ -19,11 +19,7 @@ class LowPass:
     """
 
     def __init__(self, time_constant: float, shape: int | tuple[int, ...]) -> None:
-        """Start at zero.
-
-        Raises:
-            InputError: A time constant that is negative or not finite.
-        """
+        """Start at zero."""
         self.time_constant = non_negative("time constant of a low-pass (s)", time_constant)
         self.value: Array = np.zeros(shape)
         self._fresh = True

@@ -81,9 +81,6 @@ class Pendulum(NamedTuple):
         Args:
             com: Centre of mass in the world, shape (3,), m.
             ground: Height of the ground, m.
-
-        Raises:
-            InputError: A CoM that is not above the ground.
         """
         com = finite_array("com (m)", com, (3,))
         omega = natural_frequency(com[2] - ground)

@@ -77,9 +77,6 @@ class StabilizerTask(CoMTask):
             estimate: Robot whose state is the measured one, where it is not the controller's own (`State.robot`).
             wrench_weight: Desired foot wrenches on torques, cost per N² and (Nm)².
             **options: See `MotionOptions`.
-
-        Raises:
-            InputError: Not two contacts of soles.
         """
         if len(contacts) != 2:
             raise InputError(
@@ -118,11 +115,7 @@ class StabilizerTask(CoMTask):
 
     @property
     def stabilizer(self) -> Stabilizer:
-        """Feedback, distribution and admittances.
-
-        Raises:
-            InputError: The task has not been added to a controller yet.
-        """
+        """Feedback, distribution and admittances."""
         if self._stabilizer is None:
             raise InputError(f"task '{self.name}' belongs to no controller yet; add it first")
         return self._stabilizer
@@ -136,11 +129,7 @@ class StabilizerTask(CoMTask):
         return {left.name: self.output.feet.wrenches[0], right.name: self.output.feet.wrenches[1]}
 
     def bind(self, robot: Robot) -> None:
-        """Take the robot's soles and mass, and its present CoM as target when none was given.
-
-        Raises:
-            UnknownNameError: A contact of a sole that the robot does not have.
-        """
+        """Take the robot's soles and mass, and its present CoM as target when none was given."""
         super().bind(robot)
         soles = [robot.sole(contact.name) for contact in self._contacts]
         sizes = ((soles[0].length, soles[0].width), (soles[1].length, soles[1].width))

@@ -202,9 +202,6 @@ class FieldFamily(Family):
 
         Returns:
             Columns (m), shape (1, columns); heights, shape (rows, columns); levels of the strips; in the raw scale.
-
-        Raises:
-            InputError: The raw heights are all equal or not finite.
         """
         columns, half = cells(site.length, step) + 1, site.width / 2.0
         rows = 1 if self.unidirectional else cells(site.width, step) + 1
@@ -250,9 +247,6 @@ def family(name: str) -> Callable[[type[_F]], type[_F]]:
 
     Args:
         name: Name for `terrain(name, …)` and the command line.
-
-    Raises:
-        InputError: The name is taken by another class; the same class may be defined again, as notebooks do.
     """
 
     def register(cls: type[_F]) -> type[_F]:

@@ -153,9 +153,6 @@ class Hands:
             ahead: Ratio of that way forward to the length of the stretched arm with its hand.
             below: The same downwards.
             outward: The same away from the trunk.
-
-        Raises:
-            UnknownNameError: No such hand.
         """
         arm, robot = self.all[choose("hand", hand, self.all)].arm, self._robot
         trunk = robot.placement(robot.base_frame)
@@ -186,7 +183,6 @@ class Hands:
                 would not survive is refused.
 
         Raises:
-            UnknownNameError: No such hand.
             InputError: A force that is negative, too much for the arm, or not survivable; a direction of no length; a
                 point out of reach; a hand that has a target (`arms`), or whose force is not measured.
         """
@@ -205,7 +201,6 @@ class Hands:
                 limits together, they yield.
 
         Raises:
-            UnknownNameError: No such hand.
             InputError: A force whose sudden loss the robot would not survive; a handle out of reach; a hand that has a
                 target (`arms`), presses on something, or whose force is not measured.
         """
@@ -275,11 +270,7 @@ class Hands:
             )
 
     def release(self, hand: str) -> None:
-        """Take a force back and let go.
-
-        Raises:
-            UnknownNameError: No such hand.
-        """
+        """Take a force back and let go."""
         choose("hand", hand, self.all)
         self.all[hand].release()
 

@@ -182,7 +182,6 @@ class Arm:
                 given.
 
         Raises:
-            UnknownNameError: No such frame.
             InputError: Not a point or a pose, or one that is not finite; a hand that presses or grips; a duration or
                 limit that is not above zero.
         """
@@ -354,11 +353,7 @@ class Arms:
         self._com, self._posture, self._spared = com, posture, ()
 
     def __getitem__(self, name: str) -> Arm:
-        """Return a hand by its role.
-
-        Raises:
-            UnknownNameError: The robot has no such hand.
-        """
+        """Return a hand by its role."""
         return self._hands[choose("hand", name, self._hands)]
 
     @property
@@ -374,9 +369,6 @@ class Arms:
             where: Its pose in the world.
             velocity: Velocity of its origin and angular velocity in world axes, shape (6,), m/s and rad/s; at rest when
                 None.
-
-        Raises:
-            InputError: A pose or velocity that is not finite, or the name "world" or "pelvis".
         """
         if name in (WORLD, PELVIS):
             raise InputError(f"the name of an object must not be '{name}'")
