@@ -38,24 +38,17 @@ class Impact:
     """Landing from the start height until the foot rests.
 
     Attributes:
-        speed: Downward speed of the ankle at the first contact, m/s.
-        peak_force: Largest vertical force, N.
         drop_energy: Potential energy given up between start and rest, J; all of it is absorbed in the end.
-        sole_energy: Part of the drop energy turned to heat in the dampers of the sole, J.
-        arch_energy: Part of the drop energy turned to heat in the damper of the frontal arch, J.
-        spring_energy: Part of the drop energy stored in the springs at rest, J.
-        rebound_energy: Kinetic energy of the fastest upward motion after the first contact, J.
-        absorbed: Ratio of the drop energy that the rebound does not return.
     """
 
-    speed: float
-    peak_force: float
+    speed: float  # downward speed of the ankle at the first contact, m/s
+    peak_force: float  # largest vertical force, N
     drop_energy: float
-    sole_energy: float
-    arch_energy: float
-    spring_energy: float
-    rebound_energy: float
-    absorbed: float
+    sole_energy: float  # part of the drop energy turned to heat in the dampers of the sole, J
+    arch_energy: float  # part of the drop energy turned to heat in the damper of the frontal arch, J
+    spring_energy: float  # part of the drop energy stored in the springs at rest, J
+    rebound_energy: float  # kinetic energy of the fastest upward motion after the first contact, J
+    absorbed: float  # ratio of the drop energy that the rebound does not return
 
 
 @dataclass(frozen=True)
@@ -63,49 +56,31 @@ class Hold:
     """The foot at rest under its load. Plan coordinates are forward and left of the sole centre at the start.
 
     Attributes:
-        weight: Weight of load and foot, N.
-        force_mean: Mean vertical contact force, N.
-        force_std: Standard deviation of the vertical contact force, N.
-        balance_error: force_mean / weight − 1.
-        centre_of_pressure: In plan, m.
-        ankle_height: Height of the ankle over the level z = 0 of the ground, m.
-        ankle_place: World x and y of the ankle, m.
-        ankle_tilt: Roll and pitch of the ankle, rad.
-        contacts: Number of contact points that carry load.
-        contact_points: These points, in plan and world z, m.
-        contact_forces: Vertical forces at these points, N.
-        contact_area: Area of the convex hull of the contact points in plan, m².
-        sole_angles: Angles of the sole hinges from the toe to the heel, rad.
         sole_line: Contact spheres' lowest points in plan and world z, row by row from the toe, m.
         skeleton: Heel hinge, ankle and tip of the frontal arch (rigid foot: sole centre and ankle) in plan
             and world z, m.
-        loop_gap: Largest distance between the sides of the loop closure in the hold, m.
-        loop_gap_peak: The same from the start on, m.
-        penetration: Largest penetration in the hold, m.
-        penetration_peak: The same from the start on, m.
-        jitter: Root mean square of the sole hinge rates in the hold, rad/s.
     """
 
-    weight: float
-    force_mean: float
-    force_std: float
-    balance_error: float
-    centre_of_pressure: tuple[float, ...]
-    ankle_height: float
-    ankle_place: tuple[float, float]
-    ankle_tilt: tuple[float, float]
-    contacts: int
-    contact_points: Points = field(repr=False)
-    contact_forces: tuple[float, ...]
-    contact_area: float
-    sole_angles: tuple[float, ...]
+    weight: float  # weight of load and foot, N
+    force_mean: float  # mean vertical contact force, N
+    force_std: float  # standard deviation of the vertical contact force, N
+    balance_error: float  # force_mean / weight − 1
+    centre_of_pressure: tuple[float, ...]  # in plan, m
+    ankle_height: float  # height of the ankle over the level z = 0 of the ground, m
+    ankle_place: tuple[float, float]  # world x and y of the ankle, m
+    ankle_tilt: tuple[float, float]  # roll and pitch of the ankle, rad
+    contacts: int  # number of contact points that carry load
+    contact_points: Points = field(repr=False)  # these points, in plan and world z, m
+    contact_forces: tuple[float, ...]  # vertical forces at these points, N
+    contact_area: float  # area of the convex hull of the contact points in plan, m²
+    sole_angles: tuple[float, ...]  # angles of the sole hinges from the toe to the heel, rad
     sole_line: Points = field(repr=False)
     skeleton: Points = field(repr=False)
-    loop_gap: float
-    loop_gap_peak: float
-    penetration: float
-    penetration_peak: float
-    jitter: float
+    loop_gap: float  # largest distance between the sides of the loop closure in the hold, m
+    loop_gap_peak: float  # the same from the start on, m
+    penetration: float  # largest penetration in the hold, m
+    penetration_peak: float  # the same from the start on, m
+    jitter: float  # root mean square of the sole hinge rates in the hold, rad/s
 
 
 @dataclass(frozen=True)
@@ -116,38 +91,26 @@ class SupportPolygon:
     carried at least half of the weight, of contacts that push up with at least 0.5 % of it each.
 
     Attributes:
-        tilt: Largest tilt of the ankle considered, rad.
         polygon: Convex hull of the centres of pressure in plan, counter-clockwise, m.
-        area: Area of the polygon, m².
-        forward: Largest x, m.
-        backward: Smallest x, m.
-        left: Largest y, m.
-        right: Smallest y, m.
     """
 
-    tilt: float
+    tilt: float  # largest tilt of the ankle considered, rad
     polygon: Points = field(repr=False)
-    area: float
-    forward: float
-    backward: float
-    left: float
-    right: float
+    area: float  # area of the polygon, m²
+    forward: float  # largest x, m
+    backward: float  # smallest x, m
+    left: float  # largest y, m
+    right: float  # smallest y, m
 
 
 @dataclass(frozen=True)
 class PressResult:
-    """A foot dropped onto a ground and pressed; nothing but `diverged` if the simulation diverged.
-
-    Attributes:
-        impact: The landing.
-        hold: The foot at rest.
-        support: Equivalent support polygon; None if it was not asked for.
-    """
+    """A foot dropped onto a ground and pressed; nothing but `diverged` if the simulation diverged."""
 
     diverged: bool
-    impact: Impact | None = None
-    hold: Hold | None = None
-    support: SupportPolygon | None = None
+    impact: Impact | None = None  # the landing
+    hold: Hold | None = None  # the foot at rest
+    support: SupportPolygon | None = None  # equivalent support polygon; None if it was not asked for
 
 
 def press(test: FootTest, *, support: bool = True) -> PressResult:

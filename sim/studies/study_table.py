@@ -76,25 +76,15 @@ class TableCell:
 
 @dataclass(frozen=True)
 class StudyTable:
-    """The table of a study.
+    """The table of a study."""
 
-    Attributes:
-        study: The study.
-        metric: Part of the results that the table is about.
-        completed_only: Only completed walks are counted.
-        by: Parts of the specs by which cells were put together; empty if each cell is a row.
-        reference: Arm that the others are compared with.
-        rows: Names of the rows; the last one has all cells together if there are several.
-        cells: Results, row by row.
-    """
-
-    study: Study
-    metric: str
-    completed_only: bool
-    by: tuple[str, ...]
-    reference: str
-    rows: tuple[str, ...]
-    cells: tuple[TableCell, ...]
+    study: Study  # the study
+    metric: str  # part of the results that the table is about
+    completed_only: bool  # only completed walks are counted
+    by: tuple[str, ...]  # parts of the specs by which cells were put together; empty if each cell is a row
+    reference: str  # arm that the others are compared with
+    rows: tuple[str, ...]  # names of the rows; the last one has all cells together if there are several
+    cells: tuple[TableCell, ...]  # results, row by row
 
     def to_json(self) -> dict[str, Any]:
         """Return the table as plain values."""

@@ -69,33 +69,22 @@ class StepStiffness:
     """Record of the stiffness of one swing.
 
     Attributes:
-        side: The foot that swung.
-        step: Number of the swing since the start, from 0.
-        commanded: Stiffness at the landing as commanded, Nm/rad.
-        actual: Stiffness at the landing as measured, Nm/rad; NaN for a sole without a sensor.
-        reached: True if the two agree within the tolerance.
         requested: Stiffness asked for by policy or fallback, Nm/rad; differs from `commanded` if the actuator could
             not have reached it in time. NaN if nothing was decided.
-        fallback: Reason for using the fallback; None if the policy decided.
-        decision: Answer of the policy; None if it was not asked or gave none.
-        profile: Ground as scanned; None if too little was seen.
-        decided_before: Time from the decision to the landing, s; NaN if nothing was decided.
-        planned_before: The same as planned at the decision, s; NaN if nothing was decided.
-        computing: Wall time of profile and policy, s.
     """
 
-    side: str
-    step: int
-    commanded: float
-    actual: float = math.nan
-    reached: bool = False
+    side: str  # the foot that swung
+    step: int  # number of the swing since the start, from 0
+    commanded: float  # stiffness at the landing as commanded, Nm/rad
+    actual: float = math.nan  # stiffness at the landing as measured, Nm/rad; NaN for a sole without a sensor
+    reached: bool = False  # True if the two agree within the tolerance
     requested: float = math.nan
-    fallback: str | None = None
-    decision: StiffnessDecision | None = None
-    profile: Profile | None = None
-    decided_before: float = math.nan
-    planned_before: float = math.nan
-    computing: float = 0.0
+    fallback: str | None = None  # reason for using the fallback; None if the policy decided
+    decision: StiffnessDecision | None = None  # answer of the policy; None if it was not asked or gave none
+    profile: Profile | None = None  # ground as scanned; None if too little was seen
+    decided_before: float = math.nan  # time from the decision to the landing, s; NaN if nothing was decided
+    planned_before: float = math.nan  # the same as planned at the decision, s; NaN if nothing was decided
+    computing: float = 0.0  # wall time of profile and policy, s
 
     def as_dict(self) -> dict[str, Any]:
         """Return the record as JSON values; names carry the units, None stands for unknown values."""

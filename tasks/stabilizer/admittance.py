@@ -30,23 +30,14 @@ MAX_SPEED, MAX_ROTATION, MAX_HEIGHT = 0.1, 0.4, 0.05
 
 
 class FootCorrection(NamedTuple):
-    """Correction of a foot by the admittances.
+    """Correction of a foot by the admittances."""
 
-    Attributes:
-        roll: Rotation about the sole's x axis, rad.
-        pitch: Rotation about its y axis, rad.
-        height: Shift along the world's z axis, m.
-        roll_rate: rad/s.
-        pitch_rate: rad/s.
-        height_rate: m/s.
-    """
-
-    roll: float = 0.0
-    pitch: float = 0.0
-    height: float = 0.0
-    roll_rate: float = 0.0
-    pitch_rate: float = 0.0
-    height_rate: float = 0.0
+    roll: float = 0.0  # rotation about the sole's x axis, rad
+    pitch: float = 0.0  # rotation about its y axis, rad
+    height: float = 0.0  # shift along the world's z axis, m
+    roll_rate: float = 0.0  # rad/s
+    pitch_rate: float = 0.0  # rad/s
+    height_rate: float = 0.0  # m/s
 
     def apply(self, placement: pin.SE3) -> tuple[pin.SE3, Array]:
         """Correct a foot that stands; `placement` is its sole frame in the world, as the foot stood down.

@@ -90,15 +90,13 @@ class FootWrenches(NamedTuple):
     """Desired contact wrench of each foot.
 
     Attributes:
-        wrenches: [force; moment] of left and right foot in their sole frames, shape (2, 6), N and Nm.
         shortfall: Desired minus distributed wrench: force, and moment about the target ZMP, in world axes,
             shape (6,), N and Nm.
-        status: Status of the QP.
     """
 
-    wrenches: Array
+    wrenches: Array  # [force; moment] of left and right foot in their sole frames, shape (2, 6), N and Nm
     shortfall: Array
-    status: Status
+    status: Status  # status of the QP
 
 
 def left_foot_ratio(zmp: Array, left: Array, right: Array) -> float:

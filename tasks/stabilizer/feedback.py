@@ -30,23 +30,14 @@ LEAST_VERTICAL = -0.5 * GRAVITY
 
 
 class PendulumErrors(NamedTuple):
-    """Errors, target minus measured, in the world; heights are in the CoM alone.
+    """Errors, target minus measured, in the world; heights are in the CoM alone."""
 
-    Attributes:
-        com: Shape (3,), m.
-        com_velocity: Shape (3,), m/s.
-        dcm: Shape (2,), m.
-        average: Average of the DCM error, shape (2,), m.
-        rate: Derivative of the DCM error, shape (2,), m/s.
-        zmp: Shape (2,), m; zero without a measured ZMP.
-    """
-
-    com: Array
-    com_velocity: Array
-    dcm: Array
-    average: Array
-    rate: Array
-    zmp: Array
+    com: Array  # shape (3,), m
+    com_velocity: Array  # shape (3,), m/s
+    dcm: Array  # shape (2,), m
+    average: Array  # average of the DCM error, shape (2,), m
+    rate: Array  # derivative of the DCM error, shape (2,), m/s
+    zmp: Array  # shape (2,), m; zero without a measured ZMP
 
 
 class DcmFeedback:

@@ -54,17 +54,11 @@ class LeanSettings:
 
 
 class LeanMotion(NamedTuple):
-    """A lean at one instant, in the world.
+    """A lean at one instant, in the world."""
 
-    Attributes:
-        rotation: From the upright trunk to the leaning one, shape (3, 3).
-        velocity: Angular velocity, shape (3,), rad/s.
-        acceleration: Angular acceleration, shape (3,), rad/s².
-    """
-
-    rotation: Array
-    velocity: Array
-    acceleration: Array
+    rotation: Array  # from the upright trunk to the leaning one, shape (3, 3)
+    velocity: Array  # angular velocity, shape (3,), rad/s
+    acceleration: Array  # angular acceleration, shape (3,), rad/s²
 
 
 UPRIGHT = LeanMotion(np.eye(3), np.zeros(3), np.zeros(3))

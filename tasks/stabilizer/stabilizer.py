@@ -30,25 +30,18 @@ class StabilizerOutput(NamedTuple):
     """Result of one tick, in the world unless said otherwise.
 
     Attributes:
-        errors: Target minus measured.
-        com_acceleration: Desired acceleration of the CoM, shape (3,), m/s².
-        net_wrench: Desired [force; moment] at the world origin, shape (6,), N and Nm.
-        zmp: ZMP of the desired wrench, shape (3,), m.
         measured_zmp: Unfiltered, on the level of the target ZMP, shape (3,), m; NaN in the air. With hands
             that press, the point about which the pendulum turns.
-        feet: Desired foot wrenches in the sole frames, left then right.
-        corrections: Corrections of left and right foot.
-        in_air: True while neither foot is loaded: their corrections stay.
     """
 
-    errors: PendulumErrors
-    com_acceleration: Array
-    net_wrench: Array
-    zmp: Array
+    errors: PendulumErrors  # target minus measured
+    com_acceleration: Array  # desired acceleration of the CoM, shape (3,), m/s²
+    net_wrench: Array  # desired [force; moment] at the world origin, shape (6,), N and Nm
+    zmp: Array  # ZMP of the desired wrench, shape (3,), m
     measured_zmp: Array
-    feet: FootWrenches
-    corrections: tuple[FootCorrection, FootCorrection]
-    in_air: bool
+    feet: FootWrenches  # desired foot wrenches in the sole frames, left then right
+    corrections: tuple[FootCorrection, FootCorrection]  # corrections of left and right foot
+    in_air: bool  # True while neither foot is loaded: their corrections stay
 
 
 class Stabilizer:

@@ -28,19 +28,15 @@ class Servos:
     """Position servos in the drives of a robot: each applies kp (q_ref − q) + kd (q̇_ref − q̇) + τ.
 
     Attributes:
-        kp: Stiffness of each joint, shape (na,), Nm/rad (or N/m).
-        kd: Damping of each joint, shape (na,), Nms/rad (or Ns/m).
         given: Joints whose gains are those of the machine; those of the others are derived from the robot's inertia.
-        joint_names: Joints in the order of the gains, length na.
-        ankles: Joints next to the soles.
         tipping: m g h of the robot at half-sitting, Nm/rad: the stiffness of the ankles below which it tips over.
     """
 
-    kp: Array
-    kd: Array
+    kp: Array  # stiffness of each joint, shape (na,), Nm/rad (or N/m)
+    kd: Array  # damping of each joint, shape (na,), Nms/rad (or Ns/m)
     given: frozenset[str]
-    joint_names: tuple[str, ...]
-    ankles: tuple[str, ...] = ()
+    joint_names: tuple[str, ...]  # joints in the order of the gains, length na
+    ankles: tuple[str, ...] = ()  # joints next to the soles
     tipping: float = 0.0
 
     def __post_init__(self) -> None:

@@ -28,21 +28,13 @@ class Timings(NamedTuple):
 
 @dataclass(frozen=True)
 class Layout:
-    """Names and places of variables and rows; made anew only when tasks, contacts or limits are added or removed.
+    """Names and places of variables and rows; made anew only when tasks, contacts or limits are added or removed."""
 
-    Attributes:
-        nv: Number of accelerations, the first variables.
-        contacts: Name → slice of the variables.
-        tasks: Name → slice of the residual rows.
-        units: Name of a task → unit of its residual.
-        limits: Name, one for each inequality row.
-    """
-
-    nv: int
-    contacts: Mapping[str, slice]
-    tasks: Mapping[str, slice]
-    units: Mapping[str, str]
-    limits: tuple[str, ...]
+    nv: int  # number of accelerations, the first variables
+    contacts: Mapping[str, slice]  # name → slice of the variables
+    tasks: Mapping[str, slice]  # name → slice of the residual rows
+    units: Mapping[str, str]  # name of a task → unit of its residual
+    limits: tuple[str, ...]  # name, one for each inequality row
 
 
 @dataclass(slots=True, eq=False)  # not frozen: that makes it four times as slow to make
