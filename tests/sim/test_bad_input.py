@@ -19,7 +19,8 @@ from wbc.sim import make_terrain as ground
 from wbc.sim.plant.settings import PhysicsSettings
 from wbc.sim.studies import Cell, Journal, Study
 from wbc.sim.terrain.spec import terrain
-from wbc.walking import Footstep, Gait
+from wbc.walking import Gait
+from wbc.walking.plans.footsteps import Footstep
 
 make = partial(Plant, load("hrp4_class"))
 soft = partial(WalkSpec, foot="soft")

@@ -11,7 +11,8 @@ import pytest
 
 import wbc
 from wbc.core.errors import InputError, UnknownNameError
-from wbc.walking import Footstep, FootstepPlan, Gait, WalkingControl
+from wbc.walking import FootstepPlan, Gait, WalkingControl
+from wbc.walking.plans.footsteps import Footstep
 from wbc.walking.plans.planners import climb_stairs, walk_distance, walk_path, walk_velocity
 from wbc.walking.plans.reach import check_plan
 

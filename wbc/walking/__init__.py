@@ -15,13 +15,12 @@ from wbc.walking.auto import AutoControl
 from wbc.walking.control import WalkingControl
 from wbc.walking.hands.hand import HandSettings
 from wbc.walking.load import LoadSettings
-from wbc.walking.plans.footsteps import Footstep, FootstepPlan
+from wbc.walking.plans.footsteps import FootstepPlan
 from wbc.walking.plans.gait import Gait, StepGait
 from wbc.walking.plans.planners import climb_stairs, turn_in_place, walk_distance, walk_path, walk_velocity
 from wbc.walking.settings import WalkingControlSettings
 from wbc.walking.source import Reference, ReferenceSource, StandSource
 from wbc.walking.stepping.control import SteppingControl
-from wbc.walking.stepping.settings import SteppingSettings
 from wbc.walking.swing import FootMotion
 
 __all__ = [
@@ -40,11 +39,9 @@ __all__ = [
     # A walk that balances by its steps
     "StepGait",
     "SteppingControl",
-    "SteppingSettings",
     # Arms: hands that go to targets
     "LoadSettings",
     # Planning: footsteps, and the phases in which they are taken
-    "Footstep",
     "FootstepPlan",
     "Gait",
     "climb_stairs",
