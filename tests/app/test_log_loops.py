@@ -93,5 +93,5 @@ def test_a_loop_that_does_not_know_the_truth_is_recorded_and_not_viewed(tmp_path
     loop = types.SimpleNamespace(description=DESCRIPTION, control_period=0.005)
     log = recorded_stand(tmp_path / "own.arrow", shown=lambda plant: loop)
     assert len(log["com/estimated"]) == 3
-    with pytest.raises(InputError, match="give the description"):
+    with pytest.raises(InputError, match="description"):
         MeshcatView(loop, port=0)  # type: ignore[arg-type]

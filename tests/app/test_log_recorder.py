@@ -148,14 +148,18 @@ def record_standing(path: Path, ticks: int, *signals: Any, **options: Any) -> Lo
 def test_own_signals_of_every_kind(tmp_path: Path) -> None:
     path = tmp_path / "own.arrow"
     count = iter(range(100))
-    assert record_standing(path, 3, "own/count", lambda: next(count), "Nm")["own/count"].tolist() == [0, 1, 2]
-    array = record_standing(path, 2, "own/place", lambda: np.array([1.0, 2.0, 3.0]), unit="m")
+    assert record_standing(path, 3, "own/count", lambda _: next(count), "Nm")["own/count"].tolist() == [
+        0,
+        1,
+        2,
+    ]
+    array = record_standing(path, 2, "own/place", lambda _: np.array([1.0, 2.0, 3.0]), unit="m")
     assert array.parts("own/place") == ["own/place/x", "own/place/y", "own/place/z"]
     assert array["own/place"].tolist() == [[1.0, 2.0, 3.0]] * 2 and array.units["own/place/y"] == "m"
-    assert record_standing(path, 1, "a", lambda: [1, 2, 3, 4]).parts("a") == ["a/0", "a/1", "a/2", "a/3"]
-    assert record_standing(path, 2, "on", lambda: True)["on"].tolist() == [1.0, 1.0]
+    assert record_standing(path, 1, "a", lambda _: [1, 2, 3, 4]).parts("a") == ["a/0", "a/1", "a/2", "a/3"]
+    assert record_standing(path, 2, "on", lambda _: True)["on"].tolist() == [1.0, 1.0]
     states = iter(["calm", None, "calm"])
-    assert record_standing(path, 3, "state", lambda: next(states)).texts("state").tolist() == [
+    assert record_standing(path, 3, "state", lambda _: next(states)).texts("state").tolist() == [
         "calm",
         None,
         "calm",
@@ -225,7 +229,7 @@ def test_a_plant_comes_back_from_the_header(made: str) -> None:
     assert (again.description.kp == plant.description.kp).all()
 
 
-@pytest.mark.parametrize("signal", [("com/estimated/x", lambda: 1.0), ("a//b", lambda: 1.0), ("a", 3.0)])
+@pytest.mark.parametrize("signal", [("com/estimated/x", lambda _: 1.0), ("a//b", lambda _: 1.0), ("a", 3.0)])
 def test_own_signals_that_cannot_be_kept_are_refused(tmp_path: Path, signal: Any) -> None:
     with pytest.raises(InputError, match=signal[0]):
         record_standing(tmp_path / "own.arrow", 1, *signal)

@@ -80,7 +80,7 @@ def recorded_walk() -> Path:
     path = Path(tempfile.mkdtemp(prefix="wbc-test-")) / "walk.arrow"
     plant, walk = make_walk()
     with Recorder(path, spec={"gait": GAIT}, title="a short walk") as record:
-        record.add("own/answer", lambda: 42.0, unit="m", about="to everything")
+        record.add("own/answer", lambda _: 42.0, unit="m", about="to everything")
         run(plant, walk, SECONDS, record)
     return path
 

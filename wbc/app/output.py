@@ -61,6 +61,19 @@ class Report:
         return json.dumps(_plain(self.data), allow_nan=False) if self.as_json else self.text
 
 
+def facts_text(facts: Mapping[str, Any], group: str = "") -> str:
+    """Return plain values as text: a name and a value a line, SI units unless the name says one; no lists of lists."""
+    lines = []
+    for key, value in facts.items():
+        values = value if isinstance(value, list) else [value]
+        if isinstance(value, dict):
+            lines.append(facts_text(value, f"{group}{key}."))
+        elif not any(isinstance(each, list | None) for each in values):
+            shown = (f"{each:.4g}" if isinstance(each, float) else str(each) for each in values)
+            lines.append(f"{group + key:<28} {' '.join(shown)}")
+    return "\n".join(lines)
+
+
 def reports(function: Callable[P, Report]) -> Callable[P, None]:
     """Make a command of a function that returns a report; see `with_options`."""
 

@@ -10,7 +10,7 @@ from typing import Annotated, Any, Literal
 from cyclopts import Parameter
 
 from wbc.app.arguments import Fields, attribute_docs
-from wbc.app.output import Output, Report, reports
+from wbc.app.output import Output, Report, facts_text, reports
 from wbc.core.changes import changed, read_changes, setting_names
 from wbc.core.errors import InputError
 from wbc.core.settings import settings, to_json
@@ -21,7 +21,7 @@ from wbc.feet.soles.sole import SoleGeometry
 from wbc.robots import load, names
 from wbc.sim.plant.feet import sole_geometries
 from wbc.sim.plant.settings import PhysicsSettings
-from wbc.sim.rig.press import PressResult, press
+from wbc.sim.rig.press import press
 from wbc.sim.rig.rig import HRP4C_SOLE, FootTest, fit_facts
 from wbc.sim.terrain.families.base import make_family
 from wbc.sim.terrain.spec import Terrain
@@ -109,9 +109,8 @@ def foot(
     if test is None:
         return _list(options.robot, output)
     made = options.test(given, ground)
-    result = press(made)
-    data = {**made.describe(), **to_json(result)}
-    return output.report(data, "\n".join([_headline(made), *_press_lines(result)]))
+    data = {**made.describe(), **to_json(press(made))}
+    return output.report(data, facts_text(data))
 
 
 def _list(robot: str | None, output: Output) -> Report:
@@ -170,54 +169,3 @@ def _lines(listed: list[dict[str, Any]]) -> list[str]:
             else:
                 lines.append(line)
     return [*lines, "How all of them touch the ground:", *shared.values()]
-
-
-def _headline(test: FootTest) -> str:
-    """Return foot, ground and load as text for people."""
-    description, ground = test.describe(), test.ground
-    on = (
-        f"{ground.name}, {1e3 * ground.amplitude:.0f} mm, seed {ground.seed}"
-        if ground.amplitude
-        else "flat ground"
-    )
-    length, width = (1e3 * size for size in description["footprint_m"])
-    stiffness = f" of {test.foot.stiffness:g} Nm/rad" if hasattr(test.foot, "stiffness") else ""
-    return (
-        f"{description['foot']} foot{stiffness} on {on}, {test.load:g} N on the ankle\n"
-        f"  foot      {length:.0f} x {width:.0f} mm, {description['added_mass_kg']:.2f} kg more and "
-        f"{1e3 * description['height_change_m']:.0f} mm higher than the ankle's own sole"
-    )
-
-
-def _press_lines(result: PressResult) -> list[str]:
-    if result.hold is None or result.impact is None:
-        return [_DIVERGED]
-    hold, impact, support = result.hold, result.impact, result.support
-    lines = [
-        f"  landing   {impact.speed:.2f} m/s, peak {impact.peak_force:.0f} N, {100 * impact.absorbed:.1f} % of "
-        f"{impact.drop_energy:.2f} J absorbed, {impact.sole_energy:.2f} J of it in the sole and "
-        f"{impact.arch_energy:.2f} J in the arch",
-        f"  force     {hold.force_mean:.1f} N, {100 * hold.balance_error:+.3f} % off the weight, "
-        f"± {hold.force_std:.2g} N",
-        f"  contacts  {hold.contacts} points around {1e4 * hold.contact_area:.1f} cm², "
-        f"centre of pressure ({1e3 * hold.centre_of_pressure[0]:.1f}, {1e3 * hold.centre_of_pressure[1]:.1f}) mm",
-    ]
-    if support is not None:
-        lines.append(
-            f"  support   {1e4 * support.area:.1f} cm², {1e3 * support.backward:.0f} to {1e3 * support.forward:.0f} mm "
-            f"along, {1e3 * support.right:.0f} to {1e3 * support.left:.0f} mm across"
-        )
-    lines.append(
-        f"  ankle     {1e3 * hold.ankle_height:.1f} mm high, tilted by {math.degrees(hold.ankle_tilt[0]):.2f}° roll, "
-        f"{math.degrees(hold.ankle_tilt[1]):.2f}° pitch"
-    )
-    if hold.sole_angles:
-        degrees = " ".join(f"{math.degrees(angle):.1f}" for angle in hold.sole_angles)
-        lines.append(f"  sole      {degrees} degrees from toe to heel, loop gap {1e3 * hold.loop_gap:.3f} mm")
-    lines.append(
-        f"  depth     {1e3 * hold.penetration:.3f} mm penetration, {1e3 * hold.penetration_peak:.3f} mm at landing"
-    )
-    return lines
-
-
-_DIVERGED = "  the simulation DIVERGED"

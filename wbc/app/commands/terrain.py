@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping
 from dataclasses import fields
 from pathlib import Path
@@ -12,7 +11,7 @@ from cyclopts import Parameter
 
 from wbc.app.arguments import Fields
 from wbc.app.files import check_picture
-from wbc.app.output import Output, Report, reports
+from wbc.app.output import Output, Report, facts_text, reports
 from wbc.core.changes import read_changes
 from wbc.core.errors import InputError
 from wbc.core.settings import settings, unit_and_choices
@@ -59,7 +58,7 @@ def terrain(
     """Describe or draw a ground, or list the families of grounds and the scenes with their parameters."""
     if name is not None:
         facts = describe_terrain(name, options, given)
-        return output.report(facts, "\n".join(f"{key:<20} {_text(value)}" for key, value in facts.items()))
+        return output.report(facts, facts_text(facts))
     of_one = [
         *given,
         *(name for name in ("param", "clearance") if getattr(options, name) != getattr(TerrainOptions, name)),
@@ -128,14 +127,3 @@ def _rows(family: dict[str, Any]) -> list[str]:
         choices = f" ({', '.join(parameter['choices'])})" if parameter["choices"] else ""
         lines.append(f"    {parameter['name']} = {parameter['default']}{unit}  {parameter['about']}{choices}")
     return lines
-
-
-def _text(value: Any) -> str:
-    """Return a value as text for people: numbers to four digits."""
-    if isinstance(value, float):
-        return f"{value:.4g}"
-    if isinstance(value, dict):
-        return "  ".join(f"{key} {_text(each)}" for key, each in value.items()) or "-"
-    if isinstance(value, list):
-        return " x ".join(_text(each) for each in value)
-    return value if isinstance(value, str) else json.dumps(value)

@@ -139,7 +139,7 @@ def walk(
                 place = Path(stack.enter_context(TemporaryDirectory())) / "again.arrow"
             if place is not None:
                 record = stack.enter_context(Recorder(place, spec=spec))
-                record.add("view/change", lambda: _news(acting, trial), about=CHANGE)
+                record.add("view/change", lambda _: _news(acting, trial), about=CHANGE)
                 hooks.append(record)
             hooks += acting
             result: WalkResult = trial.run(hooks)

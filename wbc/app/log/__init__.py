@@ -1,7 +1,7 @@
 """Logs: recorder, file format and reader. A new signal goes into one of the sources (`wbc.app.log.sources`).
 
     with Recorder("walk.arrow") as record:
-        record.add("battery/voltage", lambda: battery.voltage, unit="V")    # a further signal
+        record.add("battery/voltage", lambda tick: battery.voltage, unit="V")    # a further signal
         while plant.time < 10.0:
             measurement = plant.measure()
             command = control.command(measurement)

@@ -5,7 +5,6 @@ It only reads the objects of a run, so that a run gives the same numbers with an
 
 from __future__ import annotations
 
-import inspect
 from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -66,7 +65,7 @@ class Recorder(TrialHook):
     def add(
         self,
         name: str,
-        value: Callable[[], Any] | Callable[[Tick], Any],
+        value: Callable[[Tick], Any],
         unit: str = "1",
         about: str = "",
     ) -> None:
@@ -74,8 +73,8 @@ class Recorder(TrialHook):
 
         Args:
             name: Parts separated by "/".
-            value: Called every tick for a number, a truth value, a text or an array of constant length, whose parts are
-                x y z or their indices; without arguments, or with the `Tick` (plant, control, measurement, command).
+            value: Called every tick with the `Tick` (plant, control, measurement, command) for a number, a truth value,
+                a text or an array of constant length, whose parts are x y z or their indices.
             unit: "1" without a unit.
             about: Description.
 
@@ -88,8 +87,7 @@ class Recorder(TrialHook):
             raise InputError(f"signal '{name}' needs a function that gives its value, got {value!r}")
         if not all(part.strip() for part in name.split("/")) or "\n" in name:
             raise InputError(f"a signal's name is made of parts separated by '/', got {name!r}")
-        function = value if _takes_the_tick(value) else lambda tick: value()  # type: ignore[call-arg]
-        self._added.append((Signal(name, unit, about), function))
+        self._added.append((Signal(name, unit, about), value))
 
     def __call__(
         self,
@@ -236,15 +234,6 @@ def _add_own(signals: Signals, signal: Signal, function: Read, first: Any) -> No
         return
     parts = {2: ("x", "y"), 3: ("x", "y", "z")}.get(shape[0]) or tuple(map(str, range(shape[0])))
     signals.group(name, parts, signal.unit, signal.about, read)
-
-
-def _takes_the_tick(function: Callable[..., Any]) -> bool:
-    """Return whether a function has an argument without a default; one of C that does not tell has none."""
-    try:
-        parameters = inspect.signature(function).parameters.values()
-    except ValueError:
-        return False
-    return any(p.default is p.empty and p.kind is not p.VAR_KEYWORD for p in parameters)
 
 
 def _check_kind(what: str, value: object, kind: type) -> None:
