@@ -29,7 +29,7 @@ COMMANDS: dict[str, list[str]] = {
     "walk": ["--distance", "0.1"],
     "stand": ["--seconds", "0.05"],
     "push": ["--directions", "1"],
-    "foot": ["press"],
+    "foot": ["press", "--settle", "0.1", "--hold", "0.1"],
     "terrain": ["stones"],
     "robots": ["hrp4_class"],
     "study show": ["study.json"],

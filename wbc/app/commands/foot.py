@@ -110,7 +110,8 @@ def foot(
         return _list(options.robot, output)
     made = options.test(given, ground)
     data = {**made.describe(), **to_json(press(made))}
-    return output.report(data, facts_text(data))
+    shown = {name: value for name, value in data.items() if name != "foot_parameters"}
+    return output.report(data, facts_text(shown))
 
 
 def _list(robot: str | None, output: Output) -> Report:
