@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import copy
 import math
 
 import numpy as np
@@ -13,10 +12,8 @@ from properties import examples
 from scipy.spatial.transform import Rotation
 
 from wbc.core.errors import InputError, UnknownNameError
-from wbc.feet import RangeSensor, SoftFoot, StiffnessActuator, foot, register_foot
+from wbc.feet import RangeSensor, SoftFoot, StiffnessActuator, foot
 from wbc.feet.sensing.range_sensor import RangeSampler
-from wbc.feet.soles import catalog
-from wbc.feet.soles.rigid import RigidFoot
 from wbc.feet.soles.sole import SoleGeometry, bar_inertia
 
 OWN = SoleGeometry.under_ankle(0.093, 0.160, 0.076, spacing=0.175)
@@ -38,19 +35,6 @@ def test_unknown_names_list_what_there_is() -> None:
         foot("sotf")
     with pytest.raises(UnknownNameError, match="stiffness"):
         foot("soft", stifness=5.0)
-
-
-def test_own_foot_becomes_available_by_name(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(catalog, "_FEET", copy.copy(catalog._FEET))
-
-    class Skate(RigidFoot):
-        """A narrow rigid foot."""
-
-    register_foot("skate", Skate)
-    assert isinstance(foot("skate", width=0.02), Skate)
-    with pytest.raises(InputError, match="Foot"):
-        register_foot("skate", int)  # type: ignore[arg-type]
-    assert isinstance(foot("skate"), Skate)
 
 
 # --- fit -------------------------------------------------------------------------------------------------------------

@@ -113,24 +113,6 @@ def test_a_quintic_has_the_states_of_its_ends_and_its_own_derivatives() -> None:
         np.testing.assert_allclose(minimum_jerk(share), unit.at(share)[:2], atol=1e-12)
 
 
-@pytest.mark.parametrize(
-    ("displacement", "velocity", "expected"),
-    [
-        ((1.2, 1.6), (0.3, 0.4), (0.3, 0.4)),  # at the greatest speed
-        ((0.036, 0.048), (0.18, 0.24), (0.18, 0.24)),  # where √(a d) brakes
-        ((0.006, 0.008), (0.048, 0.064), (0.048, 0.064)),  # the last stretch, 8 d
-        ((1.2, 1.6), (0.0, 0.0), (0.09, 0.12)),  # by a dt at most
-        ((0.0, 0.0), (0.6, -0.8), (0.51, -0.68)),
-        ((0.0, 0.0), (0.06, -0.08), (0.0, 0.0)),
-    ],
-)
-def test_the_next_velocity_of_an_approach(
-    displacement: tuple[float, float], velocity: tuple[float, float], expected: tuple[float, float]
-) -> None:
-    now = approach(np.array(displacement), np.array(velocity), 0.5, 1.5, 0.1)
-    np.testing.assert_allclose(now, expected, atol=1e-12)
-
-
 @pytest.mark.parametrize("goal", [(2.0, -1.0, 0.5), (0.02, 0.0, 0.0), (0.0, 0.0, 0.0)])
 def test_a_reference_keeps_its_speed_and_acceleration_and_arrives(goal: tuple[float, ...]) -> None:
     place, velocity = np.zeros(3), np.array([0.0, 0.3, 0.0])
