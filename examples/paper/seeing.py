@@ -15,26 +15,31 @@ from matplotlib.figure import Figure
 from walks import PAPER
 
 from wbc.sim.studies import mean_interval, read_journal
-from wbc.sim.studies.seeing import HEIGHTS, SOLES
+from wbc.sim.studies.seeing import HEIGHTS, SOLES, STIFFNESSES
 
 TABLE = PAPER / "seeing.csv"
 EYES = {"none": ("blind", "0.6"), "toes": ("toes", "#f0b429"), "depth": ("depth", "#1f77b4")}
+NAMES = {
+    ("rigid", None): "rigid",
+    **{("long_arch", k): f"long arch {k:g}" for k in STIFFNESSES},
+    **{("soft", SOLES[name]["stiffness"]): name for name in ("soft 5", "soft 80")},
+}
+"""Foot and stiffness (Nm/rad) → name of a sole."""
 COLUMNS = ["sole", "eyes", "family", "height", "seed", "outcome", "code"]
 
 
 def rows(journal: Path) -> list[tuple[object, ...]]:
     """Return sole, eyes, family, height (m), seed, outcome and version of the code of each walk of a journal."""
-    names = {(sole["foot"], sole.get("stiffness")): name for name, sole in SOLES.items()}
     return [
         (
-            names[entry.spec["foot"], entry.spec["stiffness"]],
+            NAMES[entry.spec["foot"], entry.spec["stiffness"]],
             entry.spec.get("eyes", "none"),
             *(entry.spec[name] for name in ("terrain", "amplitude", "seed")),
             entry.result["outcome"],
             entry.version["git"],
         )
         for entry in read_journal(journal).values()
-        if entry.result is not None and (entry.spec["foot"], entry.spec["stiffness"]) in names
+        if entry.result is not None and (entry.spec["foot"], entry.spec["stiffness"]) in NAMES
     ]
 
 
@@ -45,7 +50,7 @@ def sight() -> Figure:
     figure = Figure(figsize=(7.6, 2.8), layout="constrained")
     for axes, high in zip(figure.subplots(1, 2, sharey=True), (False, True), strict=True):
         part = table[table["high"] == high]
-        soles = [sole for sole in SOLES if sole in set(part["sole"])]
+        soles = [sole for sole in NAMES.values() if sole in set(part["sole"])]
         eyes = [eye for eye in EYES if eye in set(part["eyes"])]
         for k, eye in enumerate(eyes):
             name, colour = EYES[eye]
@@ -63,7 +68,7 @@ def sight() -> Figure:
                 axes.bar(x, strayed, width, mean, color=colour, alpha=0.35)
                 axes.plot([x, x], np.clip(ends, 0.0, 100.0), color="0.2", lw=1.0)
                 axes.text(x, 2.0, f"{len(own)}", ha="center", fontsize=6, color="white")
-        axes.set_xticks(range(len(soles)), soles, fontsize=8)
+        axes.set_xticks(range(len(soles)), [sole.replace("arch ", "arch\n") for sole in soles], fontsize=7)
         axes.set_title("1.5 times as high" if high else "heights of the study", fontsize=9)
     figure.axes[0].set(ylim=(0.0, 118.0), yticks=range(0, 101, 20))
     figure.axes[0].set_ylabel("walks completed, %", fontsize=8)
