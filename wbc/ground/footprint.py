@@ -12,6 +12,7 @@ from collections.abc import Callable
 from typing import Annotated, NamedTuple
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 
 from wbc.core.errors import Array
 from wbc.core.settings import NonNegative, Share, settings
@@ -83,14 +84,12 @@ class Support(NamedTuple):
         y: Sole centre in the world, m.
         z: Height of the centre of a level sole at the first contact, m.
         slope: Slopes of the resting plane along and across the sole, within the greatest tilt.
-        known: Share of known ground.
     """
 
     x: float
     y: float
     z: float
     slope: tuple[float, float]
-    known: float
 
 
 class _Lattice:
@@ -110,15 +109,10 @@ class _Lattice:
         v = dv * (np.arange(nv + 2 * m) - 0.5 * (nv - 1) - m)
         self.nodes = (u[:, None] + 1j * v).ravel()
         number = np.arange(self.nodes.size).reshape(u.size, v.size)
-        rows, columns = 2 * n + 1, 2 * m + 1
-        self.soles = np.array(
-            [number[i : i + nu, j : j + nv].ravel() for i in range(rows) for j in range(columns)]
-        )
-        places = np.arange(rows * columns).reshape(rows, columns)
+        self.soles = sliding_window_view(number, size).reshape(-1, nu * nv)
+        places = np.arange(len(self.soles)).reshape(2 * n + 1, 2 * m + 1)
         self.inner = places[1:-1, 1:-1].ravel()
-        self.around = np.array(
-            [places[i : i + 3, j : j + 3].ravel() for i in range(rows - 2) for j in range(columns - 2)]
-        )
+        self.around = sliding_window_view(places, (3, 3)).reshape(-1, 9)
         self.moves = (du * np.arange(1 - n, n)[:, None] + 1j * dv * np.arange(1 - m, m)).ravel()
 
 
@@ -131,7 +125,7 @@ class Footprint:
         size = nu, nv = max(round(length / NODE[0]), 2) + 1, max(round(width / NODE[1]), 2) + 1
         step = length / (nu - 1), width / (nv - 1)
         self._near, *self._wide = (_Lattice(size, step, moves) for moves in ((0, 0), MOVES, FAR))
-        self._sole = _Lattice(size, step, (-1, -1)).nodes
+        self._sole = self._near.nodes[self._near.soles[4]]
         self._inside = np.arange(nu * nv).reshape(size)[1:-1, 1:-1].ravel()
         # Resting planes are found over blocks of two by two nodes, whose highest counts: a quarter of the work.
         rows, columns = (np.minimum(np.arange(0, n, 2)[:, None] + (0, 1), n - 1) for n in size)
@@ -215,14 +209,13 @@ class Footprint:
         return low
 
     def _support(self, low: Array, top: float, x: float, y: float) -> Support | None:
-        known = float((low > NOTHING).mean())
-        if known < self.settings.least_known:
+        if (low > NOTHING).mean() < self.settings.least_known:
             return None
         most, a, b = self.settings.tilt, 0.0, 0.0
         if most > 0.0:
             resting = self._resting(low[None], np.array([top]))[0]
             a, b = self._slopes[int(np.argmin(resting))].tolist()
-        return Support(x, y, top, (min(max(a, -most), most), min(max(b, -most), most)), known)
+        return Support(x, y, top, (min(max(a, -most), most), min(max(b, -most), most)))
 
     def _resting(self, low: Array, top: Array) -> Array:
         """Return the height of the centre of each plane that carries the sole, over its first contact, m.

@@ -43,7 +43,6 @@ FUSED = 0.02
 WAITING = 64
 """Number of clouds that may wait for a tick; with more the oldest are dropped."""
 
-
 WAY = np.array([0.2, 0.4, 0.6, 0.8])
 """Shares of the way of a swing at which the ground under the sole is looked at."""
 
