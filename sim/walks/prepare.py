@@ -9,7 +9,7 @@ from functools import lru_cache
 import numpy as np
 import pinocchio as pin
 
-from wbc.core.errors import Array, InputError
+from wbc.core.errors import Array
 from wbc.core.robot import Robot
 from wbc.feet import Foot
 from wbc.robots import load
@@ -35,7 +35,8 @@ class PreparedWalk:
     """Everything that follows from a spec without a simulator.
 
     Attributes:
-        way: Footsteps that lead to the goal: those of the plan; a stepping walk takes the last ones as its goal.
+        way: Footsteps that lead to the goal: those of the plan; a stepping walk takes the last ones as its goal, unless
+            footsteps or stairs are given.
         orders: Velocities over time, as rows of `WalkPlan.drive`; None for a walk along a plan or to a goal.
     """
 
@@ -44,7 +45,7 @@ class PreparedWalk:
     foot: Foot
     settings: AnyTrialSettings
     configuration: Array  # configuration of the controller's robot at the start, shape (nq,)
-    plan: FootstepPlan  # footsteps, with timings on the grid of the control period; none of a stepping walk
+    plan: FootstepPlan  # footsteps, with timings on the grid of the control period; none of a stepping walk to a goal
     way: FootstepPlan
     orders: tuple[tuple[float, float, float, float], ...] | None
     nominal_time: float  # duration of the walk as planned, s
@@ -108,9 +109,12 @@ def prepare(
         planned = settings.stepping if home_of(model) == "stepping" or plan.drive is not None else planned
     if isinstance(planned, SteppingControlSettings):
         orders, time = _orders(plan, steps, SteppingControl(model, period, planned))
-        still = replace(steps, steps=())
+        given = plan.footsteps is not None or plan.stairs is not None
+        if given:
+            check_plan(steps, model, extent=extent)
+        walked = steps if given else replace(steps, steps=())
         return PreparedWalk(
-            plant_description, description, foot, settings, q, still, steps, orders, time, notes
+            plant_description, description, foot, settings, q, walked, steps, orders, time, notes
         )
     walking = WalkingControl(model, steps, period, planned, extent=extent)
     check_plan(steps, model, walking.walk.reach, extent)
@@ -128,20 +132,17 @@ def _orders(
     plan: WalkPlan, way: FootstepPlan, walking: SteppingControl
 ) -> tuple[tuple[tuple[float, float, float, float], ...] | None, float]:
     """Return the velocities of a stepping walk, None for the goal at the end of `way`, and its nominal time, s."""
-    for name in ("footsteps", "stairs"):
-        if getattr(plan, name) is not None:
-            raise InputError(
-                f"a stepping walk takes no {name}: it decides each step as it goes; choose the law 'lipm'"
-            )
     gait = walking.source.gait
     s, shift = gait.settings, gait.constants.shift_time
-    pause = shift + 8.0 * s.step_time  # to set off and to stop
+    pause = shift + 8.0 * s.slow_time  # to set off and to stop
     orders = plan.drive
     if plan.velocity is not None and plan.steps is not None:
-        end = shift + plan.steps * s.step_time
+        end = shift + plan.steps * s.slow_time
         orders = ((0.0, *plan.velocity), (end, 0.0, 0.0, 0.0))
     if orders is not None:
         return orders, orders[-1][0] + pause
+    if plan.footsteps is not None or plan.stairs is not None:
+        return None, len(way) * s.slow_time + pause
     left, right = way.final
     length = math.dist(0.5 * (left.position + right.position), 0.5 * (way.left.position + way.right.position))
     turn = abs(math.remainder(mean_heading(left.yaw, right.yaw) - way.left.yaw, math.tau))

@@ -129,7 +129,9 @@ class WalkTrial(Trial):
         self._steered = walking.steered
         if self._arrival is not None:
             self.scenario.append(self._arrival)
-            if self._steered:
+            if self._steered and prepared.plan.steps:
+                walking.follow(prepared.plan)
+            elif self._steered:
                 walking.go_to(*self._arrival.goal)
 
     @property

@@ -98,10 +98,12 @@ class PointMass:
         self._move(reference)
         return Tick(self.time, state, frames, reference)
 
-    def pressure(self, _side: int) -> tuple[float, float]:
-        """Return where a sole carries, m: at its foothold in steps, at its centre in a stand."""
-        stepping = bool(self.ticks) and self.ticks[-1].reference.phase.name != "STANDING"
-        return (self.gait.constants.carrying if stepping else 0.0), 0.0
+    def pressure(self, side: int) -> tuple[float, float]:
+        """Return where a sole carries, m: where its reference says in steps, at its centre in a stand."""
+        if not self.ticks or (last := self.ticks[-1].reference).phase is GaitPhase.STANDING:
+            return 0.0, 0.0
+        ahead, aside = last.cop if side == last.stance else (0.0, 0.0)
+        return self.gait.constants.carrying + ahead, aside
 
     def _move(self, reference: Reference) -> None:
         dt, omega = self.dt, self.scale.omega
@@ -115,7 +117,8 @@ class PointMass:
             self._load = [0.5, 0.5]
             return
         stance = reference.stance
-        contact = self._feet[stance].act(np.array([self.gait.constants.carrying, 0.0, 0.0]))[:2]
+        carrying, (ahead, aside) = self.gait.constants.carrying, reference.cop
+        contact = self._feet[stance].act(np.array([carrying + ahead, aside, 0.0]))[:2]
         self.com[:2], self.speed = com_after(com, speed, contact, omega, dt)
         self._load = [0.0, 0.0]
         self._load[stance] = 1.0

@@ -152,7 +152,7 @@ class Footprint:
     ) -> Support | None:
         """Return the ground at the best place near a place: where the sole rests quietly, not far away.
 
-        `allowed` is asked with the coordinates of a place in the world, m; `cost` replaces that of the distance. If
+        `allowed` is asked with the coordinates of a place in the world, m; `cost` adds to that of the distance. If
         high edges leave none nearby that holds the sole, one further along is taken that does.
         """
         s, near, turn = self.settings, None, complex(math.cos(yaw), math.sin(yaw))
@@ -165,7 +165,9 @@ class Footprint:
             holds = ((hanging <= HANGING) & (spread <= HIGH)) | (low[low > NOTHING] >= low.max() - HIGH).all()
             usable = ((soles > NOTHING).mean(axis=1) >= s.least_known) & (holds | (near is None))
             moves = lattice.moves
-            moving = s.distance * np.abs(moves) + s.move * (moves != 0.0) if cost is None else cost(moves)
+            moving = s.distance * np.abs(moves) + s.move * (moves != 0.0)
+            if cost is not None:
+                moving += cost(moves)
             costs = np.where(usable, s.unrest * self._unrest(soles, top) + s.edge * spread + moving, np.inf)
             for k in np.argsort(costs, kind="stable").tolist():
                 place = complex(complex(x, y) + turn * moves[k])

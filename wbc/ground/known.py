@@ -208,7 +208,7 @@ class KnownGround:
     ) -> Support | None:
         """Return the ground at the best of the places near one that are `allowed` (x, y); None if unknown.
 
-        `cost` replaces that of the distance.
+        `cost` of a move adds to that of the distance.
         """
         if "stance" in self.doubts:
             return None

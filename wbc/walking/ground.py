@@ -87,7 +87,7 @@ class GroundEstimate:
     ) -> Footstep:
         """Return the best place for a landing near it, of those that are allowed (x, y); the same if unknown.
 
-        `cost` of moving it replaces that of the distance.
+        `cost` of moving it adds to that of the distance.
         """
         if self.sight is None:
             return landing

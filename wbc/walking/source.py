@@ -64,6 +64,7 @@ class Reference(NamedTuple):
         stance: Foot that stands while the present or next step swings: 0 left, 1 right.
         swing: Foot that follows its motion, and may still carry a part of its load; None for those without contact.
         most_force: Greatest normal force of each foot where steps balance the robot, N.
+        cop: Shift of the centre of pressure of the foot that stands, along and across its sole, m; there as well.
         body: Motion of all joints and of the trunk; None for the posture, and for a trunk that is upright.
     """
 
@@ -80,6 +81,7 @@ class Reference(NamedTuple):
     stance: int = 0
     swing: int | None = None
     most_force: tuple[float, float] = (math.inf, math.inf)
+    cop: tuple[float, float] = (0.0, 0.0)
     body: WholeBody | None = None
 
 

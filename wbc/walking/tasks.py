@@ -234,6 +234,9 @@ class StanceContacts:
         most, stance, phase = reference.most_force, reference.stance, reference.phase
         balanced, standing = phase is not GaitPhase.SINGLE, phase is GaitPhase.STANDING
         state = [balanced, standing, reference.contact, most, stance, reference.swing]
+        if not balanced:
+            ahead, aside = reference.cop
+            tasks.contacts[stance].centre_box((self.carrying + ahead, aside))
         if state == self._state:
             return
         before, self._state[:] = self._state[:2], state
@@ -251,6 +254,8 @@ class StanceContacts:
             if not on:
                 continue
             full = balanced or side == stance
+            if not full:
+                contact.centre_box((self.carrying, 0.0))
             weight = self.firm if balanced else self.held
             contact.motion_weight = weight if full else self.yielding * weight
             contact.min_force = 0.0  # first: a foot that was unloading may have less than it must carry now

@@ -16,8 +16,9 @@ SCALE = RobotSize(height=0.6, leg=0.62, mass=33.0, sole=(0.105, 0.03), ankle=0.0
 @pytest.mark.parametrize(
     ("changes", "named"),
     [
-        ({"shortest": 1.6, "step_time": 1.5, "longest": 2.0}, "shortest"),
-        ({"shortest": 0.9, "step_time": 1.5, "longest": 1.2}, "longest"),
+        ({"shortest": 1.6, "step_time": 1.5}, "shortest"),
+        ({"step_time": 1.5, "slow_time": 1.2}, "slow_time"),
+        ({"longest": 0.9}, "longest"),
         ({"swing_height": 0.5, "shortest": 0.9}, "swing_height"),
         ({"widest": 0.3, "width": 0.367}, "width"),
         ({"gap": 0.9, "widest": 0.9}, "gap"),

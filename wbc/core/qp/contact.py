@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from abc import abstractmethod
+from collections.abc import Sequence
 from typing import Annotated, ClassVar, TypedDict, Unpack
 
 import numpy as np
@@ -439,7 +440,11 @@ class SoleContact(_HeldFrame):
             raise InputError(
                 f"the box of contact '{self.name}' on flat ground is centred, got centre {centre}"
             )
-        self._centre[:2] = place
+        self.centre_box(place)
+
+    def centre_box(self, centre: Sequence[float] | Array) -> None:
+        """Move the box of the CoP to a centre in the sole frame, m, as `set_box` does, in a tick."""
+        self._centre[:2] = centre
         self.update_cone()
 
     def update_cone(self) -> None:

@@ -9,7 +9,6 @@ robot cannot take, is dropped: the robot comes to a stand, and the reason is log
 
 from __future__ import annotations
 
-import logging
 from collections.abc import Sequence
 from dataclasses import replace
 
@@ -24,7 +23,7 @@ from wbc.walking.lipm.phases import WalkPhases
 from wbc.walking.lipm.walk import Walk
 from wbc.walking.plans.footsteps import FootstepPlan, check_start, other
 from wbc.walking.plans.gait import Gait
-from wbc.walking.plans.reach import Reach, bent_height, check_plan
+from wbc.walking.plans.reach import Extent, Reach, bent_height
 from wbc.walking.plans.sources import (
     AT_REST,
     FootstepSource,
@@ -35,17 +34,14 @@ from wbc.walking.plans.sources import (
     VelocitySource,
     checked_velocity,
     close_up,
+    dropped,
+    next_steps,
 )
 from wbc.walking.settings import WalkingControlSettings
 from wbc.walking.source import Progress, Reference, ReferenceSource, VelocityLimits
 
-logger = logging.getLogger(__name__)
-
 REPLAN = 0.1
 """Time between plans of the footsteps on both feet, s."""
-
-Extent = tuple[float, float, float, float]
-"""Least and greatest x, least and greatest y of the ground, m."""
 
 
 class LipmWalk(ReferenceSource):
@@ -224,8 +220,7 @@ class LipmWalk(ReferenceSource):
         self._planned = (planner, planner.target)
         now = standing(phases, self._gait, time)
         try:
-            plan = planner.footsteps(now)
-            self._check(plan, now, planner)
+            plan = next_steps(planner, now, self._robot, self.walk.reach, self._extent)
             self._steer(plan)
             self._pace = planner.pace
         except Exception as error:  # of a planner of the user's own, too: the robot comes to a stand
@@ -238,21 +233,6 @@ class LipmWalk(ReferenceSource):
         last = phases.step + 1 >= len(phases.plan)
         return last and phases.duration - phases.elapsed < REPLAN
 
-    def _check(self, plan: FootstepPlan, now: Standing, planner: FootstepSource) -> None:
-        """Refuse a plan with a side out of turn, a step out of reach of the feet, or one that leaves the ground."""
-        if not isinstance(plan, FootstepPlan):
-            raise InputError(f"a planner of footsteps returns a FootstepPlan, got {shown(plan)}")
-        if not plan.steps:
-            return
-        if now.first is not None and plan.steps[0].side != now.first:
-            raise InputError(
-                f"the {now.first} foot steps next, but the first step of the plan is of the {plan.steps[0].side} foot"
-            )
-        if planner.within_reach and self._extent is None:
-            return
-        checked = replace(plan, left=now.start.left, right=now.start.right)
-        check_plan(checked, self._robot, self.walk.reach, self._extent)
-
     def _steer(self, plan: FootstepPlan) -> None:
         walk = self.walk
         if not plan.steps and walk.phases.step >= len(walk.phases.plan):
@@ -264,13 +244,7 @@ class LipmWalk(ReferenceSource):
 
     def _drop(self, error: Exception, now: Standing) -> None:
         """Come to a stand for a reason."""
-        ours = isinstance(error, InputError)
-        self.reason = str(error) if ours else f"{type(error).__name__}: {error}"
-        logger.warning(
-            "footsteps refused (%s); the robot comes to a stand",
-            self.reason,
-            exc_info=None if ours else error,
-        )
+        self.reason = dropped(error)
         self.planner = stand = self.velocity_source()
         try:
             self._steer(stand.footsteps(now))

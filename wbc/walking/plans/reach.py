@@ -83,6 +83,10 @@ class Reach:
         )
 
 
+Extent = tuple[float, float, float, float]
+"""Least and greatest x, least and greatest y of the ground, m."""
+
+
 @dataclass(frozen=True)
 class Leg:
     """A leg as two bars."""
@@ -209,7 +213,7 @@ def check_plan(
     plan: FootstepPlan,
     robot: Robot,
     reach: Reach | None = None,
-    extent: tuple[float, float, float, float] | None = None,
+    extent: Extent | None = None,
 ) -> None:
     """Raise an `InputError` unless a robot can walk a plan on a ground of an extent, m; None is endless."""
     reach = reach or Reach.of(robot)

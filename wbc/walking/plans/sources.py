@@ -6,14 +6,15 @@ without steps is a stand. Sources are exchanged at any time; the step that has b
 
 from __future__ import annotations
 
+import logging
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import Annotated, NamedTuple
 
-from wbc.core.errors import finite_array, finite_scalar
-from wbc.core.robot import SIDES
+from wbc.core.errors import InputError, finite_array, finite_scalar, shown
+from wbc.core.robot import SIDES, Robot
 from wbc.core.settings import NonNegative, Positive, Share, settings
 from wbc.walking.plans.footsteps import (
     CLOSED,
@@ -26,7 +27,9 @@ from wbc.walking.plans.footsteps import (
 )
 from wbc.walking.plans.gait import Gait, pace
 from wbc.walking.plans.planners import Place, moved, opens, steps_along
-from wbc.walking.plans.reach import Reach, soles_overlap
+from wbc.walking.plans.reach import Extent, Reach, check_plan, soles_overlap
+
+logger = logging.getLogger(__name__)
 
 Velocity = tuple[float, float, float]
 """Forward (m/s), left (m/s) and turn (rad/s) of the robot's middle."""
@@ -341,6 +344,37 @@ class PlanSource(FootstepSource):
             rise = (start.left if last.side == "left" else start.right).z - last.z
             steps = tuple(replace(step, z=step.z + rise) for step in steps)
         return replace(start, steps=steps)
+
+
+def next_steps(
+    planner: FootstepSource, now: Standing, robot: Robot, reach: Reach, extent: Extent | None = None
+) -> FootstepPlan:
+    """Return what a planner answers.
+
+    An `InputError` for a plan with a side out of turn, a step out of reach of the feet, or one that leaves the ground.
+    """
+    plan = planner.footsteps(now)
+    if not isinstance(plan, FootstepPlan):
+        raise InputError(f"a planner of footsteps returns a FootstepPlan, got {shown(plan)}")
+    if not plan.steps:
+        return plan
+    if now.first is not None and plan.steps[0].side != now.first:
+        raise InputError(
+            f"the {now.first} foot steps next, but the first step of the plan is of the {plan.steps[0].side} foot"
+        )
+    if not planner.within_reach or extent is not None:
+        check_plan(replace(plan, left=now.start.left, right=now.start.right), robot, reach, extent)
+    return plan
+
+
+def dropped(error: Exception) -> str:
+    """Log, and return, the reason for which a planner is dropped: the robot comes to a stand."""
+    ours = isinstance(error, InputError)
+    reason = str(error) if ours else f"{type(error).__name__}: {error}"
+    logger.warning(
+        "footsteps refused (%s); the robot comes to a stand", reason, exc_info=None if ours else error
+    )
+    return reason
 
 
 def close_up(start: FootstepPlan, side: str) -> FootstepPlan:

@@ -11,34 +11,37 @@ from __future__ import annotations
 
 import enum
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 import pinocchio as pin
 
-from wbc.core.errors import ROUNDING
+from wbc.core.errors import ROUNDING, Array
 from wbc.core.lag import lag_gain
 from wbc.core.robot import GRAVITY, SIDES
 from wbc.core.vectors import Rotation, Vector
+from wbc.ground.height_map import Places
 from wbc.tasks.stabilizer.pendulum import Pendulum
 from wbc.walking.contact import Event, GaitPhase, Touch, touch_down
 from wbc.walking.ground import LAST_LOOK, GroundEstimate
-from wbc.walking.plans.footsteps import Footstep
-from wbc.walking.plans.gait import SwingShape
+from wbc.walking.plans.footsteps import Footstep, FootstepPlan, mean_heading
+from wbc.walking.plans.gait import Gait, SwingShape
+from wbc.walking.plans.sources import Standing
 from wbc.walking.source import Reference
+from wbc.walking.stepping.area import HeldArea
 from wbc.walking.stepping.law import (
+    NEAR,
     SIDEWAYS,
     Divergent,
     Orbit,
     Point,
     SteppingConstants,
     divergent_component,
-    landing_place,
-    remaining_time,
     takes_over,
 )
-from wbc.walking.stepping.place import LandingShift, Moves
+from wbc.walking.stepping.program import Bounds, Step, StepProgram, Wish
 from wbc.walking.stepping.settings import RobotSize, SteppingSettings, in_si
 from wbc.walking.stepping.steering import Steering, StepVelocity
 from wbc.walking.swing import REST, FootMotion, SwingFoot
@@ -46,12 +49,12 @@ from wbc.walking.swing import REST, FootMotion, SwingFoot
 LOOKS = 4
 """Number of ticks between two looks at the ground under a landing that moves at every tick."""
 
-CHOICES = 12
-"""Number of ticks between two choices of a place near it."""
-
 Frames = tuple[pin.SE3, pin.SE3]
 """Placements of the left and of the right sole."""
 
+
+HORIZON = 6
+"""Number of footsteps that count: E to that power is beyond any error."""
 
 LEVEL: Vector = (0.0, 0.0, 0.0)
 
@@ -85,15 +88,21 @@ class SteppingGait:
         stance: Foot that carries, or carried last: 0 left, 1 right.
         steps_done: StepVelocity that have ended.
         dcm: Divergent component of motion in the last tick, by the angular momentum about the contact.
+        plan: Asked at each lift-off for the footsteps from where the feet stand, the first one of the foot that lifts;
+            none is a stand. None for a walk that is steered.
+        footsteps: Its last answer, from the step that swings now on.
     """
 
     dcm: Divergent
+    plan: Callable[[Standing], Sequence[Footstep]] | None = None
+    footsteps: Sequence[Footstep] = ()
 
     def __init__(self, settings: SteppingSettings, scale: RobotSize, heading: float, dt: float) -> None:
         """Stand, with a heading (rad); an `InputError` for steps that cannot be walked."""
         self.settings, self.scale, self._dt = settings.in_si(scale), scale, dt
         self.constants = c = in_si(SteppingConstants(), scale)
         self.steering = Steering(self.settings, scale, c.brisk, heading, dt)
+        self.steering.held = min((scale.sole[1] - c.margin) / c.slow_width, 1.0)
         self.ground = GroundEstimate(c.ground_share, 0.0, scale.leg / 3.0)
         self.steps_done = 0
         self._shape = SwingShape(
@@ -116,19 +125,27 @@ class SteppingGait:
         self._mode = _Mode.STANDING
         self.stance = 1
         self._elapsed = 0.0  # in this mode, or since lift-off
-        self._time = self._nominal = self.settings.step_time  # of the step, and without a choice of place
-        self._move = LandingShift()  # of the landing
+        self.area = HeldArea(scale.sole, c, dt)
+        self.cop = self._wanted_cop = 0.0, 0.0  # shift from the carrying point, along and across the sole, m
+        self._program = StepProgram(scale.height)
+        self._period = max(1, round(c.period / dt))  # of the program, ticks
+        self._place: Point = (0.0, 0.0)  # of the landing, m
+        self._about: Point | None = None  # landing of the program about which a place was chosen, m
+        self._chosen: Point | None = None  # that place, m
+        self._time = self._end = self.settings.step_time  # of the step, and by the last solution, s
         self._contact: tuple[float, float, float] | None = None  # low-passed centre of pressure, in the world
         self._met: float | None = None  # time since lift-off at which the swing foot met the ground
         self._carrying = (0.0, 0.0, 0.0)  # low-passed centre of pressure of the swing foot in contact, m
         self._since_stand = 0  # steps
-        self._pace = self.settings.step_time  # mean time of the last steps, s
+        self._pace = self.steering.step_time  # mean time of the last steps, s
         self._level = 0.0  # height of the feet that carry, low-passed, m
         self._from: Vector = LEVEL  # CoM at the start of the shift
         self._high: tuple[float, float] | None = (
             None  # reference of the CoM over the feet, m, and its speed, m/s
         )
         self._ticks = 0
+        self._seconds = 0.0  # since the start
+        self._timing = Gait(feet_spacing=self.settings.width)
         self._cop_gain, self._time_gain = lag_gain(dt, c.cop_lag), dt / max(c.time_lag, dt)
         self._level_gain = lag_gain(dt, c.level_lag)
 
@@ -140,12 +157,13 @@ class SteppingGait:
     def update(self, state: BodyState, frames: Frames) -> Reference:
         """Compute one tick; feet that stand keep the placements of left and right sole."""
         self._elapsed += self._dt
+        self._seconds += self._dt
         dcm = self._pendulum(state)
         events: tuple[Event, ...] = ()
         if self._mode is _Mode.STANDING:
-            events = self._stand(state, dcm)
+            events = self._stand(state, dcm, frames)
         elif self._mode is _Mode.SHIFTING:
-            events = self._shift(state, dcm)
+            events = self._shift(state, dcm, frames)
         if events:  # another mode begins in this tick, about its own contact
             dcm = self._pendulum(state)
         if self._mode is _Mode.STEPPING:
@@ -193,34 +211,49 @@ class SteppingGait:
 
     # ---- on both feet -----------------------------------------------------------------------------------------
 
-    def _stand(self, state: BodyState, dcm: Divergent) -> tuple[Event, ...]:
-        """Set off when a velocity or a goal asks for it, or step out of a push."""
-        if self.steering.pending and self._elapsed > self.constants.rest:
-            self._enter(_Mode.SHIFTING)
-            self._from = state.com
-            return (Event.STARTED,)
-        return self._step_out(state, dcm)
+    def _stand(self, state: BodyState, dcm: Divergent, frames: Frames) -> tuple[Event, ...]:
+        """Set off when a velocity, a goal or footsteps ask for it, or step out of a push."""
+        if self._elapsed > self.constants.rest and (self.plan is not None or self.steering.pending):
+            self._ask(frames, None)
+            if self.footsteps:
+                self.stance = 1 - SIDES.index(self.footsteps[0].side)
+            if self.footsteps or self.steering.pending:
+                self._enter(_Mode.SHIFTING)
+                self._from = state.com
+                return (Event.STARTED,)
+        return self._step_out(state, dcm, frames)
 
-    def _shift(self, state: BodyState, dcm: Divergent) -> tuple[Event, ...]:
+    def _shift(self, state: BodyState, dcm: Divergent, frames: Frames) -> tuple[Event, ...]:
         """Lift the first foot when the weight is on the other one, or step out of a push."""
         if self._elapsed < self.constants.shift_time + self.constants.rest:
-            return self._step_out(state, dcm)
-        return self._begin(state)
+            return self._step_out(state, dcm, frames)
+        return self._begin(state, frames)
 
-    def _step_out(self, state: BodyState, dcm: Divergent) -> tuple[Event, ...]:
+    def _ask(self, frames: Frames, first: str | None) -> None:
+        """Ask for the footsteps from where the feet stand; `first` is the side that steps, None for either."""
+        if self.plan is None:
+            self.footsteps = ()
+            return
+        left, right = (
+            replace(Footstep.of(*foot), pitch=0.0, roll=0.0) for foot in zip(SIDES, frames, strict=True)
+        )
+        start = FootstepPlan(left, right, (), self._timing)
+        self.footsteps = self.plan(Standing(start, first, self.steps_done, False, self._seconds))
+
+    def _step_out(self, state: BodyState, dcm: Divergent, frames: Frames) -> tuple[Event, ...]:
         """Step with the foot on whose side the DCM is, if it has left both soles."""
         if self._outside(state, dcm, 1.0) <= 0.0:
             return ()
         left, right = (abs(self._along(dcm.x - place[0], dcm.y - place[1])[1]) for place in state.places)
         self.stance = 0 if left > right else 1
-        return self._begin(state)
+        return self._begin(state, frames)
 
-    def _begin(self, state: BodyState) -> tuple[Event, ...]:
+    def _begin(self, state: BodyState, frames: Frames) -> tuple[Event, ...]:
         """Begin to step from a stand."""
         self._level = self.ground.height = state.places[self.stance][2]
-        self._since_stand, self._pace = 0, self.settings.step_time
+        self._since_stand, self._pace = 0, self.steering.step_time
         self.steering.rest(self._middle(state))
-        self._lift()
+        self._lift(frames)
         return (Event.LIFT_OFF,)
 
     def _on_both_feet(
@@ -287,12 +320,12 @@ class SteppingGait:
         events: tuple[Event, ...],
     ) -> Reference:
         """Decide time and place of the step, move the swing foot, and change feet when it has landed."""
-        steps = self.steering.update((state.com[0], state.com[1]), (state.velocity[0], state.velocity[1]))
+        steps = self._steer(state)
         swing, landing = self._decide(state, dcm, frames, steps)
         events = (*events, *self._meet(state, frames))
         self._carry(state, 1 - self.stance)
         if self._met is not None and self._is_to_carry(dcm, steps):
-            events = (*events, *self._change_feet(state, dcm, steps.go, landing))
+            events = (*events, *self._change_feet(state, dcm, frames, steps.go, landing))
             dcm = self._pendulum(state)
             if self._mode is _Mode.STANDING:
                 return self._on_both_feet(state, dcm, frames, events)
@@ -312,51 +345,60 @@ class SteppingGait:
             landing=landing,
         )
 
+    def _steer(self, state: BodyState) -> StepVelocity:
+        """Return the velocity of the next steps; of footsteps that of the one that swings."""
+        if not self.footsteps:
+            return self.steering.update((state.com[0], state.com[1]), (state.velocity[0], state.velocity[1]))
+        landing, (x, y, _) = self.footsteps[0], state.places[self.stance]
+        (a, _, _), (b, _, _), _ = state.turns[self.stance]
+        ahead, _ = self._along(landing.x - x, landing.y - y)
+        going = len(self.footsteps) > 1
+        velocity = ahead / self.steering.step_time if going else 0.0
+        self.steering.along((velocity, 0.0), mean_heading(math.atan2(b, a), landing.yaw))
+        return StepVelocity((velocity, 0.0), 0.0, going)
+
     def _orbit(self, dcm: Divergent, steps: StepVelocity) -> Orbit:
         """Return the orbit of the steps that are asked for."""
-        s, side = self.settings, self._side
-        # The feet of a robot that walks sideways come apart and together: so far apart that they do not touch.
-        width = max(s.width, s.gap + abs(steps.velocity[1]) * s.step_time / SIDEWAYS)
-        return Orbit.of(steps.velocity, side, width, self.steering.step_time, self._pace, dcm.omega)
+        return Orbit.of(
+            steps.velocity, self._side, self._width(steps), self.steering.step_time, self._pace, dcm.omega
+        )
+
+    def _width(self, steps: StepVelocity) -> float:
+        """Return the distance between feet, m: of a robot that walks sideways they come apart and together."""
+        s = self.settings
+        return max(s.width, s.gap + abs(steps.velocity[1]) * self.steering.step_time / SIDEWAYS)
 
     def _decide(
         self, state: BodyState, dcm: Divergent, frames: Frames, steps: StepVelocity
     ) -> tuple[SwingFoot, Footstep]:
-        """Decide time and place of the step, and send the swing foot there."""
-        s, c = self.settings, self.constants
-        assert self._contact is not None
-        contact, orbit = (self._contact[0], self._contact[1]), self._orbit(dcm, steps)
-        ahead, aside = self._along(dcm.x - contact[0], dcm.y - contact[1])
-
-        # Time: until the lateral offset has grown to that of the orbit, or the one ahead outgrows it.
-        left = remaining_time(ahead, self._side * aside, orbit, dcm.omega, c.over, c.stretch)
-        wanted = min(max(self._elapsed + left, s.shortest), s.longest)
-        if self._swing is None:
-            first = self._since_stand == 0
-            self._nominal = s.step_time if first else min(wanted, c.later * self.steering.step_time)
-        elif self._met is None:
-            self._nominal += self._time_gain * (wanted - self._nominal)
-        if self._swing is not None and self.ground.sight is not None:
-            self._ticks += 1
-            if self._ticks % CHOICES == 0 and self._may_choose:
-                self._choose(state, contact, dcm, orbit)
+        """Decide time, place and centre of pressure of the step, and send the swing foot there."""
+        s, c, swing = self.settings, self.constants, 1 - self.stance
+        self._ticks += 1
         if self._met is None:
-            self._time = min(max(self._nominal + self._move.later / dcm.omega, s.shortest), s.longest)
-        left = max(self._time - self._elapsed, 0.0)
-
-        # Place: where the offsets of the orbit are left, within reach of the stance foot.
-        x, y = self._landing(state, contact, dcm, left, orbit, self._move)
-        side, turn = 1 - self.stance, self.steering.heading + steps.turn * left
-        landing = Footstep(SIDES[side], x, y, self.ground.height, turn)
+            self.area.update(state.turns[self.stance], state.wrenches[self.stance])
+            if self._swing is None or self._ticks % self._period == 0:
+                self._solve(state, dcm, steps)
+            nominal, longest = self.steering.step_time, self._longest
+            wanted = min(max(self._end, s.shortest), longest)
+            if self._swing is None:
+                self._time = min(wanted, c.later * nominal) if self._since_stand else nominal
+            else:
+                self._time += self._time_gain * (wanted - self._time)
+            self._time = min(max(self._time, s.shortest), longest)
+            most = c.cop_speed * self._dt
+            (a, b), (u, v) = self.cop, self._wanted_cop
+            self.cop = a + min(max(u - a, -most), most), b + min(max(v - b, -most), most)
+        turn = self.steering.heading + steps.turn * max(self._time - self._elapsed, 0.0)
+        if self.footsteps:
+            turn = self.footsteps[0].yaw
+        landing = Footstep(SIDES[swing], *self._place, self.ground.height, turn)
         touch = c.touch * self._time
         if self._swing is None:
             self.ground.lift(self.stance, frames[self.stance])
             landing = self._seen(landing)
             speed = min(c.landing_speed + c.haste * self.ground.uneven, c.hardest)
-            over = self.ground.way(frames[side], landing)
-            self._swing = SwingFoot(
-                frames[side], landing, touch, self._shape._replace(landing_speed=speed), over
-            )
+            shape, over = self._shape._replace(landing_speed=speed), self.ground.way(frames[swing], landing)
+            self._swing = SwingFoot(frames[swing], landing, touch, shape, over)
             return self._swing, landing
         if self._ticks % LOOKS == 0 and self.ground.sight is not None and touch - self._elapsed > LAST_LOOK:
             landing = self._seen(landing)
@@ -364,59 +406,126 @@ class SteppingGait:
             self._swing.retarget(self._elapsed, landing, touch)
         return self._swing, landing
 
+    @property
+    def _longest(self) -> float:
+        """Longest time of this step, s."""
+        return self.settings.longest * self.steering.step_time
+
+    def _solve(self, state: BodyState, dcm: Divergent, steps: StepVelocity) -> None:
+        """Solve the program for landing, time and centre of pressure of this step; keep the last ones if it fails."""
+        s, c, side, elapsed, omega = self.settings, self.constants, self._side, self._elapsed, dcm.omega
+        orbit, nominal, area = self._orbit(dcm, steps), self.steering.step_time, self.area
+        assert self._contact is not None
+        pivot = self._carrying_point(state, self.stance)
+        told = _on_sole(state, self.stance, c.carrying + self.cop[0], self.cop[1])
+        ahead, aside = self._along(dcm.x - pivot[0], dcm.y - pivot[1])
+        error = [
+            min(max(e, -c.cop_error), c.cop_error)
+            for e in self._along(self._contact[0] - told[0], self._contact[1] - told[1])
+        ]
+        offset, contact = (ahead, side * aside), (error[0], side * error[1])
+        right, left = area.aside if side > 0.0 else (-area.aside[1], -area.aside[0])
+        # A step that would wait for ξ aside ends, and one closes up whose ξ no centre of pressure brings back.
+        shortest, longest = max(s.shortest - elapsed, 0.0), max(self._longest - elapsed, 0.0)
+        most = max(abs(orbit.forward) + c.stretch, NEAR) / max(abs(offset[0] - contact[0]), NEAR)
+        longest = max(min(longest, max(math.log(most), 0.0) / omega), shortest)
+        if offset[1] - contact[1] < right - c.over:
+            longest = shortest
+        half_length, half_width = self.scale.sole
+        bounds = Bounds(
+            ((-s.reach, s.gap), (s.reach, s.widest)),
+            ((area.ahead[0], right), (area.ahead[1], left)),
+            (c.next_area * half_length, c.next_area * half_width),
+            (shortest, longest),
+        )
+        remaining = max(nominal - elapsed, 0.0)
+        last = remaining if self._swing is None else max(self._end - elapsed, 0.0)
+        wish = self._wish(orbit, steps, nominal)
+        if self.footsteps:
+            wish = self._planned(pivot, math.exp(omega * nominal), nominal)
+        step = self._program.solve(offset, contact, omega, remaining, last, wish, bounds)
+        if step is None:
+            if self._swing is not None:
+                return
+            step = Step((wish.places[0], wish.places[1]), (0.0, 0.0), nominal)
+        place = self._choose(self._to_world(pivot, step.place), pivot)
+        if place is not None:
+            forward, lateral = self._along(place[0] - pivot[0], place[1] - pivot[1])
+            landing = forward + c.carrying, side * lateral
+            held = self._program.solve(offset, contact, omega, remaining, last, wish, bounds, landing)
+            step = held or step
+        self._end, self._wanted_cop = elapsed + step.left, (step.shift[0], side * step.shift[1])
+        self._place = self._to_world(pivot, step.place)
+
+    def _to_world(self, pivot: Vector, place: Point) -> Point:
+        """Return the centre of a landing, m, whose carrying point is ahead and outwards of that of the stance foot."""
+        (cos, sin), forward, lateral = (
+            self.steering.direction,
+            place[0] - self.constants.carrying,
+            self._side * place[1],
+        )
+        return pivot[0] + cos * forward - sin * lateral, pivot[1] + sin * forward + cos * lateral
+
+    def _choose(self, free: Point, pivot: Vector) -> Point | None:
+        """Return the place near the program's landing where the sole is to rest; None where none is chosen."""
+        s, c, side = self.settings, self.constants, self._side
+        if self.ground.sight is None or self._swing is None or self._since_stand == 0:
+            return None
+        if self.footsteps and (len(self.footsteps) < 3 or self.footsteps[0].place == "fixed"):
+            return None
+        soon = c.touch * self._time - self._elapsed <= LAST_LOOK
+        moved = self._about is None or math.dist(free, self._about) > c.again
+        if soon or self._elapsed < c.choice * self._time or not moved:
+            return self._chosen
+        k = self._program.stiffness() * (c.balance_cost / self.scale.height**2)
+        aside = side * k[0, 1]
+
+        def cost(moves: Places) -> Array:
+            u, v = moves.real, moves.imag
+            return np.asarray(0.5 * (k[0, 0] * u * u + 2.0 * aside * u * v + k[1, 1] * v * v))
+
+        def allowed(x: float, y: float) -> bool:
+            forward, lateral = self._along(x - pivot[0], y - pivot[1])
+            return abs(forward + c.carrying) <= s.reach and s.gap <= side * lateral <= s.widest
+
+        place = Footstep(SIDES[1 - self.stance], *free, self.ground.height, self.steering.heading)
+        chosen = self.ground.choose(place, allowed, cost)
+        self._about = free
+        self._chosen = None if (chosen.x, chosen.y) == free else (chosen.x, chosen.y)
+        return self._chosen
+
+    def _wish(self, orbit: Orbit, steps: StepVelocity, nominal: float) -> Wish:
+        """Return the steps of the velocity."""
+        length, drift = steps.velocity[0] * nominal, self._side * steps.velocity[1] * nominal
+        width, b, inwards, closing = self._width(steps), orbit.ahead, -orbit.inwards, -orbit.closing
+        places = length, width + drift, length, width - drift, length, width + drift
+        return Wish(places, (b, inwards, b, closing, b, inwards), nominal)
+
+    def _planned(self, pivot: Vector, growth: float, nominal: float) -> Wish:
+        """Return the planned steps, and offsets from which a pendulum reaches rest at their end, E b = s⁺ + b⁺."""
+        at, ways = complex(*self._along(*pivot[:2])), []
+        for step in self.footsteps[:HORIZON]:
+            carrying = self.constants.carrying
+            x, y = step.x + carrying * math.cos(step.yaw), step.y + carrying * math.sin(step.yaw)
+            ways.append(complex(*self._along(x, y)) - at)
+            at += ways[-1]
+        offsets = [-0.5 * ways[-1]]  # in the middle of the feet
+        for way in ways[:0:-1]:
+            offsets.insert(0, (way + offsets[0]) / growth)
+        while len(ways) < 3:  # the robot stands: whatever leads on from there
+            ways.append(complex(0.0, math.copysign(self.settings.width, -ways[-1].imag)))
+            offsets.append(growth * offsets[-1] - ways[-1])
+        if self._side < 0.0:
+            ways, offsets = ([z.conjugate() for z in values] for values in (ways, offsets))
+        (s0, s1, s2), (b0, b1, b2) = ways[:3], offsets[:3]
+        places = s0.real, s0.imag, s1.real, -s1.imag, s2.real, s2.imag
+        return Wish(places, (b0.real, b0.imag, b1.real, -b1.imag, b2.real, b2.imag), nominal)
+
     def _seen(self, landing: Footstep) -> Footstep:
         """Return a landing at the height that is seen under it, which is expected from now on."""
         landing = self.ground.under(landing)
         self.ground.height = landing.z
         return landing
-
-    @property
-    def _may_choose(self) -> bool:
-        """True while a place may be chosen: neither in the first step, nor too early or too late in a swing."""
-        c = self.constants
-        soon = c.touch * self._time - self._elapsed <= LAST_LOOK
-        return (
-            self._met is None and self._since_stand > 0 and self._elapsed > c.choice * self._time and not soon
-        )
-
-    def _choose(self, state: BodyState, contact: Point, dcm: Divergent, orbit: Orbit) -> None:
-        """Choose the move of the landing to quieter ground nearby, as far as the balance allows it."""
-        s, c, side = self.settings, self.constants, self._side
-        left = max(self._nominal - self._elapsed, 0.0)
-        x, y = self._landing(state, contact, dcm, left, orbit, LandingShift())
-        ahead, aside = self._along(dcm.x - contact[0], dcm.y - contact[1])
-        growth = math.exp(dcm.omega * left)
-        times = dcm.omega * (s.shortest - self._nominal), dcm.omega * (s.longest - self._nominal)
-        moves = Moves((growth * ahead, growth * side * aside), times, orbit, self._move.by, c)
-
-        def allowed(x: float, y: float) -> bool:
-            forward, lateral = self._from_stance(state, x, y)
-            return abs(forward) <= s.reach and s.gap <= side * lateral <= s.widest
-
-        place = Footstep(SIDES[1 - self.stance], x, y, self.ground.height, self.steering.heading)
-        chosen = self.ground.choose(place, allowed, moves if side > 0.0 else lambda by: moves(by.conjugate()))
-        ahead, aside = self._along(chosen.x - x, chosen.y - y)
-        self._move = moves.at(complex(ahead, side * aside))
-
-    def _from_stance(self, state: BodyState, x: float, y: float) -> Point:
-        """Return where the carrying point of a landing is, ahead and to the left of that of the stance foot, m."""
-        stance = self._carrying_point(state, self.stance)
-        ahead, aside = self._along(x - stance[0], y - stance[1])
-        return ahead + self.constants.carrying, aside
-
-    def _landing(
-        self, state: BodyState, contact: Point, dcm: Divergent, left: float, orbit: Orbit, move: LandingShift
-    ) -> Point:
-        """Return the landing of the centre of the swing foot, m."""
-        s, side, (cos, sin) = self.settings, self._side, self.steering.direction
-        ahead, aside = orbit.ahead - move.ahead, -side * (orbit.inwards + move.outwards)
-        place = landing_place(contact, dcm, left, (cos * ahead - sin * aside, sin * ahead + cos * aside))
-        stance = self._carrying_point(state, self.stance)
-        dx, dy = place[0] - stance[0], place[1] - stance[1]
-        forward = min(max(cos * dx + sin * dy, -s.reach), s.reach)
-        lateral = side * min(max(side * (cos * dy - sin * dx), s.gap), s.widest)
-        forward -= self.constants.carrying  # of the centre of the sole, behind the point that carries
-        return stance[0] + cos * forward - sin * lateral, stance[1] + sin * forward + cos * lateral
 
     def _meet(self, state: BodyState, frames: Frames) -> tuple[Event, ...]:
         """Detect that the swing foot has met the ground, or has lost it again."""
@@ -448,7 +557,7 @@ class SteppingGait:
     def _is_to_carry(self, dcm: Divergent, steps: StepVelocity) -> bool:
         """Return True if the foot in contact is to carry: waiting does not help, or has lasted too long."""
         assert self._contact is not None
-        if self._elapsed > self.settings.longest:
+        if self._elapsed > self._longest:
             return True
         c, (x, y, _), (p, q, _) = self.constants, self._carrying, self._contact
         ahead, aside = self._along(dcm.x - x, dcm.y - y)
@@ -457,11 +566,14 @@ class SteppingGait:
         return takes_over(there, here, self._orbit(dcm, steps), c.stretch, c.wait, c.patience)
 
     def _change_feet(
-        self, state: BodyState, dcm: Divergent, go: bool, landing: Footstep
+        self, state: BodyState, dcm: Divergent, frames: Frames, go: bool, landing: Footstep
     ) -> tuple[Event, ...]:
         """Let the foot that has landed carry; stand if the robot is to stop and can."""
         c, (left, right) = self.constants, state.places
-        self._pace += c.pace_gain * (min(self._elapsed, self.settings.longest) - self._pace)
+        self._pace += c.pace_gain * (min(self._elapsed, self._longest) - self._pace)
+        held = min(self.area.width / c.slow_width, 1.0)
+        gain = c.held_gain[0] if held < self.steering.held else c.held_gain[1]
+        self.steering.held += gain * (held - self.steering.held)
         self.stance = 1 - self.stance
         self.ground.land(state.places[self.stance][2] - landing.z, left[2] - right[2])
         self._contact = None
@@ -473,17 +585,21 @@ class SteppingGait:
             self._enter(_Mode.STANDING)
             self.steering.rest(self._middle(state))
             return (Event.STOPPED,)
-        self._lift()
+        self._lift(frames)
         return (Event.LIFT_OFF,)
 
-    def _lift(self) -> None:
+    def _lift(self, frames: Frames) -> None:
         self._enter(_Mode.STEPPING)
-        self._swing = self._met = None
-        self._move = LandingShift()
+        self._ask(frames, SIDES[1 - self.stance])
+        if self.footsteps:
+            self.ground.height = self.footsteps[0].z
+        self._swing = self._met = self._about = self._chosen = None
         self._touch.lift()
 
     def _enter(self, mode: _Mode) -> None:
         self._mode, self._elapsed, self._contact = mode, 0.0, None
+        self.cop = self._wanted_cop = 0.0, 0.0
+        self.area.forget()
 
     def _most_forces(self, state: BodyState) -> tuple[float, float]:
         """Return the greatest normal force of each foot, N: the old stance foot unloads, one that waits has `share`."""
@@ -566,6 +682,7 @@ class SteppingGait:
             self.stance,
             side,
             most_force,
+            self.cop,
         )
 
 

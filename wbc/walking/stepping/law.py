@@ -58,6 +58,27 @@ class SteppingConstants:
     cop_lag: Annotated[float, "1/ω"] = 0.081  # force sensors ring at impacts
     box: Annotated[Point, "sole"] = (0.035, 0.067)  # one stone gives no moment
     standing_box: Annotated[Point, "sole"] = (0.59, 0.67)  # what a sole holds on stones
+    # Area that is believed to hold, and the centre of pressure in it.
+    margin: Annotated[float, "h"] = 0.026  # between the greatest area and the edges of a sole
+    area_growth: Annotated[float, "hω"] = 0.09  # of each edge: the whole sole within a step
+    inside: Annotated[float, "h"] = 0.0064  # between the edge of an area that ends and the measured CoP
+    still: Annotated[float, "ω"] = 0.07  # greatest rate of a foot that stands
+    turning: Annotated[float, "ω"] = 0.14  # least rate of a foot that turns over an edge
+    spin_lag: Annotated[float, "1/ω"] = 0.053  # of these rates: differences of noisy angles
+    carries: Annotated[float, "mg"] = 0.3  # from which on the CoP shows where a foot holds
+    cop_speed: Annotated[float, "hω"] = 0.36  # of the commanded CoP: no jump of the moments
+    cop_error: Annotated[float, "h"] = (
+        0.038  # greatest difference of measured and commanded CoP that is believed
+    )
+    next_area: float = (
+        0.3  # ratio of the half sole that the next foot is expected to hold: stones hold less than all
+    )
+    period: Annotated[float, "1/ω"] = 0.021  # of the program
+    slow_width: Annotated[float, "h"] = 0.04  # half of the width that has held, from which on steps are slow
+    held_gain: Point = (
+        0.8,
+        0.3,
+    )  # weight of the last step in what feet have held, where it is less and where it is more
     # Taking over.
     patience: float = 1.5  # offset of ξ over the orbit's from which on a next step is long enough
     wait: float = 0.2  # time ahead for which waiting is judged, 1/ω
@@ -86,17 +107,11 @@ class SteppingConstants:
     level_lag: Annotated[float, "1/ω"] = 1.01  # of the CoM over the feet: it need not follow each stone
     ground_share: float = 0.75  # of an unexpected height that the next landing expects
     # Choice of a place on ground that is seen.
-    time_cost: Annotated[float, "h"] = 1.2  # of a step that is 1/ω longer
-    offset_cost: Annotated[float, "1/h"] = 18.0  # of an offset of h that is not left
-    change: float = 0.1  # of another place than the last one
-    move: Annotated[float, "h"] = 0.003  # of moving at all
-    most_later: float = 0.15  # 1/ω
-    most_ahead: Annotated[float, "h"] = 0.028
-    most_inwards: float = 0.25  # of the orbit's offset
-    most_outwards: float = 0.5
-    choice: float = (
-        0.15  # share of the step's time from which on a place is chosen: before, the law's own moves far
+    balance_cost: Annotated[float, "h"] = (
+        3.0  # of a landing away from the program's, over the program's cost in h²
     )
+    choice: float = 0.15  # share of the step's time from which on a place is chosen
+    again: Annotated[float, "h"] = 0.03  # move of the program's landing from which on another one is chosen
     # Both feet.
     shift_time: Annotated[float, "1/ω"] = 2.83
     shift: float = 1.3  # place of ξ at its end, in b_y of a step in place: the first step begins late
@@ -145,8 +160,7 @@ class Orbit(NamedTuple):
 
     ahead: float  # offset b_x of ξ ahead of the foot that lands, m
     inwards: float  # offset b_y of ξ from the foot that lands towards the other one, m
-    # Offset of ξ from the stance foot towards the swing foot at the end of a step, E (w/(1+E) + δ), m.
-    outwards: float
+    closing: float  # the same of the next foot, w/(1+E) + δ, m
     forward: float  # offset of ξ ahead of the stance foot at the end of a step, E b_x, m
 
     @staticmethod
@@ -163,22 +177,7 @@ class Orbit(NamedTuple):
         shift = min(max(side * velocity[1] * drift, -SIDEWAYS * still), SIDEWAYS * still)
         paced = math.exp(omega * pace)
         ahead = velocity[0] * pace / (paced - 1.0)
-        return Orbit(ahead, still - shift, growth * (still + shift), paced * ahead)
-
-
-def remaining_time(
-    ahead: float, aside: float, orbit: Orbit, omega: float, over: float, stretch: float
-) -> float:
-    """Return the time until ξ has grown to the end of a step, ln(min(outwards / aside, most / |ahead|)) / ω, s.
-
-    Offsets of ξ from the stance foot are `ahead` of it and `aside`, towards the swing foot, m; most = E |b_x| +
-    `stretch`, m. From `over`, m, beyond the stance foot on, the swing foot must close up at once: 0 is returned.
-    """
-    if aside < -over:
-        return 0.0
-    most = abs(orbit.forward) + stretch
-    growth = min(orbit.outwards / max(aside, NEAR), most / max(abs(ahead), NEAR))
-    return max(math.log(growth), 0.0) / omega
+        return Orbit(ahead, still - shift, still + shift, paced * ahead)
 
 
 def takes_over(there: Point, here: Point, orbit: Orbit, stretch: float, wait: float, patience: float) -> bool:
@@ -204,15 +203,3 @@ def takes_over(there: Point, here: Point, orbit: Orbit, stretch: float, wait: fl
 def _viability(ahead: float, inwards: float, orbit: Orbit, stretch: float) -> float:
     aside = orbit.inwards / max(inwards, NEAR)
     return min(aside, (abs(orbit.ahead) + 0.5 * stretch) / max(abs(ahead), NEAR))
-
-
-def landing_place(contact: Point, dcm: Divergent, remaining: float, offset: Point) -> Point:
-    """Return the place where a foot lands so that an offset is left: p + (ξ − p) e^{ω t} − b.
-
-    Contact point p, m, DCM ξ, time t to the landing, s, offset b in the world, m, natural frequency ω, 1/s.
-    """
-    growth = math.exp(dcm.omega * remaining)
-    return (
-        contact[0] + (dcm.x - contact[0]) * growth - offset[0],
-        contact[1] + (dcm.y - contact[1]) * growth - offset[1],
-    )

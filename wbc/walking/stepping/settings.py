@@ -74,9 +74,10 @@ class SteppingSettings:
 
     Attributes:
         bend: Distance of the CoM below its height on straight legs, leg lengths.
-        step_time: Time T of a slow step while nothing disturbs it, 1/ω.
+        step_time: Time T of a step at low speed on feet that hold at a point, 1/ω.
+        slow_time: The same on soles that have held across their width, 1/ω.
         shortest: Shortest time of a step, 1/ω.
-        longest: Longest time of a step, and longest wait after an early contact, 1/ω.
+        longest: Longest time of a step, and longest wait after an early contact, over the time T.
         width: Distance w between the feet while nothing disturbs them, h; greater where the soles need it.
         gap: Least distance between the inner edges of the soles, h.
         widest: Greatest distance between the feet, h.
@@ -94,8 +95,9 @@ class SteppingSettings:
 
     bend: Annotated[NonNegative, "leg"] = 0.162
     step_time: Annotated[Positive, "1/ω"] = 1.65
+    slow_time: Annotated[Positive, "1/ω"] = 2.9
     shortest: Annotated[Positive, "1/ω"] = 0.81
-    longest: Annotated[Positive, "1/ω"] = 2.02
+    longest: Positive = 1.22
     width: Annotated[Positive, "h"] = 0.367
     gap: Annotated[NonNegative, "h"] = 0.10
     widest: Annotated[Positive, "h"] = 0.97
@@ -120,11 +122,13 @@ class SteppingSettings:
 
     def _check(self, si: SteppingSettings, scale: RobotSize) -> None:
         """Refuse steps that cannot be walked, by the settings in SI units."""
-        if not si.shortest <= si.step_time <= si.longest:
+        if not si.shortest <= si.step_time <= si.slow_time:
             raise InputError(
-                f"shortest ≤ step_time ≤ longest must hold, got {self.shortest:g}, {self.step_time:g} and "
-                f"{self.longest:g} in 1/ω ({si.shortest:.3f}, {si.step_time:.3f} and {si.longest:.3f} s)"
+                f"shortest ≤ step_time ≤ slow_time must hold, got {self.shortest:g}, {self.step_time:g} and "
+                f"{self.slow_time:g} in 1/ω ({si.shortest:.3f}, {si.step_time:.3f} and {si.slow_time:.3f} s)"
             )
+        if si.longest < 1.0:
+            raise InputError(f"longest is a ratio of the time of a step, of 1 at least, got {si.longest:g}")
         least = 2.0 * si.swing_height / (scale.height * scale.omega)
         if si.shortest < least:
             raise InputError(

@@ -5,11 +5,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from wbc.core.control import State
+from wbc.core.errors import InputError, shown
 from wbc.core.robot import Robot
 from wbc.ground import KnownGround
 from wbc.walking.contact import GaitPhase
-from wbc.walking.plans.footsteps import heading
-from wbc.walking.plans.sources import Velocity
+from wbc.walking.plans.footsteps import Footstep, FootstepPlan, heading
+from wbc.walking.plans.reach import Reach
+from wbc.walking.plans.sources import FootstepSource, PlanSource, Standing, Velocity, dropped, next_steps
 from wbc.walking.source import Progress, Reference, ReferenceSource, VelocityLimits
 from wbc.walking.stepping.gait import BodyState, SteppingGait
 from wbc.walking.stepping.settings import RobotSize, SteppingSettings
@@ -21,11 +23,11 @@ class SteppingWalk(ReferenceSource):
     Attributes:
         gait: Law of the steps, with the steering.
         com_height: Height of the CoM over the soles while walking, m.
+        planner: Planner of the footsteps; None for a walk that is steered.
     """
 
     com_height: float
     by_steps = True
-    unsteered = "a stepping walk decides each step as it goes: it takes a velocity or a goal, no footsteps"
 
     def __init__(
         self,
@@ -37,6 +39,7 @@ class SteppingWalk(ReferenceSource):
         """Stand; the CoM is at a height over the soles, m, or as far down as the settings' `bend`."""
         self._settings, self._height, self._dt = settings or SteppingSettings(), com_height, dt
         self._made_for = robot
+        self._reach = Reach.of(robot)
         self.begin(heading(robot.placement(robot.base_frame).rotation))
 
     def begin(self, towards: float) -> None:
@@ -45,6 +48,8 @@ class SteppingWalk(ReferenceSource):
         sight = None if self.ground is None else self.ground.sight
         self.com_height = scale.height
         self.gait = SteppingGait(self._settings, scale, towards, self._dt)
+        self.planner: FootstepSource | None = None
+        self.reason = ""
         self._steering, self.ground = self.gait.steering, self.gait.ground
         self.ground.sight = sight
         self._robot: Robot | None = None  # that of the state
@@ -86,11 +91,11 @@ class SteppingWalk(ReferenceSource):
     @property
     def finished(self) -> bool:
         """True when nothing asks for steps and the robot has stood for as long as a step takes."""
-        return self.gait.stands and not self._steering.pending
+        return self.gait.stands and self.planner is None and not self._steering.pending
 
     @property
     def steered(self) -> bool:
-        """True: no footsteps are planned."""
+        """True: a velocity or a goal may come at any tick."""
         return True
 
     @property
@@ -101,6 +106,7 @@ class SteppingWalk(ReferenceSource):
     @velocity.setter
     def velocity(self, velocity: Sequence[float] | None) -> None:
         self._steering.command(velocity)
+        self._take(None)
 
     @property
     def granted(self) -> Velocity:
@@ -115,6 +121,32 @@ class SteppingWalk(ReferenceSource):
     def go_to(self, x: float, y: float, yaw: float) -> None:
         """Walk to a place in the world, m, with a heading, rad, and stand there."""
         self._steering.go_to(x, y, yaw)
+        self._take(None)
+
+    def follow(self, source: FootstepPlan | FootstepSource) -> None:
+        """Take the footsteps from a plan or a planner, from the next step on."""
+        if not isinstance(source, (FootstepPlan, FootstepSource)):
+            raise InputError(f"footsteps come from a FootstepPlan or a FootstepSource, got {shown(source)}")
+        self._steering.command(None)
+        self._take(PlanSource(source) if isinstance(source, FootstepPlan) else source)
+
+    def _take(self, planner: FootstepSource | None) -> None:
+        self.planner, self.reason = planner, ""
+        self.gait.plan = None if planner is None else self._footsteps
+
+    def _footsteps(self, now: Standing) -> Sequence[Footstep]:
+        """Return the planner's steps; none from one that has done, raises, or asks for a step out of reach."""
+        assert self.planner is not None
+        try:
+            plan = next_steps(self.planner, now, self._made_for, self._reach)
+        except Exception as error:  # of a planner of the user's own, too
+            reason = dropped(error)
+            self._take(None)
+            self.reason = reason
+            return ()
+        if not plan.steps:
+            self._take(None)
+        return plan.steps
 
     def see(self, ground: KnownGround) -> None:
         """Put feet by what is known of the ground, from the next swing on."""
@@ -122,4 +154,4 @@ class SteppingWalk(ReferenceSource):
 
     def stop(self) -> None:
         """Come to a stand."""
-        self._steering.command(None)
+        self.velocity = None

@@ -47,6 +47,8 @@ class Steering:
         velocity: Velocity of the steps now, forward and left, m/s.
         turn: Turn of the steps now, rad/s.
         limits: Greatest velocities that are granted.
+        goes: False for a robot that is to stand.
+        held: Width of the soles that has held in the last steps, of that from which on steps are slow.
     """
 
     def __init__(
@@ -59,6 +61,7 @@ class Steering:
         self.turn_to(heading)
         self.velocity: Point = (0.0, 0.0)
         self.turn = 0.0
+        self.held, self.goes = 0.0, True
         self._path: Point | None = None
         self._line: tuple[Point, float] | None = None  # start and direction of the line to a goal
         self._missing = 0.0  # forward velocity by which the steps fall short of what is asked for, m/s
@@ -88,11 +91,25 @@ class Steering:
     @property
     def step_time(self) -> float:
         """Time T of a step at this velocity, s."""
-        return step_time(self.velocity[0], self._s.step_time, self._brisk)
+        return step_time(self.velocity[0], self._slow, self._brisk)
+
+    @property
+    def _slow(self) -> float:
+        """Time of a step at low speed, s: a fast walk has quick steps, and one that is to stand, nearer the middle."""
+        s = self._s
+        slow = self.held * min(max(2.0 - abs(self.velocity[0]) / s.cruise, 0.0), 1.0) if self.goes else 0.0
+        return s.step_time + slow * (s.slow_time - s.step_time)
 
     def rest(self, place: Point) -> None:
         """Start again from a stand at a place, m."""
         self.velocity, self.turn, self._path, self._missing = (0.0, 0.0), 0.0, place, 0.0
+
+    def along(self, velocity: Point, heading: float) -> None:
+        """Take velocity, m/s, and heading, rad, from footsteps; no path is held."""
+        self.goes = True
+        self.velocity, self.turn, self._path, self._missing = velocity, 0.0, None, 0.0
+        most = self._s.fastest_turn * self._dt
+        self.turn_to(self.heading + min(max(math.remainder(heading - self.heading, math.tau), -most), most))
 
     def turn_to(self, heading: float) -> None:
         """Set the heading, rad."""
@@ -110,6 +127,7 @@ class Steering:
         self.turn_to(self.heading + turn * dt)
         held = self._held(place, turn)
         self._make_up(held, speed)
+        self.goes = self.pending
         return StepVelocity((held[0] + self._missing, held[1]), turn, self.pending)
 
     def _wanted(self, place: Point) -> Velocity:
@@ -168,6 +186,6 @@ class Steering:
         c, (cos, sin) = self._c, self.direction
         short = asked[0] - cos * speed[0] - sin * speed[1]
         # What a brisk walk gained while it fell behind its ramp must be gone before the legs can follow no more.
-        lag = c.speed_lag * (self._s.step_time / self.step_time) ** 4
+        lag = c.speed_lag * (self._slow / self.step_time) ** 4
         missing = self._missing + short * self._dt / lag
         self._missing = min(max(missing, -c.speed_bias), c.speed_bias)

@@ -1,0 +1,199 @@
+"""Program of a step, and the area that holds, against the pendulum in closed form and against another solver."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+import pytest
+import qpsolvers
+from hypothesis import given
+from hypothesis import strategies as st
+from pendulum import com_after
+from properties import examples
+
+from wbc.core.robot import GRAVITY
+from wbc.walking.stepping.area import HeldArea
+from wbc.walking.stepping.law import Orbit, SteppingConstants
+from wbc.walking.stepping.program import Bounds, Step, StepProgram, Wish
+from wbc.walking.stepping.settings import RobotSize, in_si
+
+HEIGHT, TIME, WIDTH = 0.6, 0.36, 0.22
+OMEGA = math.sqrt(GRAVITY / HEIGHT)
+POINT, SOLE = ((0.0, 0.0), (0.0, 0.0)), ((-0.06, -0.03), (0.06, 0.03))
+LEGS = (-0.4, 0.1), (0.4, 0.6)
+SIZE = RobotSize(height=HEIGHT, leg=0.62, mass=33.0, sole=(0.1, 0.05), ankle=0.035)
+
+offsets = st.floats(-0.05, 0.05)
+velocities = st.tuples(st.floats(-0.4, 0.6), st.floats(-0.15, 0.15))
+
+
+def wish_of(velocity: tuple[float, float], side: float) -> Wish:
+    """Steps of a velocity, forward and left, m/s; the left foot swings if the side is 1."""
+    orbit = Orbit.of(velocity, side, WIDTH, TIME, TIME, OMEGA)
+    length, drift, b = velocity[0] * TIME, side * velocity[1] * TIME, orbit.ahead
+    places = length, WIDTH + drift, length, WIDTH - drift, length, WIDTH + drift
+    return Wish(places, (b, -orbit.inwards, b, -orbit.closing, b, -orbit.inwards), TIME)
+
+
+def start_of(wish: Wish) -> np.ndarray:
+    """DCM from the foot that stands at the begin of a step of an orbit, ahead and outwards, m."""
+    ahead, outwards, _, _, _, _ = np.array(wish.places) + wish.offsets
+    return np.array([ahead, outwards]) / math.exp(OMEGA * TIME)
+
+
+def solve(
+    dcm: np.ndarray,
+    wish: Wish,
+    area: tuple[tuple[float, float], tuple[float, float]] = POINT,
+    last: float = TIME,
+) -> Step:
+    """Solve a program at the begin of a step."""
+    bounds = Bounds(LEGS, area, (0.0, 0.0), (0.12, 0.5))
+    step = StepProgram(HEIGHT).solve(
+        (float(dcm[0]), float(dcm[1])), (0.0, 0.0), OMEGA, TIME, last, wish, bounds
+    )
+    assert step is not None
+    return step
+
+
+class Landing(NamedTuple):
+    """End of a step: foot and DCM in the world, side of the foot (1 left), time of the step."""
+
+    foot: np.ndarray
+    dcm: np.ndarray
+    side: float
+    time: float
+
+
+def walk(
+    steps: int,
+    velocity: tuple[float, float],
+    error: tuple[float, float],
+    area: tuple[tuple[float, float], tuple[float, float]] = POINT,
+) -> list[Landing]:
+    """Steps of a pendulum that does what one program at the begin of each step says, first with the left foot."""
+    landings, foot, side = [], np.zeros(2), 1.0
+    dcm = start_of(wish_of(velocity, side)) + error
+    com = dcm - np.array([0.01, 0.002])  # with the velocity that makes up the rest of the DCM
+    speed = (dcm - com) * OMEGA
+    for _ in range(steps):
+        mirror, last = np.array([1.0, side]), TIME
+        for _ in range(8):  # until the time by which the shift counts is that of the solution
+            step = solve((dcm - foot) * mirror, wish_of(velocity, side), area, last)
+            last = step.left
+        com, speed = com_after(com, speed, foot + mirror * step.shift, OMEGA, step.left)
+        foot, dcm = foot + mirror * step.place, com + speed / OMEGA
+        landings.append(Landing(foot, dcm, side, step.left))
+        side = -side
+    return landings
+
+
+@examples(50)
+@given(velocities, st.sampled_from([1.0, -1.0]))
+def test_steps_on_their_orbit_are_as_asked_for(velocity: tuple[float, float], side: float) -> None:
+    wish = wish_of(velocity, side)
+    step = solve(start_of(wish), wish, SOLE)
+    assert step.place == pytest.approx(wish.places[:2], abs=1e-6)
+    assert step.shift == pytest.approx((0.0, 0.0), abs=1e-6)
+    assert step.left == pytest.approx(TIME, abs=1e-6)
+
+
+@examples(30)
+@given(velocities, offsets, st.floats(-0.02, 0.04), st.sampled_from([POINT, SOLE]))
+def test_an_error_of_the_dcm_dies_out_and_feet_do_not_cross(
+    velocity: tuple[float, float], ahead: float, aside: float, area: tuple
+) -> None:
+    landings = walk(12, velocity, (ahead, aside), area)
+    for before, after in zip(landings, landings[1:], strict=False):
+        assert after.side * (after.foot[1] - before.foot[1]) >= LEGS[0][1] - 1e-6
+    for before, after in zip(landings[-3:], landings[-2:], strict=False):
+        orbit = Orbit.of(velocity, after.side, WIDTH, TIME, TIME, OMEGA)
+        x, y = after.dcm - after.foot
+        assert (x, -after.side * y) == pytest.approx((orbit.ahead, orbit.inwards), abs=2e-3)
+        assert after.time == pytest.approx(TIME, abs=5e-3)
+        assert after.foot[0] - before.foot[0] == pytest.approx(velocity[0] * TIME, abs=4e-3)
+
+
+def test_a_sole_that_holds_keeps_places_that_a_point_must_leave() -> None:
+    wish = wish_of((0.3, 0.0), 1.0)
+    dcm = start_of(wish) + (0.01, 0.01)
+    kept, left = (solve(dcm, wish, area).place for area in (SOLE, POINT))
+    assert kept == pytest.approx(wish.places[:2], abs=5e-3)
+    assert math.dist(left, wish.places[:2]) > 3.0 * math.dist(kept, wish.places[:2])
+
+
+@examples(30)
+@given(offsets, offsets, st.floats(0.1, 0.4))
+def test_the_shift_lands_the_pendulum_where_the_program_says(ahead: float, aside: float, left: float) -> None:
+    """s0 + b0 is where the closed form takes ξ, once the time of the shift is that of the solution."""
+    wish, program, last = wish_of((0.2, 0.0), 1.0), StepProgram(HEIGHT), left
+    dcm = start_of(wish) + (ahead, aside)
+    for _ in range(30):
+        step = program.solve(
+            tuple(dcm), (0.004, -0.003), OMEGA, left, last, wish, Bounds(LEGS, SOLE, (0.0, 0.0), (0.05, 0.5))
+        )
+        assert step is not None
+        last = step.left
+    contact = np.array(step.shift) + (0.004, -0.003)
+    there = contact + (dcm - contact) * math.exp(OMEGA * step.left)
+    np.testing.assert_allclose(program.x[:2] + program.x[11:13], there, atol=1e-4)
+
+
+@examples(30)
+@given(offsets, offsets, velocities)
+def test_another_solver_finds_the_same_step(
+    ahead: float, aside: float, velocity: tuple[float, float]
+) -> None:
+    wish, program = wish_of(velocity, 1.0), StepProgram(HEIGHT)
+    dcm = start_of(wish) + (ahead, aside)
+    bounds = Bounds(LEGS, SOLE, (0.02, 0.01), (0.12, 0.5))
+    assert program.solve(tuple(dcm), (0.0, 0.0), OMEGA, TIME, TIME, wish, bounds)
+    rows, low, high = program._rows, program._lower, program._upper
+    x = qpsolvers.solve_qp(
+        program._hessian, program._gradient, A=rows, b=low[17:], lb=low[:17], ub=high[:17], solver="proxqp",
+        eps_abs=1e-9,
+    )  # fmt: skip
+    np.testing.assert_allclose(program.x, x, atol=1e-5)
+
+
+@examples(20)
+@given(st.tuples(st.floats(-0.02, 0.02), st.floats(-0.02, 0.02)))
+def test_a_landing_that_is_held_costs_what_its_stiffness_says(move: tuple[float, float]) -> None:
+    """Without bounds that hold."""
+    wish, program, wide = wish_of((0.2, 0.0), 1.0), StepProgram(HEIGHT), ((-9.0, -9.0), (9.0, 9.0))
+    free = Bounds(LEGS, wide, (9.0, 9.0), (0.01, 2.0))
+    dcm = tuple(start_of(wish) + (0.01, 0.005))
+    step = program.solve(dcm, (0.0, 0.0), OMEGA, TIME, TIME, wish, free)
+    assert step is not None
+    stiffness, least = program.stiffness(), _cost(program)
+    held = step.place[0] + move[0], step.place[1] + move[1]
+    assert program.solve(dcm, (0.0, 0.0), OMEGA, TIME, TIME, wish, free, held)
+    delta = np.array(move)
+    assert _cost(program) - least == pytest.approx(0.5 * delta @ stiffness @ delta, rel=1e-2, abs=1e-7)
+
+
+def _cost(program: StepProgram) -> float:
+    x = program.x
+    return float(0.5 * x @ program._hessian @ x + program._gradient @ x)
+
+
+def test_an_area_grows_while_the_foot_is_still_and_ends_where_it_turns() -> None:
+    c, dt, weight = in_si(SteppingConstants(), SIZE), 0.002, SIZE.weight
+    area, flat, cop = HeldArea(SIZE.sole, c, dt), ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0)), (0.02, 0.01)
+    wrench = (0.0, 0.0, weight, cop[1] * weight, -cop[0] * weight, 0.0)
+    for _ in range(1000):
+        area.update((*flat, (0.0, 0.0, 1.0)), wrench)
+    assert area.aside == pytest.approx([c.margin - SIZE.sole[1], SIZE.sole[1] - c.margin])
+    assert area.ahead == pytest.approx(
+        [c.margin - SIZE.sole[0] - c.carrying, SIZE.sole[0] - c.margin - c.carrying]
+    )
+    for tick in range(100):  # its left end goes down: it turns over the left edge
+        area.update((*flat, (0.0, -3.0 * c.turning * dt * tick, 1.0)), wrench)
+    assert area.aside[1] == pytest.approx(cop[1] - c.inside)
+    assert area.aside[0] == pytest.approx(c.margin - SIZE.sole[1]), "the other side holds"
+    area.forget()
+    for _ in range(1000):
+        area.update((*flat, (0.0, 0.0, 1.0)), (0.0, 0.0, 0.9 * c.carries, 0.0, 0.0, 0.0))
+    assert area.width == 0.0, "it carries too little to say"

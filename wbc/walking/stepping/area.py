@@ -1,0 +1,65 @@
+"""Area of a sole that is believed to hold: where the centre of pressure may go.
+
+It is a point at first, and grows in all directions while the foot does not turn. Where the foot turns over an edge it
+ends at the measured centre of pressure.
+"""
+
+from __future__ import annotations
+
+from wbc.core.vectors import Rotation, Vector
+from wbc.walking.stepping.law import SteppingConstants
+
+
+class HeldArea:
+    """Area of the foot that stands, about its carrying point.
+
+    Attributes:
+        ahead: Edges behind and ahead, m.
+        aside: Edges to the right and to the left, m.
+    """
+
+    def __init__(self, sole: tuple[float, float], constants: SteppingConstants, dt: float) -> None:
+        """Hold a point of a sole of half a length and half a width, m."""
+        c, self._c, self._dt = constants, constants, dt
+        self._centre = c.carrying, 0.0
+        self._half = tuple(max(half - c.margin, 0.0) for half in sole)
+        self.forget()
+
+    def forget(self) -> None:
+        """Stand on a foot of which nothing is known."""
+        self.ahead, self.aside = [0.0, 0.0], [0.0, 0.0]
+        self._heights: Vector | None = None  # of the ends of the sole's axes
+        self._spin = [0.0, 0.0]  # their rates, rad/s
+
+    @property
+    def width(self) -> float:
+        """Half of the extent across the sole, m."""
+        return 0.5 * (self.aside[1] - self.aside[0])
+
+    @property
+    def widest(self) -> float:
+        """The greatest `width`, m."""
+        return self._half[1]
+
+    def update(self, turn: Rotation, wrench: Vector) -> None:
+        """Take in a tick: the rotation of the sole, row by row, and the wrench on it in its frame, N and Nm."""
+        heights, c, dt = turn[2], self._c, self._dt
+        if self._heights is not None:
+            gain = min(dt / c.spin_lag, 1.0)
+            for i in (0, 1):
+                rate = (heights[i] - self._heights[i]) / dt
+                self._spin[i] += gain * (rate - self._spin[i])
+        self._heights = heights
+        _, _, force, roll, pitch, _ = wrench
+        if force < c.carries:
+            return
+        grown = c.area_growth * dt
+        for i, (edges, moment) in enumerate(((self.ahead, -pitch), (self.aside, roll))):
+            cop, centre, half, spin = moment / force, self._centre[i], self._half[i], self._spin[i]
+            if abs(spin) < c.still:
+                edges[0] = max(edges[0] - grown, min(-half - centre, 0.0))
+                edges[1] = min(edges[1] + grown, max(half - centre, 0.0))
+            elif spin < -c.turning:  # the far end goes down: it turns over the far edge
+                edges[1] = max(0.0, min(edges[1], cop - centre - c.inside))
+            elif spin > c.turning:
+                edges[0] = min(0.0, max(edges[0], cop - centre + c.inside))

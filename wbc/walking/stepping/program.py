@@ -1,0 +1,157 @@
+"""Place, time and centre of pressure of a step by one quadratic program.
+
+In the heading's axes, ahead and outwards (towards the foot that swings, and so mirrored from step to step), about the
+carrying point of the stance foot, with the DCM ξ, the contact point z and the time t that is left:
+
+    s0 + b0 = z + (ξ − z) τ + d0 (1 − τ')         τ = e^{ωt},  τ' that of the last solution
+    s1 + b1 = d1 + E (b0 − d1)                    E = e^{ωT}
+    s2 + b2 = E b1
+    min  |s − s*|² + c_τ (τ/τ* − 1)² + c_b |b − b*|² + c_d |d|²
+
+17 unknowns: three steps s from foot to foot, shifts d of the centre of pressure in this step and in the next, the time
+as τ/τ*, and the offsets b of ξ from the feet that land. s* are the steps that are asked for, b* and τ* those of their
+orbit. s, d and τ are bounded: by the reach of the legs, by the area of the sole that is believed to hold
+(`wbc.walking.stepping.area`), and by the times that a swing needs.
+
+With d = 0 and free places steps alone balance, so that the offset of an orbit is left; with places held and d within a
+sole it is a walk along footsteps. Source of time and place in one program: Khadiv et al., IEEE T-RO 36(3), 2020.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import daqp
+import numpy as np
+
+from wbc.core.errors import Array
+from wbc.walking.stepping.law import Point
+
+PLACES, SHIFT, NEXT_SHIFT, TIME, OFFSETS = slice(0, 6), slice(6, 8), slice(8, 10), 10, slice(11, 17)
+"""The unknowns, ahead and outwards in turn."""
+
+COSTS = np.repeat((1.0, 0.02, 0.5, 0.082, 20.0, 100.0), (6, 2, 2, 1, 4, 2))
+"""Costs of the unknowns, that of the time τ/τ* in h²: an offset that is not left grows by E in the next step, a centre
+of pressure costs nearly nothing."""
+
+AREA_COST = 1e-3
+"""Cost of a shift of the centre of pressure over the whole area in the stiffness of a landing, of that of the time."""
+
+FREE = 100.0
+"""Bound of what is not bounded, m."""
+
+
+class Wish(NamedTuple):
+    """Steps that are asked for: three places from foot to foot and the offsets that they leave, m; time of one, s."""
+
+    places: tuple[float, ...]
+    offsets: tuple[float, ...]
+    time: float
+
+
+class Bounds(NamedTuple):
+    """Limits of one step.
+
+    Attributes:
+        places: Least and greatest place ahead and outwards, m.
+        area: The same of the shift of the centre of pressure.
+        next_area: Greatest shift of that of the next step, either way, m.
+        times: Least and greatest time that is left, s.
+    """
+
+    places: tuple[Point, Point]
+    area: tuple[Point, Point]
+    next_area: Point
+    times: tuple[float, float]
+
+
+class Step(NamedTuple):
+    """Solution: landing and shift of the centre of pressure, ahead and outwards, m, and the time that is left, s."""
+
+    place: Point
+    shift: Point
+    left: float
+
+
+class StepProgram:
+    """The program of one walk, its arrays made once.
+
+    Attributes:
+        x: The unknowns of the last solution, shape (17,).
+    """
+
+    def __init__(self, height: float) -> None:
+        """Write what does not change, for a height h of the CoM, m."""
+        self._costs = COSTS.copy()
+        self._costs[TIME] *= height**2
+        self._hessian, self._gradient, self.x = np.diag(self._costs), np.zeros(17), np.zeros(17)
+        self._rows, self._sense = (
+            np.zeros((6, 17)),
+            np.repeat(np.array((0, 5), np.int32), (17, 6)),
+        )  # 5: an equality
+        self._rows[:, PLACES] = self._rows[:, OFFSETS] = np.eye(6)
+        self._lower, self._upper = np.full(23, -FREE), np.full(23, FREE)
+        self._lower[17:] = self._upper[17:] = 0.0
+
+    def solve(
+        self,
+        dcm: Point,
+        contact: Point,
+        omega: float,
+        left: float,
+        last: float,
+        wish: Wish,
+        bounds: Bounds,
+        landing: Point | None = None,
+    ) -> Step | None:
+        """Return the step; None if the solver fails.
+
+        Args:
+            dcm: ξ from the carrying point of the stance foot, ahead and outwards, m.
+            contact: The contact point with its shift taken off, z, m.
+            omega: Natural frequency ω, 1/s.
+            left: Time that is left of a step of the time T, s: τ*.
+            last: The same by the last solution: τ'.
+            wish: Steps that are asked for.
+            bounds: Limits of this step, and of the next ones' places.
+            landing: Place that this step is held to, m; None for a free one.
+        """
+        rows, low, high, z = self._rows, self._lower, self._upper, contact
+        growth, tau, before = math.exp(omega * wish.time), math.exp(omega * left), math.exp(omega * last)
+        x = self.x
+        x[PLACES], x[SHIFT.start : TIME], x[TIME], x[OFFSETS] = wish.places, 0.0, 1.0, wish.offsets
+        np.multiply(self._costs, -x, out=self._gradient)
+        for i, mirror in enumerate((1.0, -1.0)):
+            rows[i, SHIFT.start + i], rows[i, TIME] = before - 1.0, -(dcm[i] - z[i]) * tau
+            rows[2 + i, NEXT_SHIFT.start + i] = growth - 1.0
+            rows[2 + i, OFFSETS.start + i] = rows[4 + i, OFFSETS.start + 2 + i] = -growth * mirror
+            low[17 + i] = high[17 + i] = z[i]
+        (low[0:2], high[0:2]), (low[SHIFT], high[SHIFT]) = bounds.places, bounds.area
+        low[2:4] = low[4:6] = low[0:2]
+        high[2:4] = high[4:6] = high[0:2]
+        if landing is not None:
+            low[0:2] = high[0:2] = landing
+        high[NEXT_SHIFT] = bounds.next_area
+        np.negative(high[NEXT_SHIFT], out=low[NEXT_SHIFT])
+        low[TIME], high[TIME] = (math.exp(omega * time) / tau for time in bounds.times)
+        x, _, flag, _ = daqp.solve(self._hessian, self._gradient, rows, high, low, self._sense)
+        if flag < 1:
+            return None
+        self.x, self._area = x, bounds.area
+        ahead, outwards, d_ahead, d_outwards = x[0], x[1], x[6], x[7]
+        time = math.log(max(float(x[TIME]) * tau, 1.0)) / omega
+        return Step((float(ahead), float(outwards)), (float(d_ahead), float(d_outwards)), time)
+
+    def stiffness(self) -> Array:
+        """Return K, shape (2, 2), 1/m²: a landing that is held δ away from that of the last solution costs δᵀ K δ / 2.
+
+        Bounds count for the shift of the centre of pressure alone, which costs the more the smaller the area is.
+        """
+        costs = self._costs.copy()
+        area = np.subtract(self._area[1], self._area[0])
+        costs[SHIFT] += AREA_COST * self._costs[TIME] / np.maximum(area, 1e-6) ** 2
+        rows = self._rows[:, 2:]
+        compliance: Array = (rows / costs[2:]) @ rows.T
+        stiffness: Array = np.linalg.inv(compliance)[:2, :2] + costs[0] * np.eye(2)
+        return stiffness
