@@ -1,7 +1,7 @@
 """Area of a sole that is believed to hold: where the centre of pressure may go.
 
 It is a point at first, and grows in all directions while the foot does not turn. Where the foot turns over an edge it
-ends at the measured centre of pressure.
+ends at the measured centre of pressure. On narrow soles it stays a point: it could win less than a wrong belief costs.
 """
 
 from __future__ import annotations
@@ -22,7 +22,11 @@ class HeldArea:
         """Hold a point of a sole of half a length and half a width, m."""
         c, self._c, self._dt = constants, constants, dt
         self._centre = c.carrying, 0.0
-        self._half = tuple(max(half - c.margin, 0.0) for half in sole)
+        least, full = c.trusted
+        trust = min(max((sole[1] - least) / (full - least), 0.0), 1.0)
+        half = [max(half - c.margin, 0.0) for half in sole]
+        self._most = [trust * max(h - at, 0.0) for h, at in zip(half, self._centre, strict=True)]
+        self._least = [trust * min(-h - at, 0.0) for h, at in zip(half, self._centre, strict=True)]
         self.forget()
 
     def forget(self) -> None:
@@ -39,7 +43,7 @@ class HeldArea:
     @property
     def widest(self) -> float:
         """The greatest `width`, m."""
-        return self._half[1]
+        return self._most[1]
 
     def update(self, turn: Rotation, wrench: Vector) -> None:
         """Take in a tick: the rotation of the sole, row by row, and the wrench on it in its frame, N and Nm."""
@@ -55,11 +59,11 @@ class HeldArea:
             return
         grown = c.area_growth * dt
         for i, (edges, moment) in enumerate(((self.ahead, -pitch), (self.aside, roll))):
-            cop, centre, half, spin = moment / force, self._centre[i], self._half[i], self._spin[i]
+            cop, spin = moment / force - self._centre[i], self._spin[i]
             if abs(spin) < c.still:
-                edges[0] = max(edges[0] - grown, min(-half - centre, 0.0))
-                edges[1] = min(edges[1] + grown, max(half - centre, 0.0))
+                edges[0] = max(edges[0] - grown, self._least[i])
+                edges[1] = min(edges[1] + grown, self._most[i])
             elif spin < -c.turning:  # the far end goes down: it turns over the far edge
-                edges[1] = max(0.0, min(edges[1], cop - centre - c.inside))
+                edges[1] = max(0.0, min(edges[1], cop - c.inside))
             elif spin > c.turning:
-                edges[0] = min(0.0, max(edges[0], cop - centre + c.inside))
+                edges[0] = min(0.0, max(edges[0], cop + c.inside))

@@ -102,7 +102,6 @@ class SteppingGait:
         self.settings, self.scale, self._dt = settings.in_si(scale), scale, dt
         self.constants = c = in_si(SteppingConstants(), scale)
         self.steering = Steering(self.settings, scale, c.brisk, heading, dt)
-        self.steering.held = min((scale.sole[1] - c.margin) / c.slow_width, 1.0)
         self.ground = GroundEstimate(c.ground_share, 0.0, scale.leg / 3.0)
         self.steps_done = 0
         self._shape = SwingShape(
@@ -126,6 +125,7 @@ class SteppingGait:
         self.stance = 1
         self._elapsed = 0.0  # in this mode, or since lift-off
         self.area = HeldArea(scale.sole, c, dt)
+        self.steering.held = min(self.area.widest / c.slow_width, 1.0)
         self.cop = self._wanted_cop = 0.0, 0.0  # shift from the carrying point, along and across the sole, m
         self._program = StepProgram(scale.height)
         self._period = max(1, round(c.period / dt))  # of the program, ticks

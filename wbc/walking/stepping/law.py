@@ -60,6 +60,10 @@ class SteppingConstants:
     standing_box: Annotated[Point, "sole"] = (0.59, 0.67)  # what a sole holds on stones
     # Area that is believed to hold, and the centre of pressure in it.
     margin: Annotated[float, "h"] = 0.026  # between the greatest area and the edges of a sole
+    trusted: Annotated[Point, "h"] = (
+        0.045,
+        0.065,
+    )  # half width of a sole whose area counts for nothing; in full
     area_growth: Annotated[float, "hω"] = 0.09  # of each edge: the whole sole within a step
     inside: Annotated[float, "h"] = 0.0064  # between the edge of an area that ends and the measured CoP
     still: Annotated[float, "ω"] = 0.07  # greatest rate of a foot that stands
