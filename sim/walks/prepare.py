@@ -20,7 +20,6 @@ from wbc.sim.terrain.spec import terrain as terrain_by_name
 from wbc.sim.walks.arrival import Arrival
 from wbc.sim.walks.plans import WalkPlan
 from wbc.sim.walks.settings import AnyTrialSettings, AutoTrialSettings
-from wbc.walking.auto import home_of
 from wbc.walking.control import WalkingControl
 from wbc.walking.plans.footsteps import FootstepPlan, mean_heading
 from wbc.walking.plans.gait import Gait
@@ -105,8 +104,8 @@ def prepare(
         _ = stairs.surface  # raises if a stair does not fit into its track
     planned: WalkingControlSettings | SteppingControlSettings
     planned = settings.lipm if isinstance(settings, AutoTrialSettings) else settings
-    if isinstance(settings, AutoTrialSettings) and plan.footsteps is None and plan.stairs is None:
-        planned = settings.stepping if home_of(model) == "stepping" or plan.drive is not None else planned
+    if isinstance(settings, AutoTrialSettings) and not (steps.climbs and plan.drive is None):
+        planned = settings.stepping
     if isinstance(planned, SteppingControlSettings):
         orders, time = _orders(plan, steps, SteppingControl(model, period, planned))
         given = plan.footsteps is not None or plan.stairs is not None

@@ -31,7 +31,7 @@ def run(plant: wbc.Plant, walking: AutoControl, seconds: float) -> None:
 
 def test_a_change_of_law_in_a_stand_leaves_references_and_posture_where_they_are() -> None:
     plant, walking = standing()
-    assert walking.law == walking.home == "stepping"
+    assert walking.law == "stepping"
     walking.settings = replace(walking.settings, calm=60.0)
     run(plant, walking, 0.8)
     for law in ("lipm", "stepping"):
@@ -51,31 +51,28 @@ def test_a_change_of_law_in_a_stand_leaves_references_and_posture_where_they_are
     assert walking.fallen is None
 
 
-def test_orders_choose_the_law_of_a_robot_that_stands_and_not_of_one_that_steps() -> None:
-    description = wbc.load_robot("hrp4_class")
-    wide = replace(description, soles=tuple(replace(sole, width=0.1) for sole in description.soles))
-    robot = wide.robot()
-    walking = AutoControl(robot, DT)
-    assert walking.home == "lipm" and walking.law == "stepping"
-    walking.velocity = (0.2, 0.0, 0.0)
-    assert walking.law == "lipm" and walking.velocity == (0.2, 0.0, 0.0)
-    walking = AutoControl(wide.robot(), DT)
-    walking.velocity = (0.7, 0.0, 0.0)  # more than a plan gives
-    assert walking.law == "stepping" and walking.velocity == (0.7, 0.0, 0.0)
+def test_orders_choose_the_law_of_a_robot_that_stands() -> None:
+    robot = wbc.load_robot("hrp4_class").robot()
+    flat = walk_distance(FootstepPlan.standing(robot), 0.3)
+    stairs = replace(flat, steps=[replace(step, z=0.05 * i) for i, step in enumerate(flat.steps)])
+    for plan, law in ((flat, "stepping"), (stairs, "lipm"), (None, "stepping")):
+        assert AutoControl(wbc.load_robot("hrp4_class").robot(), DT, plan=plan).law == law
+        walking = AutoControl(wbc.load_robot("hrp4_class").robot(), DT)
+        if plan is not None:
+            walking.follow(plan)
+            assert walking.law == law and not walking.finished
+        walking.velocity = (0.2, 0.0, 0.0)
+        assert walking.velocity == (0.2, 0.0, 0.0)
 
 
-@pytest.mark.parametrize(
-    ("robot", "foot", "planned"), [("hrp4_class", "long_arch", True), ("g1", "flat", False)]
-)
-def test_a_distance_is_planned_on_wide_soles_and_a_goal_on_narrow_ones(
-    robot: str, foot: str, planned: bool
-) -> None:
-    """Footsteps that are given are walked on any."""
+@pytest.mark.parametrize(("robot", "foot"), [("hrp4_class", "long_arch"), ("g1", "flat")])
+def test_a_distance_is_a_goal_and_footsteps_that_are_given_stay(robot: str, foot: str) -> None:
     spec = WalkSpec(robot=robot, foot=foot, law="auto", plan=WalkPlan(distance=1.0))
     walk = spec.prepare()
-    assert bool(walk.plan.steps) is planned and walk.arrival() is not None
-    given = replace(spec, plan=WalkPlan(footsteps=walk.way.steps[:2])).prepare()
-    assert given.plan.steps[:2] == walk.way.steps[:2]
+    assert not walk.plan.steps and walk.arrival() is not None
+    for law in ("auto", "stepping"):
+        given = replace(spec, law=law, plan=WalkPlan(footsteps=walk.way.steps[:2])).prepare()
+        assert given.plan.steps[:2] == walk.way.steps[:2]
 
 
 @pytest.mark.slow
@@ -91,7 +88,7 @@ def test_a_plan_is_walked_after_a_drive_once_the_robot_stands() -> None:
     run(plant, walking, 2.5)
     assert walking.finished
     walking.follow(walk_distance(FootstepPlan.standing(walking.controller.robot), 0.1))
-    assert walking.law == "lipm"
+    assert walking.law == "stepping"
     steps = walking.steps_done
     run(plant, walking, 4.0)
     assert walking.steps_done >= steps + 2 and walking.source.reason == ""

@@ -1,9 +1,7 @@
-"""A walk whose law changes while the robot stands: planned steps where soles carry, steps as they go elsewhere.
+"""A walk whose law changes while the robot stands: steps as they go, and planned steps for hands and high steps.
 
-    planned steps ── calm for a while; a push that the soles cannot hold; a velocity beyond a plan ──▶ steps as they go
-          ◀── a plan of footsteps; hands that press; a velocity or a goal on wide soles ──
-
-A robot that is asked for nothing stands by the law that steps out of pushes.
+    planned steps ── calm for a while; a push that the soles cannot hold; a velocity, a goal ──▶ steps as they go
+          ◀── hands that press; footsteps on stairs ──
 
 Both laws share robot, controller, drives, estimate, arms and body; source, tasks and balance are exchanged between two
 ticks. In the middle of a step they are not: docs/walking.md has what was tried.
@@ -15,8 +13,6 @@ import logging
 from collections.abc import Sequence
 from dataclasses import field, replace
 from typing import Annotated, Literal
-
-import numpy as np
 
 from wbc.core.control import Mode, State
 from wbc.core.errors import InputError, as_period
@@ -44,10 +40,6 @@ from wbc.walking.stepping.tasks import stepping_tasks
 from wbc.walking.tasks import stabilized_tasks
 
 logger = logging.getLogger(__name__)
-
-WIDE = 0.08
-"""Width of a sole from which on planned steps walk over rough ground, m: on the 60 mm of `g1` they complete 2 of 18
-walks over stones of 20 mm, on the 104 mm of the default sole of `hrp4_class` 295 of 340 over all families."""
 
 HOLDS = 1.0
 """Distance of the DCM of a robot that stands, in standing boxes of the stepping walk, from which on it steps: the soles
@@ -80,21 +72,15 @@ class AutoControlSettings:
         return self.lipm.falls
 
 
-def home_of(robot: Robot) -> Literal["lipm", "stepping"]:
-    """Return the law of a velocity or a goal that both can walk: planned steps on wide soles."""
-    return "lipm" if min(sole.width for sole in robot.soles) >= WIDE else "stepping"
-
-
 class AutoControl(ReferenceControl):
     """Control of a robot that walks by the law that suits what is asked for, and changes it while it stands.
 
         walking = AutoControl(robot, plant.control_period)
         walking.velocity = (0.3, 0.0, 0.0)
-        walking.follow(plan)  # comes to a stand first, if it steps as it goes
+        walking.follow(plan)  # comes to a stand first, if it steps and the plan is on stairs
 
     Attributes:
         law: Name of the law now, "lipm" or "stepping".
-        home: Law of a velocity or a goal that both can walk: "lipm" on wide soles.
         laws: Both laws.
     """
 
@@ -149,7 +135,6 @@ class AutoControl(ReferenceControl):
         first.balance.begin()
         self.laws = {"lipm": first, "stepping": Law(stepping, others, Balance(), OBSERVER.inertial)}
         self.law = "lipm"
-        self.home = home_of(robot)
         self._stood = 0.0  # time of a stand by the law that plans, s
         self._handy = False  # hands have been asked for: the law that counts their forces stays
         self._before = 0  # steps done by laws before
@@ -157,8 +142,10 @@ class AutoControl(ReferenceControl):
         super().__init__(first, control, arms, body, lipm.falls, stiffness, ground)
         if ground is not None:
             stepping.see(ground)
-        if plan is None:
+        if plan is None or not plan.climbs:
             self.change("stepping")
+            if plan is not None:
+                self.follow(plan)
 
     def _lift(self) -> float:
         """Return the height by which the law now lifts feet, m."""
@@ -250,39 +237,36 @@ class AutoControl(ReferenceControl):
 
     @property
     def velocity(self) -> Velocity | None:
-        """Commanded velocity; one that planned steps cannot give changes the law of a robot that stands."""
+        """Commanded velocity; a robot that stands steps as it goes."""
         return self.source.velocity
 
     @velocity.setter
     def velocity(self, velocity: Sequence[float] | None) -> None:
-        x, y, turn = checked_velocity(velocity)
         self._waiting, self._handy = None, False
-        if self._idle and np.count_nonzero((x, y, turn)):
-            forward, back, aside, most = self.laws["lipm"].source.limits
-            planned = -back <= x <= forward and abs(y) <= aside and abs(turn) <= most
-            self.change("lipm" if planned and self.home == "lipm" else "stepping")
+        if self._idle and any(checked_velocity(velocity)):
+            self.change("stepping")
         ReferenceControl.velocity.__set__(self, velocity)  # type: ignore[attr-defined]
 
     def go_to(self, x: float, y: float, yaw: float) -> None:
         """Walk to a place (m) and heading (rad), and stand there; see `ReferenceControl.go_to`."""
         self._waiting, self._handy = None, False
         if self._idle:
-            self.change(self.home)
+            self.change("stepping")
         super().go_to(x, y, yaw)
 
     def follow(self, source: FootstepPlan | FootstepSource) -> None:
-        """Take the footsteps from a plan or a planner: at once, or when the robot that steps as it goes stands.
+        """Take the footsteps from a plan or a planner: at once, a plan on stairs when a robot that steps stands.
 
         Raises:
             InputError: Neither a plan nor a planner, or a body that is set too low to lift a foot.
         """
-        if self.law == "stepping" and not self._idle:
-            if not isinstance(source, (FootstepPlan, FootstepSource)):
-                raise InputError(f"footsteps come from a FootstepPlan or a FootstepSource, got {source!r}")
-            self.source.stop()
-            self._waiting, self.stopped = source, False
-            return
-        self.change("lipm")
+        self._waiting = None
+        if self.law == "stepping" and isinstance(source, FootstepPlan) and source.climbs:
+            if not self._idle:
+                self.source.stop()
+                self._waiting, self.stopped = source, False
+                return
+            self.change("lipm")
         super().follow(source)
 
     def stop(self) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import functools
 import math
 
@@ -370,7 +371,7 @@ def test_a_goal_is_reached_and_stood_at(goal: tuple[float, float, float]) -> Non
 @pytest.mark.parametrize("push", [0.0, 0.4])
 def test_footsteps_are_landed_on_and_left_for_a_push_alone(push: float) -> None:
     """The first and the last one go with the weight, which comes from, and rests in, the middle of the feet."""
-    body = PointMass()
+    body = PointMass(dataclasses.replace(SCALE, sole=(0.085, 0.05)))
     body.run(0.6)
     left, right = (
         Footstep(side, *frame.translation[:2].tolist())
