@@ -382,7 +382,7 @@ def test_footsteps_are_landed_on_and_left_for_a_push_alone(push: float) -> None:
     body.gait.plan = lambda now: planner.footsteps(now).steps
     body.run(2.0)
     body.speed += [0.0, push]
-    body.run(6.0)
+    body.run(9.0)
     assert body.gait.stands and body.gait.steps_done == len(plan)
     landed = [tick for tick in body.ticks if Event.LIFT_OFF in tick.reference.events][1:] + body.ticks[-1:]
     errors = [
