@@ -3,8 +3,8 @@
     standing ── a velocity, a goal ──▶ shifting ── weight on one foot ──▶ stepping ── slow, feet together ──▶ standing
         └───────────────── a push: the DCM leaves both soles ────────────────▲
 
-Nothing is planned ahead of the foot in the air, so that no plan can be missed. `wbc.walking.stepping.law` has the
-equations, docs/stepping.md the figures.
+A step is decided by `wbc.walking.stepping.decision`; `law` and `program` beside it have the equations, docs/stepping.md
+the figures.
 """
 
 from __future__ import annotations
@@ -18,11 +18,10 @@ from typing import NamedTuple
 import numpy as np
 import pinocchio as pin
 
-from wbc.core.errors import ROUNDING, Array
+from wbc.core.errors import ROUNDING
 from wbc.core.lag import lag_gain
 from wbc.core.robot import GRAVITY, SIDES
 from wbc.core.vectors import Rotation, Vector
-from wbc.ground.height_map import Places
 from wbc.tasks.stabilizer.pendulum import Pendulum
 from wbc.walking.contact import Event, GaitPhase, Touch, touch_down
 from wbc.walking.ground import LAST_LOOK, GroundEstimate
@@ -30,9 +29,8 @@ from wbc.walking.plans.footsteps import Footstep, FootstepPlan, mean_heading
 from wbc.walking.plans.gait import Gait, SwingShape
 from wbc.walking.plans.sources import Standing
 from wbc.walking.source import Reference
-from wbc.walking.stepping.area import HeldArea
+from wbc.walking.stepping.decision import Stance, StepDecision, steps_of_plan, steps_of_velocity
 from wbc.walking.stepping.law import (
-    NEAR,
     SIDEWAYS,
     Divergent,
     Orbit,
@@ -41,7 +39,6 @@ from wbc.walking.stepping.law import (
     divergent_component,
     takes_over,
 )
-from wbc.walking.stepping.program import Bounds, Step, StepProgram, Wish
 from wbc.walking.stepping.settings import RobotSize, SteppingSettings, in_si
 from wbc.walking.stepping.steering import Steering, StepVelocity
 from wbc.walking.swing import REST, FootMotion, SwingFoot
@@ -51,10 +48,6 @@ LOOKS = 4
 
 Frames = tuple[pin.SE3, pin.SE3]
 """Placements of the left and of the right sole."""
-
-
-HORIZON = 6
-"""Number of footsteps that count: E to that power is beyond any error."""
 
 LEVEL: Vector = (0.0, 0.0, 0.0)
 
@@ -81,12 +74,13 @@ class SteppingGait:
 
     Attributes:
         settings: Settings in SI units.
-        constants: SteppingConstants of the law in SI units.
+        constants: Constants of the law in SI units.
         scale: Size of the robot.
         steering: Velocity, goal and heading.
         ground: What is known of the ground; heights are those in the world.
         stance: Foot that carries, or carried last: 0 left, 1 right.
-        steps_done: StepVelocity that have ended.
+        decision: Decision of the step that swings.
+        steps_done: Steps that have ended.
         dcm: Divergent component of motion in the last tick, by the angular momentum about the contact.
         plan: Asked at each lift-off for the footsteps from where the feet stand, the first one of the foot that lifts;
             none is a stand. None for a walk that is steered.
@@ -124,15 +118,10 @@ class SteppingGait:
         self._mode = _Mode.STANDING
         self.stance = 1
         self._elapsed = 0.0  # in this mode, or since lift-off
-        self.area = HeldArea(scale.sole, c, dt)
-        self.steering.held = min(self.area.widest / c.slow_width, 1.0)
-        self.cop = self._wanted_cop = 0.0, 0.0  # shift from the carrying point, along and across the sole, m
-        self._program = StepProgram(scale.height)
-        self._period = max(1, round(c.period / dt))  # of the program, ticks
-        self._place: Point = (0.0, 0.0)  # of the landing, m
-        self._about: Point | None = None  # landing of the program about which a place was chosen, m
-        self._chosen: Point | None = None  # that place, m
-        self._time = self._end = self.settings.step_time  # of the step, and by the last solution, s
+        self.decision = StepDecision(self.settings, c, scale, self.ground, dt)
+        self.steering.held = min(self.decision.area.widest / c.slow_width, 1.0)
+        self._period = max(1, round(c.period / dt))  # of decisions, ticks
+        self._time = self.settings.step_time  # of the step, s
         self._contact: tuple[float, float, float] | None = None  # low-passed centre of pressure, in the world
         self._met: float | None = None  # time since lift-off at which the swing foot met the ground
         self._carrying = (0.0, 0.0, 0.0)  # low-passed centre of pressure of the swing foot in contact, m
@@ -375,23 +364,21 @@ class SteppingGait:
         s, c, swing = self.settings, self.constants, 1 - self.stance
         self._ticks += 1
         if self._met is None:
-            self.area.update(state.turns[self.stance], state.wrenches[self.stance])
+            self.decision.area.update(state.turns[self.stance], state.wrenches[self.stance])
             if self._swing is None or self._ticks % self._period == 0:
                 self._solve(state, dcm, steps)
             nominal, longest = self.steering.step_time, self._longest
-            wanted = min(max(self._end, s.shortest), longest)
+            wanted = min(max(self.decision.end, s.shortest), longest)
             if self._swing is None:
                 self._time = min(wanted, c.later * nominal) if self._since_stand else nominal
             else:
                 self._time += self._time_gain * (wanted - self._time)
             self._time = min(max(self._time, s.shortest), longest)
-            most = c.cop_speed * self._dt
-            (a, b), (u, v) = self.cop, self._wanted_cop
-            self.cop = a + min(max(u - a, -most), most), b + min(max(v - b, -most), most)
+            self.decision.press()
         turn = self.steering.heading + steps.turn * max(self._time - self._elapsed, 0.0)
         if self.footsteps:
             turn = self.footsteps[0].yaw
-        landing = Footstep(SIDES[swing], *self._place, self.ground.height, turn)
+        landing = Footstep(SIDES[swing], *self.decision.place, self.ground.height, turn)
         touch = c.touch * self._time
         if self._swing is None:
             self.ground.lift(self.stance, frames[self.stance])
@@ -412,114 +399,28 @@ class SteppingGait:
         return self.settings.longest * self.steering.step_time
 
     def _solve(self, state: BodyState, dcm: Divergent, steps: StepVelocity) -> None:
-        """Solve the program for landing, time and centre of pressure of this step; keep the last ones if it fails."""
-        s, c, side, elapsed, omega = self.settings, self.constants, self._side, self._elapsed, dcm.omega
-        orbit, nominal, area = self._orbit(dcm, steps), self.steering.step_time, self.area
+        """Decide the step by what stands now."""
+        c, (u, v), footsteps = self.constants, self.decision.cop, self.footsteps
         assert self._contact is not None
-        pivot = self._carrying_point(state, self.stance)
-        told = _on_sole(state, self.stance, c.carrying + self.cop[0], self.cop[1])
-        ahead, aside = self._along(dcm.x - pivot[0], dcm.y - pivot[1])
-        error = [
-            min(max(e, -c.cop_error), c.cop_error)
-            for e in self._along(self._contact[0] - told[0], self._contact[1] - told[1])
-        ]
-        offset, contact = (ahead, side * aside), (error[0], side * error[1])
-        right, left = area.aside if side > 0.0 else (-area.aside[1], -area.aside[0])
-        # A step that would wait for ξ aside ends, and one closes up whose ξ no centre of pressure brings back.
-        shortest, longest = max(s.shortest - elapsed, 0.0), max(self._longest - elapsed, 0.0)
-        most = max(abs(orbit.forward) + c.stretch, NEAR) / max(abs(offset[0] - contact[0]), NEAR)
-        longest = max(min(longest, max(math.log(most), 0.0) / omega), shortest)
-        if offset[1] - contact[1] < right - c.over:
-            longest = shortest
-        half_length, half_width = self.scale.sole
-        bounds = Bounds(
-            ((-s.reach, s.gap), (s.reach, s.widest)),
-            ((area.ahead[0], right), (area.ahead[1], left)),
-            (c.next_area * half_length, c.next_area * half_width),
-            (shortest, longest),
-        )
-        remaining = max(nominal - elapsed, 0.0)
-        last = remaining if self._swing is None else max(self._end - elapsed, 0.0)
-        wish = self._wish(orbit, steps, nominal)
-        if self.footsteps:
-            wish = self._planned(pivot, math.exp(omega * nominal), nominal)
-        step = self._program.solve(offset, contact, omega, remaining, last, wish, bounds)
-        if step is None:
-            if self._swing is not None:
-                return
-            step = Step((wish.places[0], wish.places[1]), (0.0, 0.0), nominal)
-        place = self._choose(self._to_world(pivot, step.place), pivot)
-        if place is not None:
-            forward, lateral = self._along(place[0] - pivot[0], place[1] - pivot[1])
-            landing = forward + c.carrying, side * lateral
-            held = self._program.solve(offset, contact, omega, remaining, last, wish, bounds, landing)
-            step = held or step
-        self._end, self._wanted_cop = elapsed + step.left, (step.shift[0], side * step.shift[1])
-        self._place = self._to_world(pivot, step.place)
-
-    def _to_world(self, pivot: Vector, place: Point) -> Point:
-        """Return the centre of a landing, m, whose carrying point is ahead and outwards of that of the stance foot."""
-        (cos, sin), forward, lateral = (
+        stance = Stance(
+            self.stance,
             self.steering.direction,
-            place[0] - self.constants.carrying,
-            self._side * place[1],
+            self._carrying_point(state, self.stance),
+            _on_sole(state, self.stance, c.carrying + u, v),
+            self._contact,
+            dcm,
+            self._orbit(dcm, steps),
+            self.steering.step_time,
+            self._elapsed,
         )
-        return pivot[0] + cos * forward - sin * lateral, pivot[1] + sin * forward + cos * lateral
-
-    def _choose(self, free: Point, pivot: Vector) -> Point | None:
-        """Return the place near the program's landing where the sole is to rest; None where none is chosen."""
-        s, c, side = self.settings, self.constants, self._side
-        if self.ground.sight is None or self._swing is None or self._since_stand == 0:
-            return None
-        if self.footsteps and (len(self.footsteps) < 3 or self.footsteps[0].place == "fixed"):
-            return None
-        soon = c.touch * self._time - self._elapsed <= LAST_LOOK
-        moved = self._about is None or math.dist(free, self._about) > c.again
-        if soon or self._elapsed < c.choice * self._time or not moved:
-            return self._chosen
-        k = self._program.stiffness() * (c.balance_cost / self.scale.height**2)
-        aside = side * k[0, 1]
-
-        def cost(moves: Places) -> Array:
-            u, v = moves.real, moves.imag
-            return np.asarray(0.5 * (k[0, 0] * u * u + 2.0 * aside * u * v + k[1, 1] * v * v))
-
-        def allowed(x: float, y: float) -> bool:
-            forward, lateral = self._along(x - pivot[0], y - pivot[1])
-            return abs(forward + c.carrying) <= s.reach and s.gap <= side * lateral <= s.widest
-
-        place = Footstep(SIDES[1 - self.stance], *free, self.ground.height, self.steering.heading)
-        chosen = self.ground.choose(place, allowed, cost)
-        self._about = free
-        self._chosen = None if (chosen.x, chosen.y) == free else (chosen.x, chosen.y)
-        return self._chosen
-
-    def _wish(self, orbit: Orbit, steps: StepVelocity, nominal: float) -> Wish:
-        """Return the steps of the velocity."""
-        length, drift = steps.velocity[0] * nominal, self._side * steps.velocity[1] * nominal
-        width, b, inwards, closing = self._width(steps), orbit.ahead, -orbit.inwards, -orbit.closing
-        places = length, width + drift, length, width - drift, length, width + drift
-        return Wish(places, (b, inwards, b, closing, b, inwards), nominal)
-
-    def _planned(self, pivot: Vector, growth: float, nominal: float) -> Wish:
-        """Return the planned steps, and offsets from which a pendulum reaches rest at their end, E b = s⁺ + b⁺."""
-        at, ways = complex(*self._along(*pivot[:2])), []
-        for step in self.footsteps[:HORIZON]:
-            carrying = self.constants.carrying
-            x, y = step.x + carrying * math.cos(step.yaw), step.y + carrying * math.sin(step.yaw)
-            ways.append(complex(*self._along(x, y)) - at)
-            at += ways[-1]
-        offsets = [-0.5 * ways[-1]]  # in the middle of the feet
-        for way in ways[:0:-1]:
-            offsets.insert(0, (way + offsets[0]) / growth)
-        while len(ways) < 3:  # the robot stands: whatever leads on from there
-            ways.append(complex(0.0, math.copysign(self.settings.width, -ways[-1].imag)))
-            offsets.append(growth * offsets[-1] - ways[-1])
-        if self._side < 0.0:
-            ways, offsets = ([z.conjugate() for z in values] for values in (ways, offsets))
-        (s0, s1, s2), (b0, b1, b2) = ways[:3], offsets[:3]
-        places = s0.real, s0.imag, s1.real, -s1.imag, s2.real, s2.imag
-        return Wish(places, (b0.real, b0.imag, b1.real, -b1.imag, b2.real, b2.imag), nominal)
+        stays = self.ground.sight is None or self._swing is None or self._since_stand == 0
+        if footsteps:
+            wish = steps_of_plan(footsteps, c.carrying, self.settings.width, stance)
+            stays = stays or len(footsteps) < 3 or footsteps[0].place == "fixed"
+        else:
+            wish = steps_of_velocity(steps.velocity, self._width(steps), stance)
+        look = None if stays else c.touch * self._time - self._elapsed
+        self.decision.decide(stance, wish, self._longest, look)
 
     def _seen(self, landing: Footstep) -> Footstep:
         """Return a landing at the height that is seen under it, which is expected from now on."""
@@ -571,7 +472,7 @@ class SteppingGait:
         """Let the foot that has landed carry; stand if the robot is to stop and can."""
         c, (left, right) = self.constants, state.places
         self._pace += c.pace_gain * (min(self._elapsed, self._longest) - self._pace)
-        held = min(self.area.width / c.slow_width, 1.0)
+        held = min(self.decision.area.width / c.slow_width, 1.0)
         gain = c.held_gain[0] if held < self.steering.held else c.held_gain[1]
         self.steering.held += gain * (held - self.steering.held)
         self.stance = 1 - self.stance
@@ -593,13 +494,12 @@ class SteppingGait:
         self._ask(frames, SIDES[1 - self.stance])
         if self.footsteps:
             self.ground.height = self.footsteps[0].z
-        self._swing = self._met = self._about = self._chosen = None
+        self._swing = self._met = None
         self._touch.lift()
 
     def _enter(self, mode: _Mode) -> None:
         self._mode, self._elapsed, self._contact = mode, 0.0, None
-        self.cop = self._wanted_cop = 0.0, 0.0
-        self.area.forget()
+        self.decision.begin()
 
     def _most_forces(self, state: BodyState) -> tuple[float, float]:
         """Return the greatest normal force of each foot, N: the old stance foot unloads, one that waits has `share`."""
@@ -682,7 +582,7 @@ class SteppingGait:
             self.stance,
             side,
             most_force,
-            self.cop,
+            self.decision.cop,
         )
 
 

@@ -1,0 +1,226 @@
+"""Decision of a step: where and when it lands, and where the foot that stands presses until then.
+
+The program (`wbc.walking.stepping.program`) weighs the steps of a velocity or footsteps against the DCM; on seen ground
+the landing is then held to a quieter place nearby, at the cost that the program says.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from wbc.core.errors import Array
+from wbc.core.robot import SIDES
+from wbc.core.vectors import Vector
+from wbc.ground.height_map import Places
+from wbc.walking.ground import LAST_LOOK, GroundEstimate
+from wbc.walking.plans.footsteps import Footstep
+from wbc.walking.stepping.area import HeldArea
+from wbc.walking.stepping.law import NEAR, Divergent, Orbit, Point, SteppingConstants
+from wbc.walking.stepping.program import Bounds, Step, StepProgram, Wish
+from wbc.walking.stepping.settings import RobotSize, SteppingSettings
+
+HORIZON = 6
+"""Number of footsteps that count: E to that power is beyond any error."""
+
+
+class Stance(NamedTuple):
+    """What a step is decided by.
+
+    Attributes:
+        foot: Foot that stands: 0 left, 1 right.
+        direction: Cosine and sine of the heading.
+        pivot: Carrying point of the foot that stands, m.
+        told: Commanded centre of pressure on it, m.
+        contact: Measured one, low-passed, m.
+        dcm: Divergent component of motion about it.
+        orbit: Orbit of the steps that are asked for.
+        nominal: Time T of a step, s.
+        elapsed: Time since lift-off, s.
+    """
+
+    foot: int
+    direction: Point
+    pivot: Vector
+    told: Vector
+    contact: Vector
+    dcm: Divergent
+    orbit: Orbit
+    nominal: float
+    elapsed: float
+
+    @property
+    def side(self) -> float:
+        """1 if the left foot swings, −1 if the right one does."""
+        return 1.0 if self.foot == 1 else -1.0
+
+    def along(self, x: float, y: float) -> Point:
+        """Return the parts of a vector along the heading and to its left."""
+        cos, sin = self.direction
+        return cos * x + sin * y, cos * y - sin * x
+
+    def offset(self, x: float, y: float) -> Point:
+        """Return how far a point is ahead and outwards of the pivot, m."""
+        ahead, left = self.along(x - self.pivot[0], y - self.pivot[1])
+        return ahead, self.side * left
+
+    def point(self, ahead: float, outwards: float) -> Point:
+        """Return the point in the world that is so far ahead and outwards of the pivot, m."""
+        (cos, sin), left = self.direction, self.side * outwards
+        return self.pivot[0] + cos * ahead - sin * left, self.pivot[1] + sin * ahead + cos * left
+
+
+class StepDecision:
+    """Decision of the step that swings, made anew a few hundred times a second.
+
+    Attributes:
+        area: Area of the foot that stands that is believed to hold.
+        place: Centre of the swing foot when it lands, m.
+        end: Time of the step, s.
+        cop: Shift of the centre of pressure from the carrying point, along and across the sole, m: that of this tick.
+    """
+
+    def __init__(
+        self,
+        settings: SteppingSettings,
+        constants: SteppingConstants,
+        scale: RobotSize,
+        ground: GroundEstimate,
+        dt: float,
+    ) -> None:
+        """Make the program; settings and constants are in SI units."""
+        self._s, self._c, self._scale, self._ground = settings, constants, scale, ground
+        self.area, self._program = HeldArea(scale.sole, constants, dt), StepProgram(scale.height)
+        self._most = constants.cop_speed * dt  # change of the centre of pressure in a tick, m
+        self.place: Point = (0.0, 0.0)
+        self.end = settings.step_time
+        self.begin()
+
+    def begin(self) -> None:
+        """Begin a step, on a foot of which nothing is known."""
+        self.area.forget()
+        self.cop = self._wanted = 0.0, 0.0
+        self._decided = False
+        self._about: Point | None = None  # landing of the program about which a place was chosen, m
+        self._chosen: Point | None = None  # that place, m
+
+    def press(self) -> None:
+        """Move the centre of pressure on by a tick."""
+        (a, b), (u, v), most = self.cop, self._wanted, self._most
+        self.cop = a + min(max(u - a, -most), most), b + min(max(v - b, -most), most)
+
+    def decide(self, stance: Stance, wish: Wish, longest: float, look: float | None) -> None:
+        """Decide anew; what was decided stays if the program fails.
+
+        Args:
+            stance: What is decided by.
+            wish: Steps that are asked for.
+            longest: Longest time of the step, s.
+            look: Time left in which a landing may be moved on seen ground, s; None for one that stays.
+        """
+        c, omega, elapsed = self._c, stance.dcm.omega, stance.elapsed
+        offset = stance.offset(stance.dcm.x, stance.dcm.y)
+        ahead, left = stance.along(stance.contact[0] - stance.told[0], stance.contact[1] - stance.told[1])
+        contact = (
+            min(max(ahead, -c.cop_error), c.cop_error),
+            stance.side * min(max(left, -c.cop_error), c.cop_error),
+        )
+        bounds = self._bounds(stance, offset[0] - contact[0], offset[1] - contact[1], longest)
+        remaining = max(stance.nominal - elapsed, 0.0)
+        last = max(self.end - elapsed, 0.0) if self._decided else remaining
+        step = self._program.solve(offset, contact, omega, remaining, last, wish, bounds)
+        if step is None:
+            if self._decided:
+                return
+            step = Step((wish.places[0], wish.places[1]), (0.0, 0.0), stance.nominal)
+        self._decided = True
+        free = self._centre(stance, step.place)
+        chosen = None if look is None else self._choose(stance, free, look)
+        if chosen is not None:
+            x, y = stance.offset(*chosen)
+            held = (x + c.carrying, y)
+            step = self._program.solve(offset, contact, omega, remaining, last, wish, bounds, held) or step
+        self.end, self._wanted = elapsed + step.left, (step.shift[0], stance.side * step.shift[1])
+        self.place = free if chosen is None else self._centre(stance, step.place)
+
+    def _bounds(self, stance: Stance, ahead: float, outwards: float, longest: float) -> Bounds:
+        """Return the limits of a step, by the offset of ξ from the contact, m."""
+        s, c, area, elapsed = self._s, self._c, self.area, stance.elapsed
+        low, high = area.aside if stance.side > 0.0 else (-area.aside[1], -area.aside[0])
+        # A step that would wait for ξ aside ends, and one closes up whose ξ no centre of pressure brings back.
+        shortest = max(s.shortest - elapsed, 0.0)
+        most = max(abs(stance.orbit.forward) + c.stretch, NEAR) / max(abs(ahead), NEAR)
+        stretched = max(math.log(most), 0.0) / stance.dcm.omega
+        greatest = max(min(max(longest - elapsed, 0.0), stretched), shortest)
+        if outwards < low - c.over:
+            greatest = shortest
+        half_length, half_width = self._scale.sole
+        return Bounds(
+            ((-s.reach, s.gap), (s.reach, s.widest)),
+            ((area.ahead[0], low), (area.ahead[1], high)),
+            (c.next_area * half_length, c.next_area * half_width),
+            (shortest, greatest),
+        )
+
+    def _centre(self, stance: Stance, place: Point) -> Point:
+        """Return the centre of a landing whose carrying point is ahead and outwards of that of the stance foot."""
+        return stance.point(place[0] - self._c.carrying, place[1])
+
+    def _choose(self, stance: Stance, free: Point, look: float) -> Point | None:
+        """Return the place near the program's landing where the sole is to rest; None where none is chosen."""
+        s, c = self._s, self._c
+        moved = self._about is None or math.dist(free, self._about) > c.again
+        early = stance.elapsed < c.choice * (stance.elapsed + look) / c.touch
+        if early or look <= LAST_LOOK or not moved:
+            return self._chosen
+        k = self._program.stiffness() * (c.balance_cost / self._scale.height**2)
+        aside = stance.side * k[0, 1]
+
+        def cost(moves: Places) -> Array:
+            u, v = moves.real, moves.imag
+            return np.asarray(0.5 * (k[0, 0] * u * u + 2.0 * aside * u * v + k[1, 1] * v * v))
+
+        def allowed(x: float, y: float) -> bool:
+            ahead, outwards = stance.offset(x, y)
+            return abs(ahead + c.carrying) <= s.reach and s.gap <= outwards <= s.widest
+
+        heading = math.atan2(stance.direction[1], stance.direction[0])
+        place = Footstep(SIDES[1 - stance.foot], *free, self._ground.height, heading)
+        chosen = self._ground.choose(place, allowed, cost)
+        self._about = free
+        self._chosen = None if (chosen.x, chosen.y) == free else (chosen.x, chosen.y)
+        return self._chosen
+
+
+def steps_of_velocity(velocity: Point, width: float, stance: Stance) -> Wish:
+    """Return the steps of a velocity, forward and left, m/s, with feet so far apart, m."""
+    orbit, time = stance.orbit, stance.nominal
+    length, drift = velocity[0] * time, stance.side * velocity[1] * time
+    b, inwards, closing = orbit.ahead, -orbit.inwards, -orbit.closing
+    places = length, width + drift, length, width - drift, length, width + drift
+    return Wish(places, (b, inwards, b, closing, b, inwards), time)
+
+
+def steps_of_plan(footsteps: Sequence[Footstep], carrying: float, width: float, stance: Stance) -> Wish:
+    """Return planned steps, and offsets from which a pendulum reaches rest at their end, E b = s⁺ + b⁺.
+
+    Feet carry so far ahead of their centres, m; after the plan they would stand so far apart, m.
+    """
+    growth, ways = math.exp(stance.dcm.omega * stance.nominal), []
+    at = 0j
+    for step in footsteps[:HORIZON]:
+        x, y = step.x + carrying * math.cos(step.yaw), step.y + carrying * math.sin(step.yaw)
+        ways.append(complex(*stance.offset(x, y)) - at)
+        at += ways[-1]
+    offsets = [-0.5 * ways[-1]]  # in the middle of the feet
+    for way in ways[:0:-1]:
+        offsets.insert(0, (way + offsets[0]) / growth)
+    while len(ways) < 3:  # the robot stands: whatever leads on from there
+        ways.append(complex(0.0, math.copysign(width, -ways[-1].imag)))
+        offsets.append(growth * offsets[-1] - ways[-1])
+    (s0, s1, s2), (b0, b1, b2) = ways[:3], offsets[:3]
+    places = s0.real, s0.imag, s1.real, -s1.imag, s2.real, s2.imag
+    return Wish(places, (b0.real, b0.imag, b1.real, -b1.imag, b2.real, b2.imag), stance.nominal)
