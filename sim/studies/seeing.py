@@ -114,6 +114,8 @@ def seeing_high(seeds: int = 20) -> Study:
         for k in STIFFNESSES
         if k != 5.0
     }
+    for name, arm in _arms(("rigid", "long arch 5"), ("depth", "none"), law="stepping").items():
+        arms[f"stepping, {name}"] = arm
     return Study(
         name="seeing_high",
         about="3 m over ground 1.5 times as high as in the study seeing",
