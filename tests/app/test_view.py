@@ -280,7 +280,7 @@ def test_scans_lie_on_the_ground() -> None:
 
 
 def test_a_described_robot_is_where_its_state_says() -> None:
-    stage = DescribedStage(HRP4, terrain("stones", 0.02, seed=1))
+    stage = DescribedStage(HRP4)
     robot = HRP4.robot()
     q = robot.half_sitting.copy()
     q[:3], q[7:] = (1.0, -2.0, 0.9), q[7:] + 0.1

@@ -76,7 +76,8 @@ class LiveView:
                 from wbc.app.view.walk_hook import WatchWalk as Hook  # noqa: PLC0415 - most runs are not watched
 
                 hook = Hook(workbench=self.changes, port=self.port, wait=BROWSER_TIME, stay=True)
-                hooks.append(stack.enter_context(hook))
+                stack.callback(hook.close)
+                hooks.append(hook)
             while True:
                 trial = make()
                 for hook in hooks:

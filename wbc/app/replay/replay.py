@@ -216,7 +216,7 @@ def _robot_of_loop(log: Log) -> tuple[DescribedStage, Array]:
         raise InputError(f"{log.path} has neither the true nor an estimated base: there is nothing to show")
     columns = [log[f"{joints}/{name}"] for name in description.robot().joint_names]
     q = np.column_stack([log[f"{base}/position"], _unit(log[f"{base}/orientation"]), *columns])
-    return DescribedStage(description, None), q
+    return DescribedStage(description), q
 
 
 def _unit(quaternions: Array) -> Array:

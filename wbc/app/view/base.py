@@ -27,7 +27,6 @@ from wbc.walking.control import ReferenceControl
 if TYPE_CHECKING:
     from wbc.core.robot import Robot
     from wbc.core.signals import Measurement
-    from wbc.sim.terrain.spec import Terrain
 
 LOCAL = "127.0.0.1"
 """Address of all pages: they are reached from this machine alone, from another one through `ssh -L`."""
@@ -74,7 +73,6 @@ class View(ABC):
         control: Any = None,
         *,
         program: Program | None = None,
-        terrain: Terrain | None = None,
         port: int | None = None,
         rate: float = RATE,
         speed: float | None = None,
@@ -86,14 +84,12 @@ class View(ABC):
             control: A walk, whose footsteps and references are shown, only with a simulation; a control of drives or a
                 `Controller`, whose tasks a workbench shows; that of the program, or none, when None.
             program: Program whose state is shown.
-            terrain: The ground under a described robot; flat when None. A simulation has its own.
             port: Port of the page; the first free one from 7000 on when None.
             rate: Largest rate of pictures, 1/s.
             speed: Hold the run back to this multiple of real time, 1 for real time; None never waits.
 
         Raises:
-            InputError: A value out of range, something else than a control, a terrain given with a simulation, or a
-                walk without one.
+            InputError: A value out of range, something else than a control, or a walk without a simulation.
             PortError: The port is in use.
             ViewError: A workbench without viser.
         """
@@ -101,7 +97,7 @@ class View(ABC):
         self.speed = None if speed is None else positive("speed of the view", speed)
         self._due = self._time = 0.0  # clock and simulated time of the last tick
         self._next, self.frames, self.closed = -math.inf, 0, False
-        self._set_source(source, control, program, terrain)
+        self._set_source(source, control, program)
         self._open(free_port(port))
         self._begin()
         print(
@@ -111,11 +107,7 @@ class View(ABC):
         )
 
     def _set_source(
-        self,
-        source: SimulatedRobot | RobotDescription,
-        control: Any,
-        program: Program | None,
-        terrain: Terrain | None = None,
+        self, source: SimulatedRobot | RobotDescription, control: Any, program: Program | None
     ) -> None:
         control = program.control if control is None and program is not None else control
         if control is not None and not isinstance(control, (Controller, DriveControl, ReferenceControl)):
@@ -125,13 +117,13 @@ class View(ABC):
         self.walking = control if isinstance(control, ReferenceControl) else None
         self.stage: SimulatedStage | DescribedStage
         if isinstance(source, RobotDescription) and self.walking is None:
-            self.stage = DescribedStage(source, terrain)
-        elif isinstance(source, SimulatedRobot) and terrain is None:
+            self.stage = DescribedStage(source)
+        elif isinstance(source, SimulatedRobot):
             self.stage = SimulatedStage(source, self.walking)
         else:
             raise InputError(
-                "a view shows a plant or a MujocoLoop, whose terrain is its own, or the description of a robot without "
-                f"a walk, whose states update(robot) is given; got {source!r}"
+                "a view shows a plant or a MujocoLoop, or the description of a robot without a walk, whose states are "
+                f"given to update(robot); got {source!r}"
             )
 
     def _begin(self) -> None:

@@ -17,8 +17,7 @@ from wbc.sim.plant.model import drawing_model
 from wbc.sim.plant.places import RobotPlaces
 from wbc.sim.plant.plant import Plant
 from wbc.sim.plant.robot import SimulatedRobot
-from wbc.sim.terrain.spec import Terrain
-from wbc.sim.terrain.spec import terrain as terrain_by_name
+from wbc.sim.terrain.spec import terrain
 from wbc.tasks.stabilizer.pendulum import natural_frequency
 from wbc.tasks.stabilizer.zmp import NoContactForceError, zmp
 
@@ -97,9 +96,9 @@ class SimulatedStage:
 class DescribedStage:
     """Robot whose states are given: an estimate, a plan, a real robot; see `Stage`."""
 
-    def __init__(self, description: RobotDescription, terrain: Terrain | None) -> None:
+    def __init__(self, description: RobotDescription) -> None:
         self.robot, self.title = description.robot(), description.name
-        ground = terrain_by_name("flat") if terrain is None else terrain
+        ground = terrain("flat")
         self.model = drawing_model(description, self.robot, ground)
         self.data = mujoco.MjData(self.model)
         self.places = RobotPlaces(self.model, self.robot)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from wbc.app.view.base import RATE, View
+from wbc.app.view.base import View
 from wbc.app.view.meshcat_view import MeshcatView
 from wbc.core.errors import finite_scalar
 from wbc.sim.trial.loop import TrialHook
@@ -29,7 +29,6 @@ class WatchWalk(TrialHook):
         *,
         workbench: bool = False,
         port: int | None = None,
-        rate: float = RATE,
         speed: float | None = 1.0,
         wait: float = 0.0,
         stay: bool = False,
@@ -41,7 +40,7 @@ class WatchWalk(TrialHook):
         """
         self._wait, self._stay = finite_scalar("time to wait for a page (s)", wait, low=0.0), stay
         self._workbench = workbench
-        self._options: dict[str, Any] = dict(port=port, rate=rate, speed=speed)
+        self._options: dict[str, Any] = {"port": port, "speed": speed}
         self.view: View | None = None
 
     @property
@@ -91,9 +90,3 @@ class WatchWalk(TrialHook):
         """End the view; the page keeps its last picture."""
         if self.view is not None:
             self.view.close()
-
-    def __enter__(self) -> WatchWalk:
-        return self
-
-    def __exit__(self, *error: object) -> None:
-        self.close()
