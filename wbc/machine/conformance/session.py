@@ -13,14 +13,12 @@ from wbc.core.errors import Array, MeasurementError, shown
 from wbc.core.robot import GRAVITY
 from wbc.core.signals import Command, Measurement
 from wbc.core.trajectories import minimum_jerk
+from wbc.machine.conformance.causes import CAUSES
 from wbc.machine.loads import SoleLoads
 from wbc.machine.loop import Loop
 
 UNIT = 57.2958
 """Degrees in a radian."""
-
-Cause = tuple[object, str]
-"""Condition, and the probable cause of a wrong result where it holds, with its symptom in a controller."""
 
 Record = dict[str, Array]
 """Signals of one motion by their name in a `Measurement`, one row a control period, NaN where nothing is measured."""
@@ -88,9 +86,9 @@ class Session:
         self.records: list[Record] = []
         self.lost = ""
 
-    def check(self, name: str, found: str, *causes: Cause) -> None:
-        """Add a check, which is wrong by the first of its causes that holds."""
-        cause = next((text for holds, text in causes if holds), "")
+    def check(self, name: str, found: str, *wrong: object) -> None:
+        """Add a check, which is wrong if one of the conditions holds, a condition for each of its `CAUSES`."""
+        cause = next((text for holds, text in zip(wrong, CAUSES[name], strict=True) if holds), "")
         self.checks[name] = Check(name, "wrong" if cause else "ok", found, cause)
 
     def unknown(self, name: str, why: str) -> None:
