@@ -44,8 +44,6 @@ def test_feet_are_listed_under_every_robot(run: Run) -> None:
         assert soft["added_mass_kg"] == pytest.approx(0.34)
         assert soft["ankle_in_sole_m"][0] == pytest.approx(-0.03)
         assert soft["footprint_m"] == pytest.approx([0.2778, 0.1045], abs=1e-4)
-    _, out, _ = run("foot", "--robot", "g1")
-    assert "talos" not in out and "278 x 104 mm" in out and "0.34 kg more, 0 mm higher" in out
 
 
 # --- rig -------------------------------------------------------------------------------------------------------------

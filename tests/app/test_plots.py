@@ -59,9 +59,6 @@ def test_figures_show_the_numbers_of_the_log(log: Log) -> None:
     assert shows(draw("stiffness", [log]), log["foot/left/stiffness"])
     own = draw_signals([log], ["own/answer", "com/estimated", "walk/phase"])
     assert shows(own, log["own/answer"]) and shows(own, log["com/estimated/z"])
-    assert [label.get_text() for label in own.axes[1].get_yticklabels()] != []
-    panels = [ax.get_ylabel() for ax in own.axes]
-    assert panels == ["(m)", "walk/phase"]
     phases = log.texts("walk/phase")
     ticks = [label.get_text() for label in own.axes[1].get_yticklabels()]
     assert set(ticks) == set(phases)

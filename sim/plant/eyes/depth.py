@@ -184,13 +184,6 @@ class DepthView:
             points += np.where((np.abs(off) < half).all(axis=1), height, 0.0)[:, None] * rotation[2]
         return [PointCloud(points, time, self.frame, np.maximum(std[seen], LEAST_STD))]
 
-    def outline(self, distance: float) -> Array:
-        """Return the edges of the field of view to a distance, m, as one line in the world, shape (n, 3), m."""
-        place, rotation = self._pose()
-        across = self.camera.rays[0]
-        ends = place + distance * self._rays[[0, across - 1, -1, -across]] @ rotation.T
-        return np.array([place, *(point for end in ends for point in (end, place)), *ends, ends[0]])
-
     def _pose(self) -> tuple[Array, Array]:
         """Return the true place of the camera and the rotation of its frame to the world, as the robot is now."""
         model, data = self._model, self._data
