@@ -172,7 +172,7 @@ def test_iso_ground_has_the_spectrum_it_reports() -> None:
     low, high, ratios, spectra = 0.5, 8.0, [], []
     for seed in range(40):
         t = terrain("iso8608", 0.03, seed, low=low, high=high, length=10.0)
-        gd = t.describe()["gd_n0_m3"]
+        gd = t.parameters.facts(t.site())["gd_n0_m3"]
         _, z = t.profile(step=0.01)
         ratios.append(
             z.var() / (gd * 0.01 * (1 / low - 1 / high))
