@@ -39,10 +39,7 @@ CHANGE = "what was changed from the page since the tick before, and an end by Ct
 """Meaning of the signal that holds the interventions of a run."""
 
 DEFAULTS = {"foot": "long_arch", "terrain": "stones", "amplitude": 0.02, "eyes": "depth"}
-"""Defaults of the command line: an unknown ground that the robot sees, and the sole that most LIPM walks arrive on."""
-
-STEPPING_FOOT = "rigid"
-"""The sole that most stepping walks arrive on."""
+"""Defaults of the command line: an unknown ground that the robot sees, and the sole that most walks arrive on."""
 
 FOLLOWERS = {
     "foot": ("stiffness", "foot_changes", "policy", "policy_params"),
@@ -65,9 +62,8 @@ OPTIONS = Fields(
     "steps=plan.steps turn=plan.turn stairs=plan.stairs mode servo push=pushes",
     defaults=DEFAULTS,
     help={
-        "foot": f"Foot under both ankles; flat is the robot's own sole. {STEPPING_FOOT} with --gait stepping.",
-        "eyes": "What the robot sees of the ground: depth (a camera), toes (range sensors), none (also with "
-        "--gait stepping, --gait auto and --spec).",
+        "foot": "Foot under both ankles; flat is the robot's own sole.",
+        "eyes": "What the robot sees of the ground: depth (a camera), toes (range sensors), none (also with --spec).",
         "turn": "On the spot to the left, degrees.",
         "push": "A push such as impulse=0.2,direction=90,step=5,phase=0.5: Ns/kg, degrees (90 is left), at a share of "
         "a step.",
@@ -199,11 +195,7 @@ def walk_spec(given: Mapping[str, Any], options: WalkOptions, drive: bool = Fals
         place = upper.setdefault(groups[0], {}) if groups else upper
         place[last] = value
     defaults: dict[str, Any] = dict(DEFAULTS)
-    if law == "stepping":
-        defaults["foot"] = STEPPING_FOOT
-    if (
-        law != "lipm" or options.spec is not None
-    ):  # sight wins little for the stepping law; a file says what it wants
+    if options.spec is not None:  # a file says what it wants
         del defaults["eyes"]
     spec = WalkSpec.from_json(_over(upper, _over(lower, defaults)))
     return spec if drive or spec.plan.drive is None else _bounded(spec, spec.plan.drive, options.seconds)
