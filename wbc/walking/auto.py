@@ -77,7 +77,7 @@ class AutoControl(ReferenceControl):
 
         walking = AutoControl(robot, plant.control_period)
         walking.velocity = (0.3, 0.0, 0.0)
-        walking.follow(plan)  # comes to a stand first, if it steps and the plan is on stairs
+        walking.follow(plan)  # comes to a stand first
 
     Attributes:
         law: Name of the law now, "lipm" or "stepping".
@@ -138,7 +138,7 @@ class AutoControl(ReferenceControl):
         self._stood = 0.0  # time of a stand by the law that plans, s
         self._handy = False  # hands have been asked for: the law that counts their forces stays
         self._before = 0  # steps done by laws before
-        self._waiting: FootstepPlan | FootstepSource | None = None  # footsteps, until the robot stands
+        self._waiting: FootstepPlan | None = None  # until the robot stands
         super().__init__(first, control, arms, body, lipm.falls, stiffness, ground)
         if ground is not None:
             stepping.see(ground)
@@ -202,9 +202,8 @@ class AutoControl(ReferenceControl):
             if self.law == "lipm" and stepping.leaves(state, HOLDS):
                 self.change("stepping")  # which steps out in this tick
             elif self._waiting is not None:
-                self.change("lipm")
-                source, self._waiting = self._waiting, None
-                self.source.follow(source)
+                plan, self._waiting = self._waiting, None
+                self.follow(plan)
             elif self.law == "lipm" and not self._handy:
                 self._stood += self.dt
                 if self._stood > self.settings.calm:
@@ -255,17 +254,17 @@ class AutoControl(ReferenceControl):
         super().go_to(x, y, yaw)
 
     def follow(self, source: FootstepPlan | FootstepSource) -> None:
-        """Take the footsteps from a plan or a planner: at once, a plan on stairs when a robot that steps stands.
+        """Take the footsteps from a planner at once, from a plan when the robot stands.
 
         Raises:
             InputError: Neither a plan nor a planner, or a body that is set too low to lift a foot.
         """
-        self._waiting = None
-        if self.law == "stepping" and isinstance(source, FootstepPlan) and source.climbs:
-            if not self._idle:
-                self.source.stop()
-                self._waiting, self.stopped = source, False
-                return
+        self._waiting, plan = None, source if isinstance(source, FootstepPlan) else None
+        if self.law == "stepping" and plan is not None and not self._idle:
+            self.source.stop()
+            self._waiting, self.stopped = plan, False
+            return
+        if self.law == "stepping" and plan is not None and plan.climbs:
             self.change("lipm")
         super().follow(source)
 

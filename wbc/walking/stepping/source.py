@@ -39,8 +39,8 @@ class SteppingWalk(ReferenceSource):
         """Stand; the CoM is at a height over the soles, m, or as far down as the settings' `bend`."""
         self._settings, self._height, self._dt = settings or SteppingSettings(), com_height, dt
         self._made_for = robot
-        self._reach = Reach.of(robot)
         self.begin(heading(robot.placement(robot.base_frame).rotation))
+        self._reach = Reach.of(robot, self.com_height)
 
     def begin(self, towards: float) -> None:
         """Stand where the robot stands now, with a heading, rad; all steps and orders before are forgotten."""
