@@ -21,6 +21,9 @@ class SteeringConstants:
     goal_time: Annotated[float, "1/ω"] = 4.0  # of the approach to a near goal, some two steps
     arrived: Annotated[float, "h"] = 0.15  # what steps reach: landings serve the balance
     arrived_turn: Annotated[float, "rad"] = 0.15
+    slow_turn: Annotated[float, "ω"] = (
+        0.05  # from which on steps become quick: a heading turns while a foot stands
+    )
     path_lag: Annotated[float, "1/ω"] = 2.0  # of the path behind a robot that walks sideways or turns
     speed_lag: Annotated[float, "1/ω"] = 8.0  # of the velocity by which the robot falls short
     speed_bias: Annotated[float, "hω"] = 0.08  # greatest one: where feet carry is known to centimetres
@@ -95,9 +98,10 @@ class Steering:
 
     @property
     def _slow(self) -> float:
-        """Time of a step at low speed, s: a fast walk has quick steps, and one that is to stand, nearer the middle."""
+        """Time of a step at low speed, s: quick in fast walks and in turns, and before a stand, nearer the middle."""
         s = self._s
-        slow = self.held * min(max(2.0 - abs(self.velocity[0]) / s.cruise, 0.0), 1.0) if self.goes else 0.0
+        brisk = max(abs(self.velocity[0]) / s.cruise, abs(self.turn) / self._c.slow_turn)
+        slow = self.held * min(max(2.0 - brisk, 0.0), 1.0) if self.goes else 0.0
         return s.step_time + slow * (s.slow_time - s.step_time)
 
     def rest(self, place: Point) -> None:
