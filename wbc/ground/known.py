@@ -95,10 +95,6 @@ class KnownGround:
             settings: Settings; the defaults when None.
             shapes: Link → spheres and capsules of the robot's own body, those of `RobotDescription.collision_shapes`:
                 points on them, and on its feet, are left out. None for clouds that hold nothing of the robot.
-
-        Raises:
-            InputError: A robot without soles.
-            UnknownNameError: Shapes of a link that the robot does not have.
         """
         if not robot.soles:
             raise InputError(f"what is known of the ground is asked for soles; '{robot.name}' has none")
@@ -136,9 +132,6 @@ class KnownGround:
 
         Args:
             seen: Cloud or map. What comes late, or is in an unknown frame, is not used, and `status` says so.
-
-        Raises:
-            InputError: Neither of both, or a map smaller than a sole.
         """
         if isinstance(seen, PointCloud):
             self._waiting.append(seen)

@@ -132,9 +132,6 @@ class DriverLoop:
         Args:
             driver: Wire to the machine.
             control_period: Period of the machine's measurements, s.
-
-        Raises:
-            InputError: An object that is no driver, or a time that is not above zero.
         """
         check_driver(driver)
         self.description = driver.description

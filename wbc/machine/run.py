@@ -150,7 +150,6 @@ class Runner:
 
         Raises:
             MachineError: No measurement comes, or one of another robot; the guard cannot use the driver.
-            InputError: This runner has run already, or `until` is neither a time nor a function.
         """
         if until is not None and not callable(until):
             until = non_negative("time of the end (s)", until)
@@ -497,8 +496,6 @@ def run(
         Reason of the end, phases, missed deadlines and the times of all ticks.
 
     Raises:
-        InputError: A rate that is not the controller's, a timeout within a control period, an object that is no driver
-            or no controller.
         MachineError: No measurement comes, or one of another robot; the guard cannot use the driver.
     """
     return Runner(driver, control, rate, settings=settings, guard=guard).run(until)

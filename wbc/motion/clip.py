@@ -107,9 +107,6 @@ class MotionClip:
 
         Returns:
             Configurations, shape (T, nq).
-
-        Raises:
-            UnknownNameError: The clip has a joint that the robot does not have: it is of another robot.
         """
         q = np.tile(robot.half_sitting, (len(self), 1))
         q[:, :7] = self.base
@@ -129,9 +126,6 @@ class MotionClip:
         Args:
             times: Times in the clip, shape (T,), s, from 0 to `duration`, not decreasing.
             rate: Frames per second of the result, Hz.
-
-        Raises:
-            InputError: Times outside the clip, or that run backwards.
         """
         times = finite_array("times in the motion (s)", times)
         if (

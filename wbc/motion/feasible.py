@@ -99,7 +99,6 @@ def make_feasible(
         The feasible motion; `after` measures it, whether or not it is feasible everywhere.
 
     Raises:
-        UnknownNameError: The clip is of another robot.
         InputError: The robot leaves the ground; the time at which it does is named. A clip that is too long.
     """
     if clip.duration * RATE > LONGEST:

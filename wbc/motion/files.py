@@ -31,7 +31,6 @@ def write_motion(clip: MotionClip, path: str | Path) -> None:
         path: File to write, by its ending; one that is there is replaced when the new one is whole.
 
     Raises:
-        InputError: Another ending.
         FileError: The file cannot be written.
     """
     path = _known(Path(path))
@@ -60,10 +59,6 @@ def read_motion(
         path: The file.
         rate: Frames per second, Hz, of a file that does not say it.
         joints: Joint names of the columns, of a file that does not say them.
-
-    Raises:
-        InputError: A file that cannot be read or is of no known format, a rate or joint names that are missing or
-            contradict the file.
     """
     path = _known(Path(path))
     with parsing(path, "motion"):

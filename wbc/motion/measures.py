@@ -126,7 +126,6 @@ def check_motion(
         friction: Allowed coefficient of friction.
 
     Raises:
-        UnknownNameError: The clip is of another robot.
         InputError: The robot leaves the ground; the time at which it does is named.
     """
     return measure(robot, *on_ground(robot, clip), share, friction)

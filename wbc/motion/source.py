@@ -96,7 +96,6 @@ class MotionSource(ReferenceSource):
             dt: Control period, s.
 
         Raises:
-            UnknownNameError: The clip is of another robot.
             InputError: The robot leaves the ground in the clip; the time at which it does is named. A robot that does
                 not stand as the clip begins.
         """

@@ -107,9 +107,6 @@ class AutoControl(ReferenceControl):
             stiffness: See there.
             extent: See there.
             ground: See there.
-
-        Raises:
-            InputError: A robot without two feet, steps or a plan that cannot be walked.
         """
         self.settings = s = settings or AutoControlSettings()
         dt, lipm = as_period(dt), replace(s.lipm, mode=s.mode)
@@ -168,11 +165,7 @@ class AutoControl(ReferenceControl):
         return bool(self.controller.robot.frames) and self.law == "lipm" and balance.hands.active
 
     def change(self, law: Literal["lipm", "stepping"]) -> None:
-        """Change the law of a robot that stands; all orders before are forgotten.
-
-        Raises:
-            InputError: The robot is in a step, or its hands press on something.
-        """
+        """Change the law of a robot that stands; all orders before are forgotten."""
         if law == self.law:
             return
         if not self.stands:
@@ -254,11 +247,7 @@ class AutoControl(ReferenceControl):
         super().go_to(x, y, yaw)
 
     def follow(self, source: FootstepPlan | FootstepSource) -> None:
-        """Take the footsteps from a planner at once, from a plan when the robot stands.
-
-        Raises:
-            InputError: Neither a plan nor a planner, or a body that is set too low to lift a foot.
-        """
+        """Take the footsteps from a planner at once, from a plan when the robot stands."""
         self._waiting, plan = None, source if isinstance(source, FootstepPlan) else None
         if self.law == "stepping" and plan is not None and not self._idle:
             self.source.stop()

@@ -134,11 +134,7 @@ class Stabilized(Balance):
 
     @property
     def hands(self) -> Hands:
-        """Hands that press on things and hold on to them.
-
-        Raises:
-            InputError: A robot without hands.
-        """
+        """Hands that press on things and hold on to them."""
         if self._hands is None:
             raise InputError(f"'{self._robot.name}' has no hands in its description")
         return self._hands

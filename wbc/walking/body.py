@@ -115,12 +115,7 @@ class Body:
 
     @property
     def com_height(self) -> float:
-        """Height of the CoM over the soles, m; assign it.
-
-        Raises:
-            InputError: Assigned a height that the legs do not reach, in a walk with a lifted foot; the message gives
-                the range.
-        """
+        """Height of the CoM over the soles, m; assign it."""
         return self._nominal + float(self._goal[0])
 
     @com_height.setter
@@ -147,11 +142,7 @@ class Body:
 
     @property
     def lean(self) -> tuple[float, float]:
-        """Roll and pitch of the trunk in the heading, rad: positive to the right and forward; assign both.
-
-        Raises:
-            InputError: Assigned other than two numbers, or more than 0.35 rad.
-        """
+        """Roll and pitch of the trunk in the heading, rad: positive to the right and forward; assign both."""
         return float(self._goal[1]), float(self._goal[2])
 
     @lean.setter
@@ -164,11 +155,7 @@ class Body:
 
     @property
     def turn(self) -> float:
-        """Turn of the trunk against the heading of the feet, rad, positive to the left; assign it.
-
-        Raises:
-            InputError: Assigned more than the waist, or without its joint the hips, turn.
-        """
+        """Turn of the trunk against the heading of the feet, rad, positive to the left; assign it."""
         return float(self._goal[3])
 
     @turn.setter

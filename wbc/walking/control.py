@@ -158,9 +158,6 @@ class ReferenceControl:
 
         Args:
             seen: Cloud or map.
-
-        Raises:
-            InputError: Neither of both, or a map smaller than a sole.
         """
         if self.ground is not None:
             self.ground.add(seen)
@@ -301,10 +298,6 @@ class ReferenceControl:
             x: Place of the robot in the world, m.
             y: Place of the robot in the world, m.
             yaw: Heading there, rad.
-
-        Raises:
-            InputError: A place beyond the ground, a source that cannot be steered, or a body that is set too low to
-                lift a foot.
         """
         self.body.check_steps(self.source.swing_height)
         self.source.go_to(*finite_array("goal (m, m, rad)", (x, y, yaw), (3,)).tolist())
@@ -316,10 +309,6 @@ class ReferenceControl:
         Args:
             source: Footsteps in the world, or a planner. A plan that cannot be walked from where the robot is brings it
                 to a stand (`source.reason`).
-
-        Raises:
-            InputError: Neither a plan nor a planner, a source that takes no footsteps, or a body that is set too low to
-                lift a foot.
         """
         self.body.check_steps(self.source.swing_height)
         self.source.follow(source)
@@ -378,10 +367,6 @@ class WalkingControl(ReferenceControl):
             extent: Least and greatest x, least and greatest y of the ground, m; endless when None. For a plan alone.
             ground: What is known of the ground, made with a robot of the same description that stands at the start;
                 None walks blind.
-
-        Raises:
-            InputError: A robot without exactly two soles, a plan that cannot be walked or begins elsewhere, bad
-                settings.
         """
         if len(robot.soles) != 2:
             raise InputError(f"a walk needs a robot with a left and a right sole, got {len(robot.soles)}")
@@ -407,11 +392,7 @@ class WalkingControl(ReferenceControl):
 
     @property
     def walk(self) -> Walk:
-        """Phases, pattern and planned steps of a LIPM walk.
-
-        Raises:
-            InputError: The references come from another source.
-        """
+        """Phases, pattern and planned steps of a LIPM walk."""
         if not isinstance(self.source, LipmWalk):
             raise InputError(f"only a LIPM walk has phases and a pattern, got {shown(self.source)}")
         return self.source.walk

@@ -155,9 +155,6 @@ class ReferenceSource(ABC):
 
         Args:
             heading: Heading of the stand, rad.
-
-        Raises:
-            InputError: The source begins once.
         """
         raise InputError(f"{type(self).__name__} begins once")
 
@@ -217,27 +214,15 @@ class ReferenceSource(ABC):
         return VelocityLimits(0.0, 0.0, 0.0, 0.0)
 
     def go_to(self, x: float, y: float, yaw: float) -> None:
-        """Walk to a place (m) and heading (rad), and stand there.
-
-        Raises:
-            InputError: The source cannot be steered.
-        """
+        """Walk to a place (m) and heading (rad), and stand there."""
         raise InputError(self.unsteered)
 
     def follow(self, source: FootstepPlan | FootstepSource) -> None:
-        """Take the footsteps from a plan or a planner.
-
-        Raises:
-            InputError: The source takes no footsteps.
-        """
+        """Take the footsteps from a plan or a planner."""
         raise InputError(self.unsteered)
 
     def stop(self) -> None:
-        """Come to a stand safely.
-
-        Raises:
-            InputError: The source cannot be steered.
-        """
+        """Come to a stand safely."""
         raise InputError(self.unsteered)
 
     def see(self, ground: KnownGround) -> None:
@@ -245,9 +230,6 @@ class ReferenceSource(ABC):
 
         Args:
             ground: What is known; the control keeps it up to date.
-
-        Raises:
-            InputError: The source puts no feet by it.
         """
         raise InputError(f"{type(self).__name__} puts no feet by what is known of the ground")
 

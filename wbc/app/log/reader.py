@@ -51,9 +51,6 @@ class Log:
 
         Args:
             path: The file.
-
-        Raises:
-            InputError: No such file, not a log, a log of another format, or one without a single batch.
         """
         place = Path(path)
         if not os.path.exists(place):  # False for a name that is too long, too
@@ -106,7 +103,6 @@ class Log:
 
         Raises:
             UnknownNameError: No such signal or group; the nearest ones are given.
-            InputError: Texts or lists, which `texts` and `lists` give.
         """
         if name not in self._arrays:
             if name in self.signals:

@@ -49,9 +49,6 @@ class Recorder(TrialHook):
             path: The file, by custom with the ending .arrow; an existing log is replaced.
             spec: Specification of the run, stored in the header: a dataclass, or plain values.
             title: Title of the log; the robot's name when empty.
-
-        Raises:
-            InputError: The file cannot be written.
         """
         self._writer = LogWriter(path)
         provenance()  # asks git once, before the run
@@ -77,9 +74,6 @@ class Recorder(TrialHook):
                 a text or an array of constant length, whose parts are x y z or their indices.
             unit: "1" without a unit.
             about: Description.
-
-        Raises:
-            InputError: A name that is taken or malformed, no function, or the first tick has been recorded.
         """
         if self._signals is not None:
             raise InputError(f"signal '{name}' comes too late: add it before the first tick is recorded")
@@ -104,10 +98,6 @@ class Recorder(TrialHook):
             control: The walk, position or torque control, or a program that drives one of these.
             measurement: Input of the control.
             command: Output of the control.
-
-        Raises:
-            InputError: The recording has ended, a program of a `Controller` alone, or an added signal whose name is
-                taken, whose value cannot be stored or whose length has changed.
         """
         program = control if isinstance(control, Program) else None
         control = control.control if isinstance(control, Program) else control
@@ -145,9 +135,6 @@ class Recorder(TrialHook):
             solution: Solution of the QP.
             truth: True state, from a simulator.
             estimate: Estimated robot, up to date.
-
-        Raises:
-            InputError: As for a call, or a first tick with something else than these.
         """
         if self._model is None:
             _check_kind("description", description, RobotDescription)

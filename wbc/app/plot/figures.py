@@ -50,10 +50,6 @@ def draw(name: str, logs: Sequence[Log]) -> Figure:
     Args:
         name: One of `FIGURES`.
         logs: One or several logs, drawn side by side or in the same axes.
-
-    Raises:
-        UnknownNameError: No such figure.
-        InputError: No logs, or one that lacks a required signal.
     """
     choose("figure", name, FIGURES)
     if len(logs) == 0:

@@ -26,7 +26,6 @@ def save(figures: Mapping[str, Figure], path: str | Path) -> list[Path]:
         The written files.
 
     Raises:
-        InputError: A path that cannot be written.
         FileError: The disk is full, for example.
     """
     target = check_target("a picture", path, PICTURES)

@@ -47,10 +47,6 @@ def draw_signals(logs: Sequence[Log], words: Sequence[str]) -> Figure:
     Args:
         logs: One or several.
         words: Signals, groups of signals, or patterns with * and ?.
-
-    Raises:
-        UnknownNameError: A word that matches no signal.
-        InputError: No logs, lists, or too many signals.
     """
     if len(logs) == 0 or len(words) == 0:
         raise InputError(f"a figure needs at least one {'log' if len(logs) == 0 else 'signal'}")

@@ -52,9 +52,6 @@ def convert_log(
 
     Returns:
         Reason why the file holds the signals alone; None if it holds the scene, too.
-
-    Raises:
-        InputError: A path that cannot be written, no rerun, a rate that is not above zero, or an empty log.
     """
     target = check_conversion(path, [log.path])
     import rerun as rr  # noqa: PLC0415 - an extra

@@ -85,7 +85,6 @@ def render_video(
         Number of pictures.
 
     Raises:
-        InputError: A path that cannot be written, or a value out of range.
         RenderError: Not possible on this machine; the message says what to install.
     """
     target = check_film(path, [replay.log.path])

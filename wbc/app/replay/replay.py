@@ -100,9 +100,6 @@ class Replay:
         Args:
             rate: Pictures for each second of the film, 1/s.
             speed: Seconds of the run in a second of the film.
-
-        Raises:
-            InputError: A value that is not above zero.
         """
         step = positive("speed of the replay", speed) / positive("pictures a second (1/s)", rate)
         time = self.log.time

@@ -89,7 +89,6 @@ class View(ABC):
             speed: Hold the run back to this multiple of real time, 1 for real time; None never waits.
 
         Raises:
-            InputError: A value out of range, something else than a control, or a walk without a simulation.
             PortError: The port is in use.
             ViewError: A workbench without viser.
         """
@@ -167,7 +166,6 @@ class View(ABC):
             measurement: Only of a described robot: time and contact wrenches of the soles.
 
         Raises:
-            InputError: A state given with a simulation, none of a described robot, or one of another robot.
             ViewError: The view has been closed.
         """
         if self.closed:

@@ -72,7 +72,6 @@ def conformance(loop: Loop, *, delay: float = 0.0) -> ConformanceReport:
         One result a check.
 
     Raises:
-        InputError: Something without the four parts of a loop, a control period above 0.025 s, a delay out of range.
         MeasurementError: `measure` returns something else than a `Measurement`.
     """
     delay = finite_scalar("delay of the loop (s)", delay, low=0.0, high=LONGEST_DELAY)

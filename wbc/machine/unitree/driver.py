@@ -68,9 +68,6 @@ class UnitreeDriver(Driver):
             description: A G1: its joints have the names of `G1_MOTORS`.
             interface: Network interface of the robot.
             domain: DDS domain: 0 on the machine, 1 in simulators.
-
-        Raises:
-            InputError: Joints that the machine has not.
         """
         self.description, self._interface, self._domain = description, interface, domain
         self._names = tuple(description.joint_names)

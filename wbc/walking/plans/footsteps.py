@@ -203,9 +203,6 @@ class FootstepPlan:
             step: New landing.
             carry: Move all later steps along, so that they keep their places relative to this one; otherwise
                 they stay in place.
-
-        Raises:
-            InputError: A landing of the other foot, or no such step.
         """
         if not 0 <= index < len(self):
             raise InputError(f"no step {index} in a plan of {len(self)}")

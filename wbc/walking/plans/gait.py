@@ -137,11 +137,7 @@ class Gait:
         return {name: value for name, value in values.items() if value is not None}
 
     def on_grid(self, period: float) -> tuple[Self, tuple[str, ...]]:
-        """Return the gait with its given timings rounded to multiples of a period, s, and a message for each change.
-
-        Raises:
-            InputError: A period that is not above zero or longer than half of a timing.
-        """
+        """Return the gait with its given timings rounded to multiples of a period, s, and a message for each change."""
         period = as_period(period)
         changed: dict[str, Any] = {}
         notes = []
@@ -170,9 +166,6 @@ class Gait:
         Args:
             velocity: Forward (m/s), left (m/s) and turn (rad/s).
             gait: Gait whose given values stay.
-
-        Raises:
-            InputError: A velocity that is not three finite numbers.
         """
         what = "velocity (forward m/s, left m/s, turn rad/s)"
         return Gait.at_speed(pace(finite_array(what, velocity, (3,)).tolist()), gait)

@@ -34,9 +34,6 @@ def walk_distance(start: FootstepPlan, distance: float, *, first: str = "left") 
         start: Feet and gait; its steps are dropped.
         distance: Displacement of the feet, m; negative walks backwards.
         first: Side that steps first.
-
-    Raises:
-        InputError: A distance of zero or not finite.
     """
     if abs(distance) < 1e-6:
         raise InputError("distance (m) must not be zero; a plan without steps stands")
@@ -57,10 +54,6 @@ def walk_velocity(
         velocity: Forward (m/s), left (m/s) and turn (rad/s) of the robot's middle, shape (3,).
         steps: Number of steps, before the one that closes up.
         first: Side that steps first; the side of the motion when None.
-
-    Raises:
-        InputError: A velocity of the wrong size, one that would turn a foot by half a turn in a step, or fewer than one
-            step.
     """
     if len(velocity) != 3:
         raise InputError(f"velocity must be (forward m/s, left m/s, turn rad/s), got {velocity!r}")
@@ -93,9 +86,6 @@ def turn_in_place(
         per_step: Greatest turn from one foot to the other, rad.
         ahead: Distance of that point before the middle of the feet, m: the robot walks round it and faces it, the outer
             foot opens aside and turns, the other one closes.
-
-    Raises:
-        InputError: An angle of zero, or one that is not finite.
     """
     if angle == 0.0:
         raise InputError("angle (rad) must not be zero")
@@ -197,9 +187,6 @@ def climb_stairs(
         first_edge: Distance from the middle of the feet to the first edge, m.
         together: Bring both feet onto each stair; one foot a stair when False.
         first: Side that steps first.
-
-    Raises:
-        InputError: A stair without depth or rise, or no stairs.
     """
     if rise == 0.0 or count < 1:
         raise InputError(f"a stair must have a rise and at least one step, got rise {rise} m, count {count}")

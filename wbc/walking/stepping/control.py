@@ -89,9 +89,6 @@ class SteppingControl(ReferenceControl):
             stiffness: Sets the soles while they swing; needs feet of variable stiffness.
             ground: What is known of the ground, made with a robot of the same description that stands at the start;
                 None walks blind.
-
-        Raises:
-            InputError: A robot without two feet, or steps that cannot be walked.
         """
         self.settings = s = settings or SteppingControlSettings()
         dt = as_period(dt)
