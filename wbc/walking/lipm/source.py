@@ -15,7 +15,7 @@ from dataclasses import replace
 import numpy as np
 
 from wbc.core.control import State
-from wbc.core.errors import InputError, shown
+from wbc.core.errors import InputError
 from wbc.core.robot import SIDES, Robot
 from wbc.ground import KnownGround
 from wbc.walking.contact import GaitPhase
@@ -28,7 +28,6 @@ from wbc.walking.plans.sources import (
     AT_REST,
     FootstepSource,
     GoalSource,
-    PlanSource,
     Standing,
     Velocity,
     VelocitySource,
@@ -36,6 +35,7 @@ from wbc.walking.plans.sources import (
     close_up,
     dropped,
     next_steps,
+    planner_of,
 )
 from wbc.walking.settings import WalkingControlSettings
 from wbc.walking.source import Progress, Reference, ReferenceSource, VelocityLimits
@@ -182,9 +182,7 @@ class LipmWalk(ReferenceSource):
 
     def follow(self, source: FootstepPlan | FootstepSource) -> None:
         """Take the footsteps from a plan or a planner, from the next tick on."""
-        if not isinstance(source, (FootstepPlan, FootstepSource)):
-            raise InputError(f"footsteps come from a FootstepPlan or a FootstepSource, got {shown(source)}")
-        self.planner = PlanSource(source) if isinstance(source, FootstepPlan) else source
+        self.planner = planner_of(source)
         self.reason, self._steered = "", True
         self._next = 0.0
 

@@ -34,6 +34,10 @@ STRAIGHT = 0.95
 """Ratio of its length from which a leg in half-sitting is too straight for long steps."""
 
 
+Extent = tuple[float, float, float, float]
+"""Least and greatest x, least and greatest y of the ground, m."""
+
+
 @settings
 class Reach:
     """Limits of a step, measured from the stance sole to the landing sole in the stance frame.
@@ -81,10 +85,6 @@ class Reach:
             max_height=leg.length / 3.0,
             max_swing_height=leg.length / 2.0,
         )
-
-
-Extent = tuple[float, float, float, float]
-"""Least and greatest x, least and greatest y of the ground, m."""
 
 
 @dataclass(frozen=True)

@@ -346,6 +346,13 @@ class PlanSource(FootstepSource):
         return replace(start, steps=steps)
 
 
+def planner_of(source: FootstepPlan | FootstepSource) -> FootstepSource:
+    """Return the planner of what a walk is to follow."""
+    if not isinstance(source, (FootstepPlan, FootstepSource)):
+        raise InputError(f"footsteps come from a FootstepPlan or a FootstepSource, got {shown(source)}")
+    return PlanSource(source) if isinstance(source, FootstepPlan) else source
+
+
 def next_steps(
     planner: FootstepSource, now: Standing, robot: Robot, reach: Reach, extent: Extent | None = None
 ) -> FootstepPlan:

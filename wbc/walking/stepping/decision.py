@@ -27,8 +27,8 @@ HORIZON = 6
 """Number of footsteps that count: E to that power is beyond any error."""
 
 
-class Stance(NamedTuple):
-    """What a step is decided by.
+class StepState(NamedTuple):
+    """State that a step is decided by.
 
     Attributes:
         foot: Foot that stands: 0 left, 1 right.
@@ -112,11 +112,11 @@ class StepDecision:
         (a, b), (u, v), most = self.cop, self._wanted, self._most
         self.cop = a + min(max(u - a, -most), most), b + min(max(v - b, -most), most)
 
-    def decide(self, stance: Stance, wish: Wish, longest: float, look: float | None) -> None:
+    def decide(self, stance: StepState, wish: Wish, longest: float, look: float | None) -> None:
         """Decide anew; what was decided stays if the program fails.
 
         Args:
-            stance: What is decided by.
+            stance: State of the step.
             wish: Steps that are asked for.
             longest: Longest time of the step, s.
             look: Time left in which a landing may be moved on seen ground, s; None for one that stays.
@@ -146,7 +146,7 @@ class StepDecision:
         self.end, self._wanted = elapsed + step.left, (step.shift[0], stance.side * step.shift[1])
         self.place = free if chosen is None else self._centre(stance, step.place)
 
-    def _bounds(self, stance: Stance, ahead: float, outwards: float, longest: float) -> Bounds:
+    def _bounds(self, stance: StepState, ahead: float, outwards: float, longest: float) -> Bounds:
         """Return the limits of a step, by the offset of ξ from the contact, m."""
         s, c, area, elapsed = self._s, self._c, self.area, stance.elapsed
         low, high = area.aside if stance.side > 0.0 else (-area.aside[1], -area.aside[0])
@@ -165,11 +165,11 @@ class StepDecision:
             (shortest, greatest),
         )
 
-    def _centre(self, stance: Stance, place: Point) -> Point:
+    def _centre(self, stance: StepState, place: Point) -> Point:
         """Return the centre of a landing whose carrying point is ahead and outwards of that of the stance foot."""
         return stance.point(place[0] - self._c.carrying, place[1])
 
-    def _choose(self, stance: Stance, free: Point, look: float) -> Point | None:
+    def _choose(self, stance: StepState, free: Point, look: float) -> Point | None:
         """Return the place near the program's landing where the sole is to rest; None where none is chosen."""
         s, c = self._s, self._c
         moved = self._about is None or math.dist(free, self._about) > c.again
@@ -195,7 +195,7 @@ class StepDecision:
         return self._chosen
 
 
-def steps_of_velocity(velocity: Point, width: float, stance: Stance) -> Wish:
+def steps_of_velocity(velocity: Point, width: float, stance: StepState) -> Wish:
     """Return the steps of a velocity, forward and left, m/s, with feet so far apart, m."""
     orbit, time = stance.orbit, stance.nominal
     length, drift = velocity[0] * time, stance.side * velocity[1] * time
@@ -204,7 +204,7 @@ def steps_of_velocity(velocity: Point, width: float, stance: Stance) -> Wish:
     return Wish(places, (b, inwards, b, closing, b, inwards), time)
 
 
-def steps_of_plan(footsteps: Sequence[Footstep], carrying: float, width: float, stance: Stance) -> Wish:
+def steps_of_plan(footsteps: Sequence[Footstep], carrying: float, width: float, stance: StepState) -> Wish:
     """Return planned steps, and offsets from which a pendulum reaches rest at their end, E b = s⁺ + b⁺.
 
     Feet carry so far ahead of their centres, m; after the plan they would stand so far apart, m.

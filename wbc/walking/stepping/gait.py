@@ -29,7 +29,7 @@ from wbc.walking.plans.footsteps import Footstep, FootstepPlan, mean_heading
 from wbc.walking.plans.gait import Gait, SwingShape
 from wbc.walking.plans.sources import Standing
 from wbc.walking.source import Reference
-from wbc.walking.stepping.decision import Stance, StepDecision, steps_of_plan, steps_of_velocity
+from wbc.walking.stepping.decision import StepDecision, StepState, steps_of_plan, steps_of_velocity
 from wbc.walking.stepping.law import (
     SIDEWAYS,
     Divergent,
@@ -402,7 +402,7 @@ class SteppingGait:
         """Decide the step by what stands now."""
         c, (u, v), footsteps = self.constants, self.decision.cop, self.footsteps
         assert self._contact is not None
-        stance = Stance(
+        stance = StepState(
             self.stance,
             self.steering.direction,
             self._carrying_point(state, self.stance),

@@ -1,4 +1,4 @@
-"""Law of the stepping walk: when and where to put the next foot, in closed form.
+"""Law of the stepping walk: the pendulum, the orbit of its steps and which foot carries, in closed form.
 
 The robot is a pendulum that turns about its contact p. The angular momentum L about the contact gives the velocity that
 falls; with the mass m, the height h of the CoM over the contact and ω² = g/h, the divergent component of motion is
@@ -12,9 +12,8 @@ E = e^{ωT} the offset of ξ from the foot that lands is, at every landing,
 
     b_x = v_x T / (E − 1)  ahead,        b_y = w / (1 + E) − δ  inwards,  δ = ± v_y T / (E − 1),
 
-and each step ends at E times these offsets from the stance foot. Time and place follow from ξ at every tick: the step
-lasts until the lateral offset has grown to that of the orbit, or the one ahead has outgrown its own by a stretch, and
-the foot lands so that b is left.
+and each step ends at E times these offsets from the stance foot. `wbc.walking.stepping.program` weighs them against the
+steps that are asked for.
 
 Sources: time and place of steps as feedback: M. Khadiv et al., IEEE T-RO 36(3), 2020; angular momentum about the
 contact: Y. Gong, J. Grizzle, J. Dyn. Sys. Meas. Control 144(12), 2022; the lateral orbit: X. Xiong, A. Ames,

@@ -5,13 +5,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from wbc.core.control import State
-from wbc.core.errors import InputError, shown
 from wbc.core.robot import Robot
 from wbc.ground import KnownGround
 from wbc.walking.contact import GaitPhase
 from wbc.walking.plans.footsteps import Footstep, FootstepPlan, heading
 from wbc.walking.plans.reach import Reach
-from wbc.walking.plans.sources import FootstepSource, PlanSource, Standing, Velocity, dropped, next_steps
+from wbc.walking.plans.sources import FootstepSource, Standing, Velocity, dropped, next_steps, planner_of
 from wbc.walking.source import Progress, Reference, ReferenceSource, VelocityLimits
 from wbc.walking.stepping.gait import BodyState, SteppingGait
 from wbc.walking.stepping.settings import RobotSize, SteppingSettings
@@ -125,10 +124,9 @@ class SteppingWalk(ReferenceSource):
 
     def follow(self, source: FootstepPlan | FootstepSource) -> None:
         """Take the footsteps from a plan or a planner, from the next step on."""
-        if not isinstance(source, (FootstepPlan, FootstepSource)):
-            raise InputError(f"footsteps come from a FootstepPlan or a FootstepSource, got {shown(source)}")
+        planner = planner_of(source)
         self._steering.command(None)
-        self._take(PlanSource(source) if isinstance(source, FootstepPlan) else source)
+        self._take(planner)
 
     def _take(self, planner: FootstepSource | None) -> None:
         self.planner, self.reason = planner, ""
