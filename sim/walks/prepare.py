@@ -20,13 +20,13 @@ from wbc.sim.terrain.spec import terrain as terrain_by_name
 from wbc.sim.walks.arrival import Arrival
 from wbc.sim.walks.plans import WalkPlan
 from wbc.sim.walks.settings import AnyTrialSettings, AutoTrialSettings
-from wbc.walking.control import WalkingControl
 from wbc.walking.plans.footsteps import FootstepPlan, mean_heading
 from wbc.walking.plans.gait import Gait
 from wbc.walking.plans.reach import check_plan
 from wbc.walking.plans.size import sized
 from wbc.walking.settings import WalkingControlSettings
 from wbc.walking.stepping.control import SteppingControl, SteppingControlSettings
+from wbc.walking.walking_control import WalkingControl
 
 
 @dataclass(frozen=True, eq=False)

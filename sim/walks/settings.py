@@ -18,7 +18,7 @@ from wbc.tasks.scheduling.record import StiffnessTiming
 from wbc.tasks.stabilizer.bias import BiasSettings
 from wbc.tasks.stabilizer.distribution import DistributionSettings
 from wbc.tasks.stabilizer.gains import StabilizerGains
-from wbc.walking.auto import AutoControlSettings
+from wbc.walking.falls import FallSettings
 from wbc.walking.lipm.phases import PhaseSettings
 from wbc.walking.lipm.preview import PreviewSettings
 from wbc.walking.lipm.walk import WalkSettings
@@ -109,8 +109,27 @@ class SteppingTrialSettings(Surroundings, SteppingControlSettings):
 
 
 @settings
-class AutoTrialSettings(Surroundings, AutoControlSettings):
-    """Settings of a simulated walk whose law changes: those of the controller, and those of what surrounds it."""
+class AutoTrialSettings(Surroundings):
+    """Settings of a simulated walk whose law changes: those of the controller, and those of what surrounds it.
+
+    Attributes:
+        mode: "torque" or "hybrid": a stepping walk on stiff servos has other references.
+        lipm: Settings of the law that plans; its falls, arms, safety and solver count for both.
+        stepping: Settings of the law that decides steps as they go.
+    """
+
+    mode: Mode = "torque"
+    lipm: WalkingControlSettings = field(default_factory=WalkingControlSettings)
+    stepping: SteppingControlSettings = field(default_factory=SteppingControlSettings)
+
+    def __post_init__(self) -> None:
+        if self.mode == "position":
+            raise InputError("a walk whose law changes is in torque or hybrid control, got mode 'position'")
+
+    @property
+    def falls(self) -> FallSettings:
+        """Limits beyond which the robot has fallen."""
+        return self.lipm.falls
 
 
 AnyTrialSettings = TrialSettings | SteppingTrialSettings | AutoTrialSettings

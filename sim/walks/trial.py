@@ -37,9 +37,9 @@ from wbc.sim.walks.stiffness_meter import StiffnessMeter
 from wbc.sim.walks.stiffness_policy import make_policy
 from wbc.tasks.scheduling.policies import PolicyLike
 from wbc.tasks.scheduling.stiffness import StiffnessScheduler
-from wbc.walking.auto import AutoControl
-from wbc.walking.control import ReferenceControl, WalkingControl
+from wbc.walking.control import ReferenceControl
 from wbc.walking.stepping.control import SteppingControl
+from wbc.walking.walking_control import WalkingControl
 
 PLAN_FIELDS = tuple(f.name for f in fields(WalkPlan))
 LEAST_WAY = 0.05
@@ -246,11 +246,12 @@ def _walking(
         walking = SteppingControl(robot, spec.period, settings, **parts)
         return walking, walking.source.gait.scale.height
     if isinstance(settings, AutoTrialSettings):
-        plan = prepared.plan if prepared.plan.steps else None
-        auto = AutoControl(robot, spec.period, settings, plan=plan, extent=spec.extent, **parts)
+        lipm = replace(settings.lipm, mode=settings.mode)
+        parts |= {"extent": spec.extent, "stepping": settings.stepping}
+        auto = WalkingControl(robot, prepared.plan, spec.period, lipm, **parts)
         return auto, auto.source.com_height
-    plain = WalkingControl(robot, prepared.plan, spec.period, settings, extent=spec.extent, **parts)
-    return plain, settings.com_height
+    parts |= {"extent": spec.extent, "law": "lipm"}
+    return WalkingControl(robot, prepared.plan, spec.period, settings, **parts), settings.com_height
 
 
 def _plant(spec: WalkSpec, prepared: PreparedWalk, robot: Robot, visuals: bool) -> Plant:

@@ -11,18 +11,23 @@ import wbc
 from wbc.core.errors import InputError
 from wbc.sim import WalkPlan, WalkSpec
 from wbc.sim.trial.falls import TrueFallDetector
-from wbc.walking import AutoControl, FootstepPlan, walk_distance
+from wbc.walking import FootstepPlan, WalkingControl, WalkingControlSettings, walk_distance
 
 DT = 0.002
 
 
-def standing(name: str = "g1") -> tuple[wbc.Plant, AutoControl]:
-    description = wbc.load_robot(name)
-    plant = wbc.Plant(description, noise="realistic", seed=3, control_period=DT)
-    return plant, AutoControl(description.robot(), DT)
+def control(name: str, plan: FootstepPlan | None = None) -> WalkingControl:
+    robot = wbc.load_robot(name).robot()
+    plan = plan or FootstepPlan.standing(robot)
+    return WalkingControl(robot, plan, DT, WalkingControlSettings(mode="torque"))
 
 
-def run(plant: wbc.Plant, walking: AutoControl, seconds: float) -> None:
+def standing(name: str = "g1") -> tuple[wbc.Plant, WalkingControl]:
+    plant = wbc.Plant(wbc.load_robot(name), noise="realistic", seed=3, control_period=DT)
+    return plant, control(name)
+
+
+def run(plant: wbc.Plant, walking: WalkingControl, seconds: float) -> None:
     falls, end = TrueFallDetector(plant.robot), plant.time + seconds
     while plant.time < end - 1e-9:
         plant.step(walking.command(plant.measure()))
@@ -32,7 +37,7 @@ def run(plant: wbc.Plant, walking: AutoControl, seconds: float) -> None:
 def test_a_change_of_law_in_a_stand_leaves_references_and_posture_where_they_are() -> None:
     plant, walking = standing()
     assert walking.law == "stepping"
-    walking.settings = replace(walking.settings, calm=60.0)
+    walking.calm = 60.0
     run(plant, walking, 0.8)
     for law in ("lipm", "stepping"):
         before, posture = walking.reference, walking.tasks.posture.target
@@ -56,8 +61,8 @@ def test_orders_choose_the_law_of_a_robot_that_stands() -> None:
     flat = walk_distance(FootstepPlan.standing(robot), 0.3)
     stairs = replace(flat, steps=[replace(step, z=0.05 * i) for i, step in enumerate(flat.steps)])
     for plan, law in ((flat, "stepping"), (stairs, "lipm"), (None, "stepping")):
-        assert AutoControl(wbc.load_robot("hrp4_class").robot(), DT, plan=plan).law == law
-        walking = AutoControl(wbc.load_robot("hrp4_class").robot(), DT)
+        assert control("hrp4_class", plan).law == law
+        walking = control("hrp4_class")
         if plan is not None:
             walking.follow(plan)
             assert walking.law == law and not walking.finished

@@ -5,14 +5,12 @@ plans       footsteps: plans, gait, reach of the legs, and who is asked for them
 lipm        law of planned footsteps: phases, preview control, step adjustment
 stepping    law of steps that are decided at every tick
 ground, swing, contact, tasks, balance, control    the same for both laws: what is known of the ground … the tick
-auto        a control that changes its law
+walking_control    the control with both laws
 body, hands, load, falls
 """
 
 from wbc.core.control import State
 from wbc.tasks.stabilizer.pendulum import Pendulum
-from wbc.walking.auto import AutoControl
-from wbc.walking.control import WalkingControl
 from wbc.walking.hands.hand import HandSettings
 from wbc.walking.load import LoadSettings
 from wbc.walking.plans.footsteps import FootstepPlan
@@ -22,13 +20,12 @@ from wbc.walking.settings import WalkingControlSettings
 from wbc.walking.source import Reference, ReferenceSource, StandSource
 from wbc.walking.stepping.control import SteppingControl
 from wbc.walking.swing import FootMotion
+from wbc.walking.walking_control import WalkingControl
 
 __all__ = [
     # Control: a measurement in, a command out
     "WalkingControl",
     "WalkingControlSettings",
-    # A walk that changes its law while it stands
-    "AutoControl",
     # Sources of references
     "Reference",
     "ReferenceSource",

@@ -22,7 +22,7 @@ from wbc.core.control import Mode, SafetySettings, State
 from wbc.core.drive.hybrid import HybridControl
 from wbc.core.drive.position import PositionControl
 from wbc.core.drive.torque import TorqueControl
-from wbc.core.errors import InputError, as_period, finite_array, shown
+from wbc.core.errors import finite_array
 from wbc.core.estimation.inertial import InertialSettings
 from wbc.core.estimation.observer import Observer
 from wbc.core.qp.controller import Controller
@@ -34,19 +34,16 @@ from wbc.tasks.scheduling.stiffness import StiffnessScheduler
 from wbc.tasks.stabilizer.bias import BiasEstimator
 from wbc.tasks.stabilizer.lean import Lean
 from wbc.tasks.stabilizer.stabilizer import Stabilizer, StabilizerOutput
-from wbc.walking.balance import Balance, Stabilized
+from wbc.walking.balance import Balance
 from wbc.walking.body import Body
 from wbc.walking.falls import FallDetector, FallReason, FallSettings
 from wbc.walking.hands.hands import Hands
 from wbc.walking.hands.reaching import Arms
-from wbc.walking.lipm.source import LipmWalk
-from wbc.walking.lipm.walk import Walk
 from wbc.walking.load import HeldLoad
 from wbc.walking.plans.footsteps import FootstepPlan
 from wbc.walking.plans.sources import FootstepSource, Velocity
-from wbc.walking.settings import WalkingControlSettings
 from wbc.walking.source import Progress, Reference, ReferenceSource, VelocityLimits
-from wbc.walking.tasks import WalkTasks, stabilized_tasks
+from wbc.walking.tasks import WalkTasks
 
 
 class Law(NamedTuple):
@@ -328,71 +325,3 @@ def drive_control(
         return PositionControl(controller, observer, safety=safety, **position)
     kind = HybridControl if mode == "hybrid" else TorqueControl
     return kind(controller, observer, safety=safety)
-
-
-class WalkingControl(ReferenceControl):
-    """Control by the stabilizer of a robot that stands, walks along a plan or where it is steered, and stands for ever.
-
-        walking = WalkingControl(robot, FootstepPlan.standing(robot), plant.control_period)
-        walking.velocity = (0.2, 0.0, 0.1)  # at any tick; None for a stand
-
-    Attributes:
-        settings: Settings.
-    """
-
-    stabilizer: Stabilizer
-
-    def __init__(
-        self,
-        robot: Robot,
-        source: FootstepPlan | ReferenceSource,
-        dt: float,
-        settings: WalkingControlSettings | None = None,
-        *,
-        observer: Observer | None = None,
-        stiffness: StiffnessScheduler | None = None,
-        extent: tuple[float, float, float, float] | None = None,
-        ground: KnownGround | None = None,
-    ) -> None:
-        """Make all parts for a robot that stands at the start; the walk begins with the first tick.
-
-        Args:
-            robot: The robot, standing; becomes the commanded one (position control) or the estimated one (torque).
-            source: Footstep plan of a LIPM walk, of which timings are rounded to the control period; or any source of
-                references, made with the same robot.
-            dt: Control period, s.
-            settings: Settings; the defaults when None.
-            observer: Estimates the robot's state; a new one when None.
-            stiffness: Sets the soles while they swing; needs feet of variable stiffness.
-            extent: Least and greatest x, least and greatest y of the ground, m; endless when None. For a plan alone.
-            ground: What is known of the ground, made with a robot of the same description that stands at the start;
-                None walks blind.
-        """
-        if len(robot.soles) != 2:
-            raise InputError(f"a walk needs a robot with a left and a right sole, got {len(robot.soles)}")
-        self.settings = s = settings or WalkingControlSettings()
-        dt = as_period(dt)
-        if isinstance(source, FootstepPlan):
-            source = LipmWalk(robot, source, dt, s, extent)
-        elif source.by_steps:
-            raise InputError(f"steps balance the robot in {shown(source)}: use its own control")
-        height = source.com_height
-        if height is None:
-            soles = [float(robot.placement(sole.frame).translation[2]) for sole in robot.soles]
-            height = float(robot.com[2]) - 0.5 * (soles[0] + soles[1])
-        torque = s.mode != "position"
-        controller = Controller(robot, dt, settings=s.solver)
-        observer = observer or Observer(robot, adopt=torque)
-        tasks = stabilized_tasks(controller, s.tasks, s.gains, s.distribution, observer.robot, torque=torque)
-        arms = Arms(controller, tasks.com, tasks.posture, dt, s.arms)
-        body = Body(controller, height, dt, waist=True, lift=source.lift)
-        control = drive_control(s.mode, controller, observer, s.safety, feedforward=s.feedforward)
-        law = Law(source, tasks, Stabilized(control, tasks, arms, s, height))
-        super().__init__(law, control, arms, body, s.falls, stiffness, ground)
-
-    @property
-    def walk(self) -> Walk:
-        """Phases, pattern and planned steps of a LIPM walk."""
-        if not isinstance(self.source, LipmWalk):
-            raise InputError(f"only a LIPM walk has phases and a pattern, got {shown(self.source)}")
-        return self.source.walk

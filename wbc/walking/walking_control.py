@@ -1,4 +1,6 @@
-"""A walk whose law changes while the robot stands: steps as they go, and planned steps for hands and high steps.
+"""Control of a walk: planned steps and a stabilizer, in torque or hybrid control steps as they go as well.
+
+Under torques the law changes while the robot stands:
 
     planned steps ── calm for a while; a push that the soles cannot hold; a velocity, a goal ──▶ steps as they go
           ◀── hands that press; footsteps on stairs ──
@@ -11,29 +13,28 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Sequence
-from dataclasses import field, replace
-from typing import Annotated, Literal
+from typing import Literal
 
-from wbc.core.control import Mode, State
-from wbc.core.errors import InputError, as_period
+from wbc.core.control import State
+from wbc.core.errors import InputError, as_period, choose, shown
 from wbc.core.estimation.observer import Observer
 from wbc.core.qp.controller import Controller
 from wbc.core.robot import Robot
-from wbc.core.settings import NonNegative, settings
 from wbc.ground import KnownGround
 from wbc.tasks.scheduling.stiffness import StiffnessScheduler
+from wbc.tasks.stabilizer.stabilizer import Stabilizer
 from wbc.walking.balance import Balance, Stabilized
 from wbc.walking.body import Body
 from wbc.walking.contact import GaitPhase
 from wbc.walking.control import Law, ReferenceControl, drive_control
-from wbc.walking.falls import FallSettings
 from wbc.walking.hands.hands import Hands
 from wbc.walking.hands.reaching import Arms
 from wbc.walking.lipm.source import LipmWalk
+from wbc.walking.lipm.walk import Walk
 from wbc.walking.plans.footsteps import FootstepPlan, heading
 from wbc.walking.plans.sources import FootstepSource, Velocity, checked_velocity
 from wbc.walking.settings import WalkingControlSettings
-from wbc.walking.source import Progress
+from wbc.walking.source import Progress, ReferenceSource
 from wbc.walking.stepping.control import OBSERVER, SteppingControlSettings
 from wbc.walking.stepping.source import SteppingWalk
 from wbc.walking.stepping.tasks import stepping_tasks
@@ -46,103 +47,111 @@ HOLDS = 1.0
 end at 1.5, but a step that begins there comes too late."""
 
 
-@settings
-class AutoControlSettings:
-    """Settings of a walk whose law changes.
+CALM = 1.0
+"""Default of `WalkingControl.calm`, s."""
+
+
+class WalkingControl(ReferenceControl):
+    """Control of a robot that stands, walks along a plan or where it is steered, and stands for ever.
+
+        walking = WalkingControl(robot, FootstepPlan.standing(robot), plant.control_period)
+        walking.velocity = (0.2, 0.0, 0.1)  # at any tick; None for a stand
+
+    In torque and hybrid control it has both laws, unless it is told to have one, and changes between them while the
+    robot stands. Stiff servos need planned steps.
 
     Attributes:
-        mode: "torque" or "hybrid": a stepping walk on stiff servos has another period and other references.
-        lipm: Settings of the law that plans; its falls, arms, safety and solver count for both.
-        stepping: Settings of the law that decides steps as they go.
+        settings: Settings.
+        law: Name of the law now, "lipm" or "stepping".
+        laws: The laws that it has.
         calm: Time of a stand after planned steps from which on the robot is ready to step out of pushes, s.
     """
 
-    mode: Mode = "torque"
-    lipm: WalkingControlSettings = field(default_factory=WalkingControlSettings)
-    stepping: SteppingControlSettings = field(default_factory=SteppingControlSettings)
-    calm: Annotated[NonNegative, "s"] = 1.0
-
-    def __post_init__(self) -> None:
-        if self.mode == "position":
-            raise InputError("a walk whose law changes is in torque or hybrid control, got mode 'position'")
-
-    @property
-    def falls(self) -> FallSettings:
-        """Limits beyond which the robot has fallen."""
-        return self.lipm.falls
-
-
-class AutoControl(ReferenceControl):
-    """Control of a robot that walks by the law that suits what is asked for, and changes it while it stands.
-
-        walking = AutoControl(robot, plant.control_period)
-        walking.velocity = (0.3, 0.0, 0.0)
-        walking.follow(plan)  # comes to a stand first
-
-    Attributes:
-        law: Name of the law now, "lipm" or "stepping".
-        laws: Both laws.
-    """
+    stabilizer: Stabilizer
 
     def __init__(
         self,
         robot: Robot,
+        source: FootstepPlan | ReferenceSource,
         dt: float,
-        settings: AutoControlSettings | None = None,
+        settings: WalkingControlSettings | None = None,
         *,
-        plan: FootstepPlan | None = None,
+        law: Literal["auto", "lipm"] = "auto",
+        stepping: SteppingControlSettings | None = None,
         observer: Observer | None = None,
         stiffness: StiffnessScheduler | None = None,
         extent: tuple[float, float, float, float] | None = None,
         ground: KnownGround | None = None,
     ) -> None:
-        """Make all parts for a robot that stands.
+        """Make all parts for a robot that stands at the start; the walk begins with the first tick.
 
         Args:
-            robot: The robot, standing.
+            robot: The robot, standing; becomes the commanded one (position control) or the estimated one (torque).
+            source: Footstep plan, of which timings are rounded to the control period; or any source of references,
+                made with the same robot, which the stabilizer holds.
             dt: Control period, s.
             settings: Settings; the defaults when None.
-            plan: Footsteps to begin with; a stand when None.
-            observer: This and the others: see `WalkingControl`.
-            stiffness: See there.
-            extent: See there.
-            ground: See there.
+            law: "lipm" plans all steps, "auto" leaves them to the law that suits what is asked for.
+            stepping: Settings of steps as they go; mode, falls, arms, safety and solver are those of `settings`.
+            observer: Estimates the robot's state; a new one when None.
+            stiffness: Sets the soles while they swing; needs feet of variable stiffness.
+            extent: Least and greatest x, least and greatest y of the ground, m; endless when None. For a plan alone.
+            ground: What is known of the ground, made with a robot of the same description that stands at the start;
+                None walks blind.
         """
-        self.settings = s = settings or AutoControlSettings()
-        dt, lipm = as_period(dt), replace(s.lipm, mode=s.mode)
-        controller = Controller(robot, dt, settings=lipm.solver)
-        observer = observer or Observer(robot, adopt=True)
-        given = plan or FootstepPlan.standing(robot)
-        planned = LipmWalk(robot, given, dt, lipm, extent)
-        stepping = SteppingWalk(robot, dt, s.stepping.gait, s.stepping.com_height)
-        tasks = stabilized_tasks(
-            controller, lipm.tasks, lipm.gains, lipm.distribution, observer.robot, torque=True
-        )
-        height = planned.com_height
-        arms = Arms(controller, tasks.com, tasks.posture, dt, lipm.arms)
-        body = Body(controller, height, dt, waist=False, lift=self._lift)
-        control = drive_control(s.mode, controller, observer, lipm.safety)
-        first = Law(
-            planned, tasks, Stabilized(control, tasks, arms, lipm, height), observer.inertial.settings
-        )
-        tasks.leave()
-        others = stepping_tasks(controller, stepping.gait)
-        others.leave()
-        tasks.enter(others)
-        first.balance.begin()
-        self.laws = {"lipm": first, "stepping": Law(stepping, others, Balance(), OBSERVER.inertial)}
+        choose("law", law, ("auto", "lipm"))
+        if len(robot.soles) != 2:
+            raise InputError(f"a walk needs a robot with a left and a right sole, got {len(robot.soles)}")
+        self.settings = s = settings or WalkingControlSettings()
+        dt, torque, plan = as_period(dt), s.mode != "position", None
+        if isinstance(source, FootstepPlan):
+            plan, source = source, LipmWalk(robot, source, dt, s, extent)
+        elif source.by_steps:
+            raise InputError(f"steps balance the robot in {shown(source)}: use its own control")
+        steps = None
+        if torque and plan is not None and law == "auto":
+            given = stepping or SteppingControlSettings()
+            steps = SteppingWalk(robot, dt, given.gait, given.com_height)
+        height = source.com_height
+        if height is None:
+            soles = [float(robot.placement(sole.frame).translation[2]) for sole in robot.soles]
+            height = float(robot.com[2]) - 0.5 * (soles[0] + soles[1])
+        controller = Controller(robot, dt, settings=s.solver)
+        observer = observer or Observer(robot, adopt=torque)
+        tasks = stabilized_tasks(controller, s.tasks, s.gains, s.distribution, observer.robot, torque=torque)
+        arms = Arms(controller, tasks.com, tasks.posture, dt, s.arms)
+        body = Body(controller, height, dt, waist=steps is None, lift=self._lift)
+        control = drive_control(s.mode, controller, observer, s.safety, feedforward=s.feedforward)
+        planned = Law(source, tasks, Stabilized(control, tasks, arms, s, height), observer.inertial.settings)
+        self.laws = {"lipm": planned}
         self.law = "lipm"
-        self._stood = 0.0  # time of a stand by the law that plans, s
+        self.calm, self._stood = CALM, 0.0  # time of a stand by the law that plans, s
         self._handy = False  # hands have been asked for: the law that counts their forces stays
         self._before = 0  # steps done by laws before
         self._waiting: FootstepPlan | None = None  # until the robot stands
-        super().__init__(first, control, arms, body, lipm.falls, stiffness, ground)
+        super().__init__(planned, control, arms, body, s.falls, stiffness, ground)
+        self._steps = steps
+        if steps is None or plan is None:
+            return
+        tasks.leave()
+        others = stepping_tasks(controller, steps.gait)
+        others.leave()
+        tasks.enter(others)
+        planned.balance.begin()
+        self.laws["stepping"] = Law(steps, others, Balance(), OBSERVER.inertial)
         if ground is not None:
-            stepping.see(ground)
-        if plan is None or not plan.climbs:
+            steps.see(ground)
+        if not plan.climbs:
             self.change("stepping")
-            if plan is not None:
+            if plan.steps:
                 self.follow(plan)
+
+    @property
+    def walk(self) -> Walk:
+        """Phases, pattern and planned steps of a LIPM walk."""
+        if not isinstance(self.source, LipmWalk):
+            raise InputError(f"only a LIPM walk has phases and a pattern, got {shown(self.source)}")
+        return self.source.walk
 
     def _lift(self) -> float:
         """Return the height by which the law now lifts feet, m."""
@@ -166,7 +175,7 @@ class AutoControl(ReferenceControl):
 
     def change(self, law: Literal["lipm", "stepping"]) -> None:
         """Change the law of a robot that stands; all orders before are forgotten."""
-        if law == self.law:
+        if choose("law", law, self.laws) == self.law:
             return
         if not self.stands:
             raise InputError(f"the law changes while the robot stands; it is in {self.progress.phase.value}")
@@ -187,19 +196,22 @@ class AutoControl(ReferenceControl):
         self.arms.follow(self.tasks.com, self.tasks.posture)
         self._stood = 0.0
 
+    def _prefer(self, law: Literal["lipm", "stepping"]) -> None:
+        """Change the law of a robot that stands and has no step to take, if it has another one."""
+        if law in self.laws and self._idle:
+            self.change(law)
+
     def _follow(self, state: State) -> None:
         """Change the law if the stand asks for it, and set the targets of this tick."""
-        stepping = self.laws["stepping"].source
-        assert isinstance(stepping, SteppingWalk)
-        if self.stands and self.source.finished:
-            if self.law == "lipm" and stepping.leaves(state, HOLDS):
+        if self._steps is not None and self.stands and self.source.finished:
+            if self.law == "lipm" and self._steps.leaves(state, HOLDS):
                 self.change("stepping")  # which steps out in this tick
             elif self._waiting is not None:
                 plan, self._waiting = self._waiting, None
                 self.follow(plan)
             elif self.law == "lipm" and not self._handy:
                 self._stood += self.dt
-                if self._stood > self.settings.calm:
+                if self._stood > self.calm:
                     self.change("stepping")
         else:
             self._stood = 0.0
@@ -222,8 +234,7 @@ class AutoControl(ReferenceControl):
 
         An `InputError` for a robot without hands, and for one that steps as it goes.
         """
-        if self.law != "lipm" and self._idle:
-            self.change("lipm")
+        self._prefer("lipm")
         self._handy = self.law == "lipm"
         return self.balance.hands
 
@@ -235,15 +246,14 @@ class AutoControl(ReferenceControl):
     @velocity.setter
     def velocity(self, velocity: Sequence[float] | None) -> None:
         self._waiting, self._handy = None, False
-        if self._idle and any(checked_velocity(velocity)):
-            self.change("stepping")
+        if any(checked_velocity(velocity)):
+            self._prefer("stepping")
         ReferenceControl.velocity.__set__(self, velocity)  # type: ignore[attr-defined]
 
     def go_to(self, x: float, y: float, yaw: float) -> None:
         """Walk to a place (m) and heading (rad), and stand there; see `ReferenceControl.go_to`."""
         self._waiting, self._handy = None, False
-        if self._idle:
-            self.change("stepping")
+        self._prefer("stepping")
         super().go_to(x, y, yaw)
 
     def follow(self, source: FootstepPlan | FootstepSource) -> None:
