@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import inspect
+import json
 import re
 import sys
 from collections.abc import Iterator
@@ -67,10 +68,8 @@ def _tables(match: re.Match[str]) -> str:
         module, _, kind = match[1].rpartition(".")
         return "\n".join(_settings(getattr(import_module(module), kind), match[2] or ""))
     if "studies" in match[0]:
-        from wbc.app.commands.study.show import study_facts  # noqa: PLC0415 - few pages need it
-        from wbc.sim.studies.catalog import STUDIES  # noqa: PLC0415
-
-        rows = [f"| `{each['name']}` | {each['about']} |" for each in map(study_facts, STUDIES)]
+        files = sorted((ROOT / "examples" / "studies").glob("*.json"))
+        rows = [f"| `{file.stem}` | {json.loads(file.read_text())['about']} |" for file in files]
         return "\n".join(["| Study | Question |", "|---|---|", *rows])
     if "grounds" in match[0]:
         import wbc.sim.terrain  # noqa: PLC0415, F401 - makes the families known

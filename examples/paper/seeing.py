@@ -1,12 +1,13 @@
 """Softness or sight: how seeing and blind walks end, as a small table, and its figure.
 
-python examples/paper/seeing.py JOURNAL …   writes seeing.csv from journals of `wbc study run seeing` and `seeing_high`
+python examples/paper/seeing.py JOURNAL …   writes seeing.csv from journals of the studies seeing and seeing_high
 python examples/paper/figures.py sight      draws it
 """
 
 from __future__ import annotations
 
 import argparse
+import json
 from pathlib import Path
 
 import numpy as np
@@ -15,14 +16,13 @@ from matplotlib.figure import Figure
 from walks import PAPER
 
 from wbc.sim.studies import mean_interval, read_journal
-from wbc.sim.studies.seeing import HEIGHTS, SOLES, STIFFNESSES
 
 TABLE = PAPER / "seeing.csv"
 EYES = {"none": ("blind", "0.6"), "toes": ("toes", "#f0b429"), "depth": ("depth", "#1f77b4")}
 NAMES = {
     ("rigid", None): "rigid",
-    **{("long_arch", k): f"long arch {k:g}" for k in STIFFNESSES},
-    **{("soft", SOLES[name]["stiffness"]): name for name in ("soft 5", "soft 80")},
+    **{("long_arch", k): f"long arch {k:g}" for k in (1.0, 5.0, 20.0, 80.0, 400.0)},
+    **{("soft", k): f"soft {k:g}" for k in (5.0, 80.0)},
 }
 """Foot and stiffness (Nm/rad) → name of a sole."""
 COLUMNS = ["sole", "eyes", "family", "height", "seed", "outcome", "code"]
@@ -46,7 +46,9 @@ def rows(journal: Path) -> list[tuple[object, ...]]:
 def sight() -> Figure:
     """Draw the share of walks completed, and of those that strayed, by sole, sight and height."""
     table = pd.read_csv(TABLE)
-    table["high"] = table["height"] > 1.01 * table["family"].map(HEIGHTS)
+    study = json.loads((PAPER.parent / "studies" / "seeing.json").read_text())
+    heights = {cell["terrain"]: cell["amplitude"] for cell in study["cells"].values()}
+    table["high"] = table["height"] > 1.01 * table["family"].map(heights)
     figure = Figure(figsize=(7.6, 2.8), layout="constrained")
     for axes, high in zip(figure.subplots(1, 2, sharey=True), (False, True), strict=True):
         part = table[table["high"] == high]

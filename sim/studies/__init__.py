@@ -1,7 +1,7 @@
 """Studies: trials, sweeps, the journal of their results, and tables and statistics made from it.
 
-A new study is a function in `catalog` with one line in its table, or a JSON file of your own; a new kind of trial is
-registered with `register_trial`.
+A study is a JSON file, such as those of `examples/studies`, or is made by a program; a new kind of trial is registered
+with `register_trial`.
 """
 
 from wbc.sim.studies.intervals import (

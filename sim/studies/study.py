@@ -1,7 +1,7 @@
 """Studies: the trials that answer a question.
 
 A study has cells (grounds, say) and arms (soles, say); every arm is tried in every cell with the same seeds, so that
-arms can be compared in pairs. It is data: those of the catalog are made by functions, others are read from JSON::
+arms can be compared in pairs. It is data, and a JSON file of its own::
 
     {"name": "soles on stones", "kind": "walk", "base": {"plan": {"distance": 3.0}},
      "cells": {"stones 20 mm": {"terrain": "stones", "amplitude": 0.02}},
@@ -23,9 +23,6 @@ from wbc.core.settings import Count, Seed, from_json, settings, to_json
 from wbc.sim.studies.journal import Entry, own_key, trial_key
 from wbc.sim.studies.provenance import differences
 from wbc.sim.studies.trials import KINDS, AnyTrialSpec, trial_from_json, with_seed
-
-FRESH_SEED = 100
-"""First seed of the tables: gains are tuned on seeds 0 to 99, and tables are made on others."""
 
 ALL = "all"
 """Name of the row of all cells together in tables; no cell has it."""
@@ -49,11 +46,6 @@ class Cell:
     values: Parts
     arms: tuple[str, ...] | None = None
     arm_values: Mapping[str, Parts] = field(default_factory=dict)
-
-
-def cell_name(ground: str, amplitude: float) -> str:
-    """Return the name of the cell of a ground at an amplitude (m), such as "stones, 20 mm"."""
-    return f"{ground}, {round(1e3 * amplitude, 1):g} mm"
 
 
 @dataclass(frozen=True)

@@ -118,5 +118,7 @@ def test_a_study_from_the_command_line(tmp_path: Path, capsys: pytest.CaptureFix
         rows[0]["steps_done"] == "2" and float(rows[0]["zmp_error.mean"]) > 0.0 and not rows[2]["steps_done"]
     )
     capsys.readouterr()
-    assert main(["study", "show", "flat_floor", "--cell", "talos"]) == RAN
-    assert set(json.loads(capsys.readouterr().out)["cells"]) == {"talos"}
+    assert main(["study", "show", str(tmp_path), "--json"]) == RAN
+    assert json.loads(capsys.readouterr().out)["studies"] == [{"name": "small", "about": "", "trials": 4}]
+    assert main(["study", "show", str(study), "--arm", "flat"]) == RAN
+    assert set(json.loads(capsys.readouterr().out)["arms"]) == {"flat"}

@@ -96,7 +96,10 @@ def test_the_stepping_walk_gains_nothing_by_softness() -> None:
     assert [arrived("stepping_soles", arm) for arm in arms] == [256, 225, 248, 200]
 
 
-@pytest.mark.parametrize("path", sorted(STUDIES.glob("*.json")), ids=lambda path: path.stem)
+ALL = sorted([*STUDIES.glob("*.json"), *(STUDIES.parents[1] / "studies").glob("*.json")])
+
+
+@pytest.mark.parametrize("path", ALL, ids=lambda path: path.stem)
 def test_studies_can_be_run(path) -> None:  # type: ignore[no-untyped-def]
     import policies  # noqa: F401, PLC0415 - registers those of two studies
 

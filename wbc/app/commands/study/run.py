@@ -12,7 +12,7 @@ from typing import Annotated, Any
 from cyclopts import Parameter
 from rich.progress import Progress, TextColumn
 
-from wbc.app.commands.study.show import PartOptions, StudyName, entries_of
+from wbc.app.commands.study.show import PartOptions, StudyFile, entries_of
 from wbc.app.files import check_target
 from wbc.app.output import Output, Report, progress_console, reports
 from wbc.core.errors import InputError, unknown_name
@@ -75,7 +75,7 @@ class RunOptions:
 
 @reports
 def run(
-    study: StudyName | None = None,
+    study: StudyFile | None = None,
     /,
     *,
     options: RunOptions,

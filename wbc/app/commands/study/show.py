@@ -6,7 +6,7 @@ import json
 import logging
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 from cyclopts import Parameter
 
@@ -15,16 +15,13 @@ from wbc.app.output import Output, Report, reports
 from wbc.core.errors import InputError
 from wbc.core.files import replacing, write_text
 from wbc.core.settings import settings, to_json
-from wbc.sim.studies.catalog import STUDIES, study_by_name
 from wbc.sim.studies.journal import Entry, read_journal
 from wbc.sim.studies.study import Study, left_out
 from wbc.sim.studies.study_table import study_frame, study_table
 
 logger = logging.getLogger(__name__)
 
-StudyName = Annotated[
-    str, Parameter(help="Study: the name of one that `wbc study show` lists, or a file with one as JSON.")
-]
+StudyFile = Annotated[Path, Parameter(help="File with a study as JSON, such as those of examples/studies.")]
 
 
 def entries_of(journal: Path, *, any_code: bool = False) -> Mapping[str, Entry]:
@@ -48,8 +45,8 @@ class ShownPartOptions:
     arm: tuple[str, ...] = ()
     seeds: int | None = None
 
-    def part(self, study: str) -> Study:
-        """Return this part of a study."""
+    def part(self, study: Path) -> Study:
+        """Return this part of a study in a file."""
         return read_study(study).narrowed(self.cell, self.arm, self.seeds)
 
 
@@ -85,29 +82,21 @@ class TableOptions:
     out: Annotated[Path | None, Parameter(alias="-o")] = None
 
 
-def study_facts(name: str) -> dict[str, Any]:
-    """Return name, question and number of trials of a study; the reason if it depends on one that was not run."""
-    try:
-        study = study_by_name(name)
-    except InputError as error:
-        return {"name": name, "about": f"not yet: {error}", "trials": None}
-    return {"name": name, "about": study.about, "trials": study.size}
-
-
 @reports
 def show(
     study: Annotated[
-        str | None, Parameter(help="Study, or a file with one; all are listed when left out.")
-    ] = None,
+        Path, Parameter(help="File with a study as JSON, or a folder whose studies are listed.")
+    ],
     /,
     *,
     part: ShownPartOptions,
     output: Output,
 ) -> Report:
-    """Print a study as JSON, to be changed and run, or list those that come with the library."""
-    if study is None:
-        facts = [study_facts(name) for name in STUDIES]
-        lines = [f"{fact['name']:<22} {fact['trials'] or '':>5} trials  {fact['about']}" for fact in facts]
+    """Print a study, or a part of it, as JSON, or list the studies of a folder."""
+    if study.is_dir():
+        found = map(read_study, sorted(study.glob("*.json")))
+        facts = [{"name": each.name, "about": each.about, "trials": each.size} for each in found]
+        lines = [f"{fact['name']:<22} {fact['trials']:>5} trials  {fact['about']}" for fact in facts]
         return output.report({"studies": facts}, "\n".join(lines))
     chosen = part.part(study)
     for _ in chosen.trials():
@@ -118,7 +107,7 @@ def show(
 
 @reports
 def table(
-    study: StudyName,
+    study: StudyFile,
     /,
     *,
     options: TableOptions,
@@ -155,9 +144,6 @@ def table(
     return output.report(data, text)
 
 
-def read_study(name: str) -> Study:
-    """Return a study by name, or out of a file; `UnknownNameError` for neither, `InputError` for a file without one."""
-    path = Path(name)
-    if name in STUDIES or not (path.suffix == ".json" or path.exists()):
-        return study_by_name(name)
+def read_study(path: Path) -> Study:
+    """Return the study in a file; `InputError` for one without."""
     return Study.from_json(read_object("study", path))
