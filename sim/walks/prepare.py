@@ -115,7 +115,7 @@ def prepare(
         return PreparedWalk(
             plant_description, description, foot, settings, q, walked, steps, orders, time, notes
         )
-    walking = WalkingControl(model, steps, period, planned, extent=extent)
+    walking = WalkingControl(model, steps, period, planned, law="lipm", extent=extent)
     check_plan(steps, model, walking.walk.reach, extent)
     cycle = step_gait.single_support + step_gait.double_support
     swings = len(steps) * cycle - step_gait.double_support

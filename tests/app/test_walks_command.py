@@ -115,7 +115,9 @@ def test_a_study_from_the_command_line(tmp_path: Path, capsys: pytest.CaptureFix
     assert [row["arm"] for row in rows] == ["flat", "variable"] * 2
     assert [row["status"] for row in rows] == ["done", "done", "missing", "missing"]
     assert (
-        rows[0]["steps_done"] == "2" and float(rows[0]["zmp_error.mean"]) > 0.0 and not rows[2]["steps_done"]
+        float(rows[0]["steps_done"]) == 2.0
+        and float(rows[0]["zmp_error.mean"]) > 0.0
+        and not rows[2]["steps_done"]
     )
     capsys.readouterr()
     assert main(["study", "show", str(tmp_path), "--json"]) == RAN

@@ -8,12 +8,14 @@ import math
 import numpy as np
 import pytest
 
+from wbc.core.control import Mode
 from wbc.core.errors import InputError
 from wbc.sim.plant.settings import Machine
 from wbc.sim.trial.loop import TrialHook, TrialTick
 from wbc.sim.trial.push import WalkPush
 from wbc.sim.walks.plans import WalkPlan
 from wbc.sim.walks.result import WalkResult
+from wbc.sim.walks.settings import Law
 from wbc.sim.walks.spec import WalkSpec
 from wbc.sim.walks.trial import WalkTrial, walk
 from wbc.walking.contact import Event
@@ -179,6 +181,16 @@ def test_specs_are_values() -> None:
     assert json.dumps(same.to_json()) == json.dumps(other.to_json())
     assert WalkSpec.from_json(json.loads(json.dumps(same.to_json()))) == same
     assert same != WalkSpec() == WalkSpec.from_json(WalkSpec().to_json())
+
+
+@pytest.mark.parametrize("mode", ["position", "hybrid", "torque"])
+@pytest.mark.parametrize("law", ["lipm", "stepping", "auto"])
+def test_every_law_is_prepared_in_every_mode_that_it_has(law: Law, mode: Mode) -> None:
+    if law == "auto" and mode == "position":
+        with pytest.raises(InputError, match="auto"):
+            WalkSpec(law=law, mode=mode)
+        return
+    assert WalkSpec(law=law, mode=mode, plan=WalkPlan(distance=0.5)).prepare().nominal_time > 0.0
 
 
 def test_changes_reach_the_controller() -> None:
