@@ -14,8 +14,9 @@ from wbc.walking.stepping.gait import SteppingGait
 from wbc.walking.tasks import StanceContacts, WalkTasks
 
 # In units of the robot; costs are per (m/s²)², those of rotations per (h rad/s²)² with the height h of the CoM.
-COM = 10.0, 3.67, 3.46
-"""Cost of the CoM's height, on two feet of its place as well; stiffness, ω², and damping, ω, of the height."""
+COM = 100.0, 3.67, 3.46
+"""Cost of the CoM's height, on two feet of its place as well; stiffness, ω², and damping, ω, of the height. It costs
+more than the swing foot: a robot whose hips saturate would jump to lift it."""
 
 SWING, SWING_TURN = (20.0, 30.6, 9.9), (5.6, 24.5, 8.9)
 """Cost, stiffness, ω², and damping, ω, of the swing foot's place and rotation."""
