@@ -47,6 +47,12 @@ WINDOW_FEATURES = ("sqrt(Sz)", "sqrt(P)", "Ssk", "Sku", "lines")
 CLUSTERS = {"paper": Clusters(), "log": Clusters((0.0, *np.geomspace(1.0, 2000.0, 10).tolist()))}
 """Classes of stiffness: twenty of 4 Nm/rad, or one below 1 and nine of one ratio up to 2,000 Nm/rad."""
 
+
+def clusters_of(stiffness: pd.Series | Array) -> Clusters:
+    """Return the paper's classes if they reach the greatest stiffness, Nm/rad, else the others."""
+    return CLUSTERS["paper" if stiffness.max() <= 80.0 else "log"]
+
+
 SPLITS: dict[str, list[str]] = {
     "grounds": ["ground"],
     "amplitudes": ["ground", "amplitude"],
@@ -167,7 +173,7 @@ def judge(
 
 def comparison(table: pd.DataFrame, names: Sequence[str] = (), folds: int = 10) -> str:
     """Return the cross-validations of models by each split as Markdown, in classes of the table's range."""
-    clusters = CLUSTERS["paper" if table["stiffness"].max() <= 80.0 else "log"]
+    clusters = clusters_of(table["stiffness"])
     known = ("paper", "window") if table["Sa"].any() else ("paper",)
     models = [each for each in candidates(known) if not names or each.name in names]
     rows = []
@@ -231,7 +237,7 @@ def select_features(values: Array, powers: Sequence[int] = (1, 2, 3), bound: flo
 def learning_curve(table: pd.DataFrame, points: int = 6, repetitions: int = 10) -> tuple[Array, Array, Array]:
     """Return numbers of training grounds (k,), and accuracy and mean error (Nm/rad) on others, (k, repetitions)."""
     values, best = table[list(PARAMETERS)].to_numpy(), table["stiffness"].to_numpy(float)
-    clusters = CLUSTERS["paper" if best.max() <= 80.0 else "log"]
+    clusters = clusters_of(best)
     labels = clusters.of(best)
     groups = pd.factorize(pd.MultiIndex.from_frame(table[["ground", "amplitude"]]))[0]
     number = int(groups.max()) + 1
@@ -283,7 +289,7 @@ def main() -> None:
     parser.add_argument("--features", choices=("paper", "window", "select"), default="paper")
     parser.add_argument("--neighbours", type=int, default=10)
     parser.add_argument("--kind", choices=("classification", "regression"), default="classification")
-    parser.add_argument("--clusters", choices=tuple(CLUSTERS), default="paper")
+    parser.add_argument("--clusters", choices=tuple(CLUSTERS), help="by the greatest stiffness if not given")
     parser.add_argument("--folds", type=int, default=10)
     options = parser.parse_args()
     table = read_table(options.table)
@@ -307,7 +313,8 @@ def main() -> None:
     features = {"paper": PAPER_FEATURES, "window": WINDOW_FEATURES}.get(options.features) or select_features(
         values
     ).kept
-    settings = ModelSettings(features, options.neighbours, CLUSTERS[options.clusters], options.kind)
+    clusters = CLUSTERS[options.clusters] if options.clusters else clusters_of(table["stiffness"])
+    settings = ModelSettings(features, options.neighbours, clusters, options.kind)
     model = train(table, settings, {"table": str(options.table)})
     model.save(options.out)
     print(f"{options.out}: {settings.neighbours} nearest of {len(table)} profiles by {', '.join(features)}")
