@@ -22,7 +22,6 @@ from wbc.core.qp.controller import Controller
 from wbc.core.robot import Robot
 from wbc.ground import KnownGround
 from wbc.tasks.scheduling.stiffness import StiffnessScheduler
-from wbc.tasks.stabilizer.stabilizer import Stabilizer
 from wbc.walking.balance import Balance, Stabilized
 from wbc.walking.body import Body
 from wbc.walking.contact import GaitPhase
@@ -66,8 +65,6 @@ class WalkingControl(ReferenceControl):
         laws: The laws that it has.
         calm: Time of a stand after planned steps from which on the robot is ready to step out of pushes, s.
     """
-
-    stabilizer: Stabilizer
 
     def __init__(
         self,
@@ -198,7 +195,7 @@ class WalkingControl(ReferenceControl):
 
     def _prefer(self, law: Literal["lipm", "stepping"]) -> None:
         """Change the law of a robot that stands and has no step to take, if it has another one."""
-        if law in self.laws and self._idle:
+        if law != self.law and law in self.laws and self._idle:
             self.change(law)
 
     def _follow(self, state: State) -> None:
