@@ -68,6 +68,10 @@ def test_orders_choose_the_law_of_a_robot_that_stands() -> None:
             assert walking.law == law and not walking.finished
         walking.velocity = (0.2, 0.0, 0.0)
         assert walking.velocity == (0.2, 0.0, 0.0)
+    walking = control("hrp4_class")
+    assert walking.hands and walking.law == "lipm"
+    walking.velocity = (0.2, 0.0, 0.0)
+    assert walking.law == "stepping"
 
 
 @pytest.mark.parametrize(("robot", "foot"), [("hrp4_class", "long_arch"), ("g1", "flat")])
