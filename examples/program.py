@@ -23,7 +23,7 @@ def main(arguments: Sequence[str] | None = None) -> dict[str, Any]:
     dt = 0.005 if options.mode == "position" else 0.002
     plant = wbc.Plant(wbc.load_robot(options.robot), noise="realistic", control_period=dt)
     robot, settings = plant.description.robot(), WalkingControlSettings(mode=options.mode)
-    walking = WalkingControl(robot, FootstepPlan.standing(robot), dt, settings, law="lipm")
+    walking = WalkingControl(robot, FootstepPlan.standing(robot), dt, settings)
     hand, body, high = walking.arms["right_hand"], walking.body, walking.body.com_height
     place = robot.placement(hand.frame).translation + [0.12, 0.0, 0.15]
     carried = robot.placement(robot.base_frame).actInv(place)  # the same place in the pelvis

@@ -68,6 +68,7 @@ class WalkTasks:
         contacts: Contacts of the left and of the right sole.
         com: Task of the centre of mass, and where a stabilizer balances the robot that of the wrenches on the feet.
         posture: Task of all joints.
+        reaching: Ratio of the cost of the posture for joints of an arm whose hand has a target.
     """
 
     def __init__(
@@ -81,11 +82,12 @@ class WalkTasks:
         stance: StanceContacts | None = None,
         *,
         torque: bool = True,
+        reaching: float = 1.0,
     ) -> None:
         """Add all to a controller; `stance` says how feet carry that no stabilizer loads."""
         robot, self._controller = controller.robot, controller
         self.contacts, self._stance, self._torque = list(contacts), stance, torque
-        self.com = controller.add(com)
+        self.com, self.reaching = controller.add(com), reaching
         self._swing_weight = np.array(swing["weight"], dtype=float)
         self._swings = [
             controller.add(

@@ -116,7 +116,7 @@ class WalkingControl(ReferenceControl):
         controller = Controller(robot, dt, settings=s.solver)
         observer = observer or Observer(robot, adopt=torque)
         tasks = stabilized_tasks(controller, s.tasks, s.gains, s.distribution, observer.robot, torque=torque)
-        arms = Arms(controller, tasks.com, tasks.posture, dt, s.arms)
+        arms = Arms(controller, tasks, dt, s.arms)
         body = Body(controller, height, dt, waist=steps is None, lift=self._lift)
         control = drive_control(s.mode, controller, observer, s.safety, feedforward=s.feedforward)
         planned = Law(source, tasks, Stabilized(control, tasks, arms, s, height), observer.inertial.settings)
@@ -190,7 +190,7 @@ class WalkingControl(ReferenceControl):
         self.balance.begin()
         if estimate is not None:
             self.control.observer.retune(estimate)
-        self.arms.follow(self.tasks.com, self.tasks.posture)
+        self.arms.follow(self.tasks)
         self._stood = 0.0
 
     def _prefer(self, law: Literal["lipm", "stepping"]) -> None:

@@ -27,11 +27,10 @@ from wbc.core.qp.task import NEAR, SLOW
 from wbc.core.robot import BASE_DOF
 from wbc.core.settings import NonNegative, Positive, settings
 from wbc.core.trajectories import Trajectory, approach
-from wbc.tasks.motion.com import CoMTask
 from wbc.tasks.motion.frame import PoseTask, RelativeFrameTask, pose
-from wbc.tasks.motion.posture import PostureTask
 from wbc.walking.hands.hand import Hand
 from wbc.walking.swing import FootMotion
+from wbc.walking.tasks import WalkTasks
 
 ARRIVED = 1e-3
 """Distance of the reference from a target, m and rad, from which it counts as there."""
@@ -328,29 +327,30 @@ class Arms:
         settings: Settings.
     """
 
-    def __init__(
-        self, controller: Controller, com: CoMTask, posture: PostureTask, dt: float, settings: ArmSettings
-    ) -> None:
+    def __init__(self, controller: Controller, tasks: WalkTasks, dt: float, settings: ArmSettings) -> None:
         """Leave the arms to the posture; no task is added before a hand is given a target."""
         self.settings = settings
-        self._com, self._posture, self._controller = com, posture, controller
+        self._tasks, self._controller = tasks, controller
         robot = controller.robot
         self._objects: dict[str, tuple[pin.SE3, Array]] = {}
         self._occupied: dict[str, Hand] = {}
         self._hands = {
             name: Arm(controller, name, dt, settings, self._objects, self._occupied) for name in robot.frames
         }
-        self._rest = np.array(posture.target)
+        self._rest = np.array(tasks.posture.target)
         self._turns = self._swing_turns() if settings.swing > 0.0 else None
         self._spared: tuple[str, ...] = ()
+        self._held = tasks.posture.weight  # of the posture while no hand is active
 
     def share(self, hands: Mapping[str, Hand]) -> None:
         """Give no targets to hands that press or grip; role → hand."""
         self._occupied.update(hands)
 
-    def follow(self, com: CoMTask, posture: PostureTask) -> None:
+    def follow(self, tasks: WalkTasks) -> None:
         """Go on with other tasks of the CoM and of all joints."""
-        self._com, self._posture, self._spared = com, posture, ()
+        if self._spared:
+            self._spare(())
+        self._tasks = tasks
 
     def __getitem__(self, name: str) -> Arm:
         """Return a hand by its role."""
@@ -407,19 +407,24 @@ class Arms:
         x, y, _ = (right.placement.translation - left.placement.translation).tolist()
         u, v = (right.velocity - left.velocity)[:2].tolist()
         way, speed = ahead[0] * x + ahead[1] * y, ahead[0] * u + ahead[1] * v
-        self._posture.follow(self._rest + turns * way, turns * speed, np.zeros(self._posture.dim))
+        posture = self._tasks.posture
+        posture.follow(self._rest + turns * way, turns * speed, np.zeros(posture.dim))
 
     def _spare(self, active: tuple[str, ...]) -> None:
-        """Keep the balance from using the arms of active hands."""
+        """Keep the balance from using the arms of active hands, and the posture from holding them back."""
+        com, posture = self._tasks.com, self._tasks.posture
         if active != self._spared:
+            if not self._spared:
+                self._held = posture.weight
             self._spared = active
-            joints = dict.fromkeys(
-                joint for name in active for joint in self._hands[name].joints
-            )  # each once
-            self._com.spared = np.array([*joints], dtype=np.intp) + BASE_DOF
+            joints = [*dict.fromkeys(joint for name in active for joint in self._hands[name].joints)]
+            weight = self._held.copy()
+            weight[joints] *= self._tasks.reaching
+            posture.weight = weight
+            com.spared = np.array(joints, dtype=np.intp) + BASE_DOF
         solution = self._controller.solution
-        if solution is not None and self._spared:
-            self._com.spared_acceleration = solution.accelerations[self._com.spared]
+        if solution is not None and active:
+            com.spared_acceleration = solution.accelerations[com.spared]
 
 
 def _any_pose(target: pin.SE3) -> pin.SE3:

@@ -95,7 +95,7 @@ class SteppingControl(ReferenceControl):
         source = SteppingWalk(robot, dt, s.gait, s.com_height)
         controller = Controller(robot, dt, settings=s.solver)
         tasks = stepping_tasks(controller, source.gait)
-        arms = Arms(controller, tasks.com, tasks.posture, dt, s.arms)
+        arms = Arms(controller, tasks, dt, s.arms)
         body = Body(controller, source.com_height, dt, waist=False, lift=source.lift)
         observer = observer or Observer(robot, OBSERVER, adopt=s.mode != "position")
         # References that lag behind the estimate hold ankles and soles against the ground that they stand on.

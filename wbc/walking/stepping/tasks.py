@@ -27,6 +27,10 @@ PELVIS, PELVIS_YAW = (27.8, 7.35, 5.45), 2.78
 POSTURE, LEGS = (1.39, 4.9, 3.96), (2.8e-3, 0.5)
 """The same of joints that are not in the legs; cost and damping, ω, of those of the legs."""
 
+REACHING = 0.03
+"""Ratio of the cost of the posture for joints of an arm whose hand has a target: a posture that firm would hold the
+hand 20 mm back."""
+
 HELD, HELD_TURN, STANDING_TURN, HELD_DAMPING = 1000.0, 8.3, 2780.0, 5.0
 """Cost of the place of a foot that stands, of its rotation on ground of unknown shape and in a stand; damping, ω."""
 
@@ -85,17 +89,14 @@ def stepping_tasks(controller: Controller, gait: SteppingGait) -> WalkTasks:
         for sole in robot.soles
     ]
     # Joints of the legs are only damped: soles, CoM and pelvis decide on them.
-    gains, dampings = np.full(robot.na, POSTURE[1] * square), np.full(robot.na, POSTURE[2] * omega)
-    legs, share = robot.leg_joints, LEGS[0] / POSTURE[0]
-    gains[legs], dampings[legs] = 0.0, LEGS[1] * omega
-    posture = PostureTask(
-        joints=robot.joint_names,
-        weight=POSTURE[0] * turn,
-        stiffness=gains,
-        damping=dampings,
-        joint_weights={robot.joint_names[joint]: share for joint in legs},
+    costs, gains, dampings = (
+        np.full(robot.na, value) for value in (POSTURE[0] * turn, POSTURE[1] * square, POSTURE[2] * omega)
     )
-    return WalkTasks(controller, com, contacts, swing, {"pelvis": pelvis}, posture, stance)
+    legs = robot.leg_joints
+    costs[legs], gains[legs], dampings[legs] = LEGS[0] * turn, 0.0, LEGS[1] * omega
+    posture = PostureTask(joints=robot.joint_names, weight=costs, stiffness=gains, damping=dampings)
+    trunk = {"pelvis": pelvis}
+    return WalkTasks(controller, com, contacts, swing, trunk, posture, stance, reaching=REACHING)
 
 
 def _halves(linear: float, angular: float) -> Array:
