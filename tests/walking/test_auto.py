@@ -56,6 +56,28 @@ def test_a_change_of_law_in_a_stand_leaves_references_and_posture_where_they_are
     assert walking.fallen is None
 
 
+def test_hand_gaze_and_height_of_a_robot_that_stands_are_where_they_were_set_under_both_laws() -> None:
+    plant, walking = standing("hrp4_class")
+    walking.calm = 60.0
+    run(plant, walking, 0.8)
+    hand, body = walking.arms["right_hand"], walking.body
+    place = walking.controller.robot.placement(hand.frame).translation + [0.12, 0.0, 0.15]
+    body.com_height = height = body.com_height - 0.04
+    hand.reach(place, speed=0.3)
+    body.look_at([3.0, 1.0, 1.0])
+    real = plant.description.robot()
+    for law in ("stepping", "lipm"):
+        walking.change(law)  # type: ignore[arg-type]
+        assert body.com_height == pytest.approx(height)
+        run(plant, walking, 2.2)
+        assert hand.reached and body.looking and body.reached
+        truth = plant.truth()
+        real.update(truth.q, truth.v)
+        soles = [real.placement(sole.frame).translation[2] for sole in real.soles]
+        assert truth.com[2] - np.mean(soles) == pytest.approx(height, abs=0.01)
+        np.testing.assert_allclose(real.placement(hand.frame).translation, place, atol=0.02)
+
+
 def test_orders_choose_the_law_of_a_robot_that_stands() -> None:
     robot = wbc.load_robot("hrp4_class").robot()
     flat = walk_distance(FootstepPlan.standing(robot), 0.3)

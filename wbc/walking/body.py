@@ -81,7 +81,8 @@ class Body:
 
     __slots__ = (
         "_acceleration", "_controller", "_dt", "_gaze", "_gaze_weight", "_goal", "_lift", "_look", "_lowest",
-        "_most", "_most_look", "_neck", "_nominal", "_now", "_off", "_point", "_rate", "_robot", "_waist", "active",
+        "_most", "_most_look", "_neck", "_nominal", "_now", "_off", "_point", "_rate", "_reaching", "_robot", "_waist",
+        "active",
     )  # fmt: skip
 
     def __init__(
@@ -92,10 +93,14 @@ class Body:
         *,
         waist: bool,
         lift: Callable[[], float] = float,
+        reaching: float = 1.0,
     ) -> None:
-        """Leave all to the walk: height of its CoM (m), period (s), a waist that turns, `lift` of its feet now (m)."""
+        """Leave all to the walk: height of its CoM (m), period (s), a waist that turns, `lift` of its feet now (m).
+
+        Its posture holds the neck 1 / `reaching` times as firmly as that of planned steps.
+        """
         self._controller, self._robot, self._dt = controller, controller.robot, dt
-        self._nominal = com_height
+        self._nominal, self._reaching = com_height, reaching
         # Height − nominal, roll, pitch, turn, look of a torso that has no task of its own.
         self._goal = np.zeros(5)
         self._now, self._rate, self._acceleration = np.zeros(5), np.zeros(5), np.zeros(5)
@@ -110,6 +115,18 @@ class Body:
         self._point: Array | None = None  # that the torso turns to
         self._off = np.inf  # of the torso from its direction, rad
         self.active = False
+
+    def follow(self, com_height: float, reaching: float) -> None:
+        """Go on with a law whose CoM is at another height, m, and whose posture yields to the neck by another ratio.
+
+        The CoM goes on from where it is now; a height that is set stays.
+        """
+        if self._goal[0]:
+            self._goal[0] += self._nominal - com_height
+        self._nominal, self._reaching = com_height, reaching
+        self._now[0] = self._rate[0] = 0.0
+        if self._gaze is not None and self._neck and not self._gaze.idle:
+            self._gaze.weight = self._gaze_weight / reaching
 
     # ---- set-points -------------------------------------------------------------------------------------------------
 
@@ -199,7 +216,8 @@ class Body:
             self._point, self.active, self._off = place, True, np.inf
         if self._gaze is None:
             return
-        self._gaze.target, self._gaze.weight = place, self._gaze_weight
+        firm = 1.0 / self._reaching if self._neck else 1.0
+        self._gaze.target, self._gaze.weight = place, firm * self._gaze_weight
 
     @property
     def reached(self) -> bool:

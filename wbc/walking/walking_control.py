@@ -191,6 +191,8 @@ class WalkingControl(ReferenceControl):
         if estimate is not None:
             self.control.observer.retune(estimate)
         self.arms.follow(self.tasks)
+        if self.source.com_height is not None:
+            self.body.follow(self.source.com_height, self.tasks.reaching)
         self._stood = 0.0
 
     def _prefer(self, law: Literal["lipm", "stepping"]) -> None:

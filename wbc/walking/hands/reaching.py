@@ -388,7 +388,7 @@ class Arms:
 
     def _swing_turns(self) -> Array:
         """Return the turn of the one joint of each arm that moves its hand forward most, a metre of step, rad/m."""
-        robot, turns = self._controller.robot, np.zeros(self._posture.dim)
+        robot, turns = self._controller.robot, np.zeros(self._tasks.posture.dim)
         forward = robot.placement(robot.base_frame).rotation[:, 0]
         for name, sign in SIDES.items():
             if name in self._hands and self._hands[name].joints:

@@ -96,7 +96,8 @@ class SteppingControl(ReferenceControl):
         controller = Controller(robot, dt, settings=s.solver)
         tasks = stepping_tasks(controller, source.gait)
         arms = Arms(controller, tasks, dt, s.arms)
-        body = Body(controller, source.com_height, dt, waist=False, lift=source.lift)
+        height, yields = source.com_height, tasks.reaching
+        body = Body(controller, height, dt, waist=False, lift=source.lift, reaching=yields)
         observer = observer or Observer(robot, OBSERVER, adopt=s.mode != "position")
         # References that lag behind the estimate hold ankles and soles against the ground that they stand on.
         servos = {"feedback": "closed", "reference_time": dt}
