@@ -53,6 +53,21 @@ def test_a_foot_leaves_late_to_a_stair_above_and_arrives_early_over_one_below() 
         assert travel(-rise) == pytest.approx((GAIT.takeoff_time, 0.8 - GAIT.landing_time - later), abs=6e-3)
 
 
+@pytest.mark.parametrize("yaw", [0.0, 2.0])
+def test_a_foot_rises_onto_a_stair_heel_first_without_digging_its_toes_in(yaw: float) -> None:
+    """Level behind the body it would meet the end of the ankle's range."""
+    ahead = np.array([np.cos(yaw), np.sin(yaw), 0.0])
+    start = replace(HERE, yaw=yaw)
+    for rise, most in ((-0.1, 0.0), (0.05, 0.0), (0.1, 0.3), (0.2, 0.3)):
+        x, y, _ = 0.29 * ahead
+        foot = swing(replace(start, x=x, y=HERE.y + y, z=rise), start)
+        places = [foot.at(t).placement for t in np.linspace(0.0, 0.8, 161)]
+        pitches = [np.arcsin(-(place.rotation[2, 0])) for place in places]
+        assert max(pitches) == pytest.approx(most, abs=1e-3) and min(pitches) > -1e-9
+        assert pitches[-1] == pytest.approx(0.0, abs=1e-9)
+        assert min(place.act(np.array([0.1, 0.0, 0.0]))[2] for place in places) > min(rise, 0.0) - 2e-3
+
+
 tilts = st.floats(-0.3, 0.3)
 
 

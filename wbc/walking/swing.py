@@ -5,8 +5,8 @@
     landing   the last stretch down at a small constant speed, so that touch-down is soft, early or not
     late      past the planned time the foot sinks on, to a depth
 
-Every change goes on from position, velocity and acceleration as they are. Up a stair the foot travels later and down
-earlier, so that it clears the edge.
+Every change goes on from position, velocity and acceleration as they are. Up a stair the foot travels later, its heel
+first, and down earlier, so that it clears the edge.
 """
 
 from __future__ import annotations
@@ -23,6 +23,9 @@ from wbc.core.trajectories import Quintic
 from wbc.core.vectors import Vector
 from wbc.walking.plans.footsteps import Footstep
 from wbc.walking.plans.gait import SwingShape
+
+HEEL_TIME = 0.35
+"""Time over that of the swing at which the heel of a foot that rises onto a stair is highest over its toes."""
 
 REST = np.zeros(6)
 REST.setflags(write=False)
@@ -186,8 +189,13 @@ class SwingFoot:
         for name, goal in (("x", landing.x), ("y", landing.y), ("yaw", turned)):
             self._c[name].follow(start, (arrive, (goal, 0.0, 0.0)))
         level = arrive if shape.level == 1.0 else min(arrive, max(shape.level * end, start + shape.piece))
-        for name, goal in (("roll", landing.roll), ("pitch", landing.pitch)):
-            self._c[name].follow(start, (level, (goal, 0.0, 0.0)))
+        self._c["roll"].follow(start, (level, (landing.roll, 0.0, 0.0)))
+        down, heel = (level, (landing.pitch, 0.0, 0.0)), HEEL_TIME * end
+        up = shape.heel * min(2.0 * step / shape.swing_height - 2.0, 1.0)
+        if up > 0.0 and now < heel - shape.piece:
+            self._c["pitch"].follow(now, (heel, (up, 0.0, 0.0)), down)
+        else:
+            self._c["pitch"].follow(start, down)
 
     def _plan_height(self, now: float) -> None:
         """Plan the height: up to the apex, down at the landing speed, on down where no ground comes."""

@@ -16,6 +16,10 @@ from wbc.core.settings import Positive, settings
 SHORTEST = 0.05
 """Least duration of a piece of the motion, s: ten periods of 5 ms."""
 
+HEEL = 0.3
+"""Default of the pitch of a foot that rises onto a stair, heel first, rad: level behind the body it would meet the end
+of the ankle's range."""
+
 EDGE_SHARE = 0.2
 """Ratio of the swing by which the foot travels later up, or earlier down, a stair as high as the swing."""
 
@@ -34,6 +38,8 @@ class SwingShape(NamedTuple):
     lift_speed: float = 0.0  # upward speed at lift-off, m/s
     # Ratio of the swing by which the foot travels later up, or earlier down, a stair as high as the swing.
     edge: float = EDGE_SHARE
+    # Pitch of a foot that rises onto a stair half as high again as the swing, or higher, rad.
+    heel: float = HEEL
     # Least time in which the foot comes down from a height h when its time is cut short, over √(h/g).
     quickest: float = 0.0
     level: float = 1.0  # time over that of the swing at which the sole has its tilt at the landing

@@ -109,6 +109,7 @@ class SteppingGait:
             search_time=c.search_time,
             lift_speed=c.lift_speed,
             edge=0.0,
+            heel=0.0,
             quickest=0.5,
             level=c.level,
             piece=c.piece,
