@@ -41,6 +41,22 @@ def test_a_velocity_after_a_goal_leaves_the_line_to_that_goal(settings: Stepping
     assert abs(steering.update((0.1, 0.3), (0.0, 0.0)).velocity[1]) < 1e-9
 
 
+@pytest.mark.parametrize("aside", [0.3, 1.3, -2.0])
+def test_a_robot_that_the_ground_turned_aside_comes_to_its_goal(
+    settings: SteppingSettings, aside: float
+) -> None:
+    steering = steered(settings)
+    steering.rest((0.0, 0.0))
+    steering.go_to(2.0, 0.0, 0.0)
+    place, speed, time = (0.0, 0.0), (0.0, 0.0), 0.0
+    while steering.pending and time < 60.0:
+        speed = turned(steering.update(place, speed).velocity, steering.heading)
+        place, time = (place[0] + DT * speed[0], place[1] + DT * speed[1]), time + DT
+        if abs(time - 4.0) < 0.5 * DT:
+            place = (place[0], place[1] + aside)
+    assert not steering.pending and math.dist(place, (2.0, 0.0)) < 0.15
+
+
 def turned(point: tuple[float, float], angle: float) -> tuple[float, float]:
     c, s = math.cos(angle), math.sin(angle)
     return c * point[0] - s * point[1], s * point[0] + c * point[1]

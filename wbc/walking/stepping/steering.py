@@ -18,6 +18,8 @@ class SteeringConstants:
     """SteeringConstants of the steering, in units of the robot."""
 
     near: Annotated[float, "h"] = 0.8  # a goal within it is walked to without being faced: turns cost steps
+    # Angle from the line to a far goal to the goal from which on a new line is begun: ground turned the robot aside.
+    astray: Annotated[float, "rad"] = 0.8
     goal_time: Annotated[float, "1/ω"] = 4.0  # of the approach to a near goal, some two steps
     arrived: Annotated[float, "h"] = 0.15  # what steps reach: landings serve the balance
     arrived_turn: Annotated[float, "rad"] = 0.15
@@ -142,8 +144,9 @@ class Steering:
         dx, dy = x - place[0], y - place[1]
         distance = math.hypot(dx, dy)
         if distance > c.near:
-            if self._line is None:
-                self._line = place, math.atan2(dy, dx)
+            towards = math.atan2(dy, dx)
+            if self._line is None or abs(math.remainder(towards - self._line[1], math.tau)) > c.astray:
+                self._line = place, towards
             off = math.remainder(self._line[1] - self.heading, math.tau)
             return self.limited((s.cruise * max(0.0, math.cos(off)) ** 4, 0.0, off / c.goal_time))
         self._line, self._path = None, place  # a near goal is walked to as one stands

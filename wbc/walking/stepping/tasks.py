@@ -93,7 +93,8 @@ def stepping_tasks(controller: Controller, gait: SteppingGait) -> WalkTasks:
         np.full(robot.na, value) for value in (POSTURE[0] * turn, POSTURE[1] * square, POSTURE[2] * omega)
     )
     legs = robot.leg_joints
-    costs[legs], gains[legs], dampings[legs] = LEGS[0] * turn, 0.0, LEGS[1] * omega
+    costs[legs] *= LEGS[0] / POSTURE[0]
+    gains[legs], dampings[legs] = 0.0, LEGS[1] * omega
     posture = PostureTask(joints=robot.joint_names, weight=costs, stiffness=gains, damping=dampings)
     trunk = {"pelvis": pelvis}
     return WalkTasks(controller, com, contacts, swing, trunk, posture, stance, reaching=REACHING)
