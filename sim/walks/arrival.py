@@ -33,9 +33,9 @@ class Arrival(TrialHook):
         self.goal = goal
         self.track = finite_array("track (m)", track)
         self.track_error = 0.0
-        self._begins = self.track[:-1] if len(self.track) > 1 else self.track
-        self._ways = np.diff(self.track, axis=0) if len(self.track) > 1 else np.zeros((1, 2))
-        self._squares = np.maximum((self._ways**2).sum(axis=1), 1e-12)
+        self._x, self._y = (self.track[:-1] if len(self.track) > 1 else self.track).T.copy()
+        self._along, self._aside = (np.diff(self.track, axis=0) if len(self.track) > 1 else np.zeros((1, 2))).T.copy()
+        self._squares = np.maximum(self._along**2 + self._aside**2, 1e-12)
 
     def after(self, trial: Trial) -> None:
         """See `TrialHook`."""
@@ -44,10 +44,12 @@ class Arrival(TrialHook):
 
     def update(self, middle: Array) -> None:
         """Compare the middle of the feet, shape (2,), m, with the track."""
-        arm = middle - self._begins
-        share = np.clip((arm * self._ways).sum(axis=1) / self._squares, 0.0, 1.0)
-        away = arm - share[:, None] * self._ways
-        self.track_error = max(self.track_error, math.sqrt(float((away**2).sum(axis=1).min())))
+        x, y = middle[0] - self._x, middle[1] - self._y
+        share = np.minimum(np.maximum((x * self._along + y * self._aside) / self._squares, 0.0), 1.0)
+        x -= share * self._along
+        y -= share * self._aside
+        away: float = (x * x + y * y).min()
+        self.track_error = max(self.track_error, math.sqrt(away))
 
     def error(self, middle: Array) -> float:
         """Return the distance of the middle of the feet, shape (2,), from the goal, m."""
@@ -61,4 +63,6 @@ class Arrival(TrialHook):
 
 def middle(plant: Plant) -> Array:
     """Return the middle between the true soles, shape (2,), m."""
-    return np.asarray(np.mean(plant.data.site_xpos[list(plant.sole_sites), :2], axis=0))
+    left, right = plant.sole_sites
+    places = plant.data.site_xpos
+    return np.asarray(0.5 * (places[left, :2] + places[right, :2]))
