@@ -30,18 +30,18 @@ def run(plant: wbc.Plant, walking: SteppingControl, until: float) -> set[GaitPha
     return phases
 
 
-def walk_ahead(mode: Mode, seed: int = 3, robot: str = "g1") -> float:
+def walk_ahead(mode: Mode, seed: int = 3, robot: str = "g1", end: float = 2.0) -> float:
     """Stand, walk forward at 0.3 m/s, stop; return the distance over that of the steps' velocity."""
     plant, walking = standing(mode, seed, robot)
     start = plant.truth().com[:2].copy()
     assert run(plant, walking, 0.3) == {GaitPhase.STANDING}
     walking.velocity = (0.3, 0.0, 0.0)
     expected = 0.0
-    while plant.time < 2.0 - 1e-9:
+    while plant.time < end - 1e-9:
         plant.step(walking.command(plant.measure()))
         expected += walking.granted_velocity[0] * PERIOD
     walking.velocity = None
-    while plant.time < 3.4 - 1e-9:
+    while plant.time < end + 1.4 - 1e-9:
         plant.step(walking.command(plant.measure()))
         expected += walking.granted_velocity[0] * PERIOD
     assert walking.fallen is None and walking.control.failures == 0
@@ -66,7 +66,7 @@ def test_a_robot_on_servos_walks_on_the_flat(mode: Mode, least: float) -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("robot", ["hrp4_class", "talos"])
 def test_other_robots_walk_by_the_same_numbers(robot: str) -> None:
-    assert 0.4 < walk_ahead("torque", robot=robot) < 1.6
+    assert 0.4 < walk_ahead("torque", robot=robot, end=3.2) < 1.6  # their steps take up to 0.84 s
 
 
 @pytest.mark.slow
