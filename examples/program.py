@@ -33,7 +33,7 @@ def main(arguments: Sequence[str] | None = None) -> dict[str, Any]:
         Behaviour(
             "look", lambda now: body.look_at([3.0, 1.0, 1.0]), done=lambda now: body.looking, timeout=3.0
         ),
-        Behaviour("squat", lambda now: setattr(body, "com_height", high - 0.08), done=reached(body)),
+        Behaviour("squat", lambda now: setattr(body, "com_height", high - 0.03), done=reached(body)),
         Behaviour("rise", lambda now: setattr(body, "com_height", high), done=reached(body)),
         Behaviour("let go", lambda now: hand.release(), done=after(1.0)),
         Behaviour(
