@@ -34,7 +34,9 @@ class Arrival(TrialHook):
         self.track = finite_array("track (m)", track)
         self.track_error = 0.0
         self._x, self._y = (self.track[:-1] if len(self.track) > 1 else self.track).T.copy()
-        self._along, self._aside = (np.diff(self.track, axis=0) if len(self.track) > 1 else np.zeros((1, 2))).T.copy()
+        self._along, self._aside = (
+            np.diff(self.track, axis=0) if len(self.track) > 1 else np.zeros((1, 2))
+        ).T.copy()
         self._squares = np.maximum(self._along**2 + self._aside**2, 1e-12)
 
     def after(self, trial: Trial) -> None:
