@@ -61,6 +61,7 @@ def test_hand_gaze_and_height_of_a_robot_that_stands_are_where_they_were_set_und
     walking.calm = 60.0
     run(plant, walking, 0.8)
     hand, body = walking.arms["right_hand"], walking.body
+    posture = {law: parts.tasks.posture.weight.copy() for law, parts in walking.laws.items()}
     place = walking.controller.robot.placement(hand.frame).translation + [0.12, 0.0, 0.15]
     body.com_height = height = body.com_height - 0.04
     hand.reach(place, speed=0.3)
@@ -76,6 +77,10 @@ def test_hand_gaze_and_height_of_a_robot_that_stands_are_where_they_were_set_und
         soles = [real.placement(sole.frame).translation[2] for sole in real.soles]
         assert truth.com[2] - np.mean(soles) == pytest.approx(height, abs=0.01)
         np.testing.assert_allclose(real.placement(hand.frame).translation, place, atol=0.02)
+    hand.release()
+    run(plant, walking, 0.5)
+    for law, parts in walking.laws.items():
+        np.testing.assert_array_equal(parts.tasks.posture.weight, posture[law])
 
 
 def test_orders_choose_the_law_of_a_robot_that_stands() -> None:

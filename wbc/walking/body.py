@@ -125,8 +125,8 @@ class Body:
             self._goal[0] += self._nominal - com_height
         self._nominal, self._reaching = com_height, reaching
         self._now[0] = self._rate[0] = 0.0
-        if self._gaze is not None and self._neck and not self._gaze.idle:
-            self._gaze.weight = self._gaze_weight / reaching
+        if self._gaze is not None and not self._gaze.idle:
+            self._gaze.weight = self._firm_gaze
 
     # ---- set-points -------------------------------------------------------------------------------------------------
 
@@ -216,8 +216,12 @@ class Body:
             self._point, self.active, self._off = place, True, np.inf
         if self._gaze is None:
             return
-        firm = 1.0 / self._reaching if self._neck else 1.0
-        self._gaze.target, self._gaze.weight = place, firm * self._gaze_weight
+        self._gaze.target, self._gaze.weight = place, self._firm_gaze
+
+    @property
+    def _firm_gaze(self) -> Array:
+        """Weight of a gaze that prevails over the posture of the neck."""
+        return self._gaze_weight / self._reaching if self._neck else self._gaze_weight
 
     @property
     def reached(self) -> bool:

@@ -340,7 +340,7 @@ class Arms:
         self._rest = np.array(tasks.posture.target)
         self._turns = self._swing_turns() if settings.swing > 0.0 else None
         self._spared: tuple[str, ...] = ()
-        self._held = tasks.posture.weight  # of the posture while no hand is active
+        self._held = tasks.posture.weight.copy()  # of the posture while no hand is active
 
     def share(self, hands: Mapping[str, Hand]) -> None:
         """Give no targets to hands that press or grip; role → hand."""
@@ -415,7 +415,7 @@ class Arms:
         com, posture = self._tasks.com, self._tasks.posture
         if active != self._spared:
             if not self._spared:
-                self._held = posture.weight
+                self._held = posture.weight.copy()
             self._spared = active
             joints = [*dict.fromkeys(joint for name in active for joint in self._hands[name].joints)]
             weight = self._held.copy()

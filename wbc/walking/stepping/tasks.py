@@ -28,8 +28,8 @@ POSTURE, LEGS = (1.39, 4.9, 3.96), (2.8e-3, 0.5)
 """The same of joints that are not in the legs; cost and damping, ω, of those of the legs."""
 
 REACHING = 0.03
-"""Ratio of the cost of the posture for joints of an arm whose hand has a target: a posture that firm would hold the
-hand 20 mm back."""
+"""Ratio of the cost of the posture for joints of an arm whose hand has a target, and the inverse of that by which a
+gaze costs more: a posture that firm would hold the hand 28 mm back."""
 
 HELD, HELD_TURN, STANDING_TURN, HELD_DAMPING = 1000.0, 8.3, 2780.0, 5.0
 """Cost of the place of a foot that stands, of its rotation on ground of unknown shape and in a stand; damping, ω."""
