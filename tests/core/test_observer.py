@@ -311,6 +311,28 @@ def test_a_foot_that_spins_does_not_turn_the_estimate_and_holds_it_when_it_rests
     assert abs(trusting[-1]) > 0.2, "without the rule the turn of the foot is taken for one of the body"
 
 
+def test_feet_that_turn_slowly_turn_the_world_and_the_gyroscope_tells_by_how_much() -> None:
+    """Robot and feet turn as one, as on a plate, at a third of the speed of a spin; the gyroscope is biased."""
+    robot, dt, rate, bias = biped(), 0.005, 0.03, np.array([0.0, 0.0, 0.004])
+    weight = robot.mass * GRAVITY
+    observer, total = Observer(robot), 0.0
+    for k in range(8000):
+        turning = rate if 6000 <= k < 7000 else 0.0
+        wrench = np.zeros((2, 6))
+        wrench[:, 2] = 0.5 * weight
+        joints = np.array(robot.half_sitting[7:])
+        gyro = np.array([0.0, 0.0, turning]) + bias
+        observer.update(
+            Measurement(k * dt, joints, np.zeros(robot.na), gyro, GRAVITY * UP, wrench), plausible=True
+        )
+        if k < 6000:
+            observer.inertial.rest()
+        else:
+            total += observer.inertial.turned
+    assert observer.robot.placement("base").rotation[1, 0] == pytest.approx(0.0, abs=0.02)  # with its feet
+    assert total == pytest.approx(rate * 1000 * dt, rel=0.05)
+
+
 @pytest.mark.parametrize(("radius", "axis"), [(0.0, 1), (0.3, 0)], ids=["forwards", "sideways"])
 def test_a_gyroscope_that_is_wrong_is_told_from_a_foot_that_turns(radius: float, axis: int) -> None:
     """Both turn the foot, by encoders and gyroscope; but only the foot moves the accelerometer."""

@@ -17,7 +17,7 @@ from wbc.robots import load
 from wbc.walking import FootstepPlan, Gait, StepGait, WalkingControl, WalkingControlSettings, walk_distance
 from wbc.walking.contact import GaitPhase
 from wbc.walking.lipm.source import LipmWalk
-from wbc.walking.lipm.walk import WalkSettings
+from wbc.walking.lipm.walk import TURNED, WalkSettings
 from wbc.walking.plans.reach import Reach, bent_height, check_plan
 from wbc.walking.plans.sources import (
     AT_REST,
@@ -51,11 +51,11 @@ class Stage:
     def steer(self, velocity: tuple[float, float, float] | None) -> None:
         self.source.velocity = velocity
 
-    def run(self, seconds: float) -> None:
+    def run(self, seconds: float, turning: float = 0.0) -> None:
         for _ in range(round(seconds / DT)):
             self.time += DT
             self.source.plan_steps(self.time)
-            self.references.append(self.walk.update([0.0, 0.0]))
+            self.references.append(self.walk.update([0.0, 0.0], turned=DT * turning))
 
     def run_until_it_stands(self, longest: float) -> None:
         begin = self.time
@@ -75,6 +75,35 @@ class Stage:
 def standing(name: str, first: str | None = None) -> Standing:
     start = FootstepPlan.standing(ROBOTS[name])
     return Standing(replace(start, gait=Gait(feet_spacing=start.spacing)), first, 0, False, 0.0)
+
+
+@pytest.mark.parametrize("kind", ["first plan", "plan", "goal"])
+def test_soles_that_turn_on_the_ground_do_not_turn_the_way(kind: str) -> None:
+    """By the gyroscope soles turn by 0.03 rad/s: in the world, which turns with them, the way turns back."""
+    start = FootstepPlan.standing(ROBOTS["hrp4_class"])
+    plan = walk_distance(start, 1.5)
+    stage = Stage(plan=plan if kind == "first plan" else None)
+    if kind == "plan":
+        stage.source.follow(plan)
+    elif kind == "goal":
+        stage.source.go_to(1.5, 0.0, 0.0)
+    place, turn, landed = pin.SE3.Identity(), 0.0, 0  # world of the plan in the one that turns
+    for _ in range(4000):
+        stage.run(DT, 0.03)
+        if stage.walk.finished:
+            break
+        turn += DT * 0.03
+        phases = stage.walk.phases
+        if phases.completed > landed:  # each turn was about the foot that stood
+            landed = phases.completed
+            at = stage.references[-2].feet[1 - phases.stance].placement.translation
+            rotation = pin.rpy.rpyToMatrix(0.0, 0.0, -turn)
+            place, turn = pin.SE3(rotation, at - rotation @ at) * place, 0.0
+    middle, yaw = stage.middle
+    goal = place.act(np.array([1.5, 0.0, 0.0]))[:2]
+    assert math.hypot(*(middle - goal)) < 0.05 and math.hypot(*(middle - (1.5, 0.0))) > 0.1
+    late = TURNED + 0.03 * 1.0  # what is too little to be turned back, and what the last step of 1 s turns
+    assert yaw == pytest.approx(math.atan2(place.rotation[1, 0], place.rotation[0, 0]), abs=late)
 
 
 @pytest.mark.parametrize("name", ROBOTS)

@@ -65,6 +65,7 @@ class State(NamedTuple):
         time: Time since the control was made, one period a tick, s.
         dcm: Divergent component of motion less its estimated bias, shape (3,), m, from a control that estimates it;
             None otherwise, and while hands hold on to something.
+        turned: Angle by which the feet have turned about the vertical in the last period, rad: see `InertialFilter`.
     """
 
     robot: Robot
@@ -74,6 +75,7 @@ class State(NamedTuple):
     ok: bool
     time: float = 0.0
     dcm: Array | None = None
+    turned: float = 0.0
 
 
 @settings
@@ -250,7 +252,8 @@ class DriveControl:
         except Exception as error:  # a robot gets a command in every tick
             failed = State(observer.robot, measurement, observer.load, measurement, True, time)
             return self.refuse(failed, error)
-        return State(estimate, plausible, observer.load, measurement, True, time)
+        turned = observer.inertial.turned
+        return State(estimate, plausible, observer.load, measurement, True, time, None, turned)
 
     def refuse(self, state: State, error: Exception) -> State:
         """Fail a tick whose targets could not be computed: return its state for `act`, which holds the robot then."""

@@ -36,6 +36,7 @@ from wbc.tasks.stabilizer.lean import Lean
 from wbc.tasks.stabilizer.stabilizer import Stabilizer, StabilizerOutput
 from wbc.walking.balance import Balance
 from wbc.walking.body import Body
+from wbc.walking.contact import GaitPhase
 from wbc.walking.falls import FallDetector, FallReason, FallSettings
 from wbc.walking.hands.hands import Hands
 from wbc.walking.hands.reaching import Arms
@@ -166,6 +167,8 @@ class ReferenceControl:
             self.ground.update(state.robot, state.measurement.time)
         state = balance.correct(state)
         self.reference = reference = self.source.update(state)
+        if reference.phase is GaitPhase.STANDING:
+            self.control.observer.inertial.rest()
         if body.active:
             body.update(reference.heading)
             pendulum = body.raised(reference.pendulum, measured=self.source.by_steps)

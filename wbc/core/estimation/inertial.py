@@ -60,6 +60,8 @@ class InertialFilter:
         unexplained: Change of the legs' horizontal velocity in the last period that the accelerometer does not show,
             x + iy in the world, m/s; zero in flight.
         legs: Velocity of the IMU point by the legs in the last period, in the world, m/s; None in flight.
+        turned: Angle by which the feet have turned about the vertical in the last period, by the gyroscope, rad: the
+            yaw follows the feet.
     """
 
     def __init__(self, settings: InertialSettings | None = None) -> None:
@@ -69,6 +71,9 @@ class InertialFilter:
         self.gyro_bias: Array = np.zeros(3)
         self.unexplained = 0j
         self.legs: Vector | None = None
+        self.turned = 0.0
+        self._yaw_left = 0.0  # error that the last correction has left, rad
+        self._bias_at_rest = np.zeros(3)
         self._left: complex | None = None  # innovation that the last correction has left
         self._last: tuple[Array, Array] | None = None
         self._dt, self._half_period = 0.0, scalar(0.0)
@@ -80,6 +85,10 @@ class InertialFilter:
         self.velocity = np.zeros(3) if velocity is None else np.array(velocity)
         self._last = None
         self.unexplained, self._left, self.legs = 0j, None, None
+
+    def rest(self) -> None:
+        """Take the gyro bias of now for the true one: a robot that stands does not turn."""
+        self._bias_at_rest[:] = self.gyro_bias
 
     def align(self, specific_force: Array) -> None:
         """Turn the attitude by the smallest rotation after which the specific force of a robot at rest points up."""
@@ -118,6 +127,7 @@ class InertialFilter:
         if velocity is None:
             self.velocity *= math.exp(-dt / s.flight_time_constant)
             self.unexplained, self._left, self.legs = 0j, None, None
+            self.turned, self._yaw_left = self._yaw_left, 0.0
             return
         self.legs = tuple(velocity.tolist())
         innovation = velocity - self.velocity
@@ -132,5 +142,8 @@ class InertialFilter:
         tilt = float(gain) / (GRAVITY * s.tilt_time_constant)
         yaw = float(self._yaw_gain(dt, s.yaw_time_constant))
         turn = np.array((-tilt * y, tilt * x, yaw * yaw_error))
+        drift = dt * float(self.rotation[2].dot(self.gyro_bias - self._bias_at_rest))
+        self.turned = drift - (yaw_error - self._yaw_left)
+        self._yaw_left = (1.0 - yaw) * yaw_error
         self.gyro_bias -= turn.dot(self.rotation) / s.bias_time_constant
         self.rotation = pin.exp3(turn).dot(self.rotation)

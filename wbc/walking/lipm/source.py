@@ -13,6 +13,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
+import pinocchio as pin
 
 from wbc.core.control import State
 from wbc.core.errors import InputError
@@ -104,7 +105,7 @@ class LipmWalk(ReferenceSource):
         self.walk = walk = Walk(
             robot, plan, self.com_height, before.period, self._walk_settings, reach=before.reach, com=com
         )
-        walk.ground.sight = before.ground.sight
+        walk.ground.sight, walk.world = before.ground.sight, before.world
         self.ground, self.planner, self._planned, self._steered = walk.ground, None, (None, None), True
         self.reason, self._pace, self._next = "", 0.0, 0.0
 
@@ -112,7 +113,7 @@ class LipmWalk(ReferenceSource):
         """Plan the footsteps anew if it is time to, and return the references of the walk."""
         self.plan_steps(state.time)
         # Filtered loads: a foot that has just met the ground presses in jerks.
-        return self.walk.update(state.load.tolist(), self._soles, state.dcm)
+        return self.walk.update(state.load.tolist(), self._soles, state.dcm, state.turned)
 
     def progress(self, last: Reference | None) -> Progress:
         """Return phase and steps now."""
@@ -184,7 +185,7 @@ class LipmWalk(ReferenceSource):
         """Take the footsteps from a plan or a planner, from the next tick on."""
         self.planner = planner_of(source)
         self.reason, self._steered = "", True
-        self._next = 0.0
+        self._next, self.walk.world = 0.0, pin.SE3.Identity()
 
     def go_to(self, x: float, y: float, yaw: float) -> None:
         """Walk to a place (m) and heading (rad) of the middle between the feet, and stand there."""
@@ -218,11 +219,20 @@ class LipmWalk(ReferenceSource):
         self._planned = (planner, planner.target)
         now = standing(phases, self._gait, time)
         try:
-            plan = next_steps(planner, now, self._robot, self.walk.reach, self._extent)
-            self._steer(plan)
+            plan = next_steps(planner, self._unturned(now), self._robot, self.walk.reach, self._extent)
+            self._steer(plan.moved(self.walk.world) if self._turns else plan)
             self._pace = planner.pace
         except Exception as error:  # of a planner of the user's own, too: the robot comes to a stand
             self._drop(error, now)
+
+    @property
+    def _turns(self) -> bool:
+        """True if soles have turned on the ground since the planner was taken."""
+        return not self.walk.world.isIdentity(0.0)
+
+    def _unturned(self, now: Standing) -> Standing:
+        """Return the feet in the world that the planner was taken in."""
+        return now._replace(start=now.start.moved(self.walk.world.inverse())) if self._turns else now
 
     @property
     def _comes_to_rest(self) -> bool:

@@ -42,6 +42,10 @@ CLIMBING_INWARD = 0.01
 """Greatest distance of the planned ZMP to the inner side in a plan with stairs, m: the further inward the ZMP, the more
 torque the hips need, and on a stair they have none to spare."""
 
+TURNED, MOST_TURN = 0.02, 0.1
+"""Angle by which soles have turned on the ground from which on the landings to come are turned back, and greatest angle
+of that in a step, rad."""
+
 REPLAN = 0.1
 """Time between plans of the pattern, s; each event plans it anew as well."""
 
@@ -91,6 +95,8 @@ class Walk:
         omega: Natural frequency of the pendulum, 1/s.
         com_height: Height of the CoM over the support while walking, m.
         ground: What is known of the ground.
+        world: Motion of landings to come since it was set, with the soles that have turned on the ground: the world as
+            estimated follows the feet.
     """
 
     def __init__(
@@ -152,6 +158,8 @@ class Walk:
         self._pattern = self._preview.plan(self.phases.supports(), rest)
         self._pattern_status = self._preview.status
         self._time = 0.0  # since the pattern was planned, s
+        self.world = pin.SE3.Identity()
+        self._turned = 0.0  # angle by which soles have turned since landings were turned back last, rad
         self.ground = GroundEstimate(s.ground_memory, s.rise_memory, self.reach.max_height)
 
     @property
@@ -204,9 +212,19 @@ class Walk:
         loads: Sequence[float],
         soles: Sequence[pin.SE3] | None = None,
         dcm: Array | None = None,
+        turned: float = 0.0,
     ) -> Reference:
-        """Compute one tick from normal forces, N, placements of the soles as they are, and the measured DCM, m."""
+        """Compute one tick.
+
+        Args:
+            loads: Normal forces on left and right foot, N.
+            soles: Placements of the soles as they are; as planned when None.
+            dcm: Measured DCM, m; None leaves landings as planned.
+            turned: Angle by which soles have turned on the ground in the last period, rad.
+        """
         self._time += self.period
+        if self.phases.phase is not GaitPhase.STANDING:
+            self._turned += turned
         self.phases.weight = self._robot.mass * GRAVITY
         events = self._events + self.phases.update(loads, self.period)
         self._events = ()
@@ -242,8 +260,8 @@ class Walk:
 
     def _lift(self, placements: list[pin.SE3]) -> None:
         """Start a swing from the foot's placement."""
-        plan = self.phases.plan
-        step = plan.steps[self.phases.step]
+        self._turn_back(placements[self.phases.stance])
+        step = self.phases.plan.steps[self.phases.step]
         side = SIDES.index(step.side)
         self.ground.lift(1 - side, placements[1 - side])
         landing = self.ground.expect(step, self._near(step))
@@ -252,6 +270,17 @@ class Walk:
         self._swing = SwingFoot(placements[side], landing, self.phases.duration, self._swing_gait.swing, over)
         self._replan()
         self._plan_swing(landing)
+
+    def _turn_back(self, stance: pin.SE3) -> None:
+        """Turn the landings to come about the foot that stands, against what soles have turned on the ground."""
+        if abs(self._turned) < TURNED:
+            return
+        turn = max(-MOST_TURN, min(MOST_TURN, -self._turned))
+        self._turned += turn
+        rotation = pin.rpy.rpyToMatrix(0.0, 0.0, turn)
+        move = pin.SE3(rotation, stance.translation - rotation.dot(stance.translation))
+        self.world = move * self.world
+        self.phases.move(move)
 
     def _near(self, step: Footstep) -> Callable[[float, float], bool] | None:
         """Return which places near a step may be chosen; None if it stays, as the last two do: the goal is met."""
