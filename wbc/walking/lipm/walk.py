@@ -42,7 +42,7 @@ CLIMBING_INWARD = 0.01
 """Greatest distance of the planned ZMP to the inner side in a plan with stairs, m: the further inward the ZMP, the more
 torque the hips need, and on a stair they have none to spare."""
 
-TURNED, MOST_TURN = 0.02, 0.1
+TURNED, MOST_TURN = 0.02, 0.04
 """Angle by which soles have turned on the ground from which on the landings to come are turned back, and greatest angle
 of that in a step, rad."""
 
