@@ -15,6 +15,7 @@ from wbc.core.errors import InputError
 from wbc.ground import HeightMap, KnownGround, PointCloud
 from wbc.ground.cloud import ElevationMap
 from wbc.ground.footprint import Footprint, FootprintSettings
+from wbc.ground.height_map import HeightMapSettings
 from wbc.ground.known import GroundSettings
 from wbc.robots import load
 
@@ -280,6 +281,8 @@ def test_a_map_of_ones_own_is_used_where_nothing_else_is_known():
         (lambda: known()[1].add(ElevationMap(np.zeros((5, 5)), 0.02)), "sole"),
         (lambda: known()[1].add(np.zeros((5, 3))), "PointCloud"),
         (lambda: GroundSettings(max_age=0.0), "max_age"),
+        (lambda: HeightMapSettings(cell=0.001), "cell"),
+        (lambda: HeightMapSettings(cell=0.5), "cell"),
     ],
 )
 def test_bad_input_is_named(make, name):

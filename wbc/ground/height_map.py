@@ -16,6 +16,7 @@ from typing import Annotated
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import Field
 
 from wbc.core.errors import Array
 from wbc.core.settings import Count, NonNegative, Positive, settings
@@ -48,7 +49,7 @@ class HeightMapSettings:
     """Settings of a height map.
 
     Attributes:
-        cell: Size of a cell, m.
+        cell: Size of a cell, m: 128 reach further than a step, and a sole covers several.
         gate: Difference in height beyond three standard deviations from which a cell holds another surface, m.
         wander: Growth of the uncertainty of a height that is not seen again, m/√s.
         known: Standard deviation from which on a height counts as unknown, m.
@@ -56,7 +57,7 @@ class HeightMapSettings:
         follow: Share of that shift that is made.
     """
 
-    cell: Annotated[Positive, "m"] = 0.02
+    cell: Annotated[float, Field(ge=0.01, le=0.05), "m"] = 0.02
     gate: Annotated[NonNegative, "m"] = 0.006
     wander: Annotated[NonNegative, "m/√s"] = 0.002
     known: Annotated[Positive, "m"] = 0.015

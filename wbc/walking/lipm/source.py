@@ -105,7 +105,7 @@ class LipmWalk(ReferenceSource):
         self.walk = walk = Walk(
             robot, plan, self.com_height, before.period, self._walk_settings, reach=before.reach, com=com
         )
-        walk.ground.sight, walk.world = before.ground.sight, before.world
+        walk.ground.sight = before.ground.sight
         self.ground, self.planner, self._planned, self._steered = walk.ground, None, (None, None), True
         self.reason, self._pace, self._next = "", 0.0, 0.0
 
