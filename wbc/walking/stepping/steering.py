@@ -15,7 +15,7 @@ from wbc.walking.stepping.settings import RobotSize, SteppingSettings, in_si
 
 @dataclass(frozen=True, slots=True)
 class SteeringConstants:
-    """SteeringConstants of the steering, in units of the robot."""
+    """Constants of the steering, in units of the robot."""
 
     near: Annotated[float, "h"] = 0.8  # a goal within it is walked to without being faced: turns cost steps
     # Angle from the line to a far goal to the goal from which on a new line is begun: ground turned the robot aside.
