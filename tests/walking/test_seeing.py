@@ -33,9 +33,9 @@ def standing(turn: pin.SE3 | None = None):
 
 
 def walk(
-    robot, heights: np.ndarray | None, turn: pin.SE3 | None = None, plan=None
+    robot, heights: np.ndarray | None, turn: pin.SE3 | None = None, plan=None, true: float | None = None
 ) -> tuple[Walk, list[Footstep]]:
-    """Walk with perfect contacts over what is known; return the walk and where feet landed."""
+    """Walk with perfect contacts over what is known, or a level that is the true one; return where feet landed, too."""
     plan = walk_distance(FootstepPlan.standing(robot), 0.9) if plan is None else plan
     walking = Walk(robot, plan, HEIGHT, DT)
     ground = KnownGround(robot)
@@ -63,9 +63,10 @@ def walk(
         moving = 0 if step.side == "left" else 1
         loads = [0.5, 0.5]
         soles = [motion.placement.copy() for motion in reference.feet]
-        meets = phases.swing is not None and soles[moving].translation[2] <= step.z + 1e-5
+        level = step.z if true is None else true
+        meets = phases.swing is not None and soles[moving].translation[2] <= level + 1e-5
         if meets and phases.elapsed > 0.6 * phases.duration:
-            soles[moving].translation[2] = step.z
+            soles[moving].translation[2] = level
         else:
             loads[moving], loads[1 - moving] = 0.0, 1.0
     assert walking.finished
@@ -98,6 +99,13 @@ def test_feet_land_on_what_is_known_within_reach_and_at_the_goal(seed: int) -> N
         assert abs(forward) <= walking.reach.max_length
         assert walking.reach.min_spacing - 1e-9 <= abs(left) <= walking.reach.max_spacing
         assert abs(up) <= walking.reach.max_height
+
+
+def test_a_foot_that_is_fooled_searches_down_to_where_the_ground_was() -> None:
+    phantom = np.zeros((100, 50))
+    phantom[40:52] = 0.06
+    _, landed = walk(standing(), phantom, true=0.0)
+    assert [step.z for step in landed] == pytest.approx([0.0] * len(landed), abs=1e-3)
 
 
 def test_fixed_steps_stay_where_they_are() -> None:

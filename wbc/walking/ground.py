@@ -45,6 +45,7 @@ class GroundEstimate:
         height: Height of the ground over the plan, m; 0 once a plan from where the feet stand contains it.
         rise: Growth of that height from step to step, m.
         uneven: Greatest height between the feet in the last steps, m.
+        raised: Height by which `sight` put the last landing above where the landings so far would have it, m.
         sight: What is seen; None for a blind robot.
     """
 
@@ -59,7 +60,7 @@ class GroundEstimate:
         self._stands = 0.0  # height of the foot that stands, m
         self._unexpected = 0.0  # height of the last landing over the expected one, m
         self._looked = -1  # version of what was seen
-        self.height = self.rise = self.uneven = 0.0
+        self.height = self.rise = self.uneven = self.raised = 0.0
         self.sight: KnownGround | None = None
 
     def expect(self, planned: Footstep, allowed: Callable[[float, float], bool] | None = None) -> Footstep:
@@ -70,6 +71,7 @@ class GroundEstimate:
         self.height += self.rise
         expected = replace(planned, z=planned.z + self.height)
         seen = self.under(expected) if allowed is None else self.choose(expected, allowed)
+        self.raised = max(seen.z - expected.z, 0.0)
         if seen is not expected:
             self.height, self.rise = seen.z - planned.z, 0.0
         return seen

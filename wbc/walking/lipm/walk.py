@@ -266,8 +266,10 @@ class Walk:
         self.ground.lift(1 - side, placements[1 - side])
         landing = self.ground.expect(step, self._near(step))
         self.phases.set_landing(landing, carry=False)
-        over = self.ground.way(placements[side], landing)
-        self._swing = SwingFoot(placements[side], landing, self.phases.duration, self._swing_gait.swing, over)
+        over, shape = self.ground.way(placements[side], landing), self._swing_gait.swing
+        # Where what is seen is not there, the ground is where it was felt.
+        shape = shape._replace(search_depth=shape.search_depth + self.ground.raised)
+        self._swing = SwingFoot(placements[side], landing, self.phases.duration, shape, over)
         self._replan()
         self._plan_swing(landing)
 
