@@ -197,7 +197,9 @@ def test_the_walk_gets_the_dcm_of_a_moving_robot_without_its_bias(monkeypatch: p
     given = []
     update = walking.walk.update
     monkeypatch.setattr(
-        walking.walk, "update", lambda loads, soles, dcm: given.append(dcm) or update(loads, soles, dcm)
+        walking.walk,
+        "update",
+        lambda loads, soles, dcm, turned: given.append(dcm) or update(loads, soles, dcm, turned),
     )
     speed = np.zeros(robot.na)
     for joint, sign in (("hip_pitch", -1.0), ("ankle_pitch", 1.0)):
