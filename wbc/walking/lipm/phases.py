@@ -13,8 +13,6 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import Annotated
 
-import pinocchio as pin
-
 from wbc.core.errors import ROUNDING, InputError
 from wbc.core.robot import SIDES
 from wbc.core.settings import NonNegative, Share, settings
@@ -173,11 +171,6 @@ class WalkPhases:
         """Set the landing of the foot that swings, or has landed last; see `FootstepPlan.with_step`."""
         index = self.step if self.phase is GaitPhase.SINGLE else self.step - 1
         self.plan = self.plan.with_step(index, step, carry=carry)
-
-    def move(self, world: pin.SE3) -> None:
-        """Move the landings to come, that of the foot in the air included."""
-        steps, now = self.plan.steps, self.step
-        self.plan = replace(self.plan, steps=(*steps[:now], *(step.moved(world) for step in steps[now:])))
 
     def update(self, loads: Sequence[float], dt: float) -> tuple[Event, ...]:
         """Advance by one tick with the normal force on left and right foot, N; return its events."""

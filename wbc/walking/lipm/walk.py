@@ -282,7 +282,7 @@ class Walk:
         rotation = pin.rpy.rpyToMatrix(0.0, 0.0, turn)
         move = pin.SE3(rotation, stance.translation - rotation.dot(stance.translation))
         self.world = move * self.world
-        self.phases.move(move)
+        self.phases.set_landing(self.phases.plan.steps[self.phases.step].moved(move))
 
     def _near(self, step: Footstep) -> Callable[[float, float], bool] | None:
         """Return which places near a step may be chosen; None if it stays, as the last two do: the goal is met."""
