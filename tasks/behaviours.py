@@ -16,7 +16,8 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 from wbc.core.errors import ROUNDING, InputError, WbcError, choose, positive, shown
-from wbc.core.qp.controller import Controller, Item, ItemT
+from wbc.core.qp.controller import Controller
+from wbc.core.qp.items import Item, ItemT
 from wbc.core.signals import Command, Measurement
 
 logger = logging.getLogger(__name__)

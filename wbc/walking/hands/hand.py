@@ -27,7 +27,8 @@ import pinocchio as pin
 
 from wbc.core.errors import ROUNDING, Array
 from wbc.core.qp.contact import ContactOptions, FixedContact, PointContact
-from wbc.core.qp.controller import Controller, Item
+from wbc.core.qp.controller import Controller
+from wbc.core.qp.items import Item
 from wbc.core.qp.move import least_turn
 from wbc.core.settings import NonNegative, Positive, Share, settings
 from wbc.tasks.force.admittance import AdmittanceTask
