@@ -16,7 +16,7 @@ from wbc.ground import HeightMap, KnownGround, PointCloud
 from wbc.ground.cloud import ElevationMap
 from wbc.ground.footprint import Footprint, FootprintSettings
 from wbc.ground.height_map import HeightMapSettings
-from wbc.ground.known import GroundSettings
+from wbc.ground.known import FUSED, GroundSettings
 from wbc.robots import load
 
 NOISE = 0.004
@@ -213,26 +213,51 @@ def test_no_sole_stands_half_over_a_high_edge():
         assert place.z == pytest.approx(under.max()) and (under > place.z - 0.01).mean() >= 0.75
 
 
-def test_clouds_are_placed_by_the_pose_at_their_time():
-    robot, ground = known()
-    sole = robot.soles[0].frame
+@pytest.mark.parametrize(
+    ("period", "late", "oldest"),
+    [(5e-3, 0.1, 0.5), (1e-3, 0.46, 0.5), (2.5e-4, 0.4, 0.5), (2e-3, 1.9, 2.0), (2e-3, 3.0013, 8.0)],
+)
+def test_clouds_are_placed_by_the_pose_at_their_time(period, late, oldest):
+    """A robot walks at 1 m/s; the points lie still in the world, whenever they are told."""
+    robot = load("hrp4_class").robot()
+    robot.update(robot.half_sitting, np.zeros(robot.nv))
+    ground = KnownGround(robot, GroundSettings(max_age=oldest))
     points, std = frame(lambda x, y: 0.0 * x, 0)
-    placement = robot.placement(robot.base_frame).copy()
-    q = robot.q.copy()
-    for k in range(1, 20):
-        q[0] = 0.01 * k
+    placement, q = robot.placement(robot.base_frame).copy(), robot.q.copy()
+    for k in range(round((late + 0.05) / period) + 1):
+        q[0] = k * period
         robot.update(q, np.zeros(robot.nv))
-        ground.update(robot, 0.005 * k)
-    ground.add(PointCloud((points - placement.translation) @ placement.rotation, 0.0, robot.base_frame, std))
-    ground.update(robot, 0.1)
+        ground.update(robot, k * period)
+    seen_at = k * period - late
+    seen_from = placement.translation + (seen_at, 0.0, 0.0)
+    ground.add(PointCloud((points - seen_from) @ placement.rotation, seen_at, robot.base_frame, std))
+    ground.update(robot, k * period + FUSED)
     assert ground.status == ""
     seen, _ = ground.map.known()
     assert np.abs(seen[:, 2]).max() < 6.0 * NOISE
-    low, high = seen[:, 0].min(), seen[:, 0].max()
-    assert (low, high) == pytest.approx(
-        (-0.59, 0.59), abs=0.03
-    )  # not moved by what the robot has walked since
-    assert sole in {each.frame for each in robot.soles}
+    # The centres of the outermost cells, which are 20 mm wide, lie within half of that from the outermost points.
+    assert (seen[:, 0].min(), seen[:, 0].max()) == pytest.approx((-0.6, 0.6), abs=0.012)
+
+
+@given(st.floats(-math.pi, math.pi), st.floats(-math.pi, math.pi))
+@settings(max_examples=8, deadline=None)
+def test_a_frame_from_all_round_is_mapped_right_whatever_the_heading(yaw, ahead):
+    """A robot begins at a heading; a lidar sees a plateau of 0.3 m beyond 0.9 m, and points as far as 4 m."""
+    robot = load("g1").robot()
+    q = robot.q.copy()
+    q[3:7] = pin.Quaternion(pin.rpy.rpyToMatrix(0.0, 0.0, yaw)).coeffs()
+    robot.update(q, np.zeros(robot.nv))
+    ground = KnownGround(robot)
+    x, y = (each.ravel() for each in np.meshgrid(np.arange(-4.0, 4.0, 0.015), np.arange(-4.0, 4.0, 0.015)))
+    beyond = x * math.cos(ahead) + y * math.sin(ahead)
+    z = np.where(beyond > 0.9, 0.3, 0.0)
+    ground.add(PointCloud(np.stack([x, y, z], axis=1), 0.0, "world"))
+    ground.update(robot, 0.0)
+    cells, _ = ground.map.known()
+    beyond = cells[:, 0] * math.cos(ahead) + cells[:, 1] * math.sin(ahead) - 0.9
+    inside = np.abs(beyond) > 0.03
+    assert len(cells) > 9000
+    np.testing.assert_allclose(cells[inside, 2], np.where(beyond[inside] > 0.0, 0.3, 0.0), atol=1e-9)
 
 
 @pytest.mark.parametrize(

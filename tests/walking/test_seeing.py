@@ -9,10 +9,13 @@ import pinocchio as pin
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from point_mass import PointMass
 
 from wbc.core.errors import InputError
 from wbc.ground import KnownGround
 from wbc.ground.cloud import ElevationMap
+from wbc.ground.footprint import FootprintSettings
+from wbc.ground.known import GroundSettings
 from wbc.robots import load
 from wbc.walking.lipm.walk import Walk
 from wbc.walking.plans.footsteps import Footstep, FootstepPlan
@@ -152,3 +155,21 @@ def test_ground_out_of_reach_is_no_landing() -> None:
     heights[45:] = 2.0
     _, landed = walk(standing(), heights)
     assert max(step.z for step in landed) < 0.3
+
+
+def test_the_tilt_that_is_seen_is_kept_in_every_tick_of_a_swing() -> None:
+    """A slope of 0.15 begins before the toes; landings follow it by 0.1 rad at most, from the first look on."""
+    ground = KnownGround(load("g1").robot(), GroundSettings(footprint=FootprintSettings(tilt=0.1)))
+    x = np.arange(-1.0, 3.0, 0.02) + 0.01
+    slope = np.tile(0.15 * np.maximum(x - 0.1, 0.0)[:, None], (1, 150))
+    ground.add(ElevationMap(slope, 0.02, (-1.0, -1.5, 0.0)))
+    mass = PointMass()
+    mass.gait.ground.sight = ground
+    mass.gait.steering.command((0.3, 0.0, 0.0))
+    tilts = []
+    for tick in mass.run(2.2):
+        landing = tick.reference.landing
+        if tick.reference.swing is not None and landing is not None and landing.x > 0.11:
+            tilts.append(landing.pitch)
+    assert len(tilts) > 100
+    np.testing.assert_allclose(tilts, -math.atan(0.1), atol=1e-6)

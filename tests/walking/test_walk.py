@@ -306,6 +306,41 @@ def test_without_a_push_no_step_is_moved() -> None:
         np.testing.assert_allclose([step.x, step.y], [wanted.x, wanted.y], atol=1e-3)
 
 
+@pytest.mark.parametrize("width", [1.0, 0.7])
+@pytest.mark.parametrize("robot", ["hrp4_class", "talos", "g1"])
+def test_the_constant_error_of_sensors_moves_no_step(robot: str, width: float) -> None:
+    """An accelerometer that is off by 0.05 m/s² shifts the DCM by 4 mm; soles of any width have room for it."""
+    description = load(robot)
+    description = replace(
+        description,
+        soles=[replace(sole, width=width * sole.width) for sole in description.soles],
+    )
+    model = description.robot()
+    plan, height = walk_distance(FootstepPlan.standing(model), 0.5), 0.97 * float(model.com[2])
+    for error in (0.004, -0.004):
+        walk = Walk(model, plan, height, DT)
+        walk.start()
+        shares = [0.5, 0.5]
+        dcm = walk.update([0.5 * model.mass * GRAVITY] * 2).pendulum.dcm[:2]
+        for _ in range(6000):
+            loads = [share * model.mass * GRAVITY for share in shares]
+            reference = walk.update(loads, None, dcm + (0.0, error))
+            dcm, shares = reference.pendulum.dcm[:2], [0.5, 0.5]
+            if walk.finished:
+                break
+            phases = walk.phases
+            step = phases.plan.steps[min(phases.step, len(phases.plan) - 1)]
+            side = SIDES.index(step.side)
+            height_left = reference.feet[side].placement.translation[2] - step.z
+            if not (
+                height_left <= 1e-5 and phases.swing is not None and phases.elapsed > 0.6 * phases.duration
+            ):
+                shares[side], shares[1 - side] = 0.0, 1.0
+        assert walk.finished
+        for step, wanted in zip(walk.phases.plan.steps, plan.steps, strict=True):
+            np.testing.assert_allclose([step.x, step.y], [wanted.x, wanted.y], atol=2e-3)
+
+
 # Step adjustment on its own
 
 

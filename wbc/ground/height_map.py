@@ -37,6 +37,9 @@ STRIDE = 20
 FAR = float(1 << (STRIDE - 1))
 """Number of cells by which the grid begins before the origin, so that all indices are positive: 10 km."""
 
+HELD = 0.45
+"""Half of the share of its side that the grid holds at once about a middle."""
+
 REFRESH = 0.5
 """Time after which the age of all cells is looked at again, s."""
 
@@ -134,6 +137,14 @@ class HeightMap:
         i, j = (code >> STRIDE) - FAR + 0.5, (code & ((1 << STRIDE) - 1)) - FAR + 0.5
         place = (i + 1j * j) / self._turn + self._place
         return np.stack([place.real, place.imag, self.heights[slot]], axis=1), self.std[slot]
+
+    def holds(self, places: Places, middle: complex) -> NDArray[np.bool_]:
+        """Return which places x + iy, m, the grid holds at once about a middle, m: no two of them share a cell's slot.
+
+        The square is that of the grid, turned as it is.
+        """
+        grid = (places - middle) * self._turn
+        return (np.abs(grid.real) < HELD * SIDE) & (np.abs(grid.imag) < HELD * SIDE)
 
     def _cells(self, places: Places) -> tuple[Index, Index]:
         """Return where the cells of places are kept, and their codes, which no two places share."""

@@ -27,12 +27,13 @@ from wbc.core.settings import NonNegative, Positive, Share, settings
 from wbc.ground.body import OwnBody
 from wbc.ground.cloud import WORLD, ElevationMap, PointCloud
 from wbc.ground.footprint import Cost, Footprint, FootprintSettings, Support
-from wbc.ground.height_map import SIDE, HeightMap, HeightMapSettings, Places
+from wbc.ground.height_map import HeightMap, HeightMapSettings, Places
 
 logger = logging.getLogger(__name__)
 
-POSES = 256
-"""Number of ticks whose poses are remembered: 0.5 s at 2 ms, 1.3 s at 5 ms."""
+POSES = 512
+"""Number of poses that are remembered, over the greatest age of a cloud: every tick down to 1 ms for 0.5 s, and every
+second one at 0.5 ms."""
 
 AHEAD = 0.02
 """Time by which a cloud may be ahead of the measurement, s: two clocks that nearly agree."""
@@ -114,13 +115,13 @@ class KnownGround:
         self._leg = float(robot.com[2]) - low  # no foot steps higher or lower
         self._model, self._data = robot.model, robot.model.createData()
         self._times, self._poses = np.full(POSES, -np.inf), np.zeros((POSES, robot.nq))
-        self._newest = -1
+        self._newest, self._spacing = 0, s.max_age / (POSES - 2)  # least time between poses, s
         self._waiting: list[PointCloud] = []
         self._raised = 0.0  # of the user's map, m
         self._moved = False  # by a frame, since the last lift-off
         self._time = self._fused = -math.inf
         self._body = None if shapes is None else OwnBody(robot, shapes, s.own_margin)
-        self._placed_at = -1  # pose of which `_data` is up to date
+        self._placed_at = math.nan  # time of the pose of which `_data` is up to date, s
 
     @property
     def status(self) -> str:
@@ -149,11 +150,7 @@ class KnownGround:
 
     def update(self, robot: Robot, time: float) -> None:
         """Remember the pose of the estimated robot at a time of its measurements, s, and fuse what has come."""
-        self._newest = (self._newest + 1) % POSES
-        self._times[self._newest], self._poses[self._newest] = time, robot.q
-        if self._placed_at == self._newest:
-            self._placed_at = -1
-        self._time = time
+        self._remember(robot.q, time)
         if self._waiting and time >= self._fused + FUSED - ROUNDING:
             self._fused = time
             waiting, self._waiting = self._waiting, []
@@ -214,6 +211,31 @@ class KnownGround:
         a, b = complex(start[0], start[1]), complex(end[0], end[1])
         return self._footprints[side].highest(self._at, a + (b - a) * WAY, yaw)
 
+    def _remember(self, q: Array, time: float) -> None:
+        """Remember the pose of a tick: in place of the last one, if that is too near to the one before it."""
+        if time < self._time:  # the clock has started anew
+            self._times[:], self._fused = -np.inf, -math.inf
+        self._time = time
+        if self._times[self._newest] >= self._times[self._newest - 1] + self._spacing - ROUNDING:
+            self._newest = (self._newest + 1) % POSES
+        self._times[self._newest], self._poses[self._newest] = time, q
+        self._placed_at = math.nan
+
+    def _pose(self, time: float) -> Array:
+        """Return the configuration at a time, s: between the two poses about it, or the first or the last one."""
+        since, known = self._times - time, self._times > -np.inf
+        before = int(np.argmax(np.where(known & (since <= 0.0), since, -np.inf)))
+        after = int(np.argmin(np.where(known & (since >= 0.0), since, np.inf)))
+        if not (known[before] and since[before] <= 0.0):
+            before = after
+        if not (known[after] and since[after] >= 0.0):
+            after = before
+        way = self._times[after] - self._times[before]
+        if way <= 0.0:
+            return np.asarray(self._poses[before])
+        share = -since[before] / way
+        return np.asarray(pin.interpolate(self._model, self._poses[before], self._poses[after], share))
+
     def _at(self, places: Places) -> tuple[Array, Array]:
         """Return heights, NaN where unknown, and standard deviations, m, at places x + iy, m."""
         z, std = self.map.at(places)
@@ -257,10 +279,9 @@ class KnownGround:
         age = self._time - cloud.time
         if not -AHEAD <= age <= self.settings.max_age:
             return none, f"a cloud in '{cloud.frame}' is {age:.3f} s old"
-        at = int(np.argmin(np.abs(self._times - cloud.time)))
-        if at != self._placed_at:
-            self._placed_at = at
-            pin.framesForwardKinematics(self._model, self._data, self._poses[at])
+        if cloud.time != self._placed_at:
+            self._placed_at = cloud.time
+            pin.framesForwardKinematics(self._model, self._data, self._pose(cloud.time))
         points = cloud.points
         if cloud.frame != WORLD:
             if not self._model.existFrame(cloud.frame):
@@ -270,11 +291,10 @@ class KnownGround:
         if not len(points):
             return none, ""
         middle = np.mean([self._data.oMf[sole].translation for sole in self._soles], axis=0)
-        off = np.abs(points - middle)
-        half = 0.45 * SIDE * self.settings.map.cell
-        near = (off < (half, half, self._leg)).all(axis=1)
+        near = self.map.holds(points[:, 0] + 1j * points[:, 1], complex(middle[0], middle[1]))
+        near &= np.abs(points[:, 2] - middle[2]) < self._leg
         if not near.any():
-            far = float(np.median(off.max(axis=1)))
+            far = float(np.median(np.abs(points - middle).max(axis=1)))
             why = f"a cloud in '{cloud.frame}' is beyond the legs' reach, {far:.4g} m away (are its units metres?)"
             return none, why
         if self._body is not None:

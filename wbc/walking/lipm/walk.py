@@ -56,7 +56,8 @@ class WalkSettings:
 
     Attributes:
         preview: Preview control; the ZMP is planned 20 mm to the inner side of a stance foot, because rough ground tips
-            robots outward. On soles too narrow for that, it is half of the half width that the margin leaves.
+            robots outward. It stays one margin within the margin of a sole, that of the preview or of the adjustment,
+            whichever is greater: 10 mm to the inner side of `g1`, 18 mm of `hrp4_class`.
         phases: Loads and times at which phases change.
         adjustment: Step adjustment; None for none.
         ground_memory: Share of the unexpected height of a landing by which the next landings are moved.
@@ -128,19 +129,22 @@ class Walk:
         left, right = robot.soles[:2]
         self.sole_sizes: SoleSizes = ((left.length, left.width), (right.length, right.width))
         preview, self._swing_gait = s.preview, gait
+        adjustment = None if s.adjustment is None else s.adjustment.sized(robot.length_scale)
+        margin = preview.margin * robot.length_scale
+        inward = preview.target.inward
         if plan.climbs:  # as planned: on rough ground, landings make a plan that climbs, too
             self._swing_gait = gait.for_stairs()
-            if preview.target.inward > CLIMBING_INWARD:
-                preview = replace(preview, target=replace(preview.target, inward=CLIMBING_INWARD))
-        preview = replace(preview, margin=preview.margin * robot.length_scale)
-        room = 0.5 * min(left.width, right.width) - preview.margin
-        if preview.target.inward > room > 0.0:
-            preview = replace(preview, target=replace(preview.target, inward=0.5 * room))
+            inward = min(inward, CLIMBING_INWARD)
+        most = _most_inward(
+            0.5 * min(left.width, right.width),
+            margin if adjustment is None else max(margin, adjustment.margin),
+        )
+        inward = max(-most, min(most, inward))
+        preview = replace(preview, margin=margin, target=replace(preview.target, inward=inward))
         self._preview = PreviewController(self.sole_sizes, com_height, preview)
         self.omega, self.com_height = self._preview.omega, com_height
         self._adjuster: StepAdjuster | None = None
-        if s.adjustment is not None:
-            adjustment = s.adjustment.sized(robot.length_scale)
+        if adjustment is not None:
             self._adjuster = StepAdjuster(self.omega, self.reach, self.sole_sizes, adjustment)
 
         self.phases = WalkPhases(plan, robot.mass * GRAVITY, s.phases)
@@ -373,3 +377,14 @@ class Walk:
         phases.retime(time)
         swing.retarget(elapsed, landing, elapsed + time)
         self._replan()
+
+
+def _most_inward(half_width: float, margin: float) -> float:
+    """Return the greatest distance of the planned ZMP from the middle of a sole to a side, m.
+
+    Step adjustment answers what no ZMP within the sole's margin can. Without room on a side it would answer every error
+    of the DCM to that side, the constant ones of sensors as well, and the walk would leave its line. The room is one
+    margin, or half of what the margin leaves of a sole that is narrower than six margins.
+    """
+    left = half_width - margin
+    return max(left - margin, 0.5 * left, 0.0)

@@ -128,6 +128,7 @@ class SteppingGait:
         self._carrying = (0.0, 0.0, 0.0)  # low-passed centre of pressure of the swing foot in contact, m
         self._since_stand = 0  # steps
         self._pace = self.steering.step_time  # mean time of the last steps, s
+        self._tilt = (0.0, 0.0)  # pitch and roll of the landing as seen, rad
         self._level = 0.0  # height of the feet that carry, low-passed, m
         self._from: Vector = LEVEL  # CoM at the start of the shift
         self._high: tuple[float, float] | None = (
@@ -379,7 +380,7 @@ class SteppingGait:
         turn = self.steering.heading + steps.turn * max(self._time - self._elapsed, 0.0)
         if self.footsteps:
             turn = self.footsteps[0].yaw
-        landing = Footstep(SIDES[swing], *self.decision.place, self.ground.height, turn)
+        landing = Footstep(SIDES[swing], *self.decision.place, self.ground.height, turn, *self._tilt)
         touch = c.touch * self._time
         if self._swing is None:
             self.ground.lift(self.stance, frames[self.stance])
@@ -424,9 +425,9 @@ class SteppingGait:
         self.decision.decide(stance, wish, self._longest, look)
 
     def _seen(self, landing: Footstep) -> Footstep:
-        """Return a landing at the height that is seen under it, which is expected from now on."""
+        """Return a landing at the height and tilt that are seen under it, which are expected from now on."""
         landing = self.ground.under(landing)
-        self.ground.height = landing.z
+        self.ground.height, self._tilt = landing.z, (landing.pitch, landing.roll)
         return landing
 
     def _meet(self, state: BodyState, frames: Frames) -> tuple[Event, ...]:
@@ -496,6 +497,7 @@ class SteppingGait:
         if self.footsteps:
             self.ground.height = self.footsteps[0].z
         self._swing = self._met = None
+        self._tilt = (0.0, 0.0)
         self._touch.lift()
 
     def _enter(self, mode: _Mode) -> None:
