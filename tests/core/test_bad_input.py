@@ -36,6 +36,13 @@ def with_limits(lower: float, upper: float, velocity: float = 3.0, torque: float
     return Robot(model, g1().soles, g1().half_sitting)
 
 
+def turned(length: float) -> np.ndarray[tuple[int], np.dtype[np.float64]]:
+    """Return the half-sitting configuration with a quaternion of a length."""
+    q = np.array(g1().half_sitting)
+    q[3:7] *= length
+    return q
+
+
 def pairs(*names: str, **options: object) -> wbc.SelfCollisionLimit:
     return wbc.SelfCollisionLimit([names], **options)  # type: ignore[arg-type, list-item]
 
@@ -45,10 +52,21 @@ def again(*items: wbc.TorqueLimits | wbc.JointLimits) -> None:
 
 
 REFUSED: list[tuple[Callable[[], object], type[Exception], str]] = [
-    (lambda: wbc.Controller(g1(), 0.0), InputError, "period"),
-    (lambda: wbc.Controller(g1(), 5.0), InputError, "period"),
+    (lambda: wbc.Controller(g1(), 0.0), InputError, "dt of Controller"),
+    (lambda: wbc.Controller(g1(), 5.0), InputError, "dt of Controller"),
     (lambda: balance_controller(g1().clone(), 0.002).contact("left_fot"), UnknownNameError, "left_foot"),
-    (lambda: Sole("left_foot", min_force=-1.0), InputError, "left_foot"),
+    (lambda: wbc.Controller(load("g1"), 0.002), InputError, r"description\.robot\(\)"),  # type: ignore[arg-type]
+    (lambda: wbc.Controller("g1", 0.002), InputError, r"load_robot\('g1'\)\.robot\(\)"),  # type: ignore[arg-type]
+    (lambda: g1().clone().update(0.0, 0.0), InputError, "shapes"),  # type: ignore[arg-type]
+    (lambda: g1().clone().update(g1().half_sitting, [0.0]), InputError, "shapes"),  # type: ignore[arg-type]
+    (lambda: g1().clone().update(turned(1.1), np.zeros(g1().nv)), InputError, "quaternion.*1.1"),
+    (lambda: g1().clone().update_kinematics(turned(0.0), np.zeros(g1().nv)), InputError, "quaternion"),
+    (
+        lambda: wbc.PositionControl(balance_controller(g1().clone(), 0.002)).reset(turned(1.1)),
+        InputError,
+        "quaternion",
+    ),
+    (lambda: Sole("left_foot", min_force=-1.0), InputError, "min_force"),
     (lambda: Sole("left_foot", min_force=10.0, max_force=5.0), InputError, "left_foot"),
     (lambda: Sole("left_foot", ramp=NAN), InputError, "ramp"),
     (lambda: Sole("left_foot", wrench_weight=[1.0, 2.0]), InputError, "left_foot"),
@@ -71,7 +89,7 @@ REFUSED: list[tuple[Callable[[], object], type[Exception], str]] = [
     (lambda: wbc.CoMPolygonLimit([[0, 0], [1, 0]]), InputError, "polygon"),
     (lambda: wbc.CoMPolygonLimit([[0, 0], [1, np.nan], [0, 1]]), InputError, "points"),
     (lambda: wbc.CoMPolygonLimit([[0, 0], [1, 0], [1, 0.01], [0, 0.01]], margin=0.01), InputError, "margin"),
-    (lambda: wbc.CoMPolygonLimit(time_constant=0.0), InputError, "time constant"),
+    (lambda: wbc.CoMPolygonLimit(time_constant=0.0), InputError, "time_constant"),
     (lambda: pairs("left_hand", "left_hand"), InputError, "left_hand"),
     (lambda: pairs("left_hand", "pelvis", margin=0.2, influence=0.1), InputError, "influence"),
     (lambda: pairs("left_hant", "pelvis", shapes={"pelvis": BALL}).bind(g1()), UnknownNameError, "left_hant"),

@@ -14,18 +14,18 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
+from wbc.core.checked import checked
 from wbc.core.errors import (
     Array,
     InputError,
     ModelError,
     finite_array,
-    non_negative,
     scalar,
     shown,
     unknown_name,
 )
 from wbc.core.servos import Servos
-from wbc.core.settings import Positive, settings
+from wbc.core.settings import NonNegative, Positive, Triple, settings
 
 GRAVITY = 9.80665
 """Standard gravity, m/s² (ISO 80000-3); Pinocchio and MuJoCo models are both set to it."""
@@ -42,6 +42,9 @@ them in proportion."""
 
 SIDES = ("left", "right")
 """Sides of a robot: order of its soles and legs, and prefix of every name that a foot adds to a model."""
+
+UNIT = 1e-3
+"""Difference from 1 up to which the length of a quaternion is rounding."""
 
 BASE_DOF = 6
 """Velocity coordinates of the floating base: linear, then angular, both in the base frame."""
@@ -75,10 +78,14 @@ class _View:
 def checked_configuration(what: str, value: ArrayLike, nq: int) -> Array:
     """Return a copy of a configuration, shape (nq,), after a check; `what` is its name in messages."""
     q = finite_array(what, value, (nq,))
-    length = float(np.linalg.norm(q[3:7]))
-    if abs(length - 1.0) > 1e-3:
-        raise InputError(f"quaternion of the {what} must have length 1, got {length:g}")
+    if abs(float(np.linalg.norm(q[3:7])) - 1.0) > UNIT:
+        _refuse_quaternion(what, q[3:7])
     return q
+
+
+def _refuse_quaternion(what: str, quaternion: Array) -> NoReturn:
+    length = float(np.linalg.norm(quaternion))
+    raise InputError(f"quaternion of the {what} must have length 1, got {length:g}: {quaternion.tolist()}")
 
 
 def force_scale(mass: float) -> float:
@@ -155,6 +162,7 @@ class Robot:
             torques are part of `bias`. None without any.
     """
 
+    @checked
     def __init__(
         self,
         model: pin.Model,
@@ -252,6 +260,7 @@ class Robot:
             for array in (data.M, data.nle, data.com[0], data.vcom[0], data.Jcom)
         )
         self.q = np.array(self.half_sitting)
+        self._quaternion = self.q[3:7]
         self.v = np.zeros(self.nv)
         self.update(self.q, self.v)
         self.length_scale = min(1.0, self._com_height() / FULL_HEIGHT)
@@ -280,7 +289,10 @@ class Robot:
         """Factor of the forces in settings, such as the least force on a sole: below 1 for a light robot."""
         return force_scale(self.mass)
 
-    def carry(self, frame: str | int, mass: float, point: ArrayLike = (0.0, 0.0, 0.0)) -> None:
+    @checked
+    def carry(
+        self, frame: str | int, mass: Annotated[NonNegative, "kg"], point: Triple = (0.0, 0.0, 0.0)
+    ) -> None:
         """Set the point mass that a frame carries, of this robot and of all its clones; it counts from the next update.
 
         Args:
@@ -295,9 +307,17 @@ class Robot:
             raise InputError(
                 f"a load must be on a frame that moves with the robot, '{carrier.name}' does not move"
             )
-        lever = carrier.placement.act(finite_array("place of the load (m)", point, (3,)))
-        load = pin.Inertia(non_negative("mass of the load (kg)", mass), lever, np.zeros((3, 3)))
+        load = pin.Inertia(mass, carrier.placement.act(np.asarray(point)), np.zeros((3, 3)))
         self._loads.put(index, joint, load)
+
+    @staticmethod
+    def instead_of(value: object) -> str:
+        """Return how to make a robot of what was given in its place; empty if there is no way."""
+        if isinstance(value, str):
+            return f"load_robot('{value}').robot() makes one"
+        if callable(getattr(value, "robot", None)):
+            return "description.robot() makes one of a description"
+        return "its attribute robot is one" if isinstance(getattr(value, "robot", None), Robot) else ""
 
     def update(self, q: Array, v: Array) -> None:
         """Compute all quantities that depend on configuration, shape (nq,), of unit quaternion, and velocity, (nv,)."""
@@ -318,13 +338,19 @@ class Robot:
         pin.updateFramePlacements(self.model, self.data)
 
     def _take(self, q: Array, v: Array) -> None:
+        # A scalar or a shape (1,) would be taken for all coordinates.
         try:
+            if len(q) != self.nq or len(v) != self.nv:
+                raise ValueError
             self.q[:] = q
             self.v[:] = v
         except (TypeError, ValueError) as error:
             raise InputError(
                 f"configuration and velocity must have shapes ({self.nq},) and ({self.nv},), got {shown(q)}, {shown(v)}"
             ) from error
+        x, y, z, w = self._quaternion.tolist()
+        if abs(x * x + y * y + z * z + w * w - 1.0) > 2.0 * UNIT:
+            _refuse_quaternion("configuration", self._quaternion)
 
     def clone(self) -> Robot:
         """Return another robot of the same model with a state of its own."""

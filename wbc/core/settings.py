@@ -16,17 +16,19 @@ from __future__ import annotations
 import dataclasses
 import functools
 import json
+import math
 import types
 import typing
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any, Literal, NoReturn, TypeVar, dataclass_transform, overload
 
 import numpy as np
+from numpy.typing import ArrayLike
 from pydantic import AfterValidator, ConfigDict, Field, TypeAdapter, ValidationError
 from pydantic.dataclasses import dataclass as pydantic_dataclass
 
-from wbc.core.errors import InputError, shown, unknown_name
+from wbc.core.errors import LONGEST_PERIOD, Array, InputError, shown, unknown_name
 
 T = TypeVar("T")
 
@@ -61,6 +63,56 @@ Count = Annotated[int, Field(ge=1, le=MOST)]
 Seed = Annotated[int, Field(ge=0)]
 """Seed of a random generator: an integer, zero or above."""
 
+Number = Annotated[float, Field(allow_inf_nan=False)]
+"""A finite number of any sign and size: a place, or a speed that a check of the whole bounds."""
+
+Period = Annotated[float, Field(gt=0.0, le=LONGEST_PERIOD), "s"]
+"""A control period, up to a second: a greater number is in milliseconds, or a frequency."""
+
+Angle = Annotated[float, Field(ge=-math.tau, le=math.tau), "rad"]
+"""An angle, up to a full turn to either side: a greater number is in degrees."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Numbers:
+    """Range and shape of the finite numbers of an array, for `Annotated[ArrayLike, Numbers(...)]`.
+
+    Attributes:
+        low: Least number.
+        above: Number that every one exceeds.
+        high: Greatest number.
+        shape: Shape; any when None.
+    """
+
+    low: float = -math.inf
+    above: float = -math.inf
+    high: float = math.inf
+    shape: tuple[int, ...] | None = None
+
+    def checked(self, value: Any) -> Array:
+        """Return a copy as a float64 array; what is outside is a `ValueError` that says the rule."""
+        try:
+            array = np.array(value, dtype=np.float64)
+        except (TypeError, ValueError, OverflowError, RecursionError):
+            array = np.array(math.nan)
+        if self.shape is not None and array.shape != self.shape and np.isfinite(array).all():
+            raise ValueError(f"must have shape {self.shape}, got shape {array.shape}")
+        if not (np.isfinite(array) & (array >= self.low) & (array > self.above) & (array <= self.high)).all():
+            bounds = {"at least": self.low, "above": self.above, "at most": self.high}
+            rules = [f"{rule} {bound:g}" for rule, bound in bounds.items() if math.isfinite(bound)]
+            raise ValueError(f"must be finite numbers {', '.join(rules)}".rstrip())
+        return array
+
+
+PositiveNumbers = Annotated[ArrayLike, Numbers(above=0.0)]
+"""Finite numbers above zero: one for all, or an array."""
+
+NonNegativeNumbers = Annotated[ArrayLike, Numbers(low=0.0)]
+"""Finite numbers, zero or above: one for all, or an array."""
+
+Triple = Annotated[ArrayLike, Numbers(shape=(3,))]
+"""Three finite numbers: a point, a direction, a force."""
+
 CONFIG = ConfigDict(strict=True, extra="forbid", allow_inf_nan=False, arbitrary_types_allowed=True)
 
 
@@ -92,7 +144,7 @@ def settings(kind: type[T] | None = None, /, *, kw_only: bool = False) -> Any:
     @functools.wraps(check)
     def init(self: Any, *args: Any, **values: Any) -> None:
         try:
-            check(self, *map(_hashable, args), **{name: _hashable(value) for name, value in values.items()})
+            check(self, *map(hashable, args), **{name: hashable(value) for name, value in values.items()})
         except ValidationError as error:
             _refuse(type(self), error)
 
@@ -100,11 +152,11 @@ def settings(kind: type[T] | None = None, /, *, kw_only: bool = False) -> Any:
     return typing.cast(type[T], made)
 
 
-def _hashable(value: Any) -> Any:
+def hashable(value: Any) -> Any:
     """Return lists and arrays as tuples, and NumPy numbers as Python's."""
     if isinstance(value, (np.ndarray, np.generic)):
         value = value.tolist()
-    return tuple(map(_hashable, value)) if isinstance(value, (list, tuple)) else value
+    return tuple(map(hashable, value)) if isinstance(value, (list, tuple)) else value
 
 
 def usable_path(path: Path) -> Path:
@@ -178,12 +230,33 @@ def _refuse(kind: Any, error: ValidationError) -> NoReturn:
             owner, unit = next(_classes_in(hint), None), unit_of(hint)
     if first["type"] == "unexpected_keyword_argument":
         unknown_name(f"setting of {getattr(owner, '__name__', path)}", loc[-1], getattr(owner, FIELDS, ()))
-    what = f"{path} ({unit})" if unit else path or getattr(kind, "__name__", str(kind))
-    rule = first["msg"].removeprefix("Value error, ").replace("Input should be", "must be", 1)
-    given = "" if first["type"].startswith("missing") else f", got {shown(first['input'])}"
-    raise InputError(
-        f"{what}: {rule}{given}" if not rule.startswith("must") else f"{what} {rule}{given}"
-    ) from None
+    raise _sentence(path or getattr(kind, "__name__", str(kind)), unit, [_rule(first)], first) from None
+
+
+def refusal(what: str, unit: str, error: ValidationError) -> InputError:
+    """Return the error of one value, `what`, that its annotation refuses; of a union, with the rules of its members."""
+    errors = error.errors(include_url=False)
+    first = errors[0]
+    cause, place = first.get("ctx", {}).get("error"), [part for part in first["loc"] if isinstance(part, int)]
+    if isinstance(cause, InputError):
+        return cause
+    of_union = len(errors) > 1 and not isinstance(first["loc"][0], int)
+    rules = dict.fromkeys(map(_rule, errors if of_union else [first]))
+    return _sentence(f"{what}{''.join(f'[{part}]' for part in place)}", unit, [*rules], first)
+
+
+def _rule(error: Mapping[str, Any]) -> str:
+    return str(error["msg"]).removeprefix("Value error, ").replace("Input should be", "must be", 1)
+
+
+def _sentence(what: str, unit: str, rules: Sequence[str], error: Mapping[str, Any]) -> InputError:
+    """Return the error of a value: its name and unit, the rules that it breaks, the value."""
+    rule = " or ".join([rules[0], *(rule.removeprefix("must be ") for rule in rules[1:])])
+    unit = f" ({unit})" if unit else ""
+    given = (
+        "" if error["type"].startswith("missing") or ", got " in rule else f", got {shown(error['input'])}"
+    )
+    return InputError(f"{what}{unit}{'' if rule.startswith('must') else ':'} {rule}{given}")
 
 
 @functools.cache

@@ -5,7 +5,9 @@ from __future__ import annotations
 from typing import Annotated
 
 import numpy as np
+from numpy.typing import ArrayLike
 
+from wbc.core.checked import checked
 from wbc.core.control import FailurePolicy, SafetySettings, State
 from wbc.core.drive.torque import TorqueControl
 from wbc.core.errors import Array, InputError, finite_array, scalar
@@ -14,7 +16,7 @@ from wbc.core.lag import lag_gain
 from wbc.core.qp.controller import Controller
 from wbc.core.qp.solution import Solution
 from wbc.core.robot import BASE_DOF
-from wbc.core.settings import NonNegative
+from wbc.core.settings import NonNegative, NonNegativeNumbers
 from wbc.core.signals import Command
 
 
@@ -32,14 +34,15 @@ class HybridControl(TorqueControl):
         v: Joint velocities of the last references, shape (na,), rad/s.
     """
 
+    @checked
     def __init__(
         self,
         controller: Controller,
         observer: Observer | None = None,
         policy: FailurePolicy | None = None,
         *,
-        kp: Array | None = None,
-        kd: Array | None = None,
+        kp: NonNegativeNumbers | None = None,
+        kd: NonNegativeNumbers | None = None,
         reference_time: Annotated[NonNegative, "s"] = 0.02,
         safety: SafetySettings | None = None,
     ) -> None:
@@ -107,9 +110,7 @@ class HybridControl(TorqueControl):
         return command
 
 
-def _gains(name: str, value: Array, joints: int) -> Array:
+def _gains(name: str, value: ArrayLike, joints: int) -> Array:
     gains = finite_array(f"{name} of the servos", value, (joints,))
-    if (gains < 0.0).any():
-        raise InputError(f"{name} of the servos must not be negative, got {gains.min():g}")
     gains.setflags(write=False)
     return gains

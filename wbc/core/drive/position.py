@@ -12,8 +12,9 @@ from typing import Annotated, Literal
 import numpy as np
 import pinocchio as pin
 
+from wbc.core.checked import checked
 from wbc.core.control import DriveControl, FailurePolicy, SafetySettings, State
-from wbc.core.errors import Array, InputError, scalar, shown
+from wbc.core.errors import Array, InputError, scalar
 from wbc.core.estimation.observer import Observer
 from wbc.core.lag import lag_gain
 from wbc.core.qp.controller import Controller
@@ -34,6 +35,7 @@ class PositionControl(DriveControl):
         v: Its velocity, shape (nv,).
     """
 
+    @checked
     def __init__(
         self,
         controller: Controller,
@@ -57,10 +59,6 @@ class PositionControl(DriveControl):
             reference_time: Time constant with which closed-loop references are drawn to the estimate, s.
             safety: Ranges of measurements and commands.
         """
-        if feedback not in ("open", "closed"):
-            raise InputError(f"feedback must be 'open' or 'closed', got '{feedback}'")
-        if not isinstance(feedforward, bool):
-            raise InputError(f"feedforward must be true or false, got {shown(feedforward)}")
         if feedback == "open" and observer is not None and observer.robot is controller.robot:
             raise InputError(
                 "in open loop the observer needs a robot of its own: Observer(robot), not adopt=True"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from wbc.core.checked import checked
 from wbc.core.control import DriveControl, FailurePolicy, SafetySettings, State
 from wbc.core.errors import Array
 from wbc.core.estimation.observer import Observer
@@ -13,6 +14,7 @@ from wbc.core.signals import Command
 class TorqueControl(DriveControl):
     """Torque control: sends the torques of the solution; the controller's robot is the estimated one."""
 
+    @checked
     def __init__(
         self,
         controller: Controller,

@@ -6,7 +6,10 @@ import weakref
 from abc import ABC, abstractmethod
 from typing import Any
 
-from wbc.core.errors import Array
+import numpy as np
+from numpy.typing import ArrayLike
+
+from wbc.core.errors import Array, InputError
 from wbc.core.robot import Robot
 
 
@@ -36,3 +39,11 @@ class Limit(ABC):
             lower: To fill, shape (dim,); −inf where there is no bound.
             upper: To fill, shape (dim,); inf where there is no bound.
         """
+
+
+def for_joints(what: str, value: ArrayLike, robot: Robot) -> Array:
+    """Return one number for each actuated joint, shape (na,), of one for all or one for each."""
+    numbers = np.array(value, dtype=float)
+    if numbers.shape not in ((), (robot.na,)):
+        raise InputError(f"{what} must be one number or have shape ({robot.na},), got shape {numbers.shape}")
+    return np.array(np.broadcast_to(numbers, (robot.na,)))

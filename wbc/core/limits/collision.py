@@ -13,7 +13,8 @@ import coal
 import numpy as np
 import pinocchio as pin
 
-from wbc.core.errors import ROUNDING, Array, InputError, positive, shown
+from wbc.core.checked import checked
+from wbc.core.errors import ROUNDING, Array, InputError, shown
 from wbc.core.limits.base import Limit
 from wbc.core.robot import Robot
 from wbc.core.settings import NonNegative, Positive, settings
@@ -104,6 +105,7 @@ class SelfCollisionLimit(Limit):
     for links that come within `influence` at no more than the speed allowed there.
     """
 
+    @checked
     def __init__(
         self,
         pairs: Iterable[tuple[str, str]],
@@ -112,7 +114,7 @@ class SelfCollisionLimit(Limit):
         urdf: str | Path | None = None,
         margin: Annotated[NonNegative, "m"] = 0.02,
         influence: Annotated[Positive, "m"] = 0.3,
-        time_constant: float = 0.1,
+        time_constant: Annotated[Positive, "s"] = 0.1,
         recovery: Annotated[NonNegative, "m/s²"] = 10.0,
         name: str = "self-collision",
     ) -> None:
@@ -153,7 +155,7 @@ class SelfCollisionLimit(Limit):
         self._margin, self._influence, self._recovery = margin, influence, recovery
         if self._influence <= self._margin:
             raise InputError(f"influence of limit '{name}' must exceed its margin, {influence} ≤ {margin} m")
-        self._time = positive(f"time constant of limit '{name}' (s)", time_constant)
+        self._time = time_constant
 
     def bind(self, robot: Robot) -> None:
         """Build the shapes."""

@@ -14,11 +14,12 @@ from typing import Annotated
 import numpy as np
 from numpy.typing import ArrayLike
 
-from wbc.core.errors import Array, InputError, positive
+from wbc.core.checked import checked
+from wbc.core.errors import Array, InputError
 from wbc.core.hull import convex_hull
 from wbc.core.limits.base import Limit
 from wbc.core.robot import Robot
-from wbc.core.settings import NonNegative
+from wbc.core.settings import NonNegative, Positive
 
 EDGES = 8
 """Rows of a limit, one for each edge that the hull of two soles may have; more for a given polygon that has more."""
@@ -32,12 +33,13 @@ class CoMPolygonLimit(Limit):
     edge: that suffices inside, and outside `recovery` brings the CoM back.
     """
 
+    @checked
     def __init__(
         self,
         polygon: ArrayLike | None = None,
         *,
         margin: Annotated[NonNegative, "m"] = 0.01,
-        time_constant: float | None = None,
+        time_constant: Annotated[Positive, "s"] | None = None,
         recovery: Annotated[NonNegative, "m/s²"] | None = None,
         name: str = "CoM polygon",
     ) -> None:
@@ -55,9 +57,7 @@ class CoMPolygonLimit(Limit):
         """
         self.name, self.dim = name, EDGES if polygon is None else max(EDGES, len(convex_hull(polygon)))
         self._margin, self._given_recovery = margin, recovery
-        self._given_time = (
-            None if time_constant is None else positive(f"time constant of limit '{name}' (s)", time_constant)
-        )
+        self._given_time = time_constant
         self._bound_robot: Robot | None = None
         self._normals, self._offsets = np.zeros((self.dim, 2)), np.full(self.dim, np.inf)
         self._edges = 0

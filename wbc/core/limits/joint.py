@@ -11,10 +11,11 @@ from typing import Annotated
 import numpy as np
 from numpy.typing import ArrayLike
 
-from wbc.core.errors import Array, InputError, finite_array, scalar
-from wbc.core.limits.base import Limit
+from wbc.core.checked import checked
+from wbc.core.errors import Array, InputError, scalar
+from wbc.core.limits.base import Limit, for_joints
 from wbc.core.robot import BASE_DOF, Robot
-from wbc.core.settings import NonNegative, Ratio
+from wbc.core.settings import NonNegative, PositiveNumbers, Ratio
 
 RECOVERY_TIME = 0.1
 """Time constant with which a violated bound is approached again, s."""
@@ -69,23 +70,17 @@ class BrakingLaw:
         return final
 
 
-def _joint_bound(what: str, value: ArrayLike, na: int) -> Array:
-    bound = finite_array(f"{what} of joint limits (rad/s²)", value)
-    if bound.shape not in ((), (na,)) or (bound <= 0.0).any():
-        raise InputError(f"{what} of joint limits must be positive, scalar or of shape ({na},), got {bound}")
-    return np.array(np.broadcast_to(bound, (na,)))
-
-
 class JointLimits(Limit):
     """Position, velocity and acceleration bounds of every actuated joint, as one interval of its acceleration."""
 
+    @checked
     def __init__(
         self,
         *,
         position: bool = True,
         velocity: bool = True,
-        acceleration: ArrayLike | None = None,
-        braking: ArrayLike | None = None,
+        acceleration: Annotated[PositiveNumbers, "rad/s²"] | None = None,
+        braking: Annotated[PositiveNumbers, "rad/s²"] | None = None,
         margin: Annotated[NonNegative, "rad"] = 1e-3,
         velocity_ratio: Ratio = 1.0,
     ) -> None:
@@ -103,7 +98,7 @@ class JointLimits(Limit):
             velocity_ratio: Share of the velocity limit that may be used, in (0, 1].
         """
         self.name, self.dim = "joint limits", 0
-        self._use_position, self._use_velocity = bool(position), bool(velocity)
+        self._use_position, self._use_velocity = position, velocity
         self._acceleration, self._braking = acceleration, braking
         self._margin, self._ratio = margin, velocity_ratio
 
@@ -115,9 +110,11 @@ class JointLimits(Limit):
         inertia = np.diag(robot.mass_matrix)[6:]
         self.braking = np.minimum(100.0, 0.3 * robot.torque_limit / inertia)
         if self._acceleration is not None:
-            self.acceleration = self.braking = _joint_bound("acceleration limit", self._acceleration, na)
+            self.acceleration = self.braking = for_joints(
+                "acceleration of joint limits", self._acceleration, robot
+            )
         if self._braking is not None:
-            self.braking = _joint_bound("braking deceleration", self._braking, na)
+            self.braking = for_joints("braking of joint limits", self._braking, robot)
         if (self.braking > self.acceleration).any():
             raise InputError(
                 f"braking deceleration {self.braking} must not exceed the acceleration limit {self.acceleration} rad/s²"

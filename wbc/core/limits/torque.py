@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-import numpy as np
-from numpy.typing import ArrayLike
+from typing import Annotated
 
-from wbc.core.errors import Array, InputError, finite_array
-from wbc.core.limits.base import Limit
+import numpy as np
+
+from wbc.core.checked import checked
+from wbc.core.errors import Array
+from wbc.core.limits.base import Limit, for_joints
 from wbc.core.robot import Robot
-from wbc.core.settings import Ratio
+from wbc.core.settings import PositiveNumbers, Ratio
 
 
 class TorqueLimits(Limit):
@@ -18,7 +20,8 @@ class TorqueLimits(Limit):
         previous: Torques of the last tick, shape (na,), Nm; None at the first one.
     """
 
-    def __init__(self, *, ratio: Ratio = 1.0, rate: ArrayLike | None = None) -> None:
+    @checked
+    def __init__(self, *, ratio: Ratio = 1.0, rate: Annotated[PositiveNumbers, "Nm/s"] | None = None) -> None:
         """Choose the bounds.
 
         Args:
@@ -36,10 +39,7 @@ class TorqueLimits(Limit):
         self.least, self.most = self._ratio * robot.torque_lower, self._ratio * robot.torque_upper
         self.rate: Array | None = None
         if self._rate is not None:
-            rate = finite_array("torque rate (Nm/s)", self._rate)
-            if rate.shape not in ((), (robot.na,)) or (rate <= 0.0).any():
-                raise InputError(f"torque rate must be positive, scalar or shape ({robot.na},), got {rate}")
-            self.rate = np.array(np.broadcast_to(rate, (robot.na,)))
+            self.rate = for_joints("rate of torque limits", self._rate, robot)
 
     def write(self, dt: float, rows: Array, lower: Array, upper: Array) -> None:
         """Fill the torque interval of every joint, Nm; the rows, which the QP has anyway, stay as they are."""

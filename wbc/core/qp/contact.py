@@ -16,6 +16,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
+from wbc.core.checked import checked
 from wbc.core.errors import (
     ROUNDING,
     Array,
@@ -23,7 +24,6 @@ from wbc.core.errors import (
     choose,
     finite_array,
     finite_scalar,
-    non_negative,
     positive,
 )
 from wbc.core.qp.motion import Motion, Rows
@@ -108,11 +108,11 @@ class ContactOptions(TypedDict, total=False):
             does not move, which is a constraint.
     """
 
-    min_force: float
-    max_force: float | None
-    ramp: float
-    stiffness: float
-    damping: float | None
+    min_force: Annotated[NonNegative, "N"]
+    max_force: Annotated[Positive, "N"] | None
+    ramp: Annotated[NonNegative, "s"]
+    stiffness: Annotated[NonNegative, "1/s²"]
+    damping: Annotated[NonNegative, "1/s"] | None
     wrench_weight: ArrayLike
     active: bool
     motion_weight: ArrayLike | None
@@ -141,6 +141,7 @@ class Contact(Motion):
     force_axis = 2
     usual: ClassVar[ContactOptions] = {}
 
+    @checked
     def __init__(self, name: str, frame: str, cone: Array, **options: Unpack[ContactOptions]) -> None:
         """Describe the contact by the attributes above; a cone without rows lets it transmit any force."""
         for option in options:
@@ -152,7 +153,7 @@ class Contact(Motion):
         self.min_force = given.get("min_force", 0.0)
         if (max_force := given.get("max_force")) is not None:
             self.max_force = max_force
-        self.ramp = non_negative(f"force ramp of contact '{name}' (s)", given.get("ramp", 0.1))
+        self.ramp = given.get("ramp", 0.1)
         self.wrench_weight = given.get("wrench_weight", 1e-5)
         motion_weight = given.get("motion_weight")
         self._motion_weight = None if motion_weight is None else self._motion_costs(motion_weight)
@@ -165,8 +166,9 @@ class Contact(Motion):
         return self._friction
 
     @friction.setter
-    def friction(self, value: float) -> None:
-        self._friction = positive(f"friction of contact '{self.name}'", value)
+    @checked
+    def friction(self, value: Positive) -> None:
+        self._friction = value
         self.update_cone()
 
     @property
@@ -175,8 +177,9 @@ class Contact(Motion):
         return self._min_force
 
     @min_force.setter
-    def min_force(self, value: float) -> None:
-        self._set_forces(non_negative(f"smallest force of contact '{self.name}' (N)", value), self._max_force)
+    @checked
+    def min_force(self, value: Annotated[NonNegative, "N"]) -> None:
+        self._set_forces(value, self._max_force)
 
     @property
     def max_force(self) -> float | None:
@@ -184,8 +187,9 @@ class Contact(Motion):
         return self._max_force
 
     @max_force.setter
-    def max_force(self, value: float) -> None:
-        self._set_forces(self._min_force, positive(f"greatest force of contact '{self.name}' (N)", value))
+    @checked
+    def max_force(self, value: Annotated[Positive, "N"]) -> None:
+        self._set_forces(self._min_force, value)
 
     @property
     def wrench_weight(self) -> Array:
@@ -377,6 +381,7 @@ class SoleContact(_HeldFrame):
     # With these weights 100 N of shear, 300 N of weight and 10 Nm of ankle torque cost about the same.
     usual = {"min_force": LEAST_FORCE, "wrench_weight": (1e-5, 1e-5, 1e-6, 1e-3, 1e-3, 1e-3)}
 
+    @checked
     def __init__(
         self,
         sole: str,
@@ -510,6 +515,7 @@ class PointContact(Contact):
 
     dim = 3
 
+    @checked
     def __init__(
         self,
         frame: str,
@@ -571,6 +577,7 @@ class FixedContact(_HeldFrame):
 
     usual = {"max_force": 1e6, "wrench_weight": 1e-8}
 
+    @checked
     def __init__(self, frame: str, **options: Unpack[ContactOptions]) -> None:
         """Describe the contact of a frame, which is fixed where it is when the contact is added."""
         super().__init__(frame, frame, np.zeros((0, 6)), **options)

@@ -10,6 +10,7 @@ from time import perf_counter
 
 import numpy as np
 
+from wbc.core.checked import checked
 from wbc.core.errors import Array, unknown_name
 from wbc.core.qp.assembly import Assembly
 from wbc.core.qp.contact import Contact
@@ -20,7 +21,7 @@ from wbc.core.qp.solution import Solution, Timings
 from wbc.core.qp.solver import QpSolver, SolverSettings
 from wbc.core.qp.task import Task, fill_guarded
 from wbc.core.robot import Robot
-from wbc.core.settings import Positive
+from wbc.core.settings import Period, Positive
 from wbc.core.signals import Measurement
 
 
@@ -34,10 +35,11 @@ class Controller(Items):
             robot that does not stand yet. They enter the dynamics of every tick; None for none.
     """
 
+    @checked
     def __init__(
         self,
         robot: Robot,
-        dt: float,
+        dt: Period,
         *,
         regularisation: Positive = 1e-4,
         settings: SolverSettings | None = None,

@@ -11,13 +11,15 @@ from typing import Any, ClassVar, TypeVar, overload
 
 import numpy as np
 
-from wbc.core.errors import InputError, as_period, choose, shown
+from wbc.core.checked import checked
+from wbc.core.errors import InputError, choose, shown
 from wbc.core.limits.base import Limit
 from wbc.core.limits.joint import JointLimits
 from wbc.core.limits.torque import TorqueLimits
 from wbc.core.qp.contact import Contact
 from wbc.core.qp.task import Task, evaluated
 from wbc.core.robot import Robot
+from wbc.core.settings import Period
 
 Item = Task | Contact | Limit
 ItemT = TypeVar("ItemT", bound=Item)
@@ -32,10 +34,11 @@ class Items:
 
     _noun: ClassVar[str] = "controller"
 
-    def __init__(self, robot: Robot, dt: float) -> None:
+    @checked
+    def __init__(self, robot: Robot, dt: Period) -> None:
         """Begin without tasks, contacts or limits, for a robot and a control period, s."""
         self.robot = robot
-        self._dt = as_period(dt)
+        self._dt = dt
         self._tasks: list[Task] = []
         self._contacts: list[Contact] = []
         self._limits: list[Limit] = []

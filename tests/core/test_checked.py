@@ -1,0 +1,115 @@
+"""Arguments that are checked against their annotations: what passes, what is refused, and what the message says."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Annotated, Any, Literal, Protocol, TypedDict, Unpack
+
+import numpy as np
+import pytest
+
+from wbc.core.checked import checked
+from wbc.core.errors import InputError
+from wbc.core.settings import Count, NonNegative, Number, PositiveNumbers, Ratio, Triple
+
+
+class Options(TypedDict, total=False):
+    ramp: Annotated[NonNegative, "s"]
+
+
+class Duck(Protocol):
+    def quack(self) -> None: ...
+
+
+class Spring:
+    @checked
+    def __init__(
+        self,
+        ratio: Ratio = 1.0,
+        *,
+        mode: Literal["soft", "hard"] = "soft",
+        rate: Annotated[PositiveNumbers, "Nm/s"] | None = None,
+        place: tuple[float, float] | float = 0.0,
+        other: Spring | str | None = None,
+        until: Callable[[], bool] | float = 1.0,
+        duck: Duck | None = None,
+        names: Sequence[str] = (),
+        **options: Unpack[Options],
+    ) -> None:
+        self.ratio, self.rate, self.options, self.place, self.duck = ratio, rate, options, place, duck
+        self._mass = 1.0
+
+    @property
+    def mass(self) -> float:
+        return self._mass
+
+    @mass.setter
+    @checked
+    def mass(self, value: Annotated[NonNegative, "kg"]) -> None:
+        self._mass = value
+
+    @checked
+    def press(self, force: Triple, count: Count = 1) -> Any:
+        return force
+
+
+@checked
+@dataclass(frozen=True)
+class Ball:
+    radius: Annotated[Ratio, "m"]
+    height: Number = 0.0
+
+
+@checked
+def stretch(length: Annotated[Number, "m"], spring: Spring | None = None) -> float:
+    return length
+
+
+def test_good_values_pass_as_their_annotations_have_them() -> None:
+    duck: Any = object()  # a protocol says what it needs where it is used
+    spring = Spring(np.float32(0.5), rate=[1, 2], place=np.array([1, 2]), ramp=np.array(2), duck=duck)  # type: ignore[arg-type]
+    assert spring.ratio == 0.5 and type(spring.ratio) is float and spring.options == {"ramp": 2.0}
+    assert isinstance(spring.rate, np.ndarray) and spring.rate.dtype == np.float64
+    assert spring.place == (1.0, 2.0) and spring.duck is duck
+    spring.mass = 2
+    assert spring.mass == 2.0 and spring.press([1, 2, 3]).shape == (3,)
+    assert Ball(1, height=-3).height == -3.0 and stretch(-2.0, spring) == -2.0
+    assert Spring(until=lambda: True, other=spring, mode="hard").ratio == 1.0
+
+
+def mass(value: Any) -> None:
+    Spring().mass = value
+
+
+REFUSED: list[tuple[Callable[[], object], str]] = [
+    (lambda: Spring(0.0), r"^ratio of Spring must be greater than 0, got 0.0$"),
+    (lambda: Spring(ratio=1.5), r"^ratio of Spring must be less than or equal to 1, got 1.5$"),
+    (lambda: Spring(float("nan")), "ratio of Spring"),
+    (lambda: Spring("1"), r"ratio of Spring must be a valid number, got '1'"),  # type: ignore[arg-type]
+    (lambda: Spring(True), "ratio of Spring"),
+    (lambda: Spring(mode="firm"), r"mode of Spring must be 'soft' or 'hard', got 'firm'"),  # type: ignore[arg-type]
+    (
+        lambda: Spring(rate=[1.0, 0.0]),
+        r"rate of Spring \(Nm/s\) must be finite numbers above 0, got \[1.0, 0.0\]",
+    ),
+    (lambda: Spring(rate="fast"), r"rate of Spring \(Nm/s\) must be finite numbers"),
+    (lambda: Spring(place=(1.0, "x")), r"place of Spring\[1\] must be a valid number, got 'x'"),  # type: ignore[arg-type]
+    (lambda: Spring(other=3), r"other of Spring must be of class Spring or a valid string, got 3"),  # type: ignore[arg-type]
+    (lambda: Spring(until="noon"), r"until of Spring must be a function or a valid number, got 'noon'"),  # type: ignore[arg-type]
+    (lambda: Spring(ramp=-1.0), r"ramp of Spring \(s\) must be greater than or equal to 0, got -1.0"),
+    (lambda: mass(-1.0), r"^mass of Spring \(kg\) must be greater than or equal to 0, got -1.0$"),
+    (lambda: Spring().press([1.0, 2.0]), r"force of Spring.press must have shape \(3,\), got shape \(2,\)"),
+    (lambda: Spring().press((0, 0, 1), 0), "count of Spring.press"),
+    (lambda: Ball(2.0), r"^radius of Ball \(m\) must be less than or equal to 1, got 2.0$"),
+    (lambda: stretch(float("inf")), r"^length of stretch \(m\) must be a finite number, got inf$"),
+    (lambda: stretch(1.0, 2.0), r"spring of stretch must be of class Spring, got 2.0"),  # type: ignore[arg-type]
+]
+
+
+@pytest.mark.parametrize(("call", "message"), REFUSED)
+def test_a_value_that_its_annotation_does_not_allow_is_refused(
+    call: Callable[[], object], message: str
+) -> None:
+    with pytest.raises(InputError, match=message):
+        call()

@@ -1,0 +1,156 @@
+"""Arguments that are checked against their annotations: of constructors, attributes and functions that users call.
+
+    class TorqueLimits(Limit):
+        @checked
+        def __init__(self, *, ratio: Ratio = 1.0, rate: PositiveNumbers | None = None) -> None: ...
+
+The annotation is the check: type, range, shape, choices and unit, as in `wbc.core.settings`. It takes a microsecond for
+each argument, so what runs in every tick goes without it.
+"""
+
+from __future__ import annotations
+
+import collections.abc
+import functools
+import inspect
+import types
+import typing
+from collections.abc import Callable, Iterator
+from typing import Annotated, Any, Literal, TypeVar, Unpack
+
+from pydantic import PlainValidator, TypeAdapter, ValidationError
+
+from wbc.core.settings import CONFIG, Numbers, hashable, refusal, unit_of
+
+F = TypeVar("F", bound=Callable[..., Any])
+
+
+def checked(function: F) -> F:
+    """Check the arguments of a function against its annotations at every call.
+
+    Numbers, texts, choices, tuples of them, arrays with `Numbers`, functions, and objects of plain classes are checked,
+    alone or in a union. An annotation with any other part, such as an abstract class or a protocol, checks nothing.
+    NumPy numbers become Python's, arrays with `Numbers` become float64. Defaults are taken as they are.
+
+    Args:
+        function: A function, a method, a constructor, or the setter of a property: its argument is named `value`, and
+            has the name of the property in messages. Of a dataclass, the constructor is checked.
+
+    Returns:
+        The function. A call raises an `InputError` for the first argument that breaks a rule: name, unit, rule, value.
+    """
+    if inspect.isclass(function):
+        setattr(function, "__init__", checked(function.__init__))  # noqa: B010 (no assignment to a method for mypy)
+        return function
+    table: tuple[list[tuple[int, Check]], dict[str, Check]] | None = None
+
+    @functools.wraps(function)
+    def call(*args: Any, **values: Any) -> Any:
+        nonlocal table
+        if table is None:  # only now, as annotations may name classes that are defined further down
+            by_name = {name: Check(function, name, hint) for name, hint in checkable(function).items()}
+            names = [*inspect.signature(function).parameters]
+            table = [(names.index(name), by_name[name]) for name in by_name if name in names], by_name
+        by_place, by_name = table
+        given, count = list(args), len(args)
+        for place, check in by_place:
+            if place < count:
+                given[place] = check(given[place], args)
+        for name, value in values.items():
+            if name in by_name:
+                values[name] = by_name[name](value, args)
+        return function(*given, **values)
+
+    return typing.cast(F, call)
+
+
+def hints_of(function: Callable[..., Any]) -> dict[str, Any]:
+    """Return the annotations of the arguments of a function, with those of the options that it takes as `**options`."""
+    function = inspect.unwrap(function)
+    hints: dict[str, Any] = {}
+    for name, text in function.__annotations__.items():
+        alone = types.SimpleNamespace(__annotations__={name: text})
+        try:
+            hint = typing.get_type_hints(alone, function.__globals__, include_extras=True)[name]
+        except NameError:  # a class that is imported for type checkers alone
+            continue
+        if typing.get_origin(hint) is Unpack:
+            hints |= typing.get_type_hints(typing.get_args(hint)[0], include_extras=True)
+        elif name != "return":
+            hints[name] = hint
+    return hints
+
+
+def checkable(function: Callable[..., Any]) -> dict[str, Any]:
+    """Return the annotations of a function that `checked` checks, by the name of the argument."""
+    return {name: hint for name, hint in hints_of(function).items() if _for_pydantic(hint) is not None}
+
+
+class Check:
+    """Check of one argument against its annotation."""
+
+    def __init__(self, function: Callable[..., Any], name: str, hint: Any) -> None:
+        """Prepare the check of an argument of a function."""
+        self._validate = TypeAdapter(_for_pydantic(hint), config=CONFIG).validator.validate_python
+        self._plain = not any(isinstance(part, Numbers) for part in _parts(hint))
+        self._unit, method = unit_of(hint), function.__name__
+        self._is_method = next(iter(inspect.signature(function).parameters)) in ("self", "cls")
+        if name == "value":
+            name, method = method, "__init__"
+        self._name, self._of = name, method if method != "__init__" else ""
+
+    def __call__(self, value: Any, args: tuple[Any, ...]) -> Any:
+        """Return the value as its annotation has it; `args` begin with the object whose method is called."""
+        try:
+            return self._validate(hashable(value) if self._plain else value)
+        except ValidationError as error:
+            owner = type(args[0]) if self._is_method and not isinstance(args[0], type) else None
+            owner = owner or (args[0] if self._is_method else None)
+            of = ".".join(filter(None, (getattr(owner, "__name__", ""), self._of)))
+            raise refusal(f"{self._name} of {of}", self._unit, error) from None
+
+
+def _for_pydantic(hint: Any) -> Any:
+    """Return the annotation as Pydantic takes it, with classes as checks of instances; None if it is not checked."""
+    origin, args = typing.get_origin(hint), typing.get_args(hint)
+    if origin is Annotated:
+        numbers = next((item for item in args[1:] if isinstance(item, Numbers)), None)
+        if numbers is not None:
+            return Annotated[Any, PlainValidator(numbers.checked)]
+        inside = _for_pydantic(args[0])
+        return None if inside is None else Annotated[inside, *args[1:]]
+    if origin in (typing.Union, types.UnionType):
+        parts = [_for_pydantic(part) for part in args]
+        return None if None in parts else typing.Union[tuple(parts)]  # noqa: UP007 (made of a tuple)
+    if origin is tuple:
+        parts = [part if part is ... else _for_pydantic(part) for part in args]
+        return None if None in parts else tuple[tuple(parts)]  # type: ignore[misc]
+    if origin is collections.abc.Callable:
+        return Annotated[Any, PlainValidator(_callable)]
+    if origin is Literal or hint in (float, int, bool, str, type(None)):
+        return hint
+    if not isinstance(hint, type) or origin is not None or inspect.isabstract(hint):
+        return None
+    if hint is object or getattr(hint, "_is_protocol", False) or hint.__module__ in ("builtins", "types"):
+        return None
+    return Annotated[Any, PlainValidator(functools.partial(_instance, hint))]
+
+
+def _instance(kind: type, value: Any) -> Any:
+    if isinstance(value, kind):
+        return value
+    advice = kind.instead_of(value) if hasattr(kind, "instead_of") else ""
+    raise ValueError(f"must be of class {kind.__name__}{f' ({advice})' if advice else ''}")
+
+
+def _callable(value: Any) -> Any:
+    if callable(value):
+        return value
+    raise ValueError("must be a function")
+
+
+def _parts(hint: Any) -> Iterator[Any]:
+    """Yield an annotation and everything inside it."""
+    yield hint
+    for part in typing.get_args(hint):
+        yield from _parts(part)
