@@ -4,7 +4,7 @@
     python tests/mutations.py --only core/estimation   # of the files whose path holds a text
 
 Each changes one operator or one number in a copy of the tree; the tests of the folder run there until the first that
-fails, then, if none does, the frozen streams of commands.
+fails, then, if none does, the repeated beginnings of runs.
 The same seed draws the same errors.
 """
 
@@ -24,7 +24,7 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
 ROOMS = ("wbc/core", "wbc/walking", "wbc/motion", "wbc/machine", "robots", "feet", "tasks", "sim")
-WHOLE = ["tests/frozen"]
+WHOLE = ["tests/sim/test_repeatable.py"]
 SLOWEST = 300  # s of CPU; tests that hang have noticed, too
 
 SWAPS = {
