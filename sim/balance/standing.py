@@ -13,12 +13,12 @@ from wbc.core.drive.hybrid import HybridControl
 from wbc.core.drive.position import PositionControl
 from wbc.core.drive.torque import TorqueControl
 from wbc.core.errors import Array, InputError
+from wbc.core.estimation.falls import FallReason
 from wbc.core.settings import Positive, settings
 from wbc.sim.plant.truth import GroundTruth
 from wbc.sim.trial.loop import Trial, TrialHook
 from wbc.sim.trial.spec import TrialResult, TrialSpec
 from wbc.tasks.balance import BalanceGains, balance_controller
-from wbc.walking.falls import FallReason
 from wbc.walking.stepping.control import OBSERVER, SteppingControl, SteppingControlSettings
 
 Feedback = Literal["open", "closed"]

@@ -11,13 +11,13 @@ import numpy as np
 from wbc.core.control import Mode
 from wbc.core.conventions import rotation_of
 from wbc.core.errors import Array
+from wbc.core.estimation.falls import FallReason
 from wbc.core.robot import GRAVITY
 from wbc.core.settings import NonNegative, settings
 from wbc.motion import MotionClip, MotionSource, tracking_settings
-from wbc.sim.trial.falls import PelvisLimits
+from wbc.sim.trial.falls import FallSettings, PelvisLimits
 from wbc.sim.trial.loop import Trial, TrialHook, TrialTick
 from wbc.sim.trial.spec import TrialResult, TrialSpec
-from wbc.walking.falls import FallReason
 from wbc.walking.walking_control import WalkingControl
 
 LOADED = 0.05
@@ -90,8 +90,9 @@ class TrackTrial(Trial):
         settings = replace(tracking_settings(), mode=spec.chosen)
         self.source = MotionSource(robot, clip, spec.period)
         control = WalkingControl(robot, self.source, spec.period, settings, observer=observer)
-        limits = control.falls.settings
-        super().__init__(plant, control, PelvisLimits(-limits.drop, limits.tilt))
+        limits = FallSettings()
+        drop = limits.drop * robot.length_scale
+        super().__init__(plant, control, PelvisLimits(-drop, limits.tilt))
         self._errors = _TrackMeter(robot.mass * GRAVITY)
         self.meters.append(self._errors)
 

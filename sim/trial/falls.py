@@ -10,15 +10,28 @@ import numpy as np
 import pinocchio as pin
 
 from wbc.core.errors import Array
+from wbc.core.estimation.falls import FallReason
 from wbc.core.robot import Robot
 from wbc.core.settings import Positive, settings
-from wbc.walking.falls import FallReason
 
 LOWEST_SHARE = 0.7
 """Pelvis height over that at half-sitting below which a standing robot has fallen. Squats do not go that low."""
 
 LARGEST_TILT = math.radians(60.0)
 """Tilt of the pelvis, against half-sitting, from which no balance controller recovers, rad."""
+
+
+@settings
+class FallSettings:
+    """Limits of the true fall test of a walk or of a tracked clip; a small robot's drop is in proportion.
+
+    Attributes:
+        drop: Greatest distance of the pelvis below its height at the start, m.
+        tilt: Greatest angle of the pelvis to its orientation at half-sitting, rad; acos(0.8).
+    """
+
+    drop: Annotated[Positive, "m"] = 0.18
+    tilt: Annotated[Positive, "rad"] = 0.6435
 
 
 @settings

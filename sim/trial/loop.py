@@ -29,12 +29,12 @@ import numpy as np
 from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
 
 from wbc.core.errors import InputError, MeasurementError, WbcError
+from wbc.core.estimation.falls import FallReason
 from wbc.core.signals import Command, Control, Measurement
 from wbc.sim.plant.plant import Plant
 from wbc.sim.plant.robot import DivergedError
 from wbc.sim.trial.falls import PelvisLimits, TrueFallDetector
 from wbc.walking.control import ReferenceControl
-from wbc.walking.falls import FallReason
 from wbc.walking.plans.footsteps import FootstepPlan
 
 Look = Callable[[], None]

@@ -44,7 +44,7 @@ class Fall:
     Without a stabilizer there is no DCM error, and the onset is the fall itself.
 
     Attributes:
-        reason: Height, tilt, DCM or solver: see `wbc.walking.falls.FallReason`.
+        reason: Height, tilt, down or solver: see `wbc.core.estimation.falls.FallReason`.
         time: Time at which the robot counted as fallen, s.
         onset: Time of the onset, s.
         step: Number of the step at the onset, from 1; one more than the last at the end of the walk.

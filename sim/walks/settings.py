@@ -14,11 +14,11 @@ from wbc.feet.sensing.range_sensor import RangeSensor
 from wbc.ground.known import GroundSettings
 from wbc.sim.plant.eyes import DepthCamera, ToeSensors
 from wbc.sim.plant.settings import PhysicsSettings
+from wbc.sim.trial.falls import FallSettings
 from wbc.tasks.scheduling.record import StiffnessTiming
 from wbc.tasks.stabilizer.bias import BiasSettings
 from wbc.tasks.stabilizer.distribution import DistributionSettings
 from wbc.tasks.stabilizer.gains import StabilizerGains
-from wbc.walking.falls import FallSettings
 from wbc.walking.lipm.phases import PhaseSettings
 from wbc.walking.lipm.preview import PreviewSettings
 from wbc.walking.lipm.walk import WalkSettings
@@ -60,6 +60,7 @@ class Surroundings:
         camera: Depth camera of a walk with eyes="depth".
         toes: Range sensors at the toes of a walk with eyes="toes".
         ground: What is made of what they see.
+        falls: Limits beyond which the robot has fallen in truth.
     """
 
     observer: ObserverSettings = field(default_factory=ObserverSettings)
@@ -69,6 +70,7 @@ class Surroundings:
     camera: DepthCamera = field(default_factory=DepthCamera)
     toes: ToeSensors = field(default_factory=ToeSensors)
     ground: GroundSettings = field(default_factory=GroundSettings)
+    falls: FallSettings = field(default_factory=FallSettings)
 
 
 @settings
@@ -114,7 +116,7 @@ class AutoTrialSettings(Surroundings):
 
     Attributes:
         mode: "torque" or "hybrid": a stepping walk on stiff servos has other references.
-        lipm: Settings of the law that plans; its falls, arms, safety and solver count for both.
+        lipm: Settings of the law that plans; its arms, safety and solver count for both.
         stepping: Settings of the law that decides steps as they go.
     """
 
@@ -125,11 +127,6 @@ class AutoTrialSettings(Surroundings):
     def __post_init__(self) -> None:
         if self.mode == "position":
             raise InputError("a walk whose law changes is in torque or hybrid control, got mode 'position'")
-
-    @property
-    def falls(self) -> FallSettings:
-        """Limits beyond which the robot has fallen."""
-        return self.lipm.falls
 
 
 AnyTrialSettings = TrialSettings | SteppingTrialSettings | AutoTrialSettings

@@ -119,7 +119,7 @@ class WalkTrial(Trial):
         pelvis = float(plant.data.qpos[2]) - _ground(plant) - lowering
         self.walking: ReferenceControl
         limits = prepared.settings.falls
-        super().__init__(plant, walking, PelvisLimits(pelvis - limits.drop, limits.tilt))
+        super().__init__(plant, walking, PelvisLimits(pelvis - limits.drop * robot.length_scale, limits.tilt))
         self._drive, self._arrival = Drive(prepared.orders, walking), prepared.arrival()
         self.scenario += [self._drive, PushSchedule(spec.pushes)]
         self.meter = WalkMeter(plant, walking)

@@ -8,11 +8,12 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
+from wbc.core.estimation.falls import FallReason
 from wbc.motion import MotionClip
 from wbc.robots import load
 from wbc.sim.balance.tracking import TrackSpec, TrackTrial
+from wbc.sim.trial.falls import FallSettings
 from wbc.sim.trial.loop import TrialHook
-from wbc.walking.falls import FallReason
 
 ROBOT = load("g1").robot()
 
@@ -70,14 +71,15 @@ def test_the_result_is_what_joints_and_centre_of_mass_did_against_the_clip() -> 
 def test_a_robot_has_fallen_where_the_clip_does_not_have_it() -> None:
     trial = TrackTrial(wave(0.02), TrackSpec(robot="g1", noise="none"))
     assert trial.true_fall() is None
-    limits, q = trial.walking.falls.settings, trial.plant.truth().q
+    limits, q = FallSettings(), trial.plant.truth().q
+    scale = trial.plant.robot.length_scale
     for drop, tilt, fallen in (
         (0.97, 0.97, None),
         (1.03, 0.0, FallReason.HEIGHT),
         (0.0, 1.03, FallReason.TILT),
     ):
         low = q.copy()
-        low[2] -= drop * limits.drop
+        low[2] -= drop * scale * limits.drop
         low[3:7] = [0.0, math.sin(0.5 * tilt * limits.tilt), 0.0, math.cos(0.5 * tilt * limits.tilt)]
         trial.plant.reset(low)
         assert trial.true_fall() is fallen

@@ -10,6 +10,7 @@ import pytest
 
 from wbc.core.control import Mode
 from wbc.core.errors import InputError
+from wbc.core.estimation.falls import FallReason
 from wbc.sim.plant.settings import Machine
 from wbc.sim.trial.loop import TrialHook, TrialTick
 from wbc.sim.trial.push import WalkPush
@@ -19,7 +20,6 @@ from wbc.sim.walks.settings import Law
 from wbc.sim.walks.spec import WalkSpec
 from wbc.sim.walks.trial import WalkTrial, walk
 from wbc.walking.contact import Event
-from wbc.walking.falls import FallReason
 from wbc.walking.plans.gait import Gait, StepGait
 
 TWO_STEPS = WalkPlan(distance=0.1)

@@ -15,9 +15,8 @@ from wbc.app.log.recorder import Recorder
 from wbc.app.view.stage import SimulatedStage
 from wbc.core.errors import InputError
 from wbc.robots import load
-from wbc.walking import Reference, StandSource, State, WalkingControl, WalkingControlSettings
+from wbc.walking import Reference, StandSource, State, WalkingControl
 from wbc.walking.contact import GaitPhase
-from wbc.walking.falls import FallSettings
 from wbc.walking.source import Progress, WholeBody
 from wbc.walking.stepping.source import SteppingWalk
 
@@ -79,8 +78,7 @@ def test_a_robot_that_bows_as_its_source_does_is_upright(torso: str, trunks: int
             return super().update(state)._replace(body=whole)
 
     plant = wbc.Plant(DESCRIPTION)
-    falls = FallSettings(tilt=0.08)
-    walking = WalkingControl(robot, Bows(robot), plant.control_period, WalkingControlSettings(falls=falls))
+    walking = WalkingControl(robot, Bows(robot), plant.control_period)
     while plant.time < 1.0:
         plant.step(walking.command(plant.measure()))
     assert walking.fallen is None and walking.control.failures == 0

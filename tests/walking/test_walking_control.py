@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 import pinocchio as pin
@@ -15,7 +14,6 @@ from wbc.core.signals import Measurement
 from wbc.robots import load
 from wbc.tasks import OrientationTask
 from wbc.tasks.stabilizer.lean import LeanMotion
-from wbc.walking.falls import FallDetector, FallReason, FallSettings
 from wbc.walking.plans.footsteps import FootstepPlan
 from wbc.walking.plans.planners import walk_distance
 from wbc.walking.settings import WalkingControlSettings
@@ -42,40 +40,6 @@ def sensors(
     up = robot.placement(robot.imu_frame).rotation.T @ np.array([0.0, 0.0, GRAVITY])
     noise = np.full(3, 1e-9 * np.sin(tick))  # sensors that never change are refused
     return Measurement(tick * DT, q[7:].copy(), np.zeros(robot.na), noise, up, wrench)
-
-
-def test_a_fall_has_its_reason_and_keeps_it() -> None:
-    settings = FallSettings(drop=0.05, tilt=0.5, dcm=0.03, dcm_time=4 * DT, failures=3, speed=7.0)
-    still = {"q": np.zeros(37), "v": np.zeros(36), "drop": 0.0, "torso_up": np.array((0.0, 0.0, 1.0))}
-
-    def detect(*ticks: dict[str, Any]) -> FallDetector:
-        detector = FallDetector(settings)
-        for tick in ticks:
-            assert detector.update(DT, **(still | tick)) is detector.reason
-        return detector
-
-    def tilted(angle: float) -> dict[str, Any]:
-        return {"torso_up": np.array((np.sin(angle), 0.0, np.cos(angle)))}
-
-    bad, far = {"solved": False}, {"dcm_distance": 0.031}
-    for *ticks, reason in (
-        ({"v": np.full(36, 6.9)}, {"v": -np.full(36, 6.9)}, None),
-        ({"v": 7.1 * np.eye(36)[20]}, FallReason.DIVERGED),
-        ({"v": np.full(36, np.nan)}, FallReason.DIVERGED),
-        ({"q": np.full(37, np.inf)}, FallReason.DIVERGED),
-        (bad, bad, {}, bad, bad, None),
-        (bad, bad, bad, FallReason.SOLVER),
-        ({"drop": 0.049}, None),
-        ({"drop": 0.051}, FallReason.HEIGHT),
-        (tilted(0.49), None),
-        (tilted(-0.51), FallReason.TILT),
-        (*[far] * 4, {}, *[far] * 4, {"dcm_distance": 0.029}, far, None),
-        (*[far] * 5, FallReason.DCM),
-        ({"drop": 0.051}, tilted(0.6), FallReason.HEIGHT),
-    ):
-        assert detect(*ticks).reason is reason
-    assert not detect(tilted(0.69 * 0.5)).topples and detect(tilted(0.71 * 0.5)).topples
-    assert np.cos(FallSettings().tilt) == pytest.approx(0.8, abs=1e-4)
 
 
 def test_feed_forward_is_the_inverse_dynamics_of_the_motion_under_the_desired_wrenches() -> None:

@@ -14,6 +14,7 @@ from wbc.sim.walks.spec import WalkSpec
 REASONS = {
     "height": "it dropped",
     "tilt": "it tilted",
+    "down": "it lay down",
     "dcm": "the DCM was out of reach",
     "solver": "the QP failed",
 }

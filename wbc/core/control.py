@@ -25,6 +25,7 @@ from wbc.core.drive.gate import CommandGate
 from wbc.core.errors import Array, InputError, MeasurementError
 from wbc.core.estimation.consistency import WEIGHT_SHARE, AccelerometerCheck, ConsistencyMonitor
 from wbc.core.estimation.delay import SentCommands
+from wbc.core.estimation.falls import FallDetector, FallReason
 from wbc.core.estimation.observer import Observer
 from wbc.core.estimation.plausibility import Plausibility, PlausibilitySettings
 from wbc.core.estimation.wrenches import WrenchEstimator
@@ -103,10 +104,13 @@ class SafetySettings:
     Attributes:
         plausibility: Ranges that measurements must keep.
         weight_share: Ratio of the weight that the soles must carry, or sensors contradict each other.
+        on_fall: Reaction to a fall, after which nothing recovers: "damp" sends damping alone until `reset`, "go on"
+            solves on, for a controller that stands up or falls in a way of its own.
     """
 
     plausibility: PlausibilitySettings = field(default_factory=PlausibilitySettings)
     weight_share: Positive = WEIGHT_SHARE
+    on_fall: Literal["damp", "go on"] = "damp"
 
 
 class DriveControl:
@@ -128,6 +132,9 @@ class DriveControl:
         monitor: Monitor of sensors that contradict each other.
         accelerometer: Check of the direction of the specific force.
         gate: Limits of commands.
+        falls: Detector of a fall, by the estimate.
+        dcm_limit: Distance of the DCM from the nearest sole from which on `status` calls balance lost, over the height
+            of the CoM; a walk sets that of its steps.
     """
 
     _follows_estimate = True
@@ -162,9 +169,10 @@ class DriveControl:
         self.solution: Solution | None = None
         self.measurement: Measurement | None = None
         self.time = 0.0
+        self.falls, self._on_fall = FallDetector(self.observer.robot, dt), safety.on_fall
+        self.dcm_limit = FEET_STAY
         self._torques = np.zeros(controller.robot.na)
         self._failing = 0
-        self._dcm_limit, self._topples = FEET_STAY, False
         self._stamp = math.nan  # of the last measurement with wrenches estimated, s
 
     @property
@@ -177,11 +185,21 @@ class DriveControl:
         """True after failures have gone on for too long; `reset` starts again."""
         return self._failing * self.controller.dt > self.policy.stop_after
 
+    @property
+    def fallen(self) -> FallReason | None:
+        """Reason of the robot's fall, also of one that its stop will lead to; None while it has not fallen."""
+        return self.falls.reason or (FallReason.SOLVER if self.stopped else None)
+
+    @property
+    def damped(self) -> bool:
+        """True once a fall has ended in damping; `reset` starts again."""
+        return self.falls.reason is not None and self._on_fall == "damp"
+
     def _forget(self) -> None:
-        """Clear failures, the last measurement, the last solution and the last torques."""
+        """Clear failures, a fall, the last measurement, the last solution and the last torques."""
         self.controller.reset()
         self.solution = self.measurement = None
-        self._topples = False
+        self.falls.reset()
         self._torques = np.zeros_like(self._torques)
         self._failing = 0
         self.reason = ""
@@ -195,14 +213,14 @@ class DriveControl:
     def status(self) -> str:
         """Return in one line how the control is: "ok", or what is refused, doubted, clipped, relaxed or failing."""
         parts = []
+        if self.falls.reason is not None:
+            parts.append(f"fallen: {self.falls.reason.value}{'; damped' if self.damped else ''}")
         if self.stopped:
             parts.append(f"stopped: {self.reason}")
         elif self._failing:
             parts.append(f"failing: {self.reason}")
         if self._balance_lost():
             parts.append("balance lost: the DCM is out of reach")
-        elif self._topples:
-            parts.append("balance lost: the torso tilts")
         if self.plausibility.faults:
             parts.append(f"refused: {', '.join(self.plausibility.faults)}")
         if self.accelerometer.left_out:
@@ -217,20 +235,13 @@ class DriveControl:
             parts.append(f"command clipped: {', '.join(self.gate.faults)}")
         return "; ".join(parts) or "ok"
 
-    def judge_balance(self, dcm_limit: float, *, topples: bool) -> None:
-        """Set what a walk knows of its balance, for `status`: whether the torso tilts too far, and a limit of the DCM.
-
-        That is the distance of the DCM from the nearest sole from which on balance is lost, over the height of the CoM.
-        """
-        self._dcm_limit, self._topples = dcm_limit, topples
-
     def _balance_lost(self) -> bool:
         """Return True if the DCM is out of reach of feet and steps."""
         robot = self.observer.robot
         soles = [robot.placement(sole.frame).translation for sole in robot.soles]
         height = max(float(robot.com[2]) - min(float(sole[2]) for sole in soles), 0.0)
         dcm = robot.com[:2] + robot.com_velocity[:2] * math.sqrt(height / GRAVITY)
-        return min(math.hypot(*(dcm - sole[:2])) for sole in soles) > self._dcm_limit * height
+        return min(math.hypot(*(dcm - sole[:2])) for sole in soles) > self.dcm_limit * height
 
     def command(self, measurement: Measurement) -> Command:
         """Run one tick, with the targets as they are, and return its command; a failed tick follows the policy."""
@@ -248,6 +259,8 @@ class DriveControl:
             estimate, robot = observer.robot, self.controller.robot
             if self._follows_estimate and estimate is not robot:
                 robot.update(estimate.q, estimate.v)
+            if self.falls.reason is None and (reason := self.falls.update(estimate.q, estimate.v)):
+                self._fall(reason)
             self.controller.model_time = perf_counter() - start
         except Exception as error:  # a robot gets a command in every tick
             failed = State(observer.robot, measurement, observer.load, measurement, True, time)
@@ -271,8 +284,11 @@ class DriveControl:
             wrenches: Name of a contact → wrench in place of the solution's in the torques, in the frame of the
                 contact, N and Nm: what a stabilizer wants (`StabilizerTask.wrenches`), where the QP's own are free.
         """
-        solution = self._solve(state, wrenches) if state.ok else None
-        command = self._hold(state) if solution is None else self._follow(state, solution)
+        if self.damped:
+            command = self._damp(state)
+        else:
+            solution = self._solve(state, wrenches) if state.ok else None
+            command = self._hold(state) if solution is None else self._follow(state, solution)
         if self.wrenches is not None:
             self._sent.sent(command)  # for the torques that it makes
         return command
@@ -288,6 +304,27 @@ class DriveControl:
     def _hold(self, state: State) -> Command:
         """Return the command of a tick that has failed."""
         raise NotImplementedError
+
+    def _damp(self, state: State) -> Command:
+        """Return the command of a robot that has fallen: no stiffness, no torque, damping alone."""
+        raise NotImplementedError
+
+    def _damping(self, state: State) -> Array:
+        """Return the torques that damp the joints, shape (na,), Nm."""
+        velocity = self.plausibility.joint_velocity(state.received)
+        torque: Array = -self.policy.joint_damping * self.controller.robot.torque_limit * velocity
+        return torque
+
+    def _fall(self, reason: FallReason) -> None:
+        """Log a fall; a robot that leans on something with its hands has its support elsewhere than under its feet."""
+        soles = {sole.frame for sole in self.controller.robot.soles}
+        if reason is FallReason.DOWN and any(
+            contact.active and contact.frame not in soles for contact in self.controller.contacts
+        ):
+            self.falls.reset()
+            return
+        then = "the joints are damped" if self.damped else "the control goes on"
+        logger.error("the robot has fallen (%s): %s", reason.value, then)
 
     def _solve(self, state: State, wrenches: Mapping[str, Array] | None) -> Solution | None:
         """Solve, and take over the torques; None if there is no solution, and `reason` says why not."""

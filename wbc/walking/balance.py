@@ -12,13 +12,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import replace
 
 import numpy as np
 
 from wbc.core.control import FEET_AS_PLANNED, FEET_STEP, DriveControl, State
 from wbc.core.errors import Array, InputError, scalar
-from wbc.core.robot import SIDES
 from wbc.tasks.stabilizer.bias import BiasEstimator
 from wbc.tasks.stabilizer.lean import UPRIGHT, Lean, LeanMotion
 from wbc.tasks.stabilizer.pendulum import natural_frequency
@@ -26,9 +24,8 @@ from wbc.tasks.stabilizer.stabilizer import Stabilizer, StabilizerOutput
 from wbc.tasks.stabilizer.task import StabilizerTask
 from wbc.walking.hands.hands import Hands
 from wbc.walking.hands.reaching import Arms
-from wbc.walking.lipm.schedule import support_area
 from wbc.walking.load import HeldLoad
-from wbc.walking.plans.footsteps import Footstep, SoleSizes
+from wbc.walking.plans.footsteps import SoleSizes
 from wbc.walking.settings import WalkingControlSettings
 from wbc.walking.source import Reference
 from wbc.walking.tasks import WalkTasks
@@ -80,10 +77,6 @@ class Balance:
     def sink(self, omega: float) -> None:
         """Count with the natural frequency of the height at which the body is set, 1/s."""
 
-    def dcm_distance(self) -> float:
-        """Return the distance of the measured DCM beyond the hull of both soles, m; 0 where steps balance."""
-        return 0.0
-
 
 class Stabilized(Balance):
     """Balance of one robot by its stabilizer."""
@@ -130,7 +123,6 @@ class Stabilized(Balance):
         self._bias: Array | None = None
         # Views of the soles of the robot that the QP moves (commanded, or estimated in torque control).
         self._soles = [robot.placement(sole.frame) for sole in robot.soles]
-        self._area = self._support_area()
 
     @property
     def hands(self) -> Hands:
@@ -143,7 +135,6 @@ class Stabilized(Balance):
         """Forget what was felt, on both feet."""
         self.stabilizer = self._task.stabilizer
         self._contact, self.output, self.leaning = (True, True), None, UPRIGHT
-        self._area = self._support_area()
         if self.lean is not None:
             self.lean.reset()
         if self.bias is not None:
@@ -203,16 +194,6 @@ class Stabilized(Balance):
         """Count with the natural frequency of the height at which the body is set, 1/s."""
         self._driven = omega
 
-    def dcm_distance(self) -> float:
-        """Return the distance of the measured DCM beyond the hull of both soles, m; negative within it."""
-        normals, offsets = self._area
-        dcm = self._dcm[:2]
-        if self._hands is not None:
-            dcm = dcm - self._hands.shift
-        beyond = normals.dot(dcm)
-        beyond -= offsets
-        return float(beyond[beyond.argmax()])
-
     def _hold(self, load: HeldLoad) -> None:
         """Follow the estimate of the load; the models have it from the next tick on."""
         if self._hands is None or not self._hands.active:  # what they press on is no load
@@ -241,12 +222,3 @@ class Stabilized(Balance):
                 self._tasks.switch(side, stands)
                 self.stabilizer.feet.reset(side)
         self._contact = contact
-        self._area = self._support_area()
-
-    def _support_area(self) -> tuple[Array, Array]:
-        """Half-planes of the hull of both soles as they are now, for the fall test."""
-        feet = tuple(
-            replace(Footstep.of(side, sole), roll=0.0, pitch=0.0)
-            for side, sole in zip(SIDES, self._soles, strict=True)
-        )
-        return support_area(feet, self._sizes)

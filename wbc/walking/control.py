@@ -23,10 +23,10 @@ from wbc.core.drive.hybrid import HybridControl
 from wbc.core.drive.position import PositionControl
 from wbc.core.drive.torque import TorqueControl
 from wbc.core.errors import finite_array
+from wbc.core.estimation.falls import FallReason
 from wbc.core.estimation.inertial import InertialSettings
 from wbc.core.estimation.observer import Observer
 from wbc.core.qp.controller import Controller
-from wbc.core.robot import Robot
 from wbc.core.signals import Command, Measurement
 from wbc.ground import KnownGround, PointCloud
 from wbc.ground.cloud import ElevationMap
@@ -37,7 +37,6 @@ from wbc.tasks.stabilizer.stabilizer import Stabilizer, StabilizerOutput
 from wbc.walking.balance import Balance
 from wbc.walking.body import Body
 from wbc.walking.contact import GaitPhase
-from wbc.walking.falls import FallDetector, FallReason, FallSettings
 from wbc.walking.hands.hands import Hands
 from wbc.walking.hands.reaching import Arms
 from wbc.walking.load import HeldLoad
@@ -68,7 +67,6 @@ class ReferenceControl:
         arms: Hands, which can be given targets at any tick.
         body: Height of the CoM, lean and turn of the trunk, and gaze, which can be set at any tick.
         balance: Stabilizer, lean, bias, load and hands that press; of a robot that balances by its steps none of them.
-        falls: Fall detector.
         stiffness: Scheduler that sets the soles while they swing; None leaves them alone.
         ground: What is known of the ground, to which clouds of points are added at any time; None walks blind.
         reference: References of the last tick with a good measurement; None before the first one.
@@ -81,7 +79,6 @@ class ReferenceControl:
         control: PositionControl | TorqueControl,
         arms: Arms,
         body: Body,
-        falls: FallSettings,
         stiffness: StiffnessScheduler | None,
         ground: KnownGround | None = None,
     ) -> None:
@@ -89,19 +86,12 @@ class ReferenceControl:
         self.source, self.tasks, self.balance, _ = law
         self.control, self.controller, self.dt = control, control.controller, control.controller.dt
         self.arms, self.body = arms, body
-        self.falls = FallDetector(falls.sized(control.controller.robot.length_scale))
+        control.dcm_limit = self.balance.dcm_limit
         self.stiffness, self.ground = stiffness, ground
         if ground is not None:
             self.source.see(ground)
         self.reference: Reference | None = None
         self.stopped = False
-        estimate = control.observer.robot
-        self._torso = estimate.placement(
-            estimate.torso_frame
-        ).rotation  # a view, which moves on with the estimate
-        standing = Robot(estimate.model, (), estimate.half_sitting)
-        # Axis of the torso that is vertical in half-sitting: links have axes of their own, the z axis need not be it.
-        self._up = standing.placement(estimate.torso_frame).rotation[2].copy()
 
     def __repr__(self) -> str:
         kind, source, progress = type(self).__name__, type(self.source).__name__, self.progress
@@ -142,13 +132,12 @@ class ReferenceControl:
         """
         control = self.control
         state = control.estimate(measurement)
-        if state.ok:
+        if state.ok and not control.damped:
             try:
                 self._follow(state)
             except Exception as error:  # of a source, or of hands, of the user's own
                 state = control.refuse(state, error)
         command = control.act(state, self.balance.wrenches)
-        self._detect_fall()
         return command if self.stiffness is None else self._with_stiffness(command, self.stiffness)
 
     def see(self, seen: PointCloud | ElevationMap) -> None:
@@ -181,28 +170,10 @@ class ReferenceControl:
             lean, twist = body.leaned(lean, reference.heading), body.twist
         self.tasks.follow(reference, lean, twist)
 
-    def _detect_fall(self) -> None:
-        reference = self.reference
-        if reference is None:
-            return
-        estimate, solution, up = self.control.observer.robot, self.control.solution, self._up
-        if reference.body is not None:  # a robot that bends as its source does is upright
-            up = reference.body.trunk[-1][0][2]
-        self.falls.update(
-            self.dt,
-            q=estimate.q,
-            v=estimate.v,
-            drop=float(reference.pendulum.com[2] - estimate.com[2]),
-            torso_up=self._torso.dot(up),
-            dcm_distance=self.balance.dcm_distance(),
-            solved=(solution is None or solution.ok) and not self.control.stopped,
-        )
-        self.control.judge_balance(self.balance.dcm_limit, topples=self.falls.topples)
-
     def _with_stiffness(self, command: Command, scheduler: StiffnessScheduler) -> Command:
         """Return a command with the stiffness of both soles from the state of the swing."""
         control, now = self.control, self.control.measurement
-        if control.failing or now is None:
+        if control.failing or control.damped or now is None:
             return replace(command, sole_stiffness=scheduler.command)
         progress = self.progress
         landing = progress.landing
@@ -241,7 +212,7 @@ class ReferenceControl:
     @property
     def fallen(self) -> FallReason | None:
         """Reason of the robot's fall; None while it has not fallen."""
-        return self.falls.reason
+        return self.control.fallen
 
     @property
     def done(self) -> bool:

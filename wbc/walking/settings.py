@@ -12,7 +12,6 @@ from wbc.tasks.stabilizer.bias import BiasSettings
 from wbc.tasks.stabilizer.distribution import DistributionSettings
 from wbc.tasks.stabilizer.gains import StabilizerGains
 from wbc.tasks.stabilizer.lean import LeanSettings
-from wbc.walking.falls import FallSettings
 from wbc.walking.hands.hand import HandSettings
 from wbc.walking.hands.reaching import ArmSettings
 from wbc.walking.lipm.walk import WalkSettings
@@ -35,7 +34,6 @@ class WalkingControlSettings:
         gains: Of the stabilizer.
         distribution: Of the desired wrench over the feet; a desired CoP at the very edge would tip the foot.
         tasks: Weights and gains of the tasks.
-        falls: Limits beyond which the robot has fallen.
         lean: Lean of the trunk where the feet cannot give the desired moment; None keeps it upright.
         drive: Limits of a robot that is steered.
         arms: Hands with targets, and arms that swing.
@@ -55,7 +53,6 @@ class WalkingControlSettings:
     gains: StabilizerGains = field(default_factory=StabilizerGains)
     distribution: DistributionSettings = field(default_factory=lambda: DistributionSettings(margin=0.008))
     tasks: TaskGains = field(default_factory=TaskGains)
-    falls: FallSettings = field(default_factory=FallSettings)
     lean: LeanSettings | None = field(default_factory=LeanSettings)
     bias: BiasSettings | None = field(default_factory=lambda: BiasSettings(drift_std=0.002))
     drive: DriveSettings = field(default_factory=DriveSettings)

@@ -126,7 +126,7 @@ class WalkingControl(ReferenceControl):
         self._handy = False  # hands have been asked for: the law that counts their forces stays
         self._before = 0  # steps done by laws before
         self._waiting: FootstepPlan | None = None  # until the robot stands
-        super().__init__(planned, control, arms, body, s.falls, stiffness, ground)
+        super().__init__(planned, control, arms, body, stiffness, ground)
         self._steps = steps
         if steps is None or plan is None:
             return
@@ -188,6 +188,7 @@ class WalkingControl(ReferenceControl):
         new.source.begin(towards)
         self.source, self.tasks, self.balance, estimate = new
         self.balance.begin()
+        self.control.dcm_limit = self.balance.dcm_limit
         if estimate is not None:
             self.control.observer.retune(estimate)
         self.arms.follow(self.tasks)

@@ -89,9 +89,12 @@ class HybridControl(TorqueControl):
 
     def _hold(self, state: State) -> Command:
         """Hold references and torques while the servos damp; once stopped, only damp."""
-        if not self.stopped:
-            self.v[:] = 0.0
-            return self._passed(state, self._torques, (self.kp, self.kd))
+        if self.stopped:
+            return self._damp(state)
+        self.v[:] = 0.0
+        return self._passed(state, self._torques, (self.kp, self.kd))
+
+    def _damp(self, state: State) -> Command:
         damping = self.policy.joint_damping * self.controller.robot.torque_limit
         self.q[:], self.v[:] = self._position(), 0.0
         return self._passed(state, self._off, (self._off, np.maximum(self.kd, damping)))

@@ -105,6 +105,14 @@ class PositionControl(DriveControl):
         dt = self.controller.dt
         return self._passed(-self.v / (dt if self.stopped else max(self.policy.damping_time, dt)))
 
+    def _damp(self, state: State) -> Command:
+        """Send gains with the command: the machine's stiffness would hold the joints against the ground."""
+        robot, velocity = self.controller.robot, self.plausibility.joint_velocity(state.received)
+        position = self.q[7:] if self.measurement is None else self.measurement.joint_position
+        none, damping = np.zeros(robot.na), self.policy.joint_damping * robot.torque_limit
+        self.gate.reset(position)  # the reference is where the joint is, however fast it moves
+        return self.gate.pass_on_with_gains(none, position, none, (none, damping), (position, velocity))
+
     def _passed(self, acceleration: Array) -> Command:
         """Move the commanded robot on, and return it as references within all limits."""
         # Constant acceleration over the period, for which the braking law of the joint limits is made.

@@ -43,6 +43,7 @@ class TorqueControl(DriveControl):
         return self.gate.pass_on(self._torques)
 
     def _hold(self, state: State) -> Command:
-        velocity = self.plausibility.joint_velocity(state.received)
-        damping = -self.policy.joint_damping * self.controller.robot.torque_limit * velocity
-        return self.gate.pass_on(damping if self.stopped else self._torques + damping)
+        return self._damp(state) if self.stopped else self.gate.pass_on(self._torques + self._damping(state))
+
+    def _damp(self, state: State) -> Command:
+        return self.gate.pass_on(self._damping(state))

@@ -23,7 +23,6 @@ from wbc.tasks.scheduling.stiffness import StiffnessScheduler
 from wbc.walking.balance import Balance
 from wbc.walking.body import Body
 from wbc.walking.control import Law, ReferenceControl, drive_control
-from wbc.walking.falls import FallSettings
 from wbc.walking.hands.reaching import Arms, ArmSettings
 from wbc.walking.stepping.settings import SteppingSettings
 from wbc.walking.stepping.source import SteppingWalk
@@ -42,7 +41,6 @@ class SteppingControlSettings:
             make; "position": stiff servos follow that motion, which starts anew from the estimate in each period.
         com_height: Height of the CoM over the soles while walking, m; from `gait.bend` when None.
         gait: Law of the steps.
-        falls: Limits beyond which the robot has fallen.
         arms: Hands with targets, and arms that swing.
         safety: Ranges of measurements and commands.
         solver: Solver of the QP.
@@ -51,7 +49,6 @@ class SteppingControlSettings:
     mode: Mode = "torque"
     com_height: Annotated[Positive, "m"] | None = None
     gait: SteppingSettings = field(default_factory=SteppingSettings)
-    falls: FallSettings = field(default_factory=FallSettings)
     arms: ArmSettings = field(default_factory=ArmSettings)
     safety: SafetySettings = field(default_factory=SafetySettings)
     solver: SolverSettings = field(default_factory=SolverSettings)
@@ -102,4 +99,4 @@ class SteppingControl(ReferenceControl):
         # References that lag behind the estimate hold ankles and soles against the ground that they stand on.
         servos = {"feedback": "closed", "reference_time": dt}
         control = drive_control(s.mode, controller, observer, s.safety, **servos)
-        super().__init__(Law(source, tasks, Balance()), control, arms, body, s.falls, stiffness, ground)
+        super().__init__(Law(source, tasks, Balance()), control, arms, body, stiffness, ground)
