@@ -84,8 +84,8 @@ def test_squats_bows_stairs_and_hops_are_no_falls() -> None:
 
 def thrown(
     mode: str, on_fall: str, seconds: float
-) -> tuple[Any, list[tuple[float, wbc.Command, np.ndarray]]]:
-    """Push a standing robot over; return its control, and time, command and joint velocities of every tick."""
+) -> tuple[Any, list[tuple[float, wbc.Command, np.ndarray, bool]]]:
+    """Push a standing robot over; return its control; time, command, joint velocities and fall of every tick."""
     description = wbc.load_robot("g1")
     plant = Plant(description, control_period=0.004, timestep=0.002)
     safety = SafetySettings(on_fall=on_fall)  # type: ignore[arg-type]
@@ -95,7 +95,7 @@ def thrown(
     while plant.time < seconds:
         measurement = plant.measure()
         command = control.command(measurement)
-        ticks.append((plant.time, command, measurement.joint_velocity))
+        ticks.append((plant.time, command, measurement.joint_velocity, control.falls.reason is not None))
         plant.step(command)
     assert TrueFallDetector(plant.robot).fallen(plant.truth().q)
     return control, ticks
@@ -108,7 +108,7 @@ def test_a_control_of_a_robot_that_has_fallen_damps_until_it_is_reset(mode: str)
     logging.disable(logging.NOTSET)
     assert control.fallen is FallReason.DOWN and control.damped
     assert control.status().startswith(f"fallen: {FallReason.DOWN.value}; damped")
-    _, command, velocity = ticks[-1]
+    _, command, velocity, _ = ticks[-1]
     assert command.kp is None or not command.kp.any()
     damping = 0.0 if command.kd is None else command.kd
     torque = command.joint_torque - damping * velocity
@@ -125,7 +125,8 @@ def test_who_wants_else_goes_on() -> None:
     control, ticks = thrown("torque", "go on", 1.0)
     logging.disable(logging.NOTSET)
     assert control.falls.reason is FallReason.DOWN and not control.damped
-    assert any((command.joint_torque * velocity > 0.1).any() for _, command, velocity in ticks[-20:])
+    first = next(i for i, (_, _, _, down) in enumerate(ticks) if down)
+    assert any((command.joint_torque * v > 0.1).any() for _, command, v, _ in ticks[first : first + 20])
 
 
 @pytest.mark.slow
