@@ -14,6 +14,7 @@ from .core.drive.torque import TorqueControl as TorqueControl
 from .core.errors import InputError as InputError
 from .core.errors import WbcError as WbcError
 from .core.estimation.observer import Observer as Observer
+from .core.kinematics.inverse import InverseKinematics as InverseKinematics
 from .core.limits.base import Limit as Limit
 from .core.limits.collision import SelfCollisionLimit as SelfCollisionLimit
 from .core.limits.com_polygon import CoMPolygonLimit as CoMPolygonLimit

@@ -32,6 +32,7 @@ class MomentumTask(Task):
 
     __slots__ = ("_base", "_gravity", "_map", "_momentum")
     unit = "kg m/s|kg m²/s"
+    of_velocity = True
     usual = {"weight": 1e-3, "stiffness": 5.0, "damping": 0.0}
 
     def __init__(self, target: ArrayLike | None = None, **options: Unpack[MotionOptions]) -> None:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from typing import Annotated, NoReturn
+from typing import Annotated, Literal, NoReturn
 
 import numpy as np
 import pinocchio as pin
@@ -73,6 +73,11 @@ class _View:
     def __init__(self, array: Array, owner: pin.Data) -> None:
         self.__array_interface__ = array.__array_interface__
         self._owner = owner
+
+
+Reads = Literal["frames", "com", "all"]
+"""State of a robot that something needs at rest: placements and Jacobians of frames; the CoM and its Jacobian as
+well; or everything that `Robot.update` computes."""
 
 
 def checked_configuration(what: str, value: ArrayLike, nq: int) -> Array:
@@ -335,6 +340,17 @@ class Robot:
         """
         self._take(q, v)
         pin.centerOfMass(self.model, self.data, self.q, self.v, False)
+        pin.updateFramePlacements(self.model, self.data)
+
+    def update_jacobians(self, q: Array, *, com: bool = True) -> None:
+        """Compute frames, the CoM and their Jacobians at a configuration, shape (nq,), for kinematics alone.
+
+        They equal those of `update` up to rounding; velocities, forces and accelerations stay as they are. Without
+        `com`, the CoM and its Jacobian stay as well.
+        """
+        self._take(q, self.v)
+        compute = pin.jacobianCenterOfMass if com else pin.computeJointJacobians
+        compute(self.model, self.data, self.q)
         pin.updateFramePlacements(self.model, self.data)
 
     def _take(self, q: Array, v: Array) -> None:

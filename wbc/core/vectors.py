@@ -19,8 +19,11 @@ Rotation = Sequence[Sequence[float]]
 
 
 def largest(values: Array) -> float:
-    """Return the same as `values.max()` for one axis, NaN where one is among them, in a quarter of the time."""
-    return float(values[values.argmax()])
+    """Return the same as `values.max()` for one axis, in a quarter of the time.
+
+    It is NaN where one is among the values, and −inf where there are none.
+    """
+    return float(values[values.argmax()]) if values.size else -math.inf
 
 
 def turned(rotation: Rotation, vector: Vector) -> tuple[float, float, float]:

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import weakref
 from abc import ABC, abstractmethod
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from wbc.core.errors import Array, InputError
-from wbc.core.robot import Robot
+from wbc.core.robot import Reads, Robot
 
 
 class Limit(ABC):
@@ -19,7 +19,10 @@ class Limit(ABC):
     Attributes:
         name: Name in status tables and messages.
         dim: Number of rows, fixed once the limit is bound.
+        reads: State of the robot that the rows need in inverse kinematics; see `Task`.
     """
+
+    reads: ClassVar[Reads] = "all"
 
     name: str
     dim: int
@@ -39,6 +42,20 @@ class Limit(ABC):
             lower: To fill, shape (dim,); −inf where there is no bound.
             upper: To fill, shape (dim,); inf where there is no bound.
         """
+
+    def write_step(self, rows: Array, lower: Array, upper: Array) -> None:
+        """Fill rows · step between bounds, for a step of the configuration: what inverse kinematics searches with.
+
+        The rows are to fill as those of `write`; a step is a velocity times a time, shape (nv,). A limit without it has
+        no place in inverse kinematics.
+        """
+        raise InputError(f"limit '{self.name}' bounds no step of the configuration")
+
+    def write_velocity(self, dt: float, rows: Array, lower: Array, upper: Array) -> None:
+        """Fill rows · velocity between bounds, for inverse kinematics with a period, s: a step's, unless overridden."""
+        self.write_step(rows, lower, upper)
+        lower /= dt
+        upper /= dt
 
 
 def for_joints(what: str, value: ArrayLike, robot: Robot) -> Array:

@@ -33,6 +33,8 @@ class CoMPolygonLimit(Limit):
     edge: that suffices inside, and outside `recovery` brings the CoM back.
     """
 
+    reads = "com"
+
     @checked
     def __init__(
         self,
@@ -158,6 +160,21 @@ class CoMPolygonLimit(Limit):
         np.subtract(bound, np.dot(normals, drift), out=upper[used])
         rows[self._edges :] = 0.0
         upper[self._edges :] = np.inf
+
+    def write_step(self, rows: Array, lower: Array, upper: Array) -> None:
+        """Fill one row for each edge; see `Limit.write_step`."""
+        robot, used = self._robot, slice(0, self._edges)
+        normals = self._normals[used]
+        lower[:] = -np.inf
+        rows[used] = np.dot(normals, robot.com_jacobian[:2])
+        upper[used] = self._offsets[used] - np.dot(normals, robot.com[:2])
+        rows[self._edges :] = 0.0
+        upper[self._edges :] = np.inf
+
+    def write_velocity(self, dt: float, rows: Array, lower: Array, upper: Array) -> None:
+        """Fill the greatest velocity of the CoM towards each edge; see `Limit.write_velocity`."""
+        self.write_step(rows, lower, upper)
+        upper /= max(dt, self.time_constant)
 
     def __repr__(self) -> str:
         return f"{type(self).__name__}('{self.name}', edges={self._edges})"

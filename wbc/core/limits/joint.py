@@ -14,11 +14,14 @@ from numpy.typing import ArrayLike
 from wbc.core.checked import checked
 from wbc.core.errors import Array, InputError, scalar
 from wbc.core.limits.base import Limit, for_joints
-from wbc.core.robot import BASE_DOF, Robot
+from wbc.core.robot import Robot
 from wbc.core.settings import NonNegative, PositiveNumbers, Ratio
 
 RECOVERY_TIME = 0.1
 """Time constant with which a violated bound is approached again, s."""
+
+LONGEST_STEP = 0.5
+"""Greatest step of a joint in a search of inverse kinematics, rad or m: its rows are of the first order."""
 
 _ZERO = scalar(0.0)
 
@@ -70,8 +73,34 @@ class BrakingLaw:
         return final
 
 
+def stopping_velocity(distance: Array, braking: Array, dt: float) -> Array:
+    """Return the greatest velocity of a period after which a joint can stop within a distance.
+
+    Velocities are held for a period, v, then v − ā dt, v − 2 ā dt …: with n = ⌊v / (ā dt)⌋ and the rest r, the way is
+    ā dt² (n + 1) (n / 2 + r). Solved for v, n is ⌊(√(1 + 8 d) − 1) / 2⌋ with d the distance over ā dt².
+
+    Args:
+        distance: Distance left, ≥ 0, rad.
+        braking: Deceleration ā that is always available, rad/s².
+        dt: Period, s.
+
+    Returns:
+        Velocities, rad/s, of the shape of the distances.
+    """
+    step = braking * dt
+    periods = np.minimum(distance / (step * dt), 1e15)
+    whole = np.floor(0.5 * (np.sqrt(1.0 + 8.0 * periods) - 1.0))
+    return np.asarray(step * (whole + periods / (whole + 1.0) - 0.5 * whole))
+
+
 class JointLimits(Limit):
-    """Position, velocity and acceleration bounds of every actuated joint, as one interval of its acceleration."""
+    """Position, velocity and acceleration bounds of every actuated joint, as one interval of its acceleration.
+
+    In inverse kinematics they are an interval of its velocity; accelerations are bounded there, and braking distances
+    kept, where `acceleration` or `braking` is given.
+    """
+
+    reads = "frames"
 
     @checked
     def __init__(
@@ -129,15 +158,27 @@ class JointLimits(Limit):
         if np.isfinite(self.acceleration).any():
             self._greatest = np.array([self.acceleration, self.acceleration])
         self._distance, self._rate = np.zeros((2, na)), np.zeros((2, na))
-        self._positions, self._velocities = robot.q[7:], robot.v[6:]
+        self._positions, self._velocities = robot.q[robot.nq - na :], robot.v[robot.nv - na :]
         self._dt = 0.0
+        self._period = 0.0  # of inverse kinematics
+        self._bound = np.zeros((2, na))
+        self._stops = None  # greatest acceleration and braking in inverse kinematics, where they are bounded
+        if self._acceleration is not None or self._braking is not None:
+            self._stops = (
+                np.array([self.acceleration, self.acceleration]),
+                np.array([self.braking, self.braking]),
+            )
 
-    def write(self, dt: float, rows: Array, lower: Array, upper: Array) -> None:
-        """Fill the acceleration interval of every joint, rad/s²; see `Limit.write`."""
+    def _place_rows(self, rows: Array) -> None:
+        """Make each row a joint, once."""
         if rows is not self._rows:
             self._rows = rows
             rows[:] = 0.0
-            rows[:, BASE_DOF:] = np.eye(self.dim)
+            rows[:, rows.shape[1] - self.dim :] = np.eye(self.dim)
+
+    def write(self, dt: float, rows: Array, lower: Array, upper: Array) -> None:
+        """Fill the acceleration interval of every joint, rad/s²; see `Limit.write`."""
+        self._place_rows(rows)
         if dt != self._dt:
             self._dt = dt
             braking = np.array([self.braking, self.braking])
@@ -166,6 +207,52 @@ class JointLimits(Limit):
         np.negative(bound[1], out=lower)
         # Where neither bound is beyond zero they cannot cross.
         flat = bound.reshape(-1)
+        if not flat[flat.argmin()] >= 0.0:
+            crossed = upper < lower
+            lower[crossed] = upper[crossed] = 0.5 * (lower + upper)[crossed]
+
+    def write_step(self, rows: Array, lower: Array, upper: Array) -> None:
+        """Fill the distances to the position bounds, rad; see `Limit.write_step`."""
+        self._place_rows(rows)
+        if not self._use_position:
+            lower[:], upper[:] = -np.inf, np.inf
+            return
+        np.subtract(self.upper, self._positions, out=upper)
+        np.subtract(self.lower, self._positions, out=lower)
+        np.clip(upper, -LONGEST_STEP, LONGEST_STEP, out=upper)
+        np.clip(lower, -LONGEST_STEP, LONGEST_STEP, out=lower)
+
+    def write_velocity(self, dt: float, rows: Array, lower: Array, upper: Array) -> None:
+        """Fill the velocity interval of every joint, rad/s, of which the next position, q + v dt, is inside."""
+        self._place_rows(rows)
+        if dt != self._period:
+            self._period, self._per_dt = dt, scalar(1.0 / dt)
+            self._change = scalar(0.0) if self._stops is None else dt * self._stops[0]
+        distance, bound = self._distance, self._bound
+        if self._use_position:
+            np.subtract(self.upper, self._positions, out=distance[0])
+            np.subtract(self._positions, self.lower, out=distance[1])
+            np.multiply(distance, self._per_dt, out=bound)
+            if self._stops is not None:
+                bound[:] = stopping_velocity(np.maximum(distance, _ZERO), self._stops[1], dt)
+            flat, left = bound.reshape(-1), distance.reshape(-1)
+            outside = not left[left.argmin()] >= 0.0
+            if outside:
+                beyond = distance < 0.0
+                bound[beyond] = np.maximum(distance / max(dt, RECOVERY_TIME), -self._twice_velocity)[beyond]
+        else:
+            bound.fill(np.inf)
+            flat = bound.reshape(-1)
+        if self._use_velocity:
+            np.minimum(bound, self._twice_velocity, out=bound)
+        if self._stops is not None:
+            rate = self._rate
+            rate[0] = self._velocities
+            np.negative(self._velocities, out=rate[1])
+            np.minimum(bound, rate + self._change, out=bound)
+            np.maximum(bound, rate - self._change, out=bound)
+        upper[:] = bound[0]
+        np.negative(bound[1], out=lower)
         if not flat[flat.argmin()] >= 0.0:
             crossed = upper < lower
             lower[crossed] = upper[crossed] = 0.5 * (lower + upper)[crossed]

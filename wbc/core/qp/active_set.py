@@ -105,6 +105,11 @@ class ActiveSet:
             gram.reshape(-1)[self._soft_diagonal] += self._soft_inverse
         if p.empty is not None:
             gram.reshape(-1)[: p.n_eq * (gram.shape[0] + 1) : gram.shape[0] + 1] += p.empty
+        if not target.size:
+            self._x[:] = self._base
+            self._force = target
+            p.rows.dot(self._x, out=self._values)
+            return True
         force = rows.dot(self._base)
         factor, force, info = dposv(
             gram.T, np.subtract(target, force, out=force), overwrite_a=True, overwrite_b=True
@@ -117,7 +122,7 @@ class ActiveSet:
             x += self._base
             p.rows.dot(x, out=values)
             short = np.subtract(self._hard_target, values[:n_eq], out=self._error)
-            if short[short.argmax()] <= tolerance and short[short.argmin()] >= -tolerance:
+            if not n_eq or (short[short.argmax()] <= tolerance and short[short.argmin()] >= -tolerance):
                 self._force = force
                 return True
             error = target - rows.dot(x)

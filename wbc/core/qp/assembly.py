@@ -320,7 +320,9 @@ class Assembly:
         for selection, rows, velocity, _, _ in self._selection:
             selection.evaluate(_NONE, rows.error, rows.drift)
             velocity[:] = v[selection.columns]
-        reference(self._rows, self._saturated(), self._velocity, self._targets)
+        reference(
+            self._rows, saturated(self._rows, self._excess, self._bounded), self._velocity, self._targets
+        )
         for task, matrix, row_target in self._variable:
             task.evaluate(matrix, row_target, _NONE)
 
@@ -343,18 +345,6 @@ class Assembly:
             self._joint_limits.write(dt, *self._joint_rows)
         for limit, matrix, lower, upper in self._row_blocks:
             limit.write(dt, matrix, lower, upper)
-
-    def _saturated(self) -> Array:
-        """Errors of all rows as they act: those beyond their bounds shortened."""
-        rows, excess = self._rows, self._excess
-        np.abs(rows.error, out=excess)
-        excess -= rows.bound
-        if not self._bounded or not excess[excess.argmax()] > 0.0:
-            return rows.error
-        errors = rows.error.copy()
-        for task, place in self._bounded:
-            task.saturate(errors[place])
-        return errors
 
     def _write_contact(self, slot: _ContactSlot, dt: float) -> None:
         contact = slot.contact
@@ -403,6 +393,21 @@ class Assembly:
             np.subtract(x[selection.columns], target, out=residual[at : at + target.size])
             at += target.size
         return residual
+
+
+def saturated(rows: Rows, excess: Array, bounded: Sequence[tuple[Task, slice]]) -> Array:
+    """Return the errors of rows as they act: those beyond the bounds of their tasks, which have places, shortened.
+
+    `excess` is an array of the shape of the errors, which is overwritten.
+    """
+    np.abs(rows.error, out=excess)
+    excess -= rows.bound
+    if not bounded or not excess[excess.argmax()] > 0.0:
+        return rows.error
+    errors = rows.error.copy()
+    for task, place in bounded:
+        task.saturate(errors[place])
+    return errors
 
 
 def reference(rows: Rows, error: Array, velocity: Array, out: Array) -> None:

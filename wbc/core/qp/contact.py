@@ -26,8 +26,8 @@ from wbc.core.errors import (
     finite_scalar,
     positive,
 )
-from wbc.core.qp.motion import Motion, Rows
-from wbc.core.robot import GRAVITY, Robot
+from wbc.core.qp.motion import RATE, Motion, Rows
+from wbc.core.robot import GRAVITY, Reads, Robot
 from wbc.core.settings import NonNegative, Positive
 from wbc.core.vectors import add_cross
 
@@ -101,6 +101,7 @@ class ContactOptions(TypedDict, total=False):
         ramp: Time of the force ramp when the contact is switched, s; 0.1 by default.
         stiffness: Pull back to where the contact was made, 1/s²; 100 by default.
         damping: Damping of contact velocity, 1/s; critical when None, the default.
+        rate: Velocity per error in inverse kinematics, 1/s: pull back to where the contact was made; 10 by default.
         wrench_weight: Cost per N² and (Nm)² of the force variables, scalar or shape (dim,), above zero.
         active: Start active, with full load allowed; True by default.
         motion_weight: Cost of the contact's motion per (m/s²)² and (rad/s²)², scalar or shape (dim,): the contact may
@@ -113,6 +114,7 @@ class ContactOptions(TypedDict, total=False):
     ramp: Annotated[NonNegative, "s"]
     stiffness: Annotated[NonNegative, "1/s²"]
     damping: Annotated[NonNegative, "1/s"] | None
+    rate: Annotated[NonNegative, "1/s"]
     wrench_weight: ArrayLike
     active: bool
     motion_weight: ArrayLike | None
@@ -127,6 +129,7 @@ class Contact(Motion):
         dim: Number of motion rows and of force variables.
         force_axis: Place of the normal force among the force variables.
         usual: Options of the contacts of a class where none are given.
+        reads: State of the robot that the rows need in inverse kinematics; see `Task`.
         cone: Matrix F with F f ≤ 0, shape (number of rows, dim).
         revision: Number that changes with the cone, the range of the normal force, gains and weights.
 
@@ -138,6 +141,7 @@ class Contact(Motion):
     """
 
     _kind = "contact"
+    reads: ClassVar[Reads] = "frames"
     force_axis = 2
     usual: ClassVar[ContactOptions] = {}
 
@@ -148,6 +152,7 @@ class Contact(Motion):
             choose(f"option of contact '{name}'", option, ContactOptions.__annotations__)
         given: ContactOptions = {**self.usual, **options}
         super().__init__(name, given.get("stiffness", 100.0), given.get("damping"))
+        self.rate = given.get("rate", RATE)
         self.frame, self.cone = frame, cone
         self._max_force: float | None = None
         self.min_force = given.get("min_force", 0.0)

@@ -12,6 +12,7 @@ from __future__ import annotations
 import enum
 import logging
 import math
+from typing import Literal
 
 import numpy as np
 import proxsuite
@@ -117,8 +118,17 @@ class QpSolver:
         counts: Number of ticks that each step of the ladder has solved.
     """
 
-    def __init__(self, problem: Problem, settings: SolverSettings | None = None) -> None:
-        """Prepare for a problem, whose arrays are read by every `solve`."""
+    def __init__(
+        self,
+        problem: Problem,
+        settings: SolverSettings | None = None,
+        *,
+        first: Literal["proxqp", "daqp"] = "proxqp",
+    ) -> None:
+        """Prepare for a problem, whose arrays are read by every `solve`.
+
+        `first` solves a first tick with active limits.
+        """
         self.problem = problem
         self.settings = settings or SolverSettings()
         self._fast = ActiveSet(problem, self.settings.tolerance, CORRECTIONS)
@@ -132,7 +142,7 @@ class QpSolver:
         self._no_guess = np.zeros(problem.lower.size)
         self._by_active_set = self.settings.solver == "auto"
         self._guessed = self._by_active_set and problem.diagonal.size >= LARGE
-        self._by_daqp = self.settings.solver == "daqp"
+        self._by_daqp = "daqp" in (self.settings.solver, first)
         self._steady = True  # the active set was the same in the last tick as in the one before
 
     @property
@@ -314,10 +324,8 @@ class QpSolver:
         p, tolerance = self.problem, self.settings.residual_tolerance
         error, bounded = values[:n_eq] - p.target[:n_eq], values[p.n_eq + p.n_soft :]
         above, below = p.upper - bounded, bounded - p.lower
-        feasible = (
-            np.abs(error).max(initial=0.0) <= tolerance
-            and above[above.argmin()] >= -tolerance
-            and below[below.argmin()] >= -tolerance
+        feasible = np.abs(error).max(initial=0.0) <= tolerance and (
+            not above.size or (above[above.argmin()] >= -tolerance and below[below.argmin()] >= -tolerance)
         )
         return (above, below) if feasible else None
 

@@ -23,10 +23,10 @@ from numpy.typing import ArrayLike, NDArray
 
 from wbc.core.errors import Array, InputError, WbcError, finite_array, shown, unknown_name, whole_number
 from wbc.core.qp.axes import POSITION_AXES, axis_mask, distinct_joints, other_columns
-from wbc.core.qp.motion import Motion, Rows, read_only
+from wbc.core.qp.motion import RATE, Motion, Rows, read_only
 from wbc.core.qp.move import USUAL_SPEED, Coordinates, Move, coordinates
 from wbc.core.qp.problem import Problem
-from wbc.core.robot import Robot
+from wbc.core.robot import Reads, Robot
 from wbc.core.signals import Measurement
 
 ERROR_BOUNDS = {"m": 0.1, "rad": 1.0}
@@ -62,6 +62,8 @@ class GainOptions(TaskOptions, total=False):
         stiffness: Acceleration per error, 1/s², scalar or shape (dim,), ≥ 0.
         damping: Acceleration per velocity error, 1/s, scalar or shape (dim,), ≥ 0; critical, 2·√stiffness, when None,
             the default.
+        rate: Velocity per error in inverse kinematics, where stiffness and damping are not used, 1/s, scalar or shape
+            (dim,), ≥ 0; 10 by default.
         error_bound: Greatest component of the error that acts, in its unit (m, rad), scalar or shape (dim,), > 0: a
             longer error acts as one of this length in its direction, so that a target out of reach pulls no harder
             the further away it is. 0.1 m (of the centre of mass 0.3 m) and 1 rad by default; `math.inf` for none.
@@ -69,6 +71,7 @@ class GainOptions(TaskOptions, total=False):
 
     stiffness: ArrayLike
     damping: ArrayLike | None
+    rate: ArrayLike
     error_bound: ArrayLike | None
 
 
@@ -100,6 +103,9 @@ class Task(Motion):
             nothing but a diagonal; `evaluate` fills the error alone. "variables": rows over all variables of the QP,
             matrix · x = reference, for torques and wrenches.
         usual: Options of the tasks of a class where none are given.
+        of_velocity: True of a class whose error is one of a velocity: in inverse kinematics its target is what the
+            velocities make of the rows, whatever `rate` is.
+        reads: State of the robot that the rows of a class need in inverse kinematics.
         columns: Velocity coordinates that a selection has, distinct, shape (dim,) or a slice.
         spared_acceleration: Accelerations of the coordinates in `spared` as they are expected, shape (n,).
         idle: True while the weight is zero: the rows are left as they were, and cost no time.
@@ -115,6 +121,8 @@ class Task(Motion):
     unit: ClassVar[str] = "m"
     kind: ClassVar[Literal["motion", "selection", "variables"]] = "motion"
     usual: ClassVar[MotionOptions] = {}
+    of_velocity: ClassVar[bool] = False
+    reads: ClassVar[Reads] = "all"
     columns: slice | NDArray[np.intp]
 
     def __init__(self, name: str, rows: int | Sequence[str], /, **options: Unpack[MotionOptions]) -> None:
@@ -152,6 +160,7 @@ class Task(Motion):
         self.held_by: str | None = None
         self._hard = self.idle = self.accepted = False
         super().__init__(name, given.pop("stiffness", 0.0), given.pop("damping", None))
+        self.rate = given.pop("rate", RATE)
         self.weight = given.pop("weight", 1.0)
         self.hard = given.pop("hard", False)
         bound = given.pop("error_bound", None)
@@ -515,7 +524,7 @@ class Task(Motion):
         """Change the number of rows before the task is attached, keeping uniform gains."""
         old, self._rows = self._rows, Rows.zeros(dim)
         self.dim = self._n_rows = dim
-        for field in ("weight", "stiffness", "damping", "bound"):
+        for field in ("weight", "stiffness", "damping", "rate", "bound"):
             values = getattr(old, field)
             if values.size != dim and not (values == values[0]).all():
                 raise InputError(f"{field} of task '{self.name}' must be a scalar or have shape ({dim},)")

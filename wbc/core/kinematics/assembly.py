@@ -1,0 +1,329 @@
+"""Assembly of the QP of velocities: rows of fixed places, filled at every step.
+
+Variables are the generalised velocities v (base, joints).
+
+    minimise   ½ Σ weight · (J v − target velocity − rate · error)²
+               + ½ (regularisation + damping · Σ weight · error²) v²
+    subject to J_c v = rate · error of each contact, and of each hard task
+               velocities of joints, distances, the centre of mass … within their bounds
+
+The second cost is the damping of Levenberg and Marquardt by the error that is left: near a singular posture a target
+that is far away causes no high speed, and at the target nothing is damped. A rate acts as 1/dt at most: beyond it, a
+step would go past the target.
+
+    equalities    contacts | hard motion tasks | hard selections
+    soft rows     contacts that may yield | motion tasks
+    inequalities  limits
+    beside them   soft selections, which are a diagonal | rows of lower levels
+
+The same rows with a rate of one and steps in place of velocities are a step of Gauss and Newton towards all targets.
+
+Source: T. Sugihara, "Solvability-unconcerned inverse kinematics by the Levenberg-Marquardt method", T-RO 27(5), 2011.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from wbc.core.errors import Array, scalar
+from wbc.core.kinematics.solution import holding
+from wbc.core.limits.base import Limit
+from wbc.core.limits.joint import JointLimits
+from wbc.core.qp.assembly import saturated
+from wbc.core.qp.contact import Contact
+from wbc.core.qp.motion import Rows
+from wbc.core.qp.problem import Problem
+from wbc.core.qp.task import Task
+from wbc.core.robot import Robot
+
+_NONE = np.zeros((0, 0))
+"""Stand-in for the Jacobian of a selection, which a task does not fill."""
+
+HARD = 1e3
+"""Cost per squared error of a hard row, and per squared violation of a limit, in the cost of a configuration."""
+
+LOWER = 1e-4
+"""Factor of the costs of a level against those of the one before in the cost of a configuration."""
+
+
+@dataclass(slots=True)
+class _ContactSlot:
+    """Place of one contact in the QP, views of its values there, and the state that they are written for."""
+
+    contact: Contact
+    equalities: slice | None  # its rows among the equalities; None where its motion is a cost
+    jacobian: Array
+    values: Rows
+    revision: int = -1
+    engaged: bool | None = None
+
+
+@dataclass(slots=True)
+class Level:
+    """Rows of one of the lower levels of priority, and their damping as of the last step."""
+
+    matrix: Array
+    target: Array
+    weight: Array
+    rows: slice  # among all rows
+    damping: float
+
+
+class VelocityAssembly:
+    """The QP of some tasks, contacts and limits; made anew when one is added or removed.
+
+    Attributes:
+        problem: The QP of the first level.
+        lower: Rows of the lower levels, the more important first.
+        names: Name of each inequality, for reports.
+        places: Name of a task → its rows among the residuals.
+        damping: Cost per squared velocity of every coordinate as of the last step.
+    """
+
+    def __init__(
+        self,
+        robot: Robot,
+        levels: Sequence[Sequence[Task]],
+        contacts: Sequence[Contact],
+        limits: Sequence[Limit],
+        regularisation: float,
+        damping: float,
+    ) -> None:
+        """Allocate the problem and give each of these items, which are bound to the robot, its views."""
+        self._robot, self._regularisation, self._per_error = robot, regularisation, damping
+        first = levels[0]
+        for task in (task for level in levels for task in level):
+            task.detach()
+        hard = [task for task in first if task.hard]
+        hard.sort(key=lambda task: task.kind == "selection")
+        soft = [task for task in first if task.kind == "motion" and not task.hard]
+        selections = [task for task in first if task.kind == "selection" and not task.hard]
+        firm = [contact for contact in contacts if contact.motion_weight is None]
+        yielding = [contact for contact in contacts if contact.motion_weight is not None]
+
+        nv = robot.nv
+        n_eq = sum(each.dim for each in (*firm, *hard))
+        n_soft = sum(each.dim for each in (*yielding, *soft))
+        n_lower = [sum(task.dim for task in level) for level in levels[1:]]
+        n_selected = sum(task.dim for task in selections)
+        n_first = n_eq + n_soft
+        self.problem = p = Problem(nv, 0, nv, n_eq, n_soft, sum(limit.dim for limit in limits))
+        p.n_physics = 0
+        total = n_first + sum(n_lower) + n_selected
+        self._rows, self._targets = Rows.zeros(total), np.zeros(total)
+        self._excess, self._error = np.zeros(total), np.zeros(total)
+        p.target, p.soft_weight = self._targets[:n_first], self._rows.weight[n_eq:n_first]
+        self._lower_matrix = np.zeros((sum(n_lower), nv))
+        self._cost = np.zeros(total)
+
+        self._slots: list[_ContactSlot] = []
+        self._motion: list[tuple[Task, Array, Array, Array]] = []
+        self._selection: list[tuple[Task, Rows]] = []
+        self._diagonal: list[tuple[Any, Array, Array]] = []  # columns, weights and targets of soft selections
+        self._bounded: list[tuple[Task, slice]] = []
+        self._momenta: list[tuple[Array, Array, Array]] = []  # Jacobian, target, error of tasks on a velocity
+        self.places: dict[str, slice] = {}
+
+        at = self._place_contacts(firm, 0)
+        at = self._place_tasks(hard, at, p.rows)
+        at = self._place_contacts(yielding, at)
+        at = self._place_tasks(soft, at, p.rows)
+        self.lower: list[Level] = []
+        for level, count in zip(levels[1:], n_lower, strict=True):
+            rows = slice(at, at + count)
+            at = self._place_tasks(level, at, self._lower_matrix, n_first)
+            matrix = self._lower_matrix[rows.start - n_first : rows.stop - n_first]
+            self.lower.append(
+                Level(matrix, self._targets[rows], self._rows.weight[rows], rows, regularisation)
+            )
+        self._place_tasks(selections, at, None)
+        self._soft = slice(n_eq, n_first)  # rows whose errors damp
+        self._hard = n_eq
+
+        self._limits: list[tuple[Limit, Array, Array, Array]] = []
+        names: list[str] = []
+        at = 0
+        for limit in limits:
+            rows = slice(at, at + limit.dim)
+            p.inequality_groups[limit.name] = rows
+            self._limits.append((limit, p.inequality[rows], p.lower[rows], p.upper[rows]))
+            per_joint = isinstance(limit, JointLimits)
+            names += [f"limits of {j}" for j in robot.joint_names] if per_joint else [limit.name] * limit.dim
+            at = rows.stop
+        self.names = tuple(names)
+        self._standing = np.zeros(at)  # values of the limits' rows without a step
+        self._dt, self._fastest, self.damping = 0.0, scalar(0.0), regularisation
+
+    # ---- layout -------------------------------------------------------------------------------------------------
+
+    def _place_contacts(self, contacts: Sequence[Contact], at: int) -> int:
+        """Place contacts from a row on; return the next row."""
+        p = self.problem
+        for contact in contacts:
+            rows = slice(at, at + contact.dim)
+            view = self._rows.view(rows)
+            contact.attach(view)
+            firm = rows.stop <= p.n_eq
+            if firm:
+                p.equality_groups[f"motion of contact '{contact.name}'"] = rows
+            self._slots.append(_ContactSlot(contact, rows if firm else None, p.rows[rows], view))
+            at = rows.stop
+        return at
+
+    def _place_tasks(self, tasks: Sequence[Task], at: int, matrix: Array | None, first: int = 0) -> int:
+        """Place tasks from a row on, in a matrix whose first row is `first`; return the next row."""
+        for task in tasks:
+            rows = self.places[task.name] = slice(at, at + task.dim)
+            view = self._rows.view(rows)
+            task.attach(view)
+            self._bounded.append((task, rows))
+            jacobian = None if matrix is None else matrix[rows.start - first : rows.stop - first]
+            if task.kind == "selection":
+                self._selection.append((task, view))
+                if jacobian is None:
+                    self._diagonal.append((task.columns, view.weight, self._targets[rows]))
+                else:
+                    jacobian[:, np.arange(self._robot.nv)[task.columns]] = np.eye(task.dim)
+            elif jacobian is not None:
+                self._motion.append((task, jacobian, view.error, view.drift))
+                if task.of_velocity:
+                    self._momenta.append((jacobian, self._targets[rows], view.error))
+            if task.hard:
+                self.problem.equality_groups[f"hard task '{task.name}'"] = rows
+            at = rows.stop
+        return at
+
+    # ---- a step -------------------------------------------------------------------------------------------------
+
+    def write(self, dt: float) -> None:
+        """Fill the QP of velocities at the present state of the robot, for a control period, s."""
+        if dt != self._dt:
+            self._dt, self._fastest = dt, scalar(1.0 / dt)
+        self._fill()
+        rows, targets = self._rows, self._targets
+        error = saturated(rows, self._excess, self._bounded)
+        np.minimum(rows.rate, self._fastest, out=targets)
+        targets *= error
+        targets += rows.velocity
+        for jacobian, momentum, lacking in self._momenta:
+            np.add(lacking, jacobian.dot(self._robot.v), out=momentum)
+            lacking.fill(0.0)  # it is no distance, and damps nothing
+        np.multiply(rows.weight, error, out=self._cost)
+        self.damp(self._damping_of(self._soft, error))
+        for level in self.lower:
+            level.damping = self._damping_of(level.rows, error)
+        for limit, matrix, lower, upper in self._limits:
+            limit.write_velocity(dt, matrix, lower, upper)
+
+    def _damping_of(self, rows: slice, error: Array) -> float:
+        """Return the cost per squared velocity by the errors of some rows, whose weighted errors are in `_cost`."""
+        return self._regularisation + self._per_error * float(self._cost[rows].dot(error[rows]))
+
+    def write_step(self) -> float:
+        """Fill the QP of a step towards all targets; return the cost of the present configuration."""
+        self._fill()
+        rows, targets = self._rows, self._targets
+        targets[:] = rows.error
+        for limit, matrix, lower, upper in self._limits:
+            limit.write_step(matrix, lower, upper)
+        for level in self.lower:
+            level.damping = self.damping
+        return self._cost_of(rows.error, self._standing)
+
+    def cost_after(self, step: Array) -> float:
+        """Return the cost of the configuration after a step, were the rows that `write_step` has filled exact."""
+        values = self.problem.rows.dot(step)
+        return self._cost_of(self.residuals(step, values), values[self.problem.target.size :])
+
+    def _cost_of(self, error: Array, values: Array) -> float:
+        """Return the cost of the errors of all rows, and of limits that the values of their rows violate."""
+        p, cost = self.problem, np.multiply(self._rows.weight, error, out=self._cost)
+        cost[: self._hard] = HARD * error[: self._hard]
+        for number, level in enumerate(self.lower, 1):
+            cost[level.rows] *= LOWER**number
+        beyond = np.maximum(np.maximum(p.lower - values, values - p.upper), 0.0)
+        return float(cost.dot(error)) + HARD * float(beyond.dot(beyond))
+
+    def holding(self, multipliers: Array, tolerance: float) -> tuple[str, ...]:
+        """Return the names of the limits with multipliers that leave no more than a tolerance of room, each once."""
+        p = self.problem
+        full = np.where(multipliers > 0.0, p.upper < tolerance, p.lower > -tolerance)
+        return holding(self.names, multipliers * full)
+
+    def _fill(self) -> None:
+        for slot in self._slots:
+            self._write_contact(slot)
+        for motion, jacobian, error, drift in self._motion:
+            if not motion.idle:
+                motion.fill(jacobian, error, drift)
+        for selection, view in self._selection:
+            selection.evaluate(_NONE, view.error, view.drift)
+
+    def damp(self, damping: float) -> None:
+        """Write the cost per squared velocity, or step, of every coordinate, and those of selections."""
+        p = self.problem
+        self.damping = damping
+        p.diagonal.fill(damping)
+        p.linear.fill(0.0)
+        for columns, weight, target in self._diagonal:
+            p.diagonal[columns] += weight
+            p.linear[columns] += weight * target
+
+    def _write_contact(self, slot: _ContactSlot) -> None:
+        contact, values = slot.contact, slot.values
+        contact.advance(np.inf)  # there is no force to ramp
+        engaged = contact.engaged
+        if engaged:
+            contact.evaluate(slot.jacobian, values.error, values.drift)
+        if engaged != slot.engaged:
+            slot.engaged, slot.revision = engaged, -1
+            if slot.equalities is not None:
+                self.problem.set_empty(slot.equalities, np.full(contact.dim, not engaged))
+            if not engaged:
+                slot.jacobian[:], values.error[:], contact.velocity[:] = 0.0, 0.0, 0.0
+        if slot.revision != contact.revision:
+            slot.revision = contact.revision
+            values.rate[:] = contact.rate
+            values.weight[:] = 0.0 if contact.motion_weight is None else contact.motion_weight
+
+    def residuals(self, x: Array, values: Array) -> Array:
+        """Return achieved minus wanted velocity of all rows, in the order of `places`; a new array.
+
+        `values` are all rows of the problem times the velocities x.
+        """
+        n_first, residual = self.problem.target.size, np.empty(self._targets.size)
+        residual[:n_first] = values[:n_first]
+        at = n_first + self._lower_matrix.shape[0]
+        if at > n_first:
+            self._lower_matrix.dot(x, out=residual[n_first:at])
+        for columns, weight, _ in self._diagonal:
+            residual[at : at + weight.size] = x[columns]
+            at += weight.size
+        residual -= self._targets
+        return residual
+
+    def pull(self, task: Task) -> tuple[float, float]:
+        """Return the length of the gradient of the cost of a task, and its share of the greatest for such an error."""
+        rows = self.places[task.name]
+        weighted = self._rows.weight[rows] * self._rows.error[rows]
+        if task.kind == "selection":
+            return float(np.linalg.norm(weighted)), 1.0
+        n_first = self.problem.target.size
+        inside = rows.stop <= n_first
+        jacobian = (
+            self.problem.rows[rows]
+            if inside
+            else self._lower_matrix[rows.start - n_first : rows.stop - n_first]
+        )
+        most = float(np.linalg.norm(jacobian, 2) * np.linalg.norm(weighted))
+        pull = float(np.linalg.norm(jacobian.T.dot(weighted)))
+        return pull, pull / most if most > 0.0 else 0.0
+
+    def contact_errors(self) -> Mapping[str, float]:
+        """Return the greatest error of each contact that is active, m or rad."""
+        active = (slot for slot in self._slots if slot.engaged)
+        return {slot.contact.name: float(abs(slot.values.error).max()) for slot in active}

@@ -1,0 +1,154 @@
+"""Search for a configuration that reaches all targets: damped steps of Gauss and Newton within the limits.
+
+A step may raise the cost if the next one lowers it below the least so far: where a weak posture moves along what strong
+tasks leave free, each step raises their errors a little, which the next one takes back. If it does not, the search goes
+back to the best configuration with more damping.
+
+Source: R. M. Chamberlain, M. J. D. Powell, C. Lemarechal, H. C. Pedersen, "The watchdog technique for forcing
+convergence in algorithms for constrained optimization", Mathematical Programming Study 16, 1982.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import pinocchio as pin
+
+from wbc.core.errors import Array
+from wbc.core.kinematics.assembly import VelocityAssembly
+from wbc.core.kinematics.solution import ReachResult
+from wbc.core.qp.solver import Status
+from wbc.core.qp.task import Task
+from wbc.core.robot import Robot
+
+FIRST_DAMPING, LEAST_DAMPING, MOST_DAMPING = 1e-3, 1e-9, 1e6
+"""Cost per squared step at first, at least and at most."""
+
+LESS, MORE = 0.2, 4.0
+"""Factors of the damping after a good step, and after two that did not lower the cost."""
+
+POOR = 0.25
+"""Share of the foreseen reduction of the cost below which a step is poor."""
+
+STILL = 1e-10
+"""Step that moves nothing, rad or m."""
+
+
+PULLS = 0.1
+"""Share of the greatest gradient that an error can have above which its task pulls on joints that could lessen it."""
+
+
+@dataclass(frozen=True, slots=True)
+class Search:
+    """Search of one solver.
+
+    Attributes:
+        robot: The robot, whose configuration moves.
+        tasks: All tasks.
+        assembly: Assembly of the QP.
+        solve: Solves the QP that is written: variables, multipliers and status.
+        update: Sets the configuration of the robot.
+        tolerance: Greatest error of a target, m and rad.
+    """
+
+    robot: Robot
+    tasks: Sequence[Task]
+    assembly: VelocityAssembly
+    solve: Callable[[], tuple[Array, Array, Status]]
+    update: Callable[[Array], None]
+    tolerance: float
+
+    def run(self, iterations: int, starts: int, seed: int) -> ReachResult:
+        """Search from the present configuration, then from random ones; see `InverseKinematics.reach`."""
+        random, start = np.random.default_rng(seed), self.robot.q.copy()
+        cost, best = self._descend(iterations, 1)
+        for number in range(2, starts + 1):
+            if best.reached:
+                break
+            self.update(self._random_configuration(start, random))
+            found, result = self._descend(iterations, number)
+            if result.reached or found < cost:
+                cost, best = found, result
+        return best
+
+    def _random_configuration(self, start: Array, random: np.random.Generator) -> Array:
+        robot, q = self.robot, start.copy()
+        low = np.where(np.isfinite(robot.position_lower), robot.position_lower, -np.pi)
+        high = np.where(np.isfinite(robot.position_upper), robot.position_upper, np.pi)
+        q[robot.nq - robot.na :] = random.uniform(low, high)
+        return q
+
+    def _descend(self, iterations: int, number: int) -> tuple[float, ReachResult]:
+        """Go down from the present configuration; return the cost that is left, and the result."""
+        robot, assembly = self.robot, self.assembly
+        best, damping, astray = robot.q.copy(), FIRST_DAMPING, False
+        cost = least = assembly.write_step()
+        iteration = 0
+        for iteration in range(1, iterations + 1):  # noqa: B007 (its last value counts)
+            assembly.damp(damping)
+            step, _, status = self.solve()
+            if not status.ok:
+                break
+            size = float(np.abs(step).max())
+            foreseen = cost - assembly.cost_after(step)
+            self.update(pin.integrate(robot.model, robot.q, step))
+            trial = assembly.write_step()
+            if trial <= least or size < STILL:
+                gain = 1.0 if astray or foreseen <= 0.0 else (cost - trial) / foreseen
+                if gain > POOR:
+                    damping = max(LESS * damping, LEAST_DAMPING)
+                best[:], astray, cost, least = robot.q, False, trial, trial
+                if size < STILL or (size < self.tolerance and not self._missed()):
+                    break
+            elif not astray:
+                astray, cost = True, trial
+            else:
+                astray, damping = False, MORE * damping
+                if damping > MOST_DAMPING:
+                    break
+                self.update(best)
+                cost = assembly.write_step()
+        self.update(best)
+        assembly.write_step()
+        missed = self._missed()
+        held: tuple[str, ...] = ()
+        if missed:  # the multipliers of a step that is damped as much as errors are left
+            assembly.damp(max(least, FIRST_DAMPING))
+            _, multipliers, _ = self.solve()
+            held = assembly.holding(multipliers, self.tolerance) or self._pulling(missed)
+        errors = {task.name: tuple(task._sizes(task.error)) for task in self.tasks}
+        return least, ReachResult(best, not missed, errors, missed, held, iteration, number)
+
+    def _missed(self) -> dict[str, str]:
+        """Return what is beyond the tolerance → by how much, at the rows that are written."""
+        missed = {}
+        for task in self.tasks:
+            if _counts(task):
+                parts = zip(task._parts(), task._sizes(task.error), strict=True)
+                far = [f"{size:.3g} {unit}" for (unit, _), size in parts if size > self.tolerance]
+                if far:
+                    missed[task.name] = ", ".join(far)
+        for name, error in self.assembly.contact_errors().items():
+            if error > self.tolerance:
+                missed[f"contact {name}"] = f"{error:.3g} m or rad"
+        p = self.assembly.problem
+        for name, rows in p.inequality_groups.items():
+            beyond = float(np.maximum(p.lower[rows], -p.upper[rows]).max(initial=0.0))
+            if beyond > self.tolerance:
+                missed[name] = f"{beyond:.3g}"
+        return missed
+
+    def _pulling(self, missed: Mapping[str, str]) -> tuple[str, ...]:
+        """Return the names of soft tasks that hold what is missed, where joints could lessen its error."""
+        pulls = {task.name: self.assembly.pull(task) for task in self.tasks}
+        if not any(pulls[name][1] > PULLS for name in missed if name in pulls):
+            return ()
+        most = max(pull for pull, _ in pulls.values())
+        return tuple(name for name, (pull, _) in pulls.items() if name not in missed and pull > 0.01 * most)
+
+
+def _counts(task: Task) -> bool:
+    """Return true for a task whose target is to be reached: not for postures, which only choose."""
+    return task.hard or (task.kind == "motion" and not task.idle and not task.of_velocity)

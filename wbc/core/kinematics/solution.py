@@ -1,0 +1,97 @@
+"""Results of inverse kinematics: velocities of a step, and a configuration that was searched for."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from wbc.core.errors import Array
+from wbc.core.qp.solver import Status
+
+HOLDS = 1e-6
+"""Multiplier, as a share of the greatest or of one, above which a limit holds something."""
+
+
+def holding(names: tuple[str, ...], multipliers: Array) -> tuple[str, ...]:
+    """Return the names of the limits whose multipliers are not zero, each once."""
+    sizes = np.abs(multipliers)
+    active = np.flatnonzero(sizes > HOLDS * max(1.0, float(sizes.max(initial=0.0))))
+    return tuple(dict.fromkeys(names[i] for i in active))
+
+
+@dataclass(slots=True, eq=False)
+class VelocitySolution:
+    """Result of one step; owns its arrays.
+
+    Attributes:
+        status: Step of the solver's ladder that succeeded; `RELAXED` where contacts and hard tasks could not all be
+            kept. When `ok` is False the velocities are zero.
+        velocities: Generalised velocities: base (in its own frame), then joints, shape (nv,), m/s and rad/s.
+        residual_rows: Achieved minus wanted velocity of all rows.
+        multipliers: Multipliers of the inequalities, positive where the upper bound is active.
+        places: Name of a task → its residual rows.
+        limits: Name of each inequality.
+    """
+
+    status: Status
+    velocities: Array
+    residual_rows: Array
+    multipliers: Array
+    places: Mapping[str, slice]
+    limits: tuple[str, ...]
+
+    def __repr__(self) -> str:
+        return f"VelocitySolution({self.status.name.lower()}, {len(self.active_limits)} active limits)"
+
+    @property
+    def ok(self) -> bool:
+        """True if the QP was solved."""
+        return self.status.ok
+
+    @property
+    def residuals(self) -> dict[str, Array]:
+        """Task name → achieved minus wanted velocity, shape (dim,), unit of the task per second."""
+        return {name: self.residual_rows[rows] for name, rows in self.places.items()}
+
+    @property
+    def active_limits(self) -> tuple[str, ...]:
+        """Names of the limits that are active, each once."""
+        return holding(self.limits, self.multipliers)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ReachResult:
+    """Configuration that a search has found.
+
+    Attributes:
+        configuration: The configuration, shape (nq,).
+        reached: True if every task on a motion, every hard task and every contact is within the tolerance, and no limit
+            is violated. Postures, unless they are hard, choose among configurations and do not count.
+        errors: Name of a task → length of its error, in each unit of it: (m,), (rad,), or (m, rad) for a pose.
+        missed: What is beyond the tolerance → by how much, such as "0.12 m, 0.3 rad".
+        held_by: Names of the limits that hold the configuration where it is; where no limit does, of the tasks that
+            pull against what is missed. Empty where everything is reached, and where a target is out of reach.
+        iterations: Number of steps of the last start.
+        starts: Number of configurations from which the search began.
+    """
+
+    configuration: Array
+    reached: bool
+    errors: Mapping[str, tuple[float, ...]]
+    missed: Mapping[str, str]
+    held_by: tuple[str, ...]
+    iterations: int
+    starts: int
+
+    def __str__(self) -> str:
+        if self.reached:
+            return f"reached in {self.iterations} steps"
+        missed = ", ".join(f"{name} by {size}" for name, size in self.missed.items())
+        held = (
+            "; held by " + ", ".join(self.held_by)
+            if self.held_by
+            else "; nothing holds it: it is out of reach"
+        )
+        return f"not reached: {missed}{held}"
