@@ -419,7 +419,7 @@ def test_hard_tasks_that_contradict_each_other_are_named_with_numbers() -> None:
 # ---- refusals -----------------------------------------------------------------------------------------------------
 
 REFUSED: dict[str, tuple[Callable[[wbc.InverseKinematics], object], str]] = {
-    "period": (lambda ik: wbc.InverseKinematics(ik.robot, -0.1), "period"),
+    "period": (lambda ik: wbc.InverseKinematics(ik.robot, -0.1), "dt of Inverse"),
     "torques": (lambda ik: ik.add(wbc.TorqueLimits()), "torque limits"),
     "torque task": (lambda ik: ik.add(JointTorqueTask()), "forces or torques"),
     "twice": (lambda ik: ik.add(wbc.PostureTask()), "posture"),
