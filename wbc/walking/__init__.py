@@ -18,7 +18,7 @@ from wbc.walking.plans.gait import Gait, StepGait
 from wbc.walking.plans.planners import climb_stairs, turn_in_place, walk_distance, walk_path, walk_velocity
 from wbc.walking.settings import WalkingControlSettings
 from wbc.walking.source import Reference, ReferenceSource, StandSource
-from wbc.walking.stepping.control import SteppingControl
+from wbc.walking.stepping.control import SteppingControl, SteppingControlSettings
 from wbc.walking.swing import FootMotion
 from wbc.walking.walking_control import WalkingControl
 
@@ -36,6 +36,7 @@ __all__ = [
     # A walk that balances by its steps
     "StepGait",
     "SteppingControl",
+    "SteppingControlSettings",
     # Arms: hands that go to targets
     "LoadSettings",
     # Planning: footsteps, and the phases in which they are taken
