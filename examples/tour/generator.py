@@ -15,7 +15,17 @@ def seed_sequence(seeds: tuple[int, ...], count: int) -> list[int]:
     """Return the numbers that `std::seed_seq{seeds…}` generates: 32 bits each."""
     size = len(seeds)
     words = [0x8B8B8B8B] * count
-    t = 11 if count >= 623 else 7 if count >= 68 else 5 if count >= 39 else 3 if count >= 7 else (count - 1) // 2
+    t = (
+        11
+        if count >= 623
+        else 7
+        if count >= 68
+        else 5
+        if count >= 39
+        else 3
+        if count >= 7
+        else (count - 1) // 2
+    )
     p = (count - t) // 2
     q, most = p + t, max(size + 1, count)
 

@@ -14,7 +14,7 @@ import mujoco
 
 FILE = Path(__file__).with_name("g1.xml")
 
-NOTICE = """ Unitree G1 with 29 joints, from g1_29dof.xml of unitreerobotics/unitree_mujoco at c598f10, without its meshes.
+NOTICE = """ Unitree G1 with 29 joints: g1_29dof.xml of unitreerobotics/unitree_mujoco at c598f10, without its meshes.
 
 BSD 3-Clause License
 

@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 import pinocchio as pin
 from generator import Generator
-from model import ARMS, ARMATURE, JOINTS, LEGS_AND_WAIST
+from model import ARMATURE, ARMS, JOINTS
 
 import wbc
 
@@ -25,8 +25,8 @@ FLOOR = 0.20
 """Height of the pelvis below which the robot has fallen, m."""
 
 FORCE, LEAST, RAMP, FIRST, DELAY, DURATION = 500.0, 0.5, 60.0, 1.0 / 3.0, 0.1, 0.08
-"""Greatest force of a punch, N; least share of the ceiling; time until the ceiling is the greatest force, s; its share at
-the begin; time from the begin of a segment to the punch, s; its duration, s."""
+"""Greatest force of a punch, N; least share of the ceiling; time until the ceiling is the greatest force, s; its share
+at the begin; time from the begin of a segment to the punch, s; its duration, s."""
 
 GAIN, NEAR, LEFT, TURNED, TURNED_AWAY = 1.5, 0.10, 0.20, 0.05, 0.12
 """Velocity over the error, 1/s; distance at which a place is reached, m, and from which it is lost again; the same of
@@ -165,7 +165,9 @@ class Teleoperator:
         self._segment = -1
         self._there = self._faces = False
         self._last: tuple[float, float] | None = None
-        self.errors: list[tuple[float, float]] = []  # of the place, m, and of the heading, rad, of each segment
+        self.errors: list[
+            tuple[float, float]
+        ] = []  # of the place, m, and of the heading, rad, of each segment
 
     def command(self, time: float, x: float, y: float, yaw: float) -> tuple[float, float, float]:
         """Return the velocity for a robot that is at a place, m, with a heading, rad."""

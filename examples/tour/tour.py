@@ -18,7 +18,6 @@ from pathlib import Path
 from typing import Any
 
 import model
-import mujoco
 import numpy as np
 from table import table
 from task import COMMANDS, DURATION, FLOOR, SECONDS, MovingArms, Teleoperator, punches, standing
@@ -79,6 +78,10 @@ class Tour:
         robot.update(standing(robot), np.zeros(robot.nv))
         settings = setup.settings or SteppingControlSettings(mode=setup.mode)
         observer = None
+        if setup.delay > 0.0:
+            usual = SteppingControl(robot.clone(), PERIOD).control.observer.settings
+            stated = {"measurement_delay": setup.delay, "command_delay": setup.delay}
+            observer = wbc.Observer(robot, dataclasses.replace(usual, **stated), adopt=True)
         self.walking = SteppingControl(robot, PERIOD, settings, observer=observer)
         self.operator = Teleoperator(run, LIMITS)
         self.punches = punches(run) if setup.punched else []
@@ -92,13 +95,7 @@ class Tour:
         )
         self._pelvis = simulated.body("pelvis").id
         if not setup.own_arms:
-            self._let_go()
-
-    def _let_go(self) -> None:
-        posture, arms = self.walking.tasks.posture, self.arms.columns
-        stiffness, damping = np.array(posture.stiffness), np.array(posture.damping)
-        stiffness[arms], damping[arms] = 100.0, 20.0
-        posture.stiffness, posture.damping = stiffness, damping
+            self.walking.release(model.ARMS)
 
     @property
     def over(self) -> bool:
@@ -119,9 +116,6 @@ class Tour:
             walking.velocity = velocity if any(velocity) else None
             if not self.setup.own_arms:
                 self.arms.move(time)
-                targets = np.array(walking.tasks.posture.target)
-                targets[self.arms.columns] = self.arms.target
-                walking.tasks.posture.target = targets
         if self.given < len(self.punches) and time >= self.punches[self.given].time - 1e-9:
             punch = self.punches[self.given]
             self.given += 1
@@ -132,7 +126,7 @@ class Tour:
         if not self.setup.own_arms:
             torque = np.array(command.joint_torque)
             torque[self.arms.columns] = self.arms.torque(data.qpos[self._positions], data.qvel[self._rates])
-            command = dataclasses.replace(command, joint_torque=torque)
+            command = dataclasses.replace(command, joint_torque=torque, released=None)
         self.loop.step(command)
         self.ticks += 1
         if walking.fallen is not None and self.told is None:
@@ -180,42 +174,58 @@ def numbers(text: str) -> list[int]:
     """Return the run numbers of "7" or "0-127"."""
     first, _, last = text.partition("-")
     if not (first.isdecimal() and (not last or last.isdecimal()) and int(first) <= int(last or first)):
-        raise argparse.ArgumentTypeError(f"runs are numbers such as 7 or 0-127, or a file, got '{text}'")
+        raise ValueError(f"runs are numbers such as 7 or 0-127, or a file of rows, got '{text}'")
     return list(range(int(first), int(last or first) + 1))
 
 
 def main(arguments: Sequence[str] | None = None) -> list[dict[str, Any]]:
     """Run the example."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("runs", nargs="+", help="numbers such as 0-127, or files of rows")
     parser.add_argument("--no-force-sensors", action="store_true", help="feet without force sensors")
-    parser.add_argument("--noise", default="none", choices=("none", "realistic"), help="errors of all sensors")
+    parser.add_argument(
+        "--noise", default="none", choices=("none", "realistic"), help="errors of all sensors"
+    )
     parser.add_argument("--mode", default="torque", choices=("torque", "hybrid"), help="control mode")
+    parser.add_argument(
+        "--delay", type=float, default=0.0, help="stated delay of sensors, and of commands (s)"
+    )
     parser.add_argument("--own-arms", action="store_true", help="the walk has the arms, and holds them")
     parser.add_argument("--no-punches", action="store_true", help="nobody punches")
-    parser.add_argument("--seconds", type=float, default=SECONDS, help="time of a run (s), default %(default)s")
+    parser.add_argument(
+        "--seconds", type=float, default=SECONDS, help="time of a run (s), default %(default)s"
+    )
     parser.add_argument("--processes", type=int, default=1, help="runs at a time, default %(default)s")
     parser.add_argument("--json", action="store_true", help="print rows alone, without the table")
     options = parser.parse_args(arguments)
+    files = [Path(given) for given in options.runs if Path(given).is_file()]
+    try:
+        runs = [run for given in options.runs if Path(given) not in files for run in numbers(given)]
+    except ValueError as error:
+        parser.error(str(error))
+    for name, least in (("seconds", 0.0), ("processes", 0)):
+        if not getattr(options, name) > least:
+            parser.error(f"{name} must be above {least:g}, got {getattr(options, name):g}")
     logging.getLogger("wbc").setLevel(logging.CRITICAL)
     setup = Setup(
         force_sensors=not options.no_force_sensors,
         noise=options.noise,
         mode=options.mode,
+        delay=options.delay,
         own_arms=options.own_arms,
         punched=not options.no_punches,
         seconds=options.seconds,
     )
     rows: list[dict[str, Any]] = []
-    for given in options.runs:
-        if Path(given).is_file():
-            rows += [json.loads(line) for line in Path(given).read_text(encoding="utf-8").splitlines()]
-            continue
-        for row in walked(numbers(given), setup, options.processes):
-            rows.append(row)
-            print(json.dumps(row), flush=True)
+    for file in files:
+        rows += [json.loads(line) for line in file.read_text(encoding="utf-8").splitlines()]
+    for row in walked(runs, setup, options.processes):
+        rows.append(row)
+        print(json.dumps(row), flush=True)
     if not options.json:
-        print(table(rows), file=sys.stdout if Path(options.runs[0]).is_file() else sys.stderr)
+        print(table(rows), file=sys.stderr if runs else sys.stdout)
     return rows
 
 

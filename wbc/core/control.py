@@ -30,6 +30,7 @@ from wbc.core.estimation.observer import Observer
 from wbc.core.estimation.plausibility import Plausibility, PlausibilitySettings
 from wbc.core.estimation.wrenches import WrenchEstimator
 from wbc.core.qp.controller import Controller
+from wbc.core.qp.released import ReleasedJoints
 from wbc.core.qp.solution import Solution
 from wbc.core.qp.solver import Status
 from wbc.core.robot import GRAVITY, Robot
@@ -174,6 +175,7 @@ class DriveControl:
         self._torques = np.zeros(controller.robot.na)
         self._failing = 0
         self._stamp = math.nan  # of the last measurement with wrenches estimated, s
+        self._released = controller.released
 
     @property
     def failing(self) -> bool:
@@ -261,6 +263,8 @@ class DriveControl:
                 robot.update(estimate.q, estimate.v)
             if self.falls.reason is None and (reason := self.falls.update(estimate.q, estimate.v)):
                 self._fall(reason)
+            if self._released is not None:
+                self._released.update(robot.q, robot.v, self.controller.dt)
             self.controller.model_time = perf_counter() - start
         except Exception as error:  # a robot gets a command in every tick
             failed = State(observer.robot, measurement, observer.load, measurement, True, time)
@@ -289,9 +293,43 @@ class DriveControl:
         else:
             solution = self._solve(state, wrenches) if state.ok else None
             command = self._hold(state) if solution is None else self._follow(state, solution)
+        if self._released is not None:
+            command = self._without(command, self._released)
         if self.wrenches is not None:
             self._sent.sent(command)  # for the torques that it makes
         return command
+
+    def release(self, joints: Sequence[str]) -> ReleasedJoints | None:
+        """Leave joints to somebody else from the next tick on, those and no others; none takes all back.
+
+        They have no torque, no reference and no gain in a command (`Command.released`), whose motion enters the QP as
+        known. An encoder of theirs beyond its range is named, and no failure.
+
+        Args:
+            joints: Names; not of a leg.
+
+        Returns:
+            The joints, which can be told their targets (`ReleasedJoints.tell`); None where all are taken back.
+
+        Raises:
+            UnknownNameError: No joint of the robot.
+            InputError: A joint of a leg, or one twice.
+        """
+        self._released = released = self.controller.release(joints)
+        self.plausibility.forgive(None if released is None else released.mask)
+        return released
+
+    @property
+    def released(self) -> ReleasedJoints | None:
+        """Joints that somebody else moves; None while there are none."""
+        return self._released
+
+    def _without(self, command: Command, released: ReleasedJoints) -> Command:
+        """Return a command, whose arrays are its own, with nothing in it for joints of somebody else."""
+        for part in (command.joint_torque, command.kp, command.kd):
+            if part is not None:
+                part[released.index] = 0.0
+        return replace(command, released=released.mask)
 
     def _begin(self) -> Sequence[pin.SE3 | None] | None:
         """Return where loaded soles are, in the world of the controller's robot; None where the observer is to say."""
@@ -332,6 +370,8 @@ class DriveControl:
             self.solution = solution = self.controller.solve(state.measurement)
             if solution.ok and not self.stopped:
                 self._torques = self._torques_of(solution, wrenches)
+                if self._released is not None:
+                    self._torques = np.where(self._released.mask, 0.0, self._torques)
         except Exception as error:  # of tasks of the user
             self.refuse(state, error)
             return None

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from typing import Literal, Protocol
 
 import numpy as np
+from numpy.typing import NDArray
 
 from wbc.core.errors import Array, InputError, MeasurementError
 
@@ -99,6 +100,8 @@ class Command:
             `RobotDescription.kp` in the plant.
         kd: Damping of each servo in this period, shape (na,), Nms/rad (or Ns/m); None: the machine's own,
             `RobotDescription.kd`.
+        released: True for each joint that somebody else moves, shape (na,): nothing here is meant for it. None: all
+            are the control's.
     """
 
     joint_torque: Array
@@ -107,10 +110,11 @@ class Command:
     sole_stiffness: Array | None = None
     kp: Array | None = None
     kd: Array | None = None
+    released: NDArray[np.bool_] | None = None
 
     def copy(self) -> Command:
         """Return the same command with arrays of its own."""
-        parts = self.joint_position, self.joint_velocity, self.sole_stiffness, self.kp, self.kd
+        parts = self.joint_position, self.joint_velocity, self.sole_stiffness, self.kp, self.kd, self.released
         return Command(self.joint_torque.copy(), *(None if part is None else part.copy() for part in parts))
 
     def check(self, joint_names: Sequence[str]) -> None:

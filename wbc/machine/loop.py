@@ -52,11 +52,14 @@ class Driver(ABC):
         description: The robot.
         gains: kp and kd of the machine, each of shape (na,); None for the description's.
         fault: Reason for which the joints must be damped; empty while there is none.
+        leaves_released: True for a wire that sends nothing to joints that somebody else moves (`Command.released`), or
+            what that one wants; False, where every motor gets its command: they are held where they were released.
     """
 
     description: RobotDescription
     gains: tuple[Array, Array] | None = None
     fault: str = ""
+    leaves_released: bool = False
 
     @abstractmethod
     def read(self, timeout: float) -> Measurement | None:
@@ -116,6 +119,34 @@ def with_gains(command: Command, gains: tuple[Array, Array]) -> Command:
     kp, kd = gains if command.joint_position is not None else np.zeros((2, len(command.joint_torque)))
     kp, kd = kp if command.kp is None else command.kp, kd if command.kd is None else command.kd
     return replace(command, kp=kp, kd=kd)
+
+
+class Parking:
+    """Joints that somebody else is to move on a wire of which every motor gets its command: they are never limp."""
+
+    def __init__(self, gains: tuple[Array, Array]) -> None:
+        """Hold joints with gains kp and kd, each of shape (na,)."""
+        self._gains = gains
+        self._parked = np.zeros(gains[0].size, dtype=bool)
+        self._place = np.zeros(gains[0].size)
+
+    def hold(self, command: Command, position: Array) -> Command:
+        """Return a command for all joints: those that are released stay where they were at first, shape (na,), rad."""
+        released = command.released
+        if released is None:
+            self._parked[:] = False
+            return command
+        self._place = np.where(released & self._parked, self._place, position)
+        self._parked = released.copy()
+        whole = with_gains(command, self._gains)
+        q, v = whole.joint_position, whole.joint_velocity
+        q, v = position if q is None else q, np.zeros_like(position) if v is None else v
+        held = (self._place, 0.0, 0.0, *self._gains)
+        parts = (q, v, whole.joint_torque, whole.kp, whole.kd)
+        q, v, torque, kp, kd = (
+            np.where(released, mine, given) for mine, given in zip(held, parts, strict=True)
+        )
+        return Command(torque, q, v, command.sole_stiffness, kp, kd)
 
 
 class DriverLoop:

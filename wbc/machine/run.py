@@ -28,7 +28,16 @@ from wbc.machine.clock import Clock, Quiet, quiet
 from wbc.machine.guard import Guard
 from wbc.machine.inlet import Inlet
 from wbc.machine.loads import SoleLoads
-from wbc.machine.loop import Driver, MachineError, Restartable, Seeing, check_driver, drives_of, with_gains
+from wbc.machine.loop import (
+    Driver,
+    MachineError,
+    Parking,
+    Restartable,
+    Seeing,
+    check_driver,
+    drives_of,
+    with_gains,
+)
 from wbc.machine.report import Phase, RunReport
 from wbc.machine.stand import Stand, standing, warm_up
 from wbc.machine.start import SafeStart
@@ -234,7 +243,7 @@ class Runner:
         """Make what the phases need, before the time counts."""
         robot, period = self._robot, self.period
         self._gains = self.driver.gains or (self.description.kp, self.description.kd)
-        self._gate = CommandGate(robot, period)
+        self._gate, self._parking = CommandGate(robot, period), Parking(self._gains)
         self._loads = SoleLoads(self.description, period, self._gains)
         self._start = self._begin_start(first, self.settings.fade)
         soft = self._gains[1] if robot.servos is None else np.minimum(self._gains[1], robot.servos.soft()[1])
@@ -409,6 +418,8 @@ class Runner:
         except Exception as error:  # whatever a controller does, the machine is damped
             logger.exception("the controller failed")
             raise _Over(f"{type(error).__name__} of the controller: {error}") from error
+        if not self.driver.leaves_released:
+            command = self._parking.hold(command, measurement.joint_position)
         drives = self._drives
         if drives is not None and drives.stopped:
             raise _Over(f"the controller has stopped: {drives.reason}")
@@ -466,7 +477,7 @@ def mixed(first: Command | None, second: Command, part: float) -> Command:
     q = np.divide(a * kp1 * q1 + b * kp2 * q2, kp, out=np.array(q2), where=kp > 0.0)
     v = np.divide(a * kd1 * v1 + b * kd2 * v2, kd, out=np.array(v2), where=kd > 0.0)
     torque = a * first.joint_torque + b * second.joint_torque
-    return Command(torque, q, v, second.sole_stiffness, kp, kd)
+    return Command(torque, q, v, second.sole_stiffness, kp, kd, second.released)
 
 
 def run(

@@ -22,11 +22,12 @@ from wbc.core.control import Mode, SafetySettings, State
 from wbc.core.drive.hybrid import HybridControl
 from wbc.core.drive.position import PositionControl
 from wbc.core.drive.torque import TorqueControl
-from wbc.core.errors import finite_array
+from wbc.core.errors import InputError, finite_array, names_in
 from wbc.core.estimation.falls import FallReason
 from wbc.core.estimation.inertial import InertialSettings
 from wbc.core.estimation.observer import Observer
 from wbc.core.qp.controller import Controller
+from wbc.core.qp.released import ReleasedJoints
 from wbc.core.signals import Command, Measurement
 from wbc.ground import KnownGround, PointCloud
 from wbc.ground.cloud import ElevationMap
@@ -186,6 +187,31 @@ class ReferenceControl:
             None if landing is None else landing.position,
         )
         return replace(command, sole_stiffness=soles)
+
+    def release(self, joints: Sequence[str]) -> ReleasedJoints | None:
+        """Leave joints to somebody else from the next tick on, those and no others; none takes all back.
+
+            arms = walking.release(robot.joint_names[15:])  # a teleoperator, a policy, a hand controller has them
+            arms.tell(position, velocity)  # once a tick, if the other one says where they go; else they are measured
+
+        The walk counts with their motion and commands nothing of them (`Command.released`).
+
+        Args:
+            joints: Names; not of a leg.
+
+        Returns:
+            The joints, which can be told their targets; None where all are taken back.
+
+        Raises:
+            UnknownNameError: No joint of the robot.
+            InputError: A joint of a leg, one twice, or all joints of an arm whose hand has a target, presses or grips.
+        """
+        robot, names = self.controller.robot, names_in("joints to release", joints)
+        gone = {robot.joint_index(joint) for joint in names}
+        for arm in self.arms.hands:
+            if arm.joints and gone.issuperset(arm.joints) and arm.busy:
+                raise InputError(f"'{arm.name}' must be let go before its arm is released: it is at work")
+        return self.control.release(names)
 
     # ---- what can be asked between ticks ----------------------------------------------------------------------------
 

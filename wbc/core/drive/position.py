@@ -19,7 +19,7 @@ from wbc.core.estimation.observer import Observer
 from wbc.core.lag import lag_gain
 from wbc.core.qp.controller import Controller
 from wbc.core.qp.solution import Solution
-from wbc.core.robot import checked_configuration
+from wbc.core.robot import BASE_DOF, checked_configuration
 from wbc.core.settings import Positive
 from wbc.core.signals import Command
 
@@ -86,6 +86,9 @@ class PositionControl(DriveControl):
         self._forget()
 
     def _begin(self) -> Sequence[pin.SE3 | None] | None:
+        if self._released is not None:  # the commanded robot has them where they are
+            index, estimate = self._released.index, self.observer.robot
+            self.q[7 + index], self.v[BASE_DOF + index] = estimate.q[7 + index], estimate.v[BASE_DOF + index]
         if self.feedback != "open":
             return None
         # The estimate is kept in the commanded robot's world: loaded feet are where that robot has them.

@@ -14,6 +14,7 @@ from dataclasses import replace
 from typing import Annotated, Any
 
 import numpy as np
+from numpy.typing import NDArray
 from pydantic import Field
 
 from wbc.core.errors import ROUNDING, Array, MeasurementError, shown
@@ -113,6 +114,7 @@ class Plausibility:
         self._jump = np.full(self._middle.size, np.inf)  # largest change of every number in a period
         self._jump[:na], self._jump[self._gyro] = self._step, s.gyro_jump
         self._excess = np.zeros(self._middle.size)
+        self._forgiven = np.zeros(2 * na + 2 + n, dtype=bool)
         self._channels = (
             *(f"encoder of {joint}" for joint in robot.joint_names),
             *(f"velocity of {joint}" for joint in robot.joint_names),
@@ -138,6 +140,10 @@ class Plausibility:
         self._ticks, self._begin = 0, math.nan
         self._identical, self._changes, self._changed_at = 0, 0, math.nan
         self._lasting = np.zeros(len(self._channels))
+
+    def forgive(self, joints: NDArray[np.bool_] | None) -> None:
+        """Let encoders of some joints, shape (na,), fail no tick: somebody else moves them; None forgives none."""
+        self._forgiven[: 2 * self._na] = False if joints is None else np.tile(joints, 2)
 
     def check(self, measurement: Measurement) -> tuple[Measurement, bool]:
         """Return a measurement that can be used, and True where its clock was adopted anew: no time has passed then.
@@ -305,7 +311,7 @@ class Plausibility:
             self._values = values
             return m
         self.refused += 1
-        lasting = float(self._lasting.max())
+        lasting = float(self._lasting[~self._forgiven].max())
         if last is None or lasting > self.settings.hold + ROUNDING:
             raise MeasurementError(f"{', '.join(names[:4])} refused for {lasting:.3f} s")
         repaired = values.copy()
@@ -314,7 +320,14 @@ class Plausibility:
         encoders, rates = bad[:na], bad[na : 2 * na]
         repaired[na : 2 * na][rates & ~encoders] = ((values[:na] - last[:na]) / dt)[rates & ~encoders]
         np.clip(repaired[na : 2 * na], -self._speed, self._speed, out=repaired[na : 2 * na])
+        forgiven = (
+            encoders & self._forgiven[:na]
+        )  # such a joint may stay where it is: it is where it says, in range
+        repaired[na : 2 * na][forgiven] = 0.0
         repaired[:na][encoders] += dt * repaired[na : 2 * na][encoders]
+        read = forgiven & np.isfinite(values[:na])
+        low, high = (self._middle + sign * self._bound for sign in (-1.0, 1.0))
+        repaired[:na][read] = np.clip(values, low, high)[:na][read]
         self._values = repaired
         parts = np.split(repaired, [na, 2 * na, 2 * na + 3, 2 * na + 6])
         arrays: dict[str, Any] = {

@@ -34,6 +34,7 @@ from wbc.core.limits.torque import TorqueLimits
 from wbc.core.qp.contact import Contact
 from wbc.core.qp.motion import Rows
 from wbc.core.qp.problem import Problem
+from wbc.core.qp.released import ReleasedJoints
 from wbc.core.qp.solution import Layout
 from wbc.core.qp.task import Task
 from wbc.core.robot import BASE_DOF, Robot
@@ -176,6 +177,9 @@ class Assembly:
         self._torque_lower, self._torque_upper = p.lower[torques], p.upper[torques]
         self._torque_bounds = (np.zeros(na), np.zeros(na))
         self._joint_rows = (p.inequality[joints, :nv], p.lower[joints], p.upper[joints])
+        self._own_bounds = [(self._torque_lower, self._torque_upper)]  # bounds of single joints
+        if n_joint:
+            self._own_bounds.append(self._joint_rows[1:])
         self._acceleration_diagonal, self._linear = p.diagonal[:nv], p.linear[:nv]
         self.torque_rows = slice(soft_rows.stop, soft_rows.stop + na)
         units = {task.name: task.residual_unit for task in tasks}
@@ -289,13 +293,20 @@ class Assembly:
 
     # ---- the tick -----------------------------------------------------------------------------------------------
 
-    def write(self, dt: float, torques: Array | None, outside: Array | None = None) -> None:
+    def write(
+        self,
+        dt: float,
+        torques: Array | None,
+        outside: Array | None = None,
+        released: ReleasedJoints | None = None,
+    ) -> None:
         """Write the present state of robot, tasks, contacts and limits into the problem.
 
         Args:
             dt: Control period, s.
             torques: Torques of the last tick, shape (na,), Nm; None at the first one.
             outside: Generalised forces of the surroundings beside the contacts, shape (nv,).
+            released: Joints that somebody else moves, within limits of their own.
         """
         v, torque_bias = self._robot.v, self.problem.torque_bias
         self._base_mass[:], self._joint_mass[:] = self._mass
@@ -343,6 +354,9 @@ class Assembly:
             np.subtract(upper, torque_bias, out=self._torque_upper)
         if self._joint_limits is not None:
             self._joint_limits.write(dt, *self._joint_rows)
+        if released is not None:
+            for low, high in self._own_bounds:
+                low[released.index], high[released.index] = -np.inf, np.inf
         for limit, matrix, lower, upper in self._row_blocks:
             limit.write(dt, matrix, lower, upper)
 

@@ -11,12 +11,13 @@ from time import perf_counter
 import numpy as np
 
 from wbc.core.checked import checked
-from wbc.core.errors import Array, unknown_name
+from wbc.core.errors import Array, names_in, unknown_name
 from wbc.core.qp.assembly import Assembly
 from wbc.core.qp.contact import Contact
 from wbc.core.qp.diagnosis import groups_not_finite, status_table, violated_groups
 from wbc.core.qp.items import Item, Items
 from wbc.core.qp.problem import Problem
+from wbc.core.qp.released import ReleasedJoints
 from wbc.core.qp.solution import Solution, Timings
 from wbc.core.qp.solver import QpSolver, SolverSettings
 from wbc.core.qp.task import Task, fill_guarded
@@ -33,6 +34,7 @@ class Controller(Items):
         model_time: Wall time of the last model update, s; reported in the timings of the next solution.
         outside: Generalised forces of the surroundings beside the contacts, shape (nv,), Nm and N: of what holds a
             robot that does not stand yet. They enter the dynamics of every tick; None for none.
+        released: Joints that somebody else moves; None while there are none. See `release`.
     """
 
     @checked
@@ -59,6 +61,7 @@ class Controller(Items):
         self.model_time = 0.0
         self._solution: Solution | None = None
         self.outside: Array | None = None
+        self.released: ReleasedJoints | None = None
         self._torques: Array | None = None  # of the last tick
         self._rebuild()
 
@@ -91,6 +94,22 @@ class Controller(Items):
                 task, np.zeros((task.dim, problem.diagonal.size)), np.zeros(task.dim), np.zeros((0, 0))
             )
 
+    def release(self, joints: Sequence[str]) -> ReleasedJoints | None:
+        """Leave joints to somebody else, those and no others; none takes all back.
+
+        Their motion is known to the QP, see `wbc.core.qp.released`. Their torques are those that this motion takes,
+        and their limits are not the controller's.
+
+        Args:
+            joints: Names; not of a leg.
+        """
+        names = names_in("joints to release", joints)
+        released = ReleasedJoints(self.robot, names) if names else None
+        if self.released is not None:
+            self.remove(self.released)
+        self.released = released if released is None else self.add(released)
+        return released
+
     # ---- the tick -----------------------------------------------------------------------------------------------
 
     def update(self, q: Array, v: Array) -> None:
@@ -114,7 +133,7 @@ class Controller(Items):
         if measurement is not None:
             for task in assembly.listening:
                 task.observe(measurement, self._dt)
-        assembly.write(self._dt, self._torques, self.outside)
+        assembly.write(self._dt, self._torques, self.outside, self.released)
         assembled = perf_counter()
         status = solver.solve()
         solved = perf_counter()
@@ -177,7 +196,7 @@ class Controller(Items):
         """
         if self._dirty:
             self._rebuild()
-            self._assembly.write(self._dt, self._torques, self.outside)
+            self._assembly.write(self._dt, self._torques, self.outside, self.released)
         problem, places = self.problem, self._assembly.layout.tasks
         return groups_not_finite(problem, self._tasks, places) or violated_groups(problem)
 

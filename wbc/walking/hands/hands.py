@@ -218,6 +218,7 @@ class Hands:
     ) -> None:
         """Check the order of a hand, and begin it."""
         choose("hand", hand, self.all)
+        self._arms[hand].check_own()
         self._check_sensor(hand)
         if grip and self.all[hand].state is HandState.HOLD:
             raise InputError(

@@ -125,6 +125,19 @@ class Arm:
         return self._ratio > 0.0 or self._on
 
     @property
+    def busy(self) -> bool:
+        """True while the hand has a task, presses or grips."""
+        return self.active or (self.name in self._occupied and self._occupied[self.name].active)
+
+    def check_own(self) -> None:
+        """Raise an `InputError` for an arm that somebody else moves."""
+        released = self._controller.released
+        if released is not None and self.joints and released.mask[self.joints].all():
+            raise InputError(
+                f"the arm of '{self.name}' is moved by somebody else; walking.release takes it back"
+            )
+
+    @property
     def error(self) -> Array:
         """Target minus hand as it is commanded, position (m) and rotation (rad), shape (6,), in the target's frame.
 
@@ -184,6 +197,7 @@ class Arm:
             InputError: Not a point or a pose, or one that is not finite; a hand that presses or grips; a duration or
                 limit that is not above zero.
         """
+        self.check_own()
         goal, point = self._checked(target, frame), not isinstance(target, pin.SE3)
         if self.name in self._occupied and self._occupied[self.name].active:
             raise InputError(

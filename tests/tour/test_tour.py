@@ -1,0 +1,145 @@
+"""The tour of the G1: its random numbers, what they decide, and the first seconds of runs."""
+
+from __future__ import annotations
+
+import json
+import math
+from pathlib import Path
+
+import model
+import numpy as np
+import pytest
+import tour
+from generator import Generator, seed_sequence
+from table import PUBLISHED, table
+from task import DELAY, DURATION, POINTS, SEGMENT, MovingArms, Teleoperator, punches, standing, waypoints
+
+import wbc
+
+LIBSTDCXX = {
+    (0, 2): (3825457058, 706492411, 2134599173, 1489500560, 883974307),
+    (1, 3): (1809848369, 2997353437, 511698448, 4158610213, 3119858389),
+    (127, 4): (1126346880, 3741318458, 1746886362, 155140534, 850640379),
+    (10000, 2): (2484273330, 689842731, 1233685217, 1182079408, 2466235712),
+}
+"""Seeds → the first five numbers of std::mt19937 seeded by std::seed_seq{seeds…}, by g++ 12's library."""
+
+
+def test_draws_are_those_of_cxx() -> None:
+    """The example of std::seed_seq on cppreference, and draws of the reference library."""
+    assert seed_sequence((1, 2, 3, 4, 5), 10) == [
+        4204997637,
+        4246533866,
+        1856049002,
+        1129615051,
+        690460811,
+        1075771511,
+        46783058,
+        3904109078,
+        1534123438,
+        1495905678,
+    ]
+    for seeds, expected in LIBSTDCXX.items():
+        draws = Generator(*seeds)
+        assert tuple(draws.word() for _ in expected) == expected
+    draws = Generator(127, 4)
+    assert [draws.word() for _ in range(1000)][-1] == 752077959
+
+
+def test_the_ten_thousandth_number_is_the_standards() -> None:
+    """[rand.predef]: the 10000th of a default-constructed std::mt19937 is 4123659995; its words are by Knuth."""
+    words = [5489]
+    for k in range(1, 624):
+        words.append((1812433253 * (words[-1] ^ words[-1] >> 30) + k) & 0xFFFFFFFF)
+    draws = Generator(0)
+    draws._bits.state = {
+        "bit_generator": "MT19937",
+        "state": {"key": np.array(words, dtype=np.uint32), "pos": 624},
+    }
+    assert [draws.word() for _ in range(10_000)][-1] == 4123659995
+
+
+def test_waypoints_and_punches_are_those_of_the_task() -> None:
+    found = [(waypoints(run), punches(run)) for run in range(200)]
+    places = np.array([point for points, _ in found for point in points])
+    off = np.hypot(places[:, 0] - 0.3, places[:, 1])
+    assert len(found[0][0]) == POINTS and off.max() <= 1.0
+    assert np.mean(off < math.sqrt(0.5)) == pytest.approx(0.5, abs=0.03)  # uniform over the disc
+    assert np.abs(places[:, 2]).max() <= math.pi
+    blows = [(k, punch) for _, each in found for k, punch in enumerate(each)]
+    for k, punch in blows:
+        assert punch.time == pytest.approx(DELAY + SEGMENT * k) and punch.joint in model.JOINTS
+        ceiling = 500.0 * min(1.0 / 3.0 + 2.0 / 3.0 * 5.0 * k / 60.0, 1.0)
+        assert 0.5 * ceiling - 1e-6 <= np.linalg.norm(punch.force) <= ceiling + 1e-6
+    ups = np.array([punch.force[2] / np.linalg.norm(punch.force) for _, punch in blows])
+    assert abs(ups.mean()) < 0.03 and np.mean(np.abs(ups) < 0.5) == pytest.approx(0.5, abs=0.03)
+    assert max(np.linalg.norm(punch.force) for _, punch in blows) * DURATION / 35.1 > 1.1
+
+
+def test_the_harness_sends_the_robot_to_its_waypoint_in_its_own_axes() -> None:
+    operator, (ahead, left, turn) = Teleoperator(3, (0.5, 0.25, 0.5)), waypoints(3)[0]
+    operator.command(0.0, 5.0, 2.0, 1.0)
+    x = 5.0 + math.cos(1.0) * ahead - math.sin(1.0) * left
+    y = 2.0 + math.sin(1.0) * ahead + math.cos(1.0) * left
+    assert operator.command(0.02, x, y, 1.0 + turn) == (0.0, 0.0, 0.0)
+    assert operator.command(0.04, x - 0.19, y, 1.0 + turn + 0.11) == (0.0, 0.0, 0.0)  # still there
+    forward, aside, turning = operator.command(0.06, x - 0.21, y, math.pi / 2)
+    assert forward == pytest.approx(0.0, abs=1e-9) and aside == -0.25  # it faces +y, and the place is at +x
+    assert abs(turning) <= 0.5
+    operator.command(SEGMENT, x, y, 1.0 + turn)
+    assert operator.errors == [
+        (pytest.approx(0.21), pytest.approx(abs(math.remainder(1.0 + turn - math.pi / 2, math.tau))))
+    ]
+
+
+def test_the_robot_is_the_benchmarks() -> None:
+    simulated = model.load()
+    robot = wbc.RobotDescription.from_mjcf(simulated).robot()
+    assert robot.mass == pytest.approx(35.11, abs=0.01) and robot.na == 29
+    assert set(robot.joint_names) == set(model.JOINTS)
+    assert simulated.dof_armature[simulated.joint("left_knee_joint").dofadr[0]] == pytest.approx(
+        0.0251, abs=1e-4
+    )
+    spheres = simulated.geom_type == 2
+    assert np.count_nonzero(spheres) == 8 and np.allclose(simulated.geom_size[spheres, 0], 0.005)
+    arms = MovingArms(10_001, robot)
+    start = arms.target
+    for tick in range(100):
+        arms.move(0.02 * tick)
+    assert 0.05 < np.abs(arms.target - start).max() < 1.5
+    assert np.isfinite(standing(robot)).all()
+
+
+def test_a_table_has_intervals_and_the_published_rows(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    rows = [
+        {
+            "run": k,
+            "survived": 90.0 - 10.0 * (k % 3),
+            "completed": k % 3 == 0,
+            "position_error": 0.1,
+            "heading_error": 0.1,
+        }
+        for k in range(9)
+    ]
+    text = table(rows)
+    assert "80 [" in text and "33 [" in text and all(policy.name in text for policy in PUBLISHED)
+    assert text.index("gr00t_wbc") < text.index("**wbc**") < text.index("homie")  # by survival
+    file = tmp_path / "rows.jsonl"
+    file.write_text("\n".join(json.dumps(row) for row in rows), encoding="utf-8")
+    assert tour.main([str(file)]) == rows and "**wbc**, 9 runs" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("runs", ["x", "5-3", "-4", "1-"])
+def test_runs_that_are_none_are_refused(runs: str) -> None:
+    with pytest.raises(SystemExit):
+        tour.main(["--json", "--", runs])
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("run", [10_000, 10_003, 10_007])
+def test_the_first_ten_seconds_are_survived_without_force_sensors(run: int) -> None:
+    row = tour.walk((run, tour.Setup(force_sensors=False, seconds=10.0)))
+    assert row["completed"] and row["steps"] > 5 and row["failed_ticks"] == 0
+    assert row["position_error"] < 0.5

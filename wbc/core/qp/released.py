@@ -1,0 +1,120 @@
+"""Joints that somebody else moves: the QP knows how they accelerate, and chooses nothing of it.
+
+Arms under a teleoperator or a policy, a gripper, a waist that is locked: such joints have no torque limit and no
+acceleration to choose, but their momentum is the robot's. Their accelerations are those of the target that the other
+one has told, as a servo would follow it,
+
+    q̈ = q̈_told + (q̇_told − q̇) 2/t + (q_told − q) / t²,
+
+else the low-passed differences of the measured velocities. They enter as a cost that outweighs all others: of a row
+that selects one coordinate it costs the QP nothing but a number on its diagonal.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from wbc.core.errors import Array, InputError, finite_array
+from wbc.core.lag import lag_gain
+from wbc.core.qp.axes import distinct_joints, joint_columns
+from wbc.core.qp.task import Task
+from wbc.core.robot import BASE_DOF, Robot
+
+WEIGHT = 1e5
+"""Cost of an acceleration that is another one than the known, per (rad/s²)²."""
+
+LAG = 0.01
+"""Time constant of measured accelerations, s: encoders of 500 Hz tell the velocity to some 0.01 rad/s."""
+
+RESPONSE = 0.05
+"""Time t in which servos follow a target, s, where the other one does not say."""
+
+
+class ReleasedJoints(Task):
+    """Joints that somebody else moves.
+
+    Attributes:
+        mask: True for each of them, shape (na,).
+        index: Their indices in arrays of the robot's joints, shape (dim,).
+        response: Time in which their servos follow what is told, s.
+    """
+
+    unit = "rad"
+    kind = "selection"
+
+    def __init__(self, robot: Robot, joints: Sequence[str]) -> None:
+        """Take the names; an `InputError` for a joint of a leg, an `UnknownNameError` for one that there is not."""
+        names = distinct_joints(joints)
+        self.index: NDArray[np.intp] = joint_columns(robot, names) - BASE_DOF
+        legs = set(robot.leg_joints) & set(self.index.tolist())
+        if legs:
+            some = ", ".join(robot.joint_names[joint] for joint in sorted(legs))
+            raise InputError(f"legs balance the robot and cannot be released: {some}")
+        super().__init__("released joints", len(names), weight=WEIGHT, stiffness=0.0, damping=0.0)
+        self.joints, self.response = tuple(names), RESPONSE
+        self.mask = np.zeros(robot.na, dtype=bool)
+        self.mask[self.index] = True
+        self.mask.setflags(write=False)
+        self._told: tuple[Array, Array, Array] | None = None
+        self._before: Array | None = None  # velocity in the tick before, rad/s
+        self._acceleration = np.zeros(len(names))
+
+    def bind(self, robot: Robot) -> None:
+        """Look up the columns, and how quick the joints can be."""
+        super().bind(robot)
+        self.columns = self.index + BASE_DOF
+        inertia = np.diag(robot.mass_matrix)[self.columns]
+        self._most = 2.0 * robot.torque_limit[self.index] / inertia
+
+    def evaluate(self, jacobian: Array, error: Array, drift: Array) -> None:
+        """Leave no error: the acceleration is known."""
+        error[:] = 0.0
+
+    def tell(
+        self, position: ArrayLike | None, velocity: ArrayLike = 0.0, acceleration: ArrayLike = 0.0
+    ) -> None:
+        """Take the target of the one who moves the joints, until another is told.
+
+        Args:
+            position: Joint positions in the order of `joints`, shape (dim,), rad; None goes by what is measured.
+            velocity: Their velocities, scalar or shape (dim,), rad/s.
+            acceleration: Their accelerations, scalar or shape (dim,), rad/s².
+        """
+        if position is None:
+            self._told = None
+            return
+        shape = (self.dim,)
+        parts = []
+        for name, unit, value in (
+            ("position", "rad", position),
+            ("velocity", "rad/s", velocity),
+            ("acceleration", "rad/s²", acceleration),
+        ):
+            full = np.full(shape, value) if np.ndim(value) == 0 and name != "position" else value
+            parts.append(finite_array(f"{name} told of the released joints ({unit})", full, shape))
+        self._told = parts[0], parts[1], parts[2]
+
+    def update(self, q: Array, v: Array, dt: float) -> None:
+        """Take the state of this tick, shapes (nq,) and (nv,), `dt` seconds after the last."""
+        velocity = v[self.columns]
+        if self._told is not None:
+            position, speed, push = self._told
+            rate = 1.0 / self.response
+            known = (
+                push + (speed - velocity) * (2.0 * rate) + (position - q[self.columns + 1]) * (rate * rate)
+            )
+            self._acceleration[:] = known
+        elif self._before is not None:
+            self._acceleration += lag_gain(dt, LAG) * ((velocity - self._before) / dt - self._acceleration)
+        self._before = velocity
+        np.clip(self._acceleration, -self._most, self._most, out=self._acceleration)
+        self._rows.acceleration[:] = self._acceleration
+
+    def reset(self) -> None:
+        """Forget the motion so far."""
+        super().reset()
+        self._before = None
+        self._acceleration[:] = 0.0
