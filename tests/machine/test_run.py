@@ -27,7 +27,7 @@ from wbc.ground import PointCloud
 from wbc.machine import Driver, Runner, RunSettings
 from wbc.machine.clock import ask_priority
 from wbc.machine.loads import SoleLoads
-from wbc.machine.loop import MachineError
+from wbc.machine.loop import MachineError, Parking
 from wbc.machine.report import Phase
 from wbc.machine.start import SafeStart
 from wbc.sim import Machine, MujocoLoop, Plant
@@ -127,6 +127,41 @@ def commands_by_phase(machine: SimulatedMachine, runner: Runner) -> dict[Phase, 
 
     machine.write = keep  # type: ignore[method-assign]
     return sent
+
+
+def test_joints_of_somebody_else_are_held_where_they_were_let_go_and_never_limp() -> None:
+    gains = np.full(NA, 40.0), np.full(NA, 2.0)
+    parking, released = Parking(gains), np.arange(NA) > 14
+    first, later = np.linspace(0.0, 1.0, NA), np.full(NA, 5.0)
+    own = Command(np.full(NA, 3.0), released=released)
+    for position in (first, later):
+        sent = parking.hold(own, position)
+        assert sent.joint_position is not None and sent.kp is not None and sent.kd is not None
+        assert (sent.joint_position[released] == first[released]).all() and sent.released is None
+        assert (sent.kp[released] == 40.0).all() and not sent.joint_torque[released].any()
+        assert (sent.kp[~released] == 0.0).all() and (sent.joint_torque[~released] == 3.0).all()
+    assert parking.hold(Command(np.zeros(NA)), later).joint_position is None  # all are taken back
+    sent = parking.hold(own, later)
+    assert sent.joint_position is not None and (sent.joint_position[released] == 5.0).all()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("leaves", [False, True])
+def test_a_run_holds_joints_of_somebody_else_unless_the_driver_leaves_them(leaves: bool) -> None:
+    machine = SimulatedMachine(SimulatedTime())
+    machine.leaves_released = leaves
+    control = wbc.TorqueControl(wbc.balance_controller(DESCRIPTION.robot(), PERIOD))
+    arm = [name for name in DESCRIPTION.joint_names if "left_elbow" in name or "left_wrist" in name]
+    released = control.release(arm)
+    assert released is not None
+    runner = make(machine, control)
+    sent = commands_by_phase(machine, runner)
+    runner.run(2.0)
+    for command in sent[Phase.RUN][100:]:
+        assert (command.released is not None) is leaves
+        if not leaves:
+            assert command.kp is not None and command.kp[released.index].min() > 0.0
+    assert len(sent[Phase.RUN]) > 100
 
 
 def test_a_stop_holds_the_joints_where_they_are_while_stiffness_and_torques_fall() -> None:
