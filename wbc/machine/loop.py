@@ -141,12 +141,20 @@ class Parking:
         whole = with_gains(command, self._gains)
         q, v = whole.joint_position, whole.joint_velocity
         q, v = position if q is None else q, np.zeros_like(position) if v is None else v
-        held = (self._place, 0.0, 0.0, *self._gains)
-        parts = (q, v, whole.joint_torque, whole.kp, whole.kd)
-        q, v, torque, kp, kd = (
-            np.where(released, mine, given) for mine, given in zip(held, parts, strict=True)
+        assert whole.kp is not None and whole.kd is not None
+        kp, kd = (
+            np.where(released, own, given)
+            for own, given in zip(self._gains, (whole.kp, whole.kd), strict=True)
         )
-        return Command(torque, q, v, command.sole_stiffness, kp, kd)
+        torque = np.where(released, 0.0, whole.joint_torque)
+        return Command(
+            torque,
+            np.where(released, self._place, q),
+            np.where(released, 0.0, v),
+            command.sole_stiffness,
+            kp,
+            kd,
+        )
 
 
 class DriverLoop:

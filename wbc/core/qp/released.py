@@ -103,9 +103,7 @@ class ReleasedJoints(Task):
         if self._told is not None:
             position, speed, push = self._told
             rate = 1.0 / self.response
-            known = (
-                push + (speed - velocity) * (2.0 * rate) + (position - q[self.columns + 1]) * (rate * rate)
-            )
+            known = push + (speed - velocity) * (2.0 * rate) + (position - q[7 + self.index]) * (rate * rate)
             self._acceleration[:] = known
         elif self._before is not None:
             self._acceleration += lag_gain(dt, LAG) * ((velocity - self._before) / dt - self._acceleration)
