@@ -114,9 +114,19 @@ class Command:
 
     def copy(self) -> Command:
         """Return the same command with arrays of its own."""
-        parts = self.joint_position, self.joint_velocity, self.sole_stiffness, self.kp, self.kd
-        copies = (None if part is None else part.copy() for part in parts)
-        return Command(self.joint_torque.copy(), *copies, released=self.released)
+
+        def own(part: Array | None) -> Array | None:
+            return None if part is None else part.copy()
+
+        return Command(
+            self.joint_torque.copy(),
+            own(self.joint_position),
+            own(self.joint_velocity),
+            own(self.sole_stiffness),
+            own(self.kp),
+            own(self.kd),
+            self.released,
+        )
 
     def check(self, joint_names: Sequence[str]) -> None:
         """Refuse what no drive must get: a wrong shape, not finite, beyond `LARGEST_COMMAND`, negative gains."""
