@@ -172,10 +172,10 @@ def walked(runs: Sequence[int], setup: Setup, processes: int) -> Iterator[dict[s
 
 def numbers(text: str) -> list[int]:
     """Return the run numbers of "7" or "0-127"."""
-    first, _, last = text.partition("-")
-    if not (first.isdecimal() and (not last or last.isdecimal()) and int(first) <= int(last or first)):
+    first, _, last = text.partition("-") if "-" in text else (text, "", text)
+    if not (first.isdecimal() and last.isdecimal() and int(first) <= int(last)):
         raise ValueError(f"runs are numbers such as 7 or 0-127, or a file of rows, got '{text}'")
-    return list(range(int(first), int(last or first) + 1))
+    return list(range(int(first), int(last) + 1))
 
 
 def main(arguments: Sequence[str] | None = None) -> list[dict[str, Any]]:
