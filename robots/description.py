@@ -22,6 +22,7 @@ from wbc.robots.derivation import inertia, posture, shapes
 from wbc.robots.derivation.complete import check_values, complete, from_geometry
 from wbc.robots.derivation.defaults import feet_hint
 from wbc.robots.derivation.servo import ServoGains, ServoRule, effective_inertia, read_gains
+from wbc.robots.derivation.soles import mesh_folders
 from wbc.robots.frames import FrameDescription, SoleDescription
 from wbc.robots.options import DescriptionOptions
 from wbc.robots.report import doubts, facts, report
@@ -50,7 +51,7 @@ class RobotDescription:
             have it.
         torque_ranges: Joint → (least, greatest) torque where they are not ± the same, Nm.
         sensors: Role → sensor of the file: "gyroscope", "accelerometer", "<body> force", "<body> torque".
-        package_dirs: Folders for `package://` in the URDF, for viewers.
+        package_dirs: Folders in which the meshes of the URDF are, of packages and of relative names.
         height: Standing height with straight legs, m; None when unknown.
         source: Origin of the model.
         licence: Its licence.
@@ -141,15 +142,17 @@ class RobotDescription:
         is_file = urdf.is_file(source)
         base = Path(source).expanduser().resolve().parent if is_file else None
         directories = tuple(str(Path(d).expanduser()) for d in package_dirs)
+        root = urdf.read(source)
+        directories, notes = mesh_folders(root, directories, base)
         return cls(
             **complete(
-                urdf.read(source),
+                root,
                 None
                 if left_sole is None or right_sole is None
-                else from_geometry(left_sole, right_sole, sole_size, directories, base),
+                else from_geometry(left_sole, right_sole, sole_size, directories),
                 name=name,
                 source=provenance or (str(source) if is_file else "URDF string"),
-                notes=[],
+                notes=notes,
                 package_dirs=directories,
                 **options,
             )

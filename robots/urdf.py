@@ -193,6 +193,7 @@ def tidy(root: Element) -> list[str]:
         if not 0.0 < _number(limit, "velocity", name) < UNLIMITED:
             limit.set("velocity", repr(DEFAULT_VELOCITY[str(joint.get("type"))]))
             notes.append(f"joint '{name}': no velocity limit given, {limit.get('velocity')}")
+        notes += _soften(root, name, joint)
         # Pinocchio's parser needs the attribute; zero means "not given" until the torque rule has seen the model.
         if not 0.0 < _number(limit, "effort", name) < UNLIMITED:
             limit.set("effort", "0")
@@ -301,6 +302,40 @@ def set_limits(
 def joints_without_torque_limit(root: Element) -> list[str]:
     """Return the moving joints of a tidied URDF that have no torque limit."""
     return [name for name, j in joints(root, MOVING).items() if _number(_limit_of(j), "effort", name) == 0.0]
+
+
+def _soften(root: Element, name: str, joint: Element) -> list[str]:
+    """Narrow the range of a joint to its soft limits, of a safety controller or of ros2_control; return notes.
+
+    Beyond them the machine brakes the joint or refuses its commands.
+    """
+    bounds: list[tuple[str, float, float]] = []
+    for safety in joint.findall("safety_controller"):
+        low, high = (_number(safety, f"soft_{side}_limit", name) for side in ("lower", "upper"))
+        if low < high:  # both are zero when they are not given
+            bounds.append(("soft limits of its safety_controller", low, high))
+        joint.remove(safety)
+    for control in root.findall("ros2_control/joint"):
+        if control.get("name") == name:
+            for command in control.findall("command_interface[@name='position']"):
+                given = {str(each.get("name")): each.text or "" for each in command.findall("param")}
+                ends = {key: text.strip() for key, text in given.items() if key in ("min", "max")}
+                params = ElementTree.Element("param", ends)
+                low = _number(params, "min", name) if "min" in ends else -math.inf
+                high = _number(params, "max", name) if "max" in ends else math.inf
+                bounds.append(("range of its ros2_control", low, high))
+    notes, limit = [], _limit_of(joint)
+    for what, soft_low, soft_high in bounds:
+        hard = _number(limit, "lower", name), _number(limit, "upper", name)
+        low, high = max(hard[0], soft_low), min(hard[1], soft_high)
+        said = f"joint '{name}': {what}, [{soft_low:g}, {soft_high:g}]"
+        if low >= high:
+            notes.append(f"{said}, leave nothing of [{hard[0]:g}, {hard[1]:g}] and are left out")
+        elif (low, high) != hard:
+            limit.set("lower", repr(low))
+            limit.set("upper", repr(high))
+            notes.append(f"{said}, are taken as position limits")
+    return notes
 
 
 def _drop_dynamics(joint: Element) -> bool:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
-from pathlib import Path
 from typing import Any, Unpack
 
 import numpy as np
@@ -35,13 +34,12 @@ def from_geometry(
     right: str | FrameDescription,
     size: tuple[float, float] | None,
     package_dirs: tuple[str, ...],
-    base: Path | None,
 ) -> SoleFinder:
-    """Return the finder of given soles from the geometry of a URDF in the folder `base`; see `complete_sole`."""
+    """Return the finder of given soles from the geometry of a URDF; see `complete_sole`."""
 
     def find(root: urdf.Element, model: pin.Model, _: float, notes: list[str]) -> defaults.Soles:
         one, other = (
-            defaults.complete_sole(root, model, name, given, size, package_dirs, base, notes)
+            defaults.complete_sole(root, model, name, given, size, package_dirs, notes)
             for name, given in zip(frames.SOLE_NAMES, (left, right), strict=True)
         )
         return one, other

@@ -18,7 +18,6 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
-from pathlib import Path
 from typing import TypeAlias
 
 import numpy as np
@@ -107,13 +106,12 @@ def complete_sole(
     given: str | FrameDescription,
     size: tuple[float, float] | None,
     package_dirs: tuple[str, ...],
-    base: Path | None,
     notes: list[str],
 ) -> SoleDescription:
     """Return a sole with its frame and rectangle; `notes` gets a line for each rule that was used.
 
     What is given is a frame of the URDF, a placement in a link, or the whole description; `size` is length and width,
-    m, from the geometry of the foot when None; `base` is the folder of the URDF.
+    m, from the geometry of the foot when None.
     """
     if isinstance(given, SoleDescription):
         if given.name != name:
@@ -141,12 +139,12 @@ def complete_sole(
         notes.append(f"{name}: axes of '{given}' are not those of the base; the sole takes those of the base")
     probe = model.copy()
     frames.add_frame(probe, frames.frame_at("__probe__", link, placement))
-    rectangle = sole_rectangle(root, probe, "__probe__", package_dirs, base)
+    rectangle = sole_rectangle(root, probe, "__probe__", package_dirs)
     centre, leg = np.zeros(3), float(np.linalg.norm(in_base.translation))
     if rectangle is not None and not plausible(*rectangle[1:], leg):
         notes.append(f"{name}: {no_sole(*rectangle[1:])}")
         units = UNITS.values() if size is not None else ()  # the size says which one
-        scaled = (sole_rectangle(root, probe, "__probe__", package_dirs, base, factor) for factor in units)
+        scaled = (sole_rectangle(root, probe, "__probe__", package_dirs, factor) for factor in units)
         rectangle = next((each for each in scaled if each is not None and plausible(*each[1:], leg)), None)
     if size is not None:
         length, width = size

@@ -49,7 +49,7 @@ def _shape(link: str, element: urdf.Element, package_dirs: tuple[str, ...]) -> L
     if found is None:
         return None
     if found.kind == "mesh":
-        path = resolve(found.file, package_dirs, None)
+        path = resolve(found.file, package_dirs)
         return None if path is None else _box(link, path, found.size, found.place)
     return LinkShape(link, found.kind, _sizes(found.size), found.place)  # type: ignore[arg-type]  # no mesh
 

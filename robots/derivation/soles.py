@@ -6,12 +6,13 @@ import itertools
 import math
 from pathlib import Path
 from typing import NamedTuple
+from urllib.parse import unquote
 
 import coal
 import numpy as np
 import pinocchio as pin
 
-from wbc.core.errors import Array
+from wbc.core.errors import Array, shown
 from wbc.robots import frames
 from wbc.robots.urdf import Element, moving_link_of
 
@@ -28,6 +29,9 @@ LEAST_SHARE, LEAST_SIDE = 0.05, 0.005
 UNITS = {"in millimetres": 1e-3, "in centimetres": 1e-2, "with one scale of 0.001 less": 1e3}
 """Mistakes of unit → what mends them."""
 
+PACKAGE_DEPTH = 5
+"""Most folders above that of a URDF in which its packages are looked for."""
+
 Y_UP = pin.rpy.rpyToMatrix(0.5 * np.pi, 0.0, 0.0)
 """Rotation of a mesh whose y axis points up."""
 
@@ -37,7 +41,6 @@ def sole_rectangle(
     model: pin.Model,
     frame: str,
     package_dirs: tuple[str, ...],
-    base: Path | None,
     scale: float = 1.0,
 ) -> tuple[Array, float, float] | None:
     """Return the rectangle around the geometry of a foot within 5 mm of its lowest point.
@@ -60,7 +63,7 @@ def sole_rectangle(
         for name in (name for name, mover in owner.items() if mover in below):
             placement = here.actInv(data.oMf[model.getFrameId(name, pin.FrameType.BODY)])
             for element in links[name].findall(tag):
-                cloud = _points(element, package_dirs, base, placement, up_axis, scale)
+                cloud = _points(element, package_dirs, placement, up_axis, scale)
                 clouds += [] if cloud is None else [_move(placement, cloud)]
         if not clouds:
             continue
@@ -126,7 +129,6 @@ def geometry_of(element: Element) -> Geometry | None:
 def _points(
     element: Element,
     package_dirs: tuple[str, ...],
-    base: Path | None,
     placement: pin.SE3,
     up_axis: bool,
     scale: float,
@@ -147,7 +149,7 @@ def _points(
         rim = np.stack([size[0] * np.cos(angle), size[0] * np.sin(angle), np.full(32, size[1])], axis=1)
         points = np.concatenate([rim, rim * [1.0, 1.0, -1.0]])
     else:
-        path = resolve(found.file, package_dirs, base)
+        path = resolve(found.file, package_dirs)
         vertices = None if path is None else mesh_vertices(path)
         if path is None or vertices is None:
             return None
@@ -165,17 +167,54 @@ def mesh_vertices(path: Path) -> Array | None:
         return None
 
 
-def resolve(filename: str, package_dirs: tuple[str, ...], base: Path | None) -> Path | None:
-    """Return the file of a mesh; None where there is none."""
-    name = filename.removeprefix("file://")
-    candidates = [Path(name)]
-    if filename.startswith("package://"):
-        name = filename.removeprefix("package://")
-        tail = name.split("/", 1)[-1]
-        candidates = [Path(d) / part for d in package_dirs for part in (name, tail)]
-    elif base is not None:
-        candidates.append(base / name)
-    return next((path for path in candidates if path.is_file()), None)
+def resolve(filename: str, folders: tuple[str, ...]) -> Path | None:
+    """Return the file of a mesh; None where there is none.
+
+    The name is that of a package (`package://`, `model://`), absolute, or relative to a folder, as a URL (`file://`) or
+    as a path, with slashes of any kind; `folders` are searched in their order.
+    """
+    places = [*map(Path, folders)]
+    scheme, found, rest = filename.partition("://")
+    if not found:
+        scheme, rest = ("file", filename[5:]) if filename.startswith("file:") else ("", filename)
+    rest = rest.removeprefix("localhost") if scheme == "file" else rest
+    for name in dict.fromkeys((rest, unquote(rest), unquote(rest).replace("\\", "/"))):
+        candidates = [
+            *(folder / name for folder in places),
+            Path(name),
+        ]  # an absolute name is its own in each
+        if scheme in ("package", "model"):
+            tail = name.split("/", 1)[-1]
+            candidates = [folder / part for folder in places for part in (name, tail)]
+        for path in candidates:
+            if path.is_file():
+                return path
+    return None
+
+
+def mesh_folders(
+    root: Element, given: tuple[str, ...], base: Path | None
+) -> tuple[tuple[str, ...], list[str]]:
+    """Return the folders in which the meshes of a URDF are, and a note on those that are nowhere.
+
+    The folders are those given, that of the file for relative names, and those above it in which a package is: as ROS
+    has it, the file lies in a folder of its package.
+    """
+    folders = list(given)
+    if base is not None:
+        folders.append(str(base))
+    names = list(dict.fromkeys(str(mesh.get("filename", "")) for mesh in root.iter("mesh")))
+    missing = [name for name in names if resolve(name, tuple(folders)) is None]
+    for above in [] if base is None else list(base.parents)[:PACKAGE_DEPTH]:
+        if found := [name for name in missing if resolve(name, (str(above),)) is not None]:
+            folders.append(str(above))
+            missing = [name for name in missing if name not in found]
+    if not missing:
+        return tuple(folders), []
+    return tuple(folders), [
+        f"{len(missing)} of {len(names)} meshes are not found, first {shown(missing[0])}: their links have no shape of "
+        "them; package_dirs are the folders of packages"
+    ]
 
 
 def origin_of(element: Element) -> pin.SE3:

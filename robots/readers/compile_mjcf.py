@@ -9,20 +9,21 @@ from pathlib import Path
 from typing import Any
 
 import mujoco
+import numpy as np
 
 from wbc.core.errors import InputError, ModelError, shown, shown_path
 from wbc.core.files import read_xml
 from wbc.robots.urdf import existing
 
 
-def compiled_with_files(source: Any, *, meshes: bool) -> tuple[mujoco.MjModel, dict[str, str]]:
-    """Return MuJoCo's compiled model of an MJCF, and the files of its meshes by their names.
+def compiled(source: Any, *, meshes: bool) -> tuple[mujoco.MjModel, frozenset[str]]:
+    """Return MuJoCo's compiled model of an MJCF, and the meshes that are moved against their files (refpos, refquat).
 
     The source is the path of a file, the XML itself, an `MjSpec` (not changed) or an `MjModel` (returned as it is).
     Without `meshes`, for a file that came without them, every body must give its inertia.
     """
     if isinstance(source, mujoco.MjModel):
-        return source, {}
+        return source, frozenset()
     where = "MJCF string"
     try:
         if isinstance(source, mujoco.MjSpec):
@@ -36,7 +37,12 @@ def compiled_with_files(source: Any, *, meshes: bool) -> tuple[mujoco.MjModel, d
             )
         if not meshes:
             _drop_meshes(spec)
-        return spec.compile(), _mesh_files(spec)
+        moved = [
+            mesh.name
+            for mesh in spec.meshes
+            if np.any(mesh.refpos) or not np.array_equal(mesh.refquat, [1, 0, 0, 0])
+        ]
+        return spec.compile(), frozenset(moved)
     except (ValueError, RuntimeError) as error:
         if isinstance(error, InputError):
             raise
@@ -44,12 +50,6 @@ def compiled_with_files(source: Any, *, meshes: bool) -> tuple[mujoco.MjModel, d
         if meshes and re.search(r"\.(stl|obj|msh|dae|ply|png)\b", said, re.IGNORECASE):
             said += "; a file whose meshes are elsewhere is read without them: --without-meshes, meshes=False"
         raise ModelError(f"{where}: {said}") from error
-
-
-def _mesh_files(spec: mujoco.MjSpec) -> dict[str, str]:
-    folder = Path(spec.modelfiledir or ".") / spec.meshdir
-    files = {mesh.name or Path(mesh.file).stem: folder / mesh.file for mesh in spec.meshes if mesh.file}
-    return {name: str(file.resolve()) for name, file in files.items() if file.is_file()}
 
 
 def one_line(error: BaseException) -> str:

@@ -11,6 +11,16 @@ import numpy as np
 from wbc.core.errors import Array, ModelError
 from wbc.robots.derivation.defaults import ASIDE
 from wbc.robots.frames import FrameDescription, frame_at
+from wbc.robots.readers.actuators_mjcf import (
+    JointActuator,
+    acts,
+    actuators,
+    damping,
+    dry_friction,
+    rotor_inertia,
+    stiffness,
+    switched_off,
+)
 from wbc.robots.readers.forces_mjcf import pulls, unmodelled
 from wbc.robots.readers.tree_mjcf import Tree, placement_of
 
@@ -51,38 +61,37 @@ def read_drives(tree: Tree) -> JointData:
     model, drives = tree.model, JointData()
     names = {number: name for name, number in tree.joints.items()}
     ranges: dict[str, tuple[float, float]] = {}
+    rotors, rubbing, dry = rotor_inertia(model), damping(model), dry_friction(model)
+    springs = stiffness(model)
     for number, name in names.items():
         dof = int(model.jnt_dofadr[number])
-        drives.armature[name] = float(model.dof_armature[dof])
-        drives.damping[name] = float(model.dof_damping[dof])
-        drives.frictionloss[name] = float(model.dof_frictionloss[dof])
+        drives.armature[name] = float(rotors[dof])
+        drives.damping[name] = float(rubbing[dof])
+        drives.frictionloss[name] = float(dry[dof])
         if model.jnt_actfrclimited[number]:
             ranges[name] = _range(model.jnt_actfrcrange[number])
-        if stiffness := float(model.jnt_stiffness[number]):
-            drives.springs[name] = stiffness, float(model.qpos_spring[model.jnt_qposadr[number]])
+        if springs[number]:
+            drives.springs[name] = float(springs[number]), float(model.qpos_spring[model.jnt_qposadr[number]])
     tree.notes += unmodelled(model, tree.bodies, names)
+    refuse_other_drives(tree)
     sums: dict[str, tuple[float, float]] = {}
-    for i in range(model.nu):
-        joint = _driven_joint(tree, i)
-        gear = float(model.actuator_gear[i, 0])
-        if joint not in names or gear == 0.0:
+    for each in actuators(model):
+        gear = each.gear
+        if each.joint not in names or gear == 0.0 or not each.on:
             continue
-        name = names[joint]
-        low, high = _force_range(model, i)
+        name = names[each.joint]
+        low, high = _force_range(model, each)
         low, high = (gear * low, gear * high) if gear > 0.0 else (gear * high, gear * low)
         before = sums.get(name, (0.0, 0.0))
         sums[name] = before[0] + low, before[1] + high
         kp, kd = drives.gains.get(name, (0.0, 0.0))
-        if int(model.actuator_biastype[i]) == mujoco.mjtBias.mjBIAS_AFFINE:
-            kp -= float(model.actuator_biasprm[i, 1]) * gear**2
-            kd -= float(model.actuator_biasprm[i, 2]) * gear**2
-        drives.gains[name] = (kp, kd)
+        drives.gains[name] = kp - float(each.bias[1]) * gear**2, kd - float(each.bias[2]) * gear**2
     for name in {**ranges, **sums}:
         low, high = _inside(sums.get(name, UNBOUNDED), ranges.get(name, UNBOUNDED))
         if math.isfinite(max(-low, high)) and max(-low, high) > 0.0:
             drives.torque[name] = low, high
     if not sums:
-        tree.notes.append("no actuators in the file: all joints are taken as driven")
+        tree.notes.append("no actuators in the file that act: all joints are taken as driven")
     drives.gains = {name: (kp, kd) for name, (kp, kd) in drives.gains.items() if kp > 0.0}
     drives.damping = {name: value for name, value in drives.damping.items() if value > 0.0}
     drives.frictionloss = {name: value for name, value in drives.frictionloss.items() if value > 0.0}
@@ -90,41 +99,44 @@ def read_drives(tree: Tree) -> JointData:
 
 
 def passive_joints(tree: Tree) -> dict[str, float]:
-    """Return the joints without an actuator, joint → rest position (rad or m); none if no joint has one."""
+    """Return the joints without an actuator that acts, joint → rest position (rad or m); none if no joint has one."""
+    refuse_other_drives(tree)
     model = tree.model
-    driven = {_driven_joint(tree, i) for i in range(model.nu) if model.actuator_gear[i, 0] != 0.0}
+    driven = {each.joint for each in actuators(model) if each.gear != 0.0 and each.on}
     if not driven & set(tree.joints.values()):
         return {}
-    rest = {}
+    rest, springs = {}, stiffness(model)
     for name, joint in tree.joints.items():
         if joint not in driven:
             at = int(model.jnt_qposadr[joint])
-            rest[name] = float((model.qpos_spring if model.jnt_stiffness[joint] else model.qpos0)[at])
+            rest[name] = float((model.qpos_spring if springs[joint] else model.qpos0)[at])
             if model.jnt_limited[joint]:
                 rest[name] = float(np.clip(rest[name], *model.jnt_range[joint]))
     return rest
 
 
-def _driven_joint(tree: Tree, actuator: int) -> int:
-    """Return the joint that an actuator drives; −1 if it drives nothing of the robot."""
+def refuse_other_drives(tree: Tree) -> None:
+    """Raise `ModelError` for an actuator that drives a tendon, a site or a body of the robot."""
     model, kinds = tree.model, mujoco.mjtTrn
-    kind, target = int(model.actuator_trntype[actuator]), int(model.actuator_trnid[actuator, 0])
-    name = str(model.actuator(actuator).name) or f"actuator {actuator}"
-    if kind in (kinds.mjTRN_JOINT, kinds.mjTRN_JOINTINPARENT):
-        return target
-    if kind == kinds.mjTRN_TENDON:
-        if not pulls(model, target, tree.carrier, tree.joints.values()):
-            return -1
-        raise ModelError(
-            f"actuator '{name}' drives tendon '{model.tendon(target).name}', no joint; joints need drives of their "
-            "own: lock those that the tendon moves"
-        )
-    body, what = target, "body"
-    if kind in (kinds.mjTRN_SITE, kinds.mjTRN_SLIDERCRANK):
-        body, what = int(model.site_bodyid[target]), "site"
-    if body in tree.carrier:
-        raise ModelError(f"actuator '{name}' drives a {what} of the robot, no joint")
-    return -1
+    for i in range(model.nactuator):
+        kind, target = int(model.actuator_trntype[i]), int(model.actuator_trnid[i, 0])
+        name = str(model.actuator(i).name) or f"actuator {i}"
+        if not acts(model, i) or kind in (kinds.mjTRN_JOINT, kinds.mjTRN_JOINTINPARENT):
+            continue
+        if kind == kinds.mjTRN_TENDON:
+            if pulls(model, target, tree.carrier, tree.joints.values()):
+                raise ModelError(
+                    f"actuator '{name}' drives tendon '{model.tendon(target).name}', no joint; joints need drives "
+                    "of their own: lock those that the tendon moves"
+                )
+            continue
+        body, what = target, "body"
+        if kind == kinds.mjTRN_SO3 and int(model.actuator_trnid[i, 1]) < 0:
+            body, what = int(model.jnt_bodyid[target]), "ball joint"
+        elif kind != kinds.mjTRN_BODY:
+            body, what = int(model.site_bodyid[target]), "site"
+        if body in tree.carrier:
+            raise ModelError(f"actuator '{name}' drives a {what} of the robot, no joint")
 
 
 def _range(given: Array) -> tuple[float, float]:
@@ -137,16 +149,19 @@ def _inside(one: tuple[float, float], other: tuple[float, float]) -> tuple[float
     return max(one[0], other[0]), min(one[1], other[1])
 
 
-def _force_range(model: mujoco.MjModel, actuator: int) -> tuple[float, float]:
+def _force_range(model: mujoco.MjModel, actuator: JointActuator) -> tuple[float, float]:
     """Return least and greatest force of an actuator before its gear; infinite where the file gives none."""
-    limit = UNBOUNDED
-    if model.actuator_forcelimited[actuator]:
-        limit = _range(model.actuator_forcerange[actuator])
-    plain = int(model.actuator_biastype[actuator]) == mujoco.mjtBias.mjBIAS_NONE
-    fixed = int(model.actuator_gaintype[actuator]) == mujoco.mjtGain.mjGAIN_FIXED
-    if plain and fixed and model.actuator_ctrllimited[actuator]:
-        gain = float(model.actuator_gainprm[actuator, 0])
-        limit = _inside(limit, _range(gain * model.actuator_ctrlrange[actuator]))
+    limit, i = UNBOUNDED, actuator.number
+    if model.actuator_forcelimited[i]:
+        limit = _range(model.actuator_forcerange[i])
+    gain = actuator.gain
+    if gain is None or actuator.bias.any():
+        return limit
+    clamped = not switched_off(model, mujoco.mjtDisableBit.mjDSBL_CLAMPCTRL)
+    if clamped and model.actuator_ctrllimited[actuator.control]:
+        limit = _inside(limit, _range(gain * model.actuator_ctrlrange[actuator.control]))
+    if model.actuator_actlimited[i]:
+        limit = _inside(limit, _range(gain * model.actuator_actrange[i]))
     return limit
 
 

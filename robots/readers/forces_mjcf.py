@@ -8,32 +8,90 @@ import mujoco
 import numpy as np
 
 from wbc.core.robot import GRAVITY
+from wbc.robots.readers.actuators_mjcf import (
+    actuators,
+    damping,
+    dry_friction,
+    equalities_off,
+    rotor_inertia,
+    stiffness,
+    switched_off,
+)
 from wbc.robots.report import UNMODELLED, listed
+
+OFF = mujoco.mjtDisableBit
+"""Option flags that switch something off."""
 
 OTHER_GRAVITY = 0.02
 """Difference from standard gravity along −z, m/s², up to which it is not noted."""
 
 
+SWITCHES = {
+    "gravity": ("gravity", "nothing falls"),
+    "contact": ("contact", "nothing touches"),
+    "constraint": ("constraint", "nothing touches, and no joint has an end or dry friction"),
+    "actuation": ("actuation", "no drive acts"),
+    "sensor": ("sensor", "sensors read zero"),
+    "limit": ("limit", "no joint has an end"),
+    "clampctrl": ("clampctrl", "ranges of controls do not bound torques"),
+    "filterparent": ("filterparent", "a link collides with the one that it hangs on"),
+}
+"""Option flags that change what acts on a robot, of those that are on by default, and what happens without them."""
+
+
 def unmodelled(model: mujoco.MjModel, bodies: Collection[int], joints: Mapping[int, str]) -> list[str]:
-    """Return a note for each force that acts on a robot, its bodies and joints, and is not in a description."""
-    found = _medium(model)
+    """Return a note for each force that acts on a robot, its bodies and joints, and is not in a description.
+
+    What the file switches off is named too: a controller counts on it.
+    """
+    found = _switches(model) + _medium(model)
     held = [
         str(model.body(body).name) or f"body_{body}" for body in bodies if model.body_gravcomp[body] != 0.0
     ]
-    if held:
+    if held and not switched_off(model, OFF.mjDSBL_GRAVITY):
         found.append(f"gravity compensation (gravcomp) of {len(held)} bodies: {listed(held)}")
+    found += _free_joint(model, bodies)
     found += [
         f"the nonlinear part of the spring of joint '{name}'"
         for number, name in joints.items()
-        if model.jnt_stiffnesspoly[number].any()
+        if model.jnt_stiffnesspoly[number].any() and not switched_off(model, OFF.mjDSBL_SPRING)
     ]
-    found += _tendons(model, bodies, joints) + _equalities(model, bodies, joints)
+    early = {joint: float(model.jnt_margin[joint]) for joint in joints if model.jnt_limited[joint]}
+    if soft := [joints[joint] for joint, margin in early.items() if margin > 0.0]:
+        most = max(early.values())
+        found.append(
+            f"soft ends of {len(soft)} joints, which act up to {most:g} before their limits: {listed(soft)}"
+        )
+    found += _actuators(model, joints) + _tendons(model, bodies, joints) + _equalities(model, bodies, joints)
+    found += _surfaces(model, bodies)
     return [UNMODELLED + each for each in found]
+
+
+def _switches(model: mujoco.MjModel) -> list[str]:
+    """Return what the option flags of the file switch off, or on."""
+    found = [
+        f"{name} is disabled (option flag): {effect}"
+        for name, (flag, effect) in SWITCHES.items()
+        if switched_off(model, getattr(OFF, f"mjDSBL_{flag.upper()}"))
+    ]
+    for name, flag, given in (
+        ("equality", OFF.mjDSBL_EQUALITY, model.neq > 0),
+        ("spring", OFF.mjDSBL_SPRING, model.jnt_stiffness.any() or model.tendon_stiffness.any()),
+        ("damper", OFF.mjDSBL_DAMPER, model.dof_damping.any() or model.actuator_damping.any()),
+        ("frictionloss", OFF.mjDSBL_FRICTIONLOSS, model.dof_frictionloss.any()),
+    ):
+        if given and switched_off(model, flag):
+            found.append(f"{name} is disabled (option flag): those of the file do not act")
+    if int(model.opt.enableflags) & int(mujoco.mjtEnableBit.mjENBL_OVERRIDE):
+        friction = ", ".join(f"{value:g}" for value in model.opt.o_friction[:1])
+        found.append(f"override is enabled (option flag): all contacts have the friction {friction}")
+    return found
 
 
 def _medium(model: mujoco.MjModel) -> list[str]:
     found, gravity = [], np.array(model.opt.gravity)
-    if np.linalg.norm(gravity + [0.0, 0.0, GRAVITY]) > OTHER_GRAVITY:
+    off = switched_off(model, OFF.mjDSBL_GRAVITY)
+    if np.linalg.norm(gravity + [0.0, 0.0, GRAVITY]) > OTHER_GRAVITY and not off:
         tilt = np.degrees(np.arctan2(np.hypot(*gravity[:2]), -gravity[2]))
         given = ", ".join(f"{value:g}" for value in gravity)
         found.append(
@@ -47,14 +105,93 @@ def _medium(model: mujoco.MjModel) -> list[str]:
     return found
 
 
+def _free_joint(model: mujoco.MjModel, bodies: Collection[int]) -> list[str]:
+    """Return what holds the floating base to the world or makes it heavier, as a free joint may."""
+    found, rubbing, rotors, dry = [], damping(model), rotor_inertia(model), dry_friction(model)
+    for joint in range(model.njnt):
+        if (
+            int(model.jnt_type[joint]) != mujoco.mjtJoint.mjJNT_FREE
+            or int(model.jnt_bodyid[joint]) not in bodies
+        ):
+            continue
+        first = int(model.jnt_dofadr[joint])
+        six = slice(first, first + 6)
+        poly = model.dof_dampingpoly[six].any() and not switched_off(model, OFF.mjDSBL_DAMPER)
+        parts = {
+            f"damping of {rubbing[six].max():g} Ns/m and Nms/rad to the world": rubbing[six],
+            "nonlinear damping to the world": poly,
+            f"armature of {rotors[six].max():g} kg and kg m²": rotors[six],
+            f"dry friction of {dry[six].max():g} N and Nm to the world": dry[six],
+            f"spring of {stiffness(model)[joint]:g} N/m and Nm/rad to the world": stiffness(model)[joint],
+        }
+        acting = [part for part, value in parts.items() if np.any(value)]
+        if acting:
+            found.append(f"free joint '{model.joint(joint).name or joint}' of the base: {', '.join(acting)}")
+        found += [
+            f"actuator '{each.name}', which pushes the free joint of the base"
+            for each in actuators(model)
+            if each.joint == joint and each.on
+        ]
+    return found
+
+
+def _actuators(model: mujoco.MjModel, joints: Mapping[int, str]) -> list[str]:
+    """Return what the actuators of the joints do beside a torque at once, and those that are switched off."""
+    mine = [each for each in actuators(model) if each.joint in joints]
+    off = [f"'{each.name}' (group {int(model.actuator_group[each.number])})" for each in mine if not each.on]
+    found = []
+    if off:
+        found.append(f"{len(off)} actuators whose group is disabled (actuatorgroupdisable): {listed(off)}")
+    mine = [each for each in mine if each.on]
+    for what, values in (
+        ("delay", {each.name: each.delay for each in mine}),
+        ("lag", {each.name: each.lag for each in mine}),
+    ):
+        late = [name for name, value in values.items() if value > 0.0]
+        if late:
+            longest = 1e3 * max(values.values())
+            found.append(f"{what} of {len(late)} actuators, up to {longest:g} ms: {listed(late)}")
+    found += [
+        f"actuator '{each.name}' of joint '{joints[each.joint]}', which is no motor or servo: {each.kind}"
+        for each in mine
+        if each.gain is None
+    ]
+    if not switched_off(model, OFF.mjDSBL_DAMPER):
+        curved = {each.joint for each in mine if model.actuator_dampingpoly[each.number].any()}
+        curved |= {joint for joint in joints if model.dof_dampingpoly[int(model.jnt_dofadr[joint])].any()}
+        found += [f"the nonlinear part of the damping of joint '{joints[joint]}'" for joint in sorted(curved)]
+    return found
+
+
+def _surfaces(model: mujoco.MjModel, bodies: Collection[int]) -> list[str]:
+    """Return geoms whose contacts stick or carry along, of the robot and of what stands still."""
+    found = []
+    for i in range(model.ngeom):
+        body = int(model.geom_bodyid[i])
+        if body not in bodies and int(model.body_weldid[body]) != 0:
+            continue
+        name = str(model.geom(i).name) or f"geom_{i}"
+        if model.geom_surfacevel[i].any():
+            found.append(f"the surface of geom '{name}' moves (surfacevel)")
+        if model.geom_adhesion[i]:
+            found.append(f"geom '{name}' sticks (adhesion)")
+    return found
+
+
 def _tendons(model: mujoco.MjModel, bodies: Collection[int], joints: Mapping[int, str]) -> list[str]:
     found = []
+    drives = np.zeros((model.ntendon, 2))  # damping and rotors that actuators give tendons
+    for i in np.flatnonzero(model.actuator_trntype == int(mujoco.mjtTrn.mjTRN_TENDON)).tolist():
+        drives[int(model.actuator_trnid[i, 0])] += model.actuator_damping[i], model.actuator_armature[i]
     for i in range(model.ntendon):
         parts = {
-            "spring": [model.tendon_stiffness[i], *np.ravel(model.tendon_stiffnesspoly[i])],
-            "damping": model.tendon_damping[i],
+            "spring": not switched_off(model, OFF.mjDSBL_SPRING)
+            and [model.tendon_stiffness[i], *np.ravel(model.tendon_stiffnesspoly[i])],
+            "damping": not switched_off(model, OFF.mjDSBL_DAMPER)
+            and [model.tendon_damping[i], *np.ravel(model.tendon_dampingpoly[i]), drives[i, 0]],
             "dry friction": model.tendon_frictionloss[i],
             "limits": model.tendon_limited[i],
+            "armature": model.tendon_armature[i] + drives[i, 1],
         }
         acting = [part for part, value in parts.items() if np.any(value)]
         if acting and pulls(model, i, bodies, joints):
@@ -77,7 +214,7 @@ def pulls(model: mujoco.MjModel, tendon: int, bodies: Collection[int], joints: C
 def _equalities(model: mujoco.MjModel, bodies: Collection[int], joints: Mapping[int, str]) -> list[str]:
     """Return the constraints that hold when the simulation begins, on joints or bodies of the robot."""
     found, kinds = [], mujoco.mjtEq
-    for i in range(model.neq):
+    for i in range(0 if equalities_off(model) else model.neq):
         kind, ends = int(model.eq_type[i]), (int(model.eq_obj1id[i]), int(model.eq_obj2id[i]))
         name = str(model.equality(i).name) or f"equality {i}"
         if not model.eq_active0[i]:

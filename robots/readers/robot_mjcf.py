@@ -17,7 +17,7 @@ from wbc.robots.derivation.defaults import Soles
 from wbc.robots.frames import FrameDescription, SoleDescription
 from wbc.robots.options import DescriptionOptions
 from wbc.robots.readers import drives_mjcf, feet_mjcf, shapes_mjcf, tree_mjcf
-from wbc.robots.readers.compile_mjcf import compiled_with_files
+from wbc.robots.readers.compile_mjcf import compiled
 from wbc.robots.report import UNMODELLED, listed
 
 
@@ -36,7 +36,7 @@ def fields(
     **options: Unpack[DescriptionOptions],
 ) -> dict[str, Any]:
     """Return the fields of the `RobotDescription` of an MJCF; see `RobotDescription.from_mjcf`."""
-    model, files = compiled_with_files(source, meshes=meshes)
+    model, moved = compiled(source, meshes=meshes)
     _refuse_odd_inertias(model)
     lock = options.pop("lock", None) or {}
     tree = tree_mjcf.find_tree(model, root, lock)
@@ -57,7 +57,7 @@ def fields(
         for joint, (low, high) in drives.torque.items()
         if not math.isclose(-low, high) and joint not in given_limits
     }
-    shapes_mjcf.add_visuals(writer.root, tree, files)
+    shapes_mjcf.add_shapes(writer.root, tree, moved)
     site = {
         str(model.site(i).name): i for i in range(model.nsite) if int(model.site_bodyid[i]) in tree.carrier
     }

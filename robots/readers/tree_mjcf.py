@@ -15,6 +15,7 @@ import numpy as np
 import pinocchio as pin
 
 from wbc.core.errors import Array, InputError, ModelError, choose, finite_scalar
+from wbc.robots.readers.actuators_mjcf import equalities_off
 from wbc.robots.readers.write_urdf import UrdfWriter, about, along
 
 SPEED = 20.0
@@ -132,7 +133,7 @@ def refuse_loops(tree: Tree) -> None:
     """Refuse closed chains, which cannot be simulated here; one that is not active at the start closes none."""
     model = tree.model
     kinds = mujoco.mjtEq
-    for i in range(model.neq):
+    for i in range(0 if equalities_off(model) else model.neq):
         kind, one, two = int(model.eq_type[i]), int(model.eq_obj1id[i]), int(model.eq_obj2id[i])
         name = str(model.equality(i).name) or f"equality {i}"
         if model.eq_active0[i] and kind in (kinds.mjEQ_CONNECT, kinds.mjEQ_WELD):

@@ -8,14 +8,8 @@ import numpy as np
 from wbc.core.errors import Array, InputError, ModelError, shown
 from wbc.core.signals import Command
 from wbc.robots import RobotDescription
+from wbc.robots.readers.actuators_mjcf import JointActuator, actuators, switched_off
 from wbc.sim.plant.places import RobotPlaces
-
-PLAIN_DYNAMICS = (
-    int(mujoco.mjtDyn.mjDYN_NONE),
-    int(mujoco.mjtDyn.mjDYN_FILTER),
-    int(mujoco.mjtDyn.mjDYN_FILTEREXACT),
-)
-"""Dynamics of actuators whose control is, after a lag at most, what they act on."""
 
 INTEGRATED = {
     int(mujoco.mjtIntegrator.mjINT_IMPLICIT): "velocity",
@@ -29,8 +23,9 @@ class JointActuators:
     """Actuators of the robot's joints, as the file has them.
 
     An actuator's force on its joint is gear (g u + b₀ + b₁ gear q + b₂ gear q̇): a motor has no b, a position servo
-    b₁ = −kp and b₂ = −kv, a velocity servo b₂ alone, a general actuator any of these. Several actuators of one joint
-    add up. A joint without an actuator gets its torque directly.
+    b₁ = −kp and b₂ = −kv, a velocity servo b₂ alone, a general actuator any of these; of a pid u is the position, its
+    other controls are zero. Several actuators of one joint add up. Those of a group that the file switches off are left
+    alone. A joint without an actuator that acts gets its torque directly.
 
     - References without gains go to the servos that there are: they act with the gains of the file, and the
       feed-forward is added.
@@ -58,19 +53,19 @@ class JointActuators:
         self._kp, self._kd = np.array(description.kp), np.array(description.kd)
         self._limit = np.array(description.torque_limit)
         of_joint = {joint: i for i, joint in enumerate(joints)}
-        joint_kinds = (int(mujoco.mjtTrn.mjTRN_JOINT), int(mujoco.mjtTrn.mjTRN_JOINTINPARENT))
-        found: list[tuple[int, int]] = []  # actuator, joint
-        for actuator in range(model.nu):
-            joint = of_joint.get(int(model.actuator_trnid[actuator, 0]))
-            if int(model.actuator_trntype[actuator]) in joint_kinds and joint is not None:
-                self._check(actuator, self._names[joint])
-                found.append((actuator, joint))
-        self._actuators = np.array([a for a, _ in found], dtype=np.intp)
+        found: list[tuple[JointActuator, int]] = []
+        for each in actuators(model):
+            if (joint := of_joint.get(each.joint)) is not None and each.on:
+                self._check(each, self._names[joint])
+                found.append((each, joint))
+        self._actuators = np.array([each.number for each, _ in found], dtype=np.intp)
+        self._controls = np.array([each.control for each, _ in found], dtype=np.intp)
+        spare = [control for each, _ in found for control in each.controls if control != each.control]
+        self._spare = np.array(spare, dtype=np.intp)  # further controls of an actuator, which stay zero
         self._joints = np.array([j for _, j in found], dtype=np.intp)
-        gear = model.actuator_gear[self._actuators, 0]
-        self._gear, self._gain = gear, model.actuator_gainprm[self._actuators, 0]
-        affine = model.actuator_biastype[self._actuators] == int(mujoco.mjtBias.mjBIAS_AFFINE)
-        self._bias = np.where(affine[:, None], model.actuator_biasprm[self._actuators, :3], 0.0)
+        self._gear = np.array([each.gear for each, _ in found])
+        self._gain = np.array([each.gain for each, _ in found], dtype=np.float64)
+        self._bias = np.array([each.bias for each, _ in found]).reshape(-1, 3)
         names = np.where(self._bias[:, 1] != 0.0, 1, np.where(self._bias[:, 2] != 0.0, 2, 0))
         self._main = np.zeros(len(found), dtype=bool)  # takes the feed-forward: the motor if there is one
         self.servo = np.zeros(na, dtype=bool)
@@ -94,32 +89,26 @@ class JointActuators:
         self._speed = np.zeros(na)  # of the joints before the last step, rad/s
         self._taken = np.zeros(na)  # by the servos of the file, of the torque that MuJoCo reports
 
-    def _check(self, actuator: int, joint: str) -> None:
-        model = self._model
-        name = model.actuator(actuator).name or f"number {actuator}"
-        gain, bias = int(model.actuator_gaintype[actuator]), int(model.actuator_biastype[actuator])
-        if gain != int(mujoco.mjtGain.mjGAIN_FIXED) or bias not in (
-            int(mujoco.mjtBias.mjBIAS_NONE),
-            int(mujoco.mjtBias.mjBIAS_AFFINE),
-        ):
+    def _check(self, actuator: JointActuator, joint: str) -> None:
+        what = f"actuator '{actuator.name}' of joint '{joint}'"
+        if actuator.gain is None:
             raise ModelError(
-                f"actuator '{name}' of joint '{joint}' must have a fixed gain and no or an affine bias (motor, "
-                f"position, velocity, general), it has {mujoco.mjtGain(gain).name} and {mujoco.mjtBias(bias).name}"
+                f"{what} must be a motor, a servo of position or velocity, a general one with a fixed gain, or a pid "
+                f"without integral and bound of its speed; it is another one: {actuator.kind}"
             )
-        if int(model.actuator_dyntype[actuator]) not in PLAIN_DYNAMICS:
-            kind = mujoco.mjtDyn(int(model.actuator_dyntype[actuator])).name
-            raise ModelError(f"actuator '{name}' of joint '{joint}' must act on its control, not on {kind}")
-        if model.actuator_gainprm[actuator, 0] == 0.0 or model.actuator_gear[actuator, 0] == 0.0:
-            raise ModelError(f"actuator '{name}' of joint '{joint}' has a gain or a gear of zero")
+        if actuator.gain == 0.0 or actuator.gear == 0.0:
+            raise ModelError(f"{what} has a gain or a gear of zero")
 
     def reach(self, position: Array) -> tuple[Array, Array]:
         """Return least and greatest torque at rest that the controls' ranges leave, shape (na,), Nm; inf without."""
         least, most = np.full(position.size, -np.inf), np.full(position.size, np.inf)
         model, chosen = self._model, np.flatnonzero(self._main)
-        for i in chosen[model.actuator_ctrllimited[self._actuators[chosen]].astype(bool)]:
+        if switched_off(model, mujoco.mjtDisableBit.mjDSBL_CLAMPCTRL):
+            return least, most
+        for i in chosen[model.actuator_ctrllimited[self._controls[chosen]].astype(bool)]:
             joint, gear = self._joints[i], self._gear[i]
             own = self._bias[i, 0] + self._bias[i, 1] * gear * position[joint]
-            ends = gear * (self._gain[i] * model.actuator_ctrlrange[self._actuators[i]] + own)
+            ends = gear * (self._gain[i] * model.actuator_ctrlrange[self._controls[i]] + own)
             least[joint], most[joint] = ends.min(), ends.max()
         return least, most
 
@@ -154,7 +143,9 @@ class JointActuators:
             reference = np.zeros(len(q)) if velocity is None else velocity
             own = np.where(held, self._own(position, reference), own)
         force = np.where(self._main, np.where(held, torque[j], desired[j]) / gear, 0.0)
-        data.ctrl[self._actuators] = (force - own) / self._gain
+        data.ctrl[self._controls] = (force - own) / self._gain
+        if self._spare.size:
+            data.ctrl[self._spare] = 0.0
         if self._bare.size:
             clipped = np.clip(desired, -self._limit, self._limit)[self._bare]
             self.applied[self._bare] = clipped
@@ -177,7 +168,7 @@ class JointActuators:
         """Put actuators with a lag where their controls are, as after a long time at them."""
         state = self._model.actuator_actadr[self._actuators]
         lagging = state >= 0
-        data.act[state[lagging]] = data.ctrl[self._actuators[lagging]]
+        data.act[state[lagging]] = data.ctrl[self._controls[lagging]]
 
     def _servo_torque(self, data: mujoco.MjData, command: Command, at_servo: np.ndarray) -> Array:
         """Return feed-forward and computed servo of all joints that have no servo of the file, shape (na,)."""

@@ -17,13 +17,15 @@ import mujoco
 import numpy as np
 from numpy.typing import ArrayLike
 
-from wbc.core.errors import Array, InputError, whole_number
+from wbc.core.errors import ROUNDING, Array, InputError, whole_number
 from wbc.core.robot import checked_configuration
 from wbc.core.signals import Command
 from wbc.robots import RobotDescription
+from wbc.robots.readers.actuators_mjcf import damping, dry_friction, rotor_inertia, stiffness
 from wbc.robots.readers.forces_mjcf import unmodelled
 from wbc.robots.report import UNMODELLED, listed
 from wbc.sim.loop.actuators import JointActuators
+from wbc.sim.loop.floor import UNEVEN, floor_under
 from wbc.sim.plant.hands import check_clear
 from wbc.sim.plant.places import RobotPlaces
 from wbc.sim.plant.robot import SimulatedRobot, advance
@@ -84,7 +86,7 @@ class MujocoLoop(SimulatedRobot):
             description: The robot.
             model: The model.
             data: Its state, taken as it is, with a warning if the robot is inside a thing; a new one with the robot at
-                half-sitting on z = 0 when None.
+                half-sitting on the floor below its feet when None.
             control_period: Time between two commands, s; a whole multiple of the physics step.
             joints: Joint of the robot → joint of the model, where the names differ.
             prefix: What the model puts before all names of the robot, such as "robot/".
@@ -120,8 +122,10 @@ class MujocoLoop(SimulatedRobot):
         )
         self._stepper: Stepper = mujoco.mj_step if stepper is None else stepper
         self.notes = tuple(self._notes(imu))
+        self._ground = self._find_floor()
         if data is None:
             self.reset()
+            self._note_contacts("half-sitting begins so")
             return
         if (data.qpos.size, data.qvel.size, data.ctrl.size) != (model.nq, model.nv, model.nu):
             raise InputError(
@@ -130,20 +134,41 @@ class MujocoLoop(SimulatedRobot):
             )
         self.data = data
         self._begin(self.seed)
+        self._note_contacts("the data begin so (reset() puts the robot into half-sitting)")
+
+    def _find_floor(self) -> float:
+        """Return the height of the floor on which half-sitting stands, m; what is odd about it is noted."""
+        heights = floor_under(self.places, self.robot, mujoco.MjData(self.model))
+        if heights is None:
+            self.notes += ("no ground under the soles at half-sitting: put there, the robot falls",)
+            return 0.0
+        ground = float(heights.max())
+        if float(np.ptp(heights)) > UNEVEN:
+            self.notes += (
+                f"the ground under the soles at half-sitting is uneven, from {heights.min():.3f} to {ground:.3f} m: "
+                "the robot is put on its highest point",
+            )
+        elif abs(ground) > UNEVEN:
+            self.notes += (f"the ground is at z = {ground:.3f} m: half-sitting stands there",)
+        return ground if abs(ground) > ROUNDING else 0.0
+
+    def _note_contacts(self, when: str) -> None:
+        """Note where the robot is inside a thing, which throws it."""
         try:
-            check_clear(model, data, self._contacts.geom_robot)
+            check_clear(self.model, self.data, self._contacts.geom_robot)
         except InputError as error:
-            self.notes += (f"the data begin so (reset() puts the robot into half-sitting): {error}",)
+            self.notes += (f"{when}: {error}",)
             logger.warning("%s", self.notes[-1])
 
     def reset(self, configuration: ArrayLike | None = None, seed: int | None = None) -> None:
         """Put the robot, at rest and held by its drives, into a configuration; everything else stays where it is.
 
         Args:
-            configuration: Shape (nq,); half-sitting on z = 0 when None.
+            configuration: Shape (nq,); half-sitting on the floor below its feet when None.
             seed: New seed of the sensor errors; the same as before when None.
         """
-        q = self.robot.half_sitting
+        q = self.robot.half_sitting.copy()
+        q[2] += self._ground
         if seed is not None:
             self.seed = whole_number("seed", seed, low=0)
         if configuration is not None:
@@ -230,18 +255,33 @@ class MujocoLoop(SimulatedRobot):
         notes += self._other_joints()
         for what, sensor in (("gyroscope", imu.gyroscope), ("accelerometer", imu.accelerometer)):
             if sensor is None:
-                notes.append(f"no {what} on the IMU's body: computed from the motion")
+                notes.append(f"no {what} on the IMU's body that reads: computed from the motion")
+            else:
+                notes += self._reads_late(what, int(np.flatnonzero(model.sensor_adr == sensor[0])[0]))
         return notes
 
+    def _reads_late(self, what: str, sensor: int) -> list[str]:
+        """Return a note on a sensor that reads late, seldom or up to a bound: its readings are taken as they are."""
+        model, odd = self.model, []
+        if delay := float(model.sensor_delay[sensor]):
+            odd.append(f"a delay of {1e3 * delay:g} ms")
+        if period := float(model.sensor_interval[sensor, 0]):
+            odd.append(f"a reading every {1e3 * period:g} ms")
+        if cutoff := float(model.sensor_cutoff[sensor]):
+            odd.append(f"readings up to {cutoff:g} alone (cutoff)")
+        name = model.sensor(sensor).name or f"sensor {sensor}"
+        return [f"{what} '{name}' of the file has {' and '.join(odd)}"] if odd else []
+
     def _other_joints(self) -> list[str]:
-        """Return notes on springs, damping and friction that the model has otherwise than the description."""
+        """Return notes on springs, damping, friction and rotors that the model has otherwise than the description."""
         model, described, dof = self.model, self.description, self.places.joint_dof
         springs = {name: stiffness for name, (stiffness, _) in described.springs.items()}
         found = []
         for what, own, theirs in (
-            ("springs", model.jnt_stiffness[self.places.joints], springs),
-            ("damping", model.dof_damping[dof], described.damping),
-            ("dry friction", model.dof_frictionloss[dof], described.frictionloss),
+            ("springs", stiffness(model)[self.places.joints], springs),
+            ("damping", damping(model)[dof], described.damping),
+            ("dry friction", dry_friction(model)[dof], described.frictionloss),
+            ("rotor inertia", rotor_inertia(model)[dof], described.armature),
         ):
             other = [
                 f"{name} {mine:g}"

@@ -12,6 +12,7 @@ import pinocchio as pin
 from wbc.core.conventions import Index, configuration_to_mujoco
 from wbc.core.errors import ROUNDING, Array, InputError, ModelError, choose, unknown_name
 from wbc.core.robot import Robot
+from wbc.robots.readers.actuators_mjcf import switched_off
 
 SAME_PLACE = 2e-3
 """Largest distance between a joint of the model and of the description that is no contradiction, m."""
@@ -152,6 +153,10 @@ class RobotPlaces:
         Returned are its first place in `sensordata`, and the rotation from its site to the IMU frame, None for none.
         """
         model = self.model
+        if switched_off(model, mujoco.mjtDisableBit.mjDSBL_SENSOR):
+            if name is not None:
+                raise InputError(f"{what} '{name}' reads zero: the model's option flag disables all sensors")
+            return None
         sensors = {model.sensor(i).name: i for i in range(model.nsensor)}
         candidates = np.flatnonzero(model.sensor_type == int(kind)).tolist()
         if name is not None:

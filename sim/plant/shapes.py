@@ -147,7 +147,7 @@ def _add_element(
     if material is not None:
         colour = _colour(material) or colours.get(str(material.get("name")), PLAIN)
     if found.kind == "mesh":
-        path = resolve(found.file, package_dirs, None)
+        path = resolve(found.file, package_dirs)
         mesh = None if path is None else _mesh(spec, path, found.size)
         if mesh is None:
             return False

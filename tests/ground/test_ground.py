@@ -301,6 +301,19 @@ def test_a_map_of_ones_own_is_used_where_nothing_else_is_known():
         (lambda: PointCloud(np.zeros((4, 2)), 0.0, "world"), "points"),
         (lambda: PointCloud(np.zeros((4, 3)), math.nan, "world"), "time"),
         (lambda: PointCloud(np.zeros((4, 3)), 0.0, "world", 0.0), "std"),
+        (lambda: PointCloud([[1, 2, 3], [1, 2]], 0.0, "world"), "points"),
+        (lambda: PointCloud([["a", "b", "c"]], 0.0, "world"), "points"),
+        (lambda: PointCloud(np.zeros((4, 3), dtype=complex), 0.0, "world"), "points"),
+        (lambda: PointCloud(np.zeros((4, 4)), 0.0, "world"), "leave out the columns"),
+        (lambda: PointCloud(np.zeros(4, dtype=[("x", "f4"), ("z", "f4")]), 0.0, "world"), "y missing"),
+        (lambda: PointCloud(np.zeros((4, 3)), 0.0, "world", np.full(5, 0.01)), "std"),
+        (lambda: PointCloud(np.zeros((4, 3)), 0.0, "world", "small"), "std"),
+        (lambda: PointCloud(np.zeros((4, 3)), 0.0, None), "frame"),
+        (lambda: PointCloud(np.zeros((4, 3)), "now", "world"), "time"),
+        (lambda: ElevationMap(np.zeros((5, 5)), 0.02, max_age=None), "max_age"),
+        (lambda: ElevationMap(np.zeros((5, 5)), 0.02, max_age=math.nan), "max_age"),
+        (lambda: ElevationMap(np.zeros((5, 5)), 0.02, frame=7), "frame"),
+        (lambda: ElevationMap([["low"]], 0.02), "heights"),
         (lambda: ElevationMap(np.zeros(5), 0.02), "heights"),
         (lambda: ElevationMap(np.zeros((5, 5)), 0.0), "cell"),
         (lambda: known()[1].add(ElevationMap(np.zeros((5, 5)), 0.02)), "sole"),
@@ -313,6 +326,18 @@ def test_a_map_of_ones_own_is_used_where_nothing_else_is_known():
 def test_bad_input_is_named(make, name):
     with pytest.raises(InputError, match=name):
         make()
+
+
+@pytest.mark.parametrize("shape", [(12,), (3, 4)])
+def test_a_cloud_with_named_fields_is_read_by_its_fields(shape):
+    """As ROS gives clouds: fields of other types among them, organised in rows or not."""
+    kinds = [("intensity", "u1"), ("x", "f4"), ("y", "f8"), ("z", "f4"), ("ring", "u2")]
+    fields = np.zeros(shape, dtype=kinds)
+    fields["x"], fields["z"] = np.arange(12).reshape(shape), 0.5
+    fields["y"].flat[3] = np.nan
+    points = PointCloud(fields, 0.0, "world", np.full(12, 0.01)).points
+    np.testing.assert_array_equal(points[:, 0], np.delete(np.arange(12), 3))
+    assert (points[:, 2] == 0.5).all()
 
 
 @pytest.mark.parametrize(("edge", "height"), [(0.5, 0.0), (0.24, 0.15)])

@@ -12,7 +12,7 @@ from mujoco_dynamics import assert_same_dynamics
 
 import wbc
 from wbc.robots.models.example_robots import share_directory
-from wbc.robots.readers.compile_mjcf import compiled_with_files
+from wbc.robots.readers.compile_mjcf import compiled
 
 PAGE = Path(__file__).parents[2] / "docs" / "robots.md"
 LAWS = {
@@ -76,4 +76,4 @@ def test_robots_of_other_projects_have_the_dynamics_of_their_files(name: str) ->
     if found is None:
         pytest.skip(f"wheel {TABLE.ROBOTS[name][0]} is not installed")
     meshes = TABLE.ROBOTS[name][2].get("meshes", True)
-    assert_same_dynamics(TABLE.describe(name), compiled_with_files(found[0], meshes=meshes)[0])
+    assert_same_dynamics(TABLE.describe(name), compiled(found[0], meshes=meshes)[0])

@@ -14,6 +14,8 @@ from mujoco_dynamics import assert_same_dynamics
 from wbc import TorqueControl, balance_controller
 from wbc.core.errors import ModelError, UnknownNameError
 from wbc.robots import RobotDescription
+from wbc.robots.derivation.shapes import link_shapes
+from wbc.robots.readers.tree_mjcf import placement_of
 from wbc.robots.report import UNMODELLED
 from wbc.sim import MujocoLoop, Plant
 
@@ -301,6 +303,22 @@ TIED = {
     "moon": ('<option gravity="0 0 -1.62"/>', "gravity"),
     "wind": ('<option density="1.2" wind="10 0 0"/>', "wind"),
     "water": ('<option viscosity="0.001"/>', "viscosity"),
+    **{
+        f"no {flag}": (f'<option><flag {flag}="disable"/></option>', f"{flag} is disabled")
+        for flag in (
+            "gravity",
+            "contact",
+            "constraint",
+            "actuation",
+            "sensor",
+            "limit",
+            "clampctrl",
+            "filterparent",
+        )
+    },
+    "other contacts": ('<option><flag override="enable"/></option>', "override"),
+    "tendon armature": (TENDONS.format('armature="0.1"', ""), "'left'"),
+    "tendon damping": (TENDONS.format('damping="0 1 0"', ""), "'left'"),
 }
 
 
@@ -312,10 +330,191 @@ def test_forces_that_the_controller_does_not_know_are_named_at_the_start(what: s
     doubts = [line for line in RobotDescription.from_mjcf(xml).doubts() if UNMODELLED in line]
     assert len(doubts) == 1 and name in doubts[0]
     plain = RobotDescription.from_mjcf(biped())
-    notes = [
-        line for line in MujocoLoop(plain, mujoco.MjModel.from_xml_string(xml)).notes if UNMODELLED in line
-    ]
-    assert notes == doubts
+    notes = MujocoLoop(plain, mujoco.MjModel.from_xml_string(xml)).notes
+    assert [line for line in notes if UNMODELLED in line and "other than described" not in line] == doubts
+
+
+KNEE = '<motor joint="left_knee" gear="2" ctrlrange="-40 40"'
+CHANGED = {
+    "damped base": ('<freejoint name="floating"/>', '<joint name="floating" type="free"/>', "floating"),
+    "delay": (KNEE, f'{KNEE} delay="0.01" nsample="8"', "delay of 1 actuators, up to 10 ms"),
+    "lag": (' kp="200" kv="10"', ' kp="200" kv="10" timeconst="0.02"', "lag of 1 actuators, up to 20 ms"),
+    "group": (KNEE, f'<general joint="left_knee" group="4"/>{KNEE}', "(group 4)"),
+    "thruster": ("</actuator>", '<motor name="rocket" joint="floating"/></actuator>', "'rocket'"),
+    "curved damping": ('<joint name="waist"', '<joint damping="1 2 0" name="waist"', "'waist'"),
+    "curved damping of a motor": (KNEE, f'{KNEE} damping="0 0 3"', "'left_knee'"),
+    "muscle": ("</actuator>", '<damper joint="waist" kv="2" ctrlrange="0 1"/></actuator>', "damper"),
+    "early ends": ('<joint name="waist"', '<joint margin="0.05" name="waist"', "waist"),
+    "belt": ('<geom name="ground"', '<geom surfacevel="1 0 0 0 0 0" name="ground"', "'ground' moves"),
+    "glue": ('<geom name="ground"', '<geom adhesion="5" name="ground"', "'ground' sticks"),
+}
+
+
+@pytest.mark.parametrize("what", CHANGED)
+def test_what_an_element_does_beside_what_is_read_is_named(what: str) -> None:
+    old, new, said = CHANGED[what]
+    xml = biped(extra='<option actuatorgroupdisable="4"/>').replace(old, new, 1)
+    doubts = [line for line in RobotDescription.from_mjcf(xml).doubts() if UNMODELLED in line]
+    assert len(doubts) == 1 and said in doubts[0]
+    plain = RobotDescription.from_mjcf(biped())
+    model = mujoco.MjModel.from_xml_string(xml)
+    if what == "muscle":
+        with pytest.raises(ModelError, match="must be a motor"):
+            MujocoLoop(plain, model)
+    else:
+        assert [line for line in MujocoLoop(plain, model).notes if said in line][:1] == doubts
+
+
+ROTORS = {
+    "own": 'gear="10" armature="0.0004" damping="0.003"',
+    "negative gear": 'gear="-7" armature="0.0004" damping="0.003"',
+    "group that is off": 'gear="10" armature="0.0004" damping="0.003" group="4"',
+}
+
+
+@pytest.mark.parametrize("what", [*ROTORS, "two", "class"])
+def test_rotors_and_friction_of_actuators_are_those_of_their_joints(what: str) -> None:
+    """gear² times what the actuator has, as MuJoCo's mass matrix and passive forces have them."""
+    own = ROTORS.get(what, ROTORS["own"])
+    motor = f'<motor joint="left_knee" {own}/>'
+    xml = biped(extra='<option actuatorgroupdisable="4"/>')
+    if what == "class":
+        xml = xml.replace(
+            "<default>",
+            '<default><default class="big"><motor gear="10" armature="0.0004" damping="0.003"/></default>',
+            1,
+        )
+        motor = '<motor joint="left_knee" class="big"/>'
+    if what == "two":
+        motor += '<motor joint="left_knee" gear="3" armature="0.001" damping="0.01"/>'
+    xml = xml.replace("</actuator>", f"{motor}</actuator>")
+    model = mujoco.MjModel.from_xml_string(xml)
+    description = RobotDescription.from_mjcf(xml)
+    assert description.armature["left_knee"] > 0.03
+    assert_same_dynamics(description, mujoco.MjModel.from_xml_string(xml), states=3)
+    data = mujoco.MjData(model)
+    dof = int(model.joint("left_knee").dofadr[0])
+    data.qvel[dof] = 2.0
+    mujoco.mj_forward(model, data)
+    assert 2.0 * description.damping["left_knee"] == pytest.approx(-data.qfrc_damper[dof])
+    loop = MujocoLoop(description, model)
+    assert not any("rotor" in note or "damping" in note for note in loop.notes if "left_knee" in note)
+    plain = MujocoLoop(RobotDescription.from_mjcf(biped()), model)
+    assert any("rotor inertia of 1 joints" in note and "left_knee" in note for note in plain.notes)
+
+
+@pytest.mark.parametrize(
+    ("flag", "name"), [("spring", "springs"), ("damper", "damping"), ("frictionloss", "frictionloss")]
+)
+def test_what_a_flag_switches_off_is_not_taken_into_the_description(flag: str, name: str) -> None:
+    xml = biped(extra=f'<option><flag {flag}="disable"/></option>')
+    xml = xml.replace('<joint name="waist"', '<joint name="waist" stiffness="30"')
+    description = RobotDescription.from_mjcf(xml)
+    assert not getattr(description, name)
+    assert any(f"{flag} is disabled" in line for line in description.doubts())
+
+
+def test_actuators_of_a_group_that_is_off_neither_drive_nor_give_gains() -> None:
+    servo = '<position joint="left_knee" kp="300" group="4"/></actuator>'
+    extra = '<option actuatorgroupdisable="4"/>'
+    description = RobotDescription.from_mjcf(biped(extra=extra).replace("</actuator>", servo))
+    assert "left_knee" not in description.gains
+    assert "left_knee" in RobotDescription.from_mjcf(biped().replace("</actuator>", servo)).gains
+    alone = re.sub(
+        r'<motor joint="left_shoulder"/>', '<motor joint="left_shoulder" group="4"/>', biped(extra=extra)
+    )
+    assert "left_shoulder" not in RobotDescription.from_mjcf(alone).joint_names
+
+
+CORNERS = [(0, 0, 0), (0.2, 0, 0), (0, 0.2, 0), (0, 0, 0.2)]
+OBJ = "".join(f"v {x} {y} {z}\n" for x, y, z in CORNERS) + "f 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n"
+INLINE = " ".join(str(each) for corner in CORNERS for each in corner)
+MESHES = {
+    "meshdir": ('meshdir="parts"', 'file="hull.obj"'),
+    "assetdir": ('assetdir="parts"', 'file="hull.obj"'),
+    "meshdir before assetdir": ('assetdir="none" meshdir="parts"', 'file="hull.obj"'),
+    "strippath": ('meshdir="parts" strippath="true"', 'file="C/of/others/hull.obj"'),
+    "relative": ("", 'file="../robot/parts/hull.obj"'),
+    "moved": ('meshdir="parts"', 'file="hull.obj" refpos="0.1 0 0"'),
+    "in the file": ("", f'vertex="{INLINE}"'),
+    "built in": ("", 'builtin="wedge" params="4 4 30 30 0"'),
+}
+
+
+@pytest.mark.parametrize("kind", ["path", "model", "spec", "attached", "scene"])
+@pytest.mark.parametrize("what", MESHES)
+def test_meshes_are_found_whatever_the_file_names_and_whoever_attaches_it(
+    what: str, kind: str, tmp_path: Path
+) -> None:
+    """Shapes of the chest are those of MuJoCo's compiled mesh; where no file has it so, the box around it."""
+    compiler, mesh = MESHES[what]
+    home = tmp_path / "robot"
+    (home / "parts").mkdir(parents=True)
+    (home / "parts" / "hull.obj").write_text(OBJ)
+    xml = biped(extra=f'<compiler {compiler}/><asset><mesh name="hull" {mesh}/></asset>')
+    xml = xml.replace(
+        '<option gravity="0 0 -9.80665"/>', ""
+    )  # MuJoCo warns of one that a scene does not have
+    hull = '<geom type="mesh" mesh="hull" mass="0" pos="0.1 0.2 0.3" contype="0" conaffinity="0"/>'
+    xml = xml.replace('<joint name="waist"', f'{hull}<joint name="waist"')
+    (home / "robot.xml").write_text(xml)
+    spec = mujoco.MjSpec()
+    (tmp_path / "scene.xml").write_text(
+        '<mujoco><asset><model name="it" file="robot/robot.xml"/></asset><worldbody>'
+        '<attach model="it" body="pelvis" prefix="r/"/></worldbody></mujoco>'
+    )
+    if kind == "attached":
+        spec.attach(
+            mujoco.MjSpec.from_file(str(home / "robot.xml")), frame=spec.worldbody.add_frame(), prefix="r/"
+        )
+    source = {
+        "path": home / "robot.xml",
+        "model": mujoco.MjModel.from_xml_path(str(home / "robot.xml")),
+        "spec": mujoco.MjSpec.from_file(str(home / "robot.xml")),
+        "attached": spec,
+        "scene": tmp_path / "scene.xml",
+    }[kind]
+    if (what, kind) == ("moved", "model"):
+        pytest.skip("a compiled model does not tell where its mesh was")
+    if what == "strippath" and kind in ("attached", "scene"):
+        pytest.skip("MuJoCo itself does not strip paths of what is attached")
+    description = RobotDescription.from_mjcf(source)
+    chest = next(name for name in ("chest", "r/chest") if f'"{name}"' in description.urdf)
+    boxed = what in ("moved", "in the file", "built in")
+    assert any("boxes around them: mesh" in line for line in description.derived) == boxed
+    (shape,) = (
+        shape for shape in link_shapes(description.urdf, description.package_dirs) if shape.link == chest
+    )
+    model = mujoco.MjModel.from_xml_path(str(home / "robot.xml"))
+    geom = int(np.flatnonzero(model.geom_type == mujoco.mjtGeom.mjGEOM_MESH)[0])
+    place = placement_of(model.geom_pos[geom], model.geom_quat[geom])
+    inside = [shape.placement.actInv(place.act(np.array(each, dtype=float))) for each in model.mesh_vert]
+    np.testing.assert_array_less(np.abs(inside).max(axis=0), np.array(shape.size) + 1e-6)
+    assert np.abs(inside).max() == pytest.approx(max(shape.size), abs=1e-6)
+
+
+COVER = '<geom type="box" size="0.5 0.5 0.5" group="2" contype="0" conaffinity="0" mass="0"/>'
+TOUCHING = {
+    "mask": ('<geom name="own" size="0.07" group="3"/>', ""),
+    "shown": ('<geom name="own" size="0.07" group="0"/>', ""),
+    "pair": (
+        '<geom name="own" size="0.07" contype="0" conaffinity="0" group="1"/>',
+        '<contact><pair geom1="own" geom2="ground"/></contact>',
+    ),
+    "by convention": ('<geom name="own" size="0.07" contype="0" conaffinity="0" group="3"/>', ""),
+    "ellipsoid": ('<geom name="own" type="ellipsoid" size="0.07 0.05 0.04" group="3"/>', ""),
+}
+
+
+@pytest.mark.parametrize("what", TOUCHING)
+def test_collision_shapes_are_the_geoms_that_touch(what: str) -> None:
+    geom, extra = TOUCHING[what]
+    xml = biped(extra=extra).replace('<joint name="waist"', f'{COVER}{geom}<joint name="waist"')
+    for source in (xml, mujoco.MjModel.from_xml_string(xml)):
+        description = RobotDescription.from_mjcf(source)
+        (shape,) = description.collision_shapes()["chest"]
+        assert shape.radius == pytest.approx(0.05 if what == "ellipsoid" else 0.07)
+        assert any("ellipsoid 'own'" in line for line in description.derived) == (what == "ellipsoid")
 
 
 def test_springs_beside_the_drives_are_forces_of_the_controllers_model() -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import pickle
 import re
 from pathlib import Path
 from typing import Any
@@ -268,6 +269,104 @@ def test_continuous_and_mimic_joints_become_ordinary_ones() -> None:
     said = "\n".join(description.derived)
     assert "'l_elbow': continuous" in said
     assert "'r_elbow': mimic" in said
+
+
+def soft(xml: str, *, joint: str = "l_knee", own: str = "", control: str = "") -> RobotDescription:
+    """Return a robot with an element in a joint, and one of ros2_control."""
+    start = xml.index(f'<joint name="{joint}"')
+    end = xml.index("</joint>", start)
+    block = (
+        f'<ros2_control name="c" type="system"><joint name="{joint}">{control}</joint></ros2_control></robot>'
+    )
+    return RobotDescription.from_urdf((xml[:end] + own + xml[end:]).replace("</robot>", block), **FEET)
+
+
+def command(low: str, high: str, kind: str = "position") -> str:
+    """Return a command interface of ros2_control with a range."""
+    params = f'<param name="min">{low}</param><param name="max">{high}</param>'
+    return f'<command_interface name="{kind}">{params}</command_interface>'
+
+
+SOFT = {  # elements → range of a knee of [-0.1, 2.6], said
+    "inside": (
+        '<safety_controller soft_lower_limit="0.15" soft_upper_limit="1.3" k_velocity="9"/>',
+        "",
+        (0.15, 1.3),
+    ),
+    "one side": (
+        '<safety_controller soft_lower_limit="-9" soft_upper_limit="1.3" k_velocity="9"/>',
+        "",
+        (None, 1.3),
+    ),
+    "wider": (
+        '<safety_controller soft_lower_limit="-9" soft_upper_limit="9" k_velocity="9"/>',
+        "",
+        (None, None),
+    ),
+    "none": ('<safety_controller k_velocity="9"/>', "", (None, None)),
+    "beside": (
+        '<safety_controller soft_lower_limit="8" soft_upper_limit="9" k_velocity="9"/>',
+        "",
+        (None, None),
+    ),
+    "command": ("", command("0.15", "1.3"), (0.15, 1.3)),
+    "both": (
+        '<safety_controller soft_lower_limit="0.1" soft_upper_limit="1.2" k_velocity="9"/>',
+        command("0.15", "1.3"),
+        (0.15, 1.2),
+    ),
+    "speed": ("", command("0.15", "1.3", "velocity"), (None, None)),
+}
+
+
+@pytest.mark.parametrize("what", SOFT)
+def test_soft_limits_bound_a_joint_and_are_named(what: str) -> None:
+    own, control, (low, high) = SOFT[what]
+    plain = RobotDescription.from_urdf(biped(geometry=FOOT_BOX), **FEET)
+    robot = soft(biped(geometry=FOOT_BOX), own=own, control=control)
+    knee = robot.joint_names.index("l_knee")
+    before, after = ([float(side[knee]) for side in each.position_limits] for each in (plain, robot))
+    assert after == [before[0] if low is None else low, before[1] if high is None else high]
+    said = [line for line in robot.derived if "l_knee" in line and ("safety" in line or "ros2" in line)]
+    assert bool(said) == (after != before or what == "beside")
+    with pytest.raises(ModelError, match="l_knee.*not a number"):
+        soft(biped(geometry=FOOT_BOX), control=command("${low}", "1.3"))
+
+
+PLACES = {
+    "relative": "../meshes/hull 1.obj",
+    "file": "file://../meshes/hull%201.obj",
+    "whole path": "{home}/meshes/hull 1.obj",
+    "whole URL": "file://{home}/meshes/hull%201.obj",
+    "URL of this machine": "file://localhost{home}/meshes/hull%201.obj",
+    "backslashes": "..\\meshes\\hull 1.obj",
+    "package around the file": "package://my_robot/meshes/hull 1.obj",
+    "package by another name": "package://other/meshes/hull 1.obj",
+    "model": "model://my_robot/meshes/hull 1.obj",
+    "nowhere": "package://my_robot/meshes/gone.obj",
+    "unexpanded": "$(find my_robot)/meshes/hull 1.obj",
+}
+
+
+@pytest.mark.parametrize("what", PLACES)
+def test_meshes_are_found_from_the_folder_of_the_file_or_named(
+    what: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Whatever the working directory, and after the description has been pickled."""
+    home = tmp_path / "my_robot"
+    for folder in ("urdf", "meshes"):
+        (home / folder).mkdir(parents=True)
+    (home / "meshes" / "hull 1.obj").write_text(
+        "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n"
+    )
+    shape = f'<collision><geometry><mesh filename="{PLACES[what].format(home=home)}"/></geometry></collision>'
+    xml = biped(geometry=FOOT_BOX).replace('<link name="trunk">', f'<link name="trunk">{shape}', 1)
+    (home / "urdf" / "robot.urdf").write_text(xml)
+    monkeypatch.chdir(tmp_path)
+    robot = pickle.loads(pickle.dumps(RobotDescription.from_urdf(home / "urdf" / "robot.urdf", **FEET)))
+    lost = what in ("nowhere", "unexpanded")
+    assert len(robot.collision_shapes().get("trunk", ())) == (0 if lost else 1)
+    assert any("1 of 1 meshes are not found" in line for line in robot.derived) == lost
 
 
 def test_missing_limits_come_from_mass_and_size() -> None:

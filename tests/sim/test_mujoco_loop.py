@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import re
+from pathlib import Path
+
 import mujoco
 import numpy as np
 import pytest
@@ -212,3 +215,108 @@ def test_a_simulation_that_has_diverged_gives_no_measurement_and_a_reset_leaves_
     for _ in range(20):
         loop.step(loop.hold())
     assert loop.measure().time == loop.time and np.isfinite(loop.measure().joint_position).all()
+
+
+BIPED = (Path(__file__).parents[2] / "examples" / "biped.xml").read_text(encoding="utf-8")
+FLOOR = '<geom name="deck" type="plane" size="0 0 1"/></worldbody>'
+DOOR = '<body pos="3 0 1"><joint name="hinge"/><geom type="box" size=".3 .02 .5"/></body></worldbody>'
+SERVO = 'kp="900" kv="9"'
+
+
+def stranger(xml: str, floor: str = FLOOR) -> tuple[MujocoLoop, float]:
+    """Return the loop of the biped in a changed file after standing for 0.15 s, and how far its CoM moved, m."""
+    xml = xml.replace("</worldbody>", floor, 1)
+    loop = MujocoLoop(wbc.RobotDescription.from_mjcf(xml), mujoco.MjModel.from_xml_string(xml))
+    control = wbc.TorqueControl(wbc.balance_controller(loop.description.robot(), loop.control_period))
+    start = loop.truth().com
+    while loop.time < 0.15:
+        loop.step(control.command(loop.measure()))
+    assert control.failures == 0
+    return loop, float(np.abs(loop.truth().com - start).max())
+
+
+@pytest.mark.parametrize("kinds", ["door", "robot", "both"])
+def test_controls_are_found_where_actuators_have_several(kinds: str) -> None:
+    """A pid of a door in front of the motors, pids as the robot's servos; controls of the door are left alone."""
+    xml = BIPED.replace("</worldbody>", DOOR).replace(
+        "<actuator>", f'<actuator><pid joint="hinge" {SERVO}/>' if kinds != "robot" else "<actuator>"
+    )
+    if kinds != "door":
+        xml = re.sub(r'<motor joint="(\w+)"/>', rf'<pid joint="\1" {SERVO} gear="1"/>', xml)
+    loop, moved = stranger(xml)
+    assert moved < 2e-3
+    assert set(loop.actuators.kinds) == {"motor" if kinds == "door" else "position"}
+    assert kinds == "robot" or not loop.data.ctrl[:2].any()
+
+
+@pytest.mark.parametrize("more", ['ki="1"', 'slewmax="1"', 'kp="0"'])
+def test_a_pid_that_does_more_is_refused_by_name(more: str) -> None:
+    gains = more if "kp" in more else f'kp="900" {more}'
+    own = f'<pid name="odd" joint="left_knee" kv="2" {gains}/></actuator>'
+    with pytest.raises(ModelError, match="'odd' of joint 'left_knee'"):
+        stranger(BIPED.replace("</actuator>", own))
+
+
+@pytest.mark.parametrize(("off", "kind"), [(3, "motor"), (2, "position"), (4, "motor + position")])
+def test_actuators_of_a_group_that_is_off_do_not_drive(off: int, kind: str) -> None:
+    names = re.findall(r'<motor joint="(\w+)"/>', BIPED)
+    servos = "".join(f'<position joint="{name}" gear="1" {SERVO} group="3"/>' for name in names)
+    xml = BIPED.replace("</actuator>", f"{servos}</actuator>").replace('gear="10"/>', 'gear="10" group="2"/>')
+    option = f'<option actuatorgroupdisable="{off}"/><default>'
+    loop, moved = stranger(xml.replace("<default>", option, 1))
+    assert set(loop.actuators.kinds) == {kind} and moved < 2e-3
+    assert any("disabled" in note for note in loop.notes) == (off != 4)
+
+
+@pytest.mark.parametrize("what", ['delay="0.06" nsample="64"', 'interval="0.02 0" nsample="2"', 'cutoff="9"'])
+def test_a_sensor_that_reads_late_or_seldom_is_noted(what: str) -> None:
+    xml = BIPED.replace("<gyro ", f"<gyro {what} ").replace("</worldbody>", FLOOR)
+    loop = MujocoLoop(wbc.RobotDescription.from_mjcf(BIPED), mujoco.MjModel.from_xml_string(xml))
+    assert [note for note in loop.notes if note.startswith("gyroscope")]
+
+
+def test_sensors_that_a_flag_switches_off_are_computed() -> None:
+    off = BIPED.replace("<default>", '<option><flag sensor="disable"/></option><default>', 1)
+    loop, moved = stranger(off)
+    assert moved < 2e-3 and loop.measure().specific_force[2] > 9.0
+    gyroscope = next(str(loop.model.sensor(i).name) for i in range(loop.model.nsensor))
+    with pytest.raises(InputError, match="disables all sensors"):
+        MujocoLoop(loop.description, loop.model, gyroscope=gyroscope)
+
+
+BOX = '<geom type="box" size="1 1 0.05" pos="0 0 {z}"/></worldbody>'
+FLOORS = {  # floor, its height, m, and what is noted
+    "level": (FLOOR, 0.0, ""),
+    "higher": (FLOOR.replace("/>", ' pos="0 0 0.08"/>'), 0.08, "the ground is at z = 0.080"),
+    "lower": (FLOOR.replace("/>", ' pos="0 0 -0.25"/>'), -0.25, "the ground is at z = -0.250"),
+    "above the robot": (BOX.format(z=4.95), 5.0, "the ground is at z = 5.000"),
+    "under a roof": (BOX.format(z=-0.05) + BOX.format(z=3.0).replace("</worldbody>", ""), 0.0, ""),
+    "under a painting": ('<geom type="box" size="1 1 0.1" contype="0" conaffinity="0"/>' + FLOOR, 0.0, ""),
+    "ball between the feet": (
+        '<body pos="0 0 .05"><freejoint/><geom type="sphere" size=".05"/></body>' + FLOOR,
+        0.0,
+        "",
+    ),
+    "step under a foot": ('<geom type="box" size="1 1 0.02" pos="0 1 0"/>' + FLOOR, 0.02, "uneven"),
+    "none": ("</worldbody>", 0.0, "no ground under the soles"),
+}
+
+
+@pytest.mark.parametrize("what", FLOORS)
+def test_a_robot_is_put_on_the_floor_that_there_is(what: str) -> None:
+    floor, height, said = FLOORS[what]
+    if "</worldbody>" in floor[:-12]:
+        floor = floor.replace("</worldbody>", "") + "</worldbody>"
+    xml = BIPED.replace("</worldbody>", floor, 1)
+    description = wbc.RobotDescription.from_mjcf(BIPED)
+    loop = MujocoLoop(description, mujoco.MjModel.from_xml_string(xml))
+    assert loop.truth().q[2] == pytest.approx(description.robot().half_sitting[2] + height, abs=1e-6)
+    assert any(said in note for note in loop.notes) if said else not loop.notes
+    loop.reset(description.robot().half_sitting)  # where one says, it is put
+    assert loop.truth().q[2] == pytest.approx(description.robot().half_sitting[2])
+
+
+def test_a_robot_that_begins_inside_a_thing_is_noted() -> None:
+    xml = BIPED.replace("</worldbody>", '<geom type="box" size="0.005 0.2 0.3" pos="0.08 0 0"/>' + FLOOR)
+    loop = MujocoLoop(wbc.RobotDescription.from_mjcf(BIPED), mujoco.MjModel.from_xml_string(xml))
+    assert any("inside" in note for note in loop.notes)

@@ -7,10 +7,42 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from wbc.core.errors import Array, InputError, finite_array, finite_scalar, positive
+from wbc.core.errors import Array, InputError, finite_array, finite_scalar, positive, shown
 
 WORLD = "world"
 """Frame of clouds and maps that are in the frame of the robot's estimate."""
+
+
+def check_frame(what: str, name: object) -> None:
+    """Raise an `InputError` for what is no name of a frame; `what` is said in the message."""
+    if not isinstance(name, str) or not name:
+        raise InputError(f"{what} must be the name of a frame of the robot, or '{WORLD}', got {shown(name)}")
+
+
+def _numbers(what: str, value: ArrayLike) -> Array:
+    """Return numbers, which may be NaN, as a float64 array of any shape; an `InputError` for anything else."""
+    try:
+        array = np.asarray(value)
+        if array.dtype.kind not in "iuf" and array.size:
+            raise TypeError
+        if isinstance(value, np.ma.MaskedArray):
+            array = np.where(np.ma.getmaskarray(value), np.nan, array)
+        return np.asarray(array, dtype=np.float64)
+    except (TypeError, ValueError, OverflowError) as error:
+        raise InputError(f"{what} must be numbers, got {shown(value)}") from error
+
+
+def _points(value: ArrayLike) -> Array:
+    """Return the points of a cloud, of an array with the fields x, y and z as well."""
+    fields = getattr(getattr(value, "dtype", None), "names", None)
+    if fields is None:
+        return _numbers("points of a cloud", value)
+    if missing := [axis for axis in "xyz" if axis not in fields]:
+        raise InputError(
+            f"points of a cloud must have the fields x, y and z, of {', '.join(fields)}: {', '.join(missing)} missing"
+        )
+    cloud = np.asarray(value).ravel()
+    return np.stack([_numbers(f"field {axis} of a cloud", cloud[axis]) for axis in "xyz"], axis=1)
 
 
 @dataclass(frozen=True, eq=False)
@@ -18,7 +50,8 @@ class PointCloud:
     """Points of the ground seen at one instant, by a depth camera, a lidar or range sensors.
 
     Attributes:
-        points: Shape (n, 3), m, in `frame`; rows with NaN or infinity, lost returns, are left out.
+        points: Shape (n, 3), m, in `frame`; rows with NaN or infinity, lost returns, are left out. An array with named
+            fields, as ROS gives clouds, is read by its fields x, y and z.
         time: Instant at which the points were seen, on the clock of `Measurement.time`, s.
         frame: Frame of the robot's model in which the points are, usually that of the sensor; "world" for the frame of
             the robot's estimate.
@@ -31,11 +64,20 @@ class PointCloud:
     std: ArrayLike = 0.005
 
     def __post_init__(self) -> None:
-        points = np.asarray(self.points, dtype=np.float64)
+        points = _points(self.points)
         if points.ndim != 2 or points.shape[1] != 3:
-            raise InputError(f"points of a cloud must have shape (n, 3), got {points.shape}")
+            more = (
+                "; leave out the columns after x, y and z" if points.ndim == 2 and points.shape[1] > 3 else ""
+            )
+            raise InputError(f"points of a cloud must have shape (n, 3), got {points.shape}{more}")
         finite_scalar("time of a cloud (s)", self.time)
-        std = np.broadcast_to(np.asarray(self.std, dtype=np.float64), len(points))
+        check_frame("frame of a cloud", self.frame)
+        std = _numbers("std of a cloud (m)", self.std)
+        if std.shape not in ((), (1,), (len(points),)):
+            raise InputError(
+                f"std of a cloud (m) must be a number or have shape ({len(points)},), got shape {std.shape}"
+            )
+        std = np.broadcast_to(std, len(points))
         good = np.isfinite(points).all(axis=1)
         if not (std[good] > 0.0).all():
             raise InputError("std of a cloud (m) must be above zero for every point")
@@ -67,11 +109,14 @@ class ElevationMap:
     _turn: complex = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
-        heights = np.asarray(self.heights, dtype=np.float64)
+        heights = _numbers("heights of a map (m)", self.heights)
         if heights.ndim != 2 or not heights.size:
             raise InputError(f"heights of a map must have shape (nx, ny), got {heights.shape}")
         cell = positive("cell of a map (m)", self.cell)
         finite_scalar("time of a map (s)", self.time)
+        check_frame("frame of a map", self.frame)
+        if not (isinstance(self.max_age, float) and self.max_age == np.inf):
+            positive("max_age of a map (s)", self.max_age)
         _, _, yaw = finite_array("pose of a map (m, m, rad)", self.pose, (3,)).tolist()
         object.__setattr__(self, "heights", heights)
         object.__setattr__(self, "unknown", bool(np.isnan(heights).all()))
