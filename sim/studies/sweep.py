@@ -39,6 +39,11 @@ ONE_THREAD = {f"{library}_NUM_THREADS": "1" for library in ("OMP", "OPENBLAS", "
 """Variables that limit the threads of the libraries for linear algebra; they must be set before these are loaded."""
 
 
+SAFE_PATH = {"PYTHONSAFEPATH": "1"}
+"""Variable by which a new process does not import from the current folder, where a file could be named like a library:
+loky and Python start their processes by `python -m` and `python -c`, which look there first."""
+
+
 class SweepError(WbcError):
     """A sweep that cannot go on; trials that have ended are in the journal."""
 
@@ -213,21 +218,42 @@ def local_executor(workers: int) -> Iterator[Executor]:
     """Make an executor of local processes with one thread for linear algebra each; they import the script that runs."""
     from joblib.externals import loky  # noqa: PLC0415 - only sweeps need it
 
-    pool = loky.ProcessPoolExecutor(
-        workers, context=loky.backend.get_context("loky_init_main"), env=ONE_THREAD, initializer=_start_worker
-    )
+    with _environment(ONE_THREAD | SAFE_PATH):  # processes of this context take no variables of their own
+        pool = loky.ProcessPoolExecutor(
+            workers,
+            context=loky.backend.get_context("loky_init_main"),
+            initializer=_start_worker,
+            initargs=(os.getpid(),),
+        )
+        try:
+            yield pool
+        except BaseException:
+            pool.shutdown(wait=False, kill_workers=True)
+            raise
+        pool.shutdown()
+
+
+@contextlib.contextmanager
+def _environment(variables: Mapping[str, str]) -> Iterator[None]:
+    """Set variables of the environment for all processes that the block starts."""
+    before = {name: os.environ.get(name) for name in variables}
+    os.environ.update(variables)
     try:
-        yield pool
-    except BaseException:
-        pool.shutdown(wait=False, kill_workers=True)
-        raise
-    pool.shutdown()
+        yield
+    finally:
+        for name, value in before.items():
+            if value is None:
+                del os.environ[name]
+            else:
+                os.environ[name] = value
 
 
-def _start_worker() -> None:
-    """Prepare a local process: it logs errors alone, and ends with the process that has started it, killed or not."""
+def _start_worker(parent: int) -> None:
+    """Prepare a local process: it logs errors alone, and ends with the process `parent` that has started it.
+
+    A parent that was killed before this call is noticed, too: the process has another parent then.
+    """
     logging.getLogger().setLevel(logging.ERROR)
-    parent = os.getppid()
 
     def follow() -> None:
         while os.getppid() == parent:

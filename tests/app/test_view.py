@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 import socket
+import urllib.error
 import urllib.request
 from pathlib import Path
 from typing import Any
@@ -307,6 +308,8 @@ def test_meshcat_answers_on_this_machine_alone_and_shows_any_loop() -> None:
     with MeshcatView(loop, port=0, rate=1e6) as view:
         with urllib.request.urlopen(view.url) as page:
             assert page.status == 200 and b"MeshCat" in page.read()
+        with pytest.raises(urllib.error.HTTPError, match="404"):  # a foreign name that was made to lead here
+            urllib.request.urlopen(urllib.request.Request(view.url, headers={"Host": "evil.example"}))
         loop.step(loop.hold())
         view.update()
         assert view.frames >= 2 and view.pages == 0 and not view.wait_for_page(0.0)

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import asyncio
 import math
 import time
+import urllib.error
 import urllib.request
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
+from urllib.parse import urlsplit
 
 import pytest
 from browser import Browser, needs_chromium
@@ -20,6 +23,9 @@ from wbc.sim.walks.trial import WalkTrial
 from wbc.walking import FootstepPlan, Gait, WalkingControl, walk_distance
 
 pytest.importorskip("viser")
+
+from websockets.asyncio.client import connect  # noqa: E402 - comes with viser
+from websockets.exceptions import InvalidStatus  # noqa: E402
 
 from wbc.app.view.workbench import Workbench  # noqa: E402
 
@@ -123,13 +129,62 @@ def test_the_page_answers_on_this_machine_alone() -> None:
     plant, control = stand()
     with Workbench(plant, control, port=0) as view:
         assert view.url.startswith("http://127.0.0.1:")
-        with urllib.request.urlopen(view.url) as answer:
-            assert answer.status == 200
+        assert asked(view.url) == 200
         with pytest.raises(PortError):
-            Workbench(plant, control, port=int(view.url.rstrip("/").rpartition(":")[2]))
+            Workbench(plant, control, port=urlsplit(view.url).port)
         assert not view.ended("without a page there is nobody to ask")
         view.show(*stand())
         view.update()
+
+
+def asked(url: str, **headers: str) -> int:
+    """Return the status of the answer to a request."""
+    try:
+        with urllib.request.urlopen(urllib.request.Request(url, headers=headers)) as answer:
+            return int(answer.status)
+    except urllib.error.HTTPError as refused:
+        return refused.code
+
+
+def let_in(url: str, origin: str | None) -> bool:
+    """Return true if a web socket, by which a page gives its orders, is let in."""
+
+    async def knock() -> bool:
+        try:
+            async with connect(url.replace("http", "ws").rstrip("/"), origin=origin):  # type: ignore[arg-type]
+                return True
+        except InvalidStatus as refused:
+            assert refused.response.status_code == 403
+            return False
+
+    return asyncio.run(knock())
+
+
+def test_only_the_page_of_the_link_gives_orders() -> None:
+    """Another page of the browser does not know the link; one that does has another origin, or another host."""
+    with Workbench(*stand(), port=0) as view, Workbench(*stand(), port=0) as other:
+        place = urlsplit(view.url)
+        root, host = f"http://{place.netloc}/", f"localhost:{place.port}"
+        assert asked(view.url) == asked(view.url, Host=host) == asked(f"{view.url}?darkMode") == 200
+        for url in (root, f"{root}index.html", f"{view.url[:-2]}/", f"{root}{urlsplit(other.url).path[1:]}"):
+            assert asked(url) == 403
+        for host in (
+            "evil.example",
+            f"evil.example:{place.port}",
+            f"127.0.0.1.evil.example:{place.port}",
+            "[",
+            "",
+        ):
+            assert asked(view.url, Host=host) == 403
+        assert let_in(view.url, None) and let_in(view.url, root.rstrip("/"))
+        strangers = (
+            "http://evil.example",
+            "null",
+            f"http://127.0.0.1:{urlsplit(other.url).port}",
+            "https://127.0.0.1",
+        )
+        assert not any(let_in(view.url, origin) for origin in strangers)
+        assert not let_in(root, None) and not let_in(root, root.rstrip("/"))
 
 
 def test_pushes_come_from_the_robots_side_and_are_written_down() -> None:

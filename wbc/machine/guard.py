@@ -16,9 +16,9 @@ import subprocess
 import sys
 import tempfile
 import time
-from pathlib import Path
 from typing import Any
 
+from wbc.core.processes import child_command
 from wbc.machine.clock import ask_priority, keep_timers_sharp
 from wbc.machine.loop import Driver, MachineError
 
@@ -27,9 +27,6 @@ BEAT = struct.Struct("<dd")
 
 WATCHING = b"watching\n"
 """Line with which the process says that it has the driver and watches."""
-
-PROGRAM = "from wbc.machine.guard import main; main()"
-"""Program of the process."""
 
 CHECK_PERIOD = 0.001
 """Period of the check of a loop that is not watched, s."""
@@ -62,13 +59,11 @@ class Guard:
         os.ftruncate(self._fd, mmap.PAGESIZE)
         self._memory = mmap.mmap(self._fd, mmap.PAGESIZE)
         self._memory[: BEAT.size] = BEAT.pack(0.0, 0.0)
-        root = str(Path(__file__).resolve().parents[2])
         self._process = subprocess.Popen(
-            [sys.executable, "-c", PROGRAM, str(self._fd), str(priority or 0)],
+            child_command("wbc.machine.guard", str(self._fd), str(priority or 0), str(os.getpid())),
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             pass_fds=[self._fd],
-            env=os.environ | {"PYTHONPATH": os.pathsep.join([root, os.environ.get("PYTHONPATH", "")])},
             start_new_session=True,
         )
         assert self._process.stdin is not None and self._process.stdout is not None
@@ -106,9 +101,11 @@ class Guard:
         os.close(self._fd)
 
 
-def watch(driver: Any, memory: mmap.mmap) -> None:
-    """Damp whenever the heart has stood for too long; return when the loop has ended, well or damped for a while."""
-    parent = os.getppid()
+def watch(driver: Any, memory: mmap.mmap, parent: int) -> None:
+    """Damp whenever the heart has stood for too long; return when the loop has ended, well or damped for a while.
+
+    `parent` is the number of the loop's process; another parent means that the loop's process has ended.
+    """
     damped_since: float | None = None
     while True:
         now = time.monotonic()
@@ -139,4 +136,4 @@ def main() -> None:
     keep_timers_sharp()
     driver.damp()  # opens the wire; the loop has sent no command yet
     os.write(sys.stdout.fileno(), WATCHING)
-    watch(driver, memory)
+    watch(driver, memory, int(sys.argv[3]))

@@ -1,15 +1,24 @@
-"""MeshCat's server in a process of its own, on this machine alone: `python -m wbc.app.view.meshcat_server PORT`.
+"""MeshCat's server in a process of its own, on this machine alone; its argument is the port.
 
 It prints the address that takes commands, then a line for each page that opens or closes, and ends with its input.
 """
 
 from __future__ import annotations
 
+import re
 import sys
 from functools import partial
 from typing import Any
 
-from meshcat.servers.zmqserver import WebSocketHandler, ZMQWebSocketBridge
+from meshcat.servers.zmqserver import (
+    VIEWER_HTML,
+    VIEWER_ROOT,
+    StaticFileHandlerNoCache,
+    WebSocketHandler,
+    ZMQWebSocketBridge,
+)
+
+from wbc.app.view.door import HOSTS
 
 LAST = 0.5
 """Time in which pages take the last picture, s."""
@@ -38,12 +47,19 @@ class Bridge(ZMQWebSocketBridge):  # type: ignore[misc]
     def make_app(self) -> Any:
         """Return the application."""
         app = super().make_app()
-        app.add_handlers(".*", [("/", Page, {"bridge": self})])
+        files = {"path": VIEWER_ROOT, "default_filename": VIEWER_HTML}
+        app = type(super().make_app())()  # that of MeshCat would answer under every name
+        # Only under the names of this machine; tornado compares the origin of a web socket with its host.
+        app.add_handlers(
+            "|".join(map(re.escape, HOSTS)),
+            [(r"/static/(.*)", StaticFileHandlerNoCache, files), ("/", Page, {"bridge": self})],
+        )
         app.listen = partial(app.listen, address=self.host)
         return app
 
 
-if __name__ == "__main__":
+def main() -> None:
+    """Run the process."""
     bridge = Bridge(port=int(sys.argv[1]))
     loop = bridge.ioloop
 

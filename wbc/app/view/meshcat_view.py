@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import logging
 import os
+import select
 import subprocess
-import sys
+import tempfile
+import time as clock
 import weakref
 from typing import Any
 
@@ -15,9 +18,21 @@ from wbc.app.view.base import LOCAL, View, ViewError
 from wbc.app.view.marks import Mark, Picture, changes, mark_mesh
 from wbc.app.view.meshes import Colour, Mesh, body_meshes
 from wbc.core.errors import Array
+from wbc.core.processes import child_command
 
 ROOT = "/meshcat/wbc"
 """Root of all objects in MeshCat's tree."""
+
+START_TIME, PATIENCE = 60.0, 5.0
+"""Longest times that the server may take to start, and to answer a command, s."""
+
+END_TIME = 3.0
+"""Longest time that the server may take to end, s."""
+
+POLL = 100
+"""Period at which a server that is waited for is looked at, ms."""
+
+_log = logging.getLogger(__name__)
 
 
 class MeshcatView(View):
@@ -25,7 +40,8 @@ class MeshcatView(View):
 
     Every page of this machine may watch; none changes the run, which a `Workbench` does. MeshCat's server is a process
     of its own, which ends with the program; the page keeps its last picture. The run does not wait for it: while the
-    server is busy with one picture, others are left out.
+    server is busy with one picture, others are left out. A server that has died or no longer answers is named in the
+    log of the program, and the run goes on without a view.
     """
 
     def _open(self, port: int) -> None:
@@ -33,22 +49,40 @@ class MeshcatView(View):
 
         self._commands: Any = commands
         self._geometry: Any = geometry
-        command = [sys.executable, "-m", "wbc.app.view.meshcat_server", str(port)]
-        pipe = subprocess.PIPE
-        server = subprocess.Popen(command, stdin=pipe, stdout=pipe, stderr=subprocess.DEVNULL)
-        self._finalizer = weakref.finalize(self, server.communicate)
-        assert server.stdout is not None
-        address = server.stdout.readline().decode().strip()
+        pipe, self._said = subprocess.PIPE, tempfile.TemporaryFile()  # noqa: SIM115 - open as long as the server
+        server = subprocess.Popen(
+            child_command("wbc.app.view.meshcat_server", str(port)),
+            stdin=pipe,
+            stdout=pipe,
+            stderr=self._said,
+        )
+        self._finalizer = weakref.finalize(self, _end_server, server)
+        self._server, self._pages, self._lost = server, 0, False
+        self._lines: Any = server.stdout
+        address = self._address()
         if not address:
+            self._finalizer()
+            self._said.seek(0)
+            said = self._said.read().decode(errors="replace").strip().rpartition("\n")[2]
             raise ViewError(
-                f"MeshCat's server has not started at port {port}: `{' '.join(command)}` says why"
+                f"MeshCat's server has not started at port {port}: {said or 'it does not answer'}"
             )
-        os.set_blocking(server.stdout.fileno(), False)
-        self._lines, self._pages = server.stdout, 0
         self._socket: Any = zmq.Context.instance().socket(zmq.DEALER)
         self._socket.connect(address)
-        self._unanswered = 0
+        self._unanswered, self._heard = 0, clock.monotonic()
         self.url = f"http://{LOCAL}:{port}/static/"
+
+    def _address(self) -> str:
+        """Return the address that takes commands, which the server says first; empty if it does not come."""
+        os.set_blocking(self._lines.fileno(), False)
+        said, end = b"", clock.monotonic() + START_TIME
+        while not said.endswith(b"\n") and (left := end - clock.monotonic()) > 0.0:
+            if select.select([self._lines], [], [], left)[0]:
+                part = self._lines.read()
+                if not part:  # it has ended
+                    return ""
+                said += part
+        return said.decode(errors="replace").strip()
 
     def _build(self) -> None:
         height, properties = self.stage.scale.height, self._commands.SetProperty
@@ -71,18 +105,27 @@ class MeshcatView(View):
         """Send a command of MeshCat to a path; its answer is not waited for."""
         plain = kind(*values, path=self._commands.Path(tuple(path.strip("/").split("/")))).lower()
         packed = self._geometry.umsgpack.packb(plain)
+        if not self._unanswered:
+            self._heard = clock.monotonic()
         self._socket.send_multipart([b"", plain["type"].encode(), plain["path"].encode(), packed])
         self._unanswered += 1
 
     def _answered(self, *, wait: bool) -> bool:
-        """Take the server's answers; return True if it has carried out all commands."""
-        try:
-            while self._unanswered:
-                self._socket.recv_multipart(0 if wait else zmq.NOBLOCK)
-                self._unanswered -= 1
-        except zmq.Again:
-            return False
-        return True
+        """Take the server's answers; return True if it has carried out all commands, and takes more."""
+        while self._unanswered and not self._lost:
+            try:
+                self._socket.recv_multipart(zmq.NOBLOCK)
+                self._unanswered, self._heard = self._unanswered - 1, clock.monotonic()
+            except zmq.Again:
+                if self._server.poll() is not None or clock.monotonic() > self._heard + PATIENCE:
+                    self._lost = True
+                    how = "does not answer" if self._server.returncode is None else "has ended"
+                    _log.warning("the live view shows nothing more: MeshCat's server %s", how)
+                elif not wait:
+                    return False
+                else:
+                    self._socket.poll(POLL)
+        return not self._lost
 
     def _send(self, picture: Picture) -> None:
         if not self._answered(wait=self.closed):
@@ -126,7 +169,7 @@ class MeshcatView(View):
     @property
     def pages(self) -> int:
         """Number of open browser pages."""
-        if self.closed:
+        if self.closed or self._lost:
             return 0
         for line in (self._lines.read() or b"").split():
             self._pages += 1 if line == b"opened" else -1
@@ -136,3 +179,13 @@ class MeshcatView(View):
         self._answered(wait=True)
         self._socket.close(linger=0)
         self._finalizer()
+        self._said.close()
+
+
+def _end_server(server: subprocess.Popen[bytes]) -> None:
+    """End the server by the end of its input; one that does not end is killed."""
+    try:
+        server.communicate(timeout=END_TIME)
+    except subprocess.TimeoutExpired:
+        server.kill()
+        server.communicate()

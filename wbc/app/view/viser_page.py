@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from wbc.app.view.base import LOCAL, ViewError
+from wbc.app.view.door import Door
 from wbc.app.view.marks import Mark, Picture, changes, legend, mark_mesh
 from wbc.app.view.meshes import Colour, body_meshes
 from wbc.app.view.stage import Stage
@@ -28,7 +29,7 @@ class ViserPage:
 
     Attributes:
         server: Viser's server, of this machine alone.
-        url: Link to the page.
+        url: Link to the page, with a secret: who does not have it is refused, see `Door`.
     """
 
     def __init__(self, port: int, title: str) -> None:
@@ -39,10 +40,16 @@ class ViserPage:
             raise ViewError(
                 f"this page needs viser ({missing}): in a clone, pip install -e '.[workbench]'"
             ) from missing
-        with contextlib.redirect_stdout(io.StringIO()):
+        door = Door()
+        with contextlib.redirect_stdout(io.StringIO()), door.guards():
             self.server: Any = viser.ViserServer(LOCAL, port, title, verbose=False)
+        if not door.stands:
+            self.close()
+            raise ViewError(
+                f"viser {viser.__version__} serves its page by other means than those that are guarded"
+            )
         self.server.gui.configure_theme(show_share_button=False, show_logo=False)
-        self.url = f"http://{LOCAL}:{self.server.get_port()}/"
+        self.url = f"http://{LOCAL}:{self.server.get_port()}/{door.secret}/"
 
     @property
     def open_pages(self) -> int:
