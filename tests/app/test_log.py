@@ -17,9 +17,10 @@ from full_disk import limited_file_size
 from log_writing import HEADER, signals, values, write
 from pyarrow import ipc
 
+from wbc.app.log import reader
 from wbc.app.log.header import FORMAT, KEY, encode
 from wbc.app.log.reader import Log
-from wbc.app.log.writer import ROWS
+from wbc.app.log.writer import ROWS, LogWriter
 from wbc.core.errors import InputError, UnknownNameError
 
 
@@ -97,6 +98,35 @@ def test_log_of_another_format_is_refused(tmp_path: Path) -> None:
         Log.open(path)
 
 
+def test_a_small_file_that_unpacks_to_much_is_refused_before_it_is(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(reader, "MEMORY", 1_000_000)
+    schema = pa.schema([pa.field("time", pa.float64())], metadata={KEY: encode(HEADER)})
+    path = tmp_path / "bomb.arrow"
+    with ipc.new_file(str(path), schema, options=ipc.IpcWriteOptions(compression="lz4")) as out:
+        out.write_batch(pa.RecordBatch.from_arrays([pa.array(np.zeros(1_000_000))], schema=schema))
+    before = pa.total_allocated_bytes()
+    with pytest.raises(InputError, match="would unpack to 8000000"):
+        Log.open(path)
+    assert pa.total_allocated_bytes() == before
+
+
+def test_a_log_that_unpacks_to_more_than_memory_is_read_signal_by_signal(
+    log_file: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    whole = Log.open(log_file)
+    monkeypatch.setattr(reader, "MEMORY", 1000)
+    monkeypatch.setattr(reader, "LARGEST_FILE", 1000)
+    log = Log.open(log_file)
+    assert len(log) == len(whole) and list(log) == list(whole) and log.broken is None
+    for name in ("time", "com/estimated", "walk/step"):
+        assert (log[name] == whole[name]).all()
+    assert log.texts("walk/phase").tolist() == whole.texts("walk/phase").tolist()
+    log_file.write_bytes(log_file.read_bytes()[:-2000])
+    assert Log.open(log_file).broken and len(Log.open(log_file)) % ROWS == 0
+
+
 def test_unknown_signal_names_the_nearest_ones(log_file: Path) -> None:
     log = Log.open(log_file)
     with pytest.raises(UnknownNameError, match="'com/estimated'"):
@@ -116,14 +146,49 @@ import os, signal, sys, time
 from pathlib import Path
 sys.path.insert(0, {tests!r})
 from log_writing import ROWS, write
-writer = write(Path({path!r}), 3 * ROWS + 50)
+writer = write(Path({path!r}), {ticks})
 {end}
 """
 
 
-def run_child(path: Path, end: str) -> subprocess.CompletedProcess[bytes]:
-    code = CHILD.format(tests=str(Path(__file__).parents[1] / "support"), path=str(path), end=end)
+def run_child(path: Path, end: str, ticks: str = "3 * ROWS + 50") -> subprocess.CompletedProcess[bytes]:
+    tests = str(Path(__file__).parents[1] / "support")
+    code = CHILD.format(tests=tests, path=str(path), ticks=ticks, end=end)
     return subprocess.run([sys.executable, "-c", code], capture_output=True, check=False)
+
+
+def test_an_old_log_stays_until_the_first_batch_of_the_new_one(log_file: Path) -> None:
+    """A recording that fails, is given up or is killed before it has kept anything replaces nothing."""
+    old = log_file.read_bytes()
+    for end in ("os.kill(os.getpid(), signal.SIGKILL)", "sys.exit()"):
+        run_child(log_file, end, ticks="ROWS - 1")
+        assert log_file.read_bytes() == old
+    LogWriter(log_file).close()  # nothing was recorded
+    assert log_file.read_bytes() == old
+    write(log_file, 5)  # never closed
+    assert log_file.read_bytes() == old and [each.name for each in log_file.parent.iterdir()] == [
+        log_file.name
+    ]
+    log_file.chmod(0o640)
+    link = log_file.with_name("link.arrow")
+    link.symlink_to(log_file)
+    write(link, 3).close()
+    assert link.is_symlink() and len(Log.open(log_file)) == 3 and log_file.stat().st_mode & 0o777 == 0o640
+    assert len(list(log_file.parent.iterdir())) == 2
+
+
+@pytest.mark.parametrize("ticks", [0, ROWS + 10])
+def test_of_two_recordings_of_one_log_the_second_is_refused(log_file: Path, ticks: int) -> None:
+    """Before and after the first batch has taken the place of the old log."""
+    first = write(log_file, ticks)
+    with pytest.raises(InputError, match=r"log\.arrow is being written"):
+        LogWriter(log_file)
+    done = run_child(log_file, "writer.close()")
+    assert done.returncode != 0 and b"is being written" in done.stderr
+    first.close()
+    assert len(Log.open(log_file)) == ticks and Log.open(log_file).broken is None
+    LogWriter(log_file).close()
+    assert len(list(log_file.parent.iterdir())) == 1
 
 
 @pytest.mark.slow

@@ -89,8 +89,13 @@ def test_a_start_of_its_own_is_rebuilt_and_wrists_and_gains_are_logged(tmp_path:
     assert replay.plant.start[0] == pytest.approx(start[0])
 
 
-def test_a_loop_that_does_not_know_the_truth_is_recorded_and_not_viewed(tmp_path: Path) -> None:
-    loop = types.SimpleNamespace(description=DESCRIPTION, control_period=0.005)
+@pytest.mark.parametrize(
+    "truth", [{}, {"truth": lambda: {"com": 1.0}}, {"truth": lambda time: None}, {"truth": 3}]
+)
+def test_a_loop_that_does_not_know_the_truth_is_recorded_and_not_viewed(
+    tmp_path: Path, truth: dict[str, object]
+) -> None:
+    loop = types.SimpleNamespace(description=DESCRIPTION, control_period=0.005, **truth)
     log = recorded_stand(tmp_path / "own.arrow", shown=lambda plant: loop)
     assert len(log["com/estimated"]) == 3
     with pytest.raises(InputError, match="description"):

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import os
+import sys
 from collections.abc import Iterator, Mapping
 from functools import cached_property
+from itertools import islice
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any
@@ -16,16 +18,17 @@ from pyarrow import ipc
 
 from wbc.app.log.header import decode
 from wbc.app.log.signals import Kind, Signal
+from wbc.app.log.unpacked import LARGEST_RATIO, MEMORY, unpacked_sizes
 from wbc.app.log.writer import MAGIC, TYPES
 from wbc.core.errors import Array, InputError, unknown_name
-from wbc.core.files import decoding
+from wbc.core.files import LARGEST_FILE, decoding
 
 STREAM = 8
 """Offset of the Arrow stream in an Arrow IPC file, bytes: after the magic bytes and their padding."""
 
 
 class Log:
-    """A log in memory.
+    """A log: signals by their names. One that unpacks to more than 1 GiB stays in its file, and is read as it is asked.
 
     Attributes:
         path: The file.
@@ -36,13 +39,15 @@ class Log:
 
     header: Mapping[str, Any]
 
-    def __init__(self, path: Path, table: Any, header: dict[str, Any], broken: str | None) -> None:
+    def __init__(self, path: Path, rows: _Rows, header: dict[str, Any]) -> None:
         """Make a log from the parts that `Log.open` reads."""
-        self.path, self.broken = path, broken
+        self.path, self.broken = path, rows.broken
         self.header = MappingProxyType(header)
-        self._table = table
+        self._rows = rows
         kinds = {kind: name for name, kind in TYPES.items()}
-        self.signals = MappingProxyType({f.name: _signal(f, kinds) for f in table.schema})
+        self.signals = MappingProxyType({f.name: _signal(f, kinds) for f in rows.schema})
+        if len(self.signals) < len(rows.schema):
+            raise InputError(f"{path} is not a log: two of its signals have one name")
         self._arrays: dict[str, Array] = {}
 
     @staticmethod
@@ -55,21 +60,20 @@ class Log:
         place = Path(path)
         if not os.path.exists(place):  # False for a name that is too long, too
             raise InputError(f"cannot read the log {place}: No such file")
-        with decoding(place, "log"):
+        with decoding(place, "log", largest=sys.maxsize):
             with place.open("rb") as file:
                 start = file.read(len(MAGIC))
             if start != MAGIC:
                 what = f"no log: it begins with {start!r}" if start else "empty: nothing was recorded"
                 raise InputError(f"{place} is {what}")
-            # From memory: a file would be asked for as many bytes as a damaged length says, and reserve them.
-            table, broken = _read(place, pa.BufferReader(place.read_bytes()))
-            log = Log(place, table, decode(str(place), table.schema.metadata), broken)
+            rows = _Rows(place)
+            log = Log(place, rows, decode(str(place), rows.schema.metadata))
             if "time" in log and (not np.isfinite(log.time).all() or (np.diff(log.time) < 0.0).any()):
                 raise InputError(f"{place} is not a log: its times are not numbers that increase")
             return log
 
     def __len__(self) -> int:
-        return int(self._table.num_rows)
+        return self._rows.count
 
     def __contains__(self, name: object) -> bool:
         return isinstance(name, str) and name in self.signals
@@ -109,7 +113,7 @@ class Log:
                 kind = self.signals[name].kind
                 if kind in ("text", "list"):
                     raise InputError(f"signal '{name}' holds {kind}s, not numbers; use log.{kind}s('{name}')")
-                array = np.array(self._table.column(name).cast(pa.float64()).to_numpy())
+                array = np.array(self.column(name).cast(pa.float64()).to_numpy())
             else:
                 array = np.stack([self[part] for part in self.parts(name)], axis=1)
             array.setflags(write=False)
@@ -118,7 +122,9 @@ class Log:
 
     def column(self, name: str) -> Any:
         """Return a signal as the file holds it: a pyarrow column."""
-        return self._table.column(name)
+        if name not in self.signals:
+            unknown_name("signal", name, self.signals)
+        return self._rows.column(name)
 
     def parts(self, group: str) -> list[str]:
         """Return the names of the signals of a group that hold numbers; `UnknownNameError` for no such group."""
@@ -146,7 +152,7 @@ class Log:
             unknown_name("signal", name, self.signals)
         if self.signals[name].kind != kind:
             raise InputError(f"signal '{name}' holds {self.signals[name].kind}s, not {kind}s")
-        values: NDArray[np.object_] = self._table.column(name).to_numpy(zero_copy_only=False)
+        values: NDArray[np.object_] = self.column(name).to_numpy(zero_copy_only=False)
         return values
 
     @property
@@ -159,25 +165,64 @@ class Log:
         ]
 
 
-def _read(path: Path, file: Any) -> tuple[Any, str | None]:
-    """Return the table of a file, up to the break if there is one, and the reason for the break."""
-    try:
-        return ipc.open_file(file).read_all(), None
-    except (pa.ArrowException, OSError) as error:
-        broken = str(error)
-    file.seek(STREAM)
-    batches = []
-    try:
-        reader = ipc.open_stream(file)
-    except (pa.ArrowException, OSError, EOFError) as error:
-        raise InputError(f"{path} ends before anything was recorded: {error}") from error
-    try:
-        for batch in reader:
-            batch.validate(full=True)
-            batches.append(batch)
-    except (pa.ArrowException, OSError, EOFError) as error:
-        broken = str(error)
-    return pa.Table.from_batches(batches, schema=reader.schema), broken
+class _Rows:
+    """Rows of a file, up to the break if there is one.
+
+    Attributes:
+        schema: Names, types and metadata of the columns.
+        count: Number of rows.
+        broken: Reason for the break; None without one.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+        size = path.stat().st_size
+        # From memory as a rule: a file that another program shortens meanwhile would end this one.
+        self._content: Any = (
+            pa.py_buffer(path.read_bytes())
+            if size <= LARGEST_FILE
+            else pa.memory_map(str(path)).read_buffer()
+        )
+        sizes = unpacked_sizes(self._stream())
+        self._batches, whole = len(sizes), sum(sizes)
+        if whole > max(MEMORY, LARGEST_RATIO * size):
+            raise InputError(f"{path} has {size} bytes and would unpack to {whole}: wbc has not written it")
+        self._table, self.broken = self._read(None if whole <= MEMORY else 0)
+        self.schema, self.count = ipc.open_stream(self._stream()).schema, int(self._table.num_rows)
+
+    def column(self, name: str) -> Any:
+        """Return a column."""
+        index = self.schema.get_field_index(name)
+        table = self._table if len(self._table.schema) == len(self.schema) else self._read(index)[0]
+        return table.column(name)
+
+    def _stream(self) -> Any:
+        """Return the stream of Arrow in the file; what its end says of places in the file is not believed."""
+        stream = pa.BufferReader(self._content)
+        stream.seek(min(STREAM, self._content.size))
+        return stream
+
+    def _read(self, column: int | None) -> tuple[Any, str | None]:
+        """Return a column, or all when None, and the reason for a break."""
+        broken, expected, batches = None, 0, []
+        try:
+            expected = ipc.open_file(pa.BufferReader(self._content)).num_record_batches
+        except (pa.ArrowException, OSError) as error:
+            broken = str(error)
+        try:
+            options = ipc.IpcReadOptions(included_fields=None if column is None else [column])
+            reader = ipc.open_stream(self._stream(), options=options)
+        except (pa.ArrowException, OSError, EOFError) as error:
+            raise InputError(f"{self._path} ends before anything was recorded: {error}") from error
+        try:
+            for batch in islice(reader, self._batches):
+                batch.validate(full=True)  # offsets of texts and lists are followed without a look
+                batches.append(batch)
+        except (pa.ArrowException, OSError, EOFError) as error:
+            broken = broken or str(error)
+        if broken is None and len(batches) < expected:
+            broken = f"batch {len(batches) + 1} of {expected} is damaged"
+        return pa.Table.from_batches(batches, schema=None if batches else reader.schema), broken
 
 
 def _signal(field: Any, kinds: Mapping[Any, Kind]) -> Signal:

@@ -23,13 +23,13 @@ from wbc.core.robot import Robot
 from wbc.core.signals import Command, Measurement
 from wbc.robots import RobotDescription
 from wbc.sim.plant.plant import Plant
+from wbc.sim.plant.truth import GroundTruth
 from wbc.sim.studies.provenance import provenance
 from wbc.sim.trial.loop import TrialHook
 from wbc.tasks.behaviours import Program
 
 if TYPE_CHECKING:
     from wbc.sim import MujocoLoop
-    from wbc.sim.plant.truth import GroundTruth
     from wbc.sim.trial.loop import TrialTick
     from wbc.sim.walks.result import WalkResult
     from wbc.sim.walks.trial import WalkTrial
@@ -46,7 +46,8 @@ class Recorder(TrialHook):
         """Open the file.
 
         Args:
-            path: The file, by custom with the ending .arrow; an existing log is replaced.
+            path: The file, by custom with the ending .arrow; an existing log is replaced when the first 256
+                ticks are there, or at the end.
             spec: Specification of the run, stored in the header: a dataclass, or plain values.
             title: Title of the log; the robot's name when empty.
         """
@@ -58,6 +59,7 @@ class Recorder(TrialHook):
         self._added: list[tuple[Signal, Callable[..., Any]]] = []
         self._signals: Signals | None = None
         self._model: Robot | None = None  # of a controller of one's own
+        self._knows_truth: bool | None = None  # a loop of one's own
 
     def add(
         self,
@@ -107,12 +109,22 @@ class Recorder(TrialHook):
             )
         drives = drives_of(control)
         loop = None if plant is None or isinstance(plant, Plant) else plant
-        truth = loop.truth() if loop is not None and hasattr(loop, "truth") else None
+        truth = None if loop is None else self._truth_of(loop)
         about = None if plant is None else plant.description
         state = drives.observer.robot
         self._record(
             Tick(plant, control, measurement, command, about, drives.solution, truth, state, program=program)
         )
+
+    def _truth_of(self, loop: Any) -> GroundTruth | None:
+        """Return the true state that a loop knows; None for a loop whose `truth` is something else, or is not there."""
+        if self._knows_truth is None:  # the first tick decides which columns there are
+            try:
+                self._knows_truth = isinstance(loop.truth(), GroundTruth)
+            except (AttributeError, TypeError):  # no such method, or one that takes arguments
+                self._knows_truth = False
+        truth: GroundTruth | None = loop.truth() if self._knows_truth else None
+        return truth
 
     def write(
         self,

@@ -1,12 +1,18 @@
 """Writer of rows to an Arrow IPC file, one batch at a time.
 
-A killed program or a full disk leaves a file that holds all batches before the break, which `Log.open` reads.
+The file is begun beside the one that it replaces, and takes its place with the first batch, so that a run that fails at
+once leaves the old log. From then on a killed program or a full disk leaves a file that holds all batches before the
+break, which `Log.open` reads. Two programs cannot write one log: the second is refused when it begins.
 """
 
 from __future__ import annotations
 
+import contextlib
+import fcntl
+import hashlib
 import logging
 import os
+import weakref
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -18,7 +24,7 @@ from pyarrow import ipc
 from wbc.app.log.header import KEY, encode
 from wbc.app.log.signals import Kind, Signals
 from wbc.core.errors import Array, InputError
-from wbc.core.files import FileError, check_writable
+from wbc.core.files import BESIDE, FileError, check_writable
 
 ROWS = 256
 """Rows of a batch. Of a 26 s walk at 200 Hz, 1024 rows make a file 6 % smaller than 256, but a program that is killed
@@ -44,13 +50,18 @@ class LogWriter:
     """A log that is being written, one batch at a time.
 
     Attributes:
-        path: The file; an existing log is replaced when the first row is there.
+        path: The file; an existing log is replaced when the first batch is there, or at the end.
         ended: True after `close`.
     """
 
     def __init__(self, path: str | Path) -> None:
-        """Check the path; `InputError` if it cannot be written, or exists and is not a log."""
+        """Check the path, and keep other programs from writing there.
+
+        Raises:
+            InputError: The file cannot be written, exists and is not a log, or is being written.
+        """
         self.path, self.ended = check_path(path), False
+        self._place = _Place(self.path)
         self._failure: str | None = None
         self._rows = self._written = 0
         self._file: Any = None
@@ -69,7 +80,7 @@ class LogWriter:
         self._attempt(self._open)
 
     def _open(self) -> None:
-        self._file = pa.output_stream(str(self.path), compression=None, buffer_size=1 << 20)
+        self._file = pa.output_stream(str(self._place.beside), compression=None, buffer_size=1 << 20)
         options = ipc.IpcWriteOptions(compression="lz4", use_threads=False)
         self._out = ipc.new_file(self._file, self._schema, options=options)
         self._file.flush()
@@ -103,6 +114,7 @@ class LogWriter:
                 arrays.append(array.cast(TYPES[signal.kind]))
         self._out.write_batch(pa.RecordBatch.from_arrays(arrays, schema=self._schema))
         self._file.flush()
+        self._place.take()
         self._written += count
 
     def _attempt(self, write: Callable[[], None]) -> None:
@@ -131,6 +143,86 @@ class LogWriter:
         for part in (self._out, self._file):
             if part is not None:
                 self._attempt(part.close)
+        if self._out is not None and self._failure is None:
+            self._attempt(self._place.take)  # of a log without rows
+        self._place.leave()
+
+
+class _Place:
+    """Place of a file that one program at a time writes: beside the old file until it takes that one's place.
+
+    The lock is on the new file itself and goes with it, so that a program that is killed leaves none.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self._target = path.resolve()
+        name = hashlib.sha256(os.fsencode(self._target.name)).hexdigest()[:16]  # no longer than a name may be
+        self.beside = self._target.parent / f"{BESIDE}{name}{path.suffix}"
+        self._lock = self._locked()
+        self._taken = False
+        self._finalizer = weakref.finalize(self, _leave, self._lock, self.beside)
+        try:
+            old = os.open(self._target, os.O_RDONLY | os.O_CLOEXEC)
+        except OSError:  # there is none as a rule
+            return
+        try:
+            _take_lock(old, fcntl.LOCK_SH, self._target)
+        except InputError:
+            self.leave()
+            raise
+        finally:
+            os.close(old)
+
+    def _locked(self) -> int:
+        """Return the new file, empty and locked; one that a killed program has left is used again."""
+        while True:
+            try:
+                file = os.open(self.beside, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o666)
+            except OSError as error:
+                raise InputError(f"cannot write the log {self._target}: {error.strerror or error}") from error
+            try:
+                _take_lock(file, fcntl.LOCK_EX, self._target)
+                with contextlib.suppress(OSError):
+                    if os.path.samestat(os.fstat(file), os.stat(self.beside)):
+                        os.ftruncate(file, 0)
+                        return file
+            except BaseException:
+                os.close(file)
+                raise
+            os.close(file)  # whoever had it has put it in its place, or removed it
+
+    def take(self) -> None:
+        """Put the file in the place of the old one, with its permissions; a second call does nothing."""
+        if self._taken:
+            return
+        with contextlib.suppress(FileNotFoundError):
+            os.fchmod(self._lock, self._target.stat().st_mode & 0o777)
+        os.replace(self.beside, self._target)
+        self._taken = True
+        self._finalizer.detach()
+        self._finalizer = weakref.finalize(self, _leave, self._lock, None)
+
+    def leave(self) -> None:
+        """Let other programs write; a file that has not taken its place is removed."""
+        self._finalizer()
+
+
+def _leave(lock: int, beside: Path | None) -> None:
+    if beside is not None:
+        with contextlib.suppress(OSError):
+            beside.unlink()
+    os.close(lock)
+
+
+def _take_lock(file: int, kind: int, path: Path) -> None:
+    try:
+        fcntl.flock(file, kind | fcntl.LOCK_NB)
+    except BlockingIOError as error:
+        raise InputError(
+            f"the log {path} is being written by another recording; wait for it, or choose another name"
+        ) from error
+    except OSError:  # a file system without locks
+        pass
 
 
 def check_path(path: str | Path) -> Path:
