@@ -1,0 +1,235 @@
+"""Time one step of inverse kinematics of a library; prints one JSON object.
+
+Usage: python kinematics_tick.py {wbc,Pink,mink,PlaCo} SCENE.json
+
+Timed: writing the target, solving for velocities with limits of positions and velocities, integrating them, and the
+kinematics of the next configuration. Each class has the scene in the terms of its library.
+"""
+
+from __future__ import annotations
+
+import json
+import sys
+from importlib.metadata import version
+from pathlib import Path
+from time import perf_counter_ns
+from typing import Any
+
+import numpy as np
+from kinematics_scene import KinematicScene
+
+
+class Wbc:
+    """This library."""
+
+    def __init__(self, scene: KinematicScene) -> None:
+        import wbc
+
+        robot = wbc.load_robot(scene.robot).robot()
+        q = robot.q.copy()
+        q[2] = scene.base_height
+        for joint, value in scene.posture.items():
+            q[7 + robot.joint_index(joint)] = value
+        robot.update(q, robot.v)
+        rate = scene.gain / scene.period
+        ik = self.ik = wbc.InverseKinematics(robot, scene.period)
+        if scene.soles:
+            ik.add(*(wbc.SoleContact(sole) for sole in ("left_foot", "right_foot")), wbc.CoMTask(weight=1.0, rate=rate))
+        else:
+            ik.add(wbc.FixedContact(robot.base_frame))
+        ik.add(wbc.PostureTask(weight=scene.posture_cost**2, rate=rate), wbc.JointLimits())
+        self.hand = ik.add(wbc.PoseTask(scene.hand, rate=rate))
+        self.target, self.version = self.hand.target, version("wbc")
+        self.start = self.target.translation.copy()
+
+    def step(self, place: Any) -> None:
+        self.target.translation = place
+        self.hand.target = self.target
+        self.ik.step()
+
+    def place(self) -> Any:
+        return self.ik.robot.placement(self.hand.frame).translation
+
+
+class Pink:
+    """Pink, with DAQP."""
+
+    def __init__(self, scene: KinematicScene) -> None:
+        import pink
+        import pinocchio as pin
+
+        root = (pin.JointModelFreeFlyer(),) if scene.soles else ()
+        model = pin.buildModelFromXML(scene.urdf, *root)
+        q = pin.neutral(model)
+        for joint, value in scene.posture.items():
+            q[model.joints[model.getJointId(joint)].idx_q] = value
+        if scene.soles:
+            q[2] = scene.base_height
+        self.configuration = pink.Configuration(model, model.createData(), q)
+        self.hand = pink.FrameTask(scene.hand, 1.0, 1.0, gain=scene.gain)
+        posture = pink.PostureTask(scene.posture_cost, gain=scene.gain)
+        self.tasks, self.feet = [self.hand, posture], []
+        if scene.soles:
+            self.tasks.append(pink.tasks.ComTask(1.0, gain=scene.gain))
+            self.feet = [pink.FrameTask(sole, 1.0, 1.0, gain=scene.gain) for sole in scene.soles]
+        for task in (*self.tasks, *self.feet):
+            task.set_target_from_configuration(self.configuration)
+        self.limits = [pink.limits.ConfigurationLimit(model, 1.0), pink.limits.VelocityLimit(model)]
+        self.solve, self.period, self.frame = pink.solve_ik, scene.period, scene.hand
+        self.target, self.version = self.hand.transform_target_to_world, version("pin-pink")
+        self.start = self.target.translation.copy()
+
+    def step(self, place: Any) -> None:
+        self.target.translation = place
+        self.hand.set_target(self.target)
+        velocity = self.solve(
+            self.configuration,
+            self.tasks,
+            self.period,
+            solver="daqp",
+            limits=self.limits,
+            constraints=self.feet or None,
+            safety_break=False,
+        )
+        self.configuration.integrate_inplace(velocity, self.period)
+
+    def place(self) -> Any:
+        return self.configuration.get_transform_frame_to_world(self.frame).translation
+
+
+class Mink:
+    """mink, with DAQP."""
+
+    def __init__(self, scene: KinematicScene) -> None:
+        import mink
+        import mujoco
+
+        spec = mujoco.MjSpec.from_string(scene.urdf)
+        spec.compiler.fusestatic = False
+        if scene.soles:
+            spec.worldbody.first_body().add_freejoint()
+        model = spec.compile()
+        data = mujoco.MjData(model)
+        for joint, value in scene.posture.items():
+            data.qpos[model.joint(joint).qposadr[0]] = value
+        if scene.soles:
+            data.qpos[2] = scene.base_height
+        self.configuration = mink.Configuration(model, data.qpos)
+        self.hand = mink.FrameTask(scene.hand, "body", 1.0, 1.0, gain=scene.gain)
+        self.tasks = [self.hand, mink.PostureTask(model, scene.posture_cost, gain=scene.gain)]
+        self.feet = [mink.FrameTask(sole, "body", 1.0, 1.0, gain=scene.gain) for sole in scene.soles]
+        if scene.soles:
+            self.tasks.append(mink.ComTask(1.0, gain=scene.gain))
+        for task in (*self.tasks, *self.feet):
+            task.set_target_from_configuration(self.configuration)
+        speeds = {joint: speed for joint, speed in speed_limits(scene.urdf).items() if joint in scene.posture}
+        self.limits = [mink.ConfigurationLimit(model, 1.0), mink.VelocityLimit(model, speeds)]
+        self.solve, self.period, self.frame, self.transform = (
+            mink.solve_ik,
+            scene.period,
+            scene.hand,
+            mink.SE3,
+        )
+        pose = self.configuration.get_transform_frame_to_world(scene.hand, "body")
+        self.rotation, self.start, self.version = pose.rotation(), pose.translation().copy(), version("mink")
+
+    def step(self, place: Any) -> None:
+        self.hand.set_target(self.transform.from_rotation_and_translation(self.rotation, place))
+        velocity = self.solve(
+            self.configuration,
+            self.tasks,
+            self.period,
+            solver="daqp",
+            limits=self.limits,
+            constraints=self.feet or None,
+        )
+        self.configuration.integrate_inplace(velocity, self.period)
+
+    def place(self) -> Any:
+        return self.configuration.get_transform_frame_to_world(self.frame, "body").translation()
+
+
+class PlaCo:
+    """PlaCo, with its own solver."""
+
+    def __init__(self, scene: KinematicScene) -> None:
+        import placo
+
+        robot = self.robot = placo.RobotWrapper("", placo.Flags.ignore_collisions, scene.urdf)
+        base = np.eye(4)
+        base[2, 3] = scene.base_height
+        robot.set_T_world_fbase(base)
+        for joint, value in scene.posture.items():
+            robot.set_joint(joint, value)
+        robot.update_kinematics()
+        solver = self.solver = placo.KinematicsSolver(robot)
+        solver.dt = scene.period
+        solver.enable_joint_limits(True)
+        solver.enable_velocity_limits(True)
+        self.pose = robot.get_T_world_frame(scene.hand)
+        self.hand = solver.add_frame_task(scene.hand, self.pose)
+        self.hand.configure("hand", "soft", 1.0, 1.0)
+        posture = solver.add_joints_task()
+        posture.set_joints(scene.posture)
+        posture.configure("posture", "soft", scene.posture_cost**2)
+        if scene.soles:
+            for sole in scene.soles:
+                solver.add_frame_task(sole, robot.get_T_world_frame(sole)).configure(sole, "hard", 1.0, 1.0)
+            com = solver.add_com_task(robot.com_world())
+            com.configure("com", "soft", 1.0)
+        else:
+            solver.mask_fbase(True)
+        self.frame, self.start, self.version = scene.hand, self.pose[:3, 3].copy(), version("placo")
+
+    def step(self, place: Any) -> None:
+        self.pose[:3, 3] = place
+        self.hand.T_world_frame = self.pose
+        self.solver.solve(True)
+        self.robot.update_kinematics()
+
+    def place(self) -> Any:
+        return self.robot.get_T_world_frame(self.frame)[:3, 3]
+
+
+def speed_limits(urdf: str) -> dict[str, float]:
+    """Joint → greatest speed, rad/s, of a URDF."""
+    import xml.etree.ElementTree as ET
+
+    joints = ET.fromstring(urdf).findall("joint")
+    return {
+        str(joint.get("name")): float(limit.get("velocity", "inf"))
+        for joint in joints
+        if (limit := joint.find("limit")) is not None
+    }
+
+
+LIBRARIES = {"wbc": Wbc, "Pink": Pink, "mink": Mink, "PlaCo": PlaCo}
+
+
+def run(library: str, scene: KinematicScene) -> str:
+    """Run a scene with a library and return the record."""
+    solver = LIBRARIES[library](scene)
+    durations, off = [], 0.0
+    for number in range(scene.warm_up + scene.steps):
+        place = solver.start + scene.offset(number)
+        start = perf_counter_ns()
+        solver.step(place)
+        stop = perf_counter_ns()
+        if number >= scene.warm_up:
+            durations.append(stop - start)
+            off = max(off, float(np.linalg.norm(solver.place() - place)))
+    low, middle, high = np.percentile(durations, [5, 50, 99]) / 1e3
+    return json.dumps(
+        {
+            "library": library,
+            "version": solver.version,
+            "least_us": round(float(low), 2),
+            "median_us": round(float(middle), 2),
+            "p99_us": round(float(high), 2),
+            "error_mm": round(1e3 * off, 3),
+        }
+    )
+
+
+if __name__ == "__main__":
+    print(run(sys.argv[1], KinematicScene.load(Path(sys.argv[2]))))
