@@ -1,7 +1,8 @@
 """Time one step of inverse kinematics of this library, Pink, mink and PlaCo on the same scenes, in one run.
 
-Pink and mink run in this environment (`pip install pin-pink mink`), PlaCo, which needs an older Pinocchio, in one of its
-own, as in `compare_tick.py`. The programs take turns, several times over, so that a noisy moment hits none of them alone.
+Pink and mink run in this environment (`pip install pin-pink mink`), PlaCo, which needs an older Pinocchio, in one of
+its own, as in `compare_tick.py`. The programs take turns, several times over, so that a noisy moment hits none of them
+alone.
 
 Usage: python tests/benchmarks/compare_kinematics.py [--json] [--repeats N] [--cache FOLDER]
 """

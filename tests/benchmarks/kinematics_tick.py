@@ -10,6 +10,8 @@ from __future__ import annotations
 
 import json
 import sys
+import xml.etree.ElementTree as ET
+from contextlib import suppress
 from importlib.metadata import version
 from pathlib import Path
 from time import perf_counter_ns
@@ -18,13 +20,22 @@ from typing import Any
 import numpy as np
 from kinematics_scene import KinematicScene
 
+with suppress(ImportError):  # each environment has some of them
+    import placo
+with suppress(ImportError):
+    import wbc
+with suppress(ImportError):
+    import pink
+    import pinocchio as pin
+with suppress(ImportError):
+    import mink
+    import mujoco
+
 
 class Wbc:
     """This library."""
 
     def __init__(self, scene: KinematicScene) -> None:
-        import wbc
-
         robot = wbc.load_robot(scene.robot).robot()
         q = robot.q.copy()
         q[2] = scene.base_height
@@ -34,7 +45,10 @@ class Wbc:
         rate = scene.gain / scene.period
         ik = self.ik = wbc.InverseKinematics(robot, scene.period)
         if scene.soles:
-            ik.add(*(wbc.SoleContact(sole) for sole in ("left_foot", "right_foot")), wbc.CoMTask(weight=1.0, rate=rate))
+            ik.add(
+                *(wbc.SoleContact(sole) for sole in ("left_foot", "right_foot")),
+                wbc.CoMTask(weight=1.0, rate=rate),
+            )
         else:
             ik.add(wbc.FixedContact(robot.base_frame))
         ik.add(wbc.PostureTask(weight=scene.posture_cost**2, rate=rate), wbc.JointLimits())
@@ -55,9 +69,6 @@ class Pink:
     """Pink, with DAQP."""
 
     def __init__(self, scene: KinematicScene) -> None:
-        import pink
-        import pinocchio as pin
-
         root = (pin.JointModelFreeFlyer(),) if scene.soles else ()
         model = pin.buildModelFromXML(scene.urdf, *root)
         q = pin.neutral(model)
@@ -101,9 +112,6 @@ class Mink:
     """mink, with DAQP."""
 
     def __init__(self, scene: KinematicScene) -> None:
-        import mink
-        import mujoco
-
         spec = mujoco.MjSpec.from_string(scene.urdf)
         spec.compiler.fusestatic = False
         if scene.soles:
@@ -153,8 +161,6 @@ class PlaCo:
     """PlaCo, with its own solver."""
 
     def __init__(self, scene: KinematicScene) -> None:
-        import placo
-
         robot = self.robot = placo.RobotWrapper("", placo.Flags.ignore_collisions, scene.urdf)
         base = np.eye(4)
         base[2, 3] = scene.base_height
@@ -193,8 +199,6 @@ class PlaCo:
 
 def speed_limits(urdf: str) -> dict[str, float]:
     """Joint → greatest speed, rad/s, of a URDF."""
-    import xml.etree.ElementTree as ET
-
     joints = ET.fromstring(urdf).findall("joint")
     return {
         str(joint.get("name")): float(limit.get("velocity", "inf"))

@@ -123,7 +123,11 @@ class VelocityAssembly:
         self._slots: list[_ContactSlot] = []
         self._motion: list[tuple[Task, Array, Array, Array]] = []
         self._selection: list[tuple[Task, Rows]] = []
-        self._diagonal: list[tuple[Any, Array, Array]] = []  # columns, weights and targets of soft selections
+        self._diagonal: list[
+            tuple[Array, Array, Array, Array]
+        ] = []  # diagonal and linear costs, weights, targets
+        self._scattered: list[tuple[Any, Array, Array]] = []  # columns, weights, targets
+        self._selected: list[tuple[Any, slice]] = []  # columns of soft selections, and their places
         self._bounded: list[tuple[Task, slice]] = []
         self._momenta: list[tuple[Array, Array, Array]] = []  # Jacobian, target, error of tasks on a velocity
         self.places: dict[str, slice] = {}
@@ -185,7 +189,7 @@ class VelocityAssembly:
             if task.kind == "selection":
                 self._selection.append((task, view))
                 if jacobian is None:
-                    self._diagonal.append((task.columns, view.weight, self._targets[rows]))
+                    self._place_diagonal(task, rows, view.weight)
                 else:
                     jacobian[:, np.arange(self._robot.nv)[task.columns]] = np.eye(task.dim)
             elif jacobian is not None:
@@ -196,6 +200,15 @@ class VelocityAssembly:
                 self.problem.equality_groups[f"hard task '{task.name}'"] = rows
             at = rows.stop
         return at
+
+    def _place_diagonal(self, task: Task, rows: slice, weight: Array) -> None:
+        """Place a soft selection on the diagonal."""
+        p, columns, target = self.problem, task.columns, self._targets[rows]
+        self._selected.append((columns, rows))
+        if isinstance(columns, slice):
+            self._diagonal.append((p.diagonal[columns], p.linear[columns], weight, target))
+        else:
+            self._scattered.append((columns, weight, target))
 
     # ---- a step -------------------------------------------------------------------------------------------------
 
@@ -237,7 +250,8 @@ class VelocityAssembly:
     def cost_after(self, step: Array) -> float:
         """Return the cost of the configuration after a step, were the rows that `write_step` has filled exact."""
         values = self.problem.rows.dot(step)
-        return self._cost_of(self.residuals(step, values), values[self.problem.target.size :])
+        left = self.achieved(step, values) - self._targets
+        return self._cost_of(left, values[self.problem.target.size :])
 
     def _cost_of(self, error: Array, values: Array) -> float:
         """Return the cost of the errors of all rows, and of limits that the values of their rows violate."""
@@ -269,7 +283,10 @@ class VelocityAssembly:
         self.damping = damping
         p.diagonal.fill(damping)
         p.linear.fill(0.0)
-        for columns, weight, target in self._diagonal:
+        for diagonal, linear, weight, target in self._diagonal:
+            np.add(diagonal, weight, out=diagonal)
+            np.multiply(weight, target, out=linear)
+        for columns, weight, target in self._scattered:
             p.diagonal[columns] += weight
             p.linear[columns] += weight * target
 
@@ -290,21 +307,23 @@ class VelocityAssembly:
             values.rate[:] = contact.rate
             values.weight[:] = 0.0 if contact.motion_weight is None else contact.motion_weight
 
-    def residuals(self, x: Array, values: Array) -> Array:
-        """Return achieved minus wanted velocity of all rows, in the order of `places`; a new array.
+    def achieved(self, x: Array, values: Array) -> Array:
+        """Return the velocities of all rows, in the order of `places`, of generalised velocities x; a new array.
 
-        `values` are all rows of the problem times the velocities x.
+        `values` are all rows of the problem times x.
         """
-        n_first, residual = self.problem.target.size, np.empty(self._targets.size)
-        residual[:n_first] = values[:n_first]
-        at = n_first + self._lower_matrix.shape[0]
-        if at > n_first:
-            self._lower_matrix.dot(x, out=residual[n_first:at])
-        for columns, weight, _ in self._diagonal:
-            residual[at : at + weight.size] = x[columns]
-            at += weight.size
-        residual -= self._targets
-        return residual
+        n_first, achieved = self.problem.target.size, np.empty(self._targets.size)
+        achieved[:n_first] = values[:n_first]
+        if self.lower:
+            self._lower_matrix.dot(x, out=achieved[n_first : n_first + self._lower_matrix.shape[0]])
+        for columns, place in self._selected:
+            achieved[place] = x[columns]
+        return achieved
+
+    @property
+    def targets(self) -> Array:
+        """Wanted velocities of all rows as of the last step; overwritten by the next one."""
+        return self._targets
 
     def pull(self, task: Task) -> tuple[float, float]:
         """Return the length of the gradient of the cost of a task, and its share of the greatest for such an error."""

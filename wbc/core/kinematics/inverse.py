@@ -173,7 +173,8 @@ class InverseKinematics(Items):
         self._solution = VelocitySolution(
             status,
             velocities,
-            assembly.residuals(velocities, values),
+            assembly.achieved(velocities, values),
+            assembly.targets.copy(),
             multipliers,
             assembly.places,
             assembly.names,

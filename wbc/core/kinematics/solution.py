@@ -29,7 +29,8 @@ class VelocitySolution:
         status: Step of the solver's ladder that succeeded; `RELAXED` where contacts and hard tasks could not all be
             kept. When `ok` is False the velocities are zero.
         velocities: Generalised velocities: base (in its own frame), then joints, shape (nv,), m/s and rad/s.
-        residual_rows: Achieved minus wanted velocity of all rows.
+        values: Achieved velocities of all rows.
+        targets: Wanted velocities of all rows.
         multipliers: Multipliers of the inequalities, positive where the upper bound is active.
         places: Name of a task → its residual rows.
         limits: Name of each inequality.
@@ -37,7 +38,8 @@ class VelocitySolution:
 
     status: Status
     velocities: Array
-    residual_rows: Array
+    values: Array
+    targets: Array
     multipliers: Array
     places: Mapping[str, slice]
     limits: tuple[str, ...]
@@ -53,7 +55,7 @@ class VelocitySolution:
     @property
     def residuals(self) -> dict[str, Array]:
         """Task name → achieved minus wanted velocity, shape (dim,), unit of the task per second."""
-        return {name: self.residual_rows[rows] for name, rows in self.places.items()}
+        return {name: self.values[rows] - self.targets[rows] for name, rows in self.places.items()}
 
     @property
     def active_limits(self) -> tuple[str, ...]:
