@@ -22,7 +22,7 @@ class CoMTask(Task):
     """
 
     __slots__ = ("_base_force", "_base_rotation", "_gravity", "_mass")
-    reads = "com"
+    reads = "kinematics"
     # A push moves the centre of mass further than a motion moves a hand: hence the bound, m.
     usual = {"weight": 100.0, "stiffness": 30.0, "error_bound": 0.3}
 

@@ -59,7 +59,7 @@ class FrameTask(Task):
 
     __slots__ = ("_data", "_id", "_model", "_placement", "_rotation", "_translation", "_world", "frame")
     usual = {"stiffness": 30.0}
-    reads = "frames"
+    reads = "kinematics"
 
     def __init__(
         self, frame: str, what: str, rows: tuple[str, ...], target: Any, options: MotionOptions

@@ -25,7 +25,7 @@ class PostureTask(JointTask):
     __slots__ = ("_factor", "_factors", "_positions")
     unit = "rad"
     kind = "selection"
-    reads = "frames"
+    reads = "kinematics"
     usual = {"weight": 0.1, "stiffness": 20.0}
 
     def __init__(

@@ -75,9 +75,8 @@ class _View:
         self._owner = owner
 
 
-Reads = Literal["frames", "com", "all"]
-"""State of a robot that something needs at rest: placements and Jacobians of frames; the CoM and its Jacobian as
-well; or everything that `Robot.update` computes."""
+Reads = Literal["kinematics", "all"]
+"""State of a robot that something needs at rest: what `Robot.update_jacobians` computes, or all of `Robot.update`."""
 
 
 def checked_configuration(what: str, value: ArrayLike, nq: int) -> Array:
@@ -342,15 +341,13 @@ class Robot:
         pin.centerOfMass(self.model, self.data, self.q, self.v, False)
         pin.updateFramePlacements(self.model, self.data)
 
-    def update_jacobians(self, q: Array, *, com: bool = True) -> None:
+    def update_jacobians(self, q: Array) -> None:
         """Compute frames, the CoM and their Jacobians at a configuration, shape (nq,), for kinematics alone.
 
-        They equal those of `update` up to rounding; velocities, forces and accelerations stay as they are. Without
-        `com`, the CoM and its Jacobian stay as well.
+        They equal those of `update` up to rounding; velocities, forces and accelerations stay as they are.
         """
         self._take(q, self.v)
-        compute = pin.jacobianCenterOfMass if com else pin.computeJointJacobians
-        compute(self.model, self.data, self.q)
+        pin.jacobianCenterOfMass(self.model, self.data, self.q)
         pin.updateFramePlacements(self.model, self.data)
 
     def _take(self, q: Array, v: Array) -> None:

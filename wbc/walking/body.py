@@ -15,10 +15,14 @@ import pinocchio as pin
 from numpy.typing import ArrayLike
 
 from wbc.core.errors import Array, InputError, finite_array, finite_scalar
+from wbc.core.kinematics.inverse import InverseKinematics
+from wbc.core.limits.joint import JointLimits
+from wbc.core.qp.contact import SoleContact
 from wbc.core.qp.controller import Controller
 from wbc.core.robot import BASE_DOF, GRAVITY, Robot
 from wbc.core.trajectories import approach
 from wbc.tasks.motion.direction import LookAtTask
+from wbc.tasks.motion.frame import PoseTask, PositionTask
 from wbc.tasks.stabilizer.lean import LeanMotion
 from wbc.tasks.stabilizer.pendulum import Pendulum
 from wbc.walking.plans.reach import hip_height, leg_geometry
@@ -320,36 +324,18 @@ class Body:
 def lowest_com(robot: Robot) -> float:
     """Return the least height of the CoM over the soles with an upright trunk and flat soles, m.
 
-    The hips sink over the feet until a joint of a leg, of six joints or more, comes near its limit.
+    The hips sink over the feet until joints of the legs come near their limits.
     """
-    model, data = robot.model, robot.model.createData()
-    q, legs = np.array(robot.half_sitting), []
-    pin.framesForwardKinematics(model, data, q)
-    for sole in robot.soles[:2]:
-        frame = robot.frame_id(sole.frame)
-        legs.append((frame, robot.joints_between(sole.frame, robot.base_frame), pin.SE3(data.oMf[frame])))
-    ground = float(legs[0][2].translation[2])
-    best = float(pin.centerOfMass(model, data, q)[2]) - ground
-    low, high = robot.position_lower + MARGIN, robot.position_upper - MARGIN
-    step, drop = 0.01, 0.0
-    while drop < best:
-        q[2] -= step
-        drop += step
-        for frame, joints, place in legs:
-            columns = np.array(joints) + BASE_DOF
-            for _ in range(20):
-                jacobian = pin.computeFrameJacobian(model, data, q, frame, pin.LOCAL)[:, columns]
-                pin.framesForwardKinematics(model, data, q)
-                error = pin.log6(data.oMf[frame].actInv(place)).vector
-                change = jacobian.T @ np.linalg.solve(jacobian @ jacobian.T + 1e-8 * np.eye(6), error)
-                q[columns + 1] += change
-                if np.linalg.norm(error) < 1e-6:
-                    break
-            angles = q[columns + 1]
-            if np.linalg.norm(error) > 1e-4 or (angles < low[joints]).any() or (angles > high[joints]).any():
-                return best
-        best = float(pin.centerOfMass(model, data, q)[2]) - ground
-    return best
+    ik = InverseKinematics(robot.clone(), 0.01)
+    robot = ik.robot
+    ik.update(robot.half_sitting)
+    ik.add(*(SoleContact(sole.name) for sole in robot.soles[:2]), JointLimits(margin=MARGIN))
+    ik.add(PoseTask(robot.base_frame, axes=("x", "y", "roll", "pitch", "yaw"), hard=True))
+    hips = ik.add(PositionTask(robot.base_frame, axes=("z",)))
+    ground = float(robot.placement(robot.soles[0].frame).translation[2])
+    hips.target = hips.target - [0.0, 0.0, robot.com[2] - ground]
+    ik.update(ik.reach().configuration)
+    return float(robot.com[2]) - ground
 
 
 def _waist_joints(robot: Robot) -> list[int]:

@@ -131,15 +131,14 @@ class InverseKinematics(Items):
             self.robot, levels, self._contacts, self._limits, self._regularisation, self._damping
         )
         self._solver = QpSolver(self._assembly.problem, SOLVER, first="daqp")
-        reads = {each.reads for each in self._items()}
-        self._reads_all, self._reads_com = "all" in reads, "com" in reads
+        self._reads_all = any(each.reads == "all" for each in self._items())
         self._dirty = False
         self._refresh()
 
     # ---- steps --------------------------------------------------------------------------------------------------
 
     def update(self, q: Array) -> None:
-        """Set the configuration, shape (nq,); frames, Jacobians and, where a task needs it, the CoM follow."""
+        """Set the configuration, shape (nq,); frames, the CoM and their Jacobians follow, velocities and forces do not."""
         self._move(checked_configuration("configuration", q, self.robot.nq))
 
     def _move(self, q: Array) -> None:
@@ -154,7 +153,7 @@ class InverseKinematics(Items):
         if self._reads_all:
             robot.update(robot.q, robot.v)
         else:
-            robot.update_jacobians(robot.q, com=self._reads_com)
+            robot.update_jacobians(robot.q)
 
     def solve(self) -> Array:
         """Return the velocities at the present configuration: base in its own frame, then joints, shape (nv,).

@@ -26,6 +26,12 @@ from wbc.core.robot import Robot
 FIRST_DAMPING, LEAST_DAMPING, MOST_DAMPING = 1e-3, 1e-9, 1e6
 """Cost per squared step at first, at least and at most."""
 
+SHARE = 0.01
+"""Damping at first over the cost of the configuration, if that is less."""
+
+SETTLED = 1e-7
+"""Damping below which a small step means that the configuration is settled, whether or not targets are reached."""
+
 LESS, MORE = 0.2, 4.0
 """Factors of the damping after a good step, and after two that did not lower the cost."""
 
@@ -83,8 +89,9 @@ class Search:
     def _descend(self, iterations: int, number: int) -> tuple[float, ReachResult]:
         """Go down from the present configuration; return the cost that is left, and the result."""
         robot, assembly = self.robot, self.assembly
-        best, damping, astray = robot.q.copy(), FIRST_DAMPING, False
+        best, astray = robot.q.copy(), False
         cost = least = assembly.write_step()
+        damping = max(min(FIRST_DAMPING, SHARE * cost), LEAST_DAMPING)
         iteration = 0
         for iteration in range(1, iterations + 1):  # noqa: B007 (its last value counts)
             assembly.damp(damping)
@@ -100,7 +107,7 @@ class Search:
                 if gain > POOR:
                     damping = max(LESS * damping, LEAST_DAMPING)
                 best[:], astray, cost, least = robot.q, False, trial, trial
-                if size < STILL or (size < self.tolerance and not self._missed()):
+                if size < STILL or (size < self.tolerance and (damping < SETTLED or not self._missed())):
                     break
             elif not astray:
                 astray, cost = True, trial

@@ -33,7 +33,7 @@ class CoMPolygonLimit(Limit):
     edge: that suffices inside, and outside `recovery` brings the CoM back.
     """
 
-    reads = "com"
+    reads = "kinematics"
 
     @checked
     def __init__(

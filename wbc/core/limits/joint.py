@@ -100,7 +100,7 @@ class JointLimits(Limit):
     kept, where `acceleration` or `braking` is given.
     """
 
-    reads = "frames"
+    reads = "kinematics"
 
     @checked
     def __init__(

@@ -141,7 +141,7 @@ class Contact(Motion):
     """
 
     _kind = "contact"
-    reads: ClassVar[Reads] = "frames"
+    reads: ClassVar[Reads] = "kinematics"
     force_axis = 2
     usual: ClassVar[ContactOptions] = {}
 
