@@ -8,7 +8,7 @@ import pytest
 
 from wbc import load_robot
 from wbc.core.errors import InputError
-from wbc.core.robot import GRAVITY
+from wbc.core.robot import GRAVITY, Robot
 from wbc.sim import Plant
 from wbc.sim.trial.falls import TrueFallDetector
 from wbc.tasks.stabilizer.lean import LeanMotion
@@ -169,7 +169,30 @@ def test_the_lowest_height_is_one_that_the_legs_reach() -> None:
         robot = load_robot(name).robot()
         leg = leg_geometry(robot)
         lowest = lowest_com(robot)
-        assert leg.com_height - (leg.hip_height - leg.shortest) < lowest < leg.com_height - 0.08
+        assert lowest < leg.com_height - 0.08
+        assert reached_by_the_legs(robot, lowest + 0.005) and not reached_by_the_legs(robot, lowest - 0.005)
+
+
+def reached_by_the_legs(robot: Robot, com_height: float) -> bool:
+    """Return true if legs on standing soles reach a CoM height within their limits less 0.05 rad, by Newton steps."""
+    model, data, q = robot.model, robot.model.createData(), robot.half_sitting.copy()
+    pin.framesForwardKinematics(model, data, q)
+    legs = [
+        (robot.frame_id(sole.frame), np.array(robot.joints_between(sole.frame, robot.base_frame)))
+        for sole in robot.soles
+    ]
+    places = [pin.SE3(data.oMf[frame]) for frame, _ in legs]
+    for _ in range(200):
+        for (frame, joints), place in zip(legs, places, strict=True):
+            rows = pin.computeFrameJacobian(model, data, q, frame, pin.LOCAL)[:, 6 + joints]
+            pin.framesForwardKinematics(model, data, q)
+            q[7 + joints] += np.linalg.lstsq(rows, pin.log6(data.oMf[frame].actInv(place)).vector)[0]
+        height = pin.centerOfMass(model, data, q)[2] - places[0].translation[2]
+        q[2] -= np.clip(height - com_height, -0.01, 0.01)
+    legs_at = np.concatenate([joints for _, joints in legs])
+    low, high = robot.position_lower + 0.05, robot.position_upper - 0.05
+    inside = (q[7 + legs_at] > low[legs_at]).all() and (q[7 + legs_at] < high[legs_at]).all()
+    return bool(inside and abs(height - com_height) < 1e-4)
 
 
 def test_a_lowered_pendulum_moves_as_its_height_says() -> None:

@@ -138,7 +138,7 @@ class InverseKinematics(Items):
     # ---- steps --------------------------------------------------------------------------------------------------
 
     def update(self, q: Array) -> None:
-        """Set the configuration, shape (nq,); frames, the CoM and their Jacobians follow, velocities and forces do not."""
+        """Set the configuration, shape (nq,); frames, the CoM and their Jacobians follow, forces do not."""
         self._move(checked_configuration("configuration", q, self.robot.nq))
 
     def _move(self, q: Array) -> None:
