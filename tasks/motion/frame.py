@@ -27,7 +27,7 @@ def _is_pose(value: pin.SE3) -> bool:
     """Return true for a finite place and a rotation: in a tenth of the time that the checks with messages take."""
     (a, b, c), (d, e, f), (g, h, i) = value.rotation.tolist()
     x, y, z = value.translation.tolist()
-    return (
+    return bool(
         abs(a * a + b * b + c * c - 1.0) < 1e-7
         and abs(d * d + e * e + f * f - 1.0) < 1e-7
         and abs(b * f - c * e - g) + abs(c * d - a * f - h) + abs(a * e - b * d - i) < 1e-7
