@@ -8,15 +8,17 @@ from dataclasses import dataclass, field, fields, replace
 from functools import cached_property, partial
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any, Unpack
+from typing import Annotated, Any, Unpack
 
 import numpy as np
 import pinocchio as pin
 
+from wbc.core.checked import checked
 from wbc.core.errors import Array, InputError, ModelError, choose
 from wbc.core.limits.collision import CollisionCapsule, CollisionSphere
 from wbc.core.robot import Robot, Sole, joints_to
 from wbc.core.servos import Servos
+from wbc.core.settings import Positive
 from wbc.robots import frames, urdf
 from wbc.robots.derivation import inertia, posture, shapes
 from wbc.robots.derivation.complete import check_values, complete, from_geometry
@@ -28,6 +30,7 @@ from wbc.robots.options import DescriptionOptions
 from wbc.robots.report import doubts, facts, report
 
 
+@checked
 @dataclass(frozen=True, eq=False)
 class RobotDescription:
     """A robot as data.
@@ -74,7 +77,7 @@ class RobotDescription:
     torque_ranges: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     sensors: Mapping[str, str] = field(default_factory=dict)
     package_dirs: tuple[str, ...] = ()
-    height: float | None = None
+    height: Annotated[Positive, "m"] | None = None
     source: str = "given by the user"
     licence: str = "unknown"
     derived: tuple[str, ...] = ()
@@ -225,6 +228,13 @@ class RobotDescription:
     def pinocchio_model(self) -> pin.Model:
         """Return a copy of the Pinocchio model: free-flyer, limits, armature, gravity, frames of soles and IMU."""
         return self._model.copy()
+
+    @staticmethod
+    def instead_of(value: object) -> str:
+        """Return how to get a description where something else was given; empty if there is no way."""
+        if isinstance(value, Robot):
+            return f"the one that the robot was made of, load_robot('{value.name}') of a built-in one"
+        return ""
 
     def robot(self) -> Robot:
         """Return a new `Robot` at half-sitting, the soles on z = 0 and the origin midway between them.

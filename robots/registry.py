@@ -7,6 +7,7 @@ from collections.abc import Callable
 from functools import cache
 from pathlib import Path
 
+from wbc.core.checked import checked
 from wbc.core.errors import InputError, shown, unknown_name
 from wbc.core.registry import Registry
 from wbc.robots import files
@@ -39,6 +40,7 @@ def others() -> tuple[str, ...]:
     return tuple(name for name in (*_FACTORIES.offered(), *_FEETLESS) if name not in _FACTORIES)
 
 
+@checked
 def register(name: str, factory: Callable[[], RobotDescription]) -> None:
     """Register a robot under a name for `load`, which calls the factory of its description once."""
     _FACTORIES.add(name, factory)
@@ -80,6 +82,12 @@ def load(name: str) -> RobotDescription:
     if name in others():
         return _load(name)
     unknown_name("robot", name, [*_FACTORIES, *others()])
+
+
+@checked
+def as_description(robot: RobotDescription | str) -> RobotDescription:
+    """Return a description as it is, that of a robot by its name."""
+    return load(robot) if isinstance(robot, str) else robot
 
 
 @cache

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from typing import Annotated
 
+from wbc.core.checked import checked
 from wbc.core.limits.joint import JointLimits
 from wbc.core.limits.torque import TorqueLimits
 from wbc.core.qp.contact import SoleContact
 from wbc.core.qp.controller import Controller
 from wbc.core.qp.solver import SolverSettings
 from wbc.core.robot import Robot
-from wbc.core.settings import Positive, settings
+from wbc.core.settings import Period, Positive, settings
 from wbc.tasks.motion.com import CoMTask
 from wbc.tasks.motion.frame import OrientationTask
 from wbc.tasks.motion.posture import PostureTask
@@ -78,8 +79,9 @@ class BalanceGains(BodyGains):
     friction: Positive = 0.7
 
 
+@checked
 def balance_controller(
-    robot: Robot, dt: float, gains: BalanceGains | None = None, *, solver: SolverSettings | None = None
+    robot: Robot, dt: Period, gains: BalanceGains | None = None, *, solver: SolverSettings | None = None
 ) -> Controller:
     """Return a controller, with joint and torque limits, that keeps a robot standing where it stands.
 

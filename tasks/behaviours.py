@@ -13,11 +13,13 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any
+from typing import Annotated, Any
 
-from wbc.core.errors import ROUNDING, InputError, WbcError, choose, positive, shown
+from wbc.core.checked import checked
+from wbc.core.errors import ROUNDING, InputError, WbcError, choose, shown
 from wbc.core.qp.controller import Controller
 from wbc.core.qp.items import Item, ItemT
+from wbc.core.settings import NonNegative, Positive
 from wbc.core.signals import Command, Measurement
 
 logger = logging.getLogger(__name__)
@@ -79,7 +81,8 @@ Condition = Callable[[Scope], bool]
 """Condition of a state: a function of its scope, called once a tick."""
 
 
-def after(seconds: float) -> Condition:
+@checked
+def after(seconds: Annotated[NonNegative, "s"]) -> Condition:
     """Return a condition that holds from a time after the start of the state on, s."""
     return lambda now: now.elapsed >= seconds - ROUNDING
 
@@ -96,6 +99,7 @@ class Behaviour:
     attributes; "done" is the first of `outcomes`.
     """
 
+    @checked
     def __init__(
         self,
         name: str,
@@ -105,7 +109,7 @@ class Behaviour:
         end: Callable[[Scope], object] | None = None,
         done: Condition | None = None,
         outcomes: Mapping[str, Condition] | None = None,
-        timeout: float | None = None,
+        timeout: Annotated[Positive, "s"] | None = None,
     ) -> None:
         """Describe the state.
 
@@ -123,7 +127,7 @@ class Behaviour:
                 f"the name of a state must be text without '/' that does not begin with '{END}', got {shown(name)}"
             )
         self.name = name
-        self.timeout = None if timeout is None else positive(f"timeout of state '{name}' (s)", timeout)
+        self.timeout = timeout
         self.outcomes = dict(outcomes or {}) if done is None else {"done": done, **(outcomes or {})}
         self._start, self._tick, self._end = (each or (lambda now: None) for each in (start, tick, end))
 
@@ -162,13 +166,14 @@ class StateMachine(Behaviour):
     transition ends the machine with that outcome. `states` and `transitions` are dicts by the names of the states.
     """
 
+    @checked
     def __init__(
         self,
         name: str,
         states: Sequence[Behaviour],
         transitions: Mapping[str, Mapping[str, str]] | None = None,
         *,
-        timeout: float | None = None,
+        timeout: Annotated[Positive, "s"] | None = None,
     ) -> None:
         """Take the states, the first one first; a transition leads to the name of a state, "end", or "end: OUTCOME"."""
         super().__init__(name, timeout=timeout)

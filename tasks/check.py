@@ -7,12 +7,13 @@ import copy
 import numpy as np
 import pinocchio as pin
 
+from wbc.core.checked import checked
 from wbc.core.errors import Array, InputError
 from wbc.core.limits.base import Limit
 from wbc.core.qp.contact import Contact
 from wbc.core.qp.task import Task, evaluated
 from wbc.core.robot import BASE_DOF, Robot
-from wbc.core.settings import Seed
+from wbc.core.settings import Period, Seed
 
 STEP = 1e-6
 """Step of the differences: of each coordinate, rad or m, and of the motion, s."""
@@ -24,13 +25,14 @@ STATES = 50
 """Number of states in which a limit is looked at."""
 
 
+@checked
 def check_rows(
     item: Task | Contact | Limit,
     robot: Robot,
     *,
     frame: str | None = None,
     partial: bool = False,
-    dt: float = 0.005,
+    dt: Period = 0.005,
     seed: Seed = 0,
 ) -> None:
     """Check the rows of a task, contact or limit at random states of a robot, in motion.

@@ -36,7 +36,7 @@ class ScanSettings:
     """
 
     step: Annotated[Positive, "m"] = PROFILE_STEP
-    max_gap: Annotated[float, "m"] = MAX_GAP
+    max_gap: Annotated[Positive, "m"] = MAX_GAP
     capacity: Annotated[int, Field(ge=16)] = 256
 
     def __post_init__(self) -> None:

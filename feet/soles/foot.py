@@ -6,8 +6,9 @@ from abc import ABC, abstractmethod
 from dataclasses import dataclass, field
 from typing import Annotated, Any
 
+from wbc.core.checked import checked
 from wbc.core.errors import InputError
-from wbc.core.settings import Positive, settings
+from wbc.core.settings import NonNegative, Number, Positive, settings
 from wbc.feet.soles.contact import ContactSpheres
 from wbc.feet.soles.sole import FootFit, SoleGeometry
 
@@ -91,14 +92,15 @@ LARGEST_FOOT = 2.0
 """Largest length, width and height of a foot, m."""
 
 
+@checked
 def fitted_sole(
     sole: SoleGeometry,
     *,
     length: Annotated[Positive, "m"],
     width: Annotated[Positive, "m"],
-    ankle_behind: float,
+    ankle_behind: Annotated[Number, "m"],
     ankle_height: Annotated[Positive, "m"] | None = None,
-    min_height: float,
+    min_height: Annotated[NonNegative, "m"],
 ) -> SoleGeometry:
     """Return the rectangle of a foot under an ankle, oriented and laterally placed as the robot's own sole.
 

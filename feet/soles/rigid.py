@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated, Any
 
-from wbc.core.settings import NonNegative, Positive, settings
+from wbc.core.settings import NonNegative, Number, Positive, settings
 from wbc.feet.soles.foot import Foot, FootParts, fitted_sole
 from wbc.feet.soles.sole import FootFit, SoleGeometry, box_inertia
 
@@ -49,7 +49,7 @@ class RigidFoot(Foot):
     length: Annotated[Positive, "m"] = SOFT_LENGTH
     width: Annotated[Positive, "m"] = SOFT_WIDTH
     thickness: Annotated[Positive, "m"] = 0.014
-    ankle_behind: Annotated[float, "m"] = SOFT_ANKLE_BEHIND
+    ankle_behind: Annotated[Number, "m"] = SOFT_ANKLE_BEHIND
     ankle_height: Annotated[Positive, "m"] | None = None
     mass: Annotated[NonNegative, "kg"] = 0.34
 

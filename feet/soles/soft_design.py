@@ -10,7 +10,7 @@ import pinocchio as pin
 from pydantic import Field
 
 from wbc.core.errors import ROUNDING, Array, InputError
-from wbc.core.settings import Count, NonNegative, Positive, settings
+from wbc.core.settings import Count, NonNegative, Number, Positive, settings
 from wbc.feet.soles.foot import Foot, fitted_sole
 from wbc.feet.soles.rigid import SOFT_ANKLE_BEHIND, SOFT_LENGTH, SOFT_WIDTH
 from wbc.feet.soles.sole import FootFit, SoleGeometry, bar_inertia, box_inertia
@@ -92,7 +92,7 @@ class SoftDesign(Foot):
     width: Annotated[Positive, "m"] = SOFT_WIDTH
     thickness: Annotated[Positive, "m"] = 0.014
     hinge_height: Annotated[NonNegative, "m"] = 0.007
-    ankle_behind: Annotated[float, "m"] = SOFT_ANKLE_BEHIND
+    ankle_behind: Annotated[Number, "m"] = SOFT_ANKLE_BEHIND
     ankle_height: Annotated[Positive, "m"] | None = None
     arch_clearance: Annotated[NonNegative, "m"] = 0.02
     arch_stiffness: Annotated[NonNegative, "Nm/rad"] = 100.0

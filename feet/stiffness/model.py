@@ -15,9 +15,10 @@ from numpy.typing import ArrayLike, NDArray
 from pydantic import Field
 
 from wbc._version import __version__
+from wbc.core.checked import checked
 from wbc.core.errors import Array, InputError, choose, finite_array
 from wbc.core.files import decoding, parsing, read_text, write_text
-from wbc.core.settings import Count, Positive, from_json, settings, to_json
+from wbc.core.settings import Count, NonNegative, Positive, from_json, settings, to_json
 from wbc.feet.sensing.roughness import PARAMETERS, RoughnessSettings
 from wbc.feet.sensing.scan import PROFILE_STEP
 
@@ -147,6 +148,7 @@ class Prediction:
     features: Array  # values of the features, shape (number of features,)
 
 
+@checked
 @dataclass(frozen=True, eq=False)
 class StiffnessModel:
     """A fitted model: scaled features, and the nearest profiles of known best stiffness.
@@ -172,7 +174,7 @@ class StiffnessModel:
     stiffness: Array
     mean: Array
     scale: Array
-    reach: float
+    reach: NonNegative
     made: Mapping[str, Any]
 
     @classmethod

@@ -17,12 +17,15 @@ import mujoco
 import numpy as np
 from numpy.typing import ArrayLike
 
-from wbc.core.errors import ROUNDING, Array, InputError, whole_number
+from wbc.core.checked import checked
+from wbc.core.errors import ROUNDING, Array, InputError
 from wbc.core.robot import checked_configuration
+from wbc.core.settings import Seed
 from wbc.core.signals import Command
 from wbc.robots import RobotDescription
 from wbc.robots.readers.actuators_mjcf import damping, dry_friction, rotor_inertia, stiffness
 from wbc.robots.readers.forces_mjcf import unmodelled
+from wbc.robots.registry import as_description
 from wbc.robots.report import UNMODELLED, listed
 from wbc.sim.loop.actuators import JointActuators
 from wbc.sim.loop.floor import UNEVEN, floor_under
@@ -30,7 +33,7 @@ from wbc.sim.plant.hands import check_clear
 from wbc.sim.plant.places import RobotPlaces
 from wbc.sim.plant.robot import SimulatedRobot, advance
 from wbc.sim.plant.sensors import NO_NOISE, SensorNoise
-from wbc.sim.plant.settings import Machine, steps_per_tick
+from wbc.sim.plant.settings import Machine, Step, steps_per_tick
 from wbc.sim.plant.signals import Imu
 
 logger = logging.getLogger(__name__)
@@ -64,26 +67,27 @@ class MujocoLoop(SimulatedRobot):
         notes: What is doubtful about model and description, one line each.
     """
 
+    @checked
     def __init__(
         self,
-        description: RobotDescription,
+        description: RobotDescription | str,
         model: mujoco.MjModel,
         data: mujoco.MjData | None = None,
         *,
-        control_period: float = 0.002,
+        control_period: Step = 0.002,
         joints: Mapping[str, str] | None = None,
         prefix: str = "",
         gyroscope: str | None = None,
         accelerometer: str | None = None,
         stepper: Callable[..., object] | None = None,
         noise: str | SensorNoise = NO_NOISE,
-        seed: int = 0,
+        seed: Seed = 0,
         machine: Machine | None = None,
     ) -> None:
         """Find the robot in the model.
 
         Args:
-            description: The robot.
+            description: The robot, or the name of one.
             model: The model.
             data: Its state, taken as it is, with a warning if the robot is inside a thing; a new one with the robot at
                 half-sitting on the floor below its feet when None.
@@ -104,6 +108,7 @@ class MujocoLoop(SimulatedRobot):
                 "friction and payload of a MuJoCo model of one's own are those of the model, and its hands are not "
                 "measured: leave friction, payload and hand_sensors of the machine alone"
             )
+        description = as_description(description)
         description.needs_feet("a loop with sensors of a humanoid")
         steps_per_tick(control_period, float(model.opt.timestep))
         robot = description.robot()
@@ -160,7 +165,8 @@ class MujocoLoop(SimulatedRobot):
             self.notes += (f"{when}: {error}",)
             logger.warning("%s", self.notes[-1])
 
-    def reset(self, configuration: ArrayLike | None = None, seed: int | None = None) -> None:
+    @checked
+    def reset(self, configuration: ArrayLike | None = None, seed: Seed | None = None) -> None:
         """Put the robot, at rest and held by its drives, into a configuration; everything else stays where it is.
 
         Args:
@@ -170,7 +176,7 @@ class MujocoLoop(SimulatedRobot):
         q = self.robot.half_sitting.copy()
         q[2] += self._ground
         if seed is not None:
-            self.seed = whole_number("seed", seed, low=0)
+            self.seed = seed
         if configuration is not None:
             q = checked_configuration("configuration", configuration, self.robot.nq)
         places = self.places

@@ -10,6 +10,7 @@ from typing import Annotated, Protocol
 import mujoco
 import numpy as np
 
+from wbc.core.checked import checked
 from wbc.core.errors import Array, InputError, check_parts
 from wbc.core.settings import NonNegative, Positive
 from wbc.core.signals import Command, Measurement
@@ -41,6 +42,7 @@ class RobotServer:
         late: Periods that began late by more than one.
     """
 
+    @checked
     def __init__(
         self,
         loop: MujocoLoop,

@@ -9,16 +9,19 @@ import mujoco
 import numpy as np
 import pinocchio as pin
 
+from wbc.core.checked import checked
 from wbc.core.errors import Array, InputError, choose, finite_array
+from wbc.core.settings import Seed
 from wbc.core.signals import Command, Measurement
 from wbc.feet import Foot
 from wbc.feet import foot as foot_by_name
 from wbc.robots import RobotDescription
+from wbc.robots.registry import as_description
 from wbc.sim.loop.mujoco_loop import MujocoLoop, step_together
 from wbc.sim.plant.hands import SCENE_PREFIX, add_grips, check_clear
 from wbc.sim.plant.model import bare_spec, compiled, equip, furniture
 from wbc.sim.plant.sensors import NO_NOISE, SensorNoise
-from wbc.sim.plant.settings import Machine, PhysicsSettings
+from wbc.sim.plant.settings import Machine, PhysicsSettings, Step
 from wbc.sim.plant.shapes import SHAPE_GROUP, add_stage, add_visuals
 from wbc.sim.scenes.base import Scene
 from wbc.sim.terrain.render import add_to_spec
@@ -47,23 +50,24 @@ class SharedPlant:
         control_period: Time that `step` advances, s.
     """
 
+    @checked
     def __init__(
         self,
-        robots: Mapping[str, RobotDescription],
+        robots: Mapping[str, RobotDescription | str],
         *,
         places: Mapping[str, Sequence[float]] | None = None,
         foot: str | Foot = "flat",
         terrain: str | Terrain = "flat",
         scene: str | Path | mujoco.MjSpec | Scene | None = None,
-        timestep: float = 0.001,
-        control_period: float = 0.005,
+        timestep: Step = 0.001,
+        control_period: Step = 0.005,
         noise: str | SensorNoise = NO_NOISE,
-        seed: int = 0,
+        seed: Seed = 0,
     ) -> None:
         """Build the model and put the robots on the ground, in half-sitting.
 
         Args:
-            robots: Name → description.
+            robots: Name → description, or the name of one.
             places: Name → x, y (m) and heading (rad) in the world; the origin when not given.
             foot: Foot under all ankles; this and what follows is as of `wbc.Plant`, and raises as it does.
             terrain: The ground; level where the robots begin.
@@ -77,6 +81,7 @@ class SharedPlant:
             raise InputError(
                 f"a shared plant needs 1 to {MOST_ROBOTS} robots with names without '/', got {list(robots)}"
             )
+        descriptions = {name: as_description(robot) for name, robot in robots.items()}
         self._places = dict.fromkeys(robots, pin.SE3.Identity())
         for name, place in (places or {}).items():
             x, y, heading = finite_array(f"place of robot '{name}' (m, m, rad)", place, (3,)).tolist()
@@ -90,7 +95,7 @@ class SharedPlant:
         if scene is not None:
             spec.attach(furniture(scene), prefix=SCENE_PREFIX, frame=spec.worldbody.add_frame())
         every = (1 << len(robots)) - 1
-        for i, (name, description) in enumerate(robots.items()):
+        for i, (name, description) in enumerate(descriptions.items()):
             description.needs_feet("a shared plant")
             robot, part = description.robot(), bare_spec(description)
             add_visuals(part, description, robot)
@@ -113,7 +118,7 @@ class SharedPlant:
                 noise=noise,
                 seed=seed + i,
             )
-            for i, (name, description) in enumerate(robots.items())
+            for i, (name, description) in enumerate(descriptions.items())
         }
         for loop in self.loops.values():
             loop.data = self.data

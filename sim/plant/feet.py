@@ -10,6 +10,7 @@ import mujoco
 import numpy as np
 import pinocchio as pin
 
+from wbc.core.checked import checked
 from wbc.core.errors import ROUNDING, Array, InputError, ModelError
 from wbc.core.robot import Robot
 from wbc.feet import Foot, FootParts, RangeSensor, SoftFoot
@@ -19,6 +20,7 @@ from wbc.feet.soles.sole import SoleGeometry
 from wbc.robots import urdf
 from wbc.robots.description import RobotDescription
 from wbc.robots.frames import SoleDescription
+from wbc.robots.registry import as_description
 from wbc.sim.terrain.render import TERRAIN_GROUP
 
 MASS_SUFFIX = "/mass"
@@ -57,17 +59,19 @@ def sole_geometries(robot: Robot) -> tuple[SoleGeometry, ...]:
     return tuple(soles)
 
 
-def with_feet(description: RobotDescription, foot: Foot, *, mass: bool = False) -> RobotDescription:
+@checked
+def with_feet(description: RobotDescription | str, foot: Foot, *, mass: bool = False) -> RobotDescription:
     """Return the description of a robot on other feet, for its controller.
 
     Contacts, the observer and the force sensors then agree on where each sole is and how large.
 
     Args:
-        description: The robot on its own soles.
+        description: The robot on its own soles, or its name.
         foot: Foot under both ankles.
         mass: Add mass and inertia of the feet in their rest shape; otherwise they stay unknown to the controller, as in
             the paper. The plant builds the feet itself and takes a description without them.
     """
+    description = as_description(description)
     robot = description.robot()
     soles = []
     tree = urdf.read(description.urdf)

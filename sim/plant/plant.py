@@ -14,19 +14,23 @@ from collections import deque
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import Annotated
 
 import mujoco
 import numpy as np
 from numpy.typing import ArrayLike
 
+from wbc.core.checked import checked
 from wbc.core.conventions import configuration_to_mujoco, velocity_to_mujoco
-from wbc.core.errors import Array, finite_array, non_negative, whole_number
+from wbc.core.errors import Array, finite_array
 from wbc.core.robot import checked_configuration
+from wbc.core.settings import NonNegative, Seed, Triple
 from wbc.core.signals import Command
 from wbc.feet import Foot, RangeSensor
 from wbc.feet import foot as foot_by_name
 from wbc.ground import PointCloud
 from wbc.robots.description import RobotDescription
+from wbc.robots.registry import as_description
 from wbc.sim.plant.drives import Drives
 from wbc.sim.plant.eyes import DepthCamera, ToeSensors
 from wbc.sim.plant.eyes.eyes import Eyes
@@ -37,7 +41,7 @@ from wbc.sim.plant.places import RobotPlaces
 from wbc.sim.plant.pushes import Loads
 from wbc.sim.plant.robot import DivergedError, SimulatedRobot, advance
 from wbc.sim.plant.sensors import NO_NOISE, SensorNoise
-from wbc.sim.plant.settings import Machine, PhysicsSettings, steps_per_tick, whole_steps
+from wbc.sim.plant.settings import Machine, PhysicsSettings, Step, steps_per_tick, whole_steps
 from wbc.sim.plant.signals import Imu
 from wbc.sim.scenes.base import Scene
 from wbc.sim.terrain.spec import Terrain
@@ -70,16 +74,17 @@ class Plant(SimulatedRobot):
         eyes: Sensors that see the ground; None without.
     """
 
+    @checked
     def __init__(
         self,
-        description: RobotDescription,
+        description: RobotDescription | str,
         *,
         foot: str | Foot = "flat",
         terrain: str | Terrain = "flat",
-        timestep: float = 0.001,
-        control_period: float = 0.005,
+        timestep: Step = 0.001,
+        control_period: Step = 0.005,
         noise: str | SensorNoise = NO_NOISE,
-        seed: int = 0,
+        seed: Seed = 0,
         initial_configuration: ArrayLike | None = None,
         range_sensor: RangeSensor | None = None,
         physics: PhysicsSettings | None = None,
@@ -91,7 +96,7 @@ class Plant(SimulatedRobot):
         """Build the model and put the robot on the ground.
 
         Args:
-            description: The robot.
+            description: The robot, or the name of one (`wbc.robots.names`).
             foot: A foot, or the name of one: "flat" is the robot's own sole.
             terrain: The ground, or the name of a family with its own amplitude and seed 0.
             timestep: Physics step, s.
@@ -108,6 +113,7 @@ class Plant(SimulatedRobot):
             visuals: Keep the shapes by which the robot is drawn: they touch nothing, and no number of a run changes
                 with them. Studies leave them out.
         """
+        description = as_description(description)
         description.needs_feet("the plant")
         steps_per_tick(control_period, timestep)
         self.foot = foot_by_name(foot) if isinstance(foot, str) else foot
@@ -147,7 +153,7 @@ class Plant(SimulatedRobot):
         self.joint_torque = np.zeros(robot.na)
         self._initial = None
         if initial_configuration is not None:
-            self._initial = finite_array("initial_configuration", initial_configuration)
+            self._initial = checked_configuration("initial_configuration", initial_configuration, robot.nq)
         age = whole_steps(machine.measurement_delay, self.timestep)
         # Readings of range sensors and stiffness actuators, once a tick: the oldest is the one that counts.
         self._late_feet: deque[tuple[Array, Array]] = deque(
@@ -173,10 +179,11 @@ class Plant(SimulatedRobot):
         """Configuration of the last reset, shape (nq,); a copy."""
         return self._start.copy()
 
+    @checked
     def reset(
         self,
         configuration: ArrayLike | None = None,
-        seed: int | None = None,
+        seed: Seed | None = None,
         *,
         velocity: ArrayLike | None = None,
     ) -> None:
@@ -207,7 +214,7 @@ class Plant(SimulatedRobot):
             mujoco.mj_fwdPosition(self.model, start)
             check_clear(self.model, start, self._contacts.geom_robot)
         if seed is not None:
-            self.seed = whole_number("seed", seed, low=0)
+            self.seed = seed
         self._start = q
         self._pushes.clear(data)
         mujoco.mj_resetData(self.model, data)
@@ -305,7 +312,15 @@ class Plant(SimulatedRobot):
         zero = np.zeros(self.robot.na)
         return Command(zero, np.array(self._start[7:]), zero)
 
-    def load(self, body: str, mass: float, *, over: float = 0.0, at: ArrayLike = (0.0, 0.0, 0.0)) -> None:
+    @checked
+    def load(
+        self,
+        body: str,
+        mass: Annotated[NonNegative, "kg"],
+        *,
+        over: Annotated[NonNegative, "s"] = 0.0,
+        at: Triple = (0.0, 0.0, 0.0),
+    ) -> None:
         """Let a body carry a mass of which the description knows nothing; loads at several places add up.
 
         Args:
@@ -315,9 +330,7 @@ class Plant(SimulatedRobot):
             at: Place in the frame of that body, shape (3,), m.
         """
         index, place = self.places.carrier(body)
-        point = place.act(finite_array("place of the load (m)", at, (3,)))
-        mass, over = non_negative("mass of the load (kg)", mass), non_negative("ramp of the load (s)", over)
-        self._loads.put(index, point, mass, over)
+        self._loads.put(index, place.act(np.asarray(at)), mass, over)
 
     @property
     def load_mass(self) -> float:

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from wbc.core.conventions import configuration_from_mujoco, velocity_from_mujoco
-from wbc.core.errors import Array, MeasurementError, WbcError, whole_number
+from wbc.core.errors import Array, MeasurementError, WbcError
 from wbc.core.robot import Robot
 from wbc.core.signals import Command, Measurement
 from wbc.ground import PointCloud
@@ -80,7 +80,7 @@ class SimulatedRobot(ABC):
         self.timestep, self.control_period = float(self.model.opt.timestep), float(control_period)
         self.steps = steps_per_tick(control_period, self.timestep)
         self.noise = NOISE_PRESETS[noise] if isinstance(noise, str) else noise
-        self.seed = whole_number("seed", seed, low=0)
+        self.seed = seed
         self.machine = machine
         self._contacts, self._pushes = Contacts(places), Pushes()
         self._grips = Grips(self.model, robot, places.prefix)
@@ -114,11 +114,6 @@ class SimulatedRobot(ABC):
     def time(self) -> float:
         """Simulated time, s."""
         return float(self.data.time)
-
-    @property
-    def com_height(self) -> float:
-        """Height of the true centre of mass in the world, m: a part of `truth` that costs nothing."""
-        return float(self.data.subtree_com[self.places.root, 2])
 
     def measure(self) -> Measurement:
         """Return the readings of the sensors now; the same object until the next step.

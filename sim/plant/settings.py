@@ -8,7 +8,7 @@ from typing import Annotated
 import mujoco
 from pydantic import Field
 
-from wbc.core.errors import LONGEST_PERIOD, ROUNDING, InputError, finite_scalar
+from wbc.core.errors import LONGEST_PERIOD, ROUNDING, InputError
 from wbc.core.robot import GRAVITY
 from wbc.core.settings import NonNegative, Positive, settings
 
@@ -88,6 +88,10 @@ class Machine:
     payload: Annotated[NonNegative, "kg"] = 0.0
 
 
+Step = Annotated[float, Field(ge=SHORTEST_STEP, le=LONGEST_PERIOD), "s"]
+"""A physics step, or a control period of a simulation."""
+
+
 def whole_steps(time: float, timestep: float) -> int:
     """Return a time, s, as whole physics steps, rounded up: 3 steps of 0.001 s are 3 steps, not 4."""
     return math.ceil(time / timestep - ROUNDING)
@@ -95,8 +99,6 @@ def whole_steps(time: float, timestep: float) -> int:
 
 def steps_per_tick(control_period: float, timestep: float) -> int:
     """Return the number of physics steps in a control period, both in s; `InputError` if it is no whole number."""
-    finite_scalar("control period (s)", control_period, low=SHORTEST_STEP, high=LONGEST_PERIOD)
-    finite_scalar("physics timestep (s)", timestep, low=SHORTEST_STEP, high=LONGEST_PERIOD)
     ratio = control_period / timestep
     steps = round(ratio)
     if steps < 1 or abs(ratio - steps) > 1e-6 * ratio:

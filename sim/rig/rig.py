@@ -12,7 +12,7 @@ import numpy as np
 from pydantic import Field
 
 from wbc.core.errors import Array, InputError, ModelError
-from wbc.core.settings import NonNegative, Positive, settings, to_json
+from wbc.core.settings import Angle, NonNegative, Number, Positive, settings, to_json
 from wbc.feet import Foot, FootFit, foot
 from wbc.feet.soles.catalog import foot_name
 from wbc.feet.soles.common_mjcf import quaternion_wxyz
@@ -70,9 +70,9 @@ class FootTest:
     foot: Foot = field(default_factory=lambda: foot("soft"))
     ground: Terrain = field(default_factory=lambda: terrain("flat"))
     load: Annotated[Positive, "N"] = 200.0
-    x: Annotated[float, "m"] = 0.0
-    y: Annotated[float, "m"] = 0.0
-    yaw: Annotated[float, "rad"] = 0.0
+    x: Annotated[Number, "m"] = 0.0
+    y: Annotated[Number, "m"] = 0.0
+    yaw: Angle = 0.0
     ankle_stiffness: Annotated[NonNegative, "Nm/rad"] = 2000.0
     robot_sole: SoleGeometry = HRP4C_SOLE
     drop: Annotated[NonNegative, Field(le=1.0), "m"] = 0.01

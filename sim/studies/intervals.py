@@ -9,10 +9,14 @@ from __future__ import annotations
 import math
 from collections.abc import Hashable, Sequence
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
+from pydantic import Field
 
-from wbc.core.errors import Array, InputError, finite_array, positive, whole_number
+from wbc.core.checked import checked
+from wbc.core.errors import Array, InputError, finite_array
+from wbc.core.settings import Count, Positive
 
 CONFIDENCE = 0.95
 """Confidence of every interval."""
@@ -159,7 +163,8 @@ def holm(p_values: Sequence[float | None]) -> list[float | None]:
     return result
 
 
-def share_interval(successes: int, trials: int) -> tuple[float, float]:
+@checked
+def share_interval(successes: Annotated[int, Field(ge=0)], trials: Count) -> tuple[float, float]:
     """Return the exact interval of a share of successes; one-sided where all or none succeeded.
 
     20 of 20 is "at least 86 %".
@@ -168,15 +173,15 @@ def share_interval(successes: int, trials: int) -> tuple[float, float]:
     """
     from scipy.stats import binomtest  # noqa: PLC0415 - slow to import
 
-    whole_number("trials", trials, low=1)
-    if not 0 <= successes <= trials:
+    if successes > trials:
         raise InputError(f"successes must be from 0 to the {trials} trials, got {successes}")
     side = {0: "less", trials: "greater"}.get(successes, "two-sided")
     found = binomtest(successes, trials, alternative=side).proportion_ci(CONFIDENCE, "exact")
     return float(found.low), float(found.high)
 
 
-def rate_interval(events: int, time: float) -> tuple[float, float]:
+@checked
+def rate_interval(events: Annotated[int, Field(ge=0)], time: Positive) -> tuple[float, float]:
     """Return the exact interval of a rate of independent events in the unit of `time`; one-sided where there were none.
 
     No event in half an hour is "at most 6 an hour".
@@ -185,11 +190,10 @@ def rate_interval(events: int, time: float) -> tuple[float, float]:
     """
     from scipy.stats import chi2  # noqa: PLC0415 - slow to import
 
-    count, time = whole_number("events", events, low=0), positive("time", time)
-    if count == 0:
+    if events == 0:
         return 0.0, -math.log(1.0 - CONFIDENCE) / time
     rest = 0.5 * (1.0 - CONFIDENCE)
-    return float(chi2.ppf(rest, 2 * count)) / 2.0 / time, float(chi2.isf(rest, 2 * count + 2)) / 2.0 / time
+    return float(chi2.ppf(rest, 2 * events)) / 2.0 / time, float(chi2.isf(rest, 2 * events + 2)) / 2.0 / time
 
 
 def rate_text(events: int, time: float) -> str:

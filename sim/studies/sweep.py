@@ -19,10 +19,11 @@ from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, CancelledError, Executor, Future, wait
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Annotated, Any
 
-from wbc.core.errors import InputError, WbcError, check_parts, positive, whole_number
-from wbc.core.settings import to_json
+from wbc.core.checked import checked
+from wbc.core.errors import InputError, WbcError, check_parts
+from wbc.core.settings import Count, Positive, to_json
 from wbc.sim.studies.journal import Entry, Journal, trial_key
 from wbc.sim.studies.provenance import differences, provenance
 from wbc.sim.studies.trials import AnyTrialSpec, Outcome, run_trial
@@ -83,13 +84,14 @@ Pending = deque[tuple[AnyTrialSpec, dict[str, Any]]]
 Record = Callable[[dict[str, Any], Outcome], None]
 
 
+@checked
 def sweep(
     specs: Iterable[AnyTrialSpec],
     journal: Journal,
     *,
     executor: Executor | None = None,
-    workers: int = 1,
-    timeout: float | None = TIMEOUT,
+    workers: Count = 1,
+    timeout: Annotated[Positive, "s"] | None = TIMEOUT,
     retry: bool = False,
     progress: Progress | None = None,
 ) -> SweepSummary:
@@ -109,9 +111,6 @@ def sweep(
         JournalError: The journal cannot be written.
         SweepError: The executor has broken down or cancelled trials, or its processes have other code than this one.
     """
-    whole_number("workers", workers, low=1)
-    if timeout is not None:
-        positive("timeout (s)", timeout)
     begin = time.perf_counter()
     trials = {}
     for spec in specs:

@@ -16,6 +16,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from typing import Annotated, Any, ClassVar, Literal, Protocol, Self
 
+from wbc.core.checked import checked
 from wbc.core.errors import InputError
 from wbc.core.registry import Registry
 from wbc.core.settings import Positive, settings, to_json
@@ -94,7 +95,10 @@ def with_seed(spec: Any, seed: int) -> Any:
     return trial_from_json({**spec.to_json(), "seed": seed}) if seeded is None else seeded(spec, seed)
 
 
-def run_trial(spec: AnyTrialSpec, timeout: float | None = None, *, exit_when_stuck: bool = False) -> Outcome:
+@checked
+def run_trial(
+    spec: AnyTrialSpec, timeout: Annotated[Positive, "s"] | None = None, *, exit_when_stuck: bool = False
+) -> Outcome:
     """Run a trial, for `timeout` seconds of wall time at the most. Nothing is raised: an error is an outcome.
 
     `exit_when_stuck` ends the process when a call into a library does not return for twice that time and half a minute:

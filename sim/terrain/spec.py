@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from pydantic import Field
 
+from wbc.core.checked import checked
 from wbc.core.errors import ROUNDING, Array, InputError, finite_scalar, non_negative, positive
 from wbc.core.settings import NonNegative, Positive, Seed, settings
 from wbc.feet.sensing.roughness import LEAST_SAMPLES, Roughness, RoughnessSettings, roughness
@@ -336,7 +337,10 @@ TRACK = ("length", "width", "start", "strip", "ramp", "sole_radius")
 """Fields of a terrain that have a default, which a family may change."""
 
 
-def terrain(name: str | Family, amplitude: float | None = None, seed: int = 0, **values: Any) -> Terrain:
+@checked
+def terrain(
+    name: str | Family, amplitude: Annotated[NonNegative, "m"] | None = None, seed: Seed = 0, **values: Any
+) -> Terrain:
     """Return a terrain by the name of its family.
 
     Args:

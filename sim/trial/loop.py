@@ -28,12 +28,13 @@ from typing import Any
 import numpy as np
 from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
 
+from wbc.core.checked import checked
 from wbc.core.errors import InputError, MeasurementError, WbcError
 from wbc.core.estimation.falls import FallReason
 from wbc.core.signals import Command, Control, Measurement
 from wbc.sim.plant.plant import Plant
 from wbc.sim.plant.robot import DivergedError
-from wbc.sim.trial.falls import BodyLimits, TrueFallDetector
+from wbc.sim.trial.falls import PelvisLimits, TrueFallDetector
 from wbc.walking.control import ReferenceControl
 from wbc.walking.plans.footsteps import FootstepPlan
 
@@ -106,11 +107,12 @@ class Trial:
         loop_time: Wall time of `run` but that in `hooks`, s.
     """
 
+    @checked
     def __init__(
         self,
         plant: Plant,
         walking: Control,
-        limits: BodyLimits | None = None,
+        limits: PelvisLimits | None = None,
         scenario: Sequence[TrialHook] = (),
     ) -> None:
         """Connect plant and controller.
@@ -118,7 +120,7 @@ class Trial:
         Args:
             plant: The plant.
             walking: The controller.
-            limits: Limits of the body in the fall test; those of a standing robot when None.
+            limits: Limits of the pelvis in the fall test; those of a standing robot when None.
             scenario: Hooks that act.
         """
         self.plant = plant
@@ -158,8 +160,8 @@ class Trial:
 
     def true_fall(self) -> FallReason | None:
         """Return why the robot has fallen in the simulation, whatever the controller's estimate; None if it has not."""
-        w, x, y, z = self.plant.data.qpos[3:7].tolist()
-        return self._falls.reason((x, y, z, w), self.plant.com_height - self.ground)
+        x, y, z, qw, qx, qy, qz = self.plant.data.qpos[:7].tolist()
+        return self._falls.reason((x, y, z, qx, qy, qz, qw), self.ground)
 
     def find_fall(self) -> FallReason | None:
         """Return why the robot has fallen, by its controller or in truth; None if it has not."""

@@ -9,7 +9,7 @@ from typing import Annotated
 import numpy as np
 
 from wbc.core.errors import ROUNDING, InputError
-from wbc.core.settings import Count, NonNegative, Positive, Share, settings
+from wbc.core.settings import Angle, Count, NonNegative, Positive, Share, settings
 from wbc.sim.trial.loop import TrialHook, TrialTick
 from wbc.walking.contact import Event
 
@@ -35,7 +35,7 @@ class WalkPush:
     """
 
     impulse: Annotated[NonNegative, "Ns/kg"]
-    direction: Annotated[float, "rad"] = 0.0
+    direction: Angle = 0.0
     duration: Annotated[Positive, "s"] = PUSH_DURATION
     body: str = "torso"
     time: Annotated[NonNegative, "s"] | None = None

@@ -7,7 +7,7 @@ from dataclasses import replace
 from typing import Annotated, Literal
 
 from wbc.core.errors import ROUNDING, InputError
-from wbc.core.settings import Count, settings
+from wbc.core.settings import Angle, Count, Number, settings
 from wbc.sim.terrain.families.stairs import Stairs
 from wbc.sim.terrain.spec import Terrain
 from wbc.sim.trial.loop import Trial, TrialHook
@@ -46,10 +46,10 @@ class WalkPlan:
         first: Side that steps first; that of the motion, else the left one, when None.
     """
 
-    distance: Annotated[float, "m"] | None = None
+    distance: Annotated[Number, "m"] | None = None
     velocity: Annotated[tuple[float, float, float], "m/s, m/s, rad/s"] | None = None
     steps: Count | None = None
-    turn: Annotated[float, "rad"] | None = None
+    turn: Angle | None = None
     stairs: Literal["together", "alternate"] | None = None
     footsteps: tuple[Footstep, ...] | None = None
     drive: Annotated[tuple[tuple[float, float, float, float], ...], "s, m/s, m/s, rad/s"] | None = None

@@ -7,6 +7,7 @@ from typing import Unpack
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
+from wbc.core.checked import checked
 from wbc.core.errors import Array
 from wbc.core.qp.motion import read_only
 from wbc.tasks.force.compliance import ComplianceOptions, ComplianceTask, six
@@ -28,6 +29,7 @@ class AdmittanceTask(ComplianceTask):
     __slots__ = ("_admittance",)
     law = "admittance"
 
+    @checked
     def __init__(
         self,
         frame: str,

@@ -16,17 +16,19 @@ from __future__ import annotations
 
 import math
 from abc import abstractmethod
-from typing import Any, Unpack
+from typing import Annotated, Any, Unpack
 
 import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
-from wbc.core.errors import Array, InputError, MeasurementError, finite_array, non_negative, positive
+from wbc.core.checked import checked
+from wbc.core.errors import Array, InputError, MeasurementError, finite_array, positive
 from wbc.core.qp.axes import POSE_AXES
 from wbc.core.qp.motion import read_only
 from wbc.core.qp.task import MotionOptions
 from wbc.core.robot import Robot
+from wbc.core.settings import NonNegative
 from wbc.core.signals import Measurement
 from wbc.tasks.motion.frame import FrameTask
 
@@ -51,7 +53,7 @@ class ComplianceOptions(MotionOptions, total=False):
             None, the default.
     """
 
-    time_constant: float
+    time_constant: Annotated[NonNegative, "s"]
     velocity_bound: ArrayLike
     target_wrench: ArrayLike | None
     offset_bound: ArrayLike | None
@@ -74,6 +76,7 @@ class ComplianceTask(FrameTask):
     usual = {"weight": 10.0, "stiffness": 100.0}
     law = "compliance"
 
+    @checked
     def __init__(
         self, frame: str, target: pin.SE3 | None = None, **options: Unpack[ComplianceOptions]
     ) -> None:
@@ -86,7 +89,7 @@ class ComplianceTask(FrameTask):
         target_wrench, offset_bound = options.pop("target_wrench", None), options.pop("offset_bound", None)
         self._period = 0.0  # of the ticks so far, s
         super().__init__(frame, self.law, POSE_AXES, target, options)
-        self._time_constant = non_negative(f"time constant of task '{self.name}' (s)", time_constant)
+        self._time_constant = time_constant
         self._frozen = np.ones(6, dtype=bool)  # what the task does not follow must not drift away either
         self._frozen[self._keep] = False
         self.velocity_bound, self.offset_bound = velocity_bound, offset_bound

@@ -8,6 +8,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
+from wbc.core.checked import checked
 from wbc.core.errors import Array
 from wbc.core.qp.motion import read_only
 from wbc.tasks.force.compliance import ComplianceOptions, ComplianceTask, six
@@ -44,6 +45,7 @@ class ImpedanceTask(ComplianceTask):
     __slots__ = ("_damper", "_mass", "_spring")
     law = "impedance"
 
+    @checked
     def __init__(
         self,
         frame: str,

@@ -66,6 +66,12 @@ class PostureTask(JointTask):
             self._factor = factor
             self._rows.weight *= factor
 
+    def checked(self, value: JointValues, others: Array | None = None) -> Array:
+        """Return targets after a check; one beyond the range of its joint is in other units: degrees, most often."""
+        target = super().checked(value, others)
+        self.robot.check_range("target of joint", self._columns - BASE_DOF, target)
+        return target
+
     def present(self, robot: Robot) -> Array:
         """Return the present posture, shape (dim,), rad."""
         return np.array(robot.q[self._columns + 1])

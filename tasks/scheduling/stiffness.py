@@ -9,6 +9,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from wbc.core.checked import checked
 from wbc.core.errors import ROUNDING, Array, InputError, choose
 from wbc.core.robot import SIDES, Robot
 from wbc.core.signals import Measurement
@@ -40,6 +41,7 @@ class StiffnessScheduler:
         steps: Records of the last swings, the latest last; each is added when its foot lands.
     """
 
+    @checked
     def __init__(
         self,
         robot: Robot,

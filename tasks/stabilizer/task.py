@@ -21,11 +21,13 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
+from wbc.core.checked import checked
 from wbc.core.errors import Array, InputError
 from wbc.core.qp.contact import SoleContact
 from wbc.core.qp.motion import read_only
 from wbc.core.qp.task import MotionOptions
 from wbc.core.robot import Robot
+from wbc.core.settings import NonNegative
 from wbc.core.signals import Measurement
 from wbc.tasks.force.wrench import WrenchTask
 from wbc.tasks.motion.com import CoMTask
@@ -54,6 +56,7 @@ class StabilizerTask(CoMTask):
         "_stabilizer", "_stands", "_torque", "_wrench_weight", "_yaw", "output", "parts",
     )  # fmt: skip
 
+    @checked
     def __init__(
         self,
         contacts: Sequence[SoleContact],
@@ -63,7 +66,7 @@ class StabilizerTask(CoMTask):
         gains: StabilizerGains | None = None,
         distribution: DistributionSettings | None = None,
         estimate: Robot | None = None,
-        wrench_weight: float = 1e-3,
+        wrench_weight: NonNegative = 1e-3,
         **options: Unpack[MotionOptions],
     ) -> None:
         """Describe the task.

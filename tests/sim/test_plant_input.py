@@ -93,3 +93,15 @@ def test_a_torque_limit_that_stands_for_none_is_derived_and_doubted(effort: str)
     plant = Plant(robot, foot=FEW_SPHERES)
     plant.step(Command(np.full(robot.robot().na, 1e5)))
     assert abs(plant.model.actuator_forcerange[0]).max() == robot.torque_limit[0]
+
+
+def test_a_plant_takes_the_name_of_a_robot_and_refuses_a_quaternion_that_is_none(plant: Plant) -> None:
+    assert Plant("hrp4_class", foot=FEW_SPHERES, visuals=False).description is load("hrp4_class")
+    before = plant.data.qpos.copy()
+    for length in (0.0, 1.1, 0.9):
+        q = np.array(plant.robot.half_sitting)
+        q[3:7] *= length
+        for pose in (plant.reset, lambda q: Plant("hrp4_class", initial_configuration=q)):
+            with pytest.raises(InputError, match="quaternion"):
+                pose(q)
+    np.testing.assert_array_equal(plant.data.qpos, before)

@@ -118,3 +118,20 @@ def test_a_task_is_hard_or_not_as_long_as_a_controller_has_it() -> None:
     com.hard = True
     controller.add(com, SoleContact("left_foot"))
     assert com.hard and controller.solve().ok and "hard" in controller.status_table()
+
+
+@pytest.mark.parametrize("degrees", [-45.0, 90.0, [30.0]])
+def test_a_posture_in_degrees_is_refused_and_nothing_moves(degrees: float | list[float]) -> None:
+    controller = Controller(make_robot("g1"), 0.005)
+    joint = "left_elbow_joint"
+    task = controller.add(PostureTask(joints=[joint]))
+    before = np.array(task.target)
+    target = degrees if isinstance(degrees, list) else {joint: degrees}
+    for order in (task.move_to, lambda t: setattr(task, "target", t), lambda t: task.move_through([t])):
+        with pytest.raises(InputError, match=f"'{joint}' .*rad.* must lie in its range"):
+            order(target)
+    assert not task.moving
+    np.testing.assert_array_equal(task.target, before)
+    with pytest.raises(InputError, match=joint):
+        controller.robot.configuration({joint: 45.0})
+    task.target = controller.robot.position_upper[[controller.robot.joint_index(joint)]]

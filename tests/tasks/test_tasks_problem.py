@@ -90,9 +90,9 @@ def test_diagnosis_names_a_hard_posture_against_joint_limits() -> None:
     controller = standing("hrp4_class", posture=False)
     joint = "left_elbow_pitch"
     robot = controller.robot
-    beyond = robot.position_upper[robot.joint_index(joint)] + 1.0
+    far = robot.position_lower[robot.joint_index(joint)]  # 1 rad of error acts: 100 rad/s²
     controller.add(JointLimits(acceleration=10.0), CoMTask())
-    controller.add(PostureTask({joint: beyond}, joints=[joint], hard=True, stiffness=100.0))
+    controller.add(PostureTask({joint: far}, joints=[joint], hard=True, stiffness=100.0))
     assert not controller.solve().ok
     assert {"hard task 'posture'", "joint limits"} == set(controller.diagnose())
 

@@ -13,7 +13,7 @@ import wbc
 from wbc.core.errors import InputError, UnknownNameError
 from wbc.walking import FootstepPlan, Gait, WalkingControl
 from wbc.walking.plans.footsteps import Footstep
-from wbc.walking.plans.planners import climb_stairs, walk_distance, walk_path, walk_velocity
+from wbc.walking.plans.planners import climb_stairs, turn_in_place, walk_distance, walk_path, walk_velocity
 from wbc.walking.plans.reach import check_plan
 
 DT = 0.005
@@ -55,6 +55,17 @@ REFUSED: list[tuple[Callable[[], object], str]] = [
     (lambda: check_plan(replace(START, gait=Gait(swing_height=0.5)), ROBOT), "swing_height"),
     (lambda: check_plan(replace(START, right=Footstep("right", 0.0, 0.02)), ROBOT), "overlap"),
     (lambda: drive(0.1, 0.0, NAN), "velocity"),
+    (lambda: drive(0.0, 0.0, 20.0), "rad/s"),  # degrees for radians, here and below
+    (lambda: turn_in_place(START, 90.0), r"angle of turn_in_place \(rad\)"),
+    (lambda: turn_in_place(START, -7.0), r"angle of turn_in_place \(rad\)"),
+    (lambda: turn_in_place(START, 1.0, per_step=15.0), r"per_step of turn_in_place \(rad\)"),
+    (lambda: walk_path(START, [(0.1, 0.0, 10.0)]), r"turn of a move \(rad\)"),
+    (lambda: walk_velocity(START, (0.1, 0.0, 20.0), 3), r"velocity of walk_velocity \(m/s, m/s, rad/s\)"),
+    (lambda: walking().go_to(0.5, 0.0, 90.0), r"yaw of WalkingControl.go_to \(rad\)"),
+    (lambda: body("turn", 45.0), "rad"),
+    (lambda: body("lean", (10.0, 0.0)), "rad"),
+    (lambda: walk_distance(START, math.inf), r"distance of walk_distance \(m\)"),
+    (lambda: climb_stairs(START, rise=0.1, tread=0.3, count=0, first_edge=0.4), "count"),
     (lambda: walking().go_to(3.0, 0.0, 0.0), "ground"),
     (lambda: walking().follow("left"), "FootstepPlan"),  # type: ignore[arg-type]
     (lambda: body("com_height", 0.3), "com_height"),

@@ -93,11 +93,13 @@ class Check:
         """Prepare the check of an argument of a function."""
         self._validate = TypeAdapter(_for_pydantic(hint), config=CONFIG).validator.validate_python
         self._plain = not any(isinstance(part, Numbers) for part in _parts(hint))
-        self._unit, method = unit_of(hint), function.__name__
+        self._unit = unit_of(hint)
         self._is_method = next(iter(inspect.signature(function).parameters)) in ("self", "cls")
+        self._name, self._of = name, function.__qualname__.rpartition("<locals>.")[2]
+        if self._is_method:  # of a class that derives, perhaps, from the one that has it
+            self._of = "" if function.__name__ == "__init__" else function.__name__
         if name == "value":
-            name, method = method, "__init__"
-        self._name, self._of = name, method if method != "__init__" else ""
+            self._name, self._of = function.__name__, ""
 
     def __call__(self, value: Any, args: tuple[Any, ...]) -> Any:
         """Return the value as its annotation has it; `args` begin with the object whose method is called."""
@@ -131,7 +133,11 @@ def _for_pydantic(hint: Any) -> Any:
         return hint
     if not isinstance(hint, type) or origin is not None or inspect.isabstract(hint):
         return None
-    if hint is object or getattr(hint, "_is_protocol", False) or hint.__module__ in ("builtins", "types"):
+    if (
+        hint in (Any, object)
+        or getattr(hint, "_is_protocol", False)
+        or hint.__module__ in ("builtins", "types")
+    ):
         return None
     return Annotated[Any, PlainValidator(functools.partial(_instance, hint))]
 

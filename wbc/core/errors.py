@@ -148,11 +148,6 @@ def positive(what: str, value: Any) -> float:
     return finite_scalar(what, value, low=0.0, open_low=True)
 
 
-def as_period(value: Any) -> float:
-    """Return a control period, s; `InputError` for more than a second: it is in another unit."""
-    return finite_scalar("control period (s)", value, low=0.0, high=LONGEST_PERIOD, open_low=True)
-
-
 def non_negative(what: str, value: Any) -> float:
     """Return a number as a float of at least zero; `InputError` for anything else."""
     return finite_scalar(what, value, low=0.0)

@@ -12,7 +12,7 @@ from typing import Annotated, Literal, NoReturn
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from wbc.core.checked import checked
 from wbc.core.errors import (
@@ -20,6 +20,7 @@ from wbc.core.errors import (
     InputError,
     ModelError,
     finite_array,
+    finite_scalar,
     scalar,
     shown,
     unknown_name,
@@ -42,6 +43,9 @@ them in proportion."""
 
 SIDES = ("left", "right")
 """Sides of a robot: order of its soles and legs, and prefix of every name that a foot adds to a model."""
+
+BEYOND = 0.02
+"""Distance beyond its limits up to which a joint may be held, rad or m."""
 
 UNIT = 1e-3
 """Difference from 1 up to which the length of a quaternion is rounding."""
@@ -399,6 +403,21 @@ class Robot:
             unknown_name("joint", name, self.joint_names)
         return self.joint_names.index(name)
 
+    def check_range(self, what: str, joints: Sequence[int] | NDArray[np.intp], positions: Array) -> None:
+        """Refuse positions, rad or m, beyond the range of their joints, which are indices in arrays of shape (na,).
+
+        A range is a little wider than the limits: stops yield, and where a robot stands is a position that it may hold.
+        """
+        low, high = self.position_lower[joints] - BEYOND, self.position_upper[joints] + BEYOND
+        beyond = ((positions < low) | (positions > high)).nonzero()[0]
+        if beyond.size:
+            row = int(beyond[0])
+            joint = int(joints[row])
+            raise InputError(
+                f"{what} '{self.joint_names[joint]}' (rad, of a sliding joint m) must lie in its range "
+                f"[{self.position_lower[joint]:.4g}, {self.position_upper[joint]:.4g}], got {positions[row]:g}"
+            )
+
     def needs_feet(self, what: str) -> None:
         """Refuse what needs two feet, such as "an observer", where the robot has none."""
         if not self.soles:
@@ -435,7 +454,9 @@ class Robot:
         """
         q = np.array(self.half_sitting)
         for name, value in (joints or {}).items():
-            q[7 + self.joint_index(name)] = value
+            index = self.joint_index(name)
+            q[7 + index] = finite_scalar(f"position of joint '{name}'", value)
+            self.check_range("position of joint", [index], q[[7 + index]])
         data = self.model.createData()
         pin.framesForwardKinematics(self.model, data, q)
         q[2] -= min((data.oMf[self.frame_id(sole.frame)].translation[2] for sole in self.soles), default=0.0)

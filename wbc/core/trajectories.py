@@ -13,13 +13,15 @@ from __future__ import annotations
 import math
 from bisect import bisect_right
 from collections.abc import Sequence
-from typing import Generic, TypeVar
+from typing import Annotated, Generic, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy.interpolate import BSpline, make_interp_spline
 
-from wbc.core.errors import Array, InputError, finite_array, positive
+from wbc.core.checked import checked
+from wbc.core.errors import Array, InputError, finite_array
+from wbc.core.settings import Positive
 
 ValueT = TypeVar("ValueT", float, Array)
 
@@ -98,10 +100,11 @@ class Trajectory:
     the least mean squared jerk, which makes it a spline of degree 5 (de Boor, "A Practical Guide to Splines", ch. 13).
     """
 
+    @checked
     def __init__(
         self,
         points: Sequence[ArrayLike] | Array,
-        duration: float | None = None,
+        duration: Annotated[Positive, "s"] | None = None,
         *,
         speed: ArrayLike | None = None,
         acceleration: ArrayLike | None = None,
@@ -131,11 +134,9 @@ class Trajectory:
         parts = (slice(0, waypoints[0].size),) if parts is None else parts
         speeds = _limits("speed", speed, len(parts))
         accelerations = _limits("acceleration", acceleration, len(parts))
-        if duration is not None:
-            duration = positive("duration of a trajectory (s)", duration)
-        elif speeds is None:
+        if duration is None and speeds is None:
             raise InputError("a trajectory needs a duration or a speed, got neither")
-        elif accelerations is None:
+        if duration is None and speeds is not None and accelerations is None:
             accelerations = speeds / RUN_UP
         self.end = waypoints[-1]
         begin = [

@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from pydantic import Field
 
-from wbc.core.errors import Array, InputError, finite_array, finite_scalar, positive, shown
+from wbc.core.checked import checked
+from wbc.core.errors import Array, InputError, shown
+from wbc.core.settings import Number, Positive
 
 WORLD = "world"
 """Frame of clouds and maps that are in the frame of the robot's estimate."""
@@ -45,6 +49,7 @@ def _points(value: ArrayLike) -> Array:
     return np.stack([_numbers(f"field {axis} of a cloud", cloud[axis]) for axis in "xyz"], axis=1)
 
 
+@checked
 @dataclass(frozen=True, eq=False)
 class PointCloud:
     """Points of the ground seen at one instant, by a depth camera, a lidar or range sensors.
@@ -59,7 +64,7 @@ class PointCloud:
     """
 
     points: Array
-    time: float
+    time: Annotated[Number, "s"]
     frame: str
     std: ArrayLike = 0.005
 
@@ -70,7 +75,6 @@ class PointCloud:
                 "; leave out the columns after x, y and z" if points.ndim == 2 and points.shape[1] > 3 else ""
             )
             raise InputError(f"points of a cloud must have shape (n, 3), got {points.shape}{more}")
-        finite_scalar("time of a cloud (s)", self.time)
         check_frame("frame of a cloud", self.frame)
         std = _numbers("std of a cloud (m)", self.std)
         if std.shape not in ((), (1,), (len(points),)):
@@ -85,6 +89,7 @@ class PointCloud:
         object.__setattr__(self, "std", std[good])
 
 
+@checked
 @dataclass(frozen=True, eq=False)
 class ElevationMap:
     """Map of the user's own: heights of the ground on a grid.
@@ -100,11 +105,11 @@ class ElevationMap:
     """
 
     heights: Array
-    cell: float
+    cell: Annotated[Positive, "m"]
     pose: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    time: float = 0.0
+    time: Annotated[Number, "s"] = 0.0
     frame: str = WORLD
-    max_age: float = np.inf
+    max_age: Annotated[float, Field(gt=0.0, allow_inf_nan=True), "s"] = np.inf
     unknown: bool = field(init=False)
     _turn: complex = field(init=False, repr=False)
 
@@ -112,15 +117,11 @@ class ElevationMap:
         heights = _numbers("heights of a map (m)", self.heights)
         if heights.ndim != 2 or not heights.size:
             raise InputError(f"heights of a map must have shape (nx, ny), got {heights.shape}")
-        cell = positive("cell of a map (m)", self.cell)
-        finite_scalar("time of a map (s)", self.time)
         check_frame("frame of a map", self.frame)
-        if not (isinstance(self.max_age, float) and self.max_age == np.inf):
-            positive("max_age of a map (s)", self.max_age)
-        _, _, yaw = finite_array("pose of a map (m, m, rad)", self.pose, (3,)).tolist()
+        _, _, yaw = self.pose
         object.__setattr__(self, "heights", heights)
         object.__setattr__(self, "unknown", bool(np.isnan(heights).all()))
-        object.__setattr__(self, "_turn", np.exp(-1j * yaw) / cell)
+        object.__setattr__(self, "_turn", np.exp(-1j * yaw) / self.cell)
 
     def at(self, places: NDArray[np.complex128]) -> Array:
         """Return the heights at places x + iy, m, complex of any shape; NaN outside and where unknown."""

@@ -20,6 +20,7 @@ from typing import Annotated
 import numpy as np
 import pinocchio as pin
 
+from wbc.core.checked import checked
 from wbc.core.errors import ROUNDING, Array, InputError, shown
 from wbc.core.limits.collision import Shape
 from wbc.core.robot import Robot
@@ -83,6 +84,7 @@ class KnownGround:
         difference: Ground known under the sole that stands over that sole, at the last lift-off, m; NaN if unknown.
     """
 
+    @checked
     def __init__(
         self,
         robot: Robot,

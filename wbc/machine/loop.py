@@ -9,8 +9,10 @@ from typing import Protocol, runtime_checkable
 
 import numpy as np
 
+from wbc.core.checked import checked
 from wbc.core.control import DriveControl
-from wbc.core.errors import Array, InputError, WbcError, as_period, shown
+from wbc.core.errors import Array, InputError, WbcError, shown
+from wbc.core.settings import Period
 from wbc.core.signals import Command, Control, Measurement
 from wbc.ground import PointCloud
 from wbc.robots import RobotDescription
@@ -165,7 +167,8 @@ class DriverLoop:
         control_period: Period of the machine's measurements, s.
     """
 
-    def __init__(self, driver: Driver, control_period: float) -> None:
+    @checked
+    def __init__(self, driver: Driver, control_period: Period) -> None:
         """Store the driver.
 
         Args:
@@ -174,7 +177,7 @@ class DriverLoop:
         """
         check_driver(driver)
         self.description = driver.description
-        self.control_period = as_period(control_period)
+        self.control_period = control_period
         self._driver = driver
         self._newest: Measurement | None = None
 

@@ -16,10 +16,11 @@ from typing import Annotated, Any
 import numpy as np
 from pydantic import Field
 
+from wbc.core.checked import checked
 from wbc.core.drive.gate import CommandGate
 from wbc.core.drive.position import PositionControl
 from wbc.core.drive.torque import TorqueControl
-from wbc.core.errors import ROUNDING, InputError, check_parts, non_negative, positive
+from wbc.core.errors import ROUNDING, InputError, check_parts
 from wbc.core.estimation.consistency import REAL_TIME
 from wbc.core.robot import GRAVITY
 from wbc.core.settings import NonNegative, Positive, Share, settings
@@ -101,11 +102,12 @@ class RunSettings:
 class Runner:
     """The loop of one run, for programs that stop it from elsewhere; `run` is this in one call."""
 
+    @checked
     def __init__(
         self,
         driver: Driver,
         control: Control,
-        rate: float = 500.0,
+        rate: Annotated[Positive, "1/s"] = 500.0,
         *,
         settings: RunSettings | None = None,
         guard: bool = True,
@@ -114,7 +116,7 @@ class Runner:
         """Store what runs; nothing is sent. Arguments and errors are those of `run`, `clock` is one for tests."""
         check_driver(driver)
         check_parts("a controller", control, "command")
-        self.period = 1.0 / positive("rate (1/s)", rate)
+        self.period = 1.0 / rate
         self._drives = drives_of(control)
         if self._drives is not None and abs((dt := self._drives.controller.dt) - self.period) > ROUNDING:
             raise InputError(f"rate must be that of the controller, {1.0 / dt:g} Hz, got {rate:g} Hz")
@@ -151,7 +153,8 @@ class Runner:
         """Damp the joints at the next tick and end."""
         self._emergency.set()
 
-    def run(self, until: float | Callable[[], bool] | None = None) -> RunReport:
+    @checked
+    def run(self, until: Annotated[NonNegative, "s"] | Callable[[], bool] | None = None) -> RunReport:
         """Run until told to stop; SIGINT and SIGTERM stop, a second one is an emergency stop.
 
         Args:
@@ -160,8 +163,6 @@ class Runner:
         Raises:
             MachineError: No measurement comes, or one of another robot; the guard cannot use the driver.
         """
-        if until is not None and not callable(until):
-            until = non_negative("time of the end (s)", until)
         if self._ran:
             raise InputError("a Runner runs once: make another one")
         self._ran = True
@@ -480,12 +481,13 @@ def mixed(first: Command | None, second: Command, part: float) -> Command:
     return Command(torque, q, v, second.sole_stiffness, kp, kd, second.released)
 
 
+@checked
 def run(
     driver: Driver,
     control: Control,
-    rate: float = 500.0,
+    rate: Annotated[Positive, "1/s"] = 500.0,
     *,
-    until: float | Callable[[], bool] | None = None,
+    until: Annotated[NonNegative, "s"] | Callable[[], bool] | None = None,
     settings: RunSettings | None = None,
     guard: bool = True,
 ) -> RunReport:

@@ -39,14 +39,17 @@ import socket
 import struct
 import time
 from collections.abc import Iterator
-from typing import Any, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
 import numpy as np
+from pydantic import Field
 
+from wbc.core.checked import checked
 from wbc.core.errors import InputError
 from wbc.core.signals import Command, Measurement
 from wbc.machine.loop import Driver, MachineError, with_gains
 from wbc.robots import RobotDescription
+from wbc.robots.registry import as_description
 
 logger = logging.getLogger(__name__)
 
@@ -168,18 +171,19 @@ class UdpDriver(Driver):
         address: Host and port of the robot.
     """
 
+    @checked
     def __init__(
         self,
-        description: RobotDescription,
+        description: RobotDescription | str,
         host: str = "127.0.0.1",
-        port: int = PORT,
+        port: Annotated[int, Field(ge=1, le=65535)] = PORT,
         *,
         secret: str | None = None,
     ) -> None:
         """Store the address; the socket is opened at the first call.
 
         Args:
-            description: The robot.
+            description: The robot, or the name of one.
             host: Host of the robot.
             port: Its port.
             secret: Secret that the robot shares, with which packets are signed; a robot on another computer needs one.
@@ -187,8 +191,7 @@ class UdpDriver(Driver):
         Raises:
             InputError: A port out of range; a secret that is missing or short.
         """
-        if not 0 < port < 65536:
-            raise InputError(f"port must be in 1 … 65535, got {port}")
+        description = as_description(description)
         self.description, self.address = description, (host, port)
         self._end = End(len(description.joint_names), host, secret)
         self._gains = np.array(description.kp), np.array(description.kd)
@@ -276,10 +279,11 @@ class UdpRobot:
         sender: Address that gets the measurements: of the owner, or of who said hello last; None before.
     """
 
+    @checked
     def __init__(
         self,
-        description: RobotDescription,
-        port: int = PORT,
+        description: RobotDescription | str,
+        port: Annotated[int, Field(ge=0, le=65535)] = PORT,
         host: str = "127.0.0.1",
         *,
         secret: str | None = None,
@@ -287,7 +291,7 @@ class UdpRobot:
         """Listen.
 
         Args:
-            description: The robot.
+            description: The robot, or the name of one.
             port: Port to listen at; any free one when 0.
             host: Address to listen at.
             secret: Secret that drivers share, with which packets are signed; needed where other computers are heard.
@@ -296,6 +300,7 @@ class UdpRobot:
             InputError: A port that is taken or out of range, an address that is not of this machine; a secret that is
                 missing or short.
         """
+        description = as_description(description)
         self._names = tuple(description.joint_names)
         self._end = End(len(self._names), host, secret)
         self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)

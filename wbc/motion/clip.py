@@ -5,14 +5,16 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
+from pydantic import Field
 from scipy.interpolate import CubicHermiteSpline
 from scipy.spatial.transform import Rotation, Slerp
 
+from wbc.core.checked import checked
 from wbc.core.conventions import rotation_of
-from wbc.core.errors import Array, InputError, finite_array, finite_scalar, shown
+from wbc.core.errors import Array, InputError, finite_array, shown
 from wbc.core.robot import Robot
 
 UPRIGHT = 0.5
@@ -27,6 +29,7 @@ LONGEST = 1_000_000
 BASE_COLUMNS = ("x", "y", "z", "qx", "qy", "qz", "qw")
 
 
+@checked
 @dataclass(frozen=True, slots=True, eq=False)
 class MotionClip:
     """Joints and base over time, at a constant rate.
@@ -42,7 +45,7 @@ class MotionClip:
     """
 
     joint_names: tuple[str, ...]
-    rate: float
+    rate: Annotated[float, Field(ge=1.0, le=10_000.0), "Hz"]
     base: Array
     joints: Array
     name: str = "motion"
@@ -51,7 +54,6 @@ class MotionClip:
     def __post_init__(self) -> None:
         """Check shapes, numbers, quaternions and the first frame."""
         names = tuple(self.joint_names)
-        finite_scalar("rate of a motion (Hz)", self.rate, low=1.0, high=10_000.0)
         twice = sorted({name for name in names if names.count(name) > 1})
         if twice:
             raise InputError(
@@ -99,6 +101,7 @@ class MotionClip:
         """Time of each frame, shape (T,), s."""
         return np.arange(len(self)) / self.rate
 
+    @checked
     def configurations(self, robot: Robot) -> Array:
         """Return configurations of a robot; joints that the clip does not have stay half-sitting.
 

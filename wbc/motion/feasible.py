@@ -23,6 +23,7 @@ from scipy.linalg import solve_banded
 from scipy.ndimage import gaussian_filter1d, maximum_filter1d
 from scipy.spatial.transform import Rotation
 
+from wbc.core.checked import checked
 from wbc.core.errors import Array, InputError
 from wbc.core.robot import BASE_DOF, GRAVITY, Robot
 from wbc.core.settings import Positive, Share
@@ -83,6 +84,7 @@ class FeasibleMotion:
     stretched: float
 
 
+@checked
 def make_feasible(
     robot: Robot, clip: MotionClip, *, share: Annotated[Share, Positive] = 0.8, friction: Positive = 0.5
 ) -> FeasibleMotion:

@@ -14,6 +14,7 @@ from typing import Annotated, Any
 
 import numpy as np
 
+from wbc.core.checked import checked
 from wbc.core.errors import Array, InputError
 from wbc.core.files import decoding, parsing, read_text, replacing
 from wbc.core.settings import Positive
@@ -23,6 +24,7 @@ LARGEST = 500_000_000
 """Largest file that is read, bytes; one of arrays unpacks to four times as many at most."""
 
 
+@checked
 def write_motion(clip: MotionClip, path: str | Path) -> None:
     """Write a clip as .npz of the library's own format, or as .csv with a header.
 
@@ -48,6 +50,7 @@ def write_motion(clip: MotionClip, path: str | Path) -> None:
             rows.writerows([f"{value:.9g}" for value in row] for row in table.tolist())
 
 
+@checked
 def read_motion(
     path: str | Path, *, rate: Annotated[Positive, "Hz"] | None = None, joints: Sequence[str] | None = None
 ) -> MotionClip:

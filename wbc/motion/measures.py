@@ -8,6 +8,7 @@ from typing import Annotated, Any
 
 import numpy as np
 
+from wbc.core.checked import checked
 from wbc.core.errors import ROUNDING, Array
 from wbc.core.hull import convex_hull
 from wbc.core.robot import BASE_DOF, Robot
@@ -110,6 +111,7 @@ def by_joint(robot: Robot, values: Array, bound: float = 1e-6) -> dict[str, floa
     return {name: float(v) for name, v in zip(robot.joint_names, values, strict=True) if v > bound}
 
 
+@checked
 def check_motion(
     robot: Robot,
     clip: MotionClip,

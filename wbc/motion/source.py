@@ -26,9 +26,11 @@ from scipy.interpolate import CubicSpline
 from scipy.ndimage import gaussian_filter1d
 from scipy.spatial.transform import Rotation, RotationSpline
 
+from wbc.core.checked import checked
 from wbc.core.control import State
-from wbc.core.errors import ROUNDING, Array, InputError, as_period
+from wbc.core.errors import ROUNDING, Array, InputError
 from wbc.core.robot import GRAVITY, Robot
+from wbc.core.settings import Period
 from wbc.motion.clip import MotionClip
 from wbc.motion.contacts import find_contacts
 from wbc.motion.kinematics import BodyMotion, Soles, least_lift, zmp_of
@@ -87,7 +89,8 @@ class MotionSource(ReferenceSource):
         "a robot that tracks a clip cannot be steered, nor stopped before: it stands when the clip is over"
     )
 
-    def __init__(self, robot: Robot, clip: MotionClip, dt: float) -> None:
+    @checked
+    def __init__(self, robot: Robot, clip: MotionClip, dt: Period) -> None:
         """Put the clip where the robot stands; the motion begins with the first tick.
 
         Args:
@@ -99,7 +102,7 @@ class MotionSource(ReferenceSource):
             InputError: The robot leaves the ground in the clip; the time at which it does is named. A robot that does
                 not stand as the clip begins.
         """
-        self._dt = dt = as_period(dt)
+        self._dt = dt
         q = clip.configurations(robot)
         motion = BodyMotion.of(robot, q, clip.rate)
         _, standing = find_contacts(motion, clip.standing)

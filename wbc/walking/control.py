@@ -14,20 +14,22 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 
+from wbc.core.checked import checked
 from wbc.core.control import Mode, SafetySettings, State
 from wbc.core.drive.hybrid import HybridControl
 from wbc.core.drive.position import PositionControl
 from wbc.core.drive.torque import TorqueControl
-from wbc.core.errors import InputError, finite_array, names_in
+from wbc.core.errors import InputError, names_in
 from wbc.core.estimation.falls import FallReason
 from wbc.core.estimation.inertial import InertialSettings
 from wbc.core.estimation.observer import Observer
 from wbc.core.qp.controller import Controller
 from wbc.core.qp.released import ReleasedJoints
+from wbc.core.settings import Angle, Number
 from wbc.core.signals import Command, Measurement
 from wbc.ground import KnownGround, PointCloud
 from wbc.ground.cloud import ElevationMap
@@ -288,16 +290,17 @@ class ReferenceControl:
         """True if the robot is steered, or stands without a plan and may be."""
         return self.source.steered
 
-    def go_to(self, x: float, y: float, yaw: float) -> None:
+    @checked
+    def go_to(self, x: Annotated[Number, "m"], y: Annotated[Number, "m"], yaw: Angle) -> None:
         """Walk to a place and stand there.
 
         Args:
             x: Place of the robot in the world, m.
             y: Place of the robot in the world, m.
-            yaw: Heading there, rad.
+            yaw: Heading there, rad; a full turn at most.
         """
         self.body.check_steps(self.source.swing_height)
-        self.source.go_to(*finite_array("goal (m, m, rad)", (x, y, yaw), (3,)).tolist())
+        self.source.go_to(x, y, yaw)
         self.stopped = False
 
     def follow(self, source: FootstepPlan | FootstepSource) -> None:

@@ -22,6 +22,7 @@ from typing import Annotated
 import numpy as np
 from pydantic import Field
 
+from wbc.core.checked import checked
 from wbc.core.errors import Array, InputError
 from wbc.core.estimation.outside import OutsideWrench, moment_about
 from wbc.core.lag import lag_gain
@@ -66,6 +67,7 @@ class HeldLoad:
         applied: Mass of the load in the models, kg.
     """
 
+    @checked
     def __init__(self, robot: Robot, settings: LoadSettings | None = None) -> None:
         """Start with empty hands; an `InputError` for a robot without them, or a frame that does not move."""
         self.settings = s = settings or LoadSettings()

@@ -15,6 +15,7 @@ from typing import NamedTuple
 
 import pinocchio as pin
 
+from wbc.core.checked import checked
 from wbc.core.control import State
 from wbc.core.errors import Array, InputError
 from wbc.core.robot import SIDES, Robot
@@ -245,6 +246,7 @@ class StandSource(ReferenceSource):
 
     unsteered = "a robot that stands cannot be steered"
 
+    @checked
     def __init__(self, robot: Robot) -> None:
         """Stand as the robot stands.
 

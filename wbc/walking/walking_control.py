@@ -13,13 +13,15 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Sequence
-from typing import Literal
+from typing import Annotated, Literal
 
+from wbc.core.checked import checked
 from wbc.core.control import State
-from wbc.core.errors import InputError, as_period, choose, shown
+from wbc.core.errors import InputError, choose, shown
 from wbc.core.estimation.observer import Observer
 from wbc.core.qp.controller import Controller
 from wbc.core.robot import Robot
+from wbc.core.settings import Angle, NonNegative, Number, Period
 from wbc.ground import KnownGround
 from wbc.tasks.scheduling.stiffness import StiffnessScheduler
 from wbc.walking.balance import Balance, Stabilized
@@ -63,14 +65,14 @@ class WalkingControl(ReferenceControl):
         settings: Settings.
         law: Name of the law now, "lipm" or "stepping".
         laws: The laws that it has.
-        calm: Time of a stand after planned steps from which on the robot is ready to step out of pushes, s.
     """
 
+    @checked
     def __init__(
         self,
         robot: Robot,
         source: FootstepPlan | ReferenceSource,
-        dt: float,
+        dt: Period,
         settings: WalkingControlSettings | None = None,
         *,
         law: Literal["auto", "lipm"] = "auto",
@@ -96,11 +98,10 @@ class WalkingControl(ReferenceControl):
             ground: What is known of the ground, made with a robot of the same description that stands at the start;
                 None walks blind.
         """
-        choose("law", law, ("auto", "lipm"))
         if len(robot.soles) != 2:
             raise InputError(f"a walk needs a robot with a left and a right sole, got {len(robot.soles)}")
         self.settings = s = settings or WalkingControlSettings()
-        dt, torque, plan = as_period(dt), s.mode != "position", None
+        torque, plan = s.mode != "position", None
         if isinstance(source, FootstepPlan):
             plan, source = source, LipmWalk(robot, source, dt, s, extent)
         elif source.by_steps:
@@ -122,7 +123,7 @@ class WalkingControl(ReferenceControl):
         planned = Law(source, tasks, Stabilized(control, tasks, arms, s, height), observer.inertial.settings)
         self.laws = {"lipm": planned}
         self.law = "lipm"
-        self.calm, self._stood = CALM, 0.0  # time of a stand by the law that plans, s
+        self._calm, self._stood = CALM, 0.0  # time of a stand by the law that plans, s
         self._handy = False  # hands have been asked for: the law that counts their forces stays
         self._before = 0  # steps done by laws before
         self._waiting: FootstepPlan | None = None  # until the robot stands
@@ -142,6 +143,16 @@ class WalkingControl(ReferenceControl):
             self.change("stepping")
             if plan.steps:
                 self.follow(plan)
+
+    @property
+    def calm(self) -> float:
+        """Time of a stand after planned steps from which on the robot is ready to step out of pushes, s; assign it."""
+        return self._calm
+
+    @calm.setter
+    @checked
+    def calm(self, value: Annotated[NonNegative, "s"]) -> None:
+        self._calm = value
 
     @property
     def walk(self) -> Walk:
@@ -211,7 +222,7 @@ class WalkingControl(ReferenceControl):
                 self.follow(plan)
             elif self.law == "lipm" and not self._handy:
                 self._stood += self.dt
-                if self._stood > self.calm:
+                if self._stood > self._calm:
                     self.change("stepping")
         else:
             self._stood = 0.0
@@ -250,7 +261,8 @@ class WalkingControl(ReferenceControl):
             self._prefer("stepping")
         ReferenceControl.velocity.__set__(self, velocity)  # type: ignore[attr-defined]
 
-    def go_to(self, x: float, y: float, yaw: float) -> None:
+    @checked
+    def go_to(self, x: Annotated[Number, "m"], y: Annotated[Number, "m"], yaw: Angle) -> None:
         """Walk to a place (m) and heading (rad), and stand there; see `ReferenceControl.go_to`."""
         self._waiting, self._handy = None, False
         self._prefer("stepping")

@@ -3,17 +3,26 @@
 from __future__ import annotations
 
 import math
+from typing import Annotated
 
 import numpy as np
 
+from wbc.core.checked import checked
 from wbc.core.errors import Array
+from wbc.core.settings import Number, Positive
 from wbc.sim.terrain.shapes import Box, Capsule, Ellipsoid, Shape, Sphere, tilted_rotation, yaw_rotation
 
 BURIED = 0.005
 """Depth of solids below the floor, m: no gap shows at a tilted base."""
 
 
-def dome(x: float, y: float, radius: float, top: float) -> Shape:
+@checked
+def dome(
+    x: Annotated[Number, "m"],
+    y: Annotated[Number, "m"],
+    radius: Annotated[Positive, "m"],
+    top: Annotated[Positive, "m"],
+) -> Shape:
     """Make a round stone by its place, radius on the floor and height (m): a cap of a ball, or half an ellipsoid."""
     if top > radius:
         return stone(x, y, (radius, radius), top, 0.0)

@@ -22,6 +22,7 @@ import numpy as np
 import pinocchio as pin
 from pydantic import Field
 
+from wbc.core.checked import checked
 from wbc.core.errors import Array, InputError, MeasurementError, finite_array, shown
 from wbc.core.estimation.delay import DelayPredictor
 from wbc.core.estimation.inertial import InertialFilter, InertialSettings
@@ -94,6 +95,7 @@ class Observer:
         outside: Observer of the wrench of the surroundings besides the ground; None leaves it out.
     """
 
+    @checked
     def __init__(
         self,
         robot: Robot,

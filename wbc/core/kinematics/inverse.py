@@ -20,7 +20,7 @@ from wbc.core.qp.items import Item, Items, ItemT
 from wbc.core.qp.solver import QpSolver, SolverSettings, Status
 from wbc.core.qp.task import Task
 from wbc.core.robot import Robot, checked_configuration
-from wbc.core.settings import Count, NonNegative, Positive, Seed
+from wbc.core.settings import Count, NonNegative, Period, Positive, Seed
 
 SOLVER = SolverSettings(tolerance=1e-9, relaxation=1e6)
 """Settings of the solver: where contacts and hard tasks contradict each other, or limits, each of them gives way."""
@@ -49,7 +49,7 @@ class InverseKinematics(Items):
     def __init__(
         self,
         robot: Robot,
-        dt: float,
+        dt: Period,
         *,
         regularisation: Positive = 1e-6,
         damping: NonNegative = 0.1,

@@ -158,7 +158,7 @@ class Contact(Motion):
         self.min_force = given.get("min_force", 0.0)
         if (max_force := given.get("max_force")) is not None:
             self.max_force = max_force
-        self.ramp = given.get("ramp", 0.1)
+        self._ramp = given.get("ramp", 0.1)
         self.wrench_weight = given.get("wrench_weight", 1e-5)
         motion_weight = given.get("motion_weight")
         self._motion_weight = None if motion_weight is None else self._motion_costs(motion_weight)
@@ -195,6 +195,16 @@ class Contact(Motion):
     @checked
     def max_force(self, value: Annotated[Positive, "N"]) -> None:
         self._set_forces(self._min_force, value)
+
+    @property
+    def ramp(self) -> float:
+        """See `ContactOptions`."""
+        return self._ramp
+
+    @ramp.setter
+    @checked
+    def ramp(self, value: Annotated[NonNegative, "s"]) -> None:
+        self._ramp = value
 
     @property
     def wrench_weight(self) -> Array:

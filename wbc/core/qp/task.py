@@ -15,18 +15,20 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Sequence
-from typing import Any, ClassVar, Literal, TypedDict, Unpack
+from typing import Annotated, Any, ClassVar, Literal, TypedDict, Unpack
 
 import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 
+from wbc.core.checked import checked as checked_arguments
 from wbc.core.errors import Array, InputError, WbcError, finite_array, shown, unknown_name, whole_number
 from wbc.core.qp.axes import POSITION_AXES, axis_mask, distinct_joints, other_columns
 from wbc.core.qp.motion import RATE, Motion, Rows, read_only
 from wbc.core.qp.move import USUAL_SPEED, Coordinates, Move, coordinates
 from wbc.core.qp.problem import Problem
 from wbc.core.robot import Reads, Robot
+from wbc.core.settings import Positive
 from wbc.core.signals import Measurement
 
 ERROR_BOUNDS = {"m": 0.1, "rad": 1.0}
@@ -327,11 +329,12 @@ class Task(Motion):
 
     # ---- a target that moves --------------------------------------------------------------------------------------
 
+    @checked_arguments
     def move_to(
         self,
         target: Any,
         *,
-        duration: float | None = None,
+        duration: Annotated[Positive, "s"] | None = None,
         speed: ArrayLike | None = None,
         acceleration: ArrayLike | None = None,
     ) -> None:
@@ -350,11 +353,12 @@ class Task(Motion):
         """
         self.move_through([target], duration=duration, speed=speed, acceleration=acceleration)
 
+    @checked_arguments
     def move_through(
         self,
         targets: Sequence[Any],
         *,
-        duration: float | None = None,
+        duration: Annotated[Positive, "s"] | None = None,
         speed: ArrayLike | None = None,
         acceleration: ArrayLike | None = None,
     ) -> None:

@@ -11,10 +11,14 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
+from pydantic import Field
 
+from wbc.core.checked import checked
 from wbc.core.errors import InputError, check_parts, finite_scalar, shown
+from wbc.core.settings import Share
 from wbc.machine.conformance.body import imu, soles, wrenches
 from wbc.machine.conformance.joints import commanded_gains, joints, torques
 from wbc.machine.conformance.session import Check, Session
@@ -59,7 +63,10 @@ class ConformanceReport:
         return "\n".join(lines)
 
 
-def conformance(loop: Loop, *, delay: float = 0.0) -> ConformanceReport:
+@checked
+def conformance(
+    loop: Loop, *, delay: Annotated[Share, Field(le=LONGEST_DELAY), "s"] = 0.0
+) -> ConformanceReport:
     """Check a loop by exciting it a little.
 
     Args:
@@ -74,7 +81,6 @@ def conformance(loop: Loop, *, delay: float = 0.0) -> ConformanceReport:
     Raises:
         MeasurementError: `measure` returns something else than a `Measurement`.
     """
-    delay = finite_scalar("delay of the loop (s)", delay, low=0.0, high=LONGEST_DELAY)
     if isinstance(loop, type):
         raise InputError(f"a loop must be an object, got the class {shown(loop)}: make one of it")
     check_parts("a loop", loop, "description", "control_period", "measure", "step")

@@ -8,10 +8,12 @@ from __future__ import annotations
 import logging
 import time
 from dataclasses import replace
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
+from pydantic import Field
 
+from wbc.core.checked import checked
 from wbc.core.drive.gate import CommandGate
 from wbc.core.errors import Array, InputError
 from wbc.core.signals import Command, Measurement
@@ -19,6 +21,7 @@ from wbc.machine.loop import Driver, with_gains
 from wbc.machine.unitree.dds import COMMAND_TOPIC, STATE_TOPIC, Topics
 from wbc.machine.unitree.wire import ENABLED, LOW_CMD, LOW_STATE, intact, machine_gains, motor_index, sealed
 from wbc.robots import RobotDescription
+from wbc.robots.registry import as_description
 
 logger = logging.getLogger(__name__)
 
@@ -55,20 +58,22 @@ class UnitreeDriver(Driver):
         warnings: Errors and temperatures of motors in the last state.
     """
 
+    @checked
     def __init__(
         self,
-        description: RobotDescription,
+        description: RobotDescription | str,
         interface: str = "lo",
         *,
-        domain: int = 1,
+        domain: Annotated[int, Field(ge=0, le=232)] = 1,
     ) -> None:
         """Store the settings; DDS begins at the first call.
 
         Args:
-            description: A G1: its joints have the names of `G1_MOTORS`.
+            description: A G1, or its name: its joints have the names of `G1_MOTORS`.
             interface: Network interface of the robot.
             domain: DDS domain: 0 on the machine, 1 in simulators.
         """
+        description = as_description(description)
         self.description, self._interface, self._domain = description, interface, domain
         self._names = tuple(description.joint_names)
         self._index = motor_index(self._names)

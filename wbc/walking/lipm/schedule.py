@@ -12,7 +12,7 @@ import numpy as np
 
 from wbc.core.errors import ROUNDING, Array, InputError
 from wbc.core.hull import convex_hull
-from wbc.core.settings import settings
+from wbc.core.settings import Number, settings
 from wbc.walking.plans.footsteps import Footstep, FootstepPlan, SoleSizes
 
 EDGES = 8
@@ -59,8 +59,8 @@ class ZmpTarget:
         inward: From the sole centre towards the other foot, m.
     """
 
-    forward: Annotated[float, "m"] = 0.0
-    inward: Annotated[float, "m"] = 0.0
+    forward: Annotated[Number, "m"] = 0.0
+    inward: Annotated[Number, "m"] = 0.0
 
     def in_sole(self, side: str) -> tuple[float, float]:
         """Return the point in the frame of a left or right sole, x and y, m."""

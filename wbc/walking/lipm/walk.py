@@ -16,7 +16,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 import pinocchio as pin
 
-from wbc.core.errors import ROUNDING, Array, InputError, as_period
+from wbc.core.errors import ROUNDING, Array, InputError
 from wbc.core.robot import GRAVITY, SIDES, Robot
 from wbc.core.settings import Share, settings
 from wbc.tasks.stabilizer.pendulum import Pendulum
@@ -114,7 +114,7 @@ class Walk:
     ) -> None:
         """Check a plan and stand at its start, with the CoM at `com` if it is not over the feet."""
         self.settings = s = settings or WalkSettings()
-        self.period = as_period(period)
+        self.period = period
         self.reach = reach or Reach.of(robot, com_height)
         gait, self.notes = plan.gait.full.on_grid(period)
         for note in self.notes:

@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pinocchio as pin
 
+from wbc.core.checked import checked
 from wbc.core.errors import Array, InputError, choose, finite_scalar
 from wbc.core.robot import SIDES, Robot
 from wbc.walking.plans.gait import Gait
@@ -230,6 +231,7 @@ class FootstepPlan:
         return replace(cut, steps=(*cut.steps, *closing_step(stance, mate, self.spacing)))
 
     @staticmethod
+    @checked
     def standing(robot: Robot, gait: Gait | None = None) -> FootstepPlan:
         """Return a plan without steps, with the feet in their present places.
 

@@ -10,8 +10,9 @@ from typing import Annotated, Any, NamedTuple, Self
 import numpy as np
 from pydantic import Field
 
-from wbc.core.errors import ROUNDING, InputError, as_period, finite_array
-from wbc.core.settings import Positive, settings
+from wbc.core.checked import checked
+from wbc.core.errors import ROUNDING, InputError, finite_array
+from wbc.core.settings import Period, Positive, settings
 
 SHORTEST = 0.05
 """Least duration of a piece of the motion, s: ten periods of 5 ms."""
@@ -142,9 +143,9 @@ class Gait:
         values = {field.name: getattr(self, field.name) for field in fields(self)}
         return {name: value for name, value in values.items() if value is not None}
 
-    def on_grid(self, period: float) -> tuple[Self, tuple[str, ...]]:
+    @checked
+    def on_grid(self, period: Period) -> tuple[Self, tuple[str, ...]]:
         """Return the gait with its given timings rounded to multiples of a period, s, and a message for each change."""
-        period = as_period(period)
         changed: dict[str, Any] = {}
         notes = []
         for name in TIMINGS:

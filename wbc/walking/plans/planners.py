@@ -9,13 +9,17 @@ from typing import Annotated
 
 from pydantic import Field
 
+from wbc.core.checked import checked
 from wbc.core.errors import ROUNDING, InputError, choose, finite_array
 from wbc.core.robot import SIDES
-from wbc.core.settings import Positive
+from wbc.core.settings import Angle, Count, NonNegative, Number, Numbers, Positive
 from wbc.walking.plans.footsteps import Footstep, FootstepPlan, mean_heading, other
 
 Turn = Annotated[float, Field(ge=1e-3, le=3.0), "rad"]
 """Turn of a step."""
+
+Velocity = Annotated[Sequence[float], Numbers(low=-10.0, high=10.0, shape=(3,)), "m/s, m/s, rad/s"]
+"""Velocity of the middle of a robot: forward, left and turn."""
 
 Place = tuple[float, float, float]
 """x, y (m) and yaw (rad) in the world."""
@@ -27,7 +31,10 @@ MOST_STEPS = 10_000
 """Greatest number of steps of a plan, three hours of walking: a greater one is a slip of the finger."""
 
 
-def walk_distance(start: FootstepPlan, distance: float, *, first: str = "left") -> FootstepPlan:
+@checked
+def walk_distance(
+    start: FootstepPlan, distance: Annotated[Number, "m"], *, first: str = "left"
+) -> FootstepPlan:
     """Walk straight on with equal steps and close up at the end.
 
     Args:
@@ -42,8 +49,9 @@ def walk_distance(start: FootstepPlan, distance: float, *, first: str = "left") 
     return walk_path(start, [(distance / count, 0.0, 0.0)] * count, first=first)
 
 
+@checked
 def walk_velocity(
-    start: FootstepPlan, velocity: Sequence[float], steps: int, *, first: str | None = None
+    start: FootstepPlan, velocity: Velocity, steps: Count, *, first: str | None = None
 ) -> FootstepPlan:
     """Walk with a velocity, in the time that steps take in the gait; `Gait.for_speed` gives the gait of a velocity.
 
@@ -55,11 +63,7 @@ def walk_velocity(
         steps: Number of steps, before the one that closes up.
         first: Side that steps first; the side of the motion when None.
     """
-    if len(velocity) != 3:
-        raise InputError(f"velocity must be (forward m/s, left m/s, turn rad/s), got {velocity!r}")
-    vx, vy, turn = velocity
-    if steps < 1:
-        raise InputError(f"steps must be at least 1, got {steps}")
+    vx, vy, turn = map(float, velocity)
     _check_count("steps", steps, steps)
     gait = start.gait.full
     duration = gait.single_support + gait.double_support
@@ -75,8 +79,9 @@ def walk_velocity(
     )
 
 
+@checked
 def turn_in_place(
-    start: FootstepPlan, angle: float, *, per_step: Turn = 0.25, ahead: float = 0.0
+    start: FootstepPlan, angle: Angle, *, per_step: Turn = 0.25, ahead: Annotated[NonNegative, "m"] = 0.0
 ) -> FootstepPlan:
     """Turn on the spot, or about a point ahead.
 
@@ -101,6 +106,7 @@ def turn_in_place(
     )
 
 
+@checked
 def walk_path(
     start: FootstepPlan,
     moves: Iterable[tuple[float, float, float]],
@@ -122,9 +128,12 @@ def _path(
     start: FootstepPlan, moves: Iterable[Sequence[float]], first: str, shares: Shares, *, close: bool = True
 ) -> FootstepPlan:
     """Return the plan of steps beside a middle that moves from the middle of the feet at the start."""
-    checked = [finite_array("a move (m, m, rad)", move, (3,)).tolist() for move in moves]
+    numbers = [finite_array("a move (m, m, rad)", move, (3,)).tolist() for move in moves]
+    for *_, turn in numbers:
+        if abs(turn) > math.pi:
+            raise InputError(f"turn of a move (rad) must be at most half a turn, {math.pi:.4g}, got {turn:g}")
     middle, z = _middle(start)
-    return replace(start, steps=steps_along(middle, z, start.spacing, first, checked, shares, close=close))
+    return replace(start, steps=steps_along(middle, z, start.spacing, first, numbers, shares, close=close))
 
 
 def steps_along(
@@ -167,12 +176,13 @@ def beside(middle: Place, side: str, spacing: float, z: float) -> Footstep:
     return Footstep(side, x, y, z, math.remainder(yaw, math.tau))
 
 
+@checked
 def climb_stairs(
     start: FootstepPlan,
     *,
-    rise: float,
+    rise: Annotated[Number, "m"],
     tread: Annotated[Positive, "m"],
-    count: int,
+    count: Count,
     first_edge: Annotated[Positive, "m"],
     together: bool = True,
     first: str = "left",
@@ -188,8 +198,8 @@ def climb_stairs(
         together: Bring both feet onto each stair; one foot a stair when False.
         first: Side that steps first.
     """
-    if rise == 0.0 or count < 1:
-        raise InputError(f"a stair must have a rise and at least one step, got rise {rise} m, count {count}")
+    if rise == 0.0:
+        raise InputError("rise (m) must not be zero; walk_distance walks on the level")
     _check_count("number of stairs", count, 2 * count + 2)
     middle, ground = _middle(start)
     # Centre of the tread of each stair, after an approach that ends half a tread before the edge.

@@ -9,6 +9,7 @@ from typing import Annotated
 import numpy as np
 import pinocchio as pin
 
+from wbc.core.checked import checked
 from wbc.core.errors import ROUNDING, Array, InputError, finite_scalar
 from wbc.core.robot import BASE_DOF, GRAVITY, SIDES, Robot, joints_to
 from wbc.core.settings import Positive, settings
@@ -65,7 +66,8 @@ class Reach:
             )
 
     @staticmethod
-    def of(robot: Robot, com_height: float | None = None) -> Reach:
+    @checked
+    def of(robot: Robot, com_height: Annotated[Positive, "m"] | None = None) -> Reach:
         """Return the reach of a robot, by its legs, for a CoM height over the soles, m; half-sitting when None.
 
         A leg of length L whose hip, half way between the feet, is h over its ankle spans √((0.98 L)² − h²) either way.
@@ -209,6 +211,7 @@ def _hip_yaw_range(robot: Robot) -> float:
     return min(ranges) if len(ranges) == 2 else 0.0
 
 
+@checked
 def check_plan(
     plan: FootstepPlan,
     robot: Robot,

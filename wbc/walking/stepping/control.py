@@ -10,14 +10,14 @@ from __future__ import annotations
 from dataclasses import field
 from typing import Annotated
 
+from wbc.core.checked import checked
 from wbc.core.control import Mode, SafetySettings
-from wbc.core.errors import as_period
 from wbc.core.estimation.inertial import InertialSettings
 from wbc.core.estimation.observer import Observer, ObserverSettings
 from wbc.core.qp.controller import Controller
 from wbc.core.qp.solver import SolverSettings
 from wbc.core.robot import Robot
-from wbc.core.settings import Positive, settings
+from wbc.core.settings import Period, Positive, settings
 from wbc.ground import KnownGround
 from wbc.tasks.scheduling.stiffness import StiffnessScheduler
 from wbc.walking.balance import Balance
@@ -66,10 +66,11 @@ class SteppingControl(ReferenceControl):
 
     source: SteppingWalk
 
+    @checked
     def __init__(
         self,
         robot: Robot,
-        dt: float,
+        dt: Period,
         settings: SteppingControlSettings | None = None,
         *,
         observer: Observer | None = None,
@@ -88,7 +89,6 @@ class SteppingControl(ReferenceControl):
                 None walks blind.
         """
         self.settings = s = settings or SteppingControlSettings()
-        dt = as_period(dt)
         source = SteppingWalk(robot, dt, s.gait, s.com_height)
         controller = Controller(robot, dt, settings=s.solver)
         tasks = stepping_tasks(controller, source.gait)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from wbc.core.checked import checked
 from wbc.core.control import State
 from wbc.core.robot import Robot
 from wbc.ground import KnownGround
@@ -28,6 +29,7 @@ class SteppingWalk(ReferenceSource):
     com_height: float
     by_steps = True
 
+    @checked
     def __init__(
         self,
         robot: Robot,
