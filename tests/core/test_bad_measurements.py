@@ -147,3 +147,77 @@ def test_a_state_with_nan_is_refused_by_the_solver_and_recovered_from() -> None:
     assert np.isfinite(refused.variables).all() and np.isfinite(refused.torques).all()
     struck.update(q, np.zeros(struck.robot.nv))
     np.testing.assert_allclose(struck.solve().variables, good, atol=1e-6)
+
+
+def moving(tick: int, *, noise: float = 1e-3) -> wbc.Measurement:
+    """A robot near its rest whose sensors all have noise."""
+    rest, random = at_rest(shared_robot(), tick * DT), np.random.default_rng(tick)
+    noisy = {
+        name: getattr(rest, name) + noise * random.normal(size=getattr(rest, name).shape) for name in SIGNALS
+    }
+    return replace(rest, **noisy)
+
+
+@pytest.mark.parametrize("stands_at", [0.02, 0.0, -7.0])
+def test_a_stamp_that_stands_while_signals_change_is_named_and_periods_are_counted(stands_at: float) -> None:
+    """At the last one, or anywhere else; where it moves on again, it counts again."""
+    control = TorqueControl(controller())
+    for tick in range(11):
+        control.command(moving(tick))
+    times = []
+    for tick in range(11, 60):
+        control.command(replace(moving(tick), time=stands_at))
+        assert control.measurement is not None
+        times.append(control.measurement.time)
+    assert "time stamps stand still" in control.status() and not control.failing and not control.stopped
+    np.testing.assert_allclose(np.diff(times[25:]), DT)
+    for tick in range(60, 70):
+        control.command(replace(moving(tick), time=100.0 + tick * DT))
+    assert control.status() == "ok" and control.measurement.time == pytest.approx(100.0 + 69 * DT)
+
+
+@pytest.mark.parametrize("stamp", [np.float32, np.float64, np.int64, int])
+def test_stamps_may_be_numbers_of_any_kind(stamp: type) -> None:
+    control = TorqueControl(controller())
+    for tick in range(5):
+        control.command(
+            replace(moving(tick), time=stamp(tick) if "int" in stamp.__name__ else stamp(tick * DT))
+        )
+    assert (
+        control.failures <= (4 if "int" in stamp.__name__ else 0) and type(control.measurement.time) is float
+    )
+
+
+@pytest.mark.parametrize("stamp", [True, np.True_, "0.5", None, 1j, [0.0], 10**400, NAN, np.float32(INF)])
+def test_what_is_no_number_is_no_stamp(stamp: object) -> None:
+    control = TorqueControl(controller())
+    control.command(moving(0))
+    control.command(replace(moving(1), time=stamp))  # type: ignore[arg-type]
+    assert control.failures == 1 and "must be a finite number, got " in control.reason
+
+
+@pytest.mark.parametrize("kind", ["rounded", "exact rest"])
+def test_a_robot_at_rest_may_repeat_its_measurements(kind: str) -> None:
+    """Rounded readings of a motion that decays, and physics that put a robot to sleep."""
+    control = TorqueControl(controller())
+    rest = at_rest(shared_robot(), 0.0)
+    for tick in range(400):
+        decay = np.exp(-0.04 * tick) if kind == "rounded" or tick < 60 else 0.0
+        parts = {"joint_position": 0.05 * decay, "joint_velocity": decay, "angular_velocity": 0.1 * decay}
+        step = 1e-3 if kind == "rounded" else 0.0
+        shape = np.sin(np.arange(1.0, shared_robot().na + 1.0))
+        moved = {
+            name: getattr(rest, name) + size * shape[: getattr(rest, name).size]
+            for name, size in parts.items()
+        }
+        rounded = {name: np.round(value / step) * step if step else value for name, value in moved.items()}
+        control.command(replace(rest, time=tick * DT, **rounded))
+        assert not control.failing, control.status()
+
+
+def test_measurements_that_all_changed_and_stand_at_once_are_frozen() -> None:
+    control = TorqueControl(controller())
+    for tick in range(60):
+        control.command(replace(moving(min(tick, 10)), time=tick * DT))
+        assert control.failing is (tick >= 30)
+    assert "the same measurement" in control.status()

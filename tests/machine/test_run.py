@@ -65,6 +65,11 @@ class SimulatedMachine(Driver):
         self._told = measurement.time
         return measurement
 
+    def freeze(self) -> None:
+        """Send the same measurement again and again from now on."""
+        frozen = self.loop.measure()
+        self.read = lambda timeout: replace(frozen)  # type: ignore[method-assign]
+
     def write(self, command: Command) -> None:
         self.commands += 1
         self.loop.step(command)
@@ -213,6 +218,49 @@ def test_clouds_of_a_driver_reach_a_controller_that_sees_and_trouble_no_other() 
         assert [cloud.time for cloud in seen] == ([cloud.time for cloud in sent] if sees else [])
 
 
+def test_cameras_that_fail_leave_a_control_blind_and_the_report_says_so(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    """A time-out, something else than clouds, and a control that refuses what it sees: the run goes on."""
+    for wrong in (lambda: 1 / 0, lambda: [PointCloud(np.zeros((5, 3)), 0.0, "pelvis")]):
+        caplog.clear()
+        machine, asked = SimulatedMachine(SimulatedTime()), []
+
+        def clouds(asked: list[int] = asked, wrong: Callable[[], Any] = wrong) -> Any:
+            asked.append(1)
+            return wrong() if 20 <= len(asked) < 40 else ()
+
+        machine.clouds = clouds  # type: ignore[method-assign]
+        control = types.SimpleNamespace(
+            command=lambda measurement: Command(np.zeros(NA)), see=lambda _: 1 / 0
+        )
+        report = make(machine, control, load=0.0, stop=0.0).run(0.2)
+        assert report.reason == "stopped" and len(asked) > 45
+        assert report.blind and f"no clouds of points: {report.blind}" in str(report)
+        said = [text for text in caplog.messages if "clouds of points" in text]
+        assert len(said) == 2 and report.blind in said[0] and "come again" in said[1]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("own", [True, False])
+def test_a_robot_that_falls_in_a_run_is_damped(own: bool) -> None:
+    """Under the library's control, and under one of the user's own that knows nothing of falls."""
+    machine = SimulatedMachine(SimulatedTime())
+    zero = np.zeros(NA)
+    hold = Command(zero, np.array(DESCRIPTION.robot().half_sitting[7:]), zero)
+    control = types.SimpleNamespace(command=lambda measurement: hold) if own else None
+    runner = make(machine, control, load=0.0)
+
+    def until() -> bool:
+        if runner.phase is Phase.RUN and machine.clock.time < 101.5:
+            machine.loop.push("torso_link", (150.0, 0.0, 0.0), PERIOD)
+        return machine.clock.time > 106.0
+
+    report = runner.run(until)
+    assert report.reason.startswith(("the robot has fallen: ", "the controller has stopped")), report.reason
+    assert report.phases[-2][0] is Phase.RUN and machine.loop.truth().com[2] > 0.15
+
+
 @pytest.mark.slow
 def test_a_control_in_position_mode_stands_on_the_servos_until_it_takes_over_and_hangs_when_lifted() -> None:
     machine = SimulatedMachine(SimulatedTime(), bent())
@@ -251,6 +299,7 @@ ENDS: dict[str, tuple[dict[str, Any] | Callable[[], Any], Callable[[SimulatedMac
     "silence": ({}, lambda m, _: setattr(m, "silent_after", m.clock.time - 100.0), "no measurement for 1[5-9] ms"),
     "fault": ({}, lambda m, _: setattr(m, "fault", "motor off"), "fault of the machine: motor off$"),
     "emergency stop": ({}, lambda _, r: r.emergency_stop(), "emergency stop$"),
+    "repeats": ({}, lambda m, _: m.freeze(), "the machine repeats the same measurement for 1[0-2][0-9] ms$"),
     "exception": ({"command": lambda _: 1 / 0}, None, "ZeroDivisionError of the controller: "),
     "stopped": (stopped, None, "the controller has stopped: too many failures"),
     "NaN": ({"command": lambda _: Command(ZERO * np.nan)}, None, "InputError of the controller: .*joint_torque of joint 'left_hip_pitch_joint' is not finite"),
@@ -259,7 +308,11 @@ ENDS: dict[str, tuple[dict[str, Any] | Callable[[], Any], Callable[[SimulatedMac
 
 
 @pytest.mark.parametrize(
-    "end", [pytest.param(e, marks=() if e in ("silence", "exception") else pytest.mark.slow) for e in ENDS]
+    "end",
+    [
+        pytest.param(e, marks=() if e in ("silence", "exception", "repeats") else pytest.mark.slow)
+        for e in ENDS
+    ],
 )
 def test_whatever_fails_ends_in_damping(end: str) -> None:
     machine, (parts, happens, reason) = SimulatedMachine(SimulatedTime()), ENDS[end]
@@ -275,7 +328,8 @@ def test_whatever_fails_ends_in_damping(end: str) -> None:
 
     report = runner.run(until)
     assert report.phases[-1][0] is Phase.DAMPED and re.match(reason, report.reason), report.reason
-    assert machine.damped >= 50 and (happens is None or machine.commands <= 21 + 4)
+    most = 0.1 / PERIOD if end == "repeats" else 4
+    assert machine.damped >= 50 and (happens is None or machine.commands <= 21 + most)
     assert all(np.isfinite(c.joint_torque).all() for commands in sent.values() for c in commands)
     with pytest.raises(InputError, match="Runner"):
         runner.run(1.0)
@@ -420,3 +474,29 @@ def test_torques_of_the_start_carry_the_limbs_less_what_the_soles_press() -> Non
         wanted += (wrench * [1.0, 1.0, 0.0, 1.0, 1.0, 1.0]) @ jacobian[:, 6:]
     start = SafeStart(robot, measurement, loads, fade=0.2, speed=1.0, gains=gains)
     np.testing.assert_allclose(start.carry(replace(measurement, time=2.0)), wanted, atol=2.0)
+
+
+def test_a_stop_starts_from_loads_and_attitude_of_its_own_time() -> None:
+    """After a long run on both feet the right one is in the air and the trunk leans: by measurements, and by an observer."""
+    gains, robot = (DESCRIPTION.kp, DESCRIPTION.kd), DESCRIPTION.robot()
+    weight, still = robot.mass * 9.80665, np.zeros(NA)
+
+    def measured(time: float, left: float, pitch: float) -> Measurement:
+        wrench = np.zeros((2, 6))
+        wrench[:, 2] = left * weight, (1.0 - left) * weight
+        up = 9.80665 * np.array([-np.sin(pitch), 0.0, np.cos(pitch)])
+        return Measurement(time, robot.half_sitting[7:].copy(), still, np.zeros(3), up, wrench)
+
+    for observed in (False, True):
+        loads = SoleLoads(DESCRIPTION, PERIOD, gains)
+        for i in range(300):
+            loads.wrenches(measured(PERIOD * i, 0.5, 0.0))
+        stop = measured(9.0, 1.0, 0.2)
+        if observed:
+            q = np.array(robot.half_sitting)
+            q[3:7] = [0.0, np.sin(0.1), 0.0, np.cos(0.1)]
+            loads.adopt(stop.time, q, np.zeros(robot.nv), np.array([weight, 0.0]))
+        for i in range(3):
+            loads.wrenches(replace(stop, time=9.0 + PERIOD * i))
+        np.testing.assert_allclose(loads.normal, [weight, 0.0], atol=1.0)
+        np.testing.assert_allclose(loads.posture(stop)[3:7], [0.0, np.sin(0.1), 0.0, np.cos(0.1)], atol=1e-3)

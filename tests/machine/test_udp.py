@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import pickle
 import socket
+import time
 import types
 from collections.abc import Callable, Iterator
 from dataclasses import fields, replace
@@ -73,7 +74,8 @@ class Wire:
 
 
 @pytest.fixture(params=[None, SECRET], ids=["unsigned", "signed"])
-def wire(request: pytest.FixtureRequest) -> Iterator[Wire]:
+def wire(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> Iterator[Wire]:
+    monkeypatch.setattr(udp, "LATE", 0.5)  # a busy computer may keep a packet waiting
     made = Wire(request.param)
     yield made
     made.robot.close()
@@ -145,6 +147,50 @@ def test_a_command_that_damping_has_overtaken_is_dropped(wire: Wire) -> None:
     assert wire.robot.receive() == (True, None)
     assert wire.throw(late) == (False, None)
     program.socket.close()
+
+
+def test_a_command_that_was_held_back_is_dropped(wire: Wire, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Also when its sender has been silent since, and owns the robot no more; later ones are obeyed."""
+    program = Program(wire)
+    assert wire.throw(program.end.pack(COMMAND, program.robot, ZERO))[1] is not None
+    sender, begin = wire.robot.sender, time.monotonic()
+    for delay in (0.6, 5.0, 600.0):
+        held = program.end.pack(COMMAND, program.robot, Command(np.ones(NA)))
+        monkeypatch.setattr(udp.time, "monotonic", lambda late=delay: begin + late)
+        assert wire.throw(held) == (False, None) and wire.robot.sender == sender
+        monkeypatch.undo()
+    assert wire.throw(program.end.pack(COMMAND, program.robot, ZERO))[1] is not None
+    program.socket.close()
+
+
+def test_a_hello_takes_the_measurements_from_nobody(wire: Wire) -> None:
+    """Recorded ones are answered at most; the robot's own packets, sent back to it, are none of a driver's."""
+    driver, record = wire.driver(), Program(wire)
+    hello = record.end.pack(HELLO, 0)
+    measurement = wire.robot._end.pack(MEASUREMENT, record.end.key, random_measurement(wire.rng))
+    assert wire.meets(driver)
+    for data in (hello, measurement):
+        wire.throw(data)
+        wire.robot.send(random_measurement(wire.rng))
+        assert driver.read(0.0) is not None
+    assert wire.obeys(driver)
+    owner = wire.robot.sender
+    for data in (record.end.pack(HELLO, 0), measurement):
+        assert wire.throw(data) == (False, None) and wire.robot.sender == owner
+    record.socket.close()
+
+
+def test_the_memory_of_senders_is_bounded_and_keeps_the_owner(wire: Wire) -> None:
+    owner, stranger = Program(wire), End(NA, "127.0.0.1", wire.secret)
+    old = owner.send(owner.end.pack(COMMAND, owner.robot, ZERO))
+    assert wire.robot.receive()[1] is not None
+    for key in range(1, 1000):
+        stranger.key = key
+        head = wire.robot._end.header(stranger.pack(HELLO, 0))
+        assert head is not None and wire.robot._end.is_new(head, owner.end.key)
+    assert len(wire.robot._end._newest) <= udp.KEYS
+    assert wire.throw(old) == (False, None)  # known, and old
+    owner.socket.close()
 
 
 def test_a_robot_has_one_owner_until_it_falls_silent(wire: Wire, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -28,8 +28,8 @@ SWING = 3.0
 FORGET = 0.3
 """Time constant with which the velocity of the base, by the accelerometer, is forgotten, s."""
 
-GAP = 0.02
-"""Time between two measurements from which on the estimate begins anew, s."""
+GAP, LOST = 0.02, 0.2
+"""Time between two measurements from which on the estimate of forces begins anew, and all of it, s."""
 
 
 class SoleLoads:
@@ -76,6 +76,23 @@ class SoleLoads:
         q[3:7] = pin.Quaternion(self._attitude).coeffs()
         return q
 
+    def adopt(self, time: float, q: Array, v: Array, normal: Array) -> None:
+        """Go on from what an observer has estimated.
+
+        Args:
+            time: Stamp of its last measurement, s.
+            q: Configuration, shape (nq,).
+            v: Velocity, shape (nv,).
+            normal: Normal forces on the soles, shape (number of soles,), N.
+        """
+        self._attitude = pin.Quaternion(q[3:7]).matrix()
+        self._speed = self._attitude @ v[:3]
+        self.normal, self._quick = np.maximum(normal, 0.0), np.maximum(normal, 0.0)
+        self._wrench = np.zeros_like(self._wrench)
+        self._wrench[:, 2] = self.normal
+        self._time, self._age = time, SWING
+        self._estimator.reset()
+
     def wrenches(self, measurement: Measurement, state: tuple[Array, Array] | None = None) -> Array:
         """Return the wrench on each sole, in the sole frame, shape (number of soles, 6), N and Nm.
 
@@ -86,8 +103,11 @@ class SoleLoads:
         if passed == 0.0:
             return self._wrench
         begins = not 0.0 < passed < self._gap
-        passed = 0.0 if begins else passed
         self._time = measurement.time
+        lost = not 0.0 < passed < LOST
+        passed = 0.0 if begins else passed
+        if lost:  # what was followed before is not that of now
+            self._age, self._speed, self._attitude = 0.0, np.zeros(3), np.eye(3)
         self._lean(measurement, passed, begins)
         torque = measurement.joint_torque
         if torque is None:
@@ -109,6 +129,8 @@ class SoleLoads:
         self._wrench = estimator.wrench if measurement.sole_wrench is None else measurement.sole_wrench
         self.outside += lag_gain(passed, HOLD) * (estimator.outside - self.outside)
         pressed = np.maximum(self._wrench[:, 2], 0.0)
+        if lost and measurement.sole_wrench is not None:
+            self.normal, self._quick = pressed.copy(), pressed.copy()
         self.normal += lag_gain(passed, SMOOTHING) * (pressed - self.normal)
         self._quick += lag_gain(passed, QUICK) * (pressed - self._quick)
         return self._wrench

@@ -40,6 +40,7 @@ class RunReport:
         ages: Largest time between two measurements, s.
         quiet: What was got from the operating system.
         period: Control period, s.
+        blind: Reason for which no clouds of points came, at some time of the run; empty if none failed to come.
     """
 
     reason: str
@@ -52,6 +53,7 @@ class RunReport:
     ages: float
     quiet: Quiet
     period: float
+    blind: str = ""
 
     def histogram(self) -> dict[str, list[int]]:
         """Return the number of ticks in each class of lateness and of busy time; the last class has no upper end."""
@@ -69,6 +71,7 @@ class RunReport:
             f"memory locked: {'yes' if self.quiet.memory_locked else 'no'}, real-time priority: "
             f"{self.quiet.priority or 'no'}, page faults from disk {self.quiet.page_faults[0]}, garbage collections "
             f"{self.quiet.collections}",
+            *([f"no clouds of points: {self.blind}"] if self.blind else ()),
             f"{'ms up to':>12}{'late':>10}{'busy':>10}",
         ]
         counts = self.histogram()

@@ -11,7 +11,7 @@ import logging
 import signal
 import threading
 from collections.abc import Callable
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 import numpy as np
 from pydantic import Field
@@ -22,7 +22,8 @@ from wbc.core.drive.position import PositionControl
 from wbc.core.drive.torque import TorqueControl
 from wbc.core.errors import ROUNDING, InputError, check_parts
 from wbc.core.estimation.consistency import REAL_TIME
-from wbc.core.robot import GRAVITY
+from wbc.core.estimation.falls import FallDetector
+from wbc.core.robot import BASE_DOF, GRAVITY
 from wbc.core.settings import NonNegative, Positive, Share, settings
 from wbc.core.signals import Command, Control, Measurement
 from wbc.machine.clock import Clock, Quiet, quiet
@@ -58,7 +59,7 @@ CAUGHT = 0.2
 """Time in which the balance takes over from the servos, s."""
 
 REFUSAL = 0.1
-"""Time for which measurements may be refused before the joints are damped, s."""
+"""Time for which measurements may be refused, or repeat the last one, before the joints are damped, s."""
 
 DAMP_TICKS = 50
 """Damping commands that are sent at the end."""
@@ -85,6 +86,8 @@ class RunSettings:
         stop: Time in which stiffness and torques fall at a stop, s.
         priority: Priority of loop and guard under SCHED_FIFO, if they may; None does not ask.
         first: Longest time until the first measurement, s.
+        on_fall: Reaction to a fall under a control of one's own: "damp" damps the joints and ends, "go on" leaves it to
+            the control. The library's controls have `SafetySettings.on_fall`.
     """
 
     fade: Annotated[Positive, "s"] = 1.0
@@ -97,6 +100,7 @@ class RunSettings:
     stop: Annotated[NonNegative, "s"] = 2.0
     priority: Annotated[int, Field(ge=1, le=99)] | None = None
     first: Annotated[Positive, "s"] = 5.0
+    on_fall: Literal["damp", "go on"] = "damp"
 
 
 class Runner:
@@ -144,6 +148,10 @@ class Runner:
         self._late, self._busy = np.full((2, KEPT), 0.0)  # touched, so that no page fault waits in the loop
         self.ticks = self._missed = self._skipped = 0
         self._age, self._slow = 0.0, ""
+        self._blind = self._blinded = ""  # reason for which no clouds come, and for which none came once
+        # For a control of one's own, by the attitude that the loads follow; the library's have a test of theirs.
+        self._fallen = self.description.robot() if self._drives is None else None
+        self._falls = None if self._fallen is None else FallDetector(self._fallen, self.period)
 
     def stop(self) -> None:
         """Let the robot sink: stiffness and torques fall, then the joints are damped."""
@@ -194,6 +202,7 @@ class Runner:
             self._age,
             got,
             self.period,
+            self._blinded,
         )
 
     def _damp(self) -> None:
@@ -259,6 +268,9 @@ class Runner:
         )
 
     def _enter(self, phase: Phase, now: float) -> None:
+        drives, good = self._drives, self._inlet.good
+        if self.phase is Phase.RUN and drives is not None and good is not None:
+            self._loads.adopt(good.time, *drives.observer.measured_state, drives.observer.load)
         self.phase = phase
         self._phases.append((phase, now - self._begin))
         self._since, self._holds = now, None
@@ -268,7 +280,7 @@ class Runner:
 
     def _loop(self, until: float | Callable[[], bool] | None) -> None:
         clock, driver, period = self._clock, self.driver, self.period
-        now = self._begin = self._seen = clock.now()
+        now = self._begin = self._seen = self._changed = clock.now()
         self._until = until
         self._last: Command | None = None  # sent
         self._before: Command | None = None  # of the phase before, from which commands are mixed
@@ -284,11 +296,14 @@ class Runner:
                 if newest is not None:
                     woken = deadline = max(deadline, clock.now())
             now = clock.now()
+            fresh = newest is not None and self._inlet.take(newest, now)
             if newest is not None:
                 self._age = max(self._age, now - self._seen)
                 self._seen = now
+            if fresh:
+                self._changed = now
             try:
-                self._tick(now, fresh=newest is not None and self._inlet.take(newest, now))
+                self._tick(now, fresh=fresh)
             except _Over as end:
                 self._reason = "; ".join(filter(None, (str(end), self._slow)))
                 driver.damp()
@@ -316,6 +331,8 @@ class Runner:
             raise _Over(f"fault of the machine: {fault}")
         if now - self._seen >= settings.robot_timeout:
             raise _Over(f"no measurement for {1e3 * (now - self._seen):.0f} ms")
+        if now - self._changed >= max(REFUSAL, settings.robot_timeout):
+            raise _Over(f"the machine repeats the same measurement for {1e3 * (now - self._changed):.0f} ms")
         if now - inlet.since >= REFUSAL and not self._checks_itself:
             raise _Over(f"measurements refused for {1e3 * (now - inlet.since):.0f} ms: {inlet.refused}")
         measurement = inlet.good
@@ -333,14 +350,28 @@ class Runner:
         if (not fresh or (inlet.refused and not self._checks_itself)) and self._last is not None:
             self.driver.write(self._last)
             return
-        for cloud in self.driver.clouds():
-            if self._sees is not None:
-                self._sees.see(cloud)
+        self._look()
         self._send(self._command(measurement, now))
         if self._until is not None and (
             now - self._begin >= self._until if isinstance(self._until, float) else self._until()
         ):
             self.stop()
+
+    def _look(self) -> None:
+        """Hand on what the machine's cameras see; cameras that fail leave a control blind, which walks on."""
+        try:
+            for cloud in self.driver.clouds():
+                if self._sees is not None:
+                    self._sees.see(cloud)
+        except Exception as error:  # of a camera, or of a cloud that is none
+            blind = f"{type(error).__name__}: {error}"
+            if blind != self._blind:
+                logger.error("no clouds of points (%s): the control goes on without them", blind)
+            self._blind = self._blinded = blind
+            return
+        if self._blind:
+            logger.warning("clouds of points come again")
+            self._blind = ""
 
     @property
     def _checks_itself(self) -> bool:
@@ -357,8 +388,7 @@ class Runner:
             of = "the controller" if self.phase is Phase.RUN else f"phase '{self.phase.value}'"
             raise _Over(f"InputError of {of}: {error}") from error
         self.driver.write(command)
-        if self.phase is not Phase.RUN:
-            self._loads.sent(command)
+        self._loads.sent(command)
 
     def _command(self, measurement: Measurement, now: float) -> Command:
         """Return the command of this tick, and go on to the next phase."""
@@ -400,6 +430,8 @@ class Runner:
             command = mixed(self._before, stand.command(measurement), (now - self._since) / CAUGHT)
             if stand.control.stopped:
                 raise _Over(f"the robot cannot be balanced: {stand.control.reason}")
+            if stand.control.damped:
+                raise _Over(stand.control.status())
         share = self._loads.share
         if share < settings.touch / 3.0 and settings.load > 0.0:
             if self._lasts(True, LIFTED, now):
@@ -424,13 +456,15 @@ class Runner:
         drives = self._drives
         if drives is not None and drives.stopped:
             raise _Over(f"the controller has stopped: {drives.reason}")
+        if drives is None:  # else its observer knows, for a stop
+            self._loads.wrenches(measurement)
+        self._check_fall(measurement)
         part = (now - self._since) / self.settings.blend
         if part < 1.0:
             if self._stand is not None:
                 before = self._stand.command(measurement)
             else:
                 before = self._start.command(measurement, now - self._started)
-            self._loads.sent(command)
             return mixed(before, with_gains(command, self._gains), part)
         seen = None if drives is None else drives.measurement
         if self.settings.load > 0.0 and seen is not None and seen.sole_wrench is not None:
@@ -439,6 +473,19 @@ class Runner:
                 self._may_run = isinstance(self.control, Restartable)
                 self._lift(measurement, now)
         return command
+
+    def _check_fall(self, measurement: Measurement) -> None:
+        """End the run of a robot that has fallen."""
+        drives, falls, reason = self._drives, self._falls, None
+        if drives is not None:
+            reason = drives.falls.reason if drives.damped else None
+        elif falls is not None and self._fallen is not None and self.settings.on_fall == "damp":
+            q, v = self._loads.posture(measurement), np.zeros(self._fallen.nv)
+            v[BASE_DOF:] = measurement.joint_velocity
+            self._fallen.update_kinematics(q, v)
+            reason = falls.update(q, v)
+        if reason is not None:
+            raise _Over(f"the robot has fallen: {reason.value}")
 
     def _lift(self, measurement: Measurement, now: float) -> None:
         """Hang again: the feet carry nothing."""

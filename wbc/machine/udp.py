@@ -11,7 +11,7 @@ signature where both ends share a secret.
 | u16 | number of joints | |
 | u64 | key of the sender | drawn anew for each driver and each `UdpRobot` |
 | u64 | key of the receiver | 0 in a hello and in a damp |
-| u64 | number | rises from packet to packet of a key |
+| u64 | number | rises from packet to packet of a key: the sender's clock, ns |
 | f64 | time of the sensors, s (measurement); 0 | |
 
 | Kind | Arrays |
@@ -21,10 +21,12 @@ signature where both ends share a secret.
 
 The signature is the first half of the HMAC-SHA256 of all bytes before it.
 
-Whoever says hello gets the measurements, which tell the key of the robot. A command that names that key makes its
-sender the owner: packets of other keys are refused until it has been silent for `SILENCE`. A damp acts if it carries
-the key of the owner, from whatever address: the guard's process has a copy of the driver. A packet whose number is not
-above all before it of its key is old and dropped.
+Whoever says hello gets the measurements for `WELCOME`, beside who gets them already; they tell the key of the robot. A
+command that names that key makes its sender the owner, who alone gets them from then on: packets of other keys are
+refused until it has been silent for `SILENCE`. A command that is longer under way than the quickest packet of its
+sender, by `LATE`, has been held back and is dropped. A damp acts if it carries the key of the owner, from whatever
+address: the guard's process has a copy of the driver. A packet whose number is not above all before it of its key is
+old and dropped. So a recorded hello is answered at most, and redirects nothing; a recorded command moves nothing.
 """
 
 from __future__ import annotations
@@ -58,6 +60,21 @@ PORT = 7700
 
 SILENCE = 0.5
 """Silence of the owner after which the robot obeys another sender, s."""
+
+LATE = 0.2
+"""Time by which a command may be longer under way than the quickest packet of its sender, s."""
+
+DRIFT = 1e-4
+"""Rate by which two clocks may drift apart: that time is forgotten so slowly."""
+
+GUESTS, WELCOME = 4, 0.5
+"""Number of those who said hello last that get measurements while nobody owns the robot, and for how long, s."""
+
+MOST = 256
+"""Most packets that one call takes: a flood of them must not hold up a loop."""
+
+KEYS = 64
+"""Number of senders whose last packet is remembered."""
 
 HERE = ("127.0.0.1", "localhost", "::1")
 """Hosts between which packets need no signature."""
@@ -109,7 +126,8 @@ class End:
         self._joints = joints
         self._secret = secret.encode() if secret else b""
         self._number = 0
-        self._newest: dict[int, int] = {}  # key of a sender → number of its last packet
+        self._newest: dict[int, int] = {}  # key of a sender → number of its last packet, the last sender last
+        self._quickest: dict[int, tuple[float, float]] = {}  # key → clock here less the sender's, and when, s
 
     def pack(self, kind: int, to: int, content: Measurement | Command | None = None) -> bytes:
         """Return a packet to the other end; kp and kd of a command go together, one alone does not go."""
@@ -140,12 +158,27 @@ class End:
         known = magic == MAGIC and head.joints == self._joints
         return head if known and hmac.compare_digest(self._sign(body), signature) else None
 
-    def is_new(self, head: Header) -> bool:
-        """Return True if no later packet of its sender has come before."""
-        if head.number <= self._newest.get(head.key, 0):
+    def is_new(self, head: Header, keep: int = 0) -> bool:
+        """Return True if no later packet of its sender has come before; the key `keep` is never forgotten."""
+        newest = self._newest
+        if head.number <= newest.get(head.key, 0):
             return False
-        self._newest[head.key] = head.number
+        newest.pop(head.key, None)
+        newest[head.key] = head.number
+        if len(newest) > KEYS:
+            oldest = next(key for key in newest if key != keep)
+            del newest[oldest]
+            self._quickest.pop(oldest, None)
         return True
+
+    def delay(self, head: Header) -> float:
+        """Return the time by which a packet was longer under way than the quickest of its sender, s."""
+        now = time.monotonic()
+        offset = now - 1e-9 * head.number
+        least, since = self._quickest.get(head.key, (offset, now))
+        least = min(least + DRIFT * (now - since), offset)
+        self._quickest[head.key] = least, now
+        return offset - least
 
     def content(self, head: Header, data: bytes) -> Measurement | Command | None:
         """Return what a measurement or a command carries; None if its length is wrong."""
@@ -276,7 +309,7 @@ class UdpRobot:
     Attributes:
         port: Port at which it listens.
         refused: Packets so far that were not the owner's, not signed rightly, or no packets of this wire.
-        sender: Address that gets the measurements: of the owner, or of who said hello last; None before.
+        sender: Address of the owner, who gets the measurements; None before there was one.
     """
 
     @checked
@@ -312,8 +345,8 @@ class UdpRobot:
         self._socket.setblocking(False)
         self.port = int(self._socket.getsockname()[1])
         self.sender: tuple[str, int] | None = None
-        self._to = 0  # key of the sender
         self._owner, self._heard = 0, -np.inf
+        self._guests: dict[int, tuple[tuple[str, int], float]] = {}  # key → address, and time of the hello, s
         self.refused = 0
 
     def receive(self) -> tuple[bool, Command | None]:
@@ -325,19 +358,30 @@ class UdpRobot:
         for data, peer in _taken(self._socket):
             head, now = self._end.header(data), time.monotonic()
             owned = now - self._heard < SILENCE
-            stranger = head is None or (owned and head.key != self._owner)
-            if head is None or stranger or (head.kind == COMMAND and head.to != self._end.key):
+            if head is None or head.kind not in (HELLO, COMMAND, DAMP) or head.key == self._end.key:
                 self._refuse(peer)
                 continue
-            if not self._end.is_new(head):
+            if (owned and head.key != self._owner) or (head.kind == COMMAND and head.to != self._end.key):
+                self._refuse(peer)
+                continue
+            if not self._end.is_new(head, self._owner):
+                continue
+            if self._end.delay(head) > LATE and head.kind == COMMAND:
+                self._refuse(peer)
                 continue
             if owned:
                 self._heard = now
             if head.kind == DAMP:
                 damped, newest = True, None
-                continue
-            self.sender, self._to = peer, head.key
-            if head.kind == COMMAND:
+            elif head.kind == HELLO and not owned:
+                self._guests.pop(head.key, None)
+                self._guests[head.key] = peer, now
+                if len(self._guests) > GUESTS:
+                    del self._guests[next(iter(self._guests))]
+            elif head.kind == COMMAND:
+                if self._owner != head.key or not owned:
+                    self.sender = peer
+                    self._guests.clear()
                 self._owner, self._heard = head.key, now
                 newest = self._command(head, data, peer)
                 damped = newest is None
@@ -360,10 +404,16 @@ class UdpRobot:
         self.refused += 1
 
     def send(self, measurement: Measurement) -> None:
-        """Send a measurement to the owner, or to who said hello last."""
-        if self.sender is not None:
+        """Send a measurement to the owner, and while there is none to who has said hello."""
+        guests, now = self._guests, time.monotonic()
+        for key in [key for key, (_, since) in guests.items() if now - since >= WELCOME]:
+            del guests[key]
+        to = [(key, peer) for key, (peer, _) in guests.items()]
+        if self.sender is not None and self._owner not in guests:
+            to.append((self._owner, self.sender))
+        for key, peer in to:
             with contextlib.suppress(OSError):  # nobody listens, no cable: its watchdog will tell
-                self._socket.sendto(self._end.pack(MEASUREMENT, self._to, measurement), self.sender)
+                self._socket.sendto(self._end.pack(MEASUREMENT, key, measurement), peer)
 
     def close(self) -> None:
         """Close the socket."""
@@ -372,7 +422,7 @@ class UdpRobot:
 
 def _taken(wire: socket.socket) -> Iterator[tuple[bytes, tuple[str, int]]]:
     """Yield the packets that have arrived, with their senders."""
-    while True:
+    for _ in range(MOST):
         try:
             yield wire.recvfrom(65536)
         except BlockingIOError:

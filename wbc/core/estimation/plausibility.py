@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import logging
 import math
+import numbers
 from dataclasses import replace
 from typing import Annotated, Any
 
@@ -45,8 +46,8 @@ class PlausibilitySettings:
             that force times the length of the sole.
         torque_margin: Measured torques are refused where one is above this multiple of the joint's limit.
         hold: Time for which a refused signal is replaced by a prediction before the tick fails, s.
-        frozen_after: Number of identical measurements in a row after which ticks fail, if the clock stands still or as
-            many measurements in a row had changed before.
+        frozen_after: Number of identical measurements in a row after which ticks fail, if the clock stands still, or if
+            most readings changed until then and do not say that the robot rests.
         max_gap: Largest step of the time stamp, in control periods.
         resync: Time for which stamps must have moved on consistently before a jump of the clock is adopted, s.
     """
@@ -68,6 +69,12 @@ class PlausibilitySettings:
 PACE_TICKS = 50
 """Number of ticks in which a control looks how often measurements come."""
 
+STANDS = 5
+"""Number of changed measurements in a row with the same stamp after which the stamp is taken for no clock."""
+
+RESTS = 1e-4
+"""Speed of joints and gyroscope up to which a robot may rest, rad/s."""
+
 PACE_RATIO = 1.2
 """Ratio of the period of measurements to that of the controller from which, either way, they do not fit together."""
 
@@ -79,7 +86,8 @@ class Plausibility:
         settings: Settings.
         refused: Number of ticks in which something was refused.
         names: Name of the sensor of every number of a measurement, in the order of `values`.
-        pace: Sentence that measurements do not come at the period of the controller; empty while they do.
+        pace: Sentence that measurements do not come at the period of the controller, or without a clock; empty while
+            they do.
     """
 
     def __init__(self, robot: Robot, dt: float, settings: PlausibilitySettings | None = None) -> None:
@@ -138,7 +146,9 @@ class Plausibility:
         self._consistent = 0.0
         self.pace = ""
         self._ticks, self._begin = 0, math.nan
-        self._identical, self._changes, self._changed_at = 0, 0, math.nan
+        self._identical, self._changed_at, self._sudden = 0, math.nan, False
+        self._older: Array | None = None  # readings before the last ones
+        self._stamp, self._stands = math.nan, 0  # as it came, and changed measurements in a row that had it
         self._lasting = np.zeros(len(self._channels))
 
     def forgive(self, joints: NDArray[np.bool_] | None) -> None:
@@ -156,12 +166,21 @@ class Plausibility:
         values = np.concatenate(
             (m.joint_position, m.joint_velocity, m.angular_velocity, m.specific_force, wrenches)
         )
-        renewed = self._check_time(m.time)
-        last = self._values
-        if last is not None and values[0] == last[0] and values[2 * self._na] == last[2 * self._na]:
-            self._check_frozen(values, last, m.time)
+        last, stamp = self._values, m.time
+        if type(stamp) is not float:
+            stamp = _stamp_of(m)
+            m = replace(m, time=stamp)
+        alike = last is not None and values[0] == last[0] and values[2 * self._na] == last[2 * self._na]
+        same = alike and np.array_equal(values, last)
+        if stamp == self._stamp and (self._stands or not same):
+            m, renewed = self._without_clock(m, same=same), False
         else:
-            self._count_change(m.time)
+            renewed = self._check_time(stamp, again=self._stands >= STANDS)
+            self._stamp, self._stands = stamp, 0
+        if same:
+            self._check_frozen(values, stamp)
+        else:
+            self._older, self._identical, self._changed_at = last, 0, stamp
         good = self._within(values, self._middle, self._bound) and (
             last is None or self._within(values, last, self._jump)
         )
@@ -240,10 +259,32 @@ class Plausibility:
                 return replace(m, **arrays)
         return m
 
-    def _check_time(self, time: Any) -> bool:
-        """Adopt a stamp, refuse it, or adopt a clock that has jumped and moves on; True for the last."""
-        if not isinstance(time, (int, float)) or not math.isfinite(time):
+    def _without_clock(self, m: Measurement, *, same: bool) -> Measurement:
+        """Return a measurement whose stamp stands still; one period a measurement is counted if it goes on so."""
+        self._stands += not same
+        if self._stands < STANDS or same:
+            return replace(m, time=self._time)
+        self._time += self._dt
+        if self._stands == STANDS:
+            self._time += (STANDS - 1) * self._dt
+            self.pace = (
+                f"time stamps stand still at {m.time:g} s: one control period a measurement is counted"
+            )
+            logger.error("%s", self.pace)
+        return replace(m, time=self._time)
+
+    def _check_time(self, time: float, *, again: bool) -> bool:
+        """Adopt a stamp, refuse it, or adopt a clock that has jumped and moves on; True for the last.
+
+        `again` is True for a clock that has stood still: it is adopted where it is.
+        """
+        if not math.isfinite(time):
             raise MeasurementError(f"time of a measurement must be a finite number, got {time!r}")
+        if again:
+            logger.warning("time stamps move on again, from %.4f s", time)
+            self._time, self._consistent, self._other_time = time, 0.0, math.nan
+            self._ticks, self.pace = 0, ""
+            return True
         largest = self.settings.max_gap * self._dt
         if self._values is None or 0.0 <= time - self._time <= largest:
             self._time, self._consistent, self._other_time = time, 0.0, math.nan
@@ -251,7 +292,8 @@ class Plausibility:
                 self._check_pace(time)
             return False
         step = time - self._other_time  # NaN for the first stamp of another clock
-        self._consistent = self._consistent + step if 0.0 < step <= largest else 0.0
+        # One that stands still at another time is adopted as well, as one that is no clock.
+        self._consistent = self._consistent + (step or self._dt) if 0.0 <= step <= largest else 0.0
         self._other_time = time
         if self._consistent >= self.settings.resync:
             logger.warning("the clock of measurements has jumped by %+.3f s; adopted", time - self._time)
@@ -276,21 +318,21 @@ class Plausibility:
                 )
                 logger.warning("%s", self.pace)
 
-    def _check_frozen(self, values: Array, last: Array, time: float) -> None:
-        if not np.array_equal(values, last):
-            self._count_change(time)
-            return
+    def _check_frozen(self, values: Array, stamp: float) -> None:
+        """Count a measurement that repeats the last one, and raise where sensors that work do not repeat themselves.
+
+        Readings that are rounded, and physics that come to an exact rest, repeat themselves as well: few change in the
+        tick before, or all speeds are zero.
+        """
         self._identical += 1
-        # Perfect sensors of a robot at rest may repeat themselves; those that have always changed do not.
-        alive = self._changes >= self.settings.frozen_after or time == self._changed_at
-        if alive and self._identical >= self.settings.frozen_after:
+        if self._identical == 1:
+            older, n = self._older, self._na
+            speeds = values[n : 2 * n + 3]  # of joints and gyroscope
+            most = older is not None and 2 * np.count_nonzero(values != older) > values.size
+            self._sudden = bool(most and np.abs(speeds).max() > RESTS)
+        if self._identical >= self.settings.frozen_after and (self._sudden or stamp == self._changed_at):
             self._faults = ("the same measurement again",)
             raise MeasurementError(f"the same measurement for the {self._identical + 1}th time in a row")
-
-    def _count_change(self, time: float) -> None:
-        """Count measurements in a row that differ from the one before."""
-        self._changes = 1 if self._identical else self._changes + 1
-        self._identical, self._changed_at = 0, time
 
     def _repair(self, m: Measurement, values: Array) -> Measurement:
         """Replace impossible readings by predictions, or give up if they last."""
@@ -334,6 +376,17 @@ class Plausibility:
             name: part.reshape(shape) for name, part, shape in zip(SIGNALS, parts, self._shapes, strict=True)
         }
         return replace(m, **arrays)
+
+
+def _stamp_of(m: Measurement) -> float:
+    """Return the time of a measurement as a float, s; truth values and texts are none."""
+    time: Any = m.time
+    if isinstance(time, numbers.Real) and not isinstance(time, bool):
+        try:
+            return float(time)
+        except OverflowError:  # an integer of many digits
+            pass
+    raise MeasurementError(f"time of a measurement must be a finite number, got {shown(time)}")
 
 
 def _numbers(m: Measurement, name: str, shape: tuple[int, ...]) -> Array:
