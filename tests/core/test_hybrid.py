@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from task_factory import standing
@@ -9,6 +11,7 @@ from task_factory import standing
 from wbc import Command, HybridControl, InputError, Measurement, Plant, balance_controller, walk
 from wbc.core.control import FailurePolicy
 from wbc.core.drive.gate import CommandGate
+from wbc.core.estimation.falls import FallReason
 from wbc.core.robot import Robot
 from wbc.feet.soles.contact import ContactSpheres
 from wbc.feet.soles.rigid import FlatFoot
@@ -80,6 +83,51 @@ def test_feedforward_and_servos_together_keep_the_torque_limits(seed: int) -> No
     assert (np.abs(sent.joint_torque + softened) <= limit + 1e-9).all()
     most = np.maximum(np.abs(torque + servo), np.abs(torque))
     assert set(gate.faults) == {robot.joint_names[i] for i in (most > limit).nonzero()[0]}
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_what_is_not_known_of_a_joint_is_counted_as_the_worst_that_is_possible(seed: int) -> None:
+    """Whatever q and q̇ are where they are NaN: within the limit, with damping left where there is room for it."""
+    robot, rng = G1.robot(), np.random.default_rng(seed)
+    gate, limit, na = CommandGate(robot, DT), robot.torque_limit, robot.na
+    q, v = robot.half_sitting[7:], rng.normal(size=na)
+    lost, unseen = rng.random((2, na)) < 0.4
+    measured = np.where(lost, np.nan, q), np.where(unseen, np.nan, v)
+    gains = np.full(na, 200.0), np.full(na, 8.0)
+    reference = q + rng.uniform(-0.01, 0.01, na), rng.normal(size=na)
+    torque = rng.uniform(-1.5, 1.5, na) * limit
+    sent = gate.pass_on_with_gains(torque, *reference, gains, measured)
+    for _ in range(50):
+        real_q = np.where(lost, rng.uniform(robot.position_lower, robot.position_upper), q)
+        real_v = np.where(unseen, 2.0 * robot.velocity_limit * rng.choice([-1.0, 1.0], na), v)
+        total = sent.joint_torque + sent.kp * (sent.joint_position - real_q)
+        total += sent.kd * (sent.joint_velocity - real_v)
+        assert (np.abs(total) <= limit * (1.0 + 1e-9)).all() and (np.abs(sent.joint_torque) <= limit).all()
+    easy = gate.pass_on_with_gains(0.2 * limit, q, np.zeros(na), gains, measured)
+    assert (easy.kd > 0.0).all() and (easy.kp[~lost] > 0.0).all() and not easy.kp[lost].any()
+
+
+@pytest.mark.parametrize("fault", ["velocity", "encoder", "nothing"])
+@pytest.mark.parametrize("fallen", [False, True])
+def test_a_hybrid_command_keeps_the_limits_where_readings_are_refused(fault: str, fallen: bool) -> None:
+    """At joints that truly move, fast: what the machine applies is by their real position and velocity."""
+    control = HybridControl(standing("g1", DT))
+    robot, measurement = control.controller.robot, plant().measure()
+    control.command(measurement)
+    if fallen:
+        control.falls.reason = FallReason.DOWN
+    for tick in range(1, 80):
+        speed = 0.9 * robot.velocity_limit * np.sin(np.arange(1.0, robot.na + 1.0)) * min(1.0, 0.1 * tick)
+        given = replace(measurement, time=measurement.time + tick * DT, joint_velocity=speed)
+        received: object = {
+            "velocity": replace(given, joint_velocity=np.full(robot.na, 1e6)),
+            "encoder": replace(given, joint_position=np.full(robot.na, np.nan)),
+            "nothing": None,
+        }[fault]
+        command = control.command(received)  # type: ignore[arg-type]
+        total = command.joint_torque + command.kp * (command.joint_position - measurement.joint_position)
+        total += command.kd * (command.joint_velocity - speed)
+        assert (np.abs(total) <= 1.0001 * robot.torque_limit).all(), (tick, control.status())
 
 
 def test_what_leaves_a_gate_is_nearest_to_what_was_asked_and_what_was_cut_is_counted() -> None:

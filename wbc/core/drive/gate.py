@@ -6,6 +6,7 @@ A command owns its arrays: what a driver does to them changes nothing here.
 from __future__ import annotations
 
 import logging
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -62,13 +63,16 @@ class CommandGate:
         """Return a hybrid command within all limits; `gains` are kp and kd, `measured` are q and q̇ of the joints.
 
         The torque limit holds for what the machine will apply where the joints are now, and for the feed-forward alone:
-        the feed-forward gives way, and where its own limit does not let it, the gains do.
+        the feed-forward gives way, and where its own limit does not let it, the gains do. A joint whose q or q̇ is NaN,
+        unknown, may be anywhere, and as fast as the gate lets a reference be: its gains stay within the limit then.
         """
         # References first: what they are clipped to decides what the servos do.
         sent = self.pass_on(np.zeros_like(torque), position, velocity)
         faults = self.faults
         assert sent.joint_position is not None and sent.joint_velocity is not None
         kp, kd = gains
+        if not math.isfinite(measured[0].dot(measured[1])):
+            torque, kp, kd, measured = self._in_the_dark(torque, sent, gains, measured)
         servo = kp * (sent.joint_position - measured[0])
         servo += kd * (sent.joint_velocity - measured[1])
         total = torque + servo
@@ -77,6 +81,23 @@ class CommandGate:
             self._report(~(most <= SLACK * self._torque), faults)
             torque, kp, kd = self._give_way(total, servo, kp, kd)
         return Command(torque.copy(), sent.joint_position, sent.joint_velocity, kp=kp.copy(), kd=kd.copy())
+
+    def _in_the_dark(
+        self, torque: Array, sent: Command, gains: tuple[Array, Array], measured: tuple[Array, Array]
+    ) -> tuple[Array, Array, Array, tuple[Array, Array]]:
+        """Return torque, gains, and q and q̇ to count with, so that no unknown q and q̇ lead beyond a limit."""
+        (q, v), (kp, kd), limit = measured, gains, self._torque
+        assert sent.joint_position is not None and sent.joint_velocity is not None
+        lost, unseen = np.isnan(q), np.isnan(v)
+        q, kp = np.where(lost, sent.joint_position, q), np.where(lost, 0.0, kp)
+        servo = kp * (sent.joint_position - q)
+        torque = np.where(
+            unseen, np.clip(np.clip(torque + servo, -limit, limit) - servo, -limit, limit), torque
+        )
+        room = np.maximum(limit - np.abs(torque + servo), 0.0)
+        fastest = self._speed + np.abs(sent.joint_velocity)
+        kd = np.where(unseen, np.minimum(kd, room / np.maximum(fastest, ROUNDING)), kd)
+        return torque, kp, kd, (q, np.where(unseen, sent.joint_velocity, v))
 
     def admit(self, command: Command, measured: tuple[Array, Array]) -> Command:
         """Return a command of any origin with torques within the limits, its own gains at the measured joints counted.

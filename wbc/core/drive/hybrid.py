@@ -99,16 +99,13 @@ class HybridControl(TorqueControl):
 
     def _damp(self, state: State) -> Command:
         damping = self.policy.joint_damping * self.controller.robot.torque_limit
-        self.q[:], self.v[:] = self._position(), 0.0
+        position, _ = self.plausibility.joints(state.received)
+        self.q[:], self.v[:] = np.where(np.isnan(position), self.q, position), 0.0
         return self._passed(state, self._off, (self._off, np.maximum(self.kd, damping)))
-
-    def _position(self) -> Array:
-        """Joint positions as measured last; the references before the first good measurement, shape (na,), rad."""
-        return self.q if self.measurement is None else self.measurement.joint_position
 
     def _passed(self, state: State, torques: Array, gains: tuple[Array, Array]) -> Command:
         """Return the command of the references, within all limits; the references are where it says."""
-        measured = self._position(), self.plausibility.joint_velocity(state.received)
+        measured = self.plausibility.joints(state.received)
         command = self.gate.pass_on_with_gains(torques, self.q, self.v, gains, measured)
         if self.gate.faults:
             assert command.joint_position is not None and command.joint_velocity is not None

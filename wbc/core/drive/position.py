@@ -110,8 +110,8 @@ class PositionControl(DriveControl):
 
     def _damp(self, state: State) -> Command:
         """Send gains with the command: the machine's stiffness would hold the joints against the ground."""
-        robot, velocity = self.controller.robot, self.plausibility.joint_velocity(state.received)
-        position = self.q[7:] if self.measurement is None else self.measurement.joint_position
+        robot, (position, velocity) = self.controller.robot, self.plausibility.joints(state.received)
+        position = np.where(np.isnan(position), self.q[7:], position)
         none, damping = np.zeros(robot.na), self.policy.joint_damping * robot.torque_limit
         self.gate.reset(position)  # the reference is where the joint is, however fast it moves
         return self.gate.pass_on_with_gains(none, position, none, (none, damping), (position, velocity))

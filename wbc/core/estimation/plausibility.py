@@ -237,6 +237,28 @@ class Plausibility:
         assert self._values is not None
         return self._values
 
+    def joints(self, measurement: Any) -> tuple[Array, Array]:
+        """Return joint positions and velocities as they came, each of shape (na,), rad and rad/s (or m and m/s).
+
+        A reading that is impossible, or refused at present, is NaN.
+        """
+        n = self._na
+        if isinstance(measurement, Measurement) and measurement.sole_wrench is None:
+            measurement = replace(measurement, sole_wrench=np.zeros(self._shapes[-1]))
+        try:
+            m = self._formed(measurement)
+        except MeasurementError:
+            return np.full(n, np.nan), np.full(n, np.nan)
+        position, velocity = m.joint_position, m.joint_velocity
+        good = np.abs(position - self._middle[:n]) <= self._bound[:n]
+        slow = np.abs(velocity) <= self._speed
+        if self._faults:
+            refused = self._lasting > 0.0
+            good, slow = good & ~refused[:n], slow & ~refused[n : 2 * n]
+        if good.all() and slow.all():
+            return position, velocity
+        return np.where(good, position, np.nan), np.where(slow, velocity, np.nan)
+
     def joint_velocity(self, measurement: Any) -> Array:
         """Return joint velocities for damping, shape (na,), rad/s (or m/s): zero where a reading is impossible."""
         if isinstance(measurement, Measurement) and measurement.sole_wrench is None:
