@@ -44,6 +44,9 @@ OTHER_MASS = 0.01
 REACHED = 0.99
 """Share of the torque limits that the ranges of the controls have to reach, or there is a note."""
 
+ON_JOINTS = (int(mujoco.mjtTrn.mjTRN_JOINT), int(mujoco.mjtTrn.mjTRN_JOINTINPARENT))
+"""Transmissions of actuators that act on a joint."""
+
 DIVERGED = [int(getattr(mujoco.mjtWarning, f"mjWARN_BAD{what}")) for what in ("QPOS", "QVEL", "QACC")]
 """Warnings after which MuJoCo has reset the simulation by itself, unless the model forbids it."""
 
@@ -258,6 +261,13 @@ class MujocoLoop(SimulatedRobot):
             )
         joints = dict(zip(self.places.joints, names, strict=True))
         notes += unmodelled(model, np.flatnonzero(self.places.of_robot).tolist(), joints)
+        limp = self._limp_joints()
+        if limp:
+            notes.append(
+                f"{len(limp)} joints of the robot are not in the description, and nothing holds them: {listed(limp)}; "
+                "give them a servo in the model, or their controls in data.ctrl"
+            )
+            logger.warning("%s", notes[-1])
         notes += self._other_joints()
         for what, sensor in (("gyroscope", imu.gyroscope), ("accelerometer", imu.accelerometer)):
             if sensor is None:
@@ -277,6 +287,22 @@ class MujocoLoop(SimulatedRobot):
             odd.append(f"readings up to {cutoff:g} alone (cutoff)")
         name = model.sensor(sensor).name or f"sensor {sensor}"
         return [f"{what} '{name}' of the file has {' and '.join(odd)}"] if odd else []
+
+    def _limp_joints(self) -> list[str]:
+        """Return the robot's joints without spring and servo that the description locks or leaves out."""
+        model, places = self.model, self.places
+        held = set(places.joints) | set(np.flatnonzero(model.jnt_stiffness > 0.0).tolist())
+        for i in range(model.nu):
+            if int(model.actuator_trntype[i]) in ON_JOINTS and model.actuator_biasprm[i, 1] != 0.0:
+                held.add(int(model.actuator_trnid[i, 0]))
+        for i in np.flatnonzero(model.eq_type == int(mujoco.mjtEq.mjEQ_JOINT)).tolist():
+            held |= {int(model.eq_obj1id[i]), int(model.eq_obj2id[i])}
+        free = int(mujoco.mjtJoint.mjJNT_FREE)
+        return [
+            model.joint(i).name or f"joint {i}"
+            for i in range(model.njnt)
+            if i not in held and places.of_robot[model.jnt_bodyid[i]] and int(model.jnt_type[i]) != free
+        ]
 
     def _other_joints(self) -> list[str]:
         """Return notes on springs, damping, friction and rotors that the model has otherwise than the description."""

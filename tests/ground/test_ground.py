@@ -16,7 +16,7 @@ from wbc.ground import HeightMap, KnownGround, PointCloud
 from wbc.ground.cloud import ElevationMap
 from wbc.ground.footprint import Footprint, FootprintSettings
 from wbc.ground.height_map import HeightMapSettings
-from wbc.ground.known import FUSED, GroundSettings
+from wbc.ground.known import FUSED, MOST, GroundSettings
 from wbc.robots import load
 
 NOISE = 0.004
@@ -240,7 +240,7 @@ def test_clouds_are_placed_by_the_pose_at_their_time(period, late, oldest):
 
 
 @given(st.floats(-math.pi, math.pi), st.floats(-math.pi, math.pi))
-@settings(max_examples=8, deadline=None)
+@settings(max_examples=4, deadline=None)
 def test_a_frame_from_all_round_is_mapped_right_whatever_the_heading(yaw, ahead):
     """A robot begins at a heading; a lidar sees a plateau of 0.3 m beyond 0.9 m, and points as far as 4 m."""
     robot = load("g1").robot()
@@ -251,8 +251,9 @@ def test_a_frame_from_all_round_is_mapped_right_whatever_the_heading(yaw, ahead)
     x, y = (each.ravel() for each in np.meshgrid(np.arange(-4.0, 4.0, 0.015), np.arange(-4.0, 4.0, 0.015)))
     beyond = x * math.cos(ahead) + y * math.sin(ahead)
     z = np.where(beyond > 0.9, 0.3, 0.0)
-    ground.add(PointCloud(np.stack([x, y, z], axis=1), 0.0, "world"))
-    ground.update(robot, 0.0)
+    for k in range(24):  # of so many points a part is looked at in each tick
+        ground.add(PointCloud(np.stack([x, y, z], axis=1), FUSED * k, "world"))
+        ground.update(robot, FUSED * k)
     cells, _ = ground.map.known()
     beyond = cells[:, 0] * math.cos(ahead) + cells[:, 1] * math.sin(ahead) - 0.9
     inside = np.abs(beyond) > 0.03
@@ -354,3 +355,35 @@ def test_a_sole_that_stands_beside_an_edge_or_on_it_contradicts_nothing(edge, he
     ground.stand(0, placement)
     assert ground.status == ""
     assert ground.support(0, *placement.translation[:2], 0.0) is not None
+
+
+@pytest.mark.parametrize("size", [MOST, MOST + 1, 20_000, 640 * 480])
+def test_of_a_large_cloud_a_tick_looks_at_a_part_that_is_spread_over_all_of_it(size, monkeypatch):
+    """In the order of the rows of an image as well, whatever their number; the map is the ground all the same."""
+    columns = 640 if size % 640 == 0 else size
+    across, down = np.meshgrid(
+        np.linspace(-0.6, 0.6, columns), np.linspace(-0.6, 0.6, max(size // columns, 1))
+    )
+    if columns == size:
+        across, down = frame(lambda x, y: 0.0 * x, 0, size)[0][:, :2].T
+    points = np.stack([across.ravel(), down.ravel(), 0.1 * across.ravel()], axis=1)
+    robot, ground = known()
+    looked, place = [], ground._placed
+
+    def counted(cloud, share):
+        points, why = place(cloud, share)
+        looked[-1] += len(points)
+        return points, why
+
+    monkeypatch.setattr(ground, "_placed", counted)
+    for k in range(1, 13):
+        looked.append(0)
+        for _ in range(3):
+            ground.add(PointCloud(points, FUSED * k, "world", NOISE))
+        ground.update(robot, FUSED * k)
+    assert max(looked) <= MOST + 3 and max(looked) >= min(size, MOST) - 3
+    seen, _ = ground.map.known()
+    assert np.abs(seen[:, 2] - 0.1 * seen[:, 0]).max() < 0.005
+    inside = (np.abs(seen[:, :2]) < 0.59).all(axis=1)
+    quadrants = np.histogram2d(*seen[inside, :2].T, bins=4)[0]
+    assert quadrants.min() > 0.5 * quadrants.max()

@@ -22,7 +22,17 @@ from wbc.core.errors import InputError
 from wbc.machine import Runner, RunSettings, UnitreeDriver
 from wbc.machine.report import Phase
 from wbc.machine.unitree import DdsError, driver
-from wbc.machine.unitree.wire import G1_MOTORS, LOW_CMD, LOW_STATE, checksum, from_cdr, intact, sealed, to_cdr
+from wbc.machine.unitree.wire import (
+    ENABLED,
+    G1_MOTORS,
+    LOW_CMD,
+    LOW_STATE,
+    checksum,
+    from_cdr,
+    intact,
+    sealed,
+    to_cdr,
+)
 
 DESCRIPTION = wbc.load_robot("g1")
 dds = pytest.mark.skipif(
@@ -55,9 +65,11 @@ def state(seal: bool = True, **motors: object) -> np.ndarray:
     return sealed(record) if seal else record
 
 
-def machine(*states: np.ndarray, **how: Any) -> UnitreeDriver:
+def machine(
+    *states: np.ndarray, description: wbc.RobotDescription = DESCRIPTION, **how: Any
+) -> UnitreeDriver:
     """Return a driver of a machine that sends these states, and keeps the commands that it gets."""
-    made, left, sent = UnitreeDriver(DESCRIPTION, **how), [*states], []
+    made, left, sent = UnitreeDriver(description, **how), [*states], []
 
     def read(layout: np.dtype, timeout: float) -> np.ndarray | None:
         return left.pop(0) if left else None
@@ -101,6 +113,40 @@ def test_no_wild_command_reaches_the_motors(found: float) -> None:
         assert np.isfinite([q, dq, tau, kp, kd]).all() and min(kp.min(), kd.min()) >= 0.0
         total = tau + kp * (q - driver._position) + kd * (dq - driver._velocity)
         assert (np.abs(tau) <= limit).all() and (~(np.abs(total) > limit) | (np.arange(29) == 3)).all()
+
+
+@pytest.mark.parametrize("found", [0.3, np.nan])
+def test_motors_that_are_locked_in_the_description_are_held_where_they_are(
+    found: float, caplog: pytest.LogCaptureFixture
+) -> None:
+    """And damped with the others; one whose encoder says nothing is damped alone."""
+    lock = {n: 0.0 for n in DESCRIPTION.joint_names if n.startswith("waist_") or "wrist" in n}
+    left, right = DESCRIPTION.soles
+    described = wbc.RobotDescription.from_urdf(
+        DESCRIPTION.urdf, left_sole=left, right_sole=right, lock=lock, name="locked"
+    )
+    states = [state(), state()]
+    for each, at in zip(states, (found, 0.1), strict=True):
+        each["motor_state"]["q"][G1_MOTORS.index("waist_roll_joint")] = at
+        sealed(each)
+    driver = machine(*states, description=described)
+    assert set(driver.held) == set(lock)
+    driver.read(0.0)
+    driver.read(0.0)
+    assert all(f"{name} at" in caplog.text for name in lock)
+    count = len(described.joint_names)
+    driver.write(Command(np.zeros(count), *np.zeros((2, count))))
+    driver.damp()
+    hold, damp = driver._topics.sent  # type: ignore[union-attr, attr-defined]
+    others = [G1_MOTORS.index(name) for name in lock]
+    roll = G1_MOTORS.index("waist_roll_joint")
+    for motors in (hold, damp):
+        assert (motors["mode"] == ENABLED).all() and (motors["kd"][others] > 0.0).all()
+        assert np.isfinite(motors["q"]).all() and not motors["tau"][others].any()
+    stiff = [i for i in others if i != roll or np.isfinite(found)]
+    assert (hold["kp"][stiff] >= 40.0).all() and not damp["kp"].any()
+    assert hold["q"][roll] == (np.float32(0.3) if np.isfinite(found) else 0.0)
+    assert (hold["kp"][roll] > 0.0) == np.isfinite(found)
 
 
 @pytest.mark.parametrize("layout", [LOW_CMD, LOW_STATE])

@@ -53,6 +53,27 @@ def test_a_link_whose_mass_is_elsewhere_is_noted_by_its_joint() -> None:
     assert any("left_knee_pitch" in note for note in MujocoLoop(DESCRIPTION, model, prefix=PREFIX).notes)
 
 
+def test_joints_that_are_not_described_and_that_nothing_holds_are_named_at_the_start(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    whole = wbc.load_robot("g1")
+    names = [n for n in whole.joint_names if "waist_roll" in n or "wrist_yaw" in n]
+    left, right = whole.soles
+    lock = dict.fromkeys(names, 0.0)
+    locked = wbc.RobotDescription.from_urdf(
+        whole.urdf, left_sole=left, right_sole=right, lock=lock, name="g1_26"
+    )
+    model = Plant(whole).model
+    model.actuator_biastype[:], model.actuator_biasprm[:] = 0, 0.0  # motors
+    note = next(note for note in MujocoLoop(locked, model).notes if "not in the description" in note)
+    assert all(name in note for name in names) and note in caplog.text
+    assert note.startswith(f"{len(names)} joints")
+    model.jnt_stiffness[model.joint(names[0]).id] = 100.0
+    note = next(note for note in MujocoLoop(locked, model).notes if "not in the description" in note)
+    assert names[0] not in note
+    assert not any("not in the description" in note for note in MujocoLoop(whole, model).notes)
+
+
 @pytest.mark.parametrize("integrator", ["euler", "implicit", "rk4"])
 def test_every_integrator_and_a_gear(integrator: str) -> None:
     model = foreign_model(DESCRIPTION, "motor", integrator=integrator, gear=-20.0)

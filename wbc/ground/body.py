@@ -48,6 +48,12 @@ class OwnBody:
             turns = np.array([place.rotation for place in places])
             moves = np.array([place.translation for place in places])
             ends = self._ends @ turns.transpose(0, 2, 1) + moves[:, None]
+            # Shapes whose boxes reach those of the points: of ground, the feet and shanks alone.
+            reach = (ends.min(axis=1) - self._radii[:, None] <= points.max(axis=0)).all(axis=1)
+            reach &= (ends.max(axis=1) + self._radii[:, None] >= points.min(axis=0)).all(axis=1)
+            if not reach.any():
+                return off
+            ends, radii = ends[reach], self._radii[reach]
             start, way = ends[:, 0], ends[:, 1] - ends[:, 0]
             along = points @ way.T - (start * way).sum(axis=1)
             length = (way * way).sum(axis=1)
@@ -56,5 +62,5 @@ class OwnBody:
                 (points * points).sum(axis=1)[:, None] - 2.0 * points @ start.T + (start * start).sum(axis=1)
             )
             distance += share * (share * length - 2.0 * along)
-            off &= (distance > self._radii**2).all(axis=1)
+            off &= (distance > radii**2).all(axis=1)
         return off

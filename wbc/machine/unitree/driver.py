@@ -19,7 +19,16 @@ from wbc.core.errors import Array, InputError
 from wbc.core.signals import Command, Measurement
 from wbc.machine.loop import Driver, with_gains
 from wbc.machine.unitree.dds import COMMAND_TOPIC, STATE_TOPIC, Topics
-from wbc.machine.unitree.wire import ENABLED, LOW_CMD, LOW_STATE, intact, machine_gains, motor_index, sealed
+from wbc.machine.unitree.wire import (
+    ENABLED,
+    G1_MOTORS,
+    LOW_CMD,
+    LOW_STATE,
+    intact,
+    machine_gains,
+    motor_index,
+    sealed,
+)
 from wbc.robots import RobotDescription
 from wbc.robots.registry import as_description
 
@@ -37,6 +46,9 @@ LOOPBACK = ("lo", "lo0", "127.0.0.1")
 HOT = 90.0
 """Temperature from which a motor is named, °C; the library's choice, not Unitree's."""
 
+LARGEST_ANGLE = 2.0 * np.pi
+"""Largest position of a motor that can be, rad."""
+
 SWITCHED_ON = 0.5
 """Time after the first command from which a motor that is off is a fault, s."""
 
@@ -49,8 +61,12 @@ class UnitreeDriver(Driver):
     damping in place of a command that is not finite; torques keep within the limits. The G1 has no force sensors in its
     feet: controls estimate the wrenches from the torques that it reports.
 
+    Motors that the description has no joint for, of joints that are locked in it or left out, are held where the first
+    state has them, with the gains of the machine, and damped with the others.
+
     Attributes:
         description: The robot.
+        held: Joints of the machine that are held, as the description has none of their names.
         gains: kp and kd of the machine, used where a command brings none, each of shape (na,).
         refused: States with a wrong checksum so far.
         fault: Reason for which the joints must be damped, by the last state: a motor that is off, another mode_machine;
@@ -75,8 +91,12 @@ class UnitreeDriver(Driver):
         """
         description = as_description(description)
         self.description, self._interface, self._domain = description, interface, domain
-        self._names = tuple(description.joint_names)
+        self._name, self._names = description.name, tuple(description.joint_names)
         self._index = motor_index(self._names)
+        self.held = tuple(name for name in G1_MOTORS if name not in self._names)
+        self._held_index = motor_index(self.held)
+        self._held_gains = machine_gains(self.held)
+        self._held_at: Array | None = None  # where the first state has them, rad
         self.gains: tuple[Array, Array] = machine_gains(self._names)
         self._gate: CommandGate | None = None
         self._topics: Topics | None = None
@@ -109,6 +129,8 @@ class UnitreeDriver(Driver):
             self.refused += 1
         motors, imu = state["motor_state"][self._index], state["imu_state"]
         self._look(state, motors)
+        if self._held_at is None:
+            self._hold(state["motor_state"][self._held_index]["q"].astype(float))
         self._position, self._velocity = motors["q"].astype(float), motors["dq"].astype(float)
         stamp = float(state["tick"]) * 1e-3 if state["tick"] else time.monotonic()
         return Measurement(
@@ -120,6 +142,16 @@ class UnitreeDriver(Driver):
             None,
             joint_torque=motors["tau_est"].astype(float),
         )
+
+    def _hold(self, position: Array) -> None:
+        """Hold the motors without a joint in the description where they are, rad; one that is nowhere is damped."""
+        self._held_at = np.where(np.abs(position) <= LARGEST_ANGLE, position, np.nan)
+        if self.held:
+            where = ", ".join(
+                f"{name} at {angle:.3f}"
+                for name, angle in zip(self.held, self._held_at.tolist(), strict=True)
+            )
+            self._say(f"motors without a joint in '{self._name}' are held where they are (rad): {where}")
 
     def _is_signed(self, state: Any) -> bool:
         """Return True for a state whose checksum is right, or missing where simulators send none."""
@@ -185,14 +217,19 @@ class UnitreeDriver(Driver):
             self.damp()
             return
         self._begun = min(self._begun, time.monotonic())
-        self._send(whole.joint_position, whole.joint_velocity, whole.joint_torque, whole.kp, whole.kd)
+        self._send(
+            whole.joint_position, whole.joint_velocity, whole.joint_torque, whole.kp, whole.kd, stiff=True
+        )
 
     def damp(self) -> None:
         """See `Driver`."""
         position = np.nan_to_num(self._position, posinf=0.0, neginf=0.0)
-        self._send(position, self._zero, self._zero, self._zero, np.full(len(self._names), DAMPING))
+        self._send(
+            position, self._zero, self._zero, self._zero, np.full(len(self._names), DAMPING), stiff=False
+        )
 
-    def _send(self, *values: Array | None) -> None:
+    def _send(self, *values: Array | None, stiff: bool) -> None:
+        """Send values for the described joints; the others are held where `stiff`, and damped otherwise."""
         if self._machine is None:
             self.read(0.0)
         if self._machine is None:  # nobody there
@@ -203,4 +240,11 @@ class UnitreeDriver(Driver):
         motors["mode"][self._index] = ENABLED
         for name, value in zip(("q", "dq", "tau", "kp", "kd"), values, strict=True):
             motors[name][self._index] = value
+        if self.held and self._held_at is not None:
+            known = np.isfinite(self._held_at) & stiff
+            kp, kd = self._held_gains
+            motors["mode"][self._held_index] = ENABLED
+            motors["q"][self._held_index] = np.nan_to_num(self._held_at)
+            motors["kp"][self._held_index] = np.where(known, kp, 0.0)
+            motors["kd"][self._held_index] = np.where(known, kd, DAMPING)
         self._open().write(sealed(message))

@@ -113,11 +113,11 @@ def motor_index(joint_names: Sequence[str]) -> Array:
     missing = [name for name in joint_names if name not in G1_MOTORS]
     if missing:
         raise InputError(f"joints without a motor in Unitree's order: {', '.join(missing[:4])}")
-    return np.array([G1_MOTORS.index(name) for name in joint_names])
+    return np.array([G1_MOTORS.index(name) for name in joint_names], dtype=np.intp)
 
 
 def machine_gains(joint_names: Sequence[str]) -> tuple[Array, Array]:
     """Return the gains of the SDK's example, kp (Nm/rad) and kd (Nms/rad), each of shape (na,)."""
     pairs = [next((g for part, g in G1_GAINS.items() if part in name), (40.0, 1.0)) for name in joint_names]
-    kp, kd = np.array(pairs).T
+    kp, kd = np.array(pairs).reshape(-1, 2).T
     return kp, kd
