@@ -292,7 +292,7 @@ class MujocoLoop(SimulatedRobot):
         """Return the robot's joints without spring and servo that the description locks or leaves out."""
         model, places = self.model, self.places
         held = set(places.joints) | set(np.flatnonzero(model.jnt_stiffness > 0.0).tolist())
-        for i in range(model.nu):
+        for i in range(len(model.actuator_trntype)):
             if int(model.actuator_trntype[i]) in ON_JOINTS and model.actuator_biasprm[i, 1] != 0.0:
                 held.add(int(model.actuator_trnid[i, 0]))
         for i in np.flatnonzero(model.eq_type == int(mujoco.mjtEq.mjEQ_JOINT)).tolist():
