@@ -170,8 +170,11 @@ class Plausibility:
         if type(stamp) is not float:
             stamp = _stamp_of(m)
             m = replace(m, time=stamp)
-        alike = last is not None and values[0] == last[0] and values[2 * self._na] == last[2 * self._na]
-        same = alike and np.array_equal(values, last)
+        same = last is not None and (
+            values[0] == last[0]
+            and values[2 * self._na] == last[2 * self._na]
+            and np.array_equal(values, last)
+        )
         if stamp == self._stamp and (self._stands or not same):
             m, renewed = self._without_clock(m, same=same), False
         else:
@@ -403,7 +406,7 @@ class Plausibility:
 def _stamp_of(m: Measurement) -> float:
     """Return the time of a measurement as a float, s; truth values and texts are none."""
     time: Any = m.time
-    if isinstance(time, numbers.Real) and not isinstance(time, bool):
+    if not isinstance(time, bool) and isinstance(time, numbers.Real):
         try:
             return float(time)
         except OverflowError:  # an integer of many digits
