@@ -16,7 +16,6 @@ import gymnasium
 import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
-from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
 
 from wbc.core.errors import ROUNDING, Array, InputError, choose, finite_array
 from wbc.core.estimation.observer import Observer
@@ -24,6 +23,7 @@ from wbc.core.robot import GRAVITY
 from wbc.core.settings import Positive
 from wbc.sim.plant.robot import DivergedError
 from wbc.sim.trial.push import WalkPush
+from wbc.sim.trial.threads import one_thread
 from wbc.sim.walks.plans import WalkPlan
 from wbc.sim.walks.spec import WalkSpec
 from wbc.sim.walks.trial import WalkTrial
@@ -53,7 +53,7 @@ class WbcEnv(gymnasium.Env[Array, Array]):  # type: ignore[misc]
     rad/s) of the joints.
 
     **Reward**: "walk": displacement of the feet along the world's x, m; "stand": minus the distance of the CoM from the
-    middle of the feet, m. A fall costs 1 and ends the episode, which is truncated after its time.
+    middle of the feet, m. A fall costs 1 and ends the episode, which is truncated after its time, or by `trial.stop()`.
 
     Attributes:
         trial: The present episode; None before `reset`.
@@ -111,7 +111,7 @@ class WbcEnv(gymnasium.Env[Array, Array]):  # type: ignore[misc]
             )
         self.trial = WalkTrial(self._spec(int(self.np_random.integers(2**31)), pushes))
         self._height = self.trial.walking.body.com_height
-        with threadpool_limits(1):  # sums of several threads depend on their number
+        with one_thread():  # sums of several threads depend on their number
             self.trial.start()
             self.trial.step()
         self._reached = self._progress()
@@ -128,7 +128,7 @@ class WbcEnv(gymnasium.Env[Array, Array]):  # type: ignore[misc]
             raise InputError("reset the environment before its first step")
         self._order(trial, np.clip(finite_array("action", action, self.action_space.shape), *self._bounds))
         alive = True
-        with threadpool_limits(1):
+        with one_thread():
             for _ in range(self._ticks):
                 alive = trial.step()
                 if not alive:
@@ -141,11 +141,12 @@ class WbcEnv(gymnasium.Env[Array, Array]):  # type: ignore[misc]
         )
         self._reached = place
         info = {"time": trial.plant.time, "fall": None if trial.fall is None else trial.fall.value}
+        over = trial.stopped or trial.plant.time >= self._seconds - ROUNDING
         return (
             self._observation(),
-            float(reward) - (not alive),
-            not alive,
-            alive and trial.plant.time >= self._seconds - ROUNDING,
+            float(reward) - trial.fallen,
+            trial.fallen,
+            over and not trial.fallen,
             info,
         )
 
@@ -202,4 +203,6 @@ class WbcEnv(gymnasium.Env[Array, Array]):  # type: ignore[misc]
 
 
 for _task in TASKS:
-    gymnasium.register(f"wbc/{_task.capitalize()}-v0", entry_point=WbcEnv, kwargs={"task": _task})
+    gymnasium.register(
+        f"wbc/{_task.capitalize()}-v0", entry_point=f"{__name__}:{WbcEnv.__name__}", kwargs={"task": _task}
+    )

@@ -30,7 +30,7 @@ LEAST_TICKS = 2
 """Shortest stand, control periods: the result is about its second half."""
 
 
-@settings(kw_only=True)
+@settings(kw_only=True, eq=False)
 class StandSpec(TrialSpec):
     """One simulated stand: the fields of `TrialSpec`, and these.
 
@@ -51,17 +51,19 @@ class StandSpec(TrialSpec):
     steps: Literal["none", "allowed"] = "none"
 
     def __post_init__(self) -> None:
-        if self.steps == "allowed":
-            if self.mode == "position":
-                raise InputError(
-                    "a robot that may step stands in torque or hybrid control, got mode 'position' with steps 'allowed'"
-                )
-            object.__setattr__(self, "mode", self.mode or "torque")
+        if self.steps == "allowed" and self.mode == "position":
+            raise InputError(
+                "a robot that may step stands in torque or hybrid control, got mode 'position' with steps 'allowed'"
+            )
         super().__post_init__()
         if self.seconds < LEAST_TICKS * self.period:
             raise InputError(
                 f"seconds (s) must be at least {LEAST_TICKS} control periods of {self.period:g} s, got {self.seconds:g}"
             )
+
+    def _usual_mode(self) -> Mode | None:
+        """Return the control mode when none is given."""
+        return "torque" if self.steps == "allowed" else super()._usual_mode()
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -108,10 +110,10 @@ class StandTrial(Trial):
             self.control = walking.control
         else:
             controller = balance_controller(robot, spec.period, spec.gains)
-            if spec.mode == "position":
+            if spec.chosen == "position":
                 self.control = PositionControl(controller, observer, feedback=spec.feedback)
             else:
-                self.control = (TorqueControl if spec.mode == "torque" else HybridControl)(
+                self.control = (TorqueControl if spec.chosen == "torque" else HybridControl)(
                     controller, observer
                 )
             walking = self.control

@@ -24,7 +24,7 @@ LOADED = 0.05
 """Load of a sole that stands, over the weight: with less it may move, and is about to lift."""
 
 
-@settings(kw_only=True)
+@settings(kw_only=True, eq=False)
 class TrackSpec(TrialSpec):
     """The simulation in which a clip is tracked: the fields of `TrialSpec`, and the time after the clip.
 

@@ -32,6 +32,12 @@ MOST_ROBOTS = 16
 """Most robots of a plant: each has a bit of MuJoCo's masks of contacts."""
 
 
+def _seed_of(seed: int, index: int) -> int:
+    """Return the seed of one of several robots: that of the plant for the first, drawn from it for the others."""
+    drawn = np.random.SeedSequence(seed, spawn_key=(index,)).generate_state(1, np.uint64)
+    return seed if index == 0 else int(drawn[0])
+
+
 class SharedPlant:
     """Several robots on one ground.
 
@@ -75,7 +81,7 @@ class SharedPlant:
             timestep: Physics step, s.
             control_period: Time between two commands, s.
             noise: Sensor errors of every robot.
-            seed: Seed of the sensor errors of the first robot; the others have the next ones.
+            seed: Seed of the sensor errors; each robot has errors of its own, which no other seed gives another robot.
         """
         if not 0 < len(robots) <= MOST_ROBOTS or any(not name or "/" in name for name in robots):
             raise InputError(
@@ -116,7 +122,7 @@ class SharedPlant:
                 control_period=control_period,
                 prefix=f"{name}/",
                 noise=noise,
-                seed=seed + i,
+                seed=_seed_of(seed, i),
             )
             for i, (name, description) in enumerate(descriptions.items())
         }

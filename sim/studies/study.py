@@ -163,14 +163,16 @@ class Study:
         """Return a part of the study.
 
         Args:
-            cells: Names of cells, or beginnings of names; all when none is given.
+            cells: Names of cells, or beginnings of names; what is a name stands for no other. All when none is given.
             arms: Names of arms; all when none is given.
             seeds: Number of seeds, the first ones; all when None.
         """
-        rows, columns = tuple(cells), tuple(arms)
-        for name in rows:
-            if not any(cell.name.startswith(name) for cell in self.cells):
-                unknown_name(f"cell of the study '{self.name}'", name, [cell.name for cell in self.cells])
+        names, columns, rows = [cell.name for cell in self.cells], tuple(arms), set[str]()
+        for given in cells:
+            found = {given} & {*names} or {name for name in names if name.startswith(given)}
+            if not found:
+                unknown_name(f"cell of the study '{self.name}'", given, names)
+            rows |= found
         for arm in columns:
             choose(f"arm of the study '{self.name}'", arm, self.arms)
         if seeds is not None and not 1 <= seeds <= len(self.seeds):
@@ -179,7 +181,7 @@ class Study:
         part = []
         for cell in self.cells:
             tried = tuple(arm for arm in cell.arms or self.arms if arm in chosen)
-            if tried and cell.name.startswith(rows or ""):
+            if tried and (cell.name in rows or not rows):
                 arm_values = {arm: values for arm, values in cell.arm_values.items() if arm in tried}
                 part.append(replace(cell, arms=tried, arm_values=arm_values))
         reference = self.reference if self.reference in chosen else None

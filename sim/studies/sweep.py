@@ -109,7 +109,8 @@ def sweep(
 
     Raises:
         JournalError: The journal cannot be written.
-        SweepError: The executor has broken down or cancelled trials, or its processes have other code than this one.
+        SweepError: The executor has broken down, has cancelled trials or could not run one, or its processes have
+            other code than this one.
     """
     begin = time.perf_counter()
     trials = {}
@@ -181,10 +182,12 @@ def _feed(
 ) -> Pending:
     """Keep an executor busy until nothing is pending, or until it breaks or cancels a trial.
 
+    An error of the executor, such as a worker without this package, is no result of the trial: it ends the sweep.
     Returned are trials that were not run to their end, such as those of a cluster whose scheduler was restarted.
     """
     running: dict[Future[Outcome], tuple[AnyTrialSpec, dict[str, Any]]] = {}
     lost: Pending = deque()
+    failure: BaseException | None = None
     try:
         while (pending and not lost) or running:
             while pending and len(running) < in_flight and not lost:
@@ -201,14 +204,20 @@ def _feed(
                     lost.append(trial)
                 elif isinstance(error, SweepError):  # its process has other code
                     raise error
-                elif error is not None:  # such as a spec that cannot be sent
-                    record(trial[1], Outcome("crashed", error=f"{type(error).__name__}: {error}"))
+                elif error is not None:  # no result: an error of a trial is its outcome
+                    lost.append(trial)
+                    failure = failure or error
                 else:
                     record(trial[1], future.result())
     except BaseException:
         for future in running:
             future.cancel()
         raise
+    if failure is not None:
+        raise SweepError(
+            f"the executor could not run a trial ({type(failure).__name__}: {failure}); trials that have ended are "
+            "written down, and this one is not: run the sweep again when the executor works"
+        ) from failure
     return lost
 
 

@@ -17,16 +17,16 @@ A new kind of trial says how long it goes on (`simulate`) and what its `result` 
 
 from __future__ import annotations
 
+import logging
 import math
 import time
 from array import array
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
 
 from wbc.core.checked import checked
 from wbc.core.errors import InputError, MeasurementError, WbcError
@@ -35,10 +35,13 @@ from wbc.core.signals import Command, Control, Measurement
 from wbc.sim.plant.plant import Plant
 from wbc.sim.plant.robot import DivergedError
 from wbc.sim.trial.falls import PelvisLimits, TrueFallDetector
+from wbc.sim.trial.threads import one_thread
 from wbc.walking.control import ReferenceControl
 from wbc.walking.plans.footsteps import FootstepPlan
 
 Look = Callable[[], None]
+
+_log = logging.getLogger(__name__)
 
 
 class StageError(WbcError):
@@ -86,7 +89,7 @@ class TrialHook:
         """Called in every tick, after the plant has moved on and the fall test was made."""
 
     def end(self, result: Any) -> None:
-        """Called once, after the last tick."""
+        """Called once, after the last tick, with the result; with None if the trial has raised an exception."""
 
 
 class Trial:
@@ -106,6 +109,8 @@ class Trial:
         hook_time: Wall time in `hooks`, s.
         loop_time: Wall time of `run` but that in `hooks`, s.
     """
+
+    _started = False
 
     @checked
     def __init__(
@@ -174,7 +179,9 @@ class Trial:
             hooks: Look on.
 
         Raises:
+            InputError: The trial has been run.
             DivergedError: The simulation has diverged, and the trial has no result for that.
+            StageError: A stage was not over in its time.
         """
         with self.running(hooks):
             begin = time.perf_counter()
@@ -182,7 +189,8 @@ class Trial:
                 self.simulate()
             finally:
                 self.loop_time = time.perf_counter() - begin - self.hook_time
-        result = self.result()
+        with self._hooks_end_with_an_error():
+            result = self.result()
         for hook in self.hooks:
             hook.end(result)
         return result
@@ -289,19 +297,34 @@ class Trial:
 
     @contextmanager
     def running(self, hooks: Sequence[TrialHook] = ()) -> Iterator[None]:
-        """Add hooks and start all of them; a stage that does not come to its end ends the trial.
+        """Add hooks and start all of them; a fall or `stop` in the middle of a stage ends the block.
 
         Sums are made by one thread, as those of several depend on their number.
+
+        Raises:
+            InputError: The trial has been run.
+            StageError: A stage was not over in its time, or a step was refused.
         """
-        with threadpool_limits(1), suppress(StageError):
+        self._check_new()
+        with one_thread(), self._hooks_end_with_an_error():
             self.start(hooks)
-            yield
+            try:
+                yield
+            except StageError:
+                if not (self.fallen or self.stopped):
+                    raise
 
     def start(self, hooks: Sequence[TrialHook] = ()) -> None:
         """Add hooks and start all of them: for what is stepped by others, instead of `running`."""
+        self._check_new()
+        self._started = True
         self.hooks += hooks
         for hook in (*self.meters, *self.hooks, *self.scenario):
             hook.start(self)
+
+    def _check_new(self) -> None:
+        if self._started:
+            raise InputError("a trial runs once, and this one has been run: make another one")
 
     @property
     def real_time_factor(self) -> float:
@@ -312,6 +335,19 @@ class Trial:
         """Return the wall time of a tick, from measurement to command: median and 99th percentile, µs."""
         times = 1e6 * np.array(self.tick_times) if self.tick_times else np.array([math.nan])
         return {"median": float(np.median(times)), "p99": float(np.percentile(times, 99))}
+
+    @contextmanager
+    def _hooks_end_with_an_error(self) -> Iterator[None]:
+        """Let hooks close their files and pages when the block raises."""
+        try:
+            yield
+        except BaseException:
+            for hook in self.hooks:
+                try:
+                    hook.end(None)
+                except Exception:
+                    _log.exception("a hook of a trial that has failed could not end")
+            raise
 
     @contextmanager
     def _not_counted(self) -> Iterator[None]:

@@ -5,6 +5,7 @@ The command line, files and journals of a trial are made from the fields of its 
 
 from __future__ import annotations
 
+import json
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import Annotated, Any, ClassVar, Self
@@ -25,9 +26,13 @@ CONTROL_PERIOD: dict[Mode, float] = {"position": 0.005, "torque": 0.002, "hybrid
 """Default control period, s: stiff servos hold the robot between ticks, torques and soft servos do not."""
 
 
-@settings(kw_only=True)
+@settings(kw_only=True, eq=False)
 class TrialSpec:
     """Robot, drives, foot and sensors of a simulation. A spec that exists can be run: bad values are refused here.
+
+    A field that is not given stays None, so that `dataclasses.replace` decides it anew; what follows from it is a
+    property such as `chosen`. The written spec (`to_json`) holds what was decided. Specs that are written equally are
+    equal.
 
     Attributes:
         robot: Robot: a name that `wbc robots` lists, or a file (MJCF, URDF or TOML).
@@ -58,14 +63,20 @@ class TrialSpec:
     def __post_init__(self) -> None:
         description = load(self.robot).with_servos(self.servo)
         description.needs_feet("standing")
-        object.__setattr__(self, "mode", chosen_mode(description, self.mode))
+        object.__setattr__(self, "_mode", chosen_mode(description, self.mode or self._usual_mode()))
         foot_by_name(self.foot)
         NOISE_PRESETS[self.noise]
         steps_per_tick(self.period, self.timestep)
 
     def to_json(self) -> dict[str, Any]:
-        """Return the spec as plain values, with its kind."""
-        return {"kind": self.kind, **to_json(self)}
+        """Return the spec as plain values, with its kind, and with the control mode that was chosen."""
+        return {"kind": self.kind, **to_json(self), "mode": self.chosen}
+
+    def __eq__(self, other: object) -> bool:
+        return type(self) is type(other) and self.to_json() == other.to_json()
+
+    def __hash__(self) -> int:
+        return hash(json.dumps(self.to_json(), sort_keys=True, default=repr))
 
     @classmethod
     def from_json(cls, data: Mapping[str, Any]) -> Self:
@@ -76,14 +87,18 @@ class TrialSpec:
 
     @property
     def chosen(self) -> Mode:
-        """Control mode."""
-        assert self.mode is not None
-        return self.mode
+        """Control mode: the given one, or what follows from the other fields."""
+        mode: Mode = self._mode  # type: ignore[attr-defined]
+        return mode
 
     @property
     def period(self) -> float:
         """Control period, s."""
         return self._usual_period() if self.control_period is None else self.control_period
+
+    def _usual_mode(self) -> Mode | None:
+        """Return the control mode when none is given; None for that of the robot's servos."""
+        return None
 
     def _usual_period(self) -> float:
         """Return the control period when none is given, s."""

@@ -210,7 +210,7 @@ def identity(spec: WalkSpec) -> dict[str, Any]:
         "robot": spec.robot,
         "foot": spec.foot,
         "sole_stiffness": None if stiffness is None else float(stiffness),
-        "policy": spec.policy,
+        "policy": spec.scheduling[0],
         "terrain": spec.terrain,
         "amplitude": spec.ground().amplitude,
         "seed": spec.seed,

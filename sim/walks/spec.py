@@ -11,6 +11,7 @@ from typing import Annotated, Any, ClassVar
 from pydantic import PlainValidator
 
 from wbc.core.changes import Changes, as_changes, changed, normal_changes
+from wbc.core.control import Mode
 from wbc.core.errors import InputError, shown, whole_number
 from wbc.core.files import check_hash, file_hash
 from wbc.core.settings import NonNegative, Seed, settings
@@ -60,7 +61,7 @@ RAMP_NAME = "ramp"
 """Parameter of a ground for the length of its ramp: always in a written spec."""
 
 
-@settings(kw_only=True)
+@settings(kw_only=True, eq=False)
 class WalkSpec(TrialSpec):
     """One simulated walk: the fields of `TrialSpec`, and these.
 
@@ -121,8 +122,6 @@ class WalkSpec(TrialSpec):
 
         store("robot", stamped(self.robot))
         load(self.robot).needs_feet("a walk")
-        if self.law != "lipm" and self.mode is None:
-            store("mode", "torque")
         super().__post_init__()
         if max(self.seed, self.noise_seed or 0) >= SEED_LIMIT:
             raise InputError(
@@ -130,23 +129,33 @@ class WalkSpec(TrialSpec):
             )
         store("foot_changes", _foot_changes(self.foot, self.foot_changes))
         ground = self.ground()
-        store("amplitude", ground.amplitude)
         store("terrain_params", _as_used(ground, self.terrain_params))
         if self.scene is None and self.scene_params:
             raise InputError(f"parameters of a scene need a scene; got {dict(self.scene_params)}")
         self.things()
         store("changes", checked_changes(self.law, self.gains, self.changes))
-        policy, params = checked_policy(
+        scheduling = checked_policy(
             self.foot_design(), self.policy, self.policy_params, self.settings().stiffness, ground
         )
-        store("policy", policy)
-        store("policy_params", params)
+        store("_scheduling", scheduling)
+        if self.policy is not None or self.policy_params:
+            store("policy_params", scheduling[1])
         prepared = self.prepare()
         steps = len(prepared.plan)
         for push in self.pushes:
             body_frame(push.body, prepared.robot())
             if push.step is not None and push.step > steps > 0 and self.plan.drive is None:
                 raise InputError(f"a push at step {push.step} of a walk of {steps} steps")
+
+    @property
+    def scheduling(self) -> tuple[str | None, Changes]:
+        """Policy of variable soles and its parameters, the default ones when none are given; None for other soles."""
+        found: tuple[str | None, Changes] = self._scheduling  # type: ignore[attr-defined]
+        return found
+
+    def _usual_mode(self) -> Mode | None:
+        """Return the control mode when none is given."""
+        return super()._usual_mode() if self.law == "lipm" else "torque"
 
     def _usual_period(self) -> float:
         """Return the control period when none is given, s: steps are decided anew every 2 ms on any drives."""
@@ -210,7 +219,7 @@ class WalkSpec(TrialSpec):
         if number >= SEED_LIMIT:
             raise InputError(f"a seed must be below 2**63, got {seed}")
         object.__setattr__(twin, "seed", number)
-        if self.policy is not None:  # an oracle knows the ground
+        if self.scheduling[0] is not None:  # an oracle knows the ground
             checked_policy(
                 self.foot_design(), self.policy, self.policy_params, self.settings().stiffness, twin.ground()
             )
@@ -218,10 +227,12 @@ class WalkSpec(TrialSpec):
 
     def to_json(self) -> dict[str, Any]:
         """Return the whole spec as plain values, with its kind."""
-        data = super().to_json()
+        data, ground = super().to_json(), self.ground()
+        data["policy"], params = self.scheduling
+        data |= {"amplitude": ground.amplitude, "policy_params": params}
         for name in ("foot_changes", "policy_params", "terrain_params", "scene_params", "changes"):
             data[name] = dict(data[name])
-        data["terrain_params"][RAMP_NAME] = self.ground().ramp
+        data["terrain_params"][RAMP_NAME] = ground.ramp
         data["plan"] = {name: value for name, value in data["plan"].items() if value is not None}
         return data
 

@@ -12,7 +12,6 @@ from dataclasses import fields, replace
 from typing import Any
 
 import numpy as np
-from threadpoolctl import threadpool_limits  # type: ignore[import-untyped]
 
 from wbc.core.errors import InputError, UnknownNameError, choose
 from wbc.core.estimation.observer import Observer
@@ -26,6 +25,7 @@ from wbc.sim.terrain.families.base import terrain_families
 from wbc.sim.trial.falls import PelvisLimits
 from wbc.sim.trial.loop import Trial, TrialHook
 from wbc.sim.trial.push import PushSchedule
+from wbc.sim.trial.threads import one_thread
 from wbc.sim.walks.arrival import Arrival, middle
 from wbc.sim.walks.meter import WalkMeter
 from wbc.sim.walks.plans import Drive, WalkPlan
@@ -107,9 +107,9 @@ class WalkTrial(Trial):
         """
         self._begin = time.perf_counter()
         self.spec = spec
-        self._policy = spec.policy if policy is None else _name(policy)
+        self._policy = spec.scheduling[0] if policy is None else _name(policy)
         prepared = self._prepared = spec.prepare()
-        with threadpool_limits(1):
+        with one_thread():
             robot = prepared.robot()
             plant = _plant(spec, prepared, robot, visuals)
             scheduler = _scheduler(spec, prepared, robot, policy)
@@ -237,7 +237,7 @@ def _walking(
     settings = prepared.settings
     stepping = isinstance(settings, (SteppingTrialSettings, AutoTrialSettings))
     # Only a walk on torques needs more of the estimate than where its parts are and how they move.
-    observer = Observer(robot, settings.observer, adopt=spec.mode != "position", dynamics=stepping)
+    observer = Observer(robot, settings.observer, adopt=spec.chosen != "position", dynamics=stepping)
     observer.reset(prepared.configuration)
     robot.update(prepared.configuration, np.zeros(robot.nv))
     ground = None if spec.eyes == "none" else KnownGround(robot, settings.ground)
@@ -286,7 +286,7 @@ def _name(policy: PolicyLike) -> str:
 
 def _range_sensor(spec: WalkSpec, settings: AnyTrialSettings) -> RangeSensor | None:
     """Return the range sensor under each toe; None for soles without a policy."""
-    if spec.policy is None:
+    if spec.scheduling[0] is None:
         return None
     sensor = settings.range_sensor
     if spec.noise == "none":
@@ -310,11 +310,12 @@ def _scheduler(
 ) -> StiffnessScheduler | None:
     """Return the scheduler of the soles' stiffness; None for soles without a stiffness to set."""
     foot, settings = prepared.foot, prepared.settings
-    if not isinstance(foot, VariableStiffnessFoot) or spec.policy is None:
+    name, parameters = spec.scheduling
+    if not isinstance(foot, VariableStiffnessFoot) or name is None:
         if policy is not None:
             raise InputError(f"a stiffness policy needs feet of variable stiffness, got foot '{spec.foot}'")
         return None
-    chosen = make_policy(spec.policy, spec.policy_params, spec.ground()) if policy is None else policy
+    chosen = make_policy(name, parameters, spec.ground()) if policy is None else policy
     # The result has an entry for each swing, and there may be some more than were planned.
     history = max(settings.stiffness.history, 2 * len(prepared.plan))
     timing = replace(settings.stiffness, sensor_rate=settings.range_sensor.rate, history=history)

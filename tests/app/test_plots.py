@@ -170,6 +170,8 @@ def test_command_draws_lists_and_refuses(
     facts = json.loads(capsys.readouterr().out)
     assert facts["files"] == ["stand.png"] and Path("stand.png").is_file()
     assert not facts["notes"]
+    for name in ("balance", "com"):
+        Path(name).write_text("a file that is called like what is drawn")
     assert main(["plot", str(log.path), str(standing.path), "balance", "com/estimated", "-o", "two.pdf"]) == 0
     assert capsys.readouterr().out.strip() == "two.pdf"
     assert main(["plot", str(log.path), "--list", "--json"]) == 0

@@ -99,7 +99,7 @@ def test_a_foot_that_lifts_is_in_the_air_and_one_that_lands_on_the_ground() -> N
     )
     trial = WalkTrial(spec)
     result = trial.run([contacts])
-    assert result.fall is None and spec.mode == "hybrid"
+    assert result.fall is None and spec.chosen == "hybrid"
     seen, true = np.array(contacts.seen), np.array(contacts.true)
     assert (seen == true).mean() > 0.98, (seen == true).mean()
     assert not seen.all(axis=0).any()

@@ -13,6 +13,23 @@ from gymnasium.utils.env_checker import check_env  # noqa: E402 - an extra
 from wbc.sim.environment import WbcEnv  # noqa: E402 - an extra
 
 
+@pytest.mark.parametrize("name", ["Walk", "Stand"])
+def test_an_environment_is_written_and_made_again(name: str) -> None:
+    env = gymnasium.make(f"wbc.sim.environment:wbc/{name}-v0", seconds=1.0, foot="soft")
+    spec = gymnasium.envs.registration.EnvSpec.from_json(env.spec.to_json())
+    again = gymnasium.make(spec)
+    assert again.spec.kwargs == env.spec.kwargs and again.observation_space == env.observation_space
+
+
+def test_an_episode_that_is_stopped_is_cut_short_and_costs_nothing() -> None:
+    env = WbcEnv("stand", seconds=1.0)
+    env.reset(seed=1)
+    assert env.trial is not None
+    env.trial.stop()
+    _, reward, terminated, truncated, info = env.step(np.zeros(4))
+    assert (terminated, truncated, info["fall"]) == (False, True, None) and reward > -0.5
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["Walk", "Stand"])
 @pytest.mark.filterwarnings("ignore")

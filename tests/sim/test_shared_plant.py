@@ -16,6 +16,9 @@ WALL = """<mujoco><worldbody>
 </worldbody></mujoco>"""
 
 
+APART = {"two": (1.0, 0.5, 0.0)}
+
+
 def run(plant: SharedPlant, seconds: float, kind: type = wbc.PositionControl) -> None:
     controls = {
         name: kind(wbc.balance_controller(loop.description.robot(), plant.control_period))
@@ -24,6 +27,14 @@ def run(plant: SharedPlant, seconds: float, kind: type = wbc.PositionControl) ->
     end = plant.time + seconds
     while plant.time < end - 1e-9:
         plant.step({name: controls[name].command(m) for name, m in plant.measure().items()})
+
+
+def test_no_seed_gives_a_robot_the_sensor_errors_of_another() -> None:
+    found = set()
+    for seed in range(3):
+        plant = SharedPlant({"one": HRP4, "two": HRP4}, places=APART, noise="realistic", seed=seed)
+        found |= {m.joint_position.tobytes() for m in plant.measure().values()}
+    assert len(found) == 6
 
 
 @pytest.mark.parametrize("kind", by_default([wbc.PositionControl, wbc.HybridControl], wbc.HybridControl))

@@ -46,6 +46,13 @@ def test_every_robot_stands_still_and_one_in_every_mode(robot: str, mode: Mode, 
     assert result.zmp_noise_mm < 0.5 or foot == "soft"
 
 
+def test_the_mode_of_a_stand_follows_from_robot_and_steps() -> None:
+    assert replace(StandSpec(), robot="g1") == StandSpec(robot="g1")
+    assert replace(StandSpec(), steps="allowed").chosen == "torque" and StandSpec().chosen == "position"
+    assert replace(StandSpec(steps="allowed"), steps="none") == StandSpec()
+    assert stand(steps="allowed", seconds=0.01).mode == "torque"
+
+
 @pytest.mark.parametrize("name", ["rigid", "soft"])
 def test_the_controller_knows_the_feet_that_are_on(name: str) -> None:
     other = foot(name)

@@ -10,7 +10,7 @@ import subprocess
 import sys
 import time
 from collections import Counter
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import Executor, Future, ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -26,7 +26,7 @@ from wbc.sim.studies.journal import Entry, Journal, read_journal
 from wbc.sim.studies.provenance import provenance
 from wbc.sim.studies.study import Cell, Study, merged
 from wbc.sim.studies.study_table import study_frame, study_table
-from wbc.sim.studies.sweep import SweepSummary, cluster_executor, sweep
+from wbc.sim.studies.sweep import SweepError, SweepSummary, cluster_executor, sweep
 from wbc.sim.studies.trials import run_trial
 from wbc.sim.walks.plans import WalkPlan
 from wbc.sim.walks.spec import WalkSpec
@@ -43,6 +43,15 @@ def marks_of(path: Path) -> Counter[int]:
 
 def by_number(path: Path) -> dict[int, Entry]:
     return {entry.spec["number"]: entry for entry in read_journal(path).values()}
+
+
+def test_a_cell_is_chosen_by_its_name_and_a_beginning_stands_for_several() -> None:
+    cells = tuple(Cell(name, {}) for name in ("talos", "talos, 0.20 m", "g1, 0.10 m", "g1, 0.20 m"))
+    study = Study(name="s", cells=cells, arms={"a": {}}, seeds=(1,))
+    for given, chosen in (("talos", [0]), ("tal", [0, 1]), ("g1", [2, 3]), ("g1, 0.2", [3])):
+        assert list(study.narrowed([given]).cells) == [replace(cells[i], arms=("a",)) for i in chosen]
+    with pytest.raises(UnknownNameError, match=r"g1, 0\.10 m"):
+        study.narrowed(["g1, 0.11 m"])
 
 
 def test_runs_each_trial_once_and_finds_it_afterwards(tmp_path: Path) -> None:
@@ -90,6 +99,33 @@ def test_results_of_other_code_count_only_if_wanted(tmp_path: Path) -> None:
         assert sweep([trial], journal, executor=pool).run == 0
     (own,) = read_journal(path, any_code=True).values()
     assert own.version == provenance() and marks_of(marks) == {1: 1}
+
+
+class Broken(Executor):
+    """An executor whose workers lack this package, as those of a cluster may, from some trial on."""
+
+    def __init__(self, good: int) -> None:
+        self.left = good
+
+    def submit(self, function: Any, /, *values: Any, **named: Any) -> Future[Any]:
+        future: Future[Any] = Future()
+        self.left -= 1
+        if self.left >= 0:
+            future.set_result(function(*values, **named))
+        else:
+            future.set_exception(ModuleNotFoundError("No module named 'wbc'"))
+        return future
+
+
+def test_an_error_of_the_executor_is_no_result(tmp_path: Path) -> None:
+    marks, path = tmp_path / "marks", tmp_path / "journal.jsonl"
+    trials = [MadeUpTrial(number, marks=str(marks)) for number in range(3)]
+    with Journal(path) as journal, pytest.raises(SweepError, match="No module named 'wbc'"):
+        sweep(trials, journal, executor=Broken(1))
+    with Journal(path) as journal, ThreadPoolExecutor(1) as good:
+        summary = sweep(trials, journal, executor=good)
+    assert (summary.found, summary.run, summary.counts) == (1, 2, {"done": 3})
+    assert marks_of(marks) == dict.fromkeys(range(3), 1)
 
 
 @pytest.mark.slow

@@ -4,16 +4,21 @@ from __future__ import annotations
 
 import json
 import math
+import threading
+from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
+from threadpoolctl import threadpool_info, threadpool_limits
 
 from wbc.core.control import Mode
 from wbc.core.errors import InputError
 from wbc.core.estimation.falls import FallReason
 from wbc.sim.plant.settings import Machine
-from wbc.sim.trial.loop import TrialHook, TrialTick
+from wbc.sim.trial.loop import StageError, TrialHook, TrialTick
 from wbc.sim.trial.push import WalkPush
+from wbc.sim.trial.threads import one_thread
 from wbc.sim.walks.plans import WalkPlan
 from wbc.sim.walks.result import WalkResult
 from wbc.sim.walks.settings import Law
@@ -181,6 +186,99 @@ def test_specs_are_values() -> None:
     assert json.dumps(same.to_json()) == json.dumps(other.to_json())
     assert WalkSpec.from_json(json.loads(json.dumps(same.to_json()))) == same
     assert same != WalkSpec() == WalkSpec.from_json(WalkSpec().to_json())
+
+
+@pytest.mark.parametrize(
+    "given",
+    [
+        {"terrain": "stones"},
+        {"terrain": "steps", "amplitude": 0.01},
+        {"law": "stepping"},
+        {"law": "auto"},
+        {"robot": "g1"},
+        {"foot": "variable"},
+        {"foot": "soft", "stiffness": 5.0},
+    ],
+)
+def test_what_was_not_given_is_decided_anew_when_a_spec_is_replaced(given: dict[str, Any]) -> None:
+    """Ground, control mode and policy follow from what is given, there and back, in equality and in writing."""
+    plain, fresh = WalkSpec(plan=TWO_STEPS), WalkSpec(plan=TWO_STEPS, **given)
+    there = replace(plain, **given)
+    assert there == fresh and hash(there) == hash(fresh) and there.to_json() == fresh.to_json()
+    assert (there.chosen, there.ground(), there.scheduling) == (
+        fresh.chosen,
+        fresh.ground(),
+        fresh.scheduling,
+    )
+    back = replace(fresh, **{name: getattr(plain, name) for name in given})
+    assert back == plain != fresh and WalkSpec.from_json(fresh.to_json()) == fresh
+    written = fresh.to_json()
+    assert written["mode"] == fresh.chosen and written["amplitude"] == fresh.ground().amplitude
+
+
+class Closes(TrialHook):
+    """Raises at a tick, or writes down with what it is ended."""
+
+    def __init__(self, raises_at: int | None = None) -> None:
+        self.left, self.ended = raises_at, list[Any]()
+
+    def tick(self, tick: TrialTick) -> None:
+        if self.left is not None:
+            self.left -= 1
+            if self.left < 0:
+                raise RuntimeError("broken")
+
+    def end(self, result: Any) -> None:
+        self.ended.append(result)
+
+
+def test_a_trial_that_raises_ends_its_hooks_and_none_runs_twice() -> None:
+    trial, seen = WalkTrial(SPEC), Closes()
+    with pytest.raises(RuntimeError, match="broken"):
+        trial.run([seen, Closes(raises_at=3)])
+    assert seen.ended == [None]
+    for again in (trial.run, trial.start):
+        with pytest.raises(InputError, match="runs once"):
+            again()
+    assert seen.ended == [None]
+
+
+def test_a_stage_that_is_not_over_in_its_time_is_said_and_a_stop_is_no_error() -> None:
+    trial = WalkTrial(SPEC)
+    with pytest.raises(StageError, match="'waiting' was not over"), trial.running():
+        trial.stage = "waiting"
+        trial.until(lambda: False, 0.1)
+    trial = WalkTrial(SPEC)
+    with trial.running():
+        trial.advance(0.02)
+        trial.stop()
+        trial.advance(1.0)
+        raise AssertionError("the block ends")
+    assert trial.stopped and trial.plant.time < 0.1
+
+
+def test_the_limit_of_threads_is_taken_away_by_the_last_of_overlapping_trials() -> None:
+    def threads() -> set[int]:
+        return {pool["num_threads"] for pool in threadpool_info() if pool["user_api"] == "blas"}
+
+    begun, over, seen = threading.Event(), threading.Event(), list[set[int]]()
+
+    def first() -> None:
+        with one_thread():
+            begun.set()
+            over.wait(10.0)
+
+    with threadpool_limits(2, user_api="blas"):
+        before = threads()
+        other = threading.Thread(target=first)
+        other.start()
+        begun.wait(10.0)
+        with one_thread():
+            over.set()
+            other.join()
+            seen.append(threads())
+        seen.append(threads())
+    assert seen == [{1}, before]
 
 
 @pytest.mark.parametrize("mode", ["position", "hybrid", "torque"])

@@ -42,7 +42,7 @@ def walk_text(result: WalkResult, spec: WalkSpec) -> str:
     if spec.law == "stepping":  # none are planned
         steps = f"{result.steps_done} steps"
     lines = [
-        f"{result.robot} on {foot}, {ground}, seed {result.seed}, {spec.mode} control, noise {spec.noise}"
+        f"{result.robot} on {foot}, {ground}, seed {result.seed}, {spec.chosen} control, noise {spec.noise}"
     ]
     lines += [f"  note      {note}" for note in result.notes]
     if result.diverged is not None:

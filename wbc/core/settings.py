@@ -119,9 +119,9 @@ CONFIG = ConfigDict(strict=True, extra="forbid", allow_inf_nan=False, arbitrary_
 @overload
 def settings(kind: type[T], /) -> type[T]: ...
 @overload
-def settings(*, kw_only: bool = False) -> Callable[[type[T]], type[T]]: ...
+def settings(*, kw_only: bool = False, eq: bool = True) -> Callable[[type[T]], type[T]]: ...
 @dataclass_transform(frozen_default=True, field_specifiers=(dataclasses.field, Field))
-def settings(kind: type[T] | None = None, /, *, kw_only: bool = False) -> Any:
+def settings(kind: type[T] | None = None, /, *, kw_only: bool = False, eq: bool = True) -> Any:
     """Make a class a frozen, hashable dataclass whose fields are checked against their annotations.
 
     Numbers are finite; a field of type `float` takes integers, one of type `int` takes no fraction, and neither takes
@@ -131,14 +131,15 @@ def settings(kind: type[T] | None = None, /, *, kw_only: bool = False) -> Any:
     Args:
         kind: The class.
         kw_only: Take all fields by keyword.
+        eq: Compare and hash values by their fields; with False as the class itself says.
 
     Returns:
         The dataclass. Making a value raises `InputError` for a value that breaks a rule, `UnknownNameError` for a field
         or choice that does not exist.
     """
     if kind is None:
-        return functools.partial(settings, kw_only=kw_only)
-    made: Any = pydantic_dataclass(kind, frozen=True, kw_only=kw_only, config=CONFIG)
+        return functools.partial(settings, kw_only=kw_only, eq=eq)
+    made: Any = pydantic_dataclass(kind, frozen=True, kw_only=kw_only, eq=eq, config=CONFIG)
     check = made.__init__
 
     @functools.wraps(check)

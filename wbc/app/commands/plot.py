@@ -11,6 +11,7 @@ from cyclopts import Parameter
 
 from wbc.app.files import PICTURES, check_target
 from wbc.app.log.reader import Log
+from wbc.app.log.writer import MAGIC
 from wbc.app.output import Output, Report, reports
 from wbc.core.errors import InputError
 from wbc.core.settings import settings, usable_path
@@ -82,13 +83,26 @@ def plot(
 
 
 def _logs_and_drawings(words: Sequence[str]) -> tuple[list[Path], list[str]]:
-    """Separate logs, which are files or have the ending of a log, from figures and signals."""
-    paths = [Path(w) for i, w in enumerate(words) if i == 0 or w.endswith(".arrow") or Path(w).is_file()]
+    """Separate logs, which are there or have the ending of a log, from figures and signals."""
+    paths = [Path(word) for i, word in enumerate(words) if i == 0 or _is_log(word)]
     if not paths:
         raise InputError("a log is needed: wbc plot FILE [SIGNAL …]")
     for path in paths:
         usable_path(path)
     return paths, [word for word in words if Path(word) not in paths]
+
+
+def _is_log(word: str) -> bool:
+    """Return true for the name of a log; a file that happens to be called like a figure or a signal is none."""
+    if word.endswith(".arrow") or not Path(word).is_file():
+        return word.endswith(".arrow")
+    from wbc.app.plot.figures import FIGURES  # noqa: PLC0415 - slow to import
+
+    try:
+        with Path(word).open("rb") as file:
+            return word not in FIGURES and file.read(len(MAGIC)) == MAGIC
+    except OSError:
+        return False
 
 
 def _listing(logs: Sequence[Log], notes: list[str], output: Output) -> Report:
