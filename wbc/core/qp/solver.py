@@ -2,9 +2,9 @@
 
 The ladder: active set of the last tick; DAQP, an exact active-set method, started from there; DAQP with costs that are
 all alike, for any point that satisfies the constraints. If there is one, DAQP solves without a guess, or with the small
-costs raised; if there is none, DAQP solves a relaxed problem, if asked for, or nothing does. The first tick begins with
-ProxQP, which DAQP gives its guess. No solution is used unless its primal residual, computed here, is small:
-ProxQP has been seen to report PROXQP_SOLVED with a residual of 890 (WARM_START_WITH_PREVIOUS_RESULT, proxsuite 0.7.2).
+costs raised, or ProxQP, a method of another kind, gives a second opinion, which takes milliseconds; if there is none,
+DAQP solves a relaxed problem, if asked for, or nothing does. No solution is used unless its primal residual, computed here, is small: ProxQP has been seen to report
+PROXQP_SOLVED with a residual of 890 (WARM_START_WITH_PREVIOUS_RESULT, proxsuite 0.7.2).
 """
 
 from __future__ import annotations
@@ -12,7 +12,6 @@ from __future__ import annotations
 import enum
 import logging
 import math
-from typing import Literal
 
 import numpy as np
 import proxsuite
@@ -26,9 +25,6 @@ from wbc.core.settings import Positive, settings
 from wbc.core.vectors import largest
 
 logger = logging.getLogger(__name__)
-
-LARGE = 40
-"""Unknowns of a QP from which DAQP makes ProxQP's first guess; a smaller one takes ProxQP 0.1 ms either way."""
 
 RAISED = (1e-10, 1e-8, 1e-6, 1e-4, 1e-2)
 """Least cost of a variable as shares of the greatest, from which on badly scaled problems are tried."""
@@ -47,9 +43,9 @@ class Status(enum.Enum):
     ok: bool
 
     SOLVED = "solved"
-    """By the active set of the tick before, by DAQP from there, or by ProxQP."""
+    """By the active set of the tick before, by DAQP from there, or by the solver that the settings name."""
     FALLBACK = "fallback"
-    """By DAQP without a guess."""
+    """By DAQP without a guess, or by ProxQP."""
     BADLY_SCALED = "badly scaled"
     """By DAQP with small costs raised: weights span too many decades, or friction is nearly zero."""
     RELAXED = "relaxed"
@@ -118,17 +114,8 @@ class QpSolver:
         counts: Number of ticks that each step of the ladder has solved.
     """
 
-    def __init__(
-        self,
-        problem: Problem,
-        settings: SolverSettings | None = None,
-        *,
-        first: Literal["proxqp", "daqp"] = "proxqp",
-    ) -> None:
-        """Prepare for a problem, whose arrays are read by every `solve`.
-
-        `first` solves a first tick with active limits.
-        """
+    def __init__(self, problem: Problem, settings: SolverSettings | None = None) -> None:
+        """Prepare for a problem, whose arrays are read by every `solve`."""
         self.problem = problem
         self.settings = settings or SolverSettings()
         self._fast = ActiveSet(problem, self.settings.tolerance, CORRECTIONS)
@@ -141,8 +128,6 @@ class QpSolver:
         self._daqp = DaqpSolver(problem, min(self.settings.tolerance, 1e-7))
         self._no_guess = np.zeros(problem.lower.size)
         self._by_active_set = self.settings.solver == "auto"
-        self._guessed = self._by_active_set and problem.diagonal.size >= LARGE
-        self._by_daqp = "daqp" in (self.settings.solver, first)
         self._steady = True  # the active set was the same in the last tick as in the one before
 
     @property
@@ -170,20 +155,15 @@ class QpSolver:
         if hopeless is not None:
             self.counts["failed"] += 1
             return hopeless
-        hessian, gradient = p.hessian, p.gradient
-        if self._by_daqp:
-            self._steady = True
-            if self._solve_by_daqp(hessian, gradient):
-                return Status.SOLVED
-            return self._rescue(hessian, gradient)
-        if self.settings.solver not in ("auto", "proxqp", "daqp"):
-            solution = solve_by_qpsolvers(self.settings.solver, p, hessian, gradient)
-            if solution is not None and self._accept(*solution):
-                self.counts["other"] += 1
-                return Status.SOLVED
-        self._by_daqp = self.settings.solver in ("auto", "daqp")  # ProxQP takes the first tick
+        hessian, gradient, by = p.hessian, p.gradient, self.settings.solver
         self._steady = True
-        return self._solve_by_proxqp(hessian, gradient)
+        if by in ("auto", "daqp"):
+            solved = self._solve_by_daqp(hessian, gradient)
+        elif by == "proxqp":
+            solved = self._solve_by_proxqp(hessian, gradient)
+        else:
+            solved = self._solve_by_other(hessian, gradient)
+        return _SOLVED if solved else self._rescue(hessian, gradient)
 
     def _solve_by_daqp(self, hessian: Array, gradient: Array) -> bool:
         """Solve with DAQP from the active set of the last tick; return True if its solution is accepted."""
@@ -198,31 +178,34 @@ class QpSolver:
         self.counts["DAQP"] += 1
         return True
 
-    def _solve_by_proxqp(self, hessian: Array, gradient: Array) -> Status:
-        """Solve with ProxQP, which is set up anew, or else without it.
+    def _solve_by_proxqp(self, hessian: Array, gradient: Array) -> bool:
+        """Solve with ProxQP, which is set up anew; return True if its solution is accepted."""
+        p, qp = self.problem, self._proxqp()
+        qp.settings.initial_guess = proxsuite.proxqp.InitialGuess.EQUALITY_CONSTRAINED_INITIAL_GUESS
+        qp.init(hessian, gradient, p.equality, p.equality_target, p.inequality, p.lower, p.upper)
+        qp.solve()
+        results = qp.results
+        self.iterations = int(results.info.iter)
+        solved = results.info.status == proxsuite.proxqp.QPSolverOutput.PROXQP_SOLVED
+        if not (solved and self._accept(results.x, results.z)):
+            return False
+        self._guess[:] = results.z
+        self._finish(hessian, gradient)
+        return True
 
-        In the ladder's first tick DAQP makes the guess, which ProxQP then only has to confirm: 0.25 ms in the middle
-        and 0.39 at most in 240 first ticks of humanoids with ten active limits; from the solution of the equalities it
-        takes 0.55 and 1.3 ms, from zero 0.7 in the middle.
-        """
-        p, guess_of = self.problem, proxsuite.proxqp.InitialGuess
-        guess = self._daqp.solve(hessian, gradient, self._no_guess) if self._guessed else None
-        for start in (guess, None) if guess is not None else (None,):
-            qp = self._proxqp()
-            qp.settings.initial_guess = (
-                guess_of.WARM_START if start else guess_of.EQUALITY_CONSTRAINED_INITIAL_GUESS
-            )
-            qp.init(hessian, gradient, p.equality, p.equality_target, p.inequality, p.lower, p.upper)
-            if self._run(qp, start):
-                self._finish(hessian, gradient)
-                return Status.SOLVED
-        return self._rescue(hessian, gradient)
+    def _solve_by_other(self, hessian: Array, gradient: Array) -> bool:
+        """Solve with a solver of qpsolvers; return True if its solution is accepted."""
+        solution = solve_by_qpsolvers(self.settings.solver, self.problem, hessian, gradient)
+        if solution is None or not self._accept(*solution):
+            return False
+        self.counts["other"] += 1
+        return True
 
     def _rescue(self, hessian: Array, gradient: Array) -> Status:
-        """Solve without a guess, or with small costs raised, or with tasks relaxed.
+        """Solve without a guess, or with small costs raised, or by ProxQP, or with tasks relaxed.
 
         Whether the constraints can be satisfied is decided in 0.1 ms, with costs that are all alike. ProxQP takes
-        5 ms; DAQP with costs of twelve decades is wrong in one of three ticks that it calls infeasible.
+        5 ms, so it comes last; DAQP with costs of twelve decades is wrong in one of three ticks that it calls infeasible.
         """
         p = self.problem
         if not np.isfinite(p.rows).all():
@@ -238,6 +221,8 @@ class QpSolver:
                 if self._by_daqp_alone(hessian + share * largest_cost * alike, gradient):
                     self.counts["badly scaled"] += 1
                     return Status.BADLY_SCALED
+            if self.settings.solver != "proxqp" and self._solve_by_proxqp(hessian, gradient):
+                return Status.FALLBACK
         relaxation = self.settings.relaxation
         relaxed = relaxation is not None and p.n_physics < p.n_eq
         if relaxed and self._by_daqp_alone(hessian, gradient, relaxation, p.n_physics):
@@ -252,18 +237,6 @@ class QpSolver:
         """Solve with DAQP without a guess; return True if its solution is accepted."""
         solution = self._daqp.solve(hessian, gradient, self._no_guess, relaxation)
         return solution is not None and self._accept(solution[0], solution[2], n_eq)
-
-    def _run(self, qp: proxsuite.proxqp.dense.QP, guess: tuple[Array, Array, Array] | None = None) -> bool:
-        """Solve with ProxQP; return True if its solution is accepted."""
-        qp.solve(*guess) if guess is not None else qp.solve()
-        results = qp.results
-        self.iterations = int(results.info.iter)
-        if results.info.status != proxsuite.proxqp.QPSolverOutput.PROXQP_SOLVED:
-            return False
-        if not self._accept(results.x, results.z):
-            return False
-        self._guess[:] = results.z
-        return True
 
     def _finish(self, hessian: Array, gradient: Array) -> None:
         """Make a solution of ProxQP exact, from its active set or else by DAQP.
