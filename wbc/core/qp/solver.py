@@ -3,8 +3,9 @@
 The ladder: active set of the last tick; DAQP, an exact active-set method, started from there; DAQP with costs that are
 all alike, for any point that satisfies the constraints. If there is one, DAQP solves without a guess, or with the small
 costs raised, or ProxQP, a method of another kind, gives a second opinion, which takes milliseconds; if there is none,
-DAQP solves a relaxed problem, if asked for, or nothing does. No solution is used unless its primal residual, computed here, is small: ProxQP has been seen to report
-PROXQP_SOLVED with a residual of 890 (WARM_START_WITH_PREVIOUS_RESULT, proxsuite 0.7.2).
+DAQP solves a relaxed problem, if asked for, or nothing does. No solution is used unless its primal residual, computed
+here, is small: ProxQP has been seen to report PROXQP_SOLVED with a residual of 890 (WARM_START_WITH_PREVIOUS_RESULT,
+proxsuite 0.7.2).
 """
 
 from __future__ import annotations
@@ -205,7 +206,8 @@ class QpSolver:
         """Solve without a guess, or with small costs raised, or by ProxQP, or with tasks relaxed.
 
         Whether the constraints can be satisfied is decided in 0.1 ms, with costs that are all alike. ProxQP takes
-        5 ms, so it comes last; DAQP with costs of twelve decades is wrong in one of three ticks that it calls infeasible.
+        5 ms, so it comes last; DAQP with costs of twelve decades is wrong in one of three ticks that it calls
+        infeasible.
         """
         p = self.problem
         if not np.isfinite(p.rows).all():
