@@ -77,6 +77,18 @@ class _ContactSlot:
     engaged: bool | None = None
 
 
+def empty_problem(robot: Robot, contacts: Sequence[Contact]) -> Problem:
+    """Return the QP of some contacts alone, unwritten, to try tasks on variables on: it changes nothing elsewhere."""
+    nv, na, ends = robot.nv, robot.na, [0, *itertools.accumulate(contact.dim for contact in contacts)]
+    problem = Problem(nv, na, nv + ends[-1], BASE_DOF + ends[-1], 0, na)
+    problem.n_physics = BASE_DOF
+    problem.contacts.update(
+        (contact.name, slice(nv + start, nv + stop))
+        for contact, start, stop in zip(contacts, ends, ends[1:], strict=False)
+    )
+    return problem
+
+
 class Assembly:
     """The QP of some tasks, contacts and limits; made anew when one is added or removed.
 
@@ -114,7 +126,7 @@ class Assembly:
         nv, na = robot.nv, robot.na
         n_force = sum(c.dim for c in contacts)
         n_joint = na if self._joint_limits is not None else 0
-        n_cone = sum(c.cone.shape[0] + 1 for c in contacts)  # and the normal force
+        n_cone = sum(c.cone.shape[0] + len(c.ranged) for c in contacts)
         base, hard_rows, contact_rows, hard_motion_rows, soft_rows = _consecutive(
             BASE_DOF, _dim(hard_first), n_force, _dim(hard_motion), n_soft
         )
@@ -165,6 +177,7 @@ class Assembly:
         self._place_row_limits(row_limits, other_limits.start)
 
         # Views of the dynamics, [M, −Jᵀ], split into the base (equalities) and the joints (torque rows).
+        self._mass_carried = robot.mass
         self._yielding = [slot for slot in self._slots if slot.motion_weight is not None]
         mass = robot.mass_matrix.T  # symmetric, stored by columns: the transpose is contiguous by rows
         self._mass = mass[:BASE_DOF], mass[BASE_DOF:]
@@ -207,17 +220,18 @@ class Assembly:
         for contact in contacts:
             rows, columns = slice(at, at + contact.dim), slice(column, column + contact.dim)
             cone = slice(cone_at, cone_at + contact.cone.shape[0])
-            normal = slice(cone.stop, cone.stop + 1)
+            ranged = list(contact.ranged)
+            normal = slice(cone.stop, cone.stop + len(ranged))
             yields = contact.motion_weight is not None
             motion = slice(soft_at, soft_at + contact.dim) if yields else rows
             view = self._view(motion)
             contact.attach(view)
-            p.inequality[normal, column + contact.force_axis] = 1.0
+            p.inequality[normal, columns][:, ranged] = np.eye(len(ranged))
             p.contacts[contact.name] = columns
             p.equality_groups[f"{'force' if yields else 'motion'} of contact '{contact.name}'"] = rows
             p.inequality_groups[f"wrench cone of contact '{contact.name}'"] = slice(cone.start, normal.stop)
             self._limit_names += [f"wrench cone of {contact.name}"] * contact.cone.shape[0]
-            self._limit_names += [f"normal force of {contact.name}"]
+            self._limit_names += [f"{'normal force' if len(ranged) == 1 else 'wrench'} of {contact.name}"] * len(ranged)
             self._slots.append(
                 _ContactSlot(
                     contact=contact,
@@ -316,8 +330,12 @@ class Assembly:
         else:
             self._base_target += outside[:BASE_DOF]
             np.subtract(self._joint_bias, outside[BASE_DOF:], out=torque_bias)
+        if self._robot.mass != self._mass_carried:  # greatest forces may be multiples of the weight
+            self._mass_carried = self._robot.mass
+            for slot in self._slots:
+                slot.revision = -1
         for slot in self._slots:
-            self._write_contact(slot, dt)
+            self._write_contact(slot)
         np.negative(self._contact_base_t, out=self._base_force)
         np.negative(self._contact_joint_t, out=self._joint_force)
         for slot in self._yielding:
@@ -360,9 +378,8 @@ class Assembly:
         for limit, matrix, lower, upper in self._row_blocks:
             limit.write(dt, matrix, lower, upper)
 
-    def _write_contact(self, slot: _ContactSlot, dt: float) -> None:
+    def _write_contact(self, slot: _ContactSlot) -> None:
         contact = slot.contact
-        contact.advance(dt)
         engaged = contact.engaged
         if engaged:
             contact.evaluate(slot.jacobian, slot.error, slot.drift)
@@ -385,7 +402,7 @@ class Assembly:
             slot.wrench_weight[:] = contact.wrench_weight
             if slot.motion_weight is not None:
                 slot.motion_weight[:] = contact.motion_weight
-            low, high = contact.normal_force_range if engaged else (-1.0, 1.0)
+            low, high = contact.force_ranges() if engaged else (-1.0, 1.0)
             slot.normal_lower[:], slot.normal_upper[:] = low, high
 
     @property

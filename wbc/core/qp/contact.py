@@ -38,6 +38,15 @@ FIRMEST = 1e6
 """Greatest motion weight: up to there the motion differs from that of a constraint as one over the weight, 1e-5 m/s² at
 last; from ten times as much on, solutions are off by m/s²."""
 
+USUAL_WEIGHTS = 4.0
+"""Greatest normal force of a contact that is given none, over the weight of the robot."""
+
+LEAST_CARRIED = 0.01
+"""Force from which a contact unloads at least, over the weight of the robot."""
+
+LEVER = 1.0
+"""Length by which the moments of a frame that is gripped are bounded while its forces grow, m."""
+
 UPRIGHT = 1e-3
 """Length of the level part of a sole's x axis below which it has no heading: the sole stands on end."""
 
@@ -97,8 +106,9 @@ class ContactOptions(TypedDict, total=False):
 
     Attributes:
         min_force: Smallest normal force while active, N; zero by default.
-        max_force: Greatest normal force, N; four times the robot's weight when None, the default.
-        ramp: Time of the force ramp when the contact is switched, s; 0.1 by default.
+        max_force: Greatest normal force, N; four times the robot's weight, with what it carries, when None, the default.
+        ramp: Time of the force ramp when the contact is switched, s; 0.1 by default. Switched on, the greatest force
+            grows from zero; switched off, it decays from what the contact has carried in the last tick.
         stiffness: Pull back to where the contact was made, 1/s²; 100 by default.
         damping: Damping of contact velocity, 1/s; critical when None, the default.
         rate: Velocity per error in inverse kinematics, 1/s: pull back to where the contact was made; 10 by default.
@@ -128,6 +138,7 @@ class Contact(Motion):
         frame: Frame of the robot that is in contact.
         dim: Number of motion rows and of force variables.
         force_axis: Place of the normal force among the force variables.
+        ranged: Places of the force variables that have a range: the normal force alone, or all.
         usual: Options of the contacts of a class where none are given.
         reads: State of the robot that the rows need in inverse kinematics; see `Task`.
         cone: Matrix F with F f ≤ 0, shape (number of rows, dim).
@@ -143,6 +154,7 @@ class Contact(Motion):
     _kind = "contact"
     reads: ClassVar[Reads] = "kinematics"
     force_axis = 2
+    ranged: ClassVar[tuple[int, ...]] = (2,)
     usual: ClassVar[ContactOptions] = {}
 
     @checked
@@ -156,6 +168,7 @@ class Contact(Motion):
         self.frame, self.cone = frame, cone
         self._max_force: float | None = None
         self.min_force = given.get("min_force", 0.0)
+        self._least_given = "min_force" in options
         if (max_force := given.get("max_force")) is not None:
             self.max_force = max_force
         self._ramp = given.get("ramp", 0.1)
@@ -163,7 +176,8 @@ class Contact(Motion):
         motion_weight = given.get("motion_weight")
         self._motion_weight = None if motion_weight is None else self._motion_costs(motion_weight)
         self._active = bool(given.get("active", True))
-        self._load = 1.0 if self._active else 0.0  # share of the greatest normal force allowed now
+        self._load = 1.0 if self._active else 0.0  # share of the greatest forces that is allowed now
+        self._carried: Array | None = None  # greatest forces of a contact that unloads, shape (dim,), N and Nm
 
     @property
     def friction(self) -> float:
@@ -185,10 +199,13 @@ class Contact(Motion):
     @checked
     def min_force(self, value: Annotated[NonNegative, "N"]) -> None:
         self._set_forces(value, self._max_force)
+        self._least_given = True
 
     @property
     def max_force(self) -> float | None:
         """See `ContactOptions`; None before the contact is added if none was given."""
+        if self._max_force is None and self._robot is not None:
+            return USUAL_WEIGHTS * self._robot.mass * GRAVITY
         return self._max_force
 
     @max_force.setter
@@ -245,10 +262,14 @@ class Contact(Motion):
         if value == self._active:
             return
         self._active = value
-        if value and self._load == 0.0:
+        if not value:
+            self._carried = self._carried_now()
+            self._set_load(0.0 if self.ramp == 0.0 else self._load)
+        elif self._load == 0.0:
             self._set_load(0.0 if self.ramp > 0.0 else 1.0, engage=True)
-        elif not value and self.ramp == 0.0:
-            self._set_load(0.0)
+        elif self._carried is not None:  # loaded again: from the forces that are allowed now
+            allowed, self._carried = self._load * self._carried, None
+            self._set_load(min(1.0, float((allowed / self._greatest()).max())))
 
     @property
     def engaged(self) -> bool:
@@ -261,9 +282,8 @@ class Contact(Motion):
         self._model, self._data = robot.model, robot.data
         self._id = robot.frame_id(self.frame)
         self._placement = robot.data.oMf[self._id]
-        if self._max_force is None:
-            self.max_force = 4.0 * robot.mass * GRAVITY
-        self._hold()
+        self._set_forces(self._min_force, self._max_force)
+        self.hold()
 
     @property
     def frame_id(self) -> int:
@@ -281,9 +301,10 @@ class Contact(Motion):
         """Take the present placement of the frame as the place of the contact, and end the force ramp."""
         _ = self.robot
         self._set_load(1.0 if self._active else 0.0)
-        self._hold()
+        self.hold()
 
-    def _hold(self) -> None:
+    def hold(self) -> None:
+        """Take the present placement of the frame as the place of the contact, at rest."""
         self._target = pin.SE3(self._placement)
         self.velocity = np.zeros(self.dim)
 
@@ -330,9 +351,30 @@ class Contact(Motion):
     @property
     def normal_force_range(self) -> tuple[float, float]:
         """Smallest and greatest normal force allowed now, N."""
-        assert self._max_force is not None
-        high = self._load * self._max_force
+        high = self._load * float(self._greatest()[self.force_axis])
         return min(self._min_force, 0.5 * high), high
+
+    def force_ranges(self) -> tuple[Array | float, Array | float]:
+        """Return the smallest and the greatest values of the `ranged` force variables allowed now, N and Nm."""
+        return self.normal_force_range
+
+    def _greatest(self) -> Array:
+        """Forces of which the load is a share, shape (dim,), N and Nm: the greatest ones, or those carried before."""
+        assert self.max_force is not None
+        if self._carried is None:
+            return np.full(self.dim, self.max_force)
+        return np.minimum(self._carried, self.max_force)
+
+    def _carried_now(self) -> Array | None:
+        """Return the forces from which a contact that is switched off unloads, shape (dim,); None where unknown."""
+        owner = None if self._owner is None else self._owner()
+        solution = None if owner is None else owner.solution
+        force = None if solution is None else solution.wrenches.get(self.name)
+        if force is None or force.shape != (self.dim,) or self._load == 0.0:
+            return None
+        # Zero would make every row of the cone active at once.
+        least = max(self._min_force, LEAST_CARRIED * self.robot.mass * GRAVITY)
+        return np.asarray(np.maximum(abs(force), least) / self._load)
 
     @abstractmethod
     def evaluate(self, jacobian: Array, error: Array, drift: Array) -> None:
@@ -348,18 +390,23 @@ class Contact(Motion):
         """Write `cone` anew and raise `revision`, as after a change of friction; that of the constructor stays here."""
 
     def _set_forces(self, low: float, high: float | None) -> None:
-        if high is not None and high <= low:
+        greatest = high
+        if high is None and self._robot is not None:
+            greatest = USUAL_WEIGHTS * self._robot.mass * GRAVITY
+        if greatest is not None and greatest <= low:
             raise InputError(
-                f"greatest force of contact '{self.name}' must exceed the smallest: {high} ≤ {low} N"
+                f"greatest force of contact '{self.name}' must exceed the smallest: {greatest} ≤ {low} N"
             )
         self._min_force, self._max_force = low, high
         self.revision += 1
 
     def _set_load(self, load: float, *, engage: bool = False) -> None:
         self._load = load
+        if self._active or load == 0.0:
+            self._carried = None
         self.revision += 1
         if engage and self._robot is not None:
-            self._hold()
+            self.hold()
 
     def __repr__(self) -> str:
         return f"{type(self).__name__}('{self.name}', frame='{self.frame}', active={self.active})"
@@ -423,7 +470,6 @@ class SoleContact(_HeldFrame):
         self._centre = np.zeros(3)
         # From the sole's origin in world axes to the centre of the box in the contact's axes.
         self._change = np.eye(6)
-        self._force_given = "min_force" in options
         super().__init__(sole, sole, np.zeros((16 if torsion is None else 10, 6)), **options)
 
     def bind(self, robot: Robot) -> None:
@@ -432,8 +478,8 @@ class SoleContact(_HeldFrame):
         self.name, self.frame = sole.name, sole.frame
         self._size = sole.length, sole.width
         self.update_cone()
-        if not self._force_given:
-            self.min_force = LEAST_FORCE * robot.force_scale
+        if not self._least_given:
+            self._set_forces(LEAST_FORCE * robot.force_scale, self._max_force)
         super().bind(robot)
 
     @property
@@ -587,8 +633,10 @@ class FixedContact(_HeldFrame):
     """A frame that is fixed to the world, and holds any wrench: a bolted base, a robot on a gantry, a gripped rail.
 
     Its wrench is in the frame; no cone bounds it. Cost 10⁻⁸ per N² and (Nm)² by default; a `max_force` bounds the force
-    along the z axis both ways, 10⁶ N by default.
+    along the z axis both ways, 10⁶ N by default. While the contact is switched, all six components have bounds.
     """
+
+    ranged = (0, 1, 2, 3, 4, 5)
 
     usual = {"max_force": 1e6, "wrench_weight": 1e-8}
 
@@ -600,5 +648,22 @@ class FixedContact(_HeldFrame):
     @property
     def normal_force_range(self) -> tuple[float, float]:
         """Smallest and greatest force along the z axis of the frame allowed now, N."""
-        _, high = super().normal_force_range
+        high = float(self.force_ranges()[1][self.force_axis])
         return -high, high
+
+    def force_ranges(self) -> tuple[Array, Array]:
+        """Return the smallest and the greatest values of all force variables allowed now, shape (6,), N and Nm."""
+        if self._active and self._load == 1.0:
+            high = np.full(self.dim, np.inf)
+            high[self.force_axis] = self.max_force
+        else:
+            high = self._load * self._greatest()
+        return -high, high
+
+    def _greatest(self) -> Array:
+        """Forces of which the load is a share, shape (6,), N and Nm; see `Contact`."""
+        if self._carried is not None:
+            return self._carried
+        assert self.max_force is not None
+        most = min(self.max_force, USUAL_WEIGHTS * self.robot.mass * GRAVITY)
+        return most * np.array([1.0, 1.0, 1.0, LEVER, LEVER, LEVER])
