@@ -69,12 +69,10 @@ class Scope:
         return item
 
     def close(self) -> None:
-        """Remove what was added, the last first, but for what has been removed already."""
+        """Remove what was added, but for what has been removed already."""
         controller = self.controller
         there = {id(each) for each in (*controller.tasks, *controller.contacts, *controller.limits)}
-        for item in reversed(self._items):
-            if id(item) in there:
-                controller.remove(item)
+        controller.remove(*(item for item in reversed(self._items) if id(item) in there))
 
 
 Condition = Callable[[Scope], bool]

@@ -20,10 +20,11 @@ class WrenchTask(Task):
 
     Rows and residual are along the chosen axes of the contact frame, N and Nm; the weight is a cost per N² and (Nm)²,
     10⁻³ by default. The wrench is what the ground does to the robot. It is instantaneous: there is no stiffness, and no
-    damping. A contact that is off has zero wrench, whatever the target.
+    damping. A contact that is off, or is not in the controller, has zero wrench, whatever the target: a hard task
+    acts while its contact is active.
     """
 
-    __slots__ = ("_axes", "_columns", "_contact", "_order", "_size")
+    __slots__ = ("_axes", "_columns", "_contact", "_loaded", "_order", "_size")
     unit = "N|Nm"
     kind = "variables"
     usual = {"weight": 1e-3}
@@ -75,8 +76,12 @@ class WrenchTask(Task):
             )
         self._columns = block.start + self._axes
         self._order = np.arange(self.dim)
+        self._loaded = problem.loaded
 
     def evaluate(self, jacobian: Array, error: Array, drift: Array) -> None:
         """Fill the rows; see `Task.evaluate`."""
+        if self._hard and not self._loaded[self.contact]:
+            jacobian[:], error[:] = 0.0, 0.0
+            return
         jacobian[self._order, self._columns] = 1.0
         error[:] = self._target[self._axes]

@@ -22,12 +22,13 @@ product with v, one chain of vector operations.
 from __future__ import annotations
 
 import itertools
+import logging
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from wbc.core.errors import Array
+from wbc.core.errors import Array, UnknownNameError
 from wbc.core.limits.base import Limit
 from wbc.core.limits.joint import JointLimits
 from wbc.core.limits.torque import TorqueLimits
@@ -38,6 +39,8 @@ from wbc.core.qp.released import ReleasedJoints
 from wbc.core.qp.solution import Layout
 from wbc.core.qp.task import Task
 from wbc.core.robot import BASE_DOF, Robot
+
+logger = logging.getLogger(__name__)
 
 _NONE = np.zeros((0, 0))
 """Stand-in for what a task does not fill: the Jacobian of a selection, the drift of a task on variables."""
@@ -82,10 +85,8 @@ def empty_problem(robot: Robot, contacts: Sequence[Contact]) -> Problem:
     nv, na, ends = robot.nv, robot.na, [0, *itertools.accumulate(contact.dim for contact in contacts)]
     problem = Problem(nv, na, nv + ends[-1], BASE_DOF + ends[-1], 0, na)
     problem.n_physics = BASE_DOF
-    problem.contacts.update(
-        (contact.name, slice(nv + start, nv + stop))
-        for contact, start, stop in zip(contacts, ends, ends[1:], strict=False)
-    )
+    for contact, start, stop in zip(contacts, ends, ends[1:], strict=False):
+        problem.contacts[contact.name], problem.loaded[contact.name] = slice(nv + start, nv + stop), contact.active
     return problem
 
 
@@ -171,8 +172,8 @@ class Assembly:
             if task.kind == "variables":
                 rows = self._places[task.name]
                 self._variable.append((task, p.rows[rows], p.target[rows]))
-        for variable_task, _, _ in self._variable:
-            variable_task.bind_problem(p)
+        self._variable = [each for each in self._variable if self._bound(each[0])]
+        self._hard_variable = [(self._places[task.name], *rows) for task, *rows in self._variable if task.hard]
         self._place_selections(selection)
         self._place_row_limits(row_limits, other_limits.start)
 
@@ -227,7 +228,7 @@ class Assembly:
             view = self._view(motion)
             contact.attach(view)
             p.inequality[normal, columns][:, ranged] = np.eye(len(ranged))
-            p.contacts[contact.name] = columns
+            p.contacts[contact.name], p.loaded[contact.name] = columns, contact.active
             p.equality_groups[f"{'force' if yields else 'motion'} of contact '{contact.name}'"] = rows
             p.inequality_groups[f"wrench cone of contact '{contact.name}'"] = slice(cone.start, normal.stop)
             self._limit_names += [f"wrench cone of {contact.name}"] * contact.cone.shape[0]
@@ -301,6 +302,17 @@ class Assembly:
             self._limit_names += [limit.name] * limit.dim
             at = rows.stop
 
+    def _bound(self, task: Task) -> bool:
+        """Bind a task on all variables; return False, and leave its rows empty, where its contact is not there."""
+        try:
+            task.bind_problem(self.problem)
+        except UnknownNameError:
+            logger.warning("task '%s' has no effect: its contact is not in the controller", task.name)
+            if task.hard:
+                self.problem.set_empty(self._places[task.name], np.ones(task.dim, dtype=bool))
+            return False
+        return True
+
     def _view(self, rows: slice) -> Rows:
         """Values of some rows of the problem that share their arithmetic."""
         return self._rows.view(slice(rows.start - self._start, rows.stop - self._start))
@@ -354,6 +366,8 @@ class Assembly:
         )
         for task, matrix, row_target in self._variable:
             task.evaluate(matrix, row_target, _NONE)
+        for places, matrix, row_target in self._hard_variable:
+            self.problem.set_empty(places, ~matrix.any(axis=1) & (row_target == 0.0))
 
         self._acceleration_diagonal.fill(self._regularisation)
         self._linear.fill(0.0)
@@ -396,6 +410,7 @@ class Assembly:
                 slot.jacobian[:], slot.error[:], slot.drift[:], contact.velocity[:] = 0.0, 0.0, 0.0, 0.0
         if slot.revision != contact.revision:
             slot.revision = contact.revision
+            self.problem.loaded[contact.name] = contact.active
             slot.cone[:] = contact.cone
             # Nothing damps a contact that is off: its rows are its forces, and a velocity would ask for one.
             slot.stiffness[:], slot.damping[:] = contact.stiffness, contact.damping if engaged else 0.0

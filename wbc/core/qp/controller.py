@@ -12,7 +12,7 @@ import numpy as np
 
 from wbc.core.checked import checked
 from wbc.core.errors import Array, names_in, unknown_name
-from wbc.core.qp.assembly import Assembly
+from wbc.core.qp.assembly import Assembly, empty_problem
 from wbc.core.qp.contact import Contact
 from wbc.core.qp.diagnosis import groups_not_finite, status_table, violated_groups
 from wbc.core.qp.items import Item, Items
@@ -87,7 +87,7 @@ class Controller(Items):
         tasks = [task for task in tasks if task.waits_for() in (None, *contacts)]
         if not tasks:
             return
-        problem = Assembly(self.robot, [], contacts, [], self._regularisation).problem
+        problem = empty_problem(self.robot, contacts)
         for task in tasks:
             task.bind_problem(problem)
             fill_guarded(
@@ -133,6 +133,8 @@ class Controller(Items):
         if measurement is not None:
             for task in assembly.listening:
                 task.observe(measurement, self._dt)
+        for contact in self._contacts:
+            contact.advance(self._dt)
         assembly.write(self._dt, self._torques, self.outside, self.released)
         assembled = perf_counter()
         status = solver.solve()
@@ -144,8 +146,7 @@ class Controller(Items):
             residual = assembly.residuals(x, solver.values)
             multipliers = solver.multipliers.copy()
         else:
-            known = last is not None and last.variables.size == solver.x.size
-            x = last.variables if last is not None and known else np.zeros(solver.x.size)
+            x = self._variables_of(last)
             torques = assembly.problem.torque_bias.copy() if last is None else last.torques
             residual = np.full(assembly.n_residuals, np.nan)
             multipliers = np.zeros(solver.multipliers.size)
@@ -154,6 +155,20 @@ class Controller(Items):
             status, x, torques, solver.iterations, timings, assembly.layout, residual, multipliers
         )
         return solution
+
+    def _variables_of(self, last: Solution | None) -> Array:
+        """Return the variables of the last tick by their names: wrenches of contacts that are new are zero."""
+        layout, x = self._assembly.layout, np.zeros(self.problem.diagonal.size)
+        if last is None:
+            return x
+        if last.layout is layout:
+            return last.variables
+        x[: layout.nv] = last.accelerations
+        for name, columns in layout.contacts.items():
+            before = last.layout.contacts.get(name, slice(0, 0))
+            if before.stop - before.start == columns.stop - columns.start:
+                x[columns] = last.variables[before]
+        return x
 
     def torques(self, solution: Solution, wrenches: Mapping[str, Array]) -> Array:
         """Return the joint torques, shape (na,), Nm, of a solution's motion with other wrenches on some contacts.

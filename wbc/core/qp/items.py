@@ -142,12 +142,22 @@ class Items:
         return self._contacts if isinstance(item, Contact) else self._limits
 
     def remove(self, *items: Item) -> None:
-        """Take tasks, contacts or limits out again."""
+        """Take tasks, contacts or limits out again.
+
+        A contact that a task cannot do without, such as a `StabilizerTask`, can only be removed with the task, or after
+        it: otherwise it is an `InputError`, and nothing is removed. A `WrenchTask` without its contact has no effect.
+        """
         for item in items:
             if _owner(item) is not self:
                 raise InputError(f"{item!r} is not part of this {self._noun}")
-        for item in {id(item): item for item in _with_parts(*items)}.values():
+        gone = {id(item): item for item in _with_parts(*items)}
+        for task in self._tasks:
+            kept = [] if id(task) in gone else [each for each in task.keeps() if id(each) in gone]
+            if kept:
+                raise InputError(f"task '{task.name}' needs {kept[0]!r}: remove the task with it, or before it")
+        for item in gone.values():
             if isinstance(item, Task):
+                item.let_go()
                 item.detach()
             of_kind = self._list_of(item)
             of_kind[:] = [other for other in of_kind if other is not item]

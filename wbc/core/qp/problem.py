@@ -36,6 +36,7 @@ class Problem:
         lower: Lower bounds, shape (n_in,); −inf where there is none.
         upper: Upper bounds, shape (n_in,); inf where there is none.
         contacts: Contact name → its force variables.
+        loaded: Contact name → True while the contact is active.
         equality_groups: Name → equalities, for diagnosis.
         inequality_groups: Name → inequalities, for diagnosis.
     """
@@ -54,6 +55,7 @@ class Problem:
         self.diagonal, self.linear, self.torque_bias = np.zeros(n), np.zeros(n), np.zeros(na)
         self.lower, self.upper = np.full(n_in, -np.inf), np.full(n_in, np.inf)
         self.contacts: dict[str, slice] = {}
+        self.loaded: dict[str, bool] = {}
         self.equality_groups: dict[str, slice] = {}
         self.inequality_groups: dict[str, slice] = {}
 

@@ -462,11 +462,21 @@ class Task(Motion):
             self._taken = True
 
     def bind_problem(self, problem: Problem) -> None:  # noqa: B027 (optional)
-        """Look up contacts or torque rows of a task on variables; called whenever the layout of the QP has changed."""
+        """Look up contacts or torque rows of a task on variables; called whenever the layout of the QP has changed.
+
+        A task whose contact is not in the QP raises an `UnknownNameError`, and has no effect while it is not.
+        """
 
     def waits_for(self) -> object | None:
         """Return the contact object of the task, which may be added after it; None where nothing may."""
         return None
+
+    def keeps(self) -> Sequence[object]:
+        """Return the contact objects that must not be removed before the task."""
+        return ()
+
+    def let_go(self) -> None:  # noqa: B027 (optional)
+        """Undo what the task has set at other objects than its own rows: it is being removed."""
 
     def observe(self, measurement: Measurement, dt: float) -> None:  # noqa: B027 (optional)
         """Read the sensors before the rows are written, at every tick of dt, s; a task overrides it."""
