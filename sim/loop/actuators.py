@@ -51,7 +51,8 @@ class JointActuators:
         joints, na = places.joints, len(places.joints)
         self._qpos, self._dof = places.joint_qpos, places.joint_dof
         self._kp, self._kd = np.array(description.kp), np.array(description.kd)
-        self._limit = np.array(description.torque_limit)
+        robot = description.robot()
+        self._limits = robot.torque_lower, robot.torque_upper
         of_joint = {joint: i for i, joint in enumerate(joints)}
         found: list[tuple[JointActuator, int]] = []
         for each in actuators(model):
@@ -147,7 +148,7 @@ class JointActuators:
         if self._spare.size:
             data.ctrl[self._spare] = 0.0
         if self._bare.size:
-            clipped = np.clip(desired, -self._limit, self._limit)[self._bare]
+            clipped = np.clip(desired, *self._limits)[self._bare]
             self.applied[self._bare] = clipped
             data.qfrc_applied[self._dof[self._bare]] = clipped
 

@@ -119,7 +119,7 @@ def test_a_g1_on_its_makers_gains_walks_with_delays(blind: bool) -> None:
 def test_the_torque_that_acted_is_that_of_the_commands_of_the_period_before() -> None:
     """With a delay of one and a half periods: half of the last command but one, half of the one before that."""
     kp, kd = np.array([100.0, 50.0]), np.array([10.0, 5.0])
-    sent = SentCommands((kp, kd), np.array([1e3, 12.0]), DT, 1.5 * DT)
+    sent = SentCommands((kp, kd), (np.array([-1e3, -12.0]), np.array([1e3, 12.0])), DT, 1.5 * DT)
     tau, to, rate, own_kp, own_kd = np.random.default_rng(0).uniform(0.1, 1.0, size=(5, 2))
     seen = SimpleNamespace(joint_position=np.array([0.1, -0.2]), joint_velocity=np.array([0.3, -0.4]))
     q, v = to - seen.joint_position, seen.joint_velocity

@@ -146,7 +146,7 @@ def bench_tick(options: BenchTickOptions) -> dict[str, Any]:
         "solvers": {name: after[name] - counts.get(name, 0) for name in after},
         "active_limits": round(float(active.mean()), 3),
         "com_error_mm": round(1e3 * float(np.linalg.norm(com_actual - com_target, axis=1).max()), 3),
-        "torque_use": round(float(np.abs(torque_actual / robot.torque_limit).max()), 3),
+        "torque_use": round(float(robot.torque_share(torque_actual).max()), 3),
         "preempted": _preemptions() - preempted,
         "options": to_json(options),
     }

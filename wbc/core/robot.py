@@ -34,6 +34,9 @@ GRAVITY = 9.80665
 UNLIMITED = 1e5
 """Torque and speed limits from this value on are none, in Nm, N, rad/s and m/s: no joint of a robot comes near."""
 
+TINY = 1e-9
+"""Torque by which is divided where a drive has none, Nm or N."""
+
 FULL_MASS = 30.0
 """Mass from which on forces in settings are taken as they are, kg; a lighter robot takes them in proportion."""
 
@@ -332,9 +335,21 @@ class Robot:
         self._take(q, v)
         pin.computeAllTerms(self.model, self.data, self.q, self.v)
         if self.springs is not None:
-            stiffness, rest = self.springs
-            self.bias[BASE_DOF:] += stiffness * (self.q[7:] - rest)
+            self.bias[BASE_DOF:] += self.spring_torques(self.q)
         pin.updateFramePlacements(self.model, self.data)
+
+    def spring_torques(self, q: Array) -> Array:
+        """Return what drives hold against springs at configurations, shape (…, nq): shape (…, na), Nm, as in `bias`."""
+        joints = q[..., 7:]
+        if self.springs is None:
+            return np.zeros_like(joints)
+        stiffness, rest = self.springs
+        return np.asarray(stiffness * (joints - rest))
+
+    def torque_share(self, torque: Array) -> Array:
+        """Return joint torques over their limits in the direction in which they act, shape (…, na), 0 or above."""
+        limit = np.where(torque < 0.0, -self.torque_lower, self.torque_upper)
+        return np.asarray(abs(torque) / np.maximum(limit, TINY))
 
     def update_kinematics(self, q: Array, v: Array) -> None:
         """Compute frames, centre of mass and their velocities alone, in half the time of `update`.

@@ -49,7 +49,7 @@ class SoleLoads:
         self._robot = robot = description.robot()
         self._gap = max(GAP, 2.5 * period)
         self._estimator = WrenchEstimator(robot, period)
-        self._sent = SentCommands(gains, robot.torque_limit, period, 0.0)
+        self._sent = SentCommands(gains, (robot.torque_lower, robot.torque_upper), period, 0.0)
         imu = robot.placement(robot.imu_frame).rotation
         self._base_from_imu = np.array(robot.placement(robot.base_frame).rotation.T @ imu)
         self._weight = robot.mass * GRAVITY

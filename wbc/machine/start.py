@@ -81,11 +81,12 @@ class SafeStart:
         self._loads.wrenches(measurement)
         q = self._loads.posture(measurement)
         torque = np.array(pin.computeGeneralizedGravity(robot.model, robot.data, q)[BASE_DOF:])
+        torque += robot.spring_torques(q)
         # The normal forces alone: moments fed forward would be the servos' own, added to themselves.
         for frame, normal in zip(self._soles, self._loads.normal.tolist(), strict=True):
             jacobian = pin.computeFrameJacobian(robot.model, robot.data, q, frame, pin.LOCAL)
             torque -= normal * jacobian[2, BASE_DOF:]
-        limit: Array = np.clip(torque, -robot.torque_limit, robot.torque_limit)
+        limit: Array = np.clip(torque, robot.torque_lower, robot.torque_upper)
         return limit
 
 

@@ -158,7 +158,7 @@ def _drawn_in(robot: Robot, clip: MotionClip, share: float) -> MotionClip:
     arms = [robot.joints_between(hand, robot.torso_frame) for hand in robot.frames.values()]
     for _ in range(DRAWING):
         gravity = np.array([pin.computeGeneralizedGravity(robot.model, data, each)[BASE_DOF:] for each in q])
-        excess = abs(gravity) / (share * robot.torque_limit)
+        excess = robot.torque_share(gravity + robot.spring_torques(q)) / share
         heavy = [arm for arm in arms if (excess[:, arm] > 1.0 + HELD).any()]
         if not heavy:
             break

@@ -129,8 +129,9 @@ class BodyMotion:
         acceleration = gaussian_filter1d(acceleration, SMOOTHING * self.rate, axis=0)
         rows, data = zip(self.q, self.v, acceleration, strict=True), robot.model.createData()
         torques = np.array([pin.rnea(robot.model, data, *row)[BASE_DOF:] for row in rows])
+        torques += robot.spring_torques(self.q)
         torques[:, robot.leg_joints] = 0.0
-        return np.asarray(abs(torques) / robot.torque_limit)
+        return robot.torque_share(torques)
 
 
 def corners_of(robot: Robot, soles: Sequence[Soles], share: float = 1.0) -> Array:

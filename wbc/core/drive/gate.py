@@ -21,8 +21,8 @@ logger = logging.getLogger(__name__)
 SPEED_MARGIN = 2.0
 """Multiple of a joint's speed limit by which a position reference may change; a velocity reference is clipped there."""
 
-SLACK = 1.0 + 1e-6
-"""Share of a limit up to which a command is clipped without being reported: the QP meets its limits to 1e-6."""
+SLACK = 1e-6
+"""Share of a limit beyond it that is clipped without being reported: the QP meets its limits to 1e-6."""
 
 
 class CommandGate:
@@ -36,14 +36,17 @@ class CommandGate:
     def __init__(self, robot: Robot, dt: float) -> None:
         """Take the limits from a robot; dt is the control period, s."""
         self._names = robot.joint_names
-        self._torque = robot.torque_limit
+        self._least, self._most = robot.torque_lower, robot.torque_upper
+        slack = SLACK * robot.torque_limit
+        self._clipped_below, self._clipped_above = self._least - slack, self._most + slack
         self._lower, self._upper = robot.position_lower, robot.position_upper
         self._speed = SPEED_MARGIN * robot.velocity_limit
         self._step = self._speed * dt
-        # By how much torque, velocity, change of position and position exceed their limits; the last one twice.
-        self._excess = np.zeros((5, robot.na))
-        self._symmetric, self._all = self._excess[:3], self._excess.reshape(-1)
-        self._bounds = np.array((self._torque, self._speed, self._step))
+        # By how much velocity, change of position, position and torque exceed their limits; the last two twice.
+        self._excess = np.zeros((6, robot.na))
+        self._symmetric, self._torques = self._excess[:2], self._excess[4:].reshape(-1)
+        self._all = self._excess.reshape(-1)
+        self._bounds = np.array((self._speed, self._step))
         self.reset(robot.q[7:])
 
     def reset(self, position: Array) -> None:
@@ -76,9 +79,9 @@ class CommandGate:
         servo = kp * (sent.joint_position - measured[0])
         servo += kd * (sent.joint_velocity - measured[1])
         total = torque + servo
-        most = np.maximum(np.abs(total), np.abs(torque))
-        if not (most <= self._torque).all():
-            self._report(~(most <= SLACK * self._torque), faults)
+        least, most = np.minimum(total, torque), np.maximum(total, torque)
+        if not ((least >= self._least).all() and (most <= self._most).all()):
+            self._report(~((least >= self._clipped_below) & (most <= self._clipped_above)), faults)
             torque, kp, kd = self._give_way(total, servo, kp, kd)
         return Command(torque.copy(), sent.joint_position, sent.joint_velocity, kp=kp.copy(), kd=kd.copy())
 
@@ -111,21 +114,22 @@ class CommandGate:
             velocity = 0.0 if command.joint_velocity is None else command.joint_velocity
             servo = kp * (command.joint_position - measured[0]) + kd * (velocity - measured[1])
             total = total + servo
-        limit = SLACK * self._torque
-        if (np.abs(total) <= limit).all() and (np.abs(torque) <= limit).all():
+        least, most = np.minimum(total, torque), np.maximum(total, torque)
+        if (least >= self._clipped_below).all() and (most <= self._clipped_above).all():
             return command
         if servo is None or kp is None or kd is None:
-            return replace(command, joint_torque=np.clip(torque, -self._torque, self._torque))
+            return replace(command, joint_torque=np.clip(torque, self._least, self._most))
         torque, kp, kd = self._give_way(total, servo, kp, kd)
         return replace(command, joint_torque=torque, kp=kp, kd=kd)
 
     def _give_way(self, total: Array, servo: Array, kp: Array, kd: Array) -> tuple[Array, Array, Array]:
         """Return feed-forward and gains that stay within the limits together: the gains give way last."""
-        limit, servo = self._torque, np.nan_to_num(servo, nan=0.0)
-        torque = np.clip(np.nan_to_num(total, nan=0.0), -limit, limit) - servo
-        if (np.abs(torque) > limit).any():  # servos ask for more, as on a wrong velocity
-            torque = np.clip(torque, -limit, limit)
-            share = np.minimum(1.0, 2.0 * limit / np.maximum(np.abs(servo), ROUNDING))
+        least, most, servo = self._least, self._most, np.nan_to_num(servo, nan=0.0)
+        torque = np.clip(np.nan_to_num(total, nan=0.0), least, most) - servo
+        if ((torque < least) | (torque > most)).any():  # servos ask for more, as on a wrong velocity
+            torque = np.clip(torque, least, most)
+            # Feed-forward at one limit, and servos that ask for the other at most.
+            share = np.minimum(1.0, (most - least) / np.maximum(np.abs(servo), ROUNDING))
             kp, kd = share * kp, share * kd
         return torque, kp, kd
 
@@ -135,16 +139,19 @@ class CommandGate:
         In torque control references are None. What is not finite becomes a torque or velocity of zero, or the last
         position reference.
         """
+        excess = self._excess
+        np.subtract(torque, self._most, out=excess[4])
+        np.subtract(self._least, torque, out=excess[5])
         if position is None or velocity is None:
-            most = largest(np.abs(torque) - self._torque)
+            most = largest(self._torques)
         else:
-            excess, symmetric = self._excess, self._symmetric
-            excess[0], excess[1] = torque, velocity
-            np.subtract(position, self._position, out=excess[2])
+            symmetric = self._symmetric
+            excess[0] = velocity
+            np.subtract(position, self._position, out=excess[1])
             np.abs(symmetric, out=symmetric)
             symmetric -= self._bounds
-            np.subtract(position, self._upper, out=excess[3])
-            np.subtract(self._lower, position, out=excess[4])
+            np.subtract(position, self._upper, out=excess[2])
+            np.subtract(self._lower, position, out=excess[3])
             most = largest(self._all)
         if not most <= 0.0:  # or NaN
             return self._clip(torque, position, velocity)
@@ -155,14 +162,14 @@ class CommandGate:
         return Command(torque.copy(), position.copy(), velocity.copy())
 
     def _clip(self, torque: Array, position: Array | None, velocity: Array | None) -> Command:
-        wrong = ~(np.abs(torque) <= SLACK * self._torque)
-        torque = np.clip(np.nan_to_num(torque, nan=0.0), -self._torque, self._torque)
+        wrong = ~((torque >= self._clipped_below) & (torque <= self._clipped_above))
+        torque = np.clip(np.nan_to_num(torque, nan=0.0), self._least, self._most)
         if position is not None and velocity is not None:
             last = self._position
             # The reference that was sent last may itself be out of range, at the start of a run.
             near = np.clip(np.where(np.isnan(position), last, position), last - self._step, last + self._step)
             sent = np.clip(near, np.minimum(self._lower, last), np.maximum(self._upper, last))
-            wrong |= ~(np.abs(sent - position) <= 1e-6) | ~(np.abs(velocity) <= SLACK * self._speed)
+            wrong |= ~(np.abs(sent - position) <= 1e-6) | ~(np.abs(velocity) <= (1.0 + SLACK) * self._speed)
             velocity = np.clip(np.nan_to_num(velocity, nan=0.0), -self._speed, self._speed)
             position = sent
             self._position[:] = sent

@@ -58,9 +58,9 @@ class SentCommands:
     """The last commands, for the torque that acted when a measurement was made."""
 
     def __init__(
-        self, gains: tuple[Array, Array] | None, torque_limit: Array, dt: float, delay: float
+        self, gains: tuple[Array, Array] | None, limits: tuple[Array, Array], dt: float, delay: float
     ) -> None:
-        """Start without any command.
+        """Start without any command, with the least and the greatest torques, each of shape (na,), Nm.
 
         Gains are kp and kd for commands that bring none, each of shape (na,), zero when None; the delay is the sum of
         those of measurement and command, s.
@@ -68,9 +68,9 @@ class SentCommands:
         whole = int(delay / dt + ROUNDING)
         self._part = max(delay / dt - whole, 0.0)  # of a period, in which an older command still acted
         self._commands: deque[Command] = deque(maxlen=whole + 2)
-        none = np.zeros_like(torque_limit)
+        none = np.zeros_like(limits[0])
         self._own = (none, none) if gains is None else gains
-        self._limit = torque_limit
+        self._limits = limits
 
     def reset(self) -> None:
         """Forget the commands."""
@@ -103,5 +103,5 @@ class SentCommands:
             velocity = 0.0 if command.joint_velocity is None else command.joint_velocity
             torque += kp * (command.joint_position - measurement.joint_position)
             torque += kd * (velocity - measurement.joint_velocity)
-        limited: Array = np.clip(torque, -self._limit, self._limit)
+        limited: Array = np.clip(torque, *self._limits)
         return limited

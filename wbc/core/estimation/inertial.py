@@ -85,6 +85,7 @@ class InertialFilter:
         self.velocity = np.zeros(3) if velocity is None else np.array(velocity)
         self._last = None
         self.unexplained, self._left, self.legs = 0j, None, None
+        self.turned = self._yaw_left = 0.0
 
     def rest(self) -> None:
         """Take the gyro bias of now for the true one: a robot that stands does not turn."""

@@ -3,7 +3,9 @@
 The generalised momentum p = M v changes by dp/dt = Sᵀ τ + Cᵀ v − g + Jᵀ w. A first-order observer compares it with
 the torques and has, without any acceleration being measured, the generalised force Jᵀ w of the contacts,
 
-    dr/dt = K (dp/dt − Sᵀ τ − Cᵀ v + g − r).
+    dr/dt = K (dp/dt − Sᵀ τ − Cᵀ v + g − r),
+
+where g are the forces of gravity and of springs beside the drives.
 
 A leg's own joints see the wrench of its foot alone, in six equations or so; the floating base sees the sum of both.
 Weighted least squares put them together: the joints are off by friction, the base by masses that the model lacks.
@@ -113,6 +115,7 @@ class WrenchEstimator:
         gravity = pin.computeGeneralizedGravity(model, data, q)
         momentum = mass.dot(v)
         external = gravity - coriolis.T.dot(v)
+        external[BASE_DOF:] += self._robot.spring_torques(q)
         external[BASE_DOF:] -= torque
         if self._residual is None:
             self._residual = external

@@ -17,6 +17,9 @@ from wbc.core.limits.base import Limit, for_joints
 from wbc.core.robot import Robot
 from wbc.core.settings import NonNegative, PositiveNumbers, Ratio
 
+BRAKING_SHARE = 0.3
+"""Share of a torque limit that brakes a joint before its bounds: the rest is left for gravity and contact forces."""
+
 RECOVERY_TIME = 0.1
 """Time constant with which a violated bound is approached again, s."""
 
@@ -28,6 +31,8 @@ _ZERO = scalar(0.0)
 
 class BrakingLaw:
     """Law of the greatest velocity at the end of a period after which braking still keeps a bound.
+
+    Where ā is zero, nothing can brake, and no velocity is bounded.
 
     The acceleration is held over one control period. After it, with velocity v⁺ and distance d⁺ left, the state must
     be viable: v⁺² ≤ 2 ā d⁺ for v⁺ > 0. If the joint has to turn round within the period, the point where it turns
@@ -41,6 +46,7 @@ class BrakingLaw:
     def __init__(self, braking: Array, dt: float, fastest: ArrayLike = np.inf) -> None:
         """Prepare for a deceleration ā, rad/s², that is always available, a period, s, and velocities, rad/s."""
         self._dt = dt
+        self._helpless = None if (braking > 0.0).all() else braking <= 0.0
         self._back = np.broadcast_to(np.negative(fastest), braking.shape).reshape(-1)
         # v⁺² = 2 ā (d − (v + v⁺) dt/2), solved for v⁺, is √(2 ā d − ā dt v + (ā dt/2)²) − ā dt/2.
         self._per_distance, self._per_velocity = 2.0 * braking, braking * dt
@@ -55,6 +61,8 @@ class BrakingLaw:
         The distance to the bound, rad, is negative beyond it; the velocity is towards it, rad/s.
         """
         final = self._final
+        if self._helpless is not None:
+            distance = np.where(self._helpless, 0.0, distance)  # which may be infinite
         np.multiply(self._per_distance, distance, out=final)
         final -= np.multiply(self._per_velocity, velocity, out=self._product)
         flat = self._flat
@@ -70,6 +78,8 @@ class BrakingLaw:
                 d, v = distance.item(i), velocity.item(i)
                 turned = v - v * abs(v) * (0.5 * self._dt) / max(d, 1e-12)
                 flat[i] = max(turned if d > 0.0 else d / RECOVERY_TIME, self._back.item(i))
+        if self._helpless is not None:
+            final[self._helpless] = np.inf
         return final
 
 
@@ -98,6 +108,10 @@ class JointLimits(Limit):
 
     In inverse kinematics they are an interval of its velocity; accelerations are bounded there, and braking distances
     kept, where `acceleration` or `braking` is given.
+
+    Attributes:
+        braking: Deceleration that is available both ways, shape (na,), rad/s² (or m/s²): of a drive that is weaker one
+            way, that of the weaker one. Bounds that a drive has no torque to keep are none.
     """
 
     reads = "kinematics"
@@ -121,8 +135,9 @@ class JointLimits(Limit):
             velocity: Keep the velocity limits of the model.
             acceleration: Largest acceleration, rad/s² (or m/s²), scalar or shape (na,); unlimited when None.
             braking: Deceleration that is always available, rad/s², scalar or shape (na,). When None, the acceleration
-                limit, or what 30 % of the torque limit gives to the joint's inertia in the posture in which the limits
-                are added, at most 100 rad/s²: the rest is left for gravity and contact forces.
+                limit (as far as there is torque for it), or what 30 % of the torque limit, of the direction that brakes, gives to the joint's inertia in
+                the posture in which the limits are added, at most 100 rad/s²: the rest is left for gravity and contact
+                forces.
             margin: Distance kept from the position limits, rad (or m); room for the solver's tolerance.
             velocity_ratio: Share of the velocity limit that may be used, in (0, 1].
         """
@@ -137,16 +152,20 @@ class JointLimits(Limit):
         self._rows: Array | None = None  # that have been filled
         self.acceleration = np.full(na, np.inf)
         inertia = np.diag(robot.mass_matrix)[6:]
-        self.braking = np.minimum(100.0, 0.3 * robot.torque_limit / inertia)
+        # Row 0 is for the upper bounds, which negative torques keep, row 1 for the lower ones.
+        torque = np.maximum(np.array([-robot.torque_lower, robot.torque_upper]), 0.0)
+        brakes = np.minimum(100.0, BRAKING_SHARE * torque / inertia)
         if self._acceleration is not None:
-            self.acceleration = self.braking = for_joints(
-                "acceleration of joint limits", self._acceleration, robot
-            )
+            self.acceleration = for_joints("acceleration of joint limits", self._acceleration, robot)
+            brakes = np.minimum(self.acceleration, torque / inertia)
+        stop = self.acceleration  # of inverse kinematics, which knows no torques
         if self._braking is not None:
-            self.braking = for_joints("braking of joint limits", self._braking, robot)
-        if (self.braking > self.acceleration).any():
+            stop = for_joints("braking of joint limits", self._braking, robot)
+            brakes = np.where(brakes > 0.0, stop, 0.0)
+        self._brakes, self.braking = brakes, brakes.min(axis=0)
+        if (brakes > self.acceleration).any():
             raise InputError(
-                f"braking deceleration {self.braking} must not exceed the acceleration limit {self.acceleration} rad/s²"
+                f"braking deceleration {brakes.max(axis=0)} must not exceed the acceleration limit {self.acceleration} rad/s²"
             )
         margin = np.minimum(self._margin, 0.5 * (robot.position_upper - robot.position_lower))
         self.lower, self.upper = robot.position_lower + margin, robot.position_upper - margin
@@ -166,7 +185,7 @@ class JointLimits(Limit):
         if self._acceleration is not None or self._braking is not None:
             self._stops = (
                 np.array([self.acceleration, self.acceleration]),
-                np.array([self.braking, self.braking]),
+                np.array([stop, stop]),
             )
 
     def _place_rows(self, rows: Array) -> None:
@@ -181,9 +200,10 @@ class JointLimits(Limit):
         self._place_rows(rows)
         if dt != self._dt:
             self._dt = dt
-            braking = np.array([self.braking, self.braking])
             fastest = self._twice_velocity if self._use_velocity else np.inf
-            self._law, self._least = BrakingLaw(braking, dt, fastest), -braking
+            self._law, self._least = BrakingLaw(self._brakes, dt, fastest), -self._brakes
+            if (self._brakes <= 0.0).any():
+                self._least = np.where(self._brakes > 0.0, self._least, np.inf)
             self._per_period = scalar(1.0 / dt)
         rate, distance = self._rate, self._distance
         rate[0] = self._velocities

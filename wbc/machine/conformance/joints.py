@@ -138,7 +138,8 @@ def torques(s: Session) -> str:
     if not np.isfinite(torque).all():
         return "not measured"
     # At rest, joints that hang free report the weight that they carry.
-    weight = pin.computeGeneralizedGravity(robot.model, robot.data, np.array(robot.half_sitting))[6:][free]
+    weight = pin.computeGeneralizedGravity(robot.model, robot.data, np.array(robot.half_sitting))[6:]
+    weight = (weight + robot.spring_torques(robot.half_sitting))[free]
     if np.abs(weight).max() < 0.3:
         return "no joint beside the legs carries weight"
     slope = float(weight @ torque / (weight @ weight))

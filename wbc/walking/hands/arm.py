@@ -66,8 +66,9 @@ class HandArm:
         jacobian = pin.getFrameJacobian(robot.model, robot.data, self.frame, pin.LOCAL_WORLD_ALIGNED)
         lever = direction @ jacobian[:3, BASE_DOF:][:, arm]
         # A hand at rest: what carries the arm is left out of what may press, or helps.
-        weight = np.sign(lever) * robot.data.g[BASE_DOF:][arm]
-        spare = np.maximum(share * robot.torque_limit[arm] - weight, 0.0)  # torque
+        carried = (robot.data.g[BASE_DOF:] + robot.spring_torques(robot.q))[arm]
+        limit = np.where(lever > 0.0, robot.torque_upper[arm], -robot.torque_lower[arm])
+        spare = np.maximum(share * limit - np.sign(lever) * carried, 0.0)  # torque
         most = spare / np.maximum(np.abs(lever), 1e-6)
         least = int(np.argmin(most))
         return float(most[least]), robot.joint_names[arm[least]]
