@@ -164,7 +164,9 @@ class DriveControl:
         gains = None if robot.servos is None else (robot.servos.kp, robot.servos.kd)
         # Made when a measurement comes without wrenches.
         self.wrenches: WrenchEstimator | None = None
-        self._sent = SentCommands(gains, (robot.torque_lower, robot.torque_upper), dt, self.observer.settings.delay)
+        self._sent = SentCommands(
+            gains, (robot.torque_lower, robot.torque_upper), dt, self.observer.settings.delay
+        )
         self.failures = 0
         self.reason = ""
         self.solution: Solution | None = None

@@ -28,6 +28,18 @@ ValueT = TypeVar("ValueT", float, Array)
 SAMPLES = 100
 """Samples of a piece, with which the greatest speed and acceleration of a path are found: to 0.1 % of them."""
 
+KEPT = 1.0 + 1e-6
+"""Ratio to a limit up to which it is kept."""
+
+DURATIONS, TRIALS = (1e-3, 1e3), 200
+"""Times among which that of a path which begins in motion is looked for, s, and their number."""
+
+STRIDE = 5
+"""Samples of which one is looked at in the first pass of that search."""
+
+REFINEMENTS, REFINED = 4, 20
+"""Passes of that search, and times in each of them but the first: to 1e-5 of the time."""
+
 RUN_UP = 0.2
 """Time in which the greatest speed is reached where only a speed is given, s: bounds the acceleration of short ways."""
 
@@ -123,7 +135,7 @@ class Trajectory:
                 and no duration is given.
             parts: Coordinates that are one vector, such as position and rotation of a pose; all of them when None.
             velocity: Velocity at the start, shape (n,); at rest when None.
-            acceleration_at_start: Shape (n,); none when None.
+            acceleration_at_start: Shape (n,); none when None, or where the limits can only be kept without.
         """
         waypoints = [finite_array("points of a trajectory", point) for point in points]
         if len(waypoints) < 2 or waypoints[0].ndim != 1 or len({p.shape for p in waypoints}) > 1:
@@ -159,13 +171,20 @@ class Trajectory:
                 )
             lengths = np.ones(1)
         path = _Path(np.array(waypoints), begin, lengths, parts, speeds, accelerations)
-        least = path.least_duration()
-        if duration is not None and duration < least * (1.0 - 1e-6):
+        found, excess = path.find(duration)
+        if excess > KEPT and begin[1].any():
+            begin[1] = np.zeros_like(begin[1])
+            without = _Path(np.array(waypoints), begin, lengths, parts, speeds, accelerations)
+            if (again := without.find(duration))[1] < excess:
+                path, (found, excess) = without, again
+        if duration is not None and excess > KEPT:
+            least, _ = path.find(None)
+            rule = "at least" if duration < least else "nearer to"
             raise InputError(
-                f"duration of a trajectory must be at least {least:.4g} s to keep its greatest speed and acceleration, "
+                f"duration of a trajectory must be {rule} {least:.4g} s to keep its greatest speed and acceleration, "
                 f"got {duration:g} s"
             )
-        self.duration = least if duration is None else duration
+        self.duration = found
         self._starts, self._pieces = path.pieces(self.duration)
 
     def at(self, time: float) -> tuple[Array, Array, Array]:
@@ -197,7 +216,11 @@ def _lengths(steps: Array, parts: Sequence[slice], speeds: Array | None) -> Arra
 
 
 class _Path:
-    """Minimum jerk through waypoints, as a function of the time that it takes."""
+    """Minimum jerk through waypoints, as a function of the time that it takes.
+
+    Over the share of the time, the path is linear in its points, in T v₀ and in T² a₀, with the duration T and the
+    velocity and acceleration at the start: three splines give it for every T.
+    """
 
     def __init__(
         self,
@@ -216,36 +239,65 @@ class _Path:
             if limits is not None
             for part, limit in zip(parts, limits, strict=True)
         ]
-
-    def spline(self, duration: float) -> BSpline:
-        """Return the spline over times from 0 to 1."""
-        still = np.zeros(self._points.shape[1])
-        start = [(1, duration * self._begin[0]), (2, duration**2 * self._begin[1])]
-        return make_interp_spline(self._shares, self._points, k=5, bc_type=(start, [(1, still), (2, still)]))
-
-    def least_duration(self) -> float:
-        """Least time, s, in which the path keeps its limits; 0 without any."""
+        still, none = np.zeros(points.shape[1]), np.zeros_like(points)
+        ends = [(points, still, still)]
+        if begin[0].any() or begin[1].any():
+            ends += [(none, begin[0], still), (none, still, begin[1])]
+        self._splines: list[BSpline] = [
+            make_interp_spline(self._shares, at, k=5, bc_type=([(1, v), (2, a)], [(1, still), (2, still)]))
+            for at, v, a in ends
+        ]
         inner = np.linspace(0.0, 1.0, SAMPLES + 1)
         samples = (self._shares[:-1, None] + np.diff(self._shares)[:, None] * inner).ravel()
-        duration, excess = (1.0, 2.0) if self._limits else (0.0, 1.0)
-        for _ in range(100):
-            if abs(excess - 1.0) < 1e-6:
-                break
-            spline = self.spline(duration)
-            rates = {order: spline(samples, order) / duration**order for order in (1, 2)}
-            excess = max(
-                (float(np.linalg.norm(rates[order][:, part], axis=1).max()) / limit) ** (1.0 / order)
-                for order, part, limit in self._limits
+        self._rates = {order: [spline(samples, order) for spline in self._splines] for order in (1, 2)}
+
+    def find(self, duration: float | None) -> tuple[float, float]:
+        """Return a duration, s, the least that keeps the limits when None, and its excess; see `_excess`."""
+        found = self._least_duration() if duration is None else duration
+        return found, float(self._excess(np.array([found]))[0])
+
+    def _excess(self, durations: Array, stride: int = 1) -> Array:
+        """Return the time that each duration, shape (m,), s, lacks to keep all limits, as a ratio: 1 where none.
+
+        Rates are looked at in every so many samples.
+        """
+        excess = np.zeros(durations.size)
+        for order, part, limit in self._limits:
+            rate = sum(
+                durations[:, None, None] ** (power - order) * each[::stride, part]
+                for power, each in enumerate(self._rates[order])
             )
-            if excess <= 1.0 and self._begin[0].any():
-                break  # with a speed at the start more time may need more of it
-            duration *= excess if not self._begin[0].any() else max(excess, 1.02)
-        return duration
+            most = np.sqrt(np.square(rate).sum(axis=2)).max(axis=1)
+            np.maximum(excess, (most / limit) ** (1.0 / order), out=excess)
+        return excess
+
+    def _least_duration(self) -> float:
+        """Return the least time, s, in which the path keeps its limits; 0 without any.
+
+        A path that begins in motion may keep them in some times alone, or in none: then it is the time in which it
+        exceeds them least.
+        """
+        if not self._limits:
+            return 0.0
+        if len(self._splines) == 1:  # from rest, rates are in proportion to 1/T and 1/T²
+            return float(self._excess(np.ones(1))[0])
+        durations, stride, least = np.geomspace(*DURATIONS, TRIALS), STRIDE, 0.0
+        for _ in range(REFINEMENTS):
+            excess = self._excess(durations, stride)
+            kept = np.flatnonzero(excess <= KEPT)
+            best = int(kept[0]) if kept.size else int(excess.argmin())
+            least = float(durations[best])
+            after = best if kept.size and stride == 1 else min(best + 1, durations.size - 1)
+            durations, stride = np.linspace(durations[max(best - 1, 0)], durations[after], REFINED), 1
+        return least
 
     def pieces(self, duration: float) -> tuple[list[float], list[Quintic[Array]]]:
         """Return times at which the pieces begin, s, and the pieces."""
-        spline, shares = self.spline(duration), self._shares
-        rates = spline(shares, 1) / duration, spline(shares, 2) / duration**2
+        shares = self._shares
+        rates = [
+            sum(duration ** (power - order) * each(shares, order) for power, each in enumerate(self._splines))
+            for order in (1, 2)
+        ]
         states = list(zip(self._points, *rates, strict=True))
         return (duration * shares[:-1]).tolist(), [
             Quintic(start, end, duration * share)

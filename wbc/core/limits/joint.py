@@ -135,9 +135,9 @@ class JointLimits(Limit):
             velocity: Keep the velocity limits of the model.
             acceleration: Largest acceleration, rad/s² (or m/s²), scalar or shape (na,); unlimited when None.
             braking: Deceleration that is always available, rad/s², scalar or shape (na,). When None, the acceleration
-                limit (as far as there is torque for it), or what 30 % of the torque limit, of the direction that brakes, gives to the joint's inertia in
-                the posture in which the limits are added, at most 100 rad/s²: the rest is left for gravity and contact
-                forces.
+                limit (as far as there is torque for it), or what 30 % of the torque limit, of the direction that
+                brakes, gives to the joint's inertia in the posture in which the limits are added, at most 100 rad/s²:
+                the rest is left for gravity and contact forces.
             margin: Distance kept from the position limits, rad (or m); room for the solver's tolerance.
             velocity_ratio: Share of the velocity limit that may be used, in (0, 1].
         """
@@ -165,7 +165,8 @@ class JointLimits(Limit):
         self._brakes, self.braking = brakes, brakes.min(axis=0)
         if (brakes > self.acceleration).any():
             raise InputError(
-                f"braking deceleration {brakes.max(axis=0)} must not exceed the acceleration limit {self.acceleration} rad/s²"
+                f"braking deceleration {brakes.max(axis=0)} must not exceed the acceleration limit "
+                f"{self.acceleration} rad/s²"
             )
         margin = np.minimum(self._margin, 0.5 * (robot.position_upper - robot.position_lower))
         self.lower, self.upper = robot.position_lower + margin, robot.position_upper - margin

@@ -86,7 +86,10 @@ def empty_problem(robot: Robot, contacts: Sequence[Contact]) -> Problem:
     problem = Problem(nv, na, nv + ends[-1], BASE_DOF + ends[-1], 0, na)
     problem.n_physics = BASE_DOF
     for contact, start, stop in zip(contacts, ends, ends[1:], strict=False):
-        problem.contacts[contact.name], problem.loaded[contact.name] = slice(nv + start, nv + stop), contact.active
+        problem.contacts[contact.name], problem.loaded[contact.name] = (
+            slice(nv + start, nv + stop),
+            contact.active,
+        )
     return problem
 
 
@@ -173,7 +176,9 @@ class Assembly:
                 rows = self._places[task.name]
                 self._variable.append((task, p.rows[rows], p.target[rows]))
         self._variable = [each for each in self._variable if self._bound(each[0])]
-        self._hard_variable = [(self._places[task.name], *rows) for task, *rows in self._variable if task.hard]
+        self._hard_variable = [
+            (self._places[task.name], matrix, target) for task, matrix, target in self._variable if task.hard
+        ]
         self._place_selections(selection)
         self._place_row_limits(row_limits, other_limits.start)
 
@@ -232,7 +237,9 @@ class Assembly:
             p.equality_groups[f"{'force' if yields else 'motion'} of contact '{contact.name}'"] = rows
             p.inequality_groups[f"wrench cone of contact '{contact.name}'"] = slice(cone.start, normal.stop)
             self._limit_names += [f"wrench cone of {contact.name}"] * contact.cone.shape[0]
-            self._limit_names += [f"{'normal force' if len(ranged) == 1 else 'wrench'} of {contact.name}"] * len(ranged)
+            self._limit_names += [
+                f"{'normal force' if len(ranged) == 1 else 'wrench'} of {contact.name}"
+            ] * len(ranged)
             self._slots.append(
                 _ContactSlot(
                     contact=contact,

@@ -65,10 +65,11 @@ def rectangle_wrench_cone(
     Args:
         half_length: Half extent along x, m.
         half_width: Half extent along y, m.
-        friction: Coulomb coefficient μ of the inner friction pyramid |f_x|, |f_y| ≤ μ f_z.
-        even: Scale the bounds of the yaw moment so that the greatest one is that of even pressure, μ f_z d with d the
-            mean distance of the points from the centre, instead of μ (X + Y) f_z: with friction at its corners alone a
-            sole holds about twice as much.
+        friction: Coulomb coefficient μ of the ground; forces are those of the pyramid inside its friction cone (see
+            `inner_friction`).
+        even: Scale the bounds of the yaw moment so that the greatest one is that of even pressure, ν f_z d with d the
+            mean distance of the points from the centre and ν the friction of the pyramid, instead of ν (X + Y) f_z:
+            with friction at its corners alone a sole holds about twice as much.
 
     Returns:
         Matrix F with F w ≤ 0 for a wrench w = [force; moment] in the sole frame at its centre, shape (16, 6).
@@ -77,7 +78,7 @@ def rectangle_wrench_cone(
     contact wrench cone for rectangular support areas", ICRA 2015, eq. (9)–(14).
     """
     x, y = positive("half length (m)", half_length), positive("half width (m)", half_width)
-    mu = positive("friction", friction)
+    mu = inner_friction(friction)
     cone = np.zeros((16, 6))
     cone[0:4, 2] = -mu  # friction pyramid
     cone[0:4, 0:2] = [[1, 0], [-1, 0], [0, 1], [0, -1]]
@@ -95,9 +96,17 @@ def rectangle_wrench_cone(
     return cone
 
 
+def inner_friction(friction: float) -> float:
+    """Return ν = μ / √2, with which the pyramid |f_x|, |f_y| ≤ ν f_z is inside the cone √(f_x² + f_y²) ≤ μ f_z."""
+    return positive("friction", friction) / math.sqrt(2.0)
+
+
 def friction_pyramid(friction: float) -> Array:
-    """Return the pyramid of forces of a point, |f_x|, |f_y| ≤ μ f_z: a matrix F with F f ≤ 0, shape (4, 3)."""
-    mu = positive("friction", friction)
+    """Return the pyramid of forces of a point inside its friction cone: a matrix F with F f ≤ 0, shape (4, 3).
+
+    They are |f_x|, |f_y| ≤ μ / √2 f_z with the Coulomb coefficient μ, so that √(f_x² + f_y²) ≤ μ f_z.
+    """
+    mu = inner_friction(friction)
     return np.array([[1, 0, -mu], [-1, 0, -mu], [0, 1, -mu], [0, -1, -mu]], dtype=float)
 
 
@@ -106,7 +115,7 @@ class ContactOptions(TypedDict, total=False):
 
     Attributes:
         min_force: Smallest normal force while active, N; zero by default.
-        max_force: Greatest normal force, N; four times the robot's weight, with what it carries, when None, the default.
+        max_force: Greatest normal force, N; four times the robot's weight (with its load) when None, the default.
         ramp: Time of the force ramp when the contact is switched, s; 0.1 by default. Switched on, the greatest force
             grows from zero; switched off, it decays from what the contact has carried in the last tick.
         stiffness: Pull back to where the contact was made, 1/s²; 100 by default.
@@ -177,7 +186,9 @@ class Contact(Motion):
         self._motion_weight = None if motion_weight is None else self._motion_costs(motion_weight)
         self._active = bool(given.get("active", True))
         self._load = 1.0 if self._active else 0.0  # share of the greatest forces that is allowed now
-        self._carried: Array | None = None  # greatest forces of a contact that unloads, shape (dim,), N and Nm
+        self._carried: Array | None = (
+            None  # greatest forces of a contact that unloads, shape (dim,), N and Nm
+        )
 
     @property
     def friction(self) -> float:

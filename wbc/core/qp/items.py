@@ -154,7 +154,9 @@ class Items:
         for task in self._tasks:
             kept = [] if id(task) in gone else [each for each in task.keeps() if id(each) in gone]
             if kept:
-                raise InputError(f"task '{task.name}' needs {kept[0]!r}: remove the task with it, or before it")
+                raise InputError(
+                    f"task '{task.name}' needs {kept[0]!r}: remove the task with it, or before it"
+                )
         for item in gone.values():
             if isinstance(item, Task):
                 item.let_go()

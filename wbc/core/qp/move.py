@@ -52,29 +52,12 @@ class RotationCoordinates(Coordinates):
 
     def of(self, target: Any, before: Array) -> Array:
         """Return the rotation vector to a rotation, shape (3,): of those that are the same turn, the nearest."""
-        vector = np.asarray(pin.log3(self._check(target) @ self._base.T))
-        angle = float(np.linalg.norm(vector))
-        if angle < ROUNDING:
-            return vector
-        axis = vector / angle
-        turns = round((float(axis @ before) - angle) / math.tau)
-        return np.asarray(vector + math.tau * turns * axis)
+        return _nearest_turn(np.asarray(pin.log3(self._check(target) @ self._base.T)), before)
 
     def target(self, place: Array, velocity: Array, acceleration: Array) -> tuple[Any, Array, Array]:
-        """Return rotation, angular velocity and angular acceleration of a rotation vector that changes.
-
-        With the left Jacobian J of the exponential, ω = J(r) ṙ and ω̇ = J(r) r̈ + J̇ ṙ.
-
-        Source: Solà, Deray, Atchuthan, "A micro Lie theory for state estimation in robotics", 2018, eqs. 143, 145.
-        """
+        """Return rotation, angular velocity and angular acceleration of a rotation vector that changes."""
         rotation = pin.exp3(place) @ self._base
-        left, speed = pin.Jexp3(place).T, float(np.linalg.norm(velocity))
-        rate = left @ acceleration
-        if speed > 1e-12:
-            step = DIFFERENCE / speed
-            ahead, behind = pin.Jexp3(place + step * velocity), pin.Jexp3(place - step * velocity)
-            rate += (ahead - behind).T @ velocity / (2.0 * step)
-        return rotation, left @ velocity, rate
+        return rotation, *_turning_rates(place, velocity, acceleration)
 
 
 class PoseCoordinates(Coordinates):
@@ -109,15 +92,19 @@ class DirectionCoordinates(Coordinates):
         self._base = np.array(base)
 
     def of(self, target: Any, before: Array) -> Array:
-        """Return the rotation vector to a direction, shape (3,)."""
-        return least_turn(self._base, self._check(target))
+        """Return the rotation vector to a direction, shape (3,): of those that are the same turn, the nearest."""
+        return _nearest_turn(least_turn(self._base, self._check(target)), before)
 
     def target(self, place: Array, velocity: Array, acceleration: Array) -> tuple[Any, Array, Array]:
-        """Return direction, and velocity and acceleration of the rotation vector across it."""
-        rotation, left = pin.exp3(place), pin.Jexp3(place).T
-        direction = rotation @ self._base
-        rates = [left @ rate for rate in (velocity, acceleration)]
-        return (direction, *(rate - direction * (direction @ rate) for rate in rates))
+        """Return the direction d, d × ḋ and its derivative: the angular velocity ω across d, and how it changes.
+
+        With ḋ = ω × d, the part of ω across d is ω − d (d · ω), and its derivative ω̇ − d (d · ω̇) − ḋ (d · ω).
+        """
+        direction = pin.exp3(place) @ self._base
+        spin, rate = _turning_rates(place, velocity, acceleration)
+        along = float(direction @ spin)
+        across = rate - direction * (direction @ rate) - np.cross(spin, direction) * along
+        return direction, spin - direction * along, across
 
 
 def coordinates(start: Any, check: Callable[[Any], Any]) -> Coordinates:
@@ -156,6 +143,32 @@ class Move:
         arrived = self._elapsed >= self._trajectory.duration - ROUNDING
         self._elapsed += dt
         return not arrived
+
+
+def _turning_rates(place: Array, velocity: Array, acceleration: Array) -> tuple[Array, Array]:
+    """Return angular velocity and acceleration of a rotation vector r that changes, shape (3,), along fixed axes.
+
+    With the left Jacobian J of the exponential, ω = J(r) ṙ and ω̇ = J(r) r̈ + J̇ ṙ.
+
+    Source: Solà, Deray, Atchuthan, "A micro Lie theory for state estimation in robotics", 2018, eqs. 143, 145.
+    """
+    left, speed = pin.Jexp3(place).T, float(np.linalg.norm(velocity))
+    rate = left @ acceleration
+    if speed > 1e-12:
+        step = DIFFERENCE / speed
+        ahead, behind = pin.Jexp3(place + step * velocity), pin.Jexp3(place - step * velocity)
+        rate += (ahead - behind).T @ velocity / (2.0 * step)
+    return left @ velocity, rate
+
+
+def _nearest_turn(vector: Array, before: Array) -> Array:
+    """Return the rotation vector that is the same turn as a vector, and nearest to another one, rad, shape (3,)."""
+    angle = float(np.linalg.norm(vector))
+    if angle < ROUNDING:
+        return vector
+    axis = vector / angle
+    turns = round((float(axis @ before) - angle) / math.tau)
+    return np.asarray(vector + math.tau * turns * axis)
 
 
 def least_turn(axis: Array, direction: Array) -> Array:
