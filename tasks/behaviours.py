@@ -16,6 +16,7 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Annotated, Any
 
 from wbc.core.checked import checked
+from wbc.core.control import DriveControl
 from wbc.core.errors import ROUNDING, InputError, WbcError, choose, shown
 from wbc.core.qp.controller import Controller
 from wbc.core.qp.items import Item, ItemT
@@ -27,8 +28,9 @@ logger = logging.getLogger(__name__)
 PATIENCE = 10
 """Ticks in a row without a solution from which the QP counts as infeasible."""
 
-FAULTS = ("infeasible", "fall", "error")
-"""Outcomes of any state, whatever it waits for: no solution, a fall, an exception in its own functions."""
+FAULTS = ("infeasible", "stopped", "fall", "error")
+"""Outcomes of any state, whatever it waits for: no solution, a control that has stopped, a fall, an exception in its
+own functions."""
 
 END = "end"
 """Where a transition goes that ends a machine with the outcome "done"; "end: NAME" ends it with that outcome."""
@@ -277,7 +279,7 @@ class Program:
         machine, control, controller: The machine, what it drives, and the controller with all tasks.
         time: Time since the start, s.
         outcome: Outcome of the machine; None before its end. After it the control goes on as it is.
-        fault: Fault of this tick, "fall" or "infeasible"; None without one.
+        fault: Fault of this tick, "infeasible", "stopped" or "fall"; None without one.
         history: Time (s), path and outcome of every state that has ended.
     """
 
@@ -294,13 +296,15 @@ class Program:
             raise InputError(f"a program drives a control or a Controller, got {shown(control)}")
         self.machine, self.control = machine, control
         self.controller: Controller = control if isinstance(control, Controller) else control.controller
+        drives = control if isinstance(control, DriveControl) else getattr(control, "control", None)
+        self._drives = drives if isinstance(drives, DriveControl) else None
         self._fallen = fallen or (lambda: getattr(control, "fallen", None) is not None)
         self.time = 0.0
         self.outcome: str | None = None
         self.fault: str | None = None
         self.history: list[tuple[float, str, str]] = []
         self._scope: Scope | None = None  # of the machine, from its first tick on
-        self._failed, self._down = 0, False
+        self._failed, self._down, self._stopped = 0, False, False
 
     @property
     def path(self) -> str:
@@ -371,9 +375,12 @@ class Program:
 
     def _fault(self) -> str | None:
         """Return a fault that begins in this tick."""
-        solution, before = self.controller.solution, self._down
+        solution, before, ran = self.controller.solution, self._down, not self._stopped
         self._failed = 0 if solution is None or solution.ok else self._failed + 1
         self._down = bool(self._fallen())
+        self._stopped = self._drives is not None and self._drives.stopped
         if self._failed == PATIENCE:
             return "infeasible"
+        if self._stopped and ran:
+            return "stopped"
         return "fall" if self._down and not before else None

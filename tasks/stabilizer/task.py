@@ -52,7 +52,7 @@ class StabilizerTask(CoMTask):
     """
 
     __slots__ = (
-        "_aim", "_contacts", "_estimate", "_gains", "_given", "_places", "_settings", "_soles",
+        "_aim", "_away", "_contacts", "_gains", "_given", "_places", "_settings", "_sole_ids",
         "_stabilizer", "_stands", "_torque", "_wrench_weight", "_yaw", "output", "parts",
     )  # fmt: skip
 
@@ -72,16 +72,23 @@ class StabilizerTask(CoMTask):
         """Describe the task.
 
         Args:
-            contacts: Contacts of the left and of the right sole; both are added before, or together with the task.
+            contacts: Contacts of the left and of the right sole, in any order; both are added before, or together with
+                the task, and removed after it, or together.
             target: CoM of a robot that stands, shape (3,), m; the present one when None.
             drives: How the drives are commanded: "torque" for torque and hybrid control, "position".
             gains: Gains of feedback and admittances; the defaults when None.
             distribution: Settings of the wrench distribution; the defaults when None.
-            estimate: Robot whose state is the measured one, where it is not the controller's own (`State.robot`).
+            estimate: Robot whose state is the measured one (`State.robot`). When None, that of the control which runs
+                the controller (`PositionControl`, …), or the controller's own robot where none does.
             wrench_weight: Desired foot wrenches on torques, cost per N² and (Nm)².
             **options: See `MotionOptions`.
         """
-        if len(contacts) != 2:
+        if (
+            not isinstance(contacts, Sequence)
+            or len(contacts) != 2
+            or not all(isinstance(each, SoleContact) for each in contacts)
+            or contacts[0] is contacts[1]
+        ):
             raise InputError(
                 f"a stabilizer needs two feet: contacts of the left and the right sole, got {contacts!r}"
             )
@@ -104,6 +111,7 @@ class StabilizerTask(CoMTask):
         self.output: StabilizerOutput | None = None
         self._stabilizer: Stabilizer | None = None
         self._stands = True  # until something hands out a pendulum
+        self._away = [False, False]  # feet that have left their places
 
     @property
     def target(self) -> Array:
@@ -135,24 +143,53 @@ class StabilizerTask(CoMTask):
         """Take the robot's soles and mass, and its present CoM as target when none was given."""
         super().bind(robot)
         soles = [robot.sole(contact.name) for contact in self._contacts]
+        if soles[0] is soles[1]:
+            raise InputError(
+                f"a stabilizer needs contacts of two different soles, got two of '{soles[0].name}'"
+            )
+        if robot.soles.index(soles[0]) > robot.soles.index(soles[1]):
+            self._contacts, soles, self.parts = self._contacts[::-1], soles[::-1], self.parts[::-1]
         sizes = ((soles[0].length, soles[0].width), (soles[1].length, soles[1].width))
         settings = replace(self._settings, min_force=self._settings.min_force * robot.force_scale)
         self._stabilizer = Stabilizer(robot.mass, WrenchDistribution(sizes, settings), self._gains)
-        self._estimate = robot if self._given is None else self._given
-        self._soles = [self._estimate.placement(sole.frame) for sole in soles]
-        self._places = [pin.SE3(robot.placement(sole.frame)) for sole in soles]
-        self._yaw = _heading(robot)
+        self._sole_ids = [robot.frame_id(sole.frame) for sole in soles]
+        self._stand()
+
+    def keeps(self) -> Sequence[object]:
+        """Return the contacts, without which nothing can be balanced."""
+        return self._contacts
+
+    def let_go(self) -> None:
+        """Leave the feet where they are, at rest."""
+        if not self._torque:
+            for contact in self._contacts:
+                if contact.engaged:
+                    contact.hold()
 
     def reset(self) -> None:
         """Forget errors, corrections and filtered wrenches, and stand where the robot is."""
         super().reset()
         if self._stabilizer is not None:
             self._stabilizer.reset()
-            self._places = [
-                pin.SE3(self.robot.placement(self.robot.sole(c.name).frame)) for c in self._contacts
-            ]
-            self._yaw = _heading(self.robot)
+            self._stand()
         self.output, self._stands = None, True
+
+    def _stand(self) -> None:
+        """Take the present places of the soles, and the present heading, as those of a robot that stands."""
+        self._places = [pin.SE3(self.robot.placement(sole)) for sole in self._sole_ids]
+        self._away = [False, False]
+        self._yaw = _heading(self.robot)
+
+    def _set_down(self) -> None:
+        """Stand where feet have been set down that had left their places."""
+        for side, contact in enumerate(self._contacts):
+            if not contact.engaged:
+                self._away[side] = True
+            elif contact.active and self._away[side]:
+                self._away[side] = False
+                self._places[side] = pin.SE3(self.robot.placement(self._sole_ids[side]))
+                self._yaw = _heading(self.robot)
+                self.stabilizer.feet.reset(side)
 
     def observe(self, measurement: Measurement, dt: float) -> None:
         """Stand, unless something has handed out a pendulum: a tick of `update` and `apply` with the CoM's target.
@@ -161,6 +198,7 @@ class StabilizerTask(CoMTask):
             measurement: Measurement with the wrenches on the soles.
             dt: Control period, s.
         """
+        self._set_down()
         if not self._stands:
             return
         if self._aim is None:
@@ -200,7 +238,7 @@ class StabilizerTask(CoMTask):
         Returns:
             The output, which `apply` hands to the QP.
         """
-        estimate, stabilizer = self._estimate, self.stabilizer
+        estimate, stabilizer = self._given or self._measured(), self.stabilizer
         if stabilizer.mass != estimate.mass:  # a load was taken over or given back
             stabilizer.mass = estimate.mass
         self.output = output = stabilizer.update(
@@ -208,7 +246,7 @@ class StabilizerTask(CoMTask):
             np.array(estimate.com),
             np.array(estimate.com_velocity),
             wrenches,
-            self._soles,
+            [estimate.placement(sole) for sole in self._sole_ids],
             contact,
             yaw,
             dt,
@@ -216,6 +254,12 @@ class StabilizerTask(CoMTask):
             outside=outside,
         )
         return output
+
+    def _measured(self) -> Robot:
+        """Return the robot whose state is the measured one, where none was given."""
+        owner = None if self._owner is None else self._owner()
+        measured: Robot | None = getattr(owner, "measured", None)
+        return self.robot if measured is None else measured
 
     def apply(
         self,

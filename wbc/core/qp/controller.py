@@ -35,6 +35,8 @@ class Controller(Items):
         outside: Generalised forces of the surroundings beside the contacts, shape (nv,), Nm and N: of what holds a
             robot that does not stand yet. They enter the dynamics of every tick; None for none.
         released: Joints that somebody else moves; None while there are none. See `release`.
+        measured: Robot whose state is estimated from the sensors, where it is not `robot`, as in position control; the
+            control that runs the controller sets it. None for `robot`.
     """
 
     @checked
@@ -62,6 +64,7 @@ class Controller(Items):
         self._solution: Solution | None = None
         self.outside: Array | None = None
         self.released: ReleasedJoints | None = None
+        self.measured: Robot | None = None
         self._torques: Array | None = None  # of the last tick
         self._rebuild()
 
