@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import itertools
+from collections.abc import Callable
 
 import numpy as np
 import pinocchio as pin
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from properties import by_default
 from scipy.optimize import nnls
 from task_factory import ROBOTS, integrate, left_hand, make_robot, standing
@@ -20,15 +23,16 @@ from wbc.core.qp.contact import (
     friction_pyramid,
     rectangle_wrench_cone,
 )
-from wbc.tasks import CoMTask, check_rows
+from wbc.core.robot import GRAVITY, Robot
+from wbc.tasks import CoMTask, OrientationTask, WrenchTask, check_rows
 
 robots = pytest.mark.parametrize("name", by_default(ROBOTS, "hrp4_class"))
 RECTANGLES = [(0.1, 0.05, 0.7), (0.05, 0.1, 0.25), (0.12, 0.065, 1.3)]
 
 
 def corner_generators(x: float, y: float, friction: float) -> Array:
-    """Wrenches of unit forces along the edges of the friction pyramids at the corners, shape (6, 16)."""
-    columns = []
+    """Wrenches of unit forces along the edges of pyramids inside the friction cones at the corners, shape (6, 16)."""
+    friction, columns = friction / np.sqrt(2.0), []
     for (px, py), (fx, fy) in itertools.product(
         itertools.product((x, -x), (y, -y)), itertools.product((friction, -friction), repeat=2)
     ):
@@ -83,6 +87,104 @@ def test_solved_wrenches_can_be_made_by_corner_forces(name: str) -> None:
             _, residual = nnls(corner_generators(x, y, friction) / unit[:, None], wrench)
             assert residual < 1e-4 * robot.mass
             assert solution.wrenches[sole.name][2] >= contacts[0].min_force - 1e-5
+
+
+@given(st.floats(0.05, 2.0), st.tuples(*[st.floats(-1.0, 1.0)] * 3))
+def test_no_force_of_a_pyramid_leaves_the_friction_cone(
+    friction: float, direction: tuple[float, float, float]
+) -> None:
+    """A force is scaled until it is on the pyramid's face: there, and at the edges, it is inside the cone."""
+    fx, fy, _ = direction
+    if max(abs(fx), abs(fy)) < 1e-3:
+        return
+    normal = max(abs(fx), abs(fy)) * np.sqrt(2.0) / friction  # the least one
+    assert (friction_pyramid(friction) @ [fx, fy, normal] <= 1e-9).all()
+    assert (friction_pyramid(friction) @ [fx, fy, 0.999 * normal] > 0.0).any()
+    assert np.hypot(fx, fy) <= friction * normal * (1.0 + 1e-9)
+    cone = rectangle_wrench_cone(0.1, 0.05, friction)
+    assert (cone @ [fx, fy, 0.999 * normal, 0.0, 0.0, 0.0] > 0.0).any()
+
+
+RELEASED: dict[str, Callable[[Robot], Contact]] = {
+    "sole": lambda robot: SoleContact("left_foot", ramp=0.1),
+    "sole that yields": lambda robot: SoleContact("left_foot", ramp=0.1, torsion=0.03, motion_weight=1e4),
+    "point": lambda robot: PointContact(left_hand(robot), ramp=0.1, min_force=5.0, friction=1.0),
+    "fixed": lambda robot: FixedContact(left_hand(robot), ramp=0.1),
+}
+
+
+@pytest.mark.parametrize("kind", RELEASED)
+def test_a_contact_that_is_switched_off_lets_go_evenly_of_what_it_carried(kind: str) -> None:
+    controller = standing("talos")
+    robot, dt = controller.robot, controller.dt
+    contact = RELEASED[kind](robot)
+    if isinstance(contact, SoleContact):
+        controller.remove(controller.contact("left_foot"))
+    controller.add(contact, CoMTask(), OrientationTask(robot.torso_frame))
+    pull = np.zeros(contact.dim)
+    pull[:3] = (15.0, -10.0, 150.0)
+    controller.add(WrenchTask(contact, pull, weight=0.0 if isinstance(contact, SoleContact) else 1.0))
+    before = first = np.array(controller.solve().wrenches[contact.name])
+    assert first[2] > 100.0
+    contact.active = False
+    ticks = round(0.1 / dt)
+    for tick in range(1, ticks + 2):
+        solution = controller.solve()
+        assert solution.ok, controller.diagnose()
+        now = np.array(solution.wrenches[contact.name])
+        share = max(1.0 - tick / ticks, 0.0)
+        assert now[2] == pytest.approx(share * first[2], abs=1e-3)
+        assert (np.abs(now - before)[:3] <= 1.5 * first[2] / ticks).all()  # shear is in proportion at most
+        before = now
+    assert not contact.engaged
+    contact.active = True
+    for _ in range(ticks):
+        solution = controller.solve()
+    assert solution.ok and solution.wrenches[contact.name][2] > 0.5 * first[2]
+
+
+def test_a_contact_that_is_loaded_again_goes_on_from_what_is_allowed() -> None:
+    controller = standing("talos")
+    contact = controller.contact("left_foot")
+    controller.add(CoMTask())
+    controller.solve()
+    contact.active = False
+    for _ in range(10):
+        controller.solve()
+    before = contact.normal_force_range[1]
+    contact.active = True
+    assert contact.normal_force_range[1] == pytest.approx(before)
+    for _ in range(round(contact.ramp / controller.dt)):
+        controller.solve()
+    assert contact.normal_force_range[1] == contact.max_force
+
+
+def test_the_greatest_force_is_a_multiple_of_the_weight_of_the_robot_that_has_the_contact_now() -> None:
+    contact, weights = SoleContact("left_foot"), []
+    for name in ("g1", "talos"):
+        controller = standing(name)
+        controller.remove(controller.contact("left_foot"))
+        controller.add(contact, CoMTask())
+        robot = controller.robot
+        weights.append(robot.mass * GRAVITY)
+        assert contact.max_force == pytest.approx(4.0 * weights[-1])
+        assert contact.min_force == 10.0
+        robot.carry(left_hand(robot), 20.0)
+        try:
+            controller.update(robot.q, robot.v)
+            controller.solve()
+            assert contact.normal_force_range[1] == pytest.approx(4.0 * (weights[-1] + 20.0 * GRAVITY))
+            bound = controller.problem.inequality_groups["wrench cone of contact 'left_foot'"].stop - 1
+            assert controller.problem.upper[bound] == pytest.approx(contact.normal_force_range[1])
+        finally:
+            robot.carry(left_hand(robot), 0.0)
+        controller.remove(contact)
+    assert weights[0] < 0.5 * weights[1]
+    contact.min_force, contact.max_force = 30.0, 50.0
+    controller = standing("g1")
+    controller.remove(controller.contact("left_foot"))
+    controller.add(contact)
+    assert (contact.min_force, contact.max_force) == (30.0, 50.0)
 
 
 def test_force_range_ramps_up_and_down_without_a_jump() -> None:

@@ -162,6 +162,40 @@ def test_what_leaves_a_gate_is_nearest_to_what_was_asked_and_what_was_cut_is_cou
     assert gate.faults == () and gate.clipped == 2
 
 
+def test_drives_of_one_direction_get_no_torque_of_the_other() -> None:
+    """From all ways through the gate: torques, torques with references, gains of the control, a foreign command."""
+    rng, names = np.random.default_rng(3), G1.joint_names
+    most = G1.robot().torque_limit
+    ranges = {}
+    for i, name in enumerate(names):
+        weak = float(rng.choice([0.0, 0.1])) * float(most[i])
+        ranges[name] = (-weak, float(most[i])) if i % 2 else (-float(most[i]), weak)
+    robot = replace(G1, torque_ranges=ranges).robot()
+    least, most = robot.torque_lower, robot.torque_upper
+    gate, q = CommandGate(robot, DT), robot.half_sitting[7:]
+    kp, kd, still = np.full(robot.na, 300.0), np.full(robot.na, 5.0), np.zeros(robot.na)
+    for _ in range(20):
+        torque = rng.uniform(-1.5, 1.5, robot.na) * robot.torque_limit
+        beyond = (torque < least) | (torque > most)
+        expected = np.clip(torque, least, most)
+        for sent in (gate.pass_on(torque), gate.pass_on(torque, q, still)):
+            np.testing.assert_array_equal(sent.joint_torque, expected)
+            assert gate.faults == tuple(name for name, cut in zip(names, beyond, strict=True) if cut)
+        np.testing.assert_array_equal(gate.admit(Command(torque), (q, still)).joint_torque, expected)
+        position, speed = q + rng.uniform(-0.3, 0.3, robot.na), rng.uniform(-5.0, 5.0, robot.na)
+        hybrid = Command(torque, position, still, kp=kp, kd=kd)
+        for sent in (
+            gate.pass_on_with_gains(torque, position, still, (kp, kd), (q, speed)),
+            gate.admit(hybrid, (q, speed)),
+        ):
+            assert sent.joint_position is not None and sent.kp is not None and sent.kd is not None
+            total = sent.joint_torque + sent.kp * (sent.joint_position - q) - sent.kd * speed
+            for each in (sent.joint_torque, total):
+                assert (each >= least - 1e-5).all() and (each <= most + 1e-5).all()
+    gate.pass_on(0.5 * (least + most))
+    assert gate.faults == ()
+
+
 def test_a_failing_robot_is_held_by_its_servos_and_a_stopped_one_damped(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from properties import by_default
@@ -10,7 +12,10 @@ from task_factory import ROBOTS, integrate, make_robot, standing
 from wbc.core.errors import Array
 from wbc.core.limits.joint import BrakingLaw, JointLimits
 from wbc.core.limits.torque import TorqueLimits
+from wbc.core.qp.contact import SoleContact
+from wbc.core.qp.controller import Controller
 from wbc.core.robot import Robot
+from wbc.robots import load
 from wbc.tasks import CoMTask, PostureTask
 
 robots = pytest.mark.parametrize("name", by_default(ROBOTS, "hrp4_class"))
@@ -201,3 +206,47 @@ def test_torques_stay_within_limit_and_rate(name: str) -> None:
             target = {robot.joint_names[knee]: robot.q[7 + knee] + 0.5}
             controller.add(PostureTask(target, joints=list(target), name="knee", weight=1.0, stiffness=200.0))
     assert limited > 0 and named
+
+
+@pytest.mark.parametrize("share", [0.0, 0.02])
+@pytest.mark.parametrize("direction", [1, -1])
+def test_a_drive_of_one_direction_is_not_asked_to_brake_with_what_it_lacks(
+    share: float, direction: int
+) -> None:
+    """The joint is pulled into its bound; a drive without any torque against it keeps no bound there."""
+    description = load("hrp4_class")
+    for joint in ("left_elbow_pitch", "neck_yaw", "left_wrist_yaw"):
+        most = float(description.torque_limit[description.joint_names.index(joint)])
+        weak, strong = -direction * share * most, direction * most
+        robot = replace(description, torque_ranges={joint: (min(weak, strong), max(weak, strong))}).robot()
+        i, limits = robot.joint_index(joint), JointLimits()
+        posture = PostureTask(stiffness=30.0)
+        controller = Controller(robot, 0.005)
+        controller.add(CoMTask(), posture, *(SoleContact(sole.name) for sole in robot.soles))
+        controller.add(limits, TorqueLimits())
+        bound = robot.position_upper[i] if direction > 0 else robot.position_lower[i]
+        posture.target = {joint: float(bound) + 0.3 * direction}
+        q, v = np.array(robot.q), np.array(robot.v)
+        for _ in range(80):
+            controller.update(q, v)
+            solution = controller.solve()
+            assert solution.ok, (joint, controller.diagnose())
+            q, v = integrate(controller, q, v, solution.accelerations)
+            assert share == 0.0 or direction * (q[7 + i] - bound) < 1e-3
+        assert limits.braking[i] <= max(100.0 * share, 0.3 * share * most / robot.mass_matrix[6 + i, 6 + i])
+
+
+def test_a_joint_without_torque_and_without_bounds_makes_no_qp_wrong() -> None:
+    description = load("hrp4_class")
+    given, model = description.robot(), description.pinocchio_model()
+    i = given.joint_index("left_elbow_pitch")
+    model.upperEffortLimit[6 + i] = 0.0
+    model.lowerPositionLimit[7 + i], model.upperPositionLimit[7 + i] = -np.inf, np.inf
+    robot = Robot(model, given.soles, given.half_sitting)
+    controller = Controller(robot, 0.005)
+    controller.add(CoMTask(), PostureTask(), *(SoleContact(sole.name) for sole in robot.soles))
+    controller.add(JointLimits(), TorqueLimits())
+    solution = controller.solve()
+    assert solution.ok and abs(solution.torques[i]) < 1e-5
+    law = BrakingLaw(np.array([0.0, 2.0, 0.0]), 0.005)
+    np.testing.assert_array_equal(law(np.array([np.inf, np.inf, -0.1]), np.zeros(3)), np.inf)

@@ -11,10 +11,13 @@ import pinocchio as pin
 import pytest
 
 from wbc.core.estimation.consistency import ConsistencyMonitor
+from wbc.core.estimation.inertial import InertialFilter
 from wbc.core.estimation.observer import Observer, ObserverSettings
 from wbc.core.estimation.plausibility import Plausibility
+from wbc.core.estimation.wrenches import WrenchEstimator
 from wbc.core.robot import GRAVITY, Robot, Sole
 from wbc.core.signals import Measurement
+from wbc.robots import load
 
 UP = np.array([0.0, 0.0, 1.0])
 
@@ -433,3 +436,40 @@ def test_aligning_with_gravity_sets_roll_and_pitch() -> None:
     force = robot.placement("imu").rotation.T @ (GRAVITY * UP)
     observer.reset(specific_force=force)
     np.testing.assert_allclose(observer.robot.placement("base").rotation[2], truth[2], atol=1e-6)
+
+
+def test_wrenches_from_torques_count_the_springs_of_the_robot() -> None:
+    """Torques that hold a robot still, with springs at some joints or without, show the same wrenches."""
+    description = load("hrp4_class")
+    for springs in ({}, {"left_knee_pitch": (100.0, 0.0), "right_hip_roll": (60.0, -0.4)}):
+        robot = replace(description, springs=springs).robot()
+        wrenches = np.array([[10.0, -5.0, 250.0, 1.0, 2.0, 0.5], [-10.0, 5.0, 0.0, -1.0, 1.0, 0.0]])
+        wrenches[1, 2] = robot.mass * GRAVITY - 250.0
+        torque = np.array(robot.bias[6:])
+        for sole, wrench in zip(robot.soles, wrenches, strict=True):
+            frame = robot.frame_id(sole.frame)
+            jacobian = pin.computeFrameJacobian(
+                robot.model, robot.model.createData(), robot.q, frame, pin.LOCAL
+            )
+            torque -= jacobian[:, 6:].T @ wrench
+        estimator = WrenchEstimator(robot, 0.005)
+        for _ in range(400):
+            found = estimator.update(robot.q, np.zeros(robot.nv), torque)
+        np.testing.assert_allclose(found[:, 2], wrenches[:, 2], rtol=0.1)
+        assert estimator.contact == [True, True]
+
+
+def test_a_filter_that_is_reset_has_turned_by_nothing() -> None:
+    inertial, still = InertialFilter(), np.zeros(3)
+
+    def tick(yaw_error: float, dt: float) -> None:
+        inertial.predict(still, GRAVITY * UP, dt)
+        inertial.correct(still, yaw_error, dt)
+
+    for _ in range(5):
+        tick(0.2, 0.005)
+    assert inertial.turned != 0.0
+    inertial.reset(np.eye(3))
+    assert inertial.turned == 0.0
+    tick(0.0, 0.0)  # in no time the gyro bias, which is kept, turns nothing
+    assert inertial.turned == pytest.approx(0.0, abs=1e-12)

@@ -138,7 +138,14 @@ def test_the_cone_is_box_friction_and_torsion() -> None:
     """Each bound holds a wrench just within it and refuses one just beyond."""
     robot = make_robot("g1")
     contact = bound(robot, friction=0.4, torsion=0.03)
-    limits = {0: 0.4, 1: 0.4, 3: 0.01, 4: 0.025, 5: 0.03}  # of x, y, roll, pitch, yaw over the normal force
+    inner = 0.4 / np.sqrt(2.0)
+    limits = {
+        0: inner,
+        1: inner,
+        3: 0.01,
+        4: 0.025,
+        5: 0.03,
+    }  # of x, y, roll, pitch, yaw over the normal force
     for signs in itertools.product((-0.999, 0.999), repeat=5):  # all bounds at once: none takes from another
         wrench = np.array([0.0, 0.0, 200.0, 0.0, 0.0, 0.0])
         for (axis, limit), sign in zip(limits.items(), signs, strict=True):

@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 import logging
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pinocchio as pin
 import pytest
+from at_rest import at_rest
 from task_factory import left_hand, standing
 
+from wbc.core.drive.position import PositionControl
+from wbc.core.drive.torque import TorqueControl
 from wbc.core.errors import InputError, UnknownNameError
 from wbc.core.limits.torque import TorqueLimits
 from wbc.tasks import (
@@ -167,6 +171,31 @@ def test_falls_and_ticks_without_a_solution_are_outcomes() -> None:
     assert run(program) == "infeasible" and program.history[1][1:] == ("m/torn", "infeasible")
     step(program)
     assert controller.solve().ok  # what the state added is gone
+
+
+@pytest.mark.parametrize("kind", [PositionControl, TorqueControl])
+def test_a_control_that_stops_ends_a_program_as_stopped_or_leads_on(
+    kind: type[PositionControl | TorqueControl],
+) -> None:
+    """Encoders fail after 50 ms; the control stops after 0.1 s more."""
+    for transitions, outcome in (({}, "stopped"), ({"one": {"stopped": "end: given up"}}, "given up")):
+        control = kind(standing("hrp4_class", dt=DT))
+        robot = control.controller.robot
+        program = Program(
+            StateMachine(
+                "m", [Behaviour("one", done=after(0.4)), Behaviour("two", done=after(0.4))], transitions
+            ),
+            control,
+        )
+        for tick in range(200):
+            measurement = at_rest(robot, DT * tick)
+            if tick > round(0.05 / DT):
+                measurement = replace(measurement, joint_position=np.full(robot.na, np.nan))
+            program.command(measurement)
+            if program.ended:
+                break
+        assert control.stopped and program.outcome == outcome
+        assert program.history[0][1:] == ("m/one", "stopped") and program.time < 0.4
 
 
 @pytest.mark.parametrize("part", ["start", "tick", "end of a nested one", "done"])

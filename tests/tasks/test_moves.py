@@ -13,9 +13,9 @@ from hypothesis import strategies as st
 from properties import examples
 from task_factory import arm, left_hand, right_hand, standing
 
-from wbc.core.errors import InputError
+from wbc.core.errors import Array, InputError
 from wbc.core.qp.controller import Controller
-from wbc.core.qp.move import least_turn
+from wbc.core.qp.move import DirectionCoordinates, Move, least_turn
 from wbc.core.robot import Robot
 from wbc.core.trajectories import Quintic, Trajectory, approach, minimum_jerk
 from wbc.tasks import (
@@ -126,6 +126,90 @@ def test_a_reference_keeps_its_speed_and_acceleration_and_arrives(goal: tuple[fl
     assert max(speeds) < 0.5 + 1e-9 and max(changes) < 2.0 + 1e-9
     np.testing.assert_allclose(place, goal, atol=1e-4)
     assert np.linalg.norm(velocity) < 1e-3
+
+
+def rates(path: Trajectory) -> tuple[float, float]:
+    """Greatest speed and acceleration."""
+    states = np.array([path.at(float(t)) for t in np.linspace(0.0, path.duration * (1.0 - 1e-9), 1001)])
+    return tuple(np.linalg.norm(states[:, 1:], axis=2).max(axis=0).tolist())  # type: ignore[return-value]
+
+
+@examples(20)
+@given(st.tuples(*[st.floats(-0.5, 0.5)] * 3), st.floats(0.02, 0.98), st.floats(0.05, 2.0))
+def test_a_path_that_begins_in_motion_takes_the_least_time_that_keeps_its_limits(
+    goal: tuple[float, float, float], moment: float, speed: float
+) -> None:
+    """From a moment of another move within the same limits, to the same goal, to a third one, and back."""
+    acceleration = 5.0 * speed
+    first = Trajectory([np.zeros(3), [0.3, 0.1, -0.2]], speed=speed, acceleration=acceleration)
+    place, velocity, change = first.at(moment * first.duration)
+    start = {"velocity": velocity, "acceleration_at_start": change}
+    for end in (first.end, np.array(goal), np.zeros(3)):
+        path = Trajectory([place, end], speed=speed, acceleration=acceleration, **start)
+        speeds, pushes = rates(path)
+        assert speeds <= 1.001 * speed and pushes <= 1.002 * acceleration
+        assert speeds > 0.98 * speed or pushes > 0.95 * acceleration  # nothing is slower than it must be
+        np.testing.assert_allclose(path.at(0.0)[:2], [place, velocity], atol=1e-9)
+    onward = Trajectory([place, first.end], speed=speed, acceleration=acceleration, **start)
+    left = (1.0 - moment) * first.duration
+    assert onward.duration <= left * 1.001 + 1e-4  # what is left of the move keeps the limits, too
+
+
+def test_a_duration_is_taken_if_and_only_if_it_keeps_the_limits() -> None:
+    start: dict[str, Any] = {"velocity": [0.3, 0.0, 0.0], "acceleration_at_start": [1.0, 0.0, 0.0]}
+    ends, taken = [np.zeros(3), np.array([0.1, 0.02, 0.0])], []
+    for duration in np.geomspace(0.05, 3.0, 40).tolist():
+        curve = Quintic(
+            (ends[0], np.array(start["velocity"]), np.array(start["acceleration_at_start"])),
+            (ends[1], np.zeros(3), np.zeros(3)),
+            duration,
+        )
+        states = [curve.at(t)[1:] for t in np.linspace(0.0, duration, 500)]
+        speed, push = np.linalg.norm(states, axis=2).max(axis=0)
+        try:
+            path = Trajectory(ends, duration, speed=1.0, acceleration=10.0, **start)
+        except InputError as error:
+            assert "duration" in str(error) and max(speed / 1.0, push / 10.0) > 0.995
+            taken.append(False)
+        else:
+            speeds, pushes = rates(path)
+            assert path.duration == duration and speeds < 1.002 and pushes < 10.02
+            taken.append(True)
+    assert any(taken) and not all(taken)
+
+
+@pytest.mark.parametrize(
+    "ways", [[(0.0, 1.0, 0.2)], [(0.0, 1.0, 0.2), (0.0, 0.0, 1.0)], [(-1.0, 0.3, 0.0), (0.0, -1.0, 0.5)]]
+)
+def test_a_direction_that_moves_has_the_rates_of_its_own_motion(
+    ways: list[tuple[float, float, float]],
+) -> None:
+    """The velocity is d × ḋ, and the acceleration is its derivative; both by central differences."""
+
+    def unit(value: Any) -> Array:
+        return np.array(value) / np.linalg.norm(value)
+
+    move = Move(DirectionCoordinates(np.array([1.0, 0.0, 0.0]), unit), ways, (None, None), speed=1.0)
+    duration, h = move._trajectory.duration, 1e-5
+
+    def at(time: float) -> tuple[Array, Array, Array]:
+        return move.coordinates.target(*move._trajectory.at(time))
+
+    for time in np.linspace(0.05, 0.95, 19) * duration:
+        direction, velocity, acceleration = at(time)
+        before, after = at(time - h), at(time + h)
+        np.testing.assert_allclose(velocity, np.cross(direction, (after[0] - before[0]) / (2 * h)), atol=1e-6)
+        np.testing.assert_allclose(acceleration, (after[1] - before[1]) / (2 * h), atol=1e-6)
+    np.testing.assert_allclose(at(duration)[0], unit(ways[-1]), atol=1e-9)
+
+
+def test_a_direction_turns_the_shorter_way_between_any_two_of_its_targets() -> None:
+    ways = [(np.cos(angle), np.sin(angle), 0.0) for angle in (1.7, 3.5, 5.2)]
+    coordinates = DirectionCoordinates(np.array([1.0, 0.0, 0.0]), np.array)
+    move = Move(coordinates, ways, (None, None), speed=1.0)
+    times = np.linspace(0.0, move._trajectory.duration, 100)
+    ends = [coordinates.target(*move._trajectory.at(float(t)))[0] for t in times]
+    assert np.unwrap([np.arctan2(end[1], end[0]) for end in ends])[-1] == pytest.approx(5.2)
 
 
 @pytest.mark.parametrize(

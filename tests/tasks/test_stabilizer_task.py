@@ -100,9 +100,101 @@ def test_tasks_on_the_wrenches_come_and_go_with_it() -> None:
     assert not standing("position")[2].parts
 
 
+@pytest.mark.parametrize("order", ["left, right", "right, left", "by frame"])
+def test_the_order_of_the_contacts_and_an_estimate_that_is_not_given_change_nothing(order: str) -> None:
+    """The robot leans to its left in position control, where the commanded robot is not the measured one."""
+    commands = []
+    for given in (True, False):
+        description = load("hrp4_class")
+        plant = wbc.Plant(description)
+        robot = description.robot()
+        controller, observer = wbc.Controller(robot, plant.control_period), wbc.Observer(robot)
+        names = [robot.sole("right_foot").frame, "left_foot"] if order == "by frame" else order.split(", ")
+        soles = [
+            wbc.SoleContact(name if name.endswith(("sole", "_foot")) else f"{name}_foot")
+            for name in (["left", "right"] if given else names)
+        ]
+        controller.add(*soles)
+        estimate = {"estimate": observer.robot} if given else {}
+        task = StabilizerTask(soles, drives="position", **estimate)
+        controller.add(task, wbc.PostureTask(weight=0.1), wbc.OrientationTask(robot.base_frame))
+        controller.add(wbc.JointLimits(), wbc.TorqueLimits())
+        control = wbc.PositionControl(controller, observer)
+        task.target = task.target + [0.0, 0.02, 0.0]
+        for _ in range(40):
+            measurement = plant.measure()
+            command = control.command(measurement)
+            plant.step(command)
+        assert task.output is not None and list(task.wrenches) == ["left_foot", "right_foot"]
+        wrenches = task.output.feet.wrenches
+        assert wrenches[0, 2] > wrenches[1, 2] + 20.0
+        commands.append(command.joint_position)
+    np.testing.assert_allclose(commands[0], commands[1], atol=1e-6)
+
+
+def weight_on_both(robot: wbc.Robot, time: float) -> wbc.Measurement:
+    wrenches = np.array([[0.0, 0.0, 0.5 * robot.mass * GRAVITY, 0.0, 0.0, 0.0]] * 2)
+    return wbc.Measurement(
+        time, robot.q[7:].copy(), np.zeros(robot.na), np.zeros(3), np.array([0.0, 0.0, GRAVITY]), wrenches
+    )
+
+
+@pytest.mark.parametrize("side", [0, 1])
+def test_a_foot_that_has_been_set_down_elsewhere_stays_there(side: int) -> None:
+    robot = load("hrp4_class").robot()
+    controller = wbc.Controller(robot, 0.005)
+    soles = controller.add(wbc.SoleContact("left_foot"), wbc.SoleContact("right_foot"))
+    task = StabilizerTask(soles, drives="position")
+    controller.add(task, wbc.PostureTask(weight=0.1))
+    foot, ticks = soles[side], 30
+    controller.solve(weight_on_both(robot, 0.0))
+    foot.active = False
+    for tick in range(ticks):
+        controller.solve(weight_on_both(robot, 0.005 * tick))
+    q = np.array(robot.q)
+    q[7 + robot.joint_index(f"{('left', 'right')[side]}_hip_pitch")] -= 0.15
+    robot.update(q, np.zeros(robot.nv))
+    foot.active = True
+    there = np.array(foot.placement.translation)
+    for tick in range(3):
+        assert controller.solve(weight_on_both(robot, 0.005 * (ticks + tick))).ok
+        np.testing.assert_allclose(foot.target.translation, there, atol=1e-3)
+    other = soles[1 - side]
+    np.testing.assert_allclose(other.target.translation, other.placement.translation, atol=1e-3)
+
+
+def test_a_task_that_is_removed_leaves_the_feet_at_rest_and_is_removed_before_them() -> None:
+    _, control, task = standing("position")
+    controller, robot = control.controller, control.controller.robot
+    left, right = controller.contacts
+    with pytest.raises(InputError, match="needs"):
+        controller.remove(left)
+    task.target = task.target + [0.02, 0.0, 0.0]
+    for tick in range(10):
+        controller.solve(weight_on_both(robot, 0.005 * tick))
+    assert left.velocity.any() and right.velocity.any()
+    controller.remove(task)
+    for contact in (left, right):
+        np.testing.assert_array_equal(contact.velocity, 0.0)
+        np.testing.assert_allclose(contact.target.homogeneous, contact.placement.homogeneous, atol=1e-12)
+    assert controller.solve(weight_on_both(robot, 0.1)).ok
+    controller.remove(left, right)
+
+
 def test_it_needs_two_feet_and_a_controller() -> None:
     left = wbc.SoleContact("left_foot")
-    with pytest.raises(InputError, match="needs two feet"):
-        StabilizerTask((left,))
+    robot = load("hrp4_class").robot()
+    for contacts in (
+        (left,),
+        left,
+        (left, left),
+        (left, "right_foot"),
+        (left, wbc.FixedContact("left_sole")),
+    ):
+        with pytest.raises(InputError, match="needs two feet"):
+            StabilizerTask(contacts)  # type: ignore[arg-type]
+    twice = left, wbc.SoleContact(robot.sole("left_foot").frame)
+    with pytest.raises(InputError, match="two different soles"):
+        wbc.Controller(robot, 0.005).add(StabilizerTask(twice))
     with pytest.raises(InputError, match="controller"):
         _ = StabilizerTask((left, wbc.SoleContact("right_foot"))).stabilizer

@@ -2,20 +2,24 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 import pinocchio as pin
 import pytest
 from properties import by_default
 from task_factory import ROBOTS, left_hand, make_robot, near_half_sitting, right_hand, standing
 
+from wbc.core.errors import InputError
 from wbc.core.limits.collision import CollisionSphere, SelfCollisionLimit
 from wbc.core.limits.com_polygon import CoMPolygonLimit
 from wbc.core.limits.joint import JointLimits
 from wbc.core.limits.torque import TorqueLimits
-from wbc.core.qp.contact import SoleContact
+from wbc.core.qp.contact import PointContact, SoleContact
 from wbc.core.qp.controller import Controller
+from wbc.core.qp.items import Item
 from wbc.core.qp.other_solvers import solve_by_qpsolvers
-from wbc.core.robot import GRAVITY
+from wbc.core.robot import GRAVITY, Robot
 from wbc.tasks import (
     CoMTask,
     ImpedanceTask,
@@ -108,3 +112,90 @@ def test_tasks_can_be_taken_out_and_put_back() -> None:
     table = controller.status_table()
     for task in controller.tasks:
         assert task.name[:20] in table
+
+
+def two_soles(name: str = "hrp4_class") -> tuple[Controller, SoleContact, SoleContact]:
+    robot = make_robot(name)
+    controller = Controller(robot, 0.005)
+    left, right = SoleContact("left_foot"), SoleContact("right_foot")
+    controller.add(CoMTask(), PostureTask(), OrientationTask(robot.torso_frame), left, right)
+    controller.solve()
+    return controller, left, right
+
+
+@pytest.mark.parametrize(
+    "refused",
+    [
+        lambda robot: WrenchTask("left_hand"),
+        lambda robot: SoleContact("left_foot"),
+        lambda robot: PositionTask("no such frame"),
+        lambda robot: TorqueLimits(rate=-1.0),
+    ],
+)
+def test_an_item_that_is_refused_changes_nothing(refused: Callable[[Robot], Item]) -> None:
+    """Neither the velocity of a contact, which acts on the next tick, nor the solver's memory."""
+    controller, left, _ = two_soles()
+    counts = controller.solver_counts
+    with pytest.raises(InputError):
+        controller.add(refused(controller.robot))
+    left.velocity = [0.0, 0.0, 0.0, 0.0, 0.2, 0.0]
+    solution = controller.solve()
+    jacobian = pin.getFrameJacobian(controller.robot.model, controller.robot.data, left.frame_id, pin.LOCAL)
+    expected = [0.0, 0.0, 0.0, 0.0, left.damping[4] * 0.2, 0.0]
+    np.testing.assert_allclose(jacobian @ solution.accelerations, expected, atol=1e-6)
+    assert sum(controller.solver_counts.values()) == sum(counts.values()) + 1
+
+
+@pytest.mark.parametrize("hard", [False, True])
+@pytest.mark.parametrize("named", [False, True])
+def test_a_task_on_a_wrench_acts_while_its_contact_is_there_and_on(hard: bool, named: bool) -> None:
+    controller, left, _ = two_soles()
+    task = WrenchTask(
+        "left_foot" if named else left,
+        [8.0, 0.0, 60.0, 0.0, 0.0, 0.0],
+        axes=["x", "z"],
+        hard=hard,
+        weight=1.0,
+    )
+    controller.add(task)
+
+    def force(ticks: int = 25) -> list[float]:
+        for _ in range(ticks):
+            solution = controller.solve()
+            assert solution.ok, controller.diagnose()
+        wrench = solution.wrenches.get("left_foot", np.zeros(6))
+        return [float(wrench[0]), float(wrench[2])]
+
+    assert force() == pytest.approx([8.0, 60.0], abs=0.5)
+    left.active = False
+    assert force() == pytest.approx([0.0, 0.0], abs=1e-6)
+    controller.remove(left)
+    assert force() == [0.0, 0.0]
+    left.active = True
+    controller.add(left)
+    assert force() == pytest.approx([8.0, 60.0], abs=0.5)
+
+
+def test_a_tick_that_fails_keeps_the_last_wrenches_under_their_names() -> None:
+    controller, left, right = two_soles()
+    wrenches = {name: np.array(wrench) for name, wrench in controller.solution.wrenches.items()}  # type: ignore[union-attr]
+    controller.remove(left)
+    hand = PointContact(left_hand(controller.robot))
+    controller.add(hand, WrenchTask(right, [0.0, 0.0, -50.0, 0.0, 0.0, 0.0], axes="z", hard=True))
+    failed = controller.solve()
+    assert not failed.ok
+    np.testing.assert_array_equal(failed.wrenches["right_foot"], wrenches["right_foot"])
+    np.testing.assert_array_equal(failed.wrenches[hand.name], 0.0)
+    again = controller.solve()
+    np.testing.assert_array_equal(again.wrenches["right_foot"], wrenches["right_foot"])
+
+
+def test_a_diagnosis_changes_no_contact() -> None:
+    controller, left, _ = two_soles()
+    left.active = False
+    controller.add(PositionTask(left_hand(controller.robot)))
+    before = left.normal_force_range
+    for _ in range(3):
+        assert controller.diagnose() == {}
+        controller.status_table()
+    assert left.normal_force_range == before
