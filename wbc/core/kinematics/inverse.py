@@ -130,7 +130,7 @@ class InverseKinematics(Items):
         self._assembly = VelocityAssembly(
             self.robot, levels, self._contacts, self._limits, self._regularisation, self._damping
         )
-        self._solver = QpSolver(self._assembly.problem, SOLVER, first="daqp")
+        self._solver = QpSolver(self._assembly.problem, SOLVER)
         self._reads_all = any(each.reads == "all" for each in self._items())
         self._dirty = False
         self._refresh()
