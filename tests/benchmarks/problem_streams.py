@@ -150,9 +150,8 @@ class ProblemStream:
         """Draw other targets: a posture that may lie beyond the limits, hands out of reach."""
         rng, robot = self._rng, self._robot
         reach = rng.choice([0.1, 0.5, 2.0])
-        self._posture.target = robot.half_sitting[7:] + rng.normal(0.0, reach, robot.na) * (
-            rng.random(robot.na) < 0.2
-        )
+        posture = robot.half_sitting[7:] + rng.normal(0.0, reach, robot.na) * (rng.random(robot.na) < 0.2)
+        self._posture.follow(posture)  # unchecked: it may be out of the joints' range
         for hand in self._hands:
             hand.target = self._start + rng.uniform(-0.8, 0.8, 3)
 
