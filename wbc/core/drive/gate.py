@@ -89,15 +89,14 @@ class CommandGate:
         self, torque: Array, sent: Command, gains: tuple[Array, Array], measured: tuple[Array, Array]
     ) -> tuple[Array, Array, Array, tuple[Array, Array]]:
         """Return torque, gains, and q and q̇ to count with, so that no unknown q and q̇ lead beyond a limit."""
-        (q, v), (kp, kd), limit = measured, gains, self._torque
+        (q, v), (kp, kd), least, most = measured, gains, self._least, self._most
         assert sent.joint_position is not None and sent.joint_velocity is not None
         lost, unseen = np.isnan(q), np.isnan(v)
         q, kp = np.where(lost, sent.joint_position, q), np.where(lost, 0.0, kp)
         servo = kp * (sent.joint_position - q)
-        torque = np.where(
-            unseen, np.clip(np.clip(torque + servo, -limit, limit) - servo, -limit, limit), torque
-        )
-        room = np.maximum(limit - np.abs(torque + servo), 0.0)
+        torque = np.where(unseen, np.clip(np.clip(torque + servo, least, most) - servo, least, most), torque)
+        total = torque + servo
+        room = np.maximum(np.minimum(most - total, total - least), 0.0)
         fastest = self._speed + np.abs(sent.joint_velocity)
         kd = np.where(unseen, np.minimum(kd, room / np.maximum(fastest, ROUNDING)), kd)
         return torque, kp, kd, (q, np.where(unseen, sent.joint_velocity, v))
