@@ -61,12 +61,14 @@ def stamped(name: str) -> str:
     return f"{name}#{description.digest}"
 
 
-def load(name: str) -> RobotDescription:
+@checked
+def load(name: str | Path) -> RobotDescription:
     """Return the description of a robot, the same object at every call.
 
     Args:
         name: One of `names()` or `others()`, or the path of an MJCF, a URDF or a TOML description.
     """
+    name = str(name)
     if name not in _FACTORIES and (stamp := STAMPED.fullmatch(name)):
         description = load(stamp[1])
         if description.digest != stamp[2]:
@@ -85,9 +87,9 @@ def load(name: str) -> RobotDescription:
 
 
 @checked
-def as_description(robot: RobotDescription | str) -> RobotDescription:
+def as_description(description: RobotDescription | str) -> RobotDescription:
     """Return a description as it is, that of a robot by its name."""
-    return load(robot) if isinstance(robot, str) else robot
+    return load(description) if isinstance(description, str) else description
 
 
 @cache

@@ -8,6 +8,7 @@ from typing import Annotated, Any, ClassVar, Literal, get_args
 
 import numpy as np
 
+from wbc.core.checked import checked
 from wbc.core.control import Mode
 from wbc.core.drive.hybrid import HybridControl
 from wbc.core.drive.position import PositionControl
@@ -98,6 +99,7 @@ class StandResult(TrialResult):
 class StandTrial(Trial):
     """One stand about to begin: plant and controller, connected; `control` is the controller with its observer."""
 
+    @checked
     def __init__(self, spec: StandSpec, scenario: Sequence[TrialHook] = (), *, visuals: bool = False) -> None:
         """Build robot, plant (see it for `visuals`) and controller; `scenario` are hooks that act, such as pushes."""
         self.spec = spec
@@ -166,6 +168,7 @@ class Sway(TrialHook):
         self.zmp.append(centre_of_pressure(truth))
 
 
+@checked
 def stand(spec: StandSpec | None = None, **values: Any) -> StandResult:
     """Simulate a standing robot.
 

@@ -8,6 +8,7 @@ from typing import Annotated
 
 import numpy as np
 
+from wbc.core.checked import checked
 from wbc.core.control import Mode
 from wbc.core.conventions import rotation_of
 from wbc.core.errors import Array
@@ -77,6 +78,7 @@ class TrackTrial(Trial):
 
     walking: WalkingControl
 
+    @checked
     def __init__(self, clip: MotionClip, spec: TrackSpec | None = None, *, visuals: bool = False) -> None:
         """Build robot, plant (see it for `visuals`) and controller; the robot stands as the feasible clip begins."""
         self.spec = spec = spec or TrackSpec()

@@ -182,6 +182,7 @@ class MujocoLoop(SimulatedRobot):
             self.seed = seed
         if configuration is not None:
             q = checked_configuration("configuration", configuration, self.robot.nq)
+            self.robot.check_range("position of joint", range(self.robot.na), q[7:], beyond=math.tau)
         places = self.places
         places.set_configuration(q, self.data.qpos)
         self.data.qvel[places.base_dof : places.base_dof + 6] = 0.0

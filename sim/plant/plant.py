@@ -207,6 +207,7 @@ class Plant(SimulatedRobot):
             q = self.on_ground(self.robot.half_sitting)
         else:
             q = checked_configuration("configuration", configuration, self.robot.nq)
+            self.robot.check_range("position of joint", range(self.robot.na), q[7:], beyond=math.tau)
             q[3:7] /= np.linalg.norm(q[3:7])
         if self.scene is not None:
             start = mujoco.MjData(self.model)
@@ -247,7 +248,7 @@ class Plant(SimulatedRobot):
             Configuration, shape (nq,), pressed into the ground by a micrometre; peaks of a rough ground between the
             points of the grid on which the soles are compared with it, some 13 mm apart, are not seen.
         """
-        q = finite_array("configuration", configuration, (self.robot.nq,))
+        q = checked_configuration("configuration", configuration, self.robot.nq)
         data = mujoco.MjData(self.model)
         configuration_to_mujoco(q, self.places.joint_qpos, out=data.qpos)
         mujoco.mj_kinematics(self.model, data)

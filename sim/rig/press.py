@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from wbc.core.checked import checked
 from wbc.core.errors import Array
 from wbc.core.hull import hull_and_area
 from wbc.sim.plant.robot import DivergedError
@@ -113,6 +114,7 @@ class PressResult:
     support: SupportPolygon | None = None  # equivalent support polygon; None if it was not asked for
 
 
+@checked
 def press(test: FootTest, *, support: bool = True) -> PressResult:
     """Drop the foot onto the ground, let it settle under its load and measure it at rest.
 

@@ -50,6 +50,12 @@ class TrialSpec:
 
     kind: ClassVar[str] = "trial"
 
+    @staticmethod
+    def instead_of(value: object) -> str:
+        """Return how to say which robot, where its name or the robot itself was given."""
+        name = value if isinstance(value, str) else getattr(value, "name", None)
+        return f"robot='{name}' is one of its fields" if isinstance(name, str) else ""
+
     robot: str = "hrp4_class"
     mode: Mode | None = None
     foot: str = "flat"

@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from wbc.core.checked import checked
 from wbc.core.errors import InputError, UnknownNameError, choose
 from wbc.core.estimation.observer import Observer
 from wbc.core.robot import GRAVITY, Robot
@@ -48,6 +49,7 @@ LEAST_WAY = 0.05
 FIELDS = (*(f.name for f in fields(WalkSpec)), *PLAN_FIELDS)
 
 
+@checked
 def walk(
     spec: WalkSpec | None = None,
     *,
@@ -97,6 +99,7 @@ class WalkTrial(Trial):
         meter: Measures the figures of the result; `sole_meter` those of soles of variable stiffness, None without.
     """
 
+    @checked
     def __init__(self, spec: WalkSpec, *, policy: PolicyLike | None = None, visuals: bool = False) -> None:
         """Build plant and controller.
 

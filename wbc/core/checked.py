@@ -28,8 +28,8 @@ F = TypeVar("F", bound=Callable[..., Any])
 def checked(function: F) -> F:
     """Check the arguments of a function against its annotations at every call.
 
-    Numbers, texts, choices, tuples of them, arrays with `Numbers`, functions, and objects of plain classes are checked,
-    alone or in a union. An annotation with any other part, such as an abstract class or a protocol, checks nothing.
+    Numbers, texts, choices, tuples of them, arrays with `Numbers`, functions and objects of classes are checked, alone
+    or in a union. An annotation with any other part, such as a protocol, a list or `ArrayLike`, checks nothing.
     NumPy numbers become Python's, arrays with `Numbers` become float64. Defaults are taken as they are.
 
     Args:
@@ -131,13 +131,10 @@ def _for_pydantic(hint: Any) -> Any:
         return Annotated[Any, PlainValidator(_callable)]
     if origin is Literal or hint in (float, int, bool, str, type(None)):
         return hint
-    if not isinstance(hint, type) or origin is not None or inspect.isabstract(hint):
+    protocol = getattr(hint, "_is_protocol", False)
+    if not isinstance(hint, type) or origin is not None or protocol or hint is Any:
         return None
-    if (
-        hint in (Any, object)
-        or getattr(hint, "_is_protocol", False)
-        or hint.__module__ in ("builtins", "types")
-    ):
+    if hint.__module__ in ("builtins", "types", "collections.abc"):
         return None
     return Annotated[Any, PlainValidator(functools.partial(_instance, hint))]
 

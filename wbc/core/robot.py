@@ -418,15 +418,18 @@ class Robot:
             unknown_name("joint", name, self.joint_names)
         return self.joint_names.index(name)
 
-    def check_range(self, what: str, joints: Sequence[int] | NDArray[np.intp], positions: Array) -> None:
+    def check_range(
+        self, what: str, joints: Sequence[int] | NDArray[np.intp], positions: Array, beyond: float = BEYOND
+    ) -> None:
         """Refuse positions, rad or m, beyond the range of their joints, which are indices in arrays of shape (na,).
 
-        A range is a little wider than the limits: stops yield, and where a robot stands is a position that it may hold.
+        A range is a little wider than the limits, by `beyond`: stops yield, and where a robot stands is a position that
+        it may hold.
         """
-        low, high = self.position_lower[joints] - BEYOND, self.position_upper[joints] + BEYOND
-        beyond = ((positions < low) | (positions > high)).nonzero()[0]
-        if beyond.size:
-            row = int(beyond[0])
+        low, high = self.position_lower[joints] - beyond, self.position_upper[joints] + beyond
+        outside = ((positions < low) | (positions > high)).nonzero()[0]
+        if outside.size:
+            row = int(outside[0])
             joint = int(joints[row])
             raise InputError(
                 f"{what} '{self.joint_names[joint]}' (rad, of a sliding joint m) must lie in its range "
