@@ -15,7 +15,7 @@ import pinocchio as pin
 
 from wbc.core.checked import checked
 from wbc.core.errors import Array, InputError, ModelError, choose
-from wbc.core.limits.collision import CollisionCapsule, CollisionSphere
+from wbc.core.limits.shapes import CollisionCapsule, CollisionSphere, Shape
 from wbc.core.robot import Robot, Sole, joints_to
 from wbc.core.servos import Servos
 from wbc.core.settings import Positive
@@ -268,11 +268,15 @@ class RobotDescription:
         return urdf.without_geometry(self.urdf)
 
     def collision_shapes(self) -> dict[str, list[CollisionSphere | CollisionCapsule]]:
-        """Return link → spheres and capsules for `SelfCollisionLimit`, of its collision geometry, or of what is seen.
+        """Return link → spheres and capsules for `CollisionLimit`, of its collision geometry, or of what is seen.
 
         A box, and a mesh as the box around it, is a capsule along its longest side, as thick as the second one.
         """
         return shapes.capsules(self.urdf, self.package_dirs)
+
+    def collision_hulls(self) -> dict[str, list[Shape]]:
+        """Return link → shapes for `CollisionLimit`, of its collision geometry, or of what is seen: meshes as hulls."""
+        return shapes.hulls(self.urdf, self.package_dirs)
 
     def attachment(self, frame: str) -> tuple[str, pin.SE3]:
         """Return the moving link that carries a frame, and the placement of the frame in it.

@@ -16,9 +16,16 @@ from .core.errors import WbcError as WbcError
 from .core.estimation.observer import Observer as Observer
 from .core.kinematics.inverse import InverseKinematics as InverseKinematics
 from .core.limits.base import Limit as Limit
-from .core.limits.collision import SelfCollisionLimit as SelfCollisionLimit
+from .core.limits.collision import CollisionLimit as CollisionLimit
 from .core.limits.com_polygon import CoMPolygonLimit as CoMPolygonLimit
 from .core.limits.joint import JointLimits as JointLimits
+from .core.limits.shapes import CollisionBox as CollisionBox
+from .core.limits.shapes import CollisionCapsule as CollisionCapsule
+from .core.limits.shapes import CollisionCylinder as CollisionCylinder
+from .core.limits.shapes import CollisionHalfSpace as CollisionHalfSpace
+from .core.limits.shapes import CollisionHull as CollisionHull
+from .core.limits.shapes import CollisionSphere as CollisionSphere
+from .core.limits.shapes import Obstacle as Obstacle
 from .core.limits.torque import TorqueLimits as TorqueLimits
 from .core.qp.contact import FixedContact as FixedContact
 from .core.qp.contact import PointContact as PointContact

@@ -10,9 +10,19 @@ import numpy as np
 import pinocchio as pin
 
 from wbc.core.errors import Array
-from wbc.core.limits.collision import CollisionCapsule, CollisionSphere
+from wbc.core.limits.shapes import (
+    CollisionBox,
+    CollisionCapsule,
+    CollisionCylinder,
+    CollisionHull,
+    CollisionSphere,
+    Shape,
+)
 from wbc.robots import urdf
 from wbc.robots.derivation.soles import geometry_of, mesh_vertices, resolve
+
+CORNERS = 150
+"""Directions of which the outermost vertices are the corners of a mesh's hull: it is as good as whole, and quick."""
 
 SMALLEST = 0.002
 """Least half size of a shape, m."""
@@ -71,6 +81,56 @@ def capsules(text: str, package_dirs: tuple[str, ...]) -> dict[str, list[Collisi
             made = CollisionCapsule(radius, place.act(-half * axis), place.act(half * axis))
         found.setdefault(shape.link, []).append(made)
     return found
+
+
+@lru_cache(maxsize=4)
+def hulls(text: str, package_dirs: tuple[str, ...]) -> dict[str, list[Shape]]:
+    """Return link → shapes, as `link_shapes` does, where a mesh is its convex hull."""
+    found: dict[str, list[Shape]] = {}
+    for link in urdf.read(text).findall("link"):
+        for tag in ("collision", "visual"):
+            made = [_hull(each, package_dirs) for each in link.findall(tag)]
+            known = [shape for shape in made if shape is not None]
+            if known:
+                found[str(link.get("name"))] = known
+                break
+    return found
+
+
+def _hull(element: urdf.Element, package_dirs: tuple[str, ...]) -> Shape | None:
+    found = geometry_of(element)
+    if found is None:
+        return None
+    place = found.place
+    if found.kind == "mesh":
+        path = resolve(found.file, package_dirs)
+        vertices = None if path is None else mesh_vertices(path)
+        if vertices is None or len(vertices) < 4:
+            return None
+        points = vertices * found.size
+        points = points[np.unique(np.argmax(points @ _directions().T, axis=0))]
+        if np.linalg.matrix_rank(points - points.mean(axis=0), tol=1e-4) < 3:  # a flat one
+            return None
+        return CollisionHull(points @ place.rotation.T + place.translation)
+    size = _sizes(found.size)
+    if found.kind == "box":
+        return CollisionBox(
+            (2.0 * size[0], 2.0 * size[1], 2.0 * size[2]), place.translation, pin.log3(place.rotation)
+        )
+    if found.kind == "sphere":
+        return CollisionSphere(size[0], place.translation)
+    end = np.array([0.0, 0.0, size[1]])
+    kind = CollisionCapsule if found.kind == "capsule" else CollisionCylinder
+    return kind(size[0], place.act(-end), place.act(end))
+
+
+@lru_cache(maxsize=1)
+def _directions() -> Array:
+    """Return directions that are spread evenly, shape (CORNERS, 3), on a Fibonacci lattice."""
+    place = np.arange(CORNERS) + 0.5
+    height, turn = 1.0 - 2.0 * place / CORNERS, np.pi * (1.0 + np.sqrt(5.0)) * place
+    wide = np.sqrt(1.0 - height**2)
+    return np.stack([wide * np.cos(turn), wide * np.sin(turn), height], axis=1)
 
 
 def _box(link: str, path: Path, scale: Array, place: pin.SE3) -> LinkShape | None:

@@ -10,7 +10,7 @@ import pytest
 
 import wbc
 from wbc.core.errors import InputError, ModelError, UnknownNameError
-from wbc.core.limits.collision import CollisionSphere
+from wbc.core.limits.shapes import CollisionSphere
 from wbc.core.robot import Robot
 from wbc.robots import load
 from wbc.tasks.balance import balance_controller
@@ -43,8 +43,8 @@ def turned(length: float) -> np.ndarray[tuple[int], np.dtype[np.float64]]:
     return q
 
 
-def pairs(*names: str, **options: object) -> wbc.SelfCollisionLimit:
-    return wbc.SelfCollisionLimit([names], **options)  # type: ignore[arg-type, list-item]
+def pairs(*names: str, **options: object) -> wbc.CollisionLimit:
+    return wbc.CollisionLimit([names], **options)  # type: ignore[arg-type, list-item]
 
 
 def again(*items: wbc.TorqueLimits | wbc.JointLimits) -> None:

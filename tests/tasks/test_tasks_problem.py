@@ -11,9 +11,10 @@ from properties import by_default
 from task_factory import ROBOTS, left_hand, make_robot, near_half_sitting, right_hand, standing
 
 from wbc.core.errors import InputError
-from wbc.core.limits.collision import CollisionSphere, SelfCollisionLimit
+from wbc.core.limits.collision import CollisionLimit
 from wbc.core.limits.com_polygon import CoMPolygonLimit
 from wbc.core.limits.joint import JointLimits
+from wbc.core.limits.shapes import CollisionSphere
 from wbc.core.limits.torque import TorqueLimits
 from wbc.core.qp.contact import PointContact, SoleContact
 from wbc.core.qp.controller import Controller
@@ -46,7 +47,7 @@ def everything(name: str) -> Controller:
     controller.add(ImpedanceTask(hands[0], weight=0.1), JointTorqueTask(weight=1e-5))
     controller.add(WrenchTask("left_foot", axes=("roll", "pitch"), weight=1e-3))
     controller.add(JointLimits(), TorqueLimits(ratio=0.9), CoMPolygonLimit())
-    controller.add(SelfCollisionLimit([hands], shapes={hand: CollisionSphere(0.05) for hand in hands}))
+    controller.add(CollisionLimit([hands], shapes={hand: CollisionSphere(0.05) for hand in hands}))
     return controller
 
 

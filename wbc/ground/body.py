@@ -9,7 +9,7 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from wbc.core.errors import ROUNDING, Array
-from wbc.core.limits.collision import CollisionSphere, Shape
+from wbc.core.limits.shapes import CollisionSphere, RoundShape
 from wbc.core.robot import Robot
 
 ANKLE = 0.12
@@ -19,7 +19,7 @@ ANKLE = 0.12
 class OwnBody:
     """Spheres and capsules of a robot's links, and boxes over its soles."""
 
-    def __init__(self, robot: Robot, shapes: Mapping[str, Sequence[Shape]], margin: float) -> None:
+    def __init__(self, robot: Robot, shapes: Mapping[str, Sequence[RoundShape]], margin: float) -> None:
         """Take link → shapes, which grow by a margin, m; `UnknownNameError` for a link that the robot has not."""
         flat = [(robot.frame_id(link), shape) for link, own in shapes.items() for shape in own]
         self._frames = [frame for frame, _ in flat]

@@ -22,7 +22,7 @@ import pinocchio as pin
 
 from wbc.core.checked import checked
 from wbc.core.errors import ROUNDING, Array, InputError, shown
-from wbc.core.limits.collision import Shape
+from wbc.core.limits.shapes import RoundShape
 from wbc.core.robot import Robot
 from wbc.core.settings import NonNegative, Positive, Share, settings
 from wbc.ground.body import OwnBody
@@ -95,7 +95,7 @@ class KnownGround:
         self,
         robot: Robot,
         settings: GroundSettings | None = None,
-        shapes: Mapping[str, Sequence[Shape]] | None = None,
+        shapes: Mapping[str, Sequence[RoundShape]] | None = None,
     ) -> None:
         """Know nothing; the robot stands where the walk begins, and its names and soles are used.
 

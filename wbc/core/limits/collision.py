@@ -1,72 +1,44 @@
-"""Limit on self-collision: a velocity damper on the distance between the shapes of pairs of links."""
+"""Limit on collisions: a velocity damper on the distances between links, and of links to obstacles of the world."""
 
 from __future__ import annotations
 
 import itertools
-import math
 import xml.etree.ElementTree as ET
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 import coal
 import numpy as np
 import pinocchio as pin
+from numpy.typing import NDArray
 
 from wbc.core.checked import checked
-from wbc.core.errors import ROUNDING, Array, InputError, shown
+from wbc.core.errors import Array, InputError, shown
 from wbc.core.limits.base import Limit
+from wbc.core.limits.shapes import SHAPES, CollisionHalfSpace, Obstacle, Shape, geometry_of
 from wbc.core.robot import Robot
-from wbc.core.settings import NonNegative, Positive, settings
+from wbc.core.settings import NonNegative, Positive
 
-Point = tuple[float, float, float]
+POSTURES = 1000
+"""Random postures in which pairs are looked for that can touch."""
 
 SAMPLES = 200
 """Postures in which a pair is looked at that is closer than its margin in half-sitting."""
+
+
+ENDLESS = 1e6
+"""Radius from which on a shape has no end, m."""
+
+NEAR = 0.1
+"""Distance beyond the margin from which on pairs count among velocities, m: in a period a link comes less far."""
 
 ATTAINABLE = 100.0
 """Acceleration of a joint up to which a limit asks for it, rad/s² or m/s²; the braking of `JointLimits` at most."""
 
 
-@settings
-class CollisionSphere:
-    """A sphere around a point of a frame.
-
-    Attributes:
-        radius: m.
-        centre: In the frame, m.
-    """
-
-    radius: Annotated[Positive, "m"]
-    centre: Annotated[Point, "m"] = (0.0, 0.0, 0.0)
-
-
-@settings
-class CollisionCapsule:
-    """A capsule: all points within a radius of a line segment in a frame.
-
-    Attributes:
-        radius: m.
-        start: One end of the segment in the frame, m.
-        end: Its other end, m.
-    """
-
-    radius: Annotated[Positive, "m"]
-    start: Annotated[Point, "m"]
-    end: Annotated[Point, "m"]
-
-    def __post_init__(self) -> None:
-        if math.dist(self.start, self.end) < ROUNDING:
-            raise InputError(
-                f"a capsule needs two different ends, got {self.start} twice; use a CollisionSphere"
-            )
-
-
-Shape = CollisionSphere | CollisionCapsule
-
-
 def srdf_pairs(srdf: str | Path, links: Iterable[str]) -> list[tuple[str, str]]:
-    """Return the pairs of some links for `SelfCollisionLimit`, but for the `disable_collisions` of an SRDF.
+    """Return the pairs of some links for `CollisionLimit`, but for the `disable_collisions` of an SRDF.
 
     The SRDF is a path or the XML itself; the links are such as those of `RobotDescription.collision_shapes`.
     """
@@ -83,19 +55,34 @@ def _xml(source: str | Path, what: str) -> ET.Element:
         raise InputError(f"cannot read the {what} of a collision limit: {error}") from error
 
 
-def _body(robot: Robot, joint: int) -> tuple[Array, list[float], Array, Array]:
-    """Return origin, angular velocity, Jacobian and acceleration of the body behind a joint, in the world."""
+Body = tuple[Array, list[float], Array]
+
+
+def _body(robot: Robot, joint: int) -> Body:
+    """Return origin, angular velocity and acceleration of the body behind a joint, in the world."""
     model, data, world = robot.model, robot.data, pin.LOCAL_WORLD_ALIGNED
     return (
         data.oMi[joint].translation,
         pin.getVelocity(model, data, joint, world).angular.tolist(),
-        pin.getJointJacobian(model, data, joint, world),
         pin.getClassicalAcceleration(model, data, joint, world).vector,
     )
 
 
-class SelfCollisionLimit(Limit):
-    """Keep pairs of links at a distance.
+def _centripetal(body: Body, point: Array, direction: Array) -> float:
+    """Return the acceleration of a point of a body along a direction, at no acceleration of the joints, m/s²."""
+    origin, (wx, wy, wz), acceleration = body
+    nx, ny, nz = direction.tolist()
+    rx, ry, rz = (point - origin).tolist()
+    lever = np.array([nx, ny, nz, ry * nz - rz * ny, rz * nx - rx * nz, rx * ny - ry * nx])
+    along, square = wx * rx + wy * ry + wz * rz, wx * wx + wy * wy + wz * wz
+    centripetal = along * (nx * wx + ny * wy + nz * wz) - square * (nx * rx + ny * ry + nz * rz)
+    return float(np.dot(lever, acceleration) + centripetal)
+
+
+class CollisionLimit(Limit):
+    """Keep pairs of links at a distance, and links away from obstacles, which may move.
+
+        CollisionLimit("all", shapes=description.collision_hulls(), obstacles=[Obstacle("table", CollisionBox(…))])
 
     Each pair of shapes has one row: the distance may shrink at (distance − margin) / time constant at most. Rows of
     pairs that are far apart are empty. Of the acceleration of the distance, the turning of the common normal is left
@@ -105,25 +92,33 @@ class SelfCollisionLimit(Limit):
     for links that come within `influence` at no more than the speed allowed there.
     """
 
+    reads = "kinematics"
+
     @checked
     def __init__(
         self,
-        pairs: Iterable[tuple[str, str]],
+        pairs: Literal["all"] | Iterable[tuple[str, str]] = (),
         *,
+        obstacles: Iterable[Obstacle] = (),
+        against: Iterable[str] | None = None,
         shapes: Mapping[str, Shape | Sequence[Shape]] | None = None,
         urdf: str | Path | None = None,
         margin: Annotated[NonNegative, "m"] = 0.02,
         influence: Annotated[Positive, "m"] = 0.3,
         time_constant: Annotated[Positive, "s"] = 0.1,
         recovery: Annotated[NonNegative, "m/s²"] = 10.0,
-        name: str = "self-collision",
+        name: str = "collisions",
     ) -> None:
         """Describe the limit.
 
         Args:
-            pairs: Pairs of links or frames.
-            shapes: Link or frame → its shapes, in its own coordinates; `RobotDescription.collision_shapes` has those of
-                all links.
+            pairs: Pairs of links or frames; "all" for all links of `shapes` but neighbours, pairs that touch in
+                half-sitting, and pairs that never come within the margin in 1,000 random postures.
+            obstacles: Shapes of the world; their placements are attributes.
+            against: Links that keep away from the obstacles; when None, all links of `shapes` but the soles' and, of a
+                robot without soles, those that touch an obstacle when the limit is added.
+            shapes: Link or frame → its shapes, in its own coordinates; `RobotDescription.collision_shapes` has spheres
+                and capsules of all links, `collision_hulls` closer ones, whose distances take longer.
             urdf: URDF, a path or the XML itself, whose primitive collision geometry (boxes, spheres, cylinders,
                 capsules) is the shape of links that are not in `shapes`; meshes are left out.
             margin: Smallest distance, m.
@@ -134,23 +129,40 @@ class SelfCollisionLimit(Limit):
             name: Name of the limit.
         """
         self.name, self.dim = name, 0
-        links = list(pairs)
+        self._all = isinstance(pairs, str)
+        links = [] if isinstance(pairs, str) else list(pairs)
+        if isinstance(pairs, str) and pairs != "all":
+            raise InputError(
+                f"pairs of limit '{name}' must be \"all\" or pairs of names of links, got {shown(pairs)}"
+            )
         if not all(isinstance(pair, (tuple, list)) and list(map(type, pair)) == [str, str] for pair in links):
             raise InputError(f"pairs of limit '{name}' must be pairs of names of links, got {shown(links)}")
-        self._pairs = [(first, second) for first, second in links]
-        if not self._pairs:
-            raise InputError(f"limit '{name}' needs at least one pair of links")
+        self._given = [(first, second) for first, second in links]
+        self.obstacles = tuple(obstacles)
+        for obstacle in self.obstacles:
+            if not isinstance(obstacle, Obstacle):
+                raise InputError(
+                    f"obstacles of limit '{name}' must be of class Obstacle, got {shown(obstacle)}"
+                )
+        named = [obstacle.name for obstacle in self.obstacles]
+        if len(set(named)) != len(named):
+            raise InputError(f"limit '{name}' has two obstacles of one name: {named}")
+        if not (self._given or self._all or self.obstacles):
+            raise InputError(f"limit '{name}' needs at least one pair of links, or an obstacle")
         if len({frozenset(pair) for pair in links if pair[0] != pair[1]}) != len(links):
-            raise InputError(f"limit '{name}' has a link with itself, or a pair twice: {self._pairs}")
+            raise InputError(f"limit '{name}' has a link with itself, or a pair twice: {self._given}")
         self._shapes = {
-            frame: [shape] if isinstance(shape, CollisionSphere | CollisionCapsule) else list(shape)
+            frame: [shape] if isinstance(shape, SHAPES) else list(shape)
             for frame, shape in (shapes or {}).items()
         }
         for frame, given in self._shapes.items():
-            if not given or not all(isinstance(shape, CollisionSphere | CollisionCapsule) for shape in given):
+            if not given or not all(
+                isinstance(shape, SHAPES) and not isinstance(shape, CollisionHalfSpace) for shape in given
+            ):
                 raise InputError(
-                    f"shapes of '{frame}' must be spheres and capsules, at least one; got {given}"
+                    f"shapes of '{frame}' must be shapes such as spheres and capsules, at least one; got {shown(given)}"
                 )
+        self._against = None if against is None else list(against)
         self._urdf = urdf
         self._margin, self._influence, self._recovery = margin, influence, recovery
         if self._influence <= self._margin:
@@ -158,22 +170,25 @@ class SelfCollisionLimit(Limit):
         self._time = time_constant
 
     def bind(self, robot: Robot) -> None:
-        """Build the shapes."""
+        """Build the shapes, and find the pairs where all are asked for."""
         self._robot = robot
-        for frame in (*self._shapes, *(frame for pair in self._pairs for frame in pair)):
+        for frame in (
+            *self._shapes,
+            *(self._against or ()),
+            *(frame for pair in self._given for frame in pair),
+        ):
             robot.frame_id(frame)
-        geometry = pin.GeometryModel()
+        self._geometry = geometry = pin.GeometryModel()
         objects: dict[str, list[int]] = {}
         radii: list[float] = []
-        primitives = None
-        for frame in dict.fromkeys(frame for pair in self._pairs for frame in pair):
-            if frame in self._shapes:
-                made = [_geometry_object(robot, frame, shape) for shape in self._shapes[frame]]
-            elif self._urdf is not None:
+        primitives: dict[str, list[pin.GeometryObject]] | None = None
+        near = self._links_near_obstacles(robot)
+        wanted = [frame for pair in self._given for frame in pair]
+        for frame in dict.fromkeys((*wanted, *(self._shapes if self._all else ()), *near)):
+            made = [_geometry_object(robot, frame, shape) for shape in self._shapes.get(frame, ())]
+            if not made and self._urdf is not None:
                 primitives = _urdf_primitives(robot, self._urdf) if primitives is None else primitives
                 made = primitives.get(frame, [])
-            else:
-                made = []
             if not made:
                 known = ", ".join(sorted({*self._shapes, *(primitives or {})})) or "none"
                 raise InputError(
@@ -186,77 +201,224 @@ class SelfCollisionLimit(Limit):
                 item.name = f"{frame} {number}"
                 objects[frame].append(geometry.addGeometryObject(item))
                 radii.append(float(getattr(item.geometry, "radius", 0.0)) if _is_round(item) else 0.0)
+        self._places: list[tuple[Obstacle, int, pin.SE3]] = []
+        for obstacle in self.obstacles:
+            body, local = geometry_of(obstacle.shape)
+            item = pin.GeometryObject(f"obstacle {obstacle.name}", 0, 0, obstacle.placement * local, body)
+            self._places.append((obstacle, geometry.addGeometryObject(item), local))
+            radii.append(float(getattr(body, "radius", 0.0)) if _is_round(item) else 0.0)
 
+        self._radii, self._objects = radii, objects
         self._rows: list[tuple[int, int, float, float]] = []
+        self._moving: list[Obstacle | None] = []  # the obstacle of each row
         self._names: list[tuple[str, str]] = []
-        for first, second in self._pairs:
+        for first, second in self._given:
             joints = [robot.model.frames[robot.frame_id(frame)].parentJoint for frame in (first, second)]
             if joints[0] == joints[1]:
                 raise InputError(
                     f"'{first}' and '{second}' of limit '{self.name}' are parts of one rigid body"
                 )
-            for i in objects[first]:
-                for k in objects[second]:
-                    geometry.addCollisionPair(pin.CollisionPair(i, k))
-                    self._rows.append((joints[0], joints[1], radii[i], radii[k]))
-                    self._names.append((first, second))
-        self.dim = len(self._rows)
-        self._geometry, self._geometry_data = geometry, geometry.createData()
-        self._distance = np.full(self.dim, np.inf)
+            self._add_pair(first, second)
         self._check_separable()
-        self._measure()
+        if self._all:
+            for pair in self._all_pairs():
+                self._add_pair(*pair)
+        for obstacle, index, _ in self._places:
+            for link in near:
+                for i in objects[link]:
+                    self._add_row(link, obstacle.name, i, index, obstacle)
+        self.dim = len(self._rows)
+        if self.dim == 0:
+            raise InputError(f"limit '{self.name}' has no pair that can touch: give the pairs")
+        self._geometry_data = geometry.createData()
+        for request in self._geometry_data.distanceRequests:
+            request.gjk_initial_guess = coal.GJKInitialGuess.CachedGuess
+        boxes = [item.geometry for item in geometry.geometryObjects]
+        for body in boxes:
+            body.computeLocalAABB()
+        self._centres = np.array([body.aabb_center for body in boxes])
+        self._sizes = np.array([body.aabb_radius for body in boxes])
+        endless = ~(self._sizes < ENDLESS)
+        self._centres[endless], self._sizes[endless] = 0.0, np.inf
+        ends = [(pair.first, pair.second) for pair in geometry.collisionPairs]
+        self._radius_1, self._radius_2 = np.array([row[2:] for row in self._rows]).T
+        ends_of = [row[0] for row in self._rows], [row[1] for row in self._rows]
+        self._carried_1, self._carried_2 = (
+            np.array([_carrying(robot, joint) for joint in joints]) for joints in ends_of
+        )
+        self._first, self._second = np.array(ends, dtype=np.intp).reshape(-1, 2).T
+        self._distance = np.full(self.dim, np.inf)
+        self._measure(np.inf)
+        self._check_obstacles()
+
+    def _links_near_obstacles(self, robot: Robot) -> list[str]:
+        """Return the links that keep away from the obstacles."""
+        if not self.obstacles or self._against is not None:
+            return list(self._against or ()) if self.obstacles else []
+        model = robot.model
+        stands = {model.frames[robot.frame_id(sole.frame)].parentJoint for sole in robot.soles}
+        moving = [f for f in self._shapes if model.frames[robot.frame_id(f)].parentJoint not in stands]
+        return (
+            moving if robot.soles else [f for f in moving if model.frames[robot.frame_id(f)].parentJoint > 1]
+        )
+
+    def _add_pair(self, first: str, second: str) -> None:
+        for i in self._objects[first]:
+            for k in self._objects[second]:
+                self._add_row(first, second, i, k, None)
+
+    def _add_row(self, first: str, second: str, i: int, k: int, obstacle: Obstacle | None) -> None:
+        items = self._geometry.geometryObjects
+        self._geometry.addCollisionPair(pin.CollisionPair(i, k))
+        self._rows.append((items[i].parentJoint, items[k].parentJoint, self._radii[i], self._radii[k]))
+        self._names.append((first, second))
+        self._moving.append(obstacle)
+
+    def _all_pairs(self) -> list[tuple[str, str]]:
+        """Return the pairs of links that can touch, and do not in half-sitting, but for neighbours and given ones."""
+        robot, model = self._robot, self._robot.model
+        joints = {link: model.frames[robot.frame_id(link)].parentJoint for link in self._objects}
+        trial, pairs = self._geometry.copy(), []
+        trial.removeAllCollisionPairs()
+        for first, second in itertools.combinations(self._objects, 2):
+            a, b = joints[first], joints[second]
+            given = (first, second) in self._given or (second, first) in self._given
+            if given or a == b or model.parents[a] == b or model.parents[b] == a:
+                continue
+            for i in self._objects[first]:
+                for k in self._objects[second]:
+                    trial.addCollisionPair(pin.CollisionPair(i, k))
+                    pairs.append((first, second))
+        state, data = model.createData(), trial.createData()
+
+        def close(q: Array) -> set[tuple[str, str]]:
+            pin.computeCollisions(model, state, trial, data, q, False)
+            hits = [result.isCollision() for result in data.collisionResults]
+            return {pair for pair, hit in zip(pairs, hits, strict=True) if hit}
+
+        for request in data.collisionRequests:
+            request.security_margin = self._margin
+        q, random = np.array(robot.half_sitting), np.random.default_rng(0)
+        touching = close(q)
+        low, high = (
+            np.nan_to_num(x, neginf=-np.pi, posinf=np.pi)
+            for x in (robot.position_lower, robot.position_upper)
+        )
+        found: set[tuple[str, str]] = set()
+        for _ in range(POSTURES):
+            q[robot.nq - robot.na :] = random.uniform(low, high)
+            found |= close(q)
+        return [pair for pair in dict.fromkeys(pairs) if pair in found and pair not in touching]
+
+    def _check_obstacles(self) -> None:
+        """Refuse an obstacle that is inside the robot."""
+        for row, obstacle in enumerate(self._moving):
+            if obstacle is not None and self._distance[row] <= 0.0:
+                raise InputError(
+                    f"obstacle '{obstacle.name}' of limit '{self.name}' is {-self._distance[row]:.3f} m inside "
+                    f"'{self._names[row][0]}': move it, or give the links that keep away in `against`"
+                )
 
     @property
     def distances(self) -> dict[tuple[str, str], float]:
-        """Pair → smallest distance of its shapes at the last tick, m; negative in collision."""
+        """Pair of links, or of a link and an obstacle → distance at the last tick, m; negative in collision."""
         smallest: dict[tuple[str, str], float] = {}
-        for pair, distance in zip(self._names, self._distance, strict=True):
-            smallest[pair] = min(smallest.get(pair, np.inf), float(distance))
+        for row, pair in enumerate(self._names):
+            found = pin.computeDistance(self._geometry, self._geometry_data, row).min_distance
+            smallest[pair] = min(smallest.get(pair, np.inf), float(found))
         return smallest
 
     def write(self, dt: float, rows: Array, lower: Array, upper: Array) -> None:
         """Fill one row for each pair of shapes; see `Limit.write`."""
-        self._measure()
-        v = self._robot.v
-        results, bodies = self._geometry_data.distanceResults, dict[int, Any]()
+        near, room, closing, points = self._fill(rows, lower, upper, self._influence)
+        if near.size:
+            moving = rows[near]
+            demand = -(room / self._time + moving.dot(self._robot.v) + closing) / dt
+            most = np.maximum(room, 0.0) / self._time**2 + self._recovery
+            demand = np.minimum(demand, most) - self._drift(near, *points)
+            # Where the joints hardly change the distance, no demand is one that they cannot meet.
+            lower[near] = np.minimum(demand, ATTAINABLE * np.abs(moving).sum(axis=1))
+
+    def write_step(self, rows: Array, lower: Array, upper: Array) -> None:
+        """Fill the distance that each pair may lose, or has to gain; see `Limit.write_step`."""
+        near, room, _, _ = self._fill(rows, lower, upper, self._influence)
+        if near.size:
+            lower[near] = np.minimum(-room, np.abs(rows[near]).sum(axis=1))
+
+    def write_velocity(self, dt: float, rows: Array, lower: Array, upper: Array) -> None:
+        """Fill the least change of each distance; see `Limit.write_velocity`."""
+        near, room, closing, _ = self._fill(rows, lower, upper, min(self._influence, self._margin + NEAR))
+        if near.size:
+            demand = -room / max(self._time, dt) - closing
+            lower[near] = np.minimum(demand, np.abs(rows[near]).sum(axis=1))
+
+    def _fill(
+        self, rows: Array, lower: Array, upper: Array, influence: float
+    ) -> tuple[NDArray[np.intp], Array, Array, tuple[Array, Array, Array]]:
+        """Fill the rows of pairs within a distance, m, and return what their bounds are made of.
+
+        That is their rows, their distances less the margin, the rates at which obstacles change them, and the points
+        and normals, each of shape (n, 3).
+
+        With J the Jacobians of the joints at the origin of the world, a pair with normal n and points p has the row
+        [n, p₂ × n]·J over the joints that carry the second body, less [n, p₁ × n]·J over those that carry the first.
+        """
+        self._measure(influence)
+        results = self._geometry_data.distanceResults
         rows[:] = 0.0
         lower[:] = -np.inf
         upper[:] = np.inf
-        for row in (self._distance <= self._influence).nonzero()[0].tolist():
-            first, second, radius_1, radius_2 = self._rows[row]
-            result = results[row]
-            normal = result.normal
-            # Points on the axis of round shapes move as the shape does; on its surface, spinning would count.
-            sides = (
-                (first, result.getNearestPoint1() - radius_1 * normal, -normal),
-                (second, result.getNearestPoint2() + radius_2 * normal, normal),
-            )
-            drift = sum(self._add_side(rows[row], bodies, *side) for side in sides)
-            room = float(self._distance[row]) - self._margin
-            demand = -(room / self._time + float(np.dot(rows[row], v))) / dt
-            demand = min(demand, max(room, 0.0) / self._time**2 + self._recovery) - drift
-            # Where the joints hardly change the distance, no demand is one that they cannot meet.
-            lower[row] = min(demand, ATTAINABLE * float(np.abs(rows[row]).sum()))
+        near = (self._distance <= influence).nonzero()[0]
+        found = [results[row] for row in near.tolist()]
+        normal = np.array([result.normal for result in found]).reshape(-1, 3)
+        # Points on the axis of round shapes move as the shape does; on its surface, spinning would count.
+        first = np.array([result.getNearestPoint1() for result in found]).reshape(-1, 3)
+        second = np.array([result.getNearestPoint2() for result in found]).reshape(-1, 3)
+        first -= self._radius_1[near, None] * normal
+        second += self._radius_2[near, None] * normal
+        jacobian = self._robot.data.J
+        for points, carried, sign in ((first, self._carried_1, -1.0), (second, self._carried_2, 1.0)):
+            lever = np.hstack([normal, np.cross(points, normal)])
+            rows[near] += sign * lever.dot(jacobian) * carried[near]
+        closing = np.zeros(near.size)
+        for place, row in enumerate(near.tolist()):
+            obstacle = self._moving[row]
+            if obstacle is not None:
+                arm = second[place] - obstacle._placement.translation
+                closing[place] = normal[place].dot(
+                    obstacle._velocity[:3] + np.cross(obstacle._velocity[3:], arm)
+                )
+        return near, self._distance[near] - self._margin, closing, (first, second, normal)
 
-    def _add_side(
-        self, row: Array, bodies: dict[int, Any], joint: int, point: Array, direction: Array
-    ) -> float:
-        """Add a point's motion along a direction to a row; return its acceleration at zero joint accelerations."""
-        if joint not in bodies:
-            bodies[joint] = _body(self._robot, joint)
-        origin, (wx, wy, wz), jacobian, acceleration = bodies[joint]
-        nx, ny, nz = direction.tolist()
-        rx, ry, rz = (point - origin).tolist()
-        lever = np.array([nx, ny, nz, ry * nz - rz * ny, rz * nx - rx * nz, rx * ny - ry * nx])
-        row += np.dot(lever, jacobian)
-        along, square = wx * rx + wy * ry + wz * rz, wx * wx + wy * wy + wz * wz
-        centripetal = along * (nx * wx + ny * wy + nz * wz) - square * (nx * rx + ny * ry + nz * rz)
-        return float(np.dot(lever, acceleration) + centripetal)
+    def _drift(self, near: NDArray[np.intp], first: Array, second: Array, normal: Array) -> Array:
+        """Return the acceleration of the distances at no acceleration of the joints, m/s²."""
+        bodies, drift = dict[int, Any](), np.zeros(near.size)
+        for place, row in enumerate(near.tolist()):
+            joints = self._rows[row]
+            for joint, point, sign in ((joints[0], first[place], -1.0), (joints[1], second[place], 1.0)):
+                if joint > 0:
+                    if joint not in bodies:
+                        bodies[joint] = _body(self._robot, joint)
+                    drift[place] += sign * _centripetal(bodies[joint], point, normal[place])
+        return drift
 
-    def _measure(self) -> None:
+    def _measure(self, influence: float) -> None:
+        """Measure the distances of pairs whose bounding spheres are within a distance, m; the others are bounds."""
         robot, geometry, data = self._robot, self._geometry, self._geometry_data
+        for obstacle, index, local in self._places:
+            geometry.geometryObjects[index].placement = obstacle._placement * local
         pin.updateGeometryPlacements(robot.model, robot.data, geometry, data)
-        for row in range(self.dim):
+        places = [placement.homogeneous for placement in data.oMg]
+        poses = np.array(places)
+        centres = np.einsum("nij,nj->ni", poses[:, :3, :3], self._centres) + poses[:, :3, 3]
+        apart = centres[self._first] - centres[self._second]
+        bounds = (
+            np.sqrt(np.einsum("ij,ij->i", apart, apart))
+            - self._sizes[self._first]
+            - self._sizes[self._second]
+        )
+        self._distance[:] = bounds
+        for row in (~(bounds > influence)).nonzero()[0].tolist():
             self._distance[row] = pin.computeDistance(geometry, data, row).min_distance
 
     def _check_separable(self) -> None:
@@ -271,7 +433,12 @@ class SelfCollisionLimit(Limit):
         for row, (first, second, *_) in enumerate(self._rows):
             one, other = self._names[row]
             between = sorted({*model.supports[first]} ^ {*model.supports[second]})
-            joints = [model.joints[joint].idx_q - 7 for joint in between if joint > 1]
+            first_joint = robot.nq - robot.na
+            joints = [
+                model.joints[j].idx_q - first_joint
+                for j in between
+                if model.joints[j].idx_q >= first_joint and j > 0
+            ]
             q, furthest = np.array(robot.half_sitting), -np.inf
             for _ in range(SAMPLES):
                 pin.updateGeometryPlacements(model, state, self._geometry, data, q)
@@ -284,7 +451,7 @@ class SelfCollisionLimit(Limit):
                 furthest = max(furthest, distance)
                 if furthest > self._margin:
                     break
-                q[7:][joints] = random.uniform(low, high)[joints]
+                q[first_joint:][joints] = random.uniform(low, high)[joints]
             else:
                 raise InputError(
                     f"no joint brings '{one}' and '{other}' of limit '{self.name}' further apart than "
@@ -292,7 +459,15 @@ class SelfCollisionLimit(Limit):
                 )
 
     def __repr__(self) -> str:
-        return f"{type(self).__name__}('{self.name}', pairs={len(self._pairs)}, rows={self.dim})"
+        return f"{type(self).__name__}('{self.name}', rows={self.dim})"
+
+
+def _carrying(robot: Robot, joint: int) -> Array:
+    """Return 1 for each velocity coordinate that moves the body behind a joint, else 0, shape (nv,)."""
+    model, carrying = robot.model, np.zeros(robot.nv)
+    for each in model.supports[joint]:
+        carrying[model.joints[each].idx_v : model.joints[each].idx_v + model.joints[each].nv] = 1.0
+    return carrying
 
 
 def _is_round(item: pin.GeometryObject) -> bool:
@@ -302,14 +477,7 @@ def _is_round(item: pin.GeometryObject) -> bool:
 def _geometry_object(robot: Robot, frame: str, shape: Shape) -> pin.GeometryObject:
     index = robot.frame_id(frame)
     parent = robot.model.frames[index]
-    if isinstance(shape, CollisionSphere):
-        body, local = coal.Sphere(shape.radius), pin.SE3(np.eye(3), np.array(shape.centre, dtype=float))
-    else:
-        start, end = np.array(shape.start, dtype=float), np.array(shape.end, dtype=float)
-        length = float(np.linalg.norm(end - start))
-        body = coal.Capsule(shape.radius, length)  # along z, about its middle
-        turn = pin.Quaternion.FromTwoVectors(np.array([0.0, 0.0, 1.0]), (end - start) / length)
-        local = pin.SE3(turn.matrix(), 0.5 * (start + end))
+    body, local = geometry_of(shape)
     return pin.GeometryObject(frame, parent.parentJoint, index, parent.placement * local, body)
 
 

@@ -1,0 +1,202 @@
+"""Limits on collisions with obstacles and between all links: rows, motions that keep away, searches, refusals."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import cache
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+import wbc
+from wbc.core.errors import Array, InputError
+from wbc.core.robot import Robot
+from wbc.robots import RobotDescription
+from wbc.tasks import check_rows
+
+BALL = wbc.CollisionSphere(0.06)
+SHAPES = {
+    "sphere": wbc.CollisionSphere(0.1, (0.0, 0.1, 0.0)),
+    "capsule": wbc.CollisionCapsule(0.05, (0.0, 0.0, -0.2), (0.1, 0.0, 0.2)),
+    "cylinder": wbc.CollisionCylinder(0.1, (0.0, 0.0, -0.2), (0.0, 0.05, 0.2)),
+    "box": wbc.CollisionBox((0.1, 0.2, 0.3), turn=(0.3, -0.2, 0.5)),
+    "hull": wbc.CollisionHull(((0.1, 0.0, 0.0), (-0.1, 0.05, 0.0), (0.0, -0.1, 0.1), (0.0, 0.0, -0.15))),
+    "half-space": wbc.CollisionHalfSpace((0.2, 0.0, 1.0), -0.3),
+}
+
+
+@cache
+def panda() -> RobotDescription:
+    return wbc.load_robot("panda")
+
+
+def arm() -> wbc.InverseKinematics:
+    """Return a solver of an arm with a hand that is to go 0.3 m to the side."""
+    ik = wbc.InverseKinematics(panda().robot(), 0.01)
+    ik.add(wbc.FixedContact(ik.robot.base_frame), wbc.JointLimits(), wbc.PostureTask(weight=1e-4))
+    return ik
+
+
+def velocity_rows(limit: wbc.CollisionLimit, robot: Robot) -> tuple[Array, Array]:
+    rows, lower, upper = np.ones((limit.dim, robot.nv)), np.zeros(limit.dim), np.zeros(limit.dim)
+    limit.write_velocity(0.01, rows, lower, upper)
+    assert np.isinf(upper).all()
+    return rows, lower
+
+
+@pytest.mark.parametrize("kind", SHAPES)
+def test_rows_and_bounds_are_the_derivative_of_the_distance_to_what_moves(kind: str) -> None:
+    """The change of the distance is that of the rows, and what the motion of the obstacle adds to the bound."""
+    robot, rng = panda().robot(), np.random.default_rng(3)
+    place = pin.SE3(pin.exp3(np.array([0.1, 0.2, -0.1])), np.array([0.6, 0.3, 0.3]))
+    obstacle = wbc.Obstacle("thing", SHAPES[kind], place)
+    limit = wbc.CollisionLimit(
+        obstacles=[obstacle], against=["panda_hand"], shapes={"panda_hand": BALL}, margin=0.0, influence=5.0
+    )
+    limit.bind(robot)
+    for _ in range(4):
+        q = pin.integrate(robot.model, robot.q, 0.02 * rng.normal(size=robot.nv))
+        v, twist, ends = rng.normal(size=robot.nv), 0.3 * rng.normal(size=6), []
+        for step in (1e-4, -1e-4):
+            robot.update_jacobians(pin.integrate(robot.model, q, step * v))
+            obstacle.placement = pin.SE3(
+                pin.exp3(step * twist[3:]) @ place.rotation, place.translation + step * twist[:3]
+            )
+            velocity_rows(limit, robot)
+            ends.append(limit.distances["panda_hand", "thing"])
+        robot.update_jacobians(q)
+        obstacle.placement, obstacle.velocity = place, twist
+        limit._margin = limit.distances["panda_hand", "thing"]  # no room: the bound is what the obstacle adds
+        rows, lower = velocity_rows(limit, robot)
+        assert rows[0] @ v - lower[0] == pytest.approx((ends[0] - ends[1]) / 2e-4, abs=3e-3)
+        limit._margin = 0.0
+
+
+@pytest.mark.parametrize("way", ["capsules", "hulls"])
+def test_all_pairs_are_those_that_can_touch(way: str) -> None:
+    description = panda()
+    shapes = description.collision_shapes() if way == "capsules" else description.collision_hulls()
+    limit, robot = wbc.CollisionLimit("all", shapes=shapes), description.robot()
+    limit.bind(robot)
+    model, names = robot.model, set(limit.distances)
+    assert ("panda_link1", "panda_link6") in names or ("panda_link6", "panda_link1") in names
+    for one, other in names:
+        a, b = (model.frames[model.getFrameId(link)].parentJoint for link in (one, other))
+        assert a != b and model.parents[a] != b and model.parents[b] != a
+    assert min(limit.distances.values()) > 0.02
+    check_rows(wbc.CollisionLimit("all", shapes=shapes), robot)
+
+
+def test_hulls_lie_inside_the_meshes_and_nearly_fill_them() -> None:
+    hulls, capsules = panda().collision_hulls(), panda().collision_shapes()
+    assert set(hulls) == set(capsules)
+    (hand,) = hulls["panda_hand"]
+    assert isinstance(hand, wbc.CollisionHull)
+    size = np.ptp(np.array(hand.points), axis=0)
+    assert size[1] == pytest.approx(0.2, abs=0.01) and size[0] < 0.07  # the gripper is 0.2 m wide, and thin
+
+
+def test_a_hand_goes_around_what_stands_in_its_way_and_stops_before_what_it_cannot_pass() -> None:
+    ik = arm()
+    robot = ik.robot
+    hand = ik.add(wbc.PositionTask("panda_hand"))
+    start = hand.target.copy()
+    box = wbc.Obstacle(
+        "box", wbc.CollisionBox((0.1, 0.1, 0.1)), pin.SE3(np.eye(3), start + [0.0, 0.25, 0.01])
+    )
+    limit = ik.add(
+        wbc.CollisionLimit(obstacles=[box], against=["panda_hand"], shapes={"panda_hand": BALL}, margin=0.01)
+    )
+    hand.target = start + [0.0, 0.25, 0.0]  # inside the box
+    for _ in range(200):
+        ik.step()
+        assert limit.distances["panda_hand", "box"] > 0.01 - 1e-4
+    assert ik.solution is not None and limit.name in ik.solution.active_limits
+    found = ik.reach()
+    assert not found.reached and limit.name in found.held_by
+    hand.target = start + [0.0, 0.5, 0.15]
+    for _ in range(300):
+        ik.step()
+        assert limit.distances["panda_hand", "box"] > 0.01 - 1e-4
+    assert np.linalg.norm(hand.error) < 1e-2
+    del robot
+
+
+def test_an_obstacle_that_moves_pushes_the_hand() -> None:
+    ik = arm()
+    hand = ik.add(wbc.PositionTask("panda_hand"))
+    wall = wbc.Obstacle("wall", wbc.CollisionHalfSpace((0.0, 1.0, 0.0)))
+    wall.placement = pin.SE3(np.eye(3), np.array([0.0, -0.4, 0.0]))
+    limit = ik.add(
+        wbc.CollisionLimit(obstacles=[wall], against=["panda_hand"], shapes={"panda_hand": BALL}, margin=0.02)
+    )
+    wall.velocity = [0.0, 0.3, 0.0, 0.0, 0.0, 0.0]
+    for step in range(150):
+        ik.step()
+        wall.placement = pin.SE3(np.eye(3), np.array([0.0, -0.4 + 0.003 * (step + 1), 0.0]))
+        assert limit.distances["panda_hand", "wall"] > 0.015
+    assert -hand.error[1] > 0.1  # 0.05 + 0.06 + 0.02 m, but for the start
+
+
+def test_a_controller_keeps_its_robot_away_from_an_obstacle() -> None:
+    robot = panda().robot()
+    controller = wbc.Controller(robot, 0.002)
+    controller.add(
+        wbc.FixedContact(robot.base_frame), wbc.JointLimits(), wbc.TorqueLimits(), wbc.PostureTask()
+    )
+    hand = controller.add(wbc.PositionTask("panda_hand", weight=10.0))
+    table = wbc.Obstacle("table", wbc.CollisionHalfSpace((0.0, 0.0, 1.0), hand.target[2] - 0.15))
+    limit = controller.add(
+        wbc.CollisionLimit(
+            obstacles=[table], against=["panda_hand"], shapes={"panda_hand": BALL}, margin=0.02
+        )
+    )
+    hand.target = hand.target - [0.0, 0.0, 0.3]
+    q, v = robot.q.copy(), robot.v.copy()
+    for _ in range(600):
+        controller.update(q, v)
+        v = v + 0.002 * controller.solve().accelerations
+        q = pin.integrate(robot.model, q, 0.002 * v)
+        assert limit.distances["panda_hand", "table"] > 0.02 - 1e-3
+    assert limit.distances["panda_hand", "table"] < 0.03
+
+
+REFUSED: dict[str, tuple[Callable[[], object], str]] = {
+    "nothing": (wbc.CollisionLimit, "at least one pair"),
+    "some": (lambda: wbc.CollisionLimit("some"), "all"),
+    "no shapes": (lambda: wbc.CollisionLimit("all").bind(panda().robot()), "no pair that can touch"),
+    "shape": (lambda: wbc.Obstacle("x", "box"), "shape of obstacle 'x'"),  # type: ignore[arg-type]
+    "placement": (lambda: wbc.Obstacle("x", BALL, np.eye(4)), "placement of obstacle 'x'"),  # type: ignore[arg-type]
+    "velocity": (lambda: setattr(wbc.Obstacle("x", BALL), "velocity", [0.0]), "velocity of obstacle 'x'"),
+    "flat hull": (lambda: wbc.CollisionHull(((0, 0, 0), (1, 0, 0), (0, 1, 0), (1, 1, 0))), "volume"),
+    "normal": (lambda: wbc.CollisionHalfSpace((0.0, 0.0, 0.0)), "normal"),
+    "half-space of a link": (
+        lambda: wbc.CollisionLimit("all", shapes={"panda_hand": wbc.CollisionHalfSpace()}),
+        "shapes of 'panda_hand'",
+    ),
+    "twice": (
+        lambda: wbc.CollisionLimit(obstacles=[wbc.Obstacle("x", BALL)] * 2),
+        "two obstacles of one name",
+    ),
+    "link": (
+        lambda: wbc.CollisionLimit(obstacles=[wbc.Obstacle("x", BALL)], against=["hant"]).bind(
+            panda().robot()
+        ),
+        "hant",
+    ),
+    "inside": (
+        lambda: wbc.CollisionLimit(
+            obstacles=[wbc.Obstacle("lamp", BALL, panda().robot().placement("panda_hand"))],
+            shapes={"panda_hand": BALL},
+        ).bind(panda().robot()),
+        "'lamp'.* 0.120 m inside 'panda_hand'",
+    ),
+}
+
+
+@pytest.mark.parametrize("case", REFUSED)
+def test_bad_input_is_refused_by_name(case: str) -> None:
+    act, named = REFUSED[case]
+    with pytest.raises(InputError, match=named):
+        act()

@@ -1,0 +1,213 @@
+"""Shapes of links and of obstacles, for limits on collisions."""
+
+from __future__ import annotations
+
+import math
+from typing import Annotated, Any
+
+import coal
+import numpy as np
+import pinocchio as pin
+from numpy.typing import ArrayLike
+
+from wbc.core.errors import ROUNDING, Array, InputError, finite_array, shown
+from wbc.core.settings import Positive, settings
+
+Point = tuple[float, float, float]
+
+
+@settings
+class CollisionSphere:
+    """A sphere around a point of a frame.
+
+    Attributes:
+        radius: m.
+        centre: In the frame, m.
+    """
+
+    radius: Annotated[Positive, "m"]
+    centre: Annotated[Point, "m"] = (0.0, 0.0, 0.0)
+
+
+@settings
+class CollisionCapsule:
+    """A capsule: all points within a radius of a line segment in a frame.
+
+    Attributes:
+        radius: m.
+        start: One end of the segment in the frame, m.
+        end: Its other end, m.
+    """
+
+    radius: Annotated[Positive, "m"]
+    start: Annotated[Point, "m"]
+    end: Annotated[Point, "m"]
+
+    def __post_init__(self) -> None:
+        if math.dist(self.start, self.end) < ROUNDING:
+            raise InputError(
+                f"a capsule needs two different ends, got {self.start} twice; use a CollisionSphere"
+            )
+
+
+@settings
+class CollisionCylinder:
+    """A cylinder between two points of a frame.
+
+    Attributes:
+        radius: m.
+        start: Middle of one end in the frame, m.
+        end: Middle of the other end, m.
+    """
+
+    radius: Annotated[Positive, "m"]
+    start: Annotated[Point, "m"]
+    end: Annotated[Point, "m"]
+
+    def __post_init__(self) -> None:
+        if math.dist(self.start, self.end) < ROUNDING:
+            raise InputError(f"a cylinder needs two different ends, got {self.start} twice")
+
+
+@settings
+class CollisionBox:
+    """A box in a frame.
+
+    Attributes:
+        size: Full sizes along its axes, m.
+        centre: In the frame, m.
+        turn: Rotation vector of its axes in the frame, rad.
+    """
+
+    size: Annotated[tuple[Positive, Positive, Positive], "m"]
+    centre: Annotated[Point, "m"] = (0.0, 0.0, 0.0)
+    turn: Annotated[Point, "rad"] = (0.0, 0.0, 0.0)
+
+
+@settings
+class CollisionHull:
+    """The convex hull of points of a frame, such as the vertices of a mesh.
+
+    Attributes:
+        points: At least four in the frame that span a volume, m.
+    """
+
+    points: Annotated[tuple[Point, ...], "m"]
+
+    def __post_init__(self) -> None:
+        points = np.array(self.points).reshape(-1, 3)
+        if len(points) < 4 or np.linalg.svd(points - points.mean(axis=0), compute_uv=False)[-1] < 1e-6:
+            raise InputError(
+                f"a hull needs at least four points that span a volume, got {shown(self.points)}"
+            )
+
+
+@settings
+class CollisionHalfSpace:
+    """Everything on one side of a plane of a frame, such as the ground; for obstacles.
+
+    Attributes:
+        normal: Direction out of the half-space, of any length.
+        offset: Distance of the plane from the origin along the normal, m.
+    """
+
+    normal: Annotated[Point, "1"] = (0.0, 0.0, 1.0)
+    offset: Annotated[float, "m"] = 0.0
+
+    def __post_init__(self) -> None:
+        if math.hypot(*self.normal) < ROUNDING:
+            raise InputError(f"normal of a half-space must not be zero, got {self.normal}")
+
+
+Shape = (
+    CollisionSphere | CollisionCapsule | CollisionCylinder | CollisionBox | CollisionHull | CollisionHalfSpace
+)
+"""A shape in a frame of the robot, or of an obstacle."""
+
+RoundShape = CollisionSphere | CollisionCapsule
+"""Shapes that are all points within a radius of a point or a segment."""
+
+SHAPES = (
+    CollisionSphere,
+    CollisionCapsule,
+    CollisionCylinder,
+    CollisionBox,
+    CollisionHull,
+    CollisionHalfSpace,
+)
+
+
+class Obstacle:
+    """A shape in the world, which may move at any tick.
+
+    Attributes:
+        name: Name in messages and distances.
+        shape: The shape in the frame of the obstacle.
+    """
+
+    def __init__(self, name: str, shape: Shape, placement: pin.SE3 | None = None) -> None:
+        """Describe the obstacle; its frame is the world where no placement is given."""
+        if not isinstance(name, str) or not name:
+            raise InputError(f"name of an obstacle must be text, got {shown(name)}")
+        if not isinstance(shape, SHAPES):
+            raise InputError(
+                f"shape of obstacle '{name}' must be a shape such as a CollisionBox, got {shown(shape)}"
+            )
+        self.name, self.shape = name, shape
+        self._velocity = np.zeros(6)
+        self.placement = pin.SE3.Identity() if placement is None else placement
+
+    @property
+    def placement(self) -> pin.SE3:
+        """Frame of the obstacle in the world, a copy; assign it, with `velocity` where it moves."""
+        return pin.SE3(self._placement)
+
+    @placement.setter
+    def placement(self, value: pin.SE3) -> None:
+        if not isinstance(value, pin.SE3):
+            raise InputError(
+                f"placement of obstacle '{self.name}' must be a pinocchio.SE3, got {shown(value)}"
+            )
+        finite_array(f"placement of obstacle '{self.name}'", value.homogeneous, (4, 4))
+        self._placement = pin.SE3(value)
+
+    @property
+    def velocity(self) -> Array:
+        """Velocity of the frame along the world axes, [linear; angular], shape (6,), m/s and rad/s; zero at first."""
+        return self._velocity.copy()
+
+    @velocity.setter
+    def velocity(self, value: ArrayLike) -> None:
+        self._velocity = finite_array(f"velocity of obstacle '{self.name}'", value, (6,))
+
+    def __repr__(self) -> str:
+        return f"Obstacle('{self.name}', {self.shape!r})"
+
+
+def geometry_of(shape: Shape) -> tuple[Any, pin.SE3]:
+    """Return the geometry of a shape for coal, and its placement in the frame of the shape."""
+    if isinstance(shape, CollisionSphere):
+        return coal.Sphere(shape.radius), pin.SE3(np.eye(3), np.array(shape.centre, dtype=float))
+    if isinstance(shape, CollisionBox):
+        place = pin.SE3(pin.exp3(np.array(shape.turn)), np.array(shape.centre, dtype=float))
+        return coal.Box(*shape.size), place
+    if isinstance(shape, CollisionHull):
+        return convex_hull(np.array(shape.points, dtype=float)), pin.SE3.Identity()
+    if isinstance(shape, CollisionHalfSpace):
+        length = math.hypot(*shape.normal)
+        return coal.Halfspace(np.array(shape.normal) / length, shape.offset), pin.SE3.Identity()
+    start, end = np.array(shape.start, dtype=float), np.array(shape.end, dtype=float)
+    length = float(np.linalg.norm(end - start))  # along z, about its middle
+    kind = coal.Capsule if isinstance(shape, CollisionCapsule) else coal.Cylinder
+    turn = pin.Quaternion.FromTwoVectors(np.array([0.0, 0.0, 1.0]), (end - start) / length)
+    return kind(shape.radius, length), pin.SE3(turn.matrix(), 0.5 * (start + end))
+
+
+def convex_hull(points: Array) -> Any:
+    """Return the convex hull of points, shape (n, 3), m, for coal."""
+    mesh = coal.BVHModelOBBRSS()
+    mesh.beginModel(0, len(points))
+    mesh.addVertices(points)
+    mesh.endModel()
+    mesh.buildConvexHull(True, "Qt")
+    return mesh.convex
