@@ -112,7 +112,7 @@ def test_velocities_are_those_of_pink_for_the_same_costs(name: str) -> None:
     goal = robot.com + rng.uniform(-0.05, 0.05, 3)
     ik.add(wbc.CoMTask(goal, weight=4.0, rate=20.0, error_bound=np.inf))
     posture = ik.add(wbc.PostureTask(weight=0.25, rate=50.0, error_bound=np.inf))
-    posture.target = inside + rng.uniform(-0.3, 0.3, robot.na)
+    posture.follow(inside + rng.uniform(-0.3, 0.3, robot.na))
     ik.add(wbc.JointLimits(margin=0.0, velocity_ratio=0.1))
 
     configuration = pink.Configuration(robot.model, robot.model.createData(), robot.q.copy())
@@ -285,7 +285,7 @@ def test_levels_keep_the_limits() -> None:
     ik.add(wbc.FixedContact(robot.base_frame), wbc.JointLimits(margin=0.0))
     ik.add(wbc.PositionTask("panda_hand", axes=("z",)))
     away = np.where(np.arange(robot.na) % 2, 10.0, -10.0)
-    ik.add(wbc.PostureTask(away), level=1)
+    ik.add(wbc.PostureTask(), level=1).follow(away)
     height = robot.placement("panda_hand").translation[2]
     for _ in range(200):
         ik.step()
@@ -320,7 +320,7 @@ def test_limits_of_joints_are_never_crossed(
     before = np.maximum(low - start, start - high)
     for period in range(45):
         if period % 15 == 0:
-            posture.target = rng.uniform(low - room, high + room)
+            posture.follow(rng.uniform(low - room, high + room))
         last = robot.v[6:].copy()
         v = ik.step()[6:]
         beyond = np.maximum(low - robot.q[7:], robot.q[7:] - high)
