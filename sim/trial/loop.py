@@ -290,7 +290,7 @@ class Trial:
         walking = self.walking
         walking.follow(plan)
         self.advance(1.0, look)
-        self.until(lambda: bool(walking.finished), 3.0 * (len(plan) + 4), look)
+        self.until(lambda: bool(walking.done), 3.0 * (len(plan) + 4), look)
         if walking.source.reason:
             raise StageError(f"stage '{self.stage}' ended: {walking.source.reason}")
         self.advance(rest, look)

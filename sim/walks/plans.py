@@ -152,8 +152,8 @@ class Drive(TrialHook):
 
     @property
     def over(self) -> bool:
-        """True when the last row is commanded and the robot stands."""
-        return not self._pending and self._walking.finished
+        """True when the last row is commanded and the robot stands, at its goal or without an order."""
+        return not self._pending and self._walking.done
 
 
 def stair_of(terrain: Terrain) -> tuple[float, float, int, float]:

@@ -151,7 +151,8 @@ class StabilizerTask(CoMTask):
             self._contacts, soles, self.parts = self._contacts[::-1], soles[::-1], self.parts[::-1]
         sizes = ((soles[0].length, soles[0].width), (soles[1].length, soles[1].width))
         settings = replace(self._settings, min_force=self._settings.min_force * robot.force_scale)
-        self._stabilizer = Stabilizer(robot.mass, WrenchDistribution(sizes, settings), self._gains)
+        gains = self._gains if self._stabilizer is None else self._stabilizer.gains  # as they were set since
+        self._stabilizer = Stabilizer(robot.mass, WrenchDistribution(sizes, settings), gains)
         self._sole_ids = [robot.frame_id(sole.frame) for sole in soles]
         self._stand()
 

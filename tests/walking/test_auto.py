@@ -9,6 +9,8 @@ import pytest
 
 import wbc
 from wbc.core.errors import InputError
+from wbc.core.estimation.inertial import InertialSettings
+from wbc.core.estimation.observer import Observer, ObserverSettings
 from wbc.sim import WalkPlan, WalkSpec
 from wbc.sim.trial.falls import TrueFallDetector
 from wbc.walking import FootstepPlan, WalkingControl, WalkingControlSettings, walk_distance
@@ -95,10 +97,86 @@ def test_orders_choose_the_law_of_a_robot_that_stands() -> None:
             assert walking.law == law and not walking.finished
         walking.velocity = (0.2, 0.0, 0.0)
         assert walking.velocity == (0.2, 0.0, 0.0)
-    walking = control("hrp4_class")
-    assert walking.hands and walking.law == "lipm"
-    walking.velocity = (0.2, 0.0, 0.0)
-    assert walking.law == "stepping"
+
+
+def test_hands_that_are_to_press_choose_the_law_that_counts_their_forces() -> None:
+    plant, walking = standing("hrp4_class")
+    run(plant, walking, 0.05)
+    assert walking.hands.all and walking.law == "stepping"
+    place = walking.hands.point("left_hand", 0.6, 0.2)
+    walking.hands.press("left_hand", 4.0, (1.0, 0.0, 0.0), at=place, firm=True)
+    run(plant, walking, 0.02)
+    assert walking.law == "lipm" and walking.hands.wanted
+    walking.hands.barred = "the robot steps"
+    with pytest.raises(InputError, match="the robot steps"):
+        walking.hands.press("left_hand", 4.0, (1.0, 0.0, 0.0), at=place)
+
+
+def test_a_question_changes_no_law_and_a_posture_move_outlives_a_change() -> None:
+    """All that a walk can be asked for between ticks is read; then the law changes in the middle of a move."""
+    plant, walking = standing()
+    walking.calm = 60.0
+    run(plant, walking, 0.1)
+    joint = "left_elbow_joint"
+    index = plant.robot.joint_index(joint)
+    begin = walking.tasks.posture.target[index]
+    walking.tasks.posture.move_to({joint: begin + 0.1}, duration=0.3)
+    run(plant, walking, 0.1)
+    for name in dir(type(walking)):
+        if not name.startswith("_") and isinstance(getattr(type(walking), name), property) and name != "walk":
+            getattr(walking, name)
+    assert walking.law == "stepping" and walking.tasks.posture.moving
+    walking.change("lipm")
+    assert walking.tasks.posture.moving
+    run(plant, walking, 0.1)
+    walking.change("stepping")
+    run(plant, walking, 0.12)
+    assert not walking.tasks.posture.moving
+    assert walking.tasks.posture.target[index] == pytest.approx(begin + 0.1, abs=1e-9)
+
+
+def test_what_a_user_has_set_holds_under_both_laws() -> None:
+    """Gains of tasks and of the stabilizer, and time constants of an observer that is given; the rest is the law's."""
+    robot = wbc.load_robot("g1").robot()
+    given = ObserverSettings(inertial=InertialSettings(velocity_time_constant=0.03, tilt_time_constant=3.0))
+    walking = WalkingControl(
+        robot,
+        FootstepPlan.standing(robot),
+        DT,
+        WalkingControlSettings(mode="torque"),
+        observer=Observer(robot, given, adopt=True),
+    )
+    own = {law: parts.tasks.posture.stiffness.copy() for law, parts in walking.laws.items()}
+    assert not np.array_equal(own["lipm"], own["stepping"])
+    walking.controller.task("pelvis").weight = 55.0
+    walking.controller.task("posture").damping = 9.0
+    assert walking.stabilizer is not None
+    walking.stabilizer.gains = replace(walking.stabilizer.gains, dcm_p=3.21)
+    for law in ("lipm", "stepping", "lipm"):
+        walking.change(law)  # type: ignore[arg-type]
+        assert walking.law == law
+        np.testing.assert_array_equal(walking.controller.task("pelvis").weight, [55.0] * 3)
+        np.testing.assert_array_equal(walking.tasks.posture.damping, np.full(robot.na, 9.0))
+        np.testing.assert_array_equal(walking.tasks.posture.stiffness, own[law])
+        assert walking.stabilizer.gains.dcm_p == (3.21, 3.21)
+        inertial = walking.control.observer.inertial.settings
+        assert (inertial.velocity_time_constant, inertial.tilt_time_constant) == (0.03, 3.0)
+        assert inertial.yaw_time_constant == (1000.0 if law == "stepping" else 1.0)
+
+
+def test_an_order_that_is_dropped_is_over_and_not_finished() -> None:
+    plant, walking = standing()
+    run(plant, walking, 0.05)
+    far = walk_distance(FootstepPlan.standing(walking.controller.robot), 0.4)
+    walking.follow(replace(far, steps=[replace(step, x=step.x + 2.0) for step in far.steps]))
+    assert not walking.finished and not walking.done
+    run(plant, walking, 0.6)
+    assert "within reach" in walking.source.reason
+    assert walking.done and not walking.finished
+    walking.change("lipm")
+    assert walking.done and not walking.finished
+    walking.stop()
+    assert walking.finished
 
 
 @pytest.mark.parametrize(("robot", "foot"), [("hrp4_class", "long_arch"), ("g1", "flat")])

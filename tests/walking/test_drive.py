@@ -10,6 +10,8 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 from pendulum import BY_TIME
 
 from wbc.core.settings import from_json, to_json
@@ -21,12 +23,14 @@ from wbc.walking.lipm.walk import TURNED, WalkSettings
 from wbc.walking.plans.reach import Reach, bent_height, check_plan
 from wbc.walking.plans.sources import (
     AT_REST,
+    BESIDE,
     DriveSettings,
     FootstepSource,
     GoalSource,
     PlanSource,
     Standing,
     VelocitySource,
+    next_steps,
 )
 from wbc.walking.source import Reference
 
@@ -34,6 +38,8 @@ DT = 0.005
 ROBOTS = {name: load(name).robot() for name in ("hrp4_class", "talos", "g1")}
 
 SIZES = {name: tuple((sole.length, sole.width) for sole in robot.soles[:2]) for name, robot in ROBOTS.items()}
+
+SIDES_OF = {name: dict(zip(("left", "right"), sizes, strict=True)) for name, sizes in SIZES.items()}
 
 
 class Stage:
@@ -304,12 +310,45 @@ def test_a_planner_that_fails_brings_the_robot_to_a_stand(
     assert stage.walk.finished and reason in stage.source.reason and stage.walk.steps_done - done <= 3
 
 
+@given(
+    st.sampled_from(["hrp4_class", "talos", "g1"]),
+    st.sampled_from([None, "left", "right"]),
+    st.integers(0, 6),
+    st.floats(-0.3, 0.3),
+    st.floats(-0.3, 0.3),
+    st.floats(-0.3, 0.3),
+)
+@settings(max_examples=15, deadline=None)
+def test_a_plan_is_walked_to_its_end_whatever_foot_begins_and_wherever_a_push_puts_one(
+    name: str, first: str | None, pushed: int, x: float, y: float, yaw: float
+) -> None:
+    """A push puts one landing elsewhere, the next ones go back to the plan within reach; feet do not overlap."""
+    robot = ROBOTS[name]
+    reach = Reach.of(robot)
+    plan = walk_distance(FootstepPlan.standing(robot), 0.8)
+    source, now = PlanSource(plan), standing(name)._replace(first=first)
+    for begun in range(len(plan) + 9):
+        answer = next_steps(source, now._replace(begun=begun), robot, reach)
+        if not answer.steps:
+            break
+        step = answer.steps[0]
+        if begun == pushed:  # as far away as a step may go
+            stance = now.start.right if step.side == "left" else now.start.left
+            far = replace(step, x=step.x + x, y=step.y + y, yaw=step.yaw + yaw)
+            step = reach.nearest(stance, far, SIDES_OF[name])
+        start = replace(now.start, left=step) if step.side == "left" else replace(now.start, right=step)
+        now = now._replace(start=start, first="right" if step.side == "left" else "left")
+    assert not answer.steps
+    for foot, wanted in zip((now.start.left, now.start.right), plan.final, strict=True):
+        assert math.hypot(foot.x - wanted.x, foot.y - wanted.y) < BESIDE * reach.max_length
+
+
 def test_gait_for_a_speed() -> None:
     """Quicker and lower steps at higher speed; what is given stays, also where it is the default."""
     assert Gait.for_speed((0.0, 0.0, 0.0)) == StepGait()
-    for given in (Gait(single_support=0.9), Gait(single_support=0.8), replace(Gait(), single_support=0.8)):
-        slow = Gait.for_speed((0.4, 0.0, 0.0), from_json(Gait, to_json(given)))
-        assert slow.single_support == given.single_support and slow.double_support < 0.3
+    for own in (Gait(single_support=0.9), Gait(single_support=0.8), replace(Gait(), single_support=0.8)):
+        slow = Gait.for_speed((0.4, 0.0, 0.0), from_json(Gait, to_json(own)))
+        assert slow.single_support == own.single_support and slow.double_support < 0.3
     assert Gait.for_speed((0.15, 0.0, 0.0)) == StepGait()
     gaits = [Gait.for_speed((speed, 0.0, 0.0)) for speed in (0.15, 0.3, 0.4, 0.5, 0.6)]
     for slower, quicker in zip(gaits, gaits[1:], strict=False):

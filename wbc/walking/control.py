@@ -234,8 +234,11 @@ class ReferenceControl:
 
     @property
     def finished(self) -> bool:
-        """True when all that was asked for is done and the robot stands."""
-        return self.source.finished
+        """True when all that was asked for is done and the robot stands; False for an order that was dropped.
+
+        The source says why it has dropped an order: `source.reason`.
+        """
+        return self.source.finished and not self.source.reason
 
     @property
     def fallen(self) -> FallReason | None:
@@ -244,8 +247,8 @@ class ReferenceControl:
 
     @property
     def done(self) -> bool:
-        """True when the walk is over: finished, or ended by a fall."""
-        return self.finished or self.fallen is not None
+        """True when the walk is over: finished, dropped, or ended by a fall."""
+        return self.source.finished or self.fallen is not None
 
     @property
     def output(self) -> StabilizerOutput | None:
@@ -317,7 +320,7 @@ class ReferenceControl:
     def stop(self) -> None:
         """Come to a stand safely."""
         self.source.stop()
-        self.stopped = True
+        self.source.reason, self.stopped = "", True
 
 
 def drive_control(

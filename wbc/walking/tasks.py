@@ -40,6 +40,9 @@ limit the foot turns by a hundred rad/s², which the CoM must not pay for); stif
 place, 1/s²."""
 
 
+GAINS = ("weight", "stiffness", "damping")
+"""Gains of a task that a user may set at any tick."""
+
 LEGS = 0.01
 """Ratio of the weight of the posture for joints of the legs where moments go by load: soles, CoM and pelvis decide."""
 
@@ -125,6 +128,11 @@ class WalkTasks:
             controller.add(contact)
         controller.add(limits[1])
         self._all: list[Any] = [self.com, *self._swings, *self._trunk, self.posture, *limits, *self.contacts]
+        self._tuned = {task.name: task for task in (*self._trunk, self.posture)}
+        self._own_gains = {
+            name: {gain: np.array(getattr(task, gain)) for gain in GAINS}
+            for name, task in self._tuned.items()
+        }
         com.held_by = (
             "walking.body.com_height for its height, walking.velocity or walking.go_to for its place"
         )
@@ -138,8 +146,10 @@ class WalkTasks:
         self._controller.remove(*self._all)
 
     def enter(self, before: WalkTasks) -> None:
-        """Put all back, on both feet, with the posture of the tasks that have left."""
-        self.posture.target = before.posture.target
+        """Put all back, on both feet, and go on with what a user has set of the tasks that have left.
+
+        That is the posture, with a move that is under way, and the gains of trunk and posture.
+        """
         for contact in self.contacts:
             contact.active = True
         for swing in self._swings:
@@ -149,6 +159,21 @@ class WalkTasks:
         self._trunk_target = (None, UPRIGHT)
         first, *others = self._all
         self._controller.add(first, *others)
+        self.posture.go_on_from(before.posture)
+        for name, gains in before._changed_gains().items():
+            task = self._tuned.get(name)
+            for gain, value in gains.items() if task is not None else ():
+                setattr(task, gain, value)
+
+    def _changed_gains(self) -> dict[str, dict[str, Array]]:
+        """Return the gains of trunk and posture that are no longer those of the law, by task and gain."""
+        changed: dict[str, dict[str, Array]] = {}
+        for name, task in self._tuned.items():
+            for gain, own in self._own_gains[name].items():
+                now = np.array(getattr(task, gain))
+                if not np.array_equal(now, own):
+                    changed.setdefault(name, {})[gain] = now
+        return changed
 
     def switch(self, side: int, contact: bool) -> None:
         """Put a foot (0 left, 1 right) on the ground, or take it off."""
@@ -305,14 +330,12 @@ def stabilized_tasks(
         "stiffness": gains.swing_stiffness,
     }
     trunk: GainOptions = {"weight": gains.orientation_weight, "stiffness": gains.orientation_stiffness}
-    posture = PostureTask(weight=gains.posture_weight, stiffness=gains.posture_stiffness)
-    parts = {"pelvis": trunk, "torso": trunk}
-    tasks = WalkTasks(controller, com, contacts, swing, parts, posture, torque=torque)
+    weight = np.full(robot.na, gains.posture_weight)
     if distribution.by_load:
-        weight = np.full(robot.na, gains.posture_weight)
         weight[robot.leg_joints] *= LEGS
-        posture.weight = weight
-    return tasks
+    posture = PostureTask(joints=robot.joint_names, weight=weight, stiffness=gains.posture_stiffness)
+    parts = {"pelvis": trunk, "torso": trunk}
+    return WalkTasks(controller, com, contacts, swing, parts, posture, torque=torque)
 
 
 def _yaw_rotation(yaw: float) -> Array:

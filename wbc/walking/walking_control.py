@@ -13,17 +13,22 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Sequence
+from dataclasses import fields, replace
 from typing import Annotated, Literal
 
 from wbc.core.checked import checked
 from wbc.core.control import State
 from wbc.core.errors import InputError, choose, shown
+from wbc.core.estimation.inertial import InertialSettings
 from wbc.core.estimation.observer import Observer
 from wbc.core.qp.controller import Controller
 from wbc.core.robot import Robot
 from wbc.core.settings import Angle, NonNegative, Number, Period
 from wbc.ground import KnownGround
 from wbc.tasks.scheduling.stiffness import StiffnessScheduler
+from wbc.tasks.stabilizer.bias import BiasEstimator
+from wbc.tasks.stabilizer.lean import Lean
+from wbc.tasks.stabilizer.stabilizer import Stabilizer
 from wbc.walking.balance import Balance, Stabilized
 from wbc.walking.body import Body
 from wbc.walking.contact import GaitPhase
@@ -32,6 +37,7 @@ from wbc.walking.hands.hands import Hands
 from wbc.walking.hands.reaching import Arms
 from wbc.walking.lipm.source import LipmWalk
 from wbc.walking.lipm.walk import Walk
+from wbc.walking.load import HeldLoad
 from wbc.walking.plans.footsteps import FootstepPlan, heading
 from wbc.walking.plans.sources import FootstepSource, Velocity, checked_velocity
 from wbc.walking.settings import WalkingControlSettings
@@ -47,6 +53,9 @@ HOLDS = 1.0
 """Distance of the DCM of a robot that stands, in standing boxes of the stepping walk, from which on it steps: the soles
 end at 1.5, but a step that begins there comes too late."""
 
+
+STEPS = "the robot steps, and steps count no forces on hands: stop it, and press once it stands"
+"""Reason for which hands of a robot that steps may not begin to press."""
 
 CALM = 1.0
 """Default of `WalkingControl.calm`, s."""
@@ -92,7 +101,8 @@ class WalkingControl(ReferenceControl):
             settings: Settings; the defaults when None.
             law: "lipm" plans all steps, "auto" leaves them to the law that suits what is asked for.
             stepping: Settings of steps as they go; mode, falls, arms, safety and solver are those of `settings`.
-            observer: Estimates the robot's state; a new one when None.
+            observer: Estimates the robot's state; a new one when None. Each law has time constants of its own for those
+                that are the defaults of `InertialSettings`; others stay.
             stiffness: Sets the soles while they swing; needs feet of variable stiffness.
             extent: Least and greatest x, least and greatest y of the ground, m; endless when None. For a plan alone.
             ground: What is known of the ground, made with a robot of the same description that stands at the start;
@@ -108,8 +118,8 @@ class WalkingControl(ReferenceControl):
             raise InputError(f"steps balance the robot in {shown(source)}: use its own control")
         steps = None
         if torque and plan is not None and law == "auto":
-            given = stepping or SteppingControlSettings()
-            steps = SteppingWalk(robot, dt, given.gait, given.com_height)
+            by_steps = stepping or SteppingControlSettings()
+            steps = SteppingWalk(robot, dt, by_steps.gait, by_steps.com_height)
         height = source.com_height
         if height is None:
             soles = [float(robot.placement(sole.frame).translation[2]) for sole in robot.soles]
@@ -120,11 +130,12 @@ class WalkingControl(ReferenceControl):
         arms = Arms(controller, tasks, dt, s.arms)
         body = Body(controller, height, dt, waist=steps is None, lift=self._lift)
         control = drive_control(s.mode, controller, observer, s.safety, feedforward=s.feedforward)
-        planned = Law(source, tasks, Stabilized(control, tasks, arms, s, height), observer.inertial.settings)
+        given = observer.inertial.settings
+        self._stabilized = Stabilized(control, tasks, arms, s, height)
+        planned = Law(source, tasks, self._stabilized, given)
         self.laws = {"lipm": planned}
         self.law = "lipm"
         self._calm, self._stood = CALM, 0.0  # time of a stand by the law that plans, s
-        self._handy = False  # hands have been asked for: the law that counts their forces stays
         self._before = 0  # steps done by laws before
         self._waiting: FootstepPlan | None = None  # until the robot stands
         super().__init__(planned, control, arms, body, stiffness, ground)
@@ -136,7 +147,7 @@ class WalkingControl(ReferenceControl):
         others.leave()
         tasks.enter(others)
         planned.balance.begin()
-        self.laws["stepping"] = Law(steps, others, Balance(), OBSERVER.inertial)
+        self.laws["stepping"] = Law(steps, others, Balance(), _tuned(OBSERVER.inertial, given))
         if ground is not None:
             steps.see(ground)
         if not plan.climbs:
@@ -178,8 +189,7 @@ class WalkingControl(ReferenceControl):
 
     @property
     def _pressing(self) -> bool:
-        balance = self.laws["lipm"].balance
-        return bool(self.controller.robot.frames) and self.law == "lipm" and balance.hands.active
+        return bool(self.controller.robot.frames) and self.law == "lipm" and self.hands.active
 
     def change(self, law: Literal["lipm", "stepping"]) -> None:
         """Change the law of a robot that stands; all orders before are forgotten."""
@@ -193,16 +203,17 @@ class WalkingControl(ReferenceControl):
         if self.reference is not None:
             towards = self.reference.heading
         old, self.law = self.laws[self.law], law
-        new = self.laws[law]
+        new, reason = self.laws[law], self.source.reason
+        self.arms.follow(new.tasks)
         old.tasks.leave()
         new.tasks.enter(old.tasks)
         new.source.begin(towards)
+        new.source.reason = reason  # of the last order, until the next one
         self.source, self.tasks, self.balance, estimate = new
         self.balance.begin()
         self.control.dcm_limit = self.balance.dcm_limit
         if estimate is not None:
             self.control.observer.retune(estimate)
-        self.arms.follow(self.tasks)
         if self.source.com_height is not None:
             self.body.follow(self.source.com_height, self.tasks.reaching)
         self._stood = 0.0
@@ -214,19 +225,33 @@ class WalkingControl(ReferenceControl):
 
     def _follow(self, state: State) -> None:
         """Change the law if the stand asks for it, and set the targets of this tick."""
-        if self._steps is not None and self.stands and self.source.finished:
-            if self.law == "lipm" and self._steps.leaves(state, HOLDS):
-                self.change("stepping")  # which steps out in this tick
-            elif self._waiting is not None:
-                plan, self._waiting = self._waiting, None
-                self.follow(plan)
-            elif self.law == "lipm" and not self._handy:
-                self._stood += self.dt
-                if self._stood > self._calm:
-                    self.change("stepping")
-        else:
-            self._stood = 0.0
+        if self._steps is not None:
+            self._choose_law(state, self._steps)
         super()._follow(state)
+
+    def _choose_law(self, state: State, steps: SteppingWalk) -> None:
+        """Change the law of a robot that stands for hands, for a push, for a plan that waits, and once it is calm."""
+        at_hand = self._at_hand()
+        calm = self.stands and self.source.finished
+        if self.law == "stepping" and at_hand and self.stands:
+            self.change("lipm")
+        elif calm and self.law == "lipm" and steps.leaves(state, HOLDS):
+            self.change("stepping")  # which steps out in this tick
+        elif calm and self._waiting is not None:
+            plan, self._waiting = self._waiting, None
+            self.follow(plan)
+        elif calm and self.law == "lipm" and not at_hand:
+            self._stood += self.dt
+            if self._stood > self._calm:
+                self.change("stepping")
+        elif not calm:
+            self._stood = 0.0
+        if self.controller.robot.frames:
+            self.hands.barred = "" if self.law == "lipm" or self.stands else STEPS
+
+    def _at_hand(self) -> bool:
+        """Return True while hands press, grip, or go to where they are to: the law counts their forces."""
+        return bool(self.controller.robot.frames) and (self.hands.wanted or self._pressing)
 
     @property
     def progress(self) -> Progress:
@@ -236,18 +261,41 @@ class WalkingControl(ReferenceControl):
 
     @property
     def finished(self) -> bool:
-        """True when all that was asked for is done and the robot stands."""
+        """True when all that was asked for is done and the robot stands; False for an order that was dropped."""
         return super().finished and self._waiting is None
 
     @property
-    def hands(self) -> Hands:
-        """Hands that press on things and hold on to them; a robot that stands changes its law for them.
+    def done(self) -> bool:
+        """True when the walk is over: finished, dropped, or ended by a fall."""
+        return (super().done and self._waiting is None) or self.fallen is not None
 
-        An `InputError` for a robot without hands, and for one that steps as it goes.
+    @property
+    def hands(self) -> Hands:
+        """Hands that press on things and hold on to them; a robot that stands changes its law once they are to.
+
+        An `InputError` for a robot without hands.
         """
-        self._prefer("lipm")
-        self._handy = self.law == "lipm"
-        return self.balance.hands
+        return self._stabilized.hands
+
+    @property
+    def stabilizer(self) -> Stabilizer | None:
+        """Feedback and admittances of planned steps; gains that are set count whenever that law balances the robot."""
+        return self._stabilized.stabilizer
+
+    @property
+    def lean(self) -> Lean | None:
+        """Lean of the trunk in planned steps; None keeps it upright."""
+        return self._stabilized.lean
+
+    @property
+    def bias(self) -> BiasEstimator | None:
+        """Estimator of the error of the DCM in planned steps; None takes it as measured."""
+        return self._stabilized.bias
+
+    @property
+    def load(self) -> HeldLoad | None:
+        """Load in the hands as estimated in planned steps; None where none is expected."""
+        return self._stabilized.load
 
     @property
     def velocity(self) -> Velocity | None:
@@ -256,7 +304,7 @@ class WalkingControl(ReferenceControl):
 
     @velocity.setter
     def velocity(self, velocity: Sequence[float] | None) -> None:
-        self._waiting, self._handy = None, False
+        self._waiting = None
         if any(checked_velocity(velocity)):
             self._prefer("stepping")
         ReferenceControl.velocity.__set__(self, velocity)  # type: ignore[attr-defined]
@@ -264,7 +312,7 @@ class WalkingControl(ReferenceControl):
     @checked
     def go_to(self, x: Annotated[Number, "m"], y: Annotated[Number, "m"], yaw: Angle) -> None:
         """Walk to a place (m) and heading (rad), and stand there; see `ReferenceControl.go_to`."""
-        self._waiting, self._handy = None, False
+        self._waiting = None
         self._prefer("stepping")
         super().go_to(x, y, yaw)
 
@@ -283,3 +331,12 @@ class WalkingControl(ReferenceControl):
         """Come to a stand safely."""
         self._waiting = None
         super().stop()
+
+
+def _tuned(law: InertialSettings, given: InertialSettings) -> InertialSettings:
+    """Return the time constants of a law, but those that are given and not the defaults."""
+    usual = InertialSettings()
+    set_ = {
+        f.name: value for f in fields(given) if (value := getattr(given, f.name)) != getattr(usual, f.name)
+    }
+    return replace(law, **set_)

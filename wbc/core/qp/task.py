@@ -15,7 +15,7 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Sequence
-from typing import Annotated, Any, ClassVar, Literal, TypedDict, Unpack
+from typing import Annotated, Any, ClassVar, Literal, Self, TypedDict, Unpack
 
 import numpy as np
 import pinocchio as pin
@@ -392,6 +392,22 @@ class Task(Motion):
     def _put(self, target: Any, velocity: Array, acceleration: Array) -> None:
         """Set the target of one tick of a move, and its rates along all axes."""
         self.follow(target, np.asarray(velocity)[self._keep], np.asarray(acceleration)[self._keep])
+
+    def go_on_from(self, before: Self) -> None:
+        """Take target, rates and move of another task of the same kind and axes over from it; its own move ends.
+
+        Args:
+            before: That task, which rests then.
+        """
+        owner = None if self._owner is None else self._owner()
+        if owner is None:
+            raise InputError(
+                f"task '{self.name}' goes on from another one once a controller has it: add it first"
+            )
+        self.follow(before.target, before.feedforward_velocity, before.feedforward_acceleration)
+        self._move, before._move = before._move, None
+        if self._move is not None:
+            owner.move(self)
 
     @property
     def moving(self) -> bool:

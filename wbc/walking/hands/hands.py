@@ -70,6 +70,7 @@ class Hands:
         outside: Wrench of the surroundings on all hands, measured and smoothed, [force; moment] at the world origin,
             shape (6,), N and Nm.
         active: True while a hand presses, or its lost force is still being faded out of the balance.
+        barred: Reason for which no hand may begin to press or grip now; empty if they may.
         slip: Angle by which the feet have slipped while the robot walked, rad: turn by the gyroscope less that of the
             estimate, which holds on to the feet.
     """
@@ -100,7 +101,7 @@ class Hands:
         self._missing = np.zeros(2)
         self._measurement: Measurement | None = None  # the last one
         self._middle: MovingFrame | None = None
-        self.active = False
+        self.active, self.barred = False, ""
         self._turn, self._start_yaw, self.slip = GyroTurn(), self._yaw, 0.0
         self._imu = self._estimate.placement(self._estimate.imu_frame)
         self._shift = Follower(SHIFT_TIME, np.zeros(2))
@@ -119,6 +120,11 @@ class Hands:
     def shift(self) -> Array:
         """Shift of the CoM for the planned forces, shape (2,), m."""
         return np.asarray(self._shift.value)
+
+    @property
+    def wanted(self) -> bool:
+        """True while a hand presses or grips, or goes to where it is to."""
+        return any(hand.active for hand in self.all.values())
 
     @property
     def gripping(self) -> bool:
@@ -218,6 +224,8 @@ class Hands:
     ) -> None:
         """Check the order of a hand, and begin it."""
         choose("hand", hand, self.all)
+        if self.barred:
+            raise InputError(f"{hand} may not press or grip now: {self.barred}")
         self._arms[hand].check_own()
         self._check_sensor(hand)
         if grip and self.all[hand].state is HandState.HOLD:
@@ -316,7 +324,7 @@ class Hands:
         self._turn.update(measurement.angular_velocity, self._imu.rotation[2], rests, dt)
         if not rests:
             self.slip = math.remainder(self._turn.angle - (self._yaw - self._start_yaw), math.tau)
-        pressing = any(hand.active for hand in self.all.values())
+        pressing = self.wanted
         if not (pressing or self.active):
             return None
         zmp = reference.pendulum.zmp

@@ -169,6 +169,7 @@ class LipmWalk(ReferenceSource):
     @velocity.setter
     def velocity(self, velocity: Sequence[float] | None) -> None:
         target, planner = checked_velocity(velocity), self.planner
+        self.reason = ""
         if planner is None or planner.target is None:
             planner = self.velocity_source()
             self.follow(planner)

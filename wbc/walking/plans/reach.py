@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Annotated
 
 import numpy as np
@@ -37,6 +37,12 @@ STRAIGHT = 0.95
 
 Extent = tuple[float, float, float, float]
 """Least and greatest x, least and greatest y of the ground, m."""
+
+CLEARING = 0.01
+"""Distance by which a step goes outwards, again and again, whose sole would overlap the one that stands, m."""
+
+BACK = 0.8
+"""Share of the greatest length that a step has which would be longer: the rest is for the balance."""
 
 
 @settings
@@ -87,6 +93,30 @@ class Reach:
             max_height=leg.length / 3.0,
             max_swing_height=leg.length / 2.0,
         )
+
+    def nearest(self, stance: Footstep, step: Footstep, sizes: dict[str, tuple[float, float]]) -> Footstep:
+        """Return a step within reach of the foot that stands, clear of it: the same one, or the nearest on its way.
+
+        Soles have sizes (length, width) by side, m.
+        """
+        forward, left, _, turn = step.seen_from(stance)
+        side = 1.0 if step.side == "left" else -1.0
+        beside, out, long = side * left, side * turn, self.max_length
+        ahead = abs(forward) <= long + ROUNDING
+        aside = self.min_spacing - ROUNDING <= beside <= self.max_spacing + ROUNDING
+        turned = -0.5 * self.max_yaw - ROUNDING <= out <= self.max_yaw + ROUNDING
+        if ahead and aside and turned and not soles_overlap(stance, step, sizes):
+            return step
+        x = forward if ahead else math.copysign(BACK * long, forward)
+        yaw = stance.yaw + side * min(max(out, -0.5 * self.max_yaw), self.max_yaw)
+        c, s = math.cos(stance.yaw), math.sin(stance.yaw)
+        beside = min(max(beside, self.min_spacing), self.max_spacing)
+        while True:
+            y = side * beside
+            near = replace(step, x=stance.x + c * x - s * y, y=stance.y + s * x + c * y, yaw=yaw)
+            if beside >= self.max_spacing or not soles_overlap(stance, near, sizes):
+                return near
+            beside = min(beside + CLEARING, self.max_spacing)
 
 
 @dataclass(frozen=True)

@@ -45,6 +45,9 @@ TURN_REACH = 0.9
 TRIES = 2
 """Landings beside a goal after which a robot stands as near to it as its landings are to their plans."""
 
+BESIDE, MORE = 0.25, 6
+"""Distance of a foot from its last place in a plan, over the longest step, from which a robot that was pushed takes a
+further step; greatest number of these."""
 
 AHEAD, STOPPING = 4, 0.1
 """Steps that are planned ahead, before the one that closes up; length of a step above which a robot that is to stop
@@ -318,7 +321,8 @@ class PlanSource(FootstepSource):
     """Steps of a footstep plan, one after the other; then a stand.
 
     The steps stay where they are planned, at the height at which the last landing has found the ground: the estimate of
-    the height drifts by millimetres a step.
+    the height drifts by millimetres a step. Feet that a push has put elsewhere go back to them: a step that is out of
+    reach from there goes as far as it can, and a robot whose feet end beside their places takes further steps.
     """
 
     def __init__(self, plan: FootstepPlan) -> None:
@@ -332,18 +336,59 @@ class PlanSource(FootstepSource):
         start = replace(now.start, gait=self._gait)
         if self._begun is None:
             self._begun = now.begun
-            if now.first is not None and self.plan.steps and self.plan.steps[0].side != now.first:
-                closing = close_up(start, now.first).steps or (
-                    start.left if now.first == "left" else start.right,
-                )
-                self.plan = replace(self.plan, steps=(*closing, *self.plan.steps))
         done = now.begun - self._begun
         steps = self.plan.steps[done:]
+        if (
+            now.first is not None and steps and steps[0].side != now.first
+        ):  # the other foot had to step out of a push
+            closing = close_up(start, now.first).steps or (
+                start.left if now.first == "left" else start.right,
+            )
+            steps = (*closing, *steps)
+            self.plan = replace(self.plan, steps=(*self.plan.steps[:done], *steps))
         if 0 < done <= len(self.plan):
             last = self.plan.steps[done - 1]
             rise = (start.left if last.side == "left" else start.right).z - last.z
             steps = tuple(replace(step, z=step.z + rise) for step in steps)
         return replace(start, steps=steps)
+
+    def within_reach_of(
+        self, now: Standing, plan: FootstepPlan, reach: Reach, sizes: dict[str, tuple[float, float]]
+    ) -> FootstepPlan:
+        """Return an answer of `footsteps` with steps that feet reach which stand elsewhere than planned.
+
+        Steps that are fixed, that climb, or that are out of reach from where they are planned stay.
+        """
+        if self.plan.climbs or not self.plan.steps:
+            return plan
+        if not plan.steps:
+            return self._further(now, plan, reach, sizes)
+        first = len(self.plan) - len(plan)
+        stance = now.start.right if plan.steps[0].side == "left" else now.start.left
+        steps = list(plan.steps)
+        for i, step in enumerate(steps):
+            near = reach.nearest(stance, step, sizes)
+            meant = self.plan.stance(first + i)
+            if near is step or step.place == "fixed" or reach.nearest(meant, step, sizes) is not step:
+                break
+            steps[i] = stance = near
+        return replace(plan, steps=tuple(steps))
+
+    def _further(
+        self, now: Standing, plan: FootstepPlan, reach: Reach, sizes: dict[str, tuple[float, float]]
+    ) -> FootstepPlan:
+        """Return a plan without steps with one more, if a foot stands too far beside its last place."""
+        assert self._begun is not None
+        feet, goals = (dict(zip(SIDES, pair, strict=True)) for pair in (plan.final, self.plan.final))
+        off = {
+            side: math.dist((feet[side].x, feet[side].y), (goals[side].x, goals[side].y)) for side in SIDES
+        }
+        more = now.begun - self._begun - len(self.plan)
+        if max(off.values()) < BESIDE * reach.max_length or more >= MORE:
+            return plan
+        side = now.first or max(off, key=off.__getitem__)
+        step = reach.nearest(feet[other(side)], replace(goals[side], z=feet[side].z), sizes)
+        return replace(plan, steps=(step,))
 
 
 def planner_of(source: FootstepPlan | FootstepSource) -> FootstepSource:
@@ -361,6 +406,9 @@ def next_steps(
     An `InputError` for a plan with a side out of turn, a step out of reach of the feet, or one that leaves the ground.
     """
     plan = planner.footsteps(now)
+    if isinstance(planner, PlanSource):
+        sizes = {side: (s.length, s.width) for side, s in zip(SIDES, robot.soles[:2], strict=True)}
+        plan = planner.within_reach_of(now, plan, reach, sizes)
     if not isinstance(plan, FootstepPlan):
         raise InputError(f"a planner of footsteps returns a FootstepPlan, got {shown(plan)}")
     if not plan.steps:
