@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, fields, replace
 from functools import cached_property, partial
 from pathlib import Path
 from types import MappingProxyType
-from typing import Annotated, Any, Unpack
+from typing import Annotated, Any, Literal, Unpack
 
 import numpy as np
 import pinocchio as pin
@@ -16,7 +16,7 @@ import pinocchio as pin
 from wbc.core.checked import checked
 from wbc.core.errors import Array, InputError, ModelError, choose
 from wbc.core.limits.shapes import CollisionCapsule, CollisionSphere, Shape
-from wbc.core.robot import Robot, Sole, joints_to
+from wbc.core.robot import Coupling, Robot, Sole, driven_names, joints_to
 from wbc.core.servos import Servos
 from wbc.core.settings import Positive
 from wbc.robots import frames, urdf
@@ -28,6 +28,12 @@ from wbc.robots.derivation.soles import mesh_folders
 from wbc.robots.frames import FrameDescription, SoleDescription
 from wbc.robots.options import DescriptionOptions
 from wbc.robots.report import doubts, facts, report
+
+Base = Literal["floating", "fixed"]
+"""Kind of a base."""
+
+BASES = ("floating", "fixed")
+"""These kinds."""
 
 
 @checked
@@ -44,6 +50,7 @@ class RobotDescription:
         half_sitting: Joint → position, for every joint, rad or m.
         armature: Joint → rotor inertia seen at the joint, for every joint, kg m² (kg for prismatic joints).
         imu: Frame of the inertial measurement unit.
+        base: "floating", or "fixed" for a robot that is bolted to the world at its root.
         torso: Link of the chest.
         hands: Role → frame, such as {"left_hand": "l_wrist"}.
         servo: Rule for the servo gains.
@@ -77,6 +84,7 @@ class RobotDescription:
     torque_ranges: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     sensors: Mapping[str, str] = field(default_factory=dict)
     package_dirs: tuple[str, ...] = ()
+    base: Base = "floating"
     height: Annotated[Positive, "m"] | None = None
     source: str = "given by the user"
     licence: str = "unknown"
@@ -90,6 +98,11 @@ class RobotDescription:
         if self.soles and tuple(sole.name for sole in self.soles) != frames.SOLE_NAMES:
             raise InputError(
                 f"soles must be {frames.SOLE_NAMES}, or none, got {tuple(s.name for s in self.soles)}"
+            )
+        choose("base", self.base, BASES)
+        if self.soles and self.base == "fixed":
+            raise InputError(
+                "a robot with feet is not bolted to the world: base='fixed' is for one without soles"
             )
         names = self.joint_names
         for what, given in (("half-sitting", self.half_sitting), ("armature", self.armature)):
@@ -122,6 +135,7 @@ class RobotDescription:
         name: str | None = None,
         sole_size: tuple[float, float] | None = None,
         package_dirs: tuple[str | Path, ...] = (),
+        base: Base = "floating",
         provenance: str | None = None,
         **options: Unpack[DescriptionOptions],
     ) -> RobotDescription:
@@ -137,16 +151,17 @@ class RobotDescription:
             name: Name of the robot; that in the URDF when None.
             sole_size: Length and width of both soles, m; from the geometry of the feet when None.
             package_dirs: Folders for `package://` in the URDF.
+            base: "fixed" for a robot without feet whose root is bolted to the world: it has no floating velocities.
             provenance: Origin of the model; the path when None.
             **options: See `wbc.robots.options.DescriptionOptions`.
         """
         if (left_sole is None) != (right_sole is None):
             raise InputError("give left_sole and right_sole, or none of both for a robot without feet")
         is_file = urdf.is_file(source)
-        base = Path(source).expanduser().resolve().parent if is_file else None
+        folder = Path(source).expanduser().resolve().parent if is_file else None
         directories = tuple(str(Path(d).expanduser()) for d in package_dirs)
         root = urdf.read(source)
-        directories, notes = mesh_folders(root, directories, base)
+        directories, notes = mesh_folders(root, directories, folder)
         return cls(
             **complete(
                 root,
@@ -157,6 +172,7 @@ class RobotDescription:
                 source=provenance or (str(source) if is_file else "URDF string"),
                 notes=notes,
                 package_dirs=directories,
+                fixed=choose("base", base, BASES) == "fixed",
                 **options,
             )
         )
@@ -171,6 +187,7 @@ class RobotDescription:
         name: str | None = None,
         sole_size: tuple[float, float] | None = None,
         feet: bool = True,
+        base: Base = "floating",
         root: str | None = None,
         meshes: bool = True,
         use_gains: bool = True,
@@ -189,7 +206,9 @@ class RobotDescription:
             name: As in `from_urdf`.
             sole_size: Length and width of both soles, m; from the geoms that can touch the ground when None.
             feet: False for a robot without feet, such as an arm or a quadruped, for a `Controller` of its own.
-            root: Body that floats; the one with a free joint when None. Joints of its own are replaced.
+            base: "fixed" for a robot without feet that is bolted to the world where the file has it.
+            root: Body that floats; the one with a free joint when None. Joints of its own are replaced, unless the base
+                is fixed.
             meshes: False to read a file whose meshes are missing; every body must then give its inertia.
             use_gains: False to derive all servo gains instead of taking those of the file.
             provenance: As in `from_urdf`.
@@ -207,6 +226,7 @@ class RobotDescription:
                 name=name,
                 sole_size=sole_size,
                 feet=feet,
+                fixed=choose("base", base, BASES) == "fixed",
                 root=root,
                 meshes=meshes,
                 use_gains=use_gains,
@@ -294,7 +314,12 @@ class RobotDescription:
     @cached_property
     def joint_names(self) -> tuple[str, ...]:
         """Actuated joints in the order of the velocity vector, length na."""
-        return tuple(list(self._model.names)[2:])
+        return tuple(driven_names(self._model))
+
+    @cached_property
+    def couplings(self) -> Mapping[str, Coupling]:
+        """Joints that move with another one, joint → its leader, ratio and offset."""
+        return MappingProxyType(urdf.couplings(urdf.read(self.urdf)))
 
     @cached_property
     def digest(self) -> str:
@@ -311,6 +336,8 @@ class RobotDescription:
         ]
         values = [sorted(getattr(self, name).items()) for name in names]
         content = (self.urdf, self.soles, self.imu, self.torso, self.servo, *values)
+        if self.base == "fixed":
+            content = (*content, self.base)
         return hashlib.sha256(repr(content).encode()).hexdigest()[:12]
 
     @cached_property
@@ -366,12 +393,13 @@ class RobotDescription:
     @cached_property
     def velocity_limit(self) -> Array:
         """Largest speed of each joint, shape (na,), rad/s."""
-        return _frozen(self._model.upperVelocityLimit[6:])
+        return _frozen(self._model.upperVelocityLimit[-len(self.joint_names) :])
 
     @cached_property
     def position_limits(self) -> tuple[Array, Array]:
-        """Lower and upper position limits, each of shape (na,), rad."""
-        return _frozen(self._model.lowerPositionLimit[7:]), _frozen(self._model.upperPositionLimit[7:])
+        """Lower and upper position limits, each of shape (na,), rad; infinite where a joint turns without end."""
+        na = len(self.joint_names)
+        return _frozen(self._model.lowerPositionLimit[-na:]), _frozen(self._model.upperPositionLimit[-na:])
 
     @cached_property
     def legs(self) -> tuple[tuple[str, ...], tuple[str, ...]]:
@@ -403,21 +431,22 @@ class RobotDescription:
     @cached_property
     def _model(self) -> pin.Model:
         root = urdf.read(self.urdf)
-        if urdf.tidy(root) or urdf.joints_without_torque_limit(root):
+        if urdf.tidy(root, self.base == "fixed") or urdf.joints_without_torque_limit(root):
             raise ModelError("the URDF of a description must be tidy; use RobotDescription.from_urdf")
-        inertia.check(root)
-        model = urdf.pinocchio_model(self.urdf, self.name)
+        inertia.check(root, self.base == "fixed")
+        model = urdf.pinocchio_model(self.urdf, self.name, self.base == "fixed")
         for description in (*self.soles, self.imu):
             frames.add_frame(model, description)
         for joint, (_, most) in self.torque_ranges.items():
-            choose("joint", joint, list(model.names)[2:])
+            choose("joint", joint, driven_names(model))
             model.upperEffortLimit[model.joints[model.getJointId(joint)].idx_v] = most
-        model.armature[6:] = [self.armature.get(name, 0.0) for name in list(model.names)[2:]]
+        names = driven_names(model)
+        model.armature[-len(names) :] = [self.armature.get(name, 0.0) for name in names]
         return model
 
     @property
     def _torque_lower(self) -> Array:
-        limit = -np.array(self._model.upperEffortLimit[6:])
+        limit = -np.array(self._model.upperEffortLimit[-len(self.joint_names) :])
         for name, (least, _) in self.torque_ranges.items():
             limit[self.joint_names.index(name)] = least
         return limit

@@ -12,7 +12,7 @@ import pinocchio as pin
 from wbc.core.robot import GRAVITY, SIDES
 from wbc.core.servos import ANKLE_SHARE
 from wbc.robots.derivation.defaults import feet_hint
-from wbc.robots.urdf import CONTINUOUS_RANGE
+from wbc.robots.urdf import TAKEN_RANGE
 
 NEAR_LIMIT = 0.6
 """Share of a torque limit from which on a joint that only stands is doubtful."""
@@ -58,13 +58,16 @@ def facts(robot: Any) -> dict[str, Any]:
     """Return mass, size, soles, joints and sources of a robot, ready for JSON."""
     model = robot.robot()
     limits = model.velocity_limit, model.torque_limit
-    columns = (*limits, model.half_sitting[7:], robot.armature_array, robot.kp, robot.kd)
+    columns = (*limits, model.half_sitting[model.base_nq :], robot.armature_array, robot.kp, robot.kd)
     joints: dict[str, dict[str, Any]] = {}
     for i, name in enumerate(robot.joint_names):
-        slides = model.model.joints[i + 2].shortname().startswith("JointModelP")
+        slides = model.model.joints[model.joint_numbers[i]].shortname().startswith("JointModelP")
         joints[name] = {
             "unit": "m" if slides else "rad",
-            "position": [float(model.position_lower[i]), float(model.position_upper[i])],
+            "position": [
+                float(end) if math.isfinite(end) else None
+                for end in (model.position_lower[i], model.position_upper[i])
+            ],
             **{key: float(values[i]) for key, values in zip(HEADINGS, columns, strict=True)},
             "damping": float(robot.damping.get(name, 0.0)),
             "frictionloss": float(robot.frictionloss.get(name, 0.0)),
@@ -118,10 +121,11 @@ def report(facts: Mapping[str, Any]) -> str:
     lines.append(f"  {'joint (half-sitting in deg)':<28} {'range deg':>15}{heads}  gains")
     for name, joint in facts["joints"].items():
         shown = 1e3 if joint["unit"] == "m" else np.degrees(1.0)
-        low, high = shown * np.array(joint["position"])
+        low, high = (end and shown * end for end in joint["position"])
+        span = "without end" if low is None or high is None else f"{low:.0f} .. {high:.0f}"
         values = joint | {"half_sitting": shown * joint["half_sitting"]}
         columns = "".join(f" {values[key]:>9.4g}" for key in HEADINGS)
-        lines.append(f"  {name:<28} {f'{low:.0f} .. {high:.0f}':>15}{columns}  {joint['gains']}")
+        lines.append(f"  {name:<28} {span:>15}{columns}  {joint['gains']}")
     if sliding := [name for name, joint in facts["joints"].items() if joint["unit"] == "m"]:
         lines.append(f"  sliding joints, in mm, m/s, N and kg: {', '.join(sliding)}")
     if facts["derived"]:
@@ -168,7 +172,7 @@ def doubts(robot: Any) -> tuple[str, ...]:
         ],
         "no position limits (±π taken)": [n for n, low, high, _ in limits if _is_taken(low, high)],
         "position limits of more than two turns, in degrees?": [
-            n for n, low, high, _ in limits if high - low > MOST_RANGE
+            n for n, low, high, _ in limits if MOST_RANGE < high - low < math.inf
         ],
     }
     found = [f"{what}: {listed(names)}" for what, names in lists.items() if names]
@@ -251,7 +255,7 @@ def _legs(robot: Any) -> list[str]:
 
 def _is_taken(low: float, high: float) -> bool:
     """Return True for the range of a joint that was given none."""
-    return bool(abs(low + CONTINUOUS_RANGE) < 1e-6 and abs(high - CONTINUOUS_RANGE) < 1e-6)
+    return bool(abs(low + TAKEN_RANGE) < 1e-6 and abs(high - TAKEN_RANGE) < 1e-6)
 
 
 def listed(names: list[str]) -> str:

@@ -1,7 +1,7 @@
 """One URDF string for both Pinocchio and MuJoCo: reading, tidying, limits, Pinocchio model.
 
 What the two importers treat differently is settled here, in the string itself, so that they cannot disagree:
-continuous joints, mimic joints, a "world" root, missing limits.
+coupled joints, a "world" root, missing limits.
 """
 
 from __future__ import annotations
@@ -16,14 +16,18 @@ import pinocchio as pin
 
 from wbc.core.errors import Array, InputError, ModelError, choose, finite_scalar, shown, shown_path
 from wbc.core.files import read_xml
-from wbc.core.robot import GRAVITY, UNLIMITED
+from wbc.core.robot import GRAVITY, UNLIMITED, Coupling
 
 Element = ElementTree.Element
 
-CONTINUOUS_RANGE = math.pi
-"""Range ± that turns a continuous joint into a revolute one, rad: both importers then give it one coordinate."""
+TAKEN_RANGE = math.pi
+"""Range ± of a revolute joint that has no position limits, rad."""
 
-DEFAULT_VELOCITY = {"revolute": 6.0, "prismatic": 0.5}
+ENDLESS = 1e9
+"""Position from which on a limit is none, rad. A joint that turns without end is read with limits beyond it, so that it
+has one coordinate, not cosine and sine."""
+
+DEFAULT_VELOCITY = {"revolute": 6.0, "continuous": 6.0, "prismatic": 0.5}
 """Velocity limit of a joint that has none, rad/s and m/s: between Talos (3.9–7) and HRP-4C (4.1–9.8) for legs."""
 
 LARGEST_COORDINATE = 1e4
@@ -38,8 +42,16 @@ XACRO = "{http://www.ros.org/wiki/xacro}"
 WORLD = "world"
 """Name of MuJoCo's own ground, which no link may have."""
 
-MOVING = ("revolute", "prismatic")
+MOVING = ("revolute", "continuous", "prismatic")
 """Joint types that a robot may have after tidying; all others but "fixed" are refused."""
+
+WAYS_OUT = {
+    "floating": "the base alone may float",
+    "planar": "write it as two prismatic joints and a continuous one",
+    "ball": "write it as three revolute joints with massless links between them",
+    "spherical": "write it as three revolute joints with massless links between them",
+}
+"""Joint type that is refused → what to do instead."""
 
 
 def read(source: str | Path) -> Element:
@@ -116,15 +128,130 @@ def without_geometry(urdf: str) -> str:
     return to_string(root)
 
 
-def pinocchio_model(xml: str, name: str) -> pin.Model:
-    """Return the Pinocchio model of a tidied URDF, with a free-flyer root and standard gravity, or a `ModelError`."""
+def pinocchio_model(xml: str, name: str, fixed: bool = False) -> pin.Model:
+    """Return the Pinocchio model of a tidied URDF, with standard gravity, or a `ModelError`.
+
+    Its root is a free-flyer, or, with `fixed`, the world. Joints that mimic another one are coupled to it.
+    """
+    root = ElementTree.fromstring(without_geometry(xml))
+    coupled = couplings(root)
+    order = _order(root, coupled) if coupled else {}
+    for each, joint in joints(root, MOVING).items():
+        for mimic in joint.findall("mimic"):
+            joint.remove(mimic)
+        if joint.get("type") == "continuous":
+            joint.set("type", "revolute")
+            _limit_of(joint).attrib.update(lower=repr(-10.0 * ENDLESS), upper=repr(10.0 * ENDLESS))
+        joint.set("name", order.get(each, each))
+    given = () if fixed else (pin.JointModelFreeFlyer(),)
     try:
-        model = pin.buildModelFromXML(without_geometry(xml), pin.JointModelFreeFlyer())
+        model = pin.buildModelFromXML(to_string(root), *given)
+        for number, ordered in enumerate(list(model.names)):
+            model.names[number] = next((own for own, key in order.items() if key == ordered), ordered)
+        for frame in model.frames:
+            if frame.type in (pin.FrameType.JOINT, pin.FrameType.FIXED_JOINT):
+                frame.name = next((own for own, key in order.items() if key == frame.name), frame.name)
+        for follower, coupling in coupled.items():
+            leading, following = model.getJointId(coupling.leader), model.getJointId(follower)
+            if leading > following:
+                raise ModelError(
+                    f"joint '{follower}' is coupled to '{coupling.leader}', which hangs on it: give the coupling the "
+                    "other way round, or lock one of them"
+                )
+            model = pin.transformJointIntoMimic(model, leading, following, coupling.ratio, coupling.offset)
     except (ValueError, RuntimeError) as error:
+        if isinstance(error, ModelError):
+            raise
         raise ModelError(f"Pinocchio cannot read the URDF of '{name}': {error}") from error
     model.name = name
     model.gravity.linear = np.array([0.0, 0.0, -GRAVITY])
+    for limits in (model.lowerPositionLimit, model.upperPositionLimit):
+        limits[np.abs(limits) > ENDLESS] = np.copysign(np.inf, limits[np.abs(limits) > ENDLESS])
     return model
+
+
+def couplings(root: Element) -> dict[str, Coupling]:
+    """Return the joints of a `<robot>` that move with another one, joint → its leader, ratio and offset.
+
+    A leader is a joint with a coordinate of its own: a joint that moves with one that moves with a third is coupled to
+    the third.
+    """
+    moving = joints(root, MOVING)
+    direct: dict[str, Coupling] = {}
+    for name, joint in moving.items():
+        for mimic in joint.findall("mimic"):
+            leader = str(mimic.get("joint"))
+            ratio = _number(mimic, "multiplier", name) if mimic.get("multiplier") is not None else 1.0
+            direct[name] = Coupling(leader, ratio, _number(mimic, "offset", name))
+    found = {}
+    for name, first in direct.items():
+        seen, coupling = [name], first
+        while coupling.leader in direct:
+            seen.append(coupling.leader)
+            if seen.count(coupling.leader) > 1:
+                raise ModelError(
+                    f"joints {', '.join(map(repr, dict.fromkeys(seen)))} are coupled to each other: none of them leads"
+                )
+            above = direct[coupling.leader]
+            coupling = Coupling(
+                above.leader, coupling.ratio * above.ratio, coupling.ratio * above.offset + coupling.offset
+            )
+        choose(f"leader of joint '{name}'", coupling.leader, moving)
+        found[name] = coupling
+    return found
+
+
+def couple(joint: Element, coupling: Coupling) -> None:
+    """Let a joint move with another one."""
+    for mimic in joint.findall("mimic"):
+        joint.remove(mimic)
+    ElementTree.SubElement(
+        joint,
+        "mimic",
+        joint=coupling.leader,
+        multiplier=repr(float(coupling.ratio)),
+        offset=repr(float(coupling.offset)),
+    )
+
+
+def _order(root: Element, coupled: Mapping[str, Coupling]) -> dict[str, str]:
+    """Return joint → name by whose order Pinocchio numbers leaders before the joints that are coupled to them.
+
+    Pinocchio visits the joints of a link by their names; where a leader comes later, its branch is visited first.
+    """
+    below: dict[str, list[str]] = {}
+    ends = {name: parent_and_child(joint) for name, joint in joints(root).items()}
+    for name, (parent, _) in sorted(ends.items()):
+        below.setdefault(parent, []).append(name)
+
+    def branch(name: str) -> list[str]:
+        return [name] + [other for each in below.get(ends[name][1], []) for other in branch(each)]
+
+    followed = {coupling.leader for coupling in coupled.values()}
+    start = next(parent for parent in below if parent not in {child for _, child in ends.values()})
+    visited: list[str] = []
+
+    def visit(link: str) -> None:
+        waiting = list(below.get(link, []))
+        while waiting:
+            ready = [
+                each
+                for each in waiting
+                if not any(
+                    name in coupled
+                    and any(coupled[name].leader in branch(other) for other in waiting if other != each)
+                    for name in branch(each)
+                )
+            ]
+            chosen = (ready or waiting)[0]
+            waiting.remove(chosen)
+            visited.append(chosen)
+            visit(ends[chosen][1])
+
+    if not followed:
+        return {}
+    visit(start)
+    return {name: f"{i:06d}" for i, name in enumerate(visited)}
 
 
 def joints(root: Element, types: tuple[str, ...] | None = None) -> dict[str, Element]:
@@ -154,39 +281,42 @@ def moving_link_of(root: Element) -> dict[str, str]:
     return result
 
 
-def tidy(root: Element) -> list[str]:
-    """Settle in place what Pinocchio and MuJoCo would read differently; return the changes, one line each."""
-    notes = _drop_world(root)
+def tidy(root: Element, fixed: bool = False) -> list[str]:
+    """Settle in place what Pinocchio and MuJoCo would read differently; return the changes, one line each.
+
+    With `fixed` the root of the robot is bolted to the world, and a root link that stands for the world stays.
+    """
+    notes = _drop_world(root, fixed)
     _check_tree(root)
     notes += _rename_world(root)
     for name, joint in joints(root).items():
         kind = joint.get("type")
-        if kind == "continuous":
-            joint.set("type", "revolute")
-            limit = _limit_of(joint)
-            limit.set("lower", repr(-CONTINUOUS_RANGE))
-            limit.set("upper", repr(CONTINUOUS_RANGE))
-            notes.append(f"joint '{name}': continuous, now revolute within ±{CONTINUOUS_RANGE:.4f} rad")
-        elif kind not in (*MOVING, "fixed"):
+        if kind not in (*MOVING, "fixed"):
+            way = WAYS_OUT.get(str(kind), "")
             raise ModelError(
                 f"joint '{name}' is of type '{kind}'; supported: revolute, continuous, prismatic, fixed"
+                f"{way and '; ' + way}"
             )
-        for mimic in joint.findall("mimic"):
+        for mimic in joint.findall("mimic") if kind == "fixed" else ():
             joint.remove(mimic)
-            if kind != "fixed":
-                notes.append(f"joint '{name}': mimic of '{mimic.get('joint')}', now an independent joint")
+    notes += _settle_couplings(root)
     rubbing = [name for name, joint in joints(root, MOVING).items() if _drop_dynamics(joint)]
     if rubbing:
         notes.append(f"damping and friction that the URDF gives {len(rubbing)} joints are left out")
     for name, joint in joints(root, MOVING).items():
         limit = _limit_of(joint)
-        if limit.get("lower") is None and limit.get("upper") is None:
+        if joint.get("type") == "continuous":
+            for end in ("lower", "upper"):
+                limit.attrib.pop(end, None)
+        elif limit.get("lower") is None and limit.get("upper") is None:
             if joint.get("type") == "prismatic":
                 raise ModelError(f"prismatic joint '{name}' has no position limits")
-            limit.set("lower", repr(-CONTINUOUS_RANGE))
-            limit.set("upper", repr(CONTINUOUS_RANGE))
-            notes.append(f"joint '{name}': no position limits given, ±{CONTINUOUS_RANGE:.4f} rad")
-        if not _number(limit, "lower", name) < _number(limit, "upper", name):
+            limit.set("lower", repr(-TAKEN_RANGE))
+            limit.set("upper", repr(TAKEN_RANGE))
+            notes.append(f"joint '{name}': no position limits given, ±{TAKEN_RANGE:.4f} rad")
+        if joint.get("type") != "continuous" and not _number(limit, "lower", name) < _number(
+            limit, "upper", name
+        ):
             raise ModelError(
                 f"joint '{name}' has the empty position range [{limit.get('lower')}, {limit.get('upper')}]"
             )
@@ -197,16 +327,88 @@ def tidy(root: Element) -> list[str]:
         # Pinocchio's parser needs the attribute; zero means "not given" until the torque rule has seen the model.
         if not 0.0 < _number(limit, "effort", name) < UNLIMITED:
             limit.set("effort", "0")
+    return notes + _narrow_leaders(root)
+
+
+def _settle_couplings(root: Element) -> list[str]:
+    """Let coupled joints follow joints that lead, in place; those of a joint that does not move do not, either."""
+    notes, all_joints = [], joints(root)
+    while True:
+        still = {}
+        for name, joint in joints(root, MOVING).items():
+            for mimic in joint.findall("mimic"):
+                leader = str(mimic.get("joint"))
+                choose(f"leader of joint '{name}' (mimic)", leader, all_joints)
+                ratio = _number(mimic, "multiplier", name) if mimic.get("multiplier") is not None else 1.0
+                if all_joints[leader].get("type") == "fixed" or ratio == 0.0:
+                    still[name] = _number(mimic, "offset", name)
+        if not still:
+            break
+        for name, value in still.items():
+            for mimic in all_joints[name].findall("mimic"):
+                all_joints[name].remove(mimic)
+            notes.append(f"joint '{name}': mimic of what does not move, fixed at {value:g}")
+            lock(root, {name: value}, bounded=False)
+    for name, coupling in couplings(root).items():
+        couple(all_joints[name], coupling)
     return notes
 
 
-def lock(root: Element, positions: Mapping[str, float]) -> None:
-    """Fix joints of a tidied `<robot>` at given positions, joint → rad or m."""
-    for name, value in positions.items():
+def _narrow_leaders(root: Element) -> list[str]:
+    """Narrow position and velocity limits of leaders to what the joints that are coupled to them allow, in place."""
+    notes, moving = [], joints(root, MOVING)
+    for name, coupling in couplings(root).items():
+        limit, own = _limit_of(moving[coupling.leader]), _limit_of(moving[name])
+        if moving[name].get("type") != "continuous":
+            ends = sorted(
+                (_number(own, end, name) - coupling.offset) / coupling.ratio for end in ("lower", "upper")
+            )
+            endless = moving[coupling.leader].get("type") == "continuous"
+            before = (
+                (-math.inf, math.inf)
+                if endless
+                else tuple(_number(limit, end, coupling.leader) for end in ("lower", "upper"))
+            )
+            low, high = max(ends[0], before[0]), min(ends[1], before[1])
+            if not low < high:
+                raise ModelError(
+                    f"joint '{name}', coupled to '{coupling.leader}', leaves it no range: "
+                    f"[{ends[0]:g}, {ends[1]:g}] of [{before[0]:g}, {before[1]:g}]"
+                )
+            if max(low - before[0], before[1] - high) > 1e-6:
+                moving[coupling.leader].set(
+                    "type", str(moving[coupling.leader].get("type")).replace("continuous", "revolute")
+                )
+                limit.set("lower", repr(low))
+                limit.set("upper", repr(high))
+                notes.append(
+                    f"joint '{coupling.leader}': [{low:g}, {high:g}], for the range of '{name}', coupled to it"
+                )
+        fastest = _number(own, "velocity", name) / abs(coupling.ratio)
+        if fastest < _number(limit, "velocity", coupling.leader) * (1.0 - 1e-9):
+            limit.set("velocity", repr(fastest))
+            notes.append(
+                f"joint '{coupling.leader}': at most {fastest:g} a second, for '{name}', coupled to it"
+            )
+    return notes
+
+
+def lock(root: Element, positions: Mapping[str, float], *, bounded: bool = True) -> None:
+    """Fix joints of a tidied `<robot>` at given positions, joint → rad or m, inside their limits if `bounded`.
+
+    Joints that are coupled to one of them are fixed as well; one that is coupled itself is freed of its leader.
+    """
+    coupled = couplings(root)
+    with_them = {
+        name: coupling.ratio * positions[coupling.leader] + coupling.offset
+        for name, coupling in coupled.items()
+        if coupling.leader in positions and name not in positions
+    }
+    for name, value in {**positions, **with_them}.items():
         moving = joints(root, MOVING)
         joint = moving[choose("joint", name, moving)]
         limit, bounds = joint.find("limit"), (-math.inf, math.inf)
-        if limit is not None and joint.get("type") != "continuous":
+        if bounded and name not in with_them and limit is not None and joint.get("type") != "continuous":
             lower, upper = (_number(limit, key, name) for key in ("lower", "upper"))
             bounds = (lower, upper) if lower < upper else bounds
         shift = finite_scalar(f"locked joint '{name}'", value, low=bounds[0], high=bounds[1])
@@ -225,7 +427,7 @@ def lock(root: Element, positions: Mapping[str, float]) -> None:
         origin.set("xyz", " ".join(repr(float(x)) for x in place.translation))
         origin.set("rpy", " ".join(repr(float(x)) for x in pin.rpy.matrixToRpy(place.rotation)))
         joint.set("type", "fixed")
-        for tag in ("axis", "limit"):
+        for tag in ("axis", "limit", "mimic"):
             for old in joint.findall(tag):
                 joint.remove(old)
 
@@ -295,13 +497,16 @@ def set_limits(
             raise InputError(
                 f"position limits of joint '{name}' must be finite with lower < upper, got {lower}, {upper}"
             )
+        if moving[name].get("type") == "continuous":
+            moving[name].set("type", "revolute")
         _limit_of(moving[name]).set("lower", repr(float(lower)))
         _limit_of(moving[name]).set("upper", repr(float(upper)))
 
 
 def joints_without_torque_limit(root: Element) -> list[str]:
-    """Return the moving joints of a tidied URDF that have no torque limit."""
-    return [name for name, j in joints(root, MOVING).items() if _number(_limit_of(j), "effort", name) == 0.0]
+    """Return the moving joints of a tidied URDF that have no torque limit; those that are coupled need none."""
+    moving = {name: joint for name, joint in joints(root, MOVING).items() if joint.find("mimic") is None}
+    return [name for name, joint in moving.items() if _number(_limit_of(joint), "effort", name) == 0.0]
 
 
 def _soften(root: Element, name: str, joint: Element) -> list[str]:
@@ -326,12 +531,21 @@ def _soften(root: Element, name: str, joint: Element) -> list[str]:
                 bounds.append(("range of its ros2_control", low, high))
     notes, limit = [], _limit_of(joint)
     for what, soft_low, soft_high in bounds:
-        hard = _number(limit, "lower", name), _number(limit, "upper", name)
+        endless = joint.get("type") == "continuous"
+        hard = (
+            (-math.inf, math.inf)
+            if endless
+            else (_number(limit, "lower", name), _number(limit, "upper", name))
+        )
         low, high = max(hard[0], soft_low), min(hard[1], soft_high)
         said = f"joint '{name}': {what}, [{soft_low:g}, {soft_high:g}]"
         if low >= high:
             notes.append(f"{said}, leave nothing of [{hard[0]:g}, {hard[1]:g}] and are left out")
         elif (low, high) != hard:
+            if not (math.isfinite(low) and math.isfinite(high)):
+                notes.append(f"{said}, bound one side of a joint without end alone and are left out")
+                continue
+            joint.set("type", str(joint.get("type")).replace("continuous", "revolute"))
             limit.set("lower", repr(low))
             limit.set("upper", repr(high))
             notes.append(f"{said}, are taken as position limits")
@@ -378,7 +592,7 @@ def _rename_world(root: Element) -> list[str]:
     return [f"link '{WORLD}' has the name of MuJoCo's ground: now '{WORLD}_link'"]
 
 
-def _drop_world(root: Element) -> list[str]:
+def _drop_world(root: Element, fixed: bool) -> list[str]:
     """Remove a root link that stands for the world: the robot's root link gets the free-flyer."""
     notes: list[str] = []
     while True:
@@ -402,8 +616,10 @@ def _drop_world(root: Element) -> list[str]:
         if len(below) != 1 or link.find("inertial") is not None:
             return notes
         joint = joints(root)[below[0]]
-        if not (joint.get("type") == "floating" or (joint.get("type") == "fixed" and roots[0] == "world")):
+        stands = joint.get("type") == "fixed" and roots[0] == "world" and not fixed
+        if not (joint.get("type") == "floating" or stands):
             return notes
         root.remove(link)
         root.remove(joint)
-        notes.append(f"root link '{roots[0]}' and joint '{below[0]}' removed: the robot floats freely")
+        how = "is bolted there" if fixed else "floats freely"
+        notes.append(f"root link '{roots[0]}' and joint '{below[0]}' removed: the robot {how}")

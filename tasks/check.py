@@ -12,7 +12,7 @@ from wbc.core.errors import Array, InputError
 from wbc.core.limits.base import Limit
 from wbc.core.qp.contact import Contact
 from wbc.core.qp.task import Task, evaluated
-from wbc.core.robot import BASE_DOF, Robot
+from wbc.core.robot import Robot
 from wbc.core.settings import Period, Seed
 
 STEP = 1e-6
@@ -135,7 +135,8 @@ def _check_jacobian(item: Task | Contact, robot: Robot, q: Array, v: Array, *, p
     robot.update(q, v)
     jacobian, error, _ = _rows(item)
     hint = "" if _close(error, np.zeros_like(error)) else "; its target is not where the robot is: give none"
-    names = [f"{axis} of the base" for axis in ("x", "y", "z", "roll", "pitch", "yaw")]
+    axes = ("x", "y", "z", "roll", "pitch", "yaw") if robot.floating else ()
+    names = [f"{axis} of the base" for axis in axes]
     for column, name in enumerate([*names, *robot.joint_names]):
         if partial and not jacobian[:, column].any():
             continue
@@ -165,8 +166,9 @@ def _close(one: Array, other: Array) -> bool:
 def _random_state(robot: Robot, random: np.random.Generator) -> tuple[Array, Array]:
     """Return a configuration anywhere in the world, joints well inside of their limits, and a velocity."""
     q = np.array(robot.half_sitting)
-    q[:3] = random.normal(size=3)
-    q[3:7] = pin.Quaternion(pin.exp3(random.normal(size=3))).coeffs()
-    share = random.uniform(0.2, 0.8, robot.nv - BASE_DOF)
-    q[7:] = robot.position_lower + share * (robot.position_upper - robot.position_lower)
+    if robot.floating:
+        q[:3] = random.normal(size=3)
+        q[3:7] = pin.Quaternion(pin.exp3(random.normal(size=3))).coeffs()
+    low, high = np.maximum(robot.position_lower, -np.pi), np.minimum(robot.position_upper, np.pi)
+    q[robot.base_nq :] = low + random.uniform(0.2, 0.8, robot.na) * (high - low)
     return q, random.normal(size=robot.nv)

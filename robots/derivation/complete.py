@@ -9,7 +9,7 @@ from typing import Any, Unpack
 import numpy as np
 import pinocchio as pin
 
-from wbc.core.errors import ROUNDING, ModelError, choose, finite_scalar, non_negative, positive
+from wbc.core.errors import ROUNDING, InputError, ModelError, choose, finite_scalar, non_negative, positive
 from wbc.core.robot import GRAVITY, joints_to
 from wbc.robots import frames, urdf
 from wbc.robots.derivation import defaults, inertia, posture
@@ -57,6 +57,7 @@ def complete(
     package_dirs: tuple[str, ...] = (),
     postures: Sequence[tuple[str, Mapping[str, float]]] = (),
     feet_found: bool = False,
+    fixed: bool = False,
     taken: Mapping[str, Any] | None = None,
     **options: Unpack[DescriptionOptions],
 ) -> dict[str, Any]:
@@ -64,9 +65,13 @@ def complete(
 
     `notes` are the remarks so far, `postures` those of the file (name, joint → position) that may be half-sitting,
     `taken` further fields, taken over as they are. With `feet_found` it was left to `find_soles`, which is None for a
-    robot without feet, which foot is the left one.
+    robot without feet, which foot is the left one. With `fixed` the base is bolted to the world.
     """
-    notes += urdf.tidy(root)
+    if fixed and find_soles is not None:
+        raise InputError(
+            "a robot with feet is not bolted to the world: base='fixed' is for one without soles"
+        )
+    notes += urdf.tidy(root, fixed)
     urdf.lock(root, options.get("lock") or {})
     urdf.set_limits(
         root,
@@ -75,10 +80,14 @@ def complete(
         torque=options.get("torque_limits"),
     )
     if options.get("repair", False):
-        notes += inertia.repair(root)
-    inertia.check(root)
+        notes += inertia.repair(root, fixed)
+    inertia.check(root, fixed)
     name = name or str(root.get("name") or "robot")
-    model = urdf.pinocchio_model(urdf.to_string(root), name)
+    notes += [
+        f"joint '{each}' moves with '{coupling.leader}': {coupling.ratio:g} times its position and {coupling.offset:g}"
+        for each, coupling in urdf.couplings(root).items()
+    ]
+    model = urdf.pinocchio_model(urdf.to_string(root), name, fixed)
     remarks: list[str] = []
     soles: defaults.Soles = ()
     turn = 0.0
@@ -125,6 +134,7 @@ def complete(
         "name": name,
         "urdf": urdf.to_string(root),
         "soles": soles,
+        "base": "fixed" if fixed else "floating",
         "half_sitting": joints,
         "armature": rotors,
         "imu": defaults.complete_imu(model, options.get("imu"), notes),
@@ -156,7 +166,7 @@ def check_values(robot: Any, model: pin.Model) -> None:
             choose("joint", name, names)
             non_negative(f"{what} of joint '{name}'{unit}", value)
     for name, value in robot.half_sitting.items():
-        i = 7 + names.index(choose("joint", name, names))
+        i = model.nq - len(names) + names.index(choose("joint", name, names))
         low, high = float(model.lowerPositionLimit[i]), float(model.upperPositionLimit[i])
         finite_scalar(f"half-sitting of joint '{name}'", value, low=low, high=high)
 

@@ -24,7 +24,7 @@ import numpy as np
 import pinocchio as pin
 
 from wbc.core.errors import InputError, ModelError, choose, non_negative
-from wbc.core.robot import GRAVITY, joints_to
+from wbc.core.robot import GRAVITY, driven_names, is_floating, joints_to
 from wbc.robots import frames
 from wbc.robots.derivation import posture
 from wbc.robots.derivation.soles import UNITS, no_sole, plausible, sole_rectangle
@@ -76,7 +76,7 @@ def complete_half_sitting(
         taken = {**joints, **given}
         if posture.stands(model, soles, taken):
             notes.append(f"half-sitting: keyframe '{title}'")
-            return {str(name): float(taken[name]) for name in list(model.names)[2:]}
+            return {str(name): float(taken[name]) for name in driven_names(model)}
     if postures:
         title, joints = postures[0]
         upper_body = posture.upper_body(model, frame_names, joints)
@@ -86,8 +86,9 @@ def complete_half_sitting(
     joints = posture.half_sitting(
         model, frame_names, given, max((sole.width for sole in soles), default=0.0) + 0.02
     )
-    names = list(model.names)[2:]
-    legs = [names[j - 2] for frame in frame_names for j in joints_to(model, frame)]
+    names = driven_names(model)
+    legs = [str(model.names[j]) for frame in frame_names for j in joints_to(model, frame)]
+    legs = [name for name in legs if name in names]
     solved = [f"{name} {round(np.degrees(joints[name]), 2) + 0.0}" for name in legs if name not in given]
     if solved:
         notes.append("half-sitting of the legs solved for (deg): " + ", ".join(solved))
@@ -200,7 +201,7 @@ def feet_hint(model: pin.Model) -> str:
     pin.updateFramePlacements(model, data)
     ends = [
         j
-        for j in range(2, model.njoints)
+        for j in range(2 if is_floating(model) else 1, model.njoints)
         if not len(model.children[j]) and data.oMi[j].translation[2] < com[2]
     ]
     ends.sort(key=lambda joint: float(data.oMi[joint].translation[2]))
@@ -254,8 +255,9 @@ def torque_limits(
 def find_torso(model: pin.Model, soles: Soles) -> str:
     """Return the heaviest link above the root that two or more limbs branch from; without one the root."""
     legs = {joint for sole in soles for joint in joints_to(model, sole.frame)}
-    best, best_mass = 1, 0.0
-    for joint in range(2, model.njoints):
+    root = 1 if is_floating(model) else 0
+    best, best_mass = root, 0.0
+    for joint in range(root + 1, model.njoints):
         limbs = [child for child in model.children[joint] if len(model.subtrees[child]) >= ARM_JOINTS]
         if joint not in legs and len(limbs) >= 2 and model.inertias[joint].mass > best_mass:
             best, best_mass = joint, model.inertias[joint].mass
@@ -276,7 +278,7 @@ def complete_imu(
         called.sort(key=lambda frame: int(frame.parentJoint))
         aside = [f for f in called if abs(data.oMi[f.parentJoint].translation[1]) > ASIDE]
         found = next((str(f.name) for f in called if f not in aside), None)
-        given = found or frames.carrier_link(model, 1)
+        given = found or frames.carrier_link(model, 1 if is_floating(model) else 0)
         limb = (
             f"; '{aside[0].name}' is on a limb: imu='{aside[0].name}' takes it" if aside and not found else ""
         )

@@ -41,10 +41,13 @@ def second_moments(inertia: Array) -> Array:
     return np.asarray(0.5 * np.trace(inertia) * np.eye(3) - inertia)
 
 
-def check(root: Element) -> None:
-    """Raise a `ModelError` that names moving links without mass and inertias of no body in a tidied `<robot>`."""
+def check(root: Element, fixed: bool = False) -> None:
+    """Raise a `ModelError` that names moving links without mass and inertias of no body in a tidied `<robot>`.
+
+    With `fixed` the root does not move.
+    """
     problems = [f"link '{name}': {problem}" for name, problem in _problems(root).items()]
-    problems += [f"link '{name}': {problem}" for name, problem in _massless(root).items()]
+    problems += [f"link '{name}': {problem}" for name, problem in _massless(root, fixed).items()]
     if problems:
         raise ModelError(
             "the model cannot be simulated: "
@@ -53,7 +56,7 @@ def check(root: Element) -> None:
         )
 
 
-def repair(root: Element) -> list[str]:
+def repair(root: Element, fixed: bool = False) -> list[str]:
     """Repair in place what `check` refuses in a tidied `<robot>`, and return the changes, one line each.
 
     Second moments of mass are clamped from below; a massless moving link gets a mass of 1 g. A mass or inertia that is
@@ -74,7 +77,7 @@ def repair(root: Element) -> list[str]:
         moments = axes @ np.diag(np.maximum(values, floor)) @ axes.T
         _write(inertial, mass, np.trace(moments) * np.eye(3) - moments)
         notes.append(f"link '{name}': {problem}; repaired")
-    for name, problem in _massless(root).items():
+    for name, problem in _massless(root, fixed).items():
         inertial = links[name].find("inertial")
         mass = REPAIRED_MASS
         if inertial is None:
@@ -110,15 +113,20 @@ def _problems(root: Element) -> dict[str, str]:
     return problems
 
 
-def _massless(root: Element) -> dict[str, str]:
+def _massless(root: Element, fixed: bool) -> dict[str, str]:
     """Return link → defect for moving links without mass or inertia, links fixed to them included."""
     owner = urdf.moving_link_of(root)
     masses = dict.fromkeys(owner.values(), 0.0)
+    if fixed:
+        still = {parent for parent, _ in map(urdf.parent_and_child, urdf.joints(root).values())}
+        still -= {child for _, child in map(urdf.parent_and_child, urdf.joints(root).values())}
+        owner = {link: moving for link, moving in owner.items() if moving not in still}
+        masses = dict.fromkeys(owner.values(), 0.0)
     extended = dict.fromkeys(owner.values(), False)
     for link in root.findall("link"):
         inertial = link.find("inertial")
-        if inertial is not None:
-            name = str(link.get("name"))
+        name = str(link.get("name"))
+        if inertial is not None and name in owner:
             mass, inertia = _mass_and_inertia(name, inertial)
             masses[owner[name]] += max(0.0, mass)
             extended[owner[name]] |= bool(mass > 0.0 and inertia.any())

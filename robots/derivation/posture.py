@@ -10,7 +10,7 @@ import pinocchio as pin
 from scipy.optimize import least_squares
 
 from wbc.core.errors import Array, InputError, ModelError, choose, finite_scalar
-from wbc.core.robot import joints_to
+from wbc.core.robot import driven_joints, driven_names, joints_to
 from wbc.robots.frames import SoleDescription
 
 INSIDE = 0.05
@@ -40,28 +40,47 @@ def half_sitting(
     `given` has positions, rad or m, of some joints or none. Leg joints that are not given are solved for, their soles
     at least `stance_width` apart, m; the others are zero, or as near to it as `INSIDE` allows.
     """
-    names = list(model.names)[2:]
-    lower, upper = model.lowerPositionLimit[7:], model.upperPositionLimit[7:]
+    names = driven_names(model)
+    lower, upper = _limits(model)
     q = pin.neutral(model)
-    inside = INSIDE * (upper - lower)
-    q[7:] = np.clip(0.0, lower + inside, upper - inside)
+    joints = q[-len(names) :]  # a view
+    joints[:] = _inside(model, np.zeros(len(names)))
     for name, value in given.items():
         i = names.index(choose("joint", name, names))
-        q[7 + i] = finite_scalar(f"half-sitting of joint '{name}'", value, low=lower[i], high=upper[i])
+        joints[i] = finite_scalar(f"half-sitting of joint '{name}'", value, low=lower[i], high=upper[i])
     legs = [joints_to(model, frame) for frame in soles]
-    free = [i for leg in legs for i in (joint - 2 for joint in leg) if names[i] not in given]
+    free = [i for leg in legs for i in (_index(model, joint) for joint in leg) if names[i] not in given]
     if free:
-        q[7:] = _solve(model, soles, legs, q, sorted(set(free)), stance_width)
+        joints[:] = _solve(model, soles, legs, q, sorted(set(free)), stance_width)
     if soles:
         check_posture(model, soles, q)
-    return dict(zip(names, q[7:].tolist(), strict=True))
+    return dict(zip(names, joints.tolist(), strict=True))
+
+
+def _index(model: pin.Model, joint: int) -> int:
+    """Return the place of a joint, by its number in the model, or that of its leader, among those with a coordinate."""
+    return int(model.joints[joint].idx_v - model.nv + len(driven_joints(model)))
+
+
+def _limits(model: pin.Model) -> tuple[Array, Array]:
+    """Return lower and upper limits of the joints with a coordinate, rad or m."""
+    na = len(driven_joints(model))
+    return np.array(model.lowerPositionLimit[-na:]), np.array(model.upperPositionLimit[-na:])
+
+
+def _inside(model: pin.Model, values: Array) -> Array:
+    """Return the values, rad or m, moved inside the limits by a share of the range, `INSIDE`."""
+    lower, upper = _limits(model)
+    inside = INSIDE * np.nan_to_num(upper - lower, posinf=0.0)
+    return np.asarray(np.clip(values, lower + inside, upper - inside))
 
 
 def stands(model: pin.Model, soles: tuple[SoleDescription, ...], joints: Mapping[str, float]) -> bool:
     """Return True if a posture can serve as half-sitting: inside all limits, soles flat, knees bent, balanced."""
-    names = list(model.names)[2:]
+    names = driven_names(model)
     values = np.array([joints[name] for name in names])
-    if not ((values >= model.lowerPositionLimit[7:]) & (values <= model.upperPositionLimit[7:])).all():
+    lower, upper = _limits(model)
+    if not ((values >= lower) & (values <= upper)).all():
         return False
     frame_names = (soles[0].frame, soles[1].frame)
     q = standing_configuration(model, frame_names, joints)
@@ -79,13 +98,10 @@ def stands(model: pin.Model, soles: tuple[SoleDescription, ...], joints: Mapping
 def upper_body(model: pin.Model, soles: tuple[str, ...], joints: Mapping[str, float]) -> dict[str, float]:
     """Return the positions of the joints that are in no leg, moved inside their limits by `INSIDE` where necessary."""
     legs = {joint for frame in soles for joint in joints_to(model, frame)}
-    lower, upper = model.lowerPositionLimit[7:], model.upperPositionLimit[7:]
-    inside = INSIDE * (upper - lower)
-    kept = {}
-    for i, name in enumerate(list(model.names)[2:]):
-        if i + 2 not in legs:
-            kept[str(name)] = float(np.clip(joints[name], lower[i] + inside[i], upper[i] - inside[i]))
-    return kept
+    names = driven_names(model)
+    inside = _inside(model, np.array([joints[name] for name in names]))
+    numbers = zip(driven_joints(model), names, inside.tolist(), strict=True)
+    return {name: value for joint, name, value in numbers if joint not in legs}
 
 
 def standing_configuration(model: pin.Model, soles: tuple[str, ...], joints: Mapping[str, float]) -> Array:
@@ -94,7 +110,8 @@ def standing_configuration(model: pin.Model, soles: tuple[str, ...], joints: Map
     The lower sole is on z = 0. The base of a robot without feet is at the origin.
     """
     q = pin.neutral(model)
-    q[7:] = [joints[name] for name in list(model.names)[2:]]
+    names = driven_names(model)
+    q[-len(names) :] = [joints[name] for name in names]
     if not soles:
         return np.asarray(q)
     left, right, _ = _feet(model, soles, q)
@@ -170,14 +187,15 @@ def _solve(
     """Solve for the free joints by least squares; the residual vanishes for legs of six joints."""
     data = model.createData()
     frames = [model.getFrameId(frame) for frame in soles]
-    lower, upper = model.lowerPositionLimit[7:], model.upperPositionLimit[7:]
+    lower, upper = _limits(model)
     knees = [_knee(model, data, leg, frame) for leg, frame in zip(legs, frames, strict=True)]
     q = np.array(start)
     pin.framesForwardKinematics(model, data, q)
     width = max(stance_width, float(data.oMf[frames[0]].translation[1] - data.oMf[frames[1]].translation[1]))
     for joint, sign in knees:
-        if joint - 2 in free:
-            q[7 + joint - 2] = np.clip(sign * KNEE_BEND, lower[joint - 2], upper[joint - 2])
+        i = _index(model, joint)
+        if i in free:
+            q[7 + i] = np.clip(sign * KNEE_BEND, lower[i], upper[i])
 
     # Legs without an ankle roll cannot shift the centre of mass sideways on flat soles: it stays where it is.
     sideways = 1.0 if all(len(leg) >= FULL_LEG for leg in legs) else 0.0
@@ -189,7 +207,7 @@ def _solve(
         left, right = (data.oMf[frame] for frame in frames)
         middle = 0.5 * (left.translation + right.translation)
         apart = left.translation - right.translation
-        bend = 0.5 * sum(sign * q[7 + joint - 2] for joint, sign in knees) - KNEE_BEND
+        bend = 0.5 * sum(sign * q[7 + _index(model, joint)] for joint, sign in knees) - KNEE_BEND
         return np.concatenate(
             [
                 pin.log3(left.rotation),
@@ -201,7 +219,7 @@ def _solve(
         )
 
     bounds = (lower[free], upper[free])
-    margin = 1e-6 * (bounds[1] - bounds[0])
+    margin = 1e-6 * np.nan_to_num(bounds[1] - bounds[0], posinf=1.0)
     x0 = np.clip(q[[7 + i for i in free]], bounds[0] + margin, bounds[1] - margin)
     solution = least_squares(residual, x0, bounds=bounds, xtol=1e-15, ftol=1e-15, gtol=1e-15, max_nfev=200)
     error = residual(solution.x)

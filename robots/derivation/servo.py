@@ -15,7 +15,7 @@ import numpy as np
 import pinocchio as pin
 
 from wbc.core.errors import Array, InputError
-from wbc.core.robot import GRAVITY, joints_to
+from wbc.core.robot import GRAVITY, driven_joints, joints_to
 from wbc.core.settings import NonNegative, Positive, settings
 
 ARMATURE_RATIO = 0.1 / (90.27 * 0.877**2)
@@ -73,7 +73,8 @@ class ServoRule:
 
     def bound(self, model: pin.Model, q: Array, sole_frames: tuple[str, ...]) -> Array:
         """Return the largest stiffness of each joint, shape (na,), Nm/rad; infinite where the rule gives none."""
-        bound = np.full(model.nv - 6, np.inf)
+        base = model.nv - len(driven_joints(model))
+        bound = np.full(len(driven_joints(model)), np.inf)
         if not sole_frames:
             return bound
         data = model.createData()
@@ -82,7 +83,7 @@ class ServoRule:
         sole = min(data.oMf[model.getFrameId(frame)].translation[2] for frame in sole_frames)
         tipping = pin.computeTotalMass(model) * GRAVITY * (com[2] - sole)
         for frame in sole_frames:
-            leg = [model.joints[joint].idx_v - 6 for joint in joints_to(model, frame)]
+            leg = [model.joints[joint].idx_v - base for joint in joints_to(model, frame)]
             bound[leg] = self.leg_stiffness * tipping
             bound[leg[-2:]] = self.ankle_stiffness * tipping
         return bound
@@ -119,12 +120,17 @@ def effective_inertia(
     spatial = [np.zeros((6, 6))]
     spatial += [data.oMi[i].act(model.inertias[i]).matrix() for i in range(1, model.njoints)]
     total = sum(spatial, np.zeros((6, 6)))
-    result = np.zeros(model.nv - 6)
-    for joint in range(2, model.njoints):
+    driven = driven_joints(model)
+    base, result = model.nv - len(driven), np.zeros(len(driven))
+    coupled = len(driven) < model.njoints - 1 - (base > 0)
+    own = np.diag(pin.crba(model, model.createData(), q)) - model.armature if coupled else None
+    for joint in driven:
         column = data.J[:, model.joints[joint].idx_v]
         below = sum((spatial[i] for i in model.subtrees[joint]), np.zeros((6, 6)))
         inertia = float(column @ below @ column)
+        if own is not None:  # what is coupled to the joint moves as well
+            inertia = float(own[model.joints[joint].idx_v])
         if joint in legs:
             inertia = max(inertia, stance_share * float(column @ (total - below) @ column))
-        result[model.joints[joint].idx_v - 6] = inertia
+        result[model.joints[joint].idx_v - base] = inertia
     return np.asarray(result + armature)

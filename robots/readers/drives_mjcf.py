@@ -72,7 +72,8 @@ def read_drives(tree: Tree) -> JointData:
             ranges[name] = _range(model.jnt_actfrcrange[number])
         if springs[number]:
             drives.springs[name] = float(springs[number]), float(model.qpos_spring[model.jnt_qposadr[number]])
-    tree.notes += unmodelled(model, tree.bodies, names)
+    _reflect(drives, tree)
+    tree.notes += unmodelled(model, tree.bodies, names, tree.ties)
     refuse_other_drives(tree)
     sums: dict[str, tuple[float, float]] = {}
     for each in actuators(model):
@@ -98,6 +99,21 @@ def read_drives(tree: Tree) -> JointData:
     return drives
 
 
+def _reflect(drives: JointData, tree: Tree) -> None:
+    """Put rotors, friction and springs of joints that are coupled to another one where they are felt."""
+    for name, coupling in tree.coupled.items():
+        leader, ratio = coupling.leader, coupling.ratio
+        drives.armature[leader] += ratio**2 * drives.armature.pop(name)
+        drives.damping[leader] += ratio**2 * drives.damping.pop(name)
+        drives.frictionloss[leader] += abs(ratio) * drives.frictionloss.pop(name)
+        if name in drives.springs:
+            stiffness, rest = drives.springs.pop(name)
+            own, own_rest = drives.springs.get(leader, (0.0, 0.0))
+            total = own + ratio**2 * stiffness
+            moment = own * own_rest + ratio * stiffness * (rest - coupling.offset)
+            drives.springs[leader] = total, moment / total
+
+
 def passive_joints(tree: Tree) -> dict[str, float]:
     """Return the joints without an actuator that acts, joint → rest position (rad or m); none if no joint has one."""
     refuse_other_drives(tree)
@@ -107,7 +123,7 @@ def passive_joints(tree: Tree) -> dict[str, float]:
         return {}
     rest, springs = {}, stiffness(model)
     for name, joint in tree.joints.items():
-        if joint not in driven:
+        if joint not in driven and name not in tree.coupled:
             at = int(model.jnt_qposadr[joint])
             rest[name] = float((model.qpos_spring if springs[joint] else model.qpos0)[at])
             if model.jnt_limited[joint]:

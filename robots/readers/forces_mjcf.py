@@ -39,10 +39,12 @@ SWITCHES = {
 """Option flags that change what acts on a robot, of those that are on by default, and what happens without them."""
 
 
-def unmodelled(model: mujoco.MjModel, bodies: Collection[int], joints: Mapping[int, str]) -> list[str]:
+def unmodelled(
+    model: mujoco.MjModel, bodies: Collection[int], joints: Mapping[int, str], ties: Collection[int] = ()
+) -> list[str]:
     """Return a note for each force that acts on a robot, its bodies and joints, and is not in a description.
 
-    What the file switches off is named too: a controller counts on it.
+    What the file switches off is named too: a controller counts on it. `ties` are equalities that the description has.
     """
     found = _switches(model) + _medium(model)
     held = [
@@ -62,7 +64,9 @@ def unmodelled(model: mujoco.MjModel, bodies: Collection[int], joints: Mapping[i
         found.append(
             f"soft ends of {len(soft)} joints, which act up to {most:g} before their limits: {listed(soft)}"
         )
-    found += _actuators(model, joints) + _tendons(model, bodies, joints) + _equalities(model, bodies, joints)
+    found += (
+        _actuators(model, joints) + _tendons(model, bodies, joints) + _equalities(model, bodies, joints, ties)
+    )
     found += _surfaces(model, bodies)
     return [UNMODELLED + each for each in found]
 
@@ -211,13 +215,15 @@ def pulls(model: mujoco.MjModel, tendon: int, bodies: Collection[int], joints: C
     return False
 
 
-def _equalities(model: mujoco.MjModel, bodies: Collection[int], joints: Mapping[int, str]) -> list[str]:
+def _equalities(
+    model: mujoco.MjModel, bodies: Collection[int], joints: Mapping[int, str], ties: Collection[int]
+) -> list[str]:
     """Return the constraints that hold when the simulation begins, on joints or bodies of the robot."""
     found, kinds = [], mujoco.mjtEq
     for i in range(0 if equalities_off(model) else model.neq):
         kind, ends = int(model.eq_type[i]), (int(model.eq_obj1id[i]), int(model.eq_obj2id[i]))
         name = str(model.equality(i).name) or f"equality {i}"
-        if not model.eq_active0[i]:
+        if not model.eq_active0[i] or i in ties:
             continue
         if kind == kinds.mjEQ_JOINT and ends[0] in joints:
             other = str(model.joint(ends[1]).name) if ends[1] >= 0 else "a constant"

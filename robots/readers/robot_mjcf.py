@@ -29,6 +29,7 @@ def fields(
     name: str | None,
     sole_size: tuple[float, float] | None,
     feet: bool,
+    fixed: bool,
     root: str | None,
     meshes: bool,
     use_gains: bool,
@@ -39,9 +40,9 @@ def fields(
     model, moved = compiled(source, meshes=meshes)
     _refuse_odd_inertias(model)
     lock = options.pop("lock", None) or {}
-    tree = tree_mjcf.find_tree(model, root, lock)
+    tree = tree_mjcf.find_tree(model, root, lock, fixed)
     if passive := drives_mjcf.passive_joints(tree):
-        tree = tree_mjcf.find_tree(model, root, {**lock, **passive})
+        tree = tree_mjcf.find_tree(model, root, {**lock, **passive}, fixed)
         tree.notes.append(
             f"{UNMODELLED}{len(passive)} joints without an actuator, passive and taken as fixed: {listed([*passive])}"
         )
@@ -100,11 +101,12 @@ def fields(
         notes.append(f"IMU: site '{found_imu.frame}' on link '{found_imu.link}'")
     return complete(
         writer.root,
-        find_soles if feet else None,
+        find_soles if feet and not fixed else None,
         name=name,
         source=provenance or where,
         notes=notes,
         postures=drives_mjcf.keyframes(tree),
+        fixed=fixed,
         feet_found=left_sole is None and right_sole is None,
         taken={
             "damping": drives.damping,

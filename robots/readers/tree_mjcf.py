@@ -15,7 +15,8 @@ import numpy as np
 import pinocchio as pin
 
 from wbc.core.errors import Array, InputError, ModelError, choose, finite_scalar
-from wbc.robots.readers.actuators_mjcf import equalities_off
+from wbc.core.robot import Coupling
+from wbc.robots.readers.actuators_mjcf import actuators, equalities_off
 from wbc.robots.readers.write_urdf import UrdfWriter, about, along
 
 SPEED = 20.0
@@ -27,6 +28,9 @@ SLIDE_SPEED = 1.0
 BETWEEN = 1e-9
 """Mass, kg, of the link between two joints of one body, and a thousand times its inertia, kg m²."""
 
+WORLD_LINK = "world_link"
+"""Root link of a robot that is bolted to the world."""
+
 HINGE, SLIDE = int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE)
 FREE, BALL = int(mujoco.mjtJoint.mjJNT_FREE), int(mujoco.mjtJoint.mjJNT_BALL)
 
@@ -36,11 +40,14 @@ class Tree:
     """The robot in a compiled model."""
 
     model: mujoco.MjModel
-    root: int  # body that floats
+    root: int  # body that floats, or the first one of a robot that is bolted to the world
     bodies: list[int]  # bodies of the robot, parents first
     joints: dict[str, int]  # joints of the robot that move, name → number
     locked: dict[int, float]  # joints that are fixed, number → position, rad or m
     carrier: dict[int, int]  # body → the body that it is fixed to: the root, or one with a joint that moves
+    coupled: dict[str, Coupling] = field(default_factory=dict)  # joints that move with another one
+    fixed: bool = False  # True for a robot that is bolted to the world
+    ties: list[int] = field(default_factory=list)  # equalities by which they do
     notes: list[str] = field(default_factory=list)  # remarks on the reading
 
     def body_name(self, body: int) -> str:
@@ -56,20 +63,24 @@ class Tree:
         return f"{self.body_name(body)}_joint{number or ''}"
 
     def joints_of(self, body: int) -> list[int]:
-        """Return the joints of a body; none for the root, whose joints the floating base replaces."""
+        """Return the joints of a body; none for a root that floats, whose joints the floating base replaces."""
         first, count = int(self.model.body_jntadr[body]), int(self.model.body_jntnum[body])
-        return [] if body == self.root or count == 0 else list(range(first, first + count))
+        if count == 0 or (body == self.root and not self.fixed):
+            return []
+        return [j for j in range(first, first + count) if int(self.model.jnt_type[j]) != FREE]
 
 
-def find_tree(model: mujoco.MjModel, root: str | None, lock: Mapping[str, float]) -> Tree:
+def find_tree(
+    model: mujoco.MjModel, root: str | None, lock: Mapping[str, float], fixed: bool = False
+) -> Tree:
     """Return the robot in a compiled model.
 
     `root` is the body that floats; the one with a free joint and other joints below it when None. `lock` is joint →
-    position at which it is fixed, rad or m.
+    position at which it is fixed, rad or m. With `fixed` the robot is bolted to the world; a free joint is left out.
     """
-    number = _root(model, root)
+    number = _root(model, root, fixed)
     bodies = [b for b in range(1, model.nbody) if int(model.body_rootid[b]) == number]
-    tree = Tree(model, number, bodies, {}, {}, {})
+    tree = Tree(model, number, bodies, {}, {}, {}, fixed=fixed)
     tops = {int(model.body_rootid[b]) for b in range(1, model.nbody) if int(model.body_jntnum[b])} - {number}
     tree.notes += [
         f"body '{tree.body_name(top)}' and what hangs on it is left out: no part of the robot"
@@ -80,10 +91,14 @@ def find_tree(model: mujoco.MjModel, root: str | None, lock: Mapping[str, float]
         for joint in tree.joints_of(body):
             name = tree.joint_name(joint)
             if int(model.jnt_type[joint]) == BALL:
-                raise ModelError(f"joint '{name}' is a ball joint; joints of one coordinate are required")
+                raise ModelError(
+                    f"joint '{name}' is a ball joint; joints of one coordinate are required: write three hinges in its "
+                    f"body in place of it, or fix it by three that are locked"
+                )
             known[name] = joint
     for name, value in lock.items():
         tree.locked[known[choose("joint", name, known)]] = finite_scalar(f"locked joint '{name}'", value)
+    _find_couplings(tree, known)
     tree.joints = {name: joint for name, joint in known.items() if joint not in tree.locked}
     moving = {int(model.jnt_bodyid[joint]) for joint in tree.joints.values()}
     for body in bodies:
@@ -95,7 +110,59 @@ def find_tree(model: mujoco.MjModel, root: str | None, lock: Mapping[str, float]
     return tree
 
 
-def _root(model: mujoco.MjModel, root: str | None) -> int:
+def _find_couplings(tree: Tree, known: Mapping[str, int]) -> None:
+    """Find the joints that an equality of the first degree couples to one that is driven; the others stay as they are.
+
+    With both driven, or none, the equality is a force that no description has.
+    """
+    model, names = tree.model, {number: name for name, number in known.items()}
+    driven = {each.joint for each in actuators(model) if each.gear != 0.0 and each.on}
+    waiting = {}
+    for i in range(0 if equalities_off(model) else model.neq):
+        ends = int(model.eq_obj1id[i]), int(model.eq_obj2id[i])
+        kind, poly = int(model.eq_type[i]), model.eq_data[i, :5]
+        if kind != mujoco.mjtEq.mjEQ_JOINT or not model.eq_active0[i] or poly[1] == 0.0 or poly[2:].any():
+            continue
+        if ends[0] in names and ends[1] in names:
+            zero = [float(model.qpos0[model.jnt_qposadr[end]]) for end in ends]
+            ratio = float(poly[1])
+            waiting[i] = (*ends, ratio, zero[0] + float(poly[0]) - ratio * zero[1])
+    leading = set(driven) | set(tree.locked)
+    found = True
+    while found:  # from the drives outwards
+        found = False
+        for i, (one, two, ratio, offset) in list(waiting.items()):
+            if (one in leading) == (two in leading):
+                continue
+            if _hangs_on(model, one, two) if one in leading else _hangs_on(model, two, one):
+                continue  # a leader comes before what follows it
+            follower, leader, factor, shift = one, two, ratio, offset
+            if one in leading:
+                follower, leader, factor, shift = two, one, 1.0 / ratio, -offset / ratio
+            del waiting[i]
+            leading.add(follower)
+            tree.ties.append(i)
+            if leader in tree.locked:
+                tree.locked[follower] = factor * tree.locked[leader] + shift
+                continue
+            above = tree.coupled.get(names[leader], Coupling(names[leader], 1.0, 0.0))
+            tree.coupled[names[follower]] = Coupling(
+                above.leader, factor * above.ratio, factor * above.offset + shift
+            )
+            found = True
+
+
+def _hangs_on(model: mujoco.MjModel, joint: int, other: int) -> bool:
+    """Return True if a joint is moved by another one."""
+    body, above = int(model.jnt_bodyid[joint]), int(model.jnt_bodyid[other])
+    if body == above:
+        return joint > other
+    while body not in (0, above):
+        body = int(model.body_parentid[body])
+    return body == above
+
+
+def _root(model: mujoco.MjModel, root: str | None, fixed: bool) -> int:
     names = {str(model.body(b).name) or f"body_{b}": b for b in range(1, model.nbody)}
     if root is not None:
         number = names[choose("body", root, names)]
@@ -115,6 +182,8 @@ def _root(model: mujoco.MjModel, root: str | None) -> int:
             floating.append(name)
         elif not free and jointed:
             standing.append((jointed, name))
+    if fixed and len(standing) + len(floating) > 0:
+        return names[max(standing)[1] if standing else floating[0]]
     if len(floating) == 1:
         return names[floating[0]]
     if floating:
@@ -124,7 +193,8 @@ def _root(model: mujoco.MjModel, root: str | None) -> int:
     if standing:
         name = max(standing)[1]
         raise ModelError(
-            f"no body with joints below it has a free joint; root='{name}' replaces the joints of that body by one"
+            f"no body with joints below it has a free joint; root='{name}' replaces the joints of that body by one, "
+            "base='fixed' bolts it to the world"
         )
     raise ModelError("the MJCF holds no robot: no body has joints below it")
 
@@ -162,10 +232,13 @@ def write(tree: Tree, name: str, torque: Mapping[str, float]) -> UrdfWriter:
         inertial = placement_of(model.body_ipos[body], model.body_iquat[body])
         rotation = inertial.rotation
         inertia = rotation @ np.diag(model.body_inertia[body]) @ rotation.T
-        if body == tree.root:
+        if body == tree.root and tree.fixed:
+            urdf.link(WORLD_LINK)
+        elif body == tree.root:
             urdf.link(link, float(model.body_mass[body]), inertial.translation, inertia)
             continue
-        parent = tree.body_name(int(model.body_parentid[body]))
+        above = int(model.body_parentid[body])
+        parent = tree.body_name(above) if above else WORLD_LINK
         place = placement_of(model.body_pos[body], model.body_quat[body])
         joints = tree.joints_of(body)
         for joint in joints:
@@ -197,6 +270,8 @@ def write(tree: Tree, name: str, torque: Mapping[str, float]) -> UrdfWriter:
         urdf.link(link, float(model.body_mass[body]), inertial.translation, inertia)
         if parent != link:
             urdf.joint(f"{link}_fixed", "fixed", parent, link, place)
+    for follower, coupling in tree.coupled.items():
+        urdf.couple(follower, coupling)
     return urdf
 
 
@@ -217,4 +292,5 @@ def _write_joint(
         limits["lower"], limits["upper"] = (float(value) for value in model.jnt_range[joint])
     if name in torque:
         limits["effort"] = torque[name]
-    urdf.joint(name, "prismatic" if slides else "revolute", parent, child, place, axis, limits)
+    kind = "prismatic" if slides else "revolute" if model.jnt_limited[joint] else "continuous"
+    urdf.joint(name, kind, parent, child, place, axis, limits)

@@ -9,7 +9,8 @@ import numpy as np
 import pinocchio as pin
 
 from wbc.core.errors import Array
-from wbc.robots.urdf import Element
+from wbc.core.robot import Coupling
+from wbc.robots.urdf import Element, couple
 
 
 class UrdfWriter:
@@ -56,6 +57,10 @@ class UrdfWriter:
             ElementTree.SubElement(joint, "axis", xyz=text(axis))
             known = {key: repr(float(value)) for key, value in (limits or {}).items()}
             ElementTree.SubElement(joint, "limit", known)
+
+    def couple(self, name: str, coupling: Coupling) -> None:
+        """Let a joint that has been added move with another one."""
+        couple(next(joint for joint in self.root.findall("joint") if joint.get("name") == name), coupling)
 
 
 def text(values: Iterable[float]) -> str:

@@ -261,7 +261,10 @@ class MujocoLoop(SimulatedRobot):
                 "off in the model: the joint counts from another zero, or the mass is elsewhere"
             )
         joints = dict(zip(self.places.joints, names, strict=True))
-        notes += unmodelled(model, np.flatnonzero(self.places.of_robot).tolist(), joints)
+        ties = self.places.ties()
+        notes += unmodelled(model, np.flatnonzero(self.places.of_robot).tolist(), joints, ties)
+        if len(ties) < len(self.robot.couplings):
+            notes.append(f"{UNMODELLED}joints that the description couples and the model leaves free")
         limp = self._limp_joints()
         if limp:
             notes.append(
@@ -307,14 +310,17 @@ class MujocoLoop(SimulatedRobot):
 
     def _other_joints(self) -> list[str]:
         """Return notes on springs, damping, friction and rotors that the model has otherwise than the description."""
-        model, described, dof = self.model, self.description, self.places.joint_dof
+        model, described = self.model, self.description
         springs = {name: stiffness for name, (stiffness, _) in described.springs.items()}
         found = []
+        reflected = self.places.reflected
+        stiff = np.zeros(model.nv)
+        stiff[model.jnt_dofadr] = stiffness(model)
         for what, own, theirs in (
-            ("springs", stiffness(model)[self.places.joints], springs),
-            ("damping", damping(model)[dof], described.damping),
-            ("dry friction", dry_friction(model)[dof], described.frictionloss),
-            ("rotor inertia", rotor_inertia(model)[dof], described.armature),
+            ("springs", reflected(stiff, 2), springs),
+            ("damping", reflected(damping(model), 2), described.damping),
+            ("dry friction", reflected(dry_friction(model), 1), described.frictionloss),
+            ("rotor inertia", reflected(rotor_inertia(model), 2), described.armature),
         ):
             other = [
                 f"{name} {mine:g}"

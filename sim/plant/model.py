@@ -33,6 +33,11 @@ and 43.6 at 60 (soft, stones), 38.6 and 39.5 at 168 (soft, floor tiles), 51.9 an
 """
 
 
+COUPLING_SOLREF, COUPLING_SOLIMP = (0.004, 1.0), (0.99, 0.999, 0.001)
+"""Time constant (s) and damping ratio of the coupling of joints, and its impedance: as stiff as gears are at a step of
+2 ms."""
+
+
 def build_model(
     description: RobotDescription,
     robot: Robot,
@@ -171,9 +176,15 @@ def furniture(source: str | Path | mujoco.MjSpec | Scene) -> mujoco.MjSpec:
 def _add_servos(spec: mujoco.MjSpec, robot: RobotDescription) -> None:
     """Add rotor inertia, torque clamp and servo of each joint, actuators in the order of the robot's joints."""
     joints = {joint.name: joint for joint in spec.joints if joint.type != mujoco.mjtJoint.mjJNT_FREE}
-    if set(joints) != set(robot.joint_names):
-        odd = sorted(set(joints) ^ set(robot.joint_names))
+    described = {
+        *robot.joint_names,
+        *robot.couplings,
+    }  # those that are coupled move by an equality of the URDF
+    if set(joints) != described:
+        odd = sorted(set(joints) ^ described)
         raise ModelError(f"Pinocchio and MuJoCo read different joints for '{robot.name}': {', '.join(odd)}")
+    for equality in spec.equalities:  # of coupled joints
+        equality.solref[:2], equality.solimp[:3] = COUPLING_SOLREF, COUPLING_SOLIMP
     for i, name in enumerate(robot.joint_names):
         joint = joints[name]
         joint.armature = robot.armature_array[i]

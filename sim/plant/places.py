@@ -56,12 +56,13 @@ class RobotPlaces:
             choose("joint", name, robot.joint_names)
         self.model, self.prefix, self._robot = model, prefix, robot
         have = {model.joint(i).name: i for i in range(model.njnt)}
-        joints = []
-        for name in robot.joint_names:
+        every: dict[str, int] = {}
+        for name in (*robot.joint_names, *robot.couplings):
             wanted = names.get(name, prefix + name)
             if wanted not in have:
                 unknown_name("joint of the MuJoCo model", wanted, [n for n in have if n])
-            joints.append(have[wanted])
+            every[name] = have[wanted]
+        joints = [every[name] for name in robot.joint_names]
         roots = model.body_rootid[model.jnt_bodyid]
         self.joints, self.root = joints, int(roots[joints[0]])
         if apart := [j for j in joints if roots[j] != self.root]:
@@ -76,10 +77,28 @@ class RobotPlaces:
         self.base_qpos, self.base_dof = int(model.jnt_qposadr[free[0]]), int(model.jnt_dofadr[free[0]])
         self.joint_qpos: Index = model.jnt_qposadr[joints].astype(np.intp)
         self.joint_dof: Index = model.jnt_dofadr[joints].astype(np.intp)
+        self._coupled = [  # places of follower and leader, ratio, offset
+            (
+                int(model.jnt_qposadr[every[name]]),
+                int(model.jnt_qposadr[every[coupling.leader]]),
+                coupling.ratio,
+                coupling.offset,
+            )
+            for name, coupling in robot.couplings.items()
+        ]
+        self._velocities = [
+            (
+                int(model.jnt_dofadr[every[name]]),
+                int(model.jnt_dofadr[every[coupling.leader]]),
+                coupling.ratio,
+            )
+            for name, coupling in robot.couplings.items()
+        ]
         rest = self._at_half_sitting()
         _compare(model, rest, robot, joints)
         self._rest = rest.xpos.copy(), rest.xmat.reshape(-1, 3, 3).copy()
-        bodies = [self.root, *(int(model.jnt_bodyid[joint]) for joint in joints)]
+        numbered = [every[str(name)] for name in list(robot.model.names)[2:]]
+        bodies = [self.root, *(int(model.jnt_bodyid[joint]) for joint in numbered)]
         self._links = []  # body of each joint of the robot, and the joint's frame in it
         for body, there in zip(bodies, list(robot.data.oMi)[1:], strict=True):
             place = self._pose(body).actInv(there)
@@ -140,12 +159,40 @@ class RobotPlaces:
                 there = robot.data.oMi[link].act(inertia.lever)
                 distance = float(np.linalg.norm(moment[link] / mass[link] - there))
                 if distance > worst[1]:
-                    worst = ("base" if link == 1 else robot.joint_names[link - 2], distance)
+                    worst = ("base" if link == 1 else str(robot.model.names[link]), distance)
         return worst if worst[0] else None
 
     def set_configuration(self, q: Array, qpos: Array) -> None:
         """Write a configuration, shape (nq,), into MuJoCo's `qpos`; the rest of it is kept."""
         configuration_to_mujoco(q, self.joint_qpos - self.base_qpos, out=qpos[self.base_qpos :])
+        for follower, leader, ratio, offset in self._coupled:
+            qpos[follower] = ratio * qpos[leader] + offset
+
+    def reflected(self, values: Array, power: int) -> Array:
+        """Return what the robot's joints feel of values by MuJoCo's velocities, shape (nv,), coupled ones included.
+
+        Those of a coupled joint count by its ratio to a power: 2 for inertia and damping, 1 for friction.
+        """
+        own: Array = np.array(values)
+        for follower, leader, ratio in self._velocities:
+            own[leader] += abs(ratio) ** power * own[follower]
+        return np.asarray(own[self.joint_dof])
+
+    def ties(self) -> list[int]:
+        """Return the equalities of the model by which coupled joints move with their leaders."""
+        model, found = self.model, []
+        pairs = [{follower, leader} for follower, leader, _ in self._velocities]
+        for i in range(model.neq):
+            if int(model.eq_type[i]) == mujoco.mjtEq.mjEQ_JOINT and int(model.eq_obj2id[i]) >= 0:
+                ends = {int(model.jnt_dofadr[model.eq_obj1id[i]]), int(model.jnt_dofadr[model.eq_obj2id[i]])}
+                if ends in pairs and model.eq_active0[i]:
+                    found.append(i)
+        return found
+
+    def couple_velocities(self, qvel: Array) -> None:
+        """Write the velocities of coupled joints into MuJoCo's `qvel`, after those of their leaders."""
+        for follower, leader, ratio in self._velocities:
+            qvel[follower] = ratio * qvel[leader]
 
     def sensor(self, what: str, kind: mujoco.mjtSensor, name: str | None) -> tuple[int, Array | None] | None:
         """Return a sensor of the IMU: the one named, else the nearest that is fixed to the same body; None if none is.
@@ -203,7 +250,8 @@ def _compare(model: mujoco.MjModel, data: mujoco.MjData, robot: Robot, joints: l
     """Raise ModelError for a joint of the model that is elsewhere than the description's, at half-sitting."""
     pin.computeJointJacobians(robot.model, robot.data, robot.half_sitting)
     for i, (name, joint) in enumerate(zip(robot.joint_names, joints, strict=True)):
-        column = pin.getJointJacobian(robot.model, robot.data, i + 2, pin.LOCAL_WORLD_ALIGNED)[:, i + 6]
+        number = robot.joint_numbers[i]
+        column = pin.getJointJacobian(robot.model, robot.data, number, pin.LOCAL_WORLD_ALIGNED)[:, i + 6]
         slide = bool(model.jnt_type[joint] == mujoco.mjtJoint.mjJNT_SLIDE)
         axis, found = column[:3] if slide else column[3:], data.xaxis[joint]
         if np.linalg.norm(found + axis) < SAME_AXIS:
@@ -211,7 +259,7 @@ def _compare(model: mujoco.MjModel, data: mujoco.MjData, robot: Robot, joints: l
         if np.linalg.norm(found - axis) > SAME_AXIS:
             angle = math.degrees(math.acos(float(np.clip(found @ axis, -1.0, 1.0))))
             raise ModelError(f"axis of joint '{name}' is {angle:.1f}° off in the MuJoCo model")
-        distance = float(np.linalg.norm(data.xanchor[joint] - robot.data.oMi[i + 2].translation))
+        distance = float(np.linalg.norm(data.xanchor[joint] - robot.data.oMi[number].translation))
         if distance > SAME_PLACE and not slide:
             raise ModelError(
                 f"joint '{name}' is {1e3 * distance:.1f} mm off in the MuJoCo model, at half-sitting: the description "

@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from wbc.core.checked import checked
-from wbc.core.conventions import configuration_to_mujoco, velocity_to_mujoco
+from wbc.core.conventions import velocity_to_mujoco
 from wbc.core.errors import Array, finite_array
 from wbc.core.robot import checked_configuration
 from wbc.core.settings import NonNegative, Seed, Triple
@@ -211,7 +211,7 @@ class Plant(SimulatedRobot):
             q[3:7] /= np.linalg.norm(q[3:7])
         if self.scene is not None:
             start = mujoco.MjData(self.model)
-            configuration_to_mujoco(q, self.places.joint_qpos, out=start.qpos)
+            self.places.set_configuration(q, start.qpos)
             mujoco.mj_fwdPosition(self.model, start)
             check_clear(self.model, start, self._contacts.geom_robot)
         if seed is not None:
@@ -219,9 +219,10 @@ class Plant(SimulatedRobot):
         self._start = q
         self._pushes.clear(data)
         mujoco.mj_resetData(self.model, data)
-        configuration_to_mujoco(q, self.places.joint_qpos, out=data.qpos)
+        self.places.set_configuration(q, data.qpos)
         if v is not None:
             velocity_to_mujoco(q, v, self.places.joint_dof, out=data.qvel)
+            self.places.couple_velocities(data.qvel)
         sensor_seed, *range_seeds = (
             np.random.SeedSequence(self.seed).generate_state(1 + len(self.feet)).tolist()
         )
@@ -250,7 +251,7 @@ class Plant(SimulatedRobot):
         """
         q = checked_configuration("configuration", configuration, self.robot.nq)
         data = mujoco.MjData(self.model)
-        configuration_to_mujoco(q, self.places.joint_qpos, out=data.qpos)
+        self.places.set_configuration(q, data.qpos)
         mujoco.mj_kinematics(self.model, data)
         lift = -math.inf
         for foot, site in zip(self.feet, self.sole_sites, strict=True):

@@ -10,7 +10,6 @@ import numpy as np
 from wbc.core.errors import Array
 from wbc.core.qp.problem import Problem
 from wbc.core.qp.task import TaskOptions
-from wbc.core.robot import BASE_DOF
 from wbc.tasks.motion.joints import JointTask, JointValues
 
 
@@ -46,7 +45,7 @@ class JointTorqueTask(JointTask):
     def bind_problem(self, problem: Problem) -> None:
         """Find the torque rows; see `Task.bind_problem`."""
         self._torque_rows, self._torque_bias = problem.torque_matrix, problem.torque_bias
-        self._selection = self._columns - BASE_DOF
+        self._selection = self._columns - self.robot.base_dof
 
     def evaluate(self, jacobian: Array, error: Array, drift: Array) -> None:
         """Fill the rows; see `Task.evaluate`. Torque rows leave out the bias, which is added back."""

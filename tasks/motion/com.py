@@ -21,7 +21,7 @@ class CoMTask(Task):
     stiffness 30 1/s² by default.
     """
 
-    __slots__ = ("_base_force", "_base_rotation", "_gravity", "_mass")
+    __slots__ = ("_base_force", "_base_rotation", "_bolted", "_gravity", "_mass")
     reads = "kinematics"
     # A push moves the centre of mass further than a motion moves a hand: hence the bound, m.
     usual = {"weight": 100.0, "stiffness": 30.0, "error_bound": 0.3}
@@ -39,6 +39,7 @@ class CoMTask(Task):
     def bind(self, robot: Robot) -> None:
         """Resolve names; see `Task.bind`."""
         super().bind(robot)
+        self._bolted = None if robot.floating else (robot.model.createData(), np.zeros(robot.nv))
         self._base_rotation = robot.data.oMi[1].rotation
         self._gravity, self._mass = np.array(robot.model.gravity.linear), robot.total_mass
         self._base_force = robot.bias[:3]
@@ -47,8 +48,12 @@ class CoMTask(Task):
         """Return the acceleration of the CoM at zero generalised acceleration, shape (3,), m/s².
 
         It needs no second pass over the kinematics: the forces on the base rows of the bias, turned into the world,
-        are mass · (drift − gravity).
+        are mass · (drift − gravity). A bolted base has no such rows.
         """
+        if self._bolted is not None:
+            data, none = self._bolted
+            pin.centerOfMass(self.robot.model, data, self.robot.q, self.robot.v, none, False)
+            return np.array(data.acom[0])
         acceleration: Array = self._base_rotation.dot(self._base_force)
         acceleration /= self._mass
         acceleration += self._gravity

@@ -30,7 +30,7 @@ class MomentumTask(Task):
     Source: Orin, Goswami, Lee, "Centroidal dynamics of a humanoid robot", Autonomous Robots 35, 2013.
     """
 
-    __slots__ = ("_base", "_gravity", "_map", "_momentum")
+    __slots__ = ("_base", "_bolted", "_gravity", "_map", "_momentum")
     unit = "kg m/s|kg m²/s"
     of_velocity = True
     usual = {"weight": 1e-3, "stiffness": 5.0, "damping": 0.0}
@@ -76,6 +76,7 @@ class MomentumTask(Task):
         super().bind(robot)
         self._map, self._momentum = robot.data.Ag, robot.data.hg
         self._base = robot.data.oMi[1]
+        self._bolted = None if robot.floating else (robot.model.createData(), np.zeros(robot.nv))
         self._gravity = np.array(robot.model.gravity.linear)
 
     def evaluate(self, jacobian: Array, error: Array, drift: Array) -> None:
@@ -87,6 +88,12 @@ class MomentumTask(Task):
         robot, base, bias = self.robot, self._base, self.robot.bias
         jacobian[:] = self._map
         np.subtract(self._target, self._momentum.vector, out=error)
+        if self._bolted is not None:  # a bolted base has no rows in the bias
+            data, none = self._bolted
+            drift[:] = pin.computeCentroidalMomentumTimeVariation(
+                robot.model, data, robot.q, robot.v, none
+            ).vector
+            return
         force = np.dot(base.rotation, bias[:3])
         np.add(force, robot.total_mass * self._gravity, out=drift[:3])
         np.dot(base.rotation, bias[3:BASE_DOF], out=drift[3:])

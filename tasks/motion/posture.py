@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 from wbc.core.errors import Array, non_negative
 from wbc.core.qp.move import Coordinates
 from wbc.core.qp.task import GainOptions
-from wbc.core.robot import BASE_DOF, Robot
+from wbc.core.robot import Robot
 from wbc.tasks.motion.joints import JointTask, JointValues
 
 
@@ -56,9 +56,9 @@ class PostureTask(JointTask):
         """Resolve the joints, and take the present posture where no target was given."""
         super().bind(robot)
         columns = self._columns
-        whole = columns.size == robot.na and bool((columns == np.arange(BASE_DOF, robot.nv)).all())
-        self.columns = slice(BASE_DOF, robot.nv) if whole else columns
-        self._positions = slice(7, robot.nq) if whole else columns + 1
+        whole = columns.size == robot.na and bool((columns == np.arange(robot.base_dof, robot.nv)).all())
+        self.columns = slice(robot.base_dof, robot.nv) if whole else columns
+        self._positions = slice(robot.base_nq, robot.nq) if whole else columns + (robot.nq - robot.nv)
         if self._factor is None:
             factor = np.ones(self.dim)
             for joint, value in self._factors.items():
@@ -69,12 +69,12 @@ class PostureTask(JointTask):
     def checked(self, value: JointValues, others: Array | None = None) -> Array:
         """Return targets after a check; one beyond the range of its joint is in other units: degrees, most often."""
         target = super().checked(value, others)
-        self.robot.check_range("target of joint", self._columns - BASE_DOF, target)
+        self.robot.check_range("target of joint", self._columns - self.robot.base_dof, target)
         return target
 
     def present(self, robot: Robot) -> Array:
         """Return the present posture, shape (dim,), rad."""
-        return np.array(robot.q[self._columns + 1])
+        return np.array(robot.q[self._columns + (robot.nq - robot.nv)])
 
     @property
     def weight(self) -> Array:

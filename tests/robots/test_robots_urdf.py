@@ -253,24 +253,6 @@ def test_any_root(root: str, kind: str) -> None:
     np.testing.assert_allclose(renamed.kp, plain.kp)
 
 
-def test_continuous_and_mimic_joints_become_ordinary_ones() -> None:
-    xml = biped(geometry=FOOT_BOX)
-    xml = xml.replace('<joint name="l_elbow" type="revolute">', '<joint name="l_elbow" type="continuous">')
-    xml = xml.replace(
-        '<joint name="r_elbow" type="revolute">',
-        '<joint name="r_elbow" type="revolute"><mimic joint="l_elbow"/>',
-    )
-    description = RobotDescription.from_urdf(xml, **FEET)
-    robot = description.robot()
-    elbow = robot.joint_index("l_elbow")
-    assert (robot.position_lower[elbow], robot.position_upper[elbow]) == pytest.approx((-np.pi, np.pi))
-    assert robot.nq == robot.nv + 1
-    np.testing.assert_allclose(mujoco_mass_matrix(description), robot.mass_matrix, atol=1e-9)
-    said = "\n".join(description.derived)
-    assert "'l_elbow': continuous" in said
-    assert "'r_elbow': mimic" in said
-
-
 def soft(xml: str, *, joint: str = "l_knee", own: str = "", control: str = "") -> RobotDescription:
     """Return a robot with an element in a joint, and one of ros2_control."""
     start = xml.index(f'<joint name="{joint}"')

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from typing import Annotated, Literal, NoReturn
 
 import numpy as np
@@ -43,6 +44,9 @@ FULL_MASS = 30.0
 FULL_HEIGHT = 0.67
 """Height of the CoM from which on lengths in settings are taken as they are, m: that of the G1; a smaller robot takes
 them in proportion."""
+
+MIMIC = "JointModelMimic"
+"""Pinocchio's name of a joint that is coupled to another one."""
 
 SIDES = ("left", "right")
 """Sides of a robot: order of its soles and legs, and prefix of every name that a foot adds to a model."""
@@ -86,10 +90,10 @@ Reads = Literal["kinematics", "all"]
 """State of a robot that something needs at rest: what `Robot.update_jacobians` computes, or all of `Robot.update`."""
 
 
-def checked_configuration(what: str, value: ArrayLike, nq: int) -> Array:
+def checked_configuration(what: str, value: ArrayLike, nq: int, floating: bool = True) -> Array:
     """Return a copy of a configuration, shape (nq,), after a check; `what` is its name in messages."""
     q = finite_array(what, value, (nq,))
-    if abs(float(np.linalg.norm(q[3:7])) - 1.0) > UNIT:
+    if floating and abs(float(np.linalg.norm(q[3:7])) - 1.0) > UNIT:
         _refuse_quaternion(what, q[3:7])
     return q
 
@@ -104,6 +108,25 @@ def force_scale(mass: float) -> float:
     return min(1.0, mass / FULL_MASS)
 
 
+def is_floating(model: pin.Model) -> bool:
+    """Return True for a model whose root is free to move."""
+    return bool(model.njoints > 1 and model.joints[1].shortname() == "JointModelFreeFlyer")
+
+
+def driven_joints(model: pin.Model) -> list[int]:
+    """Return the numbers of the joints that have a coordinate of their own, without the free root, in their order.
+
+    A joint that is coupled to another one has none: it moves with that of its leader.
+    """
+    first = 2 if is_floating(model) else 1
+    return [j for j in range(first, model.njoints) if model.joints[j].shortname() != MIMIC]
+
+
+def driven_names(model: pin.Model) -> list[str]:
+    """Return the names of those joints."""
+    return [str(model.names[j]) for j in driven_joints(model)]
+
+
 def joints_to(model: pin.Model, frame: str | int, trunk: str | int | None = None) -> list[int]:
     """Return the numbers of the joints that move a frame but not a trunk (or the base), from the base outwards."""
     ends = [
@@ -111,8 +134,26 @@ def joints_to(model: pin.Model, frame: str | int, trunk: str | int | None = None
         for each in (frame, trunk)
         if each is not None
     ]
-    limb, *behind = ([j for j in model.supports[model.frames[end].parentJoint] if j > 1] for end in ends)
+    first = 2 if is_floating(model) else 1
+    limb, *behind = ([j for j in model.supports[model.frames[end].parentJoint] if j >= first] for end in ends)
     return [joint for joint in limb if not behind or joint not in behind[0]]
+
+
+@dataclass(frozen=True)
+class Coupling:
+    """A joint that moves with another one: its position is ratio · (position of the leader) + offset.
+
+    Its inertia, weight and friction are felt by the leader, times the ratio.
+
+    Attributes:
+        leader: Joint with a coordinate of its own.
+        ratio: rad/rad (or m/rad, …).
+        offset: Position at that of the leader zero, rad or m.
+    """
+
+    leader: str
+    ratio: float
+    offset: float
 
 
 class _Loads:
@@ -139,19 +180,40 @@ class _Loads:
         self.total_mass[...] = pin.computeTotalMass(self._model)
 
 
+def _couplings(model: pin.Model, driven: Sequence[int]) -> dict[str, Coupling]:
+    """Return joint → coupling of the joints of a model that mimic another one."""
+    leaders = {model.joints[number].idx_v: str(model.names[number]) for number in driven}
+    found = {}
+    for number, joint in enumerate(model.joints):
+        if joint.shortname() == MIMIC:
+            mimic = joint.extract()
+            found[str(model.names[number])] = Coupling(
+                leaders[joint.idx_v], float(mimic.scaling), float(mimic.offset)
+            )
+    return found
+
+
 class Robot:
-    """Pinocchio model, data and current state of a humanoid.
+    """Pinocchio model, data and current state of a robot, whose base floats, or is bolted to the world.
+
+    A bolted base has no coordinates: configuration and velocity are those of the joints alone, and the centre of mass
+    is that of what moves. A joint that is coupled to another one has none either: `couplings`.
 
     Attributes:
         name: Name of the robot.
-        model: Pinocchio model with a free-flyer root; after construction only `carry` changes its inertias.
+        model: Pinocchio model; after construction only `carry` changes its inertias.
         data: Pinocchio data of the current state.
         soles: The soles that can make contact, left first; none of a robot without feet.
         half_sitting: Reference configuration with the soles on the ground z = 0, shape (nq,).
         nq: Size of a configuration: base position (world, m), base quaternion (xyzw), joints (rad or m).
         nv: Size of a velocity: base linear and angular velocity in the base frame, joints.
-        na: Number of actuated joints, nv − 6.
-        joint_names: Actuated joints in the order of the velocity vector, length na.
+        floating: True for a base that floats.
+        base_nq: Number of coordinates of the base, 7 or 0, with which a configuration begins; `base_dof` those of its
+            velocity, 6 or 0.
+        na: Number of joints with a coordinate, nv − `base_dof`.
+        joint_names: These joints in the order of the velocity vector, length na.
+        joint_numbers: Their numbers in the model.
+        couplings: Joint without a coordinate of its own → its leader.
         q: Configuration of the last `update`, shape (nq,).
         v: Velocity of the last `update`, shape (nv,).
         mass_matrix: M(q), shape (nv, nv); overwritten by the next update.
@@ -190,7 +252,8 @@ class Robot:
         """Make a robot of a complete model: limits, armature and sole frames are in it; see the attributes.
 
         Args:
-            model: Pinocchio model with a free-flyer root and joints of one degree of freedom.
+            model: Pinocchio model with a free-flyer root, or without a root joint for a bolted base, and joints of one
+                degree of freedom; those that mimic another one are coupled to it.
             soles: The soles, left first.
             half_sitting: Reference configuration, shape (nq,).
             torso_frame: The root when None.
@@ -200,29 +263,37 @@ class Robot:
             springs: Stiffness and rest position of springs.
             torque_lower: Those of the model, negative, when None.
         """
-        if model.njoints < 2 or model.joints[1].shortname() != "JointModelFreeFlyer":
-            raise ModelError(f"robot '{model.name}' must have a free-flyer root joint")
-        for joint, name in zip(model.joints[2:], list(model.names)[2:], strict=True):
+        if model.njoints < 2:
+            raise ModelError(f"robot '{model.name}' has no joints")
+        self.floating = is_floating(model)
+        self.base_nq, self.base_dof = (BASE_DOF + 1, BASE_DOF) if self.floating else (0, 0)
+        self.joint_numbers = tuple(driven_joints(model))
+        for number in self.joint_numbers:
+            joint = model.joints[number]
             if joint.nv != 1 or joint.nq != 1:
                 raise ModelError(
-                    f"joint '{name}' has {joint.nq} coordinates; joints of one coordinate are required"
+                    f"joint '{model.names[number]}' has {joint.nq} coordinates; joints of one coordinate are required, "
+                    "beside a free-flyer at the root"
                 )
+        self.couplings = _couplings(model, self.joint_numbers)
         self.model = model
         self.data = model.createData()
         self.name = str(model.name)
         self.nq, self.nv = int(model.nq), int(model.nv)
-        self.na = self.nv - BASE_DOF
-        self.joint_names = tuple(list(model.names)[2:])
+        self.na = self.nv - self.base_dof
+        self.joint_names = tuple(driven_names(model))
         self._frame_ids: dict[str, int] = {
             str(frame.name): i for i, frame in reversed(list(enumerate(model.frames)))
         }
         self.soles = tuple(soles)
         for sole in self.soles:
             self.frame_id(sole.frame)
-        links = [str(f.name) for f in model.frames if f.parentJoint == 1 and f.type == pin.FrameType.BODY]
+        root = 1 if self.floating else 0
+        links = [str(f.name) for f in model.frames if f.parentJoint == root and f.type == pin.FrameType.BODY]
         if not links:
             raise ModelError(
-                f"robot '{model.name}' needs a frame of type BODY at its root joint '{model.names[1]}': its base link"
+                f"robot '{model.name}' needs a frame of type BODY at its root joint '{model.names[root]}': its base "
+                "link"
             )
         self.base_frame = links[0]
         self.torso_frame = torso_frame or self.base_frame
@@ -237,12 +308,12 @@ class Robot:
         for frame in (self.torso_frame, self.imu_frame, *self.frames.values()):
             self.frame_id(frame)
 
-        self.half_sitting = checked_configuration("half-sitting configuration", half_sitting, self.nq)
+        self.half_sitting = self.check_configuration("half-sitting configuration", half_sitting)
         self.half_sitting.setflags(write=False)
-        self.position_lower = np.array(model.lowerPositionLimit[7:])
-        self.position_upper = np.array(model.upperPositionLimit[7:])
-        self.velocity_limit = np.minimum(model.upperVelocityLimit[BASE_DOF:], UNLIMITED)
-        self.torque_upper = np.minimum(model.upperEffortLimit[BASE_DOF:], UNLIMITED)
+        self.position_lower = np.array(model.lowerPositionLimit[self.base_nq :])
+        self.position_upper = np.array(model.upperPositionLimit[self.base_nq :])
+        self.velocity_limit = np.minimum(model.upperVelocityLimit[self.base_dof :], UNLIMITED)
+        self.torque_upper = np.minimum(model.upperEffortLimit[self.base_dof :], UNLIMITED)
         lower = -self.torque_upper if torque_lower is None else np.array(torque_lower)
         self.torque_lower = np.maximum(lower, -UNLIMITED)
         self.torque_limit = np.maximum(-self.torque_lower, self.torque_upper)
@@ -263,6 +334,7 @@ class Robot:
                     f"joint '{name}' needs limits of velocity and torque that are zero or above, got {others}"
                 )
         self._loads = _Loads(model)
+        self._subtree_forces = [np.asarray(each) for each in self.data.Fcrb] if self.couplings else []
 
         # Live views of Pinocchio's memory: their addresses do not change for the life of `data`.
         data = self.data
@@ -272,7 +344,7 @@ class Robot:
         )
         self.q = np.array(self.half_sitting)
         self._quaternion = self.q[3:7]
-        self.v = np.zeros(self.nv)
+        self.v, self._no_acceleration = np.zeros(self.nv), np.zeros(self.nv)
         self.update(self.q, self.v)
         self.length_scale = min(1.0, self._com_height() / FULL_HEIGHT)
 
@@ -333,14 +405,17 @@ class Robot:
     def update(self, q: Array, v: Array) -> None:
         """Compute all quantities that depend on configuration, shape (nq,), of unit quaternion, and velocity, (nv,)."""
         self._take(q, v)
-        pin.computeAllTerms(self.model, self.data, self.q, self.v)
+        if self.couplings:
+            self._compute_coupled()
+        else:
+            pin.computeAllTerms(self.model, self.data, self.q, self.v)
         if self.springs is not None:
-            self.bias[BASE_DOF:] += self.spring_torques(self.q)
+            self.bias[self.base_dof :] += self.spring_torques(self.q)
         pin.updateFramePlacements(self.model, self.data)
 
     def spring_torques(self, q: Array) -> Array:
         """Return what drives hold against springs at configurations, shape (…, nq): shape (…, na), Nm, as in `bias`."""
-        joints = q[..., 7:]
+        joints = q[..., self.base_nq :]
         if self.springs is None:
             return np.zeros_like(joints)
         stiffness, rest = self.springs
@@ -350,6 +425,18 @@ class Robot:
         """Return joint torques over their limits in the direction in which they act, shape (…, na), 0 or above."""
         limit = np.where(torque < 0.0, -self.torque_lower, self.torque_upper)
         return np.asarray(abs(torque) / np.maximum(limit, TINY))
+
+    def _compute_coupled(self) -> None:
+        """Compute what `computeAllTerms` does, which refuses coupled joints."""
+        model, data, q, v = self.model, self.data, self.q, self.v
+        for forces in self._subtree_forces:  # pin 4.1 adds to those of the last call
+            forces[:] = 0.0
+        pin.crba(model, data, q)
+        pin.nonLinearEffects(model, data, q, v)
+        pin.ccrba(model, data, q, v)
+        pin.jacobianCenterOfMass(model, data, q)
+        pin.centerOfMass(model, data, q, v, False)
+        pin.forwardKinematics(model, data, q, v, self._no_acceleration)
 
     def update_kinematics(self, q: Array, v: Array) -> None:
         """Compute frames, centre of mass and their velocities alone, in half the time of `update`.
@@ -380,9 +467,15 @@ class Robot:
             raise InputError(
                 f"configuration and velocity must have shapes ({self.nq},) and ({self.nv},), got {shown(q)}, {shown(v)}"
             ) from error
+        if not self.floating:
+            return
         x, y, z, w = self._quaternion.tolist()
         if abs(x * x + y * y + z * z + w * w - 1.0) > 2.0 * UNIT:
             _refuse_quaternion("configuration", self._quaternion)
+
+    def check_configuration(self, what: str, value: ArrayLike) -> Array:
+        """Return a copy of a configuration, shape (nq,), after a check; `what` is its name in messages."""
+        return checked_configuration(what, value, self.nq, self.floating)
 
     def clone(self) -> Robot:
         """Return another robot of the same model with a state of its own."""
@@ -458,7 +551,7 @@ class Robot:
         They are indices in arrays of shape (na,).
         """
         limb = joints_to(self.model, self.frame_id(frame), self.frame_id(trunk))
-        return [self.model.joints[j].idx_v - BASE_DOF for j in limb]
+        return list(dict.fromkeys(self.model.joints[j].idx_v - self.base_dof for j in limb))
 
     @property
     def leg_joints(self) -> list[int]:
@@ -473,11 +566,14 @@ class Robot:
         q = np.array(self.half_sitting)
         for name, value in (joints or {}).items():
             index = self.joint_index(name)
-            q[7 + index] = finite_scalar(f"position of joint '{name}'", value)
-            self.check_range("position of joint", [index], q[[7 + index]])
+            q[self.base_nq + index] = finite_scalar(f"position of joint '{name}'", value)
+            self.check_range("position of joint", [index], q[[self.base_nq + index]])
         data = self.model.createData()
         pin.framesForwardKinematics(self.model, data, q)
-        q[2] -= min((data.oMf[self.frame_id(sole.frame)].translation[2] for sole in self.soles), default=0.0)
+        if self.floating:
+            q[2] -= min(
+                (data.oMf[self.frame_id(sole.frame)].translation[2] for sole in self.soles), default=0.0
+            )
         return q
 
     def __repr__(self) -> str:

@@ -499,7 +499,7 @@ def foot_names(robot: Robot) -> list[str]:
 
 def joint_units(robot: Robot) -> list[str]:
     """Return the unit of each joint's position: rad, or m for a prismatic joint."""
-    kinds = [joint.shortname() for joint in robot.model.joints[2:]]
+    kinds = [robot.model.joints[number].shortname() for number in robot.joint_numbers]
     return ["m" if kind.startswith("JointModelP") else "rad" for kind in kinds]
 
 

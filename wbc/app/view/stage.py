@@ -10,7 +10,6 @@ import pinocchio as pin
 
 from wbc.app.view.marks import Force, Picture, Scale, balance_marks, force_marks, sole_force
 from wbc.app.view.walk_marks import WalkMarks
-from wbc.core.conventions import configuration_to_mujoco
 from wbc.core.errors import Array, InputError, finite_array
 from wbc.core.robot import GRAVITY, Robot
 from wbc.sim.plant.model import drawing_model
@@ -107,7 +106,7 @@ class DescribedStage:
 
     def show(self, q: Array) -> None:
         """Put the bodies where they are in a configuration, shape (nq,)."""
-        configuration_to_mujoco(q, self.places.joint_qpos, out=self.data.qpos)
+        self.places.set_configuration(q, self.data.qpos)
         mujoco.mj_kinematics(self.model, self.data)
 
     def picture(self, state: Robot | Array, read: Measurement | None) -> Picture:

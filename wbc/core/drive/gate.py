@@ -47,7 +47,7 @@ class CommandGate:
         self._symmetric, self._torques = self._excess[:2], self._excess[4:].reshape(-1)
         self._all = self._excess.reshape(-1)
         self._bounds = np.array((self._speed, self._step))
-        self.reset(robot.q[7:])
+        self.reset(robot.q[robot.base_nq :])
 
     def reset(self, position: Array) -> None:
         """Start from a posture, joint positions of shape (na,), from which the first references move."""

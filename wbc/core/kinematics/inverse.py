@@ -19,7 +19,7 @@ from wbc.core.qp.diagnosis import violated_groups
 from wbc.core.qp.items import Item, Items, ItemT
 from wbc.core.qp.solver import QpSolver, SolverSettings, Status
 from wbc.core.qp.task import Task
-from wbc.core.robot import Robot, checked_configuration
+from wbc.core.robot import Robot
 from wbc.core.settings import Count, NonNegative, Period, Positive, Seed
 
 SOLVER = SolverSettings(tolerance=1e-9, relaxation=1e6)
@@ -139,7 +139,7 @@ class InverseKinematics(Items):
 
     def update(self, q: Array) -> None:
         """Set the configuration, shape (nq,); frames, the CoM and their Jacobians follow, forces do not."""
-        self._move(checked_configuration("configuration", q, self.robot.nq))
+        self._move(self.robot.check_configuration("configuration", q))
 
     def _move(self, q: Array) -> None:
         self.robot.q[:] = q

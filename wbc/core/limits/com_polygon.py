@@ -122,6 +122,10 @@ class CoMPolygonLimit(Limit):
 
     def bind(self, robot: Robot) -> None:
         """Take the hull of the soles when no polygon was given."""
+        if not robot.floating:
+            raise InputError(
+                f"limit '{self.name}' is of a robot that stands, '{robot.name}' is bolted to the world"
+            )
         self._bound_robot = robot
         gravity = robot.model.gravity.linear
         self._gravity = np.array(gravity[:2])

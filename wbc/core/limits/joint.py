@@ -151,7 +151,7 @@ class JointLimits(Limit):
         self.dim = na = robot.na
         self._rows: Array | None = None  # that have been filled
         self.acceleration = np.full(na, np.inf)
-        inertia = np.diag(robot.mass_matrix)[6:]
+        inertia = np.diag(robot.mass_matrix)[robot.base_dof :]
         # Row 0 is for the upper bounds, which negative torques keep, row 1 for the lower ones.
         torque = np.maximum(np.array([-robot.torque_lower, robot.torque_upper]), 0.0)
         brakes = np.minimum(100.0, BRAKING_SHARE * torque / inertia)

@@ -38,7 +38,7 @@ from wbc.core.qp.problem import Problem
 from wbc.core.qp.released import ReleasedJoints
 from wbc.core.qp.solution import Layout
 from wbc.core.qp.task import Task
-from wbc.core.robot import BASE_DOF, Robot
+from wbc.core.robot import Robot
 
 logger = logging.getLogger(__name__)
 
@@ -112,7 +112,7 @@ class Assembly:
         regularisation: float,
     ) -> None:
         """Allocate the problem and give each of these items, which are bound to the robot, its views."""
-        self._robot, self._regularisation = robot, regularisation
+        self._robot, self._regularisation, self._base_dof = robot, regularisation, robot.base_dof
         self._joint_limits = next((limit for limit in limits if isinstance(limit, JointLimits)), None)
         self._torque_limits = next((limit for limit in limits if isinstance(limit, TorqueLimits)), None)
         row_limits = [limit for limit in limits if not isinstance(limit, (JointLimits, TorqueLimits))]
@@ -127,19 +127,20 @@ class Assembly:
         soft = [*(t for t in motion if not t.hard), *(t for t in variable if not t.hard)]
         n_soft = _dim(soft) + sum(c.dim for c in contacts if c.motion_weight is not None)
 
-        nv, na = robot.nv, robot.na
+        nv, na, base_dof = robot.nv, robot.na, robot.base_dof
         n_force = sum(c.dim for c in contacts)
         n_joint = na if self._joint_limits is not None else 0
         n_cone = sum(c.cone.shape[0] + len(c.ranged) for c in contacts)
         base, hard_rows, contact_rows, hard_motion_rows, soft_rows = _consecutive(
-            BASE_DOF, _dim(hard_first), n_force, _dim(hard_motion), n_soft
+            base_dof, _dim(hard_first), n_force, _dim(hard_motion), n_soft
         )
         torques, joints, cones, other_limits = _consecutive(
             na, n_joint, n_cone, sum(r.dim for r in row_limits)
         )
         self.problem = p = Problem(nv, na, nv + n_force, soft_rows.start, n_soft, other_limits.stop)
-        p.n_physics = BASE_DOF
-        p.equality_groups["floating-base dynamics"] = base
+        p.n_physics = base_dof
+        if robot.floating:
+            p.equality_groups["floating-base dynamics"] = base
         p.inequality_groups["torque limits"] = torques
         self._places: dict[str, slice] = {}  # of tasks, among the residuals
         self._limit_names = [f"torque of {joint}" for joint in robot.joint_names]
@@ -186,12 +187,12 @@ class Assembly:
         self._mass_carried = robot.mass
         self._yielding = [slot for slot in self._slots if slot.motion_weight is not None]
         mass = robot.mass_matrix.T  # symmetric, stored by columns: the transpose is contiguous by rows
-        self._mass = mass[:BASE_DOF], mass[BASE_DOF:]
-        self._base_bias, self._joint_bias = robot.bias[:BASE_DOF], robot.bias[BASE_DOF:]
+        self._mass = mass[:base_dof], mass[base_dof:]
+        self._base_bias, self._joint_bias = robot.bias[:base_dof], robot.bias[base_dof:]
         self._base_mass, self._base_force = p.equality[base, :nv], p.equality[base, nv:]
         self._joint_mass, self._joint_force = p.inequality[torques, :nv], p.inequality[torques, nv:]
-        self._contact_base_t = p.equality[contact_rows, :BASE_DOF].T
-        self._contact_joint_t = p.equality[contact_rows, BASE_DOF:nv].T
+        self._contact_base_t = p.equality[contact_rows, :base_dof].T
+        self._contact_joint_t = p.equality[contact_rows, base_dof:nv].T
         self._base_target = p.target[base]
         self._torque_lower, self._torque_upper = p.lower[torques], p.upper[torques]
         self._torque_bounds = (np.zeros(na), np.zeros(na))
@@ -341,14 +342,15 @@ class Assembly:
             outside: Generalised forces of the surroundings beside the contacts, shape (nv,).
             released: Joints that somebody else moves, within limits of their own.
         """
+        base = self._base_dof
         v, torque_bias = self._robot.v, self.problem.torque_bias
         self._base_mass[:], self._joint_mass[:] = self._mass
         np.negative(self._base_bias, out=self._base_target)
         if outside is None:
             torque_bias[:] = self._joint_bias
         else:
-            self._base_target += outside[:BASE_DOF]
-            np.subtract(self._joint_bias, outside[BASE_DOF:], out=torque_bias)
+            self._base_target += outside[:base]
+            np.subtract(self._joint_bias, outside[base:], out=torque_bias)
         if self._robot.mass != self._mass_carried:  # greatest forces may be multiples of the weight
             self._mass_carried = self._robot.mass
             for slot in self._slots:
@@ -358,8 +360,8 @@ class Assembly:
         np.negative(self._contact_base_t, out=self._base_force)
         np.negative(self._contact_joint_t, out=self._joint_force)
         for slot in self._yielding:
-            np.negative(slot.jacobian[:, :BASE_DOF].T, out=self._base_force[:, slot.columns])
-            np.negative(slot.jacobian[:, BASE_DOF:].T, out=self._joint_force[:, slot.columns])
+            np.negative(slot.jacobian[:, :base].T, out=self._base_force[:, slot.columns])
+            np.negative(slot.jacobian[:, base:].T, out=self._joint_force[:, slot.columns])
 
         for motion, jacobian, error, drift in self._motion:
             if not motion.idle:

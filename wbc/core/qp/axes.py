@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from wbc.core.errors import InputError, names_in, unknown_name
-from wbc.core.robot import BASE_DOF, Robot
+from wbc.core.robot import Robot
 
 POSITION_AXES = ("x", "y", "z")
 ROTATION_AXES = ("roll", "pitch", "yaw")
@@ -37,7 +37,7 @@ def axis_mask(task: str, axes: Sequence[str], choices: Sequence[str]) -> NDArray
 
 def joint_columns(robot: Robot, joints: Iterable[str]) -> NDArray[np.intp]:
     """Return the velocity coordinates of joints; `UnknownNameError` if the robot has no such joint."""
-    return np.array([BASE_DOF + robot.joint_index(joint) for joint in joints], dtype=np.intp)
+    return np.array([robot.base_dof + robot.joint_index(joint) for joint in joints], dtype=np.intp)
 
 
 def other_columns(robot: Robot, joints: Sequence[str] | None) -> NDArray[np.intp] | None:
@@ -49,7 +49,7 @@ def other_columns(robot: Robot, joints: Sequence[str] | None) -> NDArray[np.intp
         return None
     used = joint_columns(robot, [joint for joint in joints if joint != BASE])
     if BASE in joints:
-        used = np.concatenate([np.arange(BASE_DOF), used])
+        used = np.concatenate([np.arange(robot.base_dof), used])
     return np.setdiff1d(np.arange(robot.nv), used)
 
 

@@ -21,7 +21,7 @@ from wbc.core.errors import Array, InputError, finite_array
 from wbc.core.lag import lag_gain
 from wbc.core.qp.axes import distinct_joints, joint_columns
 from wbc.core.qp.task import Task
-from wbc.core.robot import BASE_DOF, Robot
+from wbc.core.robot import Robot
 
 WEIGHT = 1e5
 """Cost of an acceleration that is another one than the known, per (rad/s²)²."""
@@ -48,7 +48,7 @@ class ReleasedJoints(Task):
     def __init__(self, robot: Robot, joints: Sequence[str]) -> None:
         """Take the names; an `InputError` for a joint of a leg, an `UnknownNameError` for one that there is not."""
         names = distinct_joints(joints)
-        self.index: NDArray[np.intp] = joint_columns(robot, names) - BASE_DOF
+        self.index: NDArray[np.intp] = joint_columns(robot, names) - robot.base_dof
         legs = set(robot.leg_joints) & set(self.index.tolist())
         if legs:
             some = ", ".join(robot.joint_names[joint] for joint in sorted(legs))
@@ -65,7 +65,8 @@ class ReleasedJoints(Task):
     def bind(self, robot: Robot) -> None:
         """Look up the columns, and how quick the joints can be."""
         super().bind(robot)
-        self.columns = self.index + BASE_DOF
+        self.columns = self.index + robot.base_dof
+        self._places = self.index + robot.base_nq
         inertia = np.diag(robot.mass_matrix)[self.columns]
         self._most = 2.0 * robot.torque_limit[self.index] / inertia
 
@@ -103,7 +104,7 @@ class ReleasedJoints(Task):
         if self._told is not None:
             position, speed, push = self._told
             rate = 1.0 / self.response
-            known = push + (speed - velocity) * (2.0 * rate) + (position - q[7 + self.index]) * (rate * rate)
+            known = push + (speed - velocity) * (2.0 * rate) + (position - q[self._places]) * (rate * rate)
             self._acceleration[:] = known
         elif self._before is not None:
             self._acceleration += lag_gain(dt, LAG) * ((velocity - self._before) / dt - self._acceleration)

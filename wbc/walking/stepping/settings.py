@@ -52,10 +52,10 @@ class RobotSize:
         pin.framesForwardKinematics(model, data, straight)
         sole = data.oMf[robot.frame_id(robot.soles[0].frame)]
         com = float(pin.centerOfMass(model, data, straight)[2] - sole.translation[2])
-        joints = [data.oMi[joint + 2].translation for joint in legs[0]]  # 0 is the world, 1 the base
+        joints = [data.oMi[robot.joint_numbers[joint]].translation for joint in legs[0]]
         heights = [float(at[2]) for at in joints]
         leg_length = max(heights) - min(heights)
-        ankle = float(sole.actInv(data.oMi[legs[0][-1] + 2]).translation[0])
+        ankle = float(sole.actInv(data.oMi[robot.joint_numbers[legs[0][-1]]]).translation[0])
         return RobotSize(
             height=max(com - bend * leg_length, carried_height(robot)) if height is None else height,
             leg=leg_length,
