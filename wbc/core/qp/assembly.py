@@ -83,8 +83,8 @@ class _ContactSlot:
 def empty_problem(robot: Robot, contacts: Sequence[Contact]) -> Problem:
     """Return the QP of some contacts alone, unwritten, to try tasks on variables on: it changes nothing elsewhere."""
     nv, na, ends = robot.nv, robot.na, [0, *itertools.accumulate(contact.dim for contact in contacts)]
-    problem = Problem(nv, na, nv + ends[-1], BASE_DOF + ends[-1], 0, na)
-    problem.n_physics = BASE_DOF
+    problem = Problem(nv, na, nv + ends[-1], robot.base_dof + ends[-1], 0, na)
+    problem.n_physics = robot.base_dof
     for contact, start, stop in zip(contacts, ends, ends[1:], strict=False):
         problem.contacts[contact.name], problem.loaded[contact.name] = (
             slice(nv + start, nv + stop),
