@@ -7,10 +7,11 @@ from pathlib import Path
 
 import matplotlib as mpl
 import numpy as np
+import pinocchio as pin
 from architecture import architecture_svg
 from matplotlib import pyplot as plt
 from matplotlib.axes import Axes
-from matplotlib.patches import Polygon
+from matplotlib.patches import Circle, Polygon
 
 import wbc
 from wbc.core.errors import Array
@@ -112,6 +113,40 @@ def draw_roughness(path: Path) -> None:
     plt.close(figure)
 
 
+def draw_kinematics(path: Path) -> None:
+    """An arm by inverse kinematics, seen from the side: its hand goes around a ball."""
+    description = wbc.load_robot("panda")
+    robot = description.robot()
+    ik = wbc.InverseKinematics(robot, dt=0.01)
+    ik.add(wbc.FixedContact(robot.base_frame), wbc.JointLimits(), wbc.PostureTask(weight=1e-3))
+    hand = ik.add(wbc.PositionTask("panda_hand"))
+    start = hand.target.copy()
+    middle, radius = start + [0.02, 0.0, -0.2], 0.08
+    ball = wbc.Obstacle("ball", wbc.CollisionSphere(radius), pin.SE3(np.eye(3), middle))
+    ik.add(wbc.CollisionLimit(obstacles=[ball], shapes=description.collision_shapes()))
+    hand.move_to(start + [0.0, 0.0, -0.4], duration=2.0)
+    links = [f"panda_link{i}" for i in range(9)] + ["panda_hand"]
+    figure, axis = plt.subplots(figsize=(5.2, 4.2), layout="constrained")
+    axis.add_patch(Circle(middle[[0, 2]], radius, color=ZMP, alpha=0.35, lw=0))
+    trace = []
+    for step in range(500):
+        if step % 100 == 0 and step < 400:
+            arm = np.array([robot.placement(link).translation for link in links])
+            axis.plot(arm[:, 0], arm[:, 2], "-o", color=COM, alpha=0.3 + step / 600.0, lw=2.0, ms=3.0)
+        ik.step()
+        trace.append(robot.placement("panda_hand").translation.copy())
+    places = np.array(trace)
+    axis.plot(places[:, 0], places[:, 2], color=DCM, lw=1.6, label="way of the hand")
+    axis.plot(*hand.target[[0, 2]], "x", color=ZMP, label="target")
+    axis.set_aspect("equal")
+    axis.set_xlabel("forward (m)")
+    axis.set_ylabel("up (m)")
+    axis.legend(frameon=False)
+    print(f"hand within {1e3 * float(np.linalg.norm(hand.error)):.1f} mm")
+    figure.savefig(path)
+    plt.close(figure)
+
+
 def draw_architecture(path: Path) -> None:
     """Rooms of the library, and who imports whom."""
     path.write_text(architecture_svg(Path(__file__).resolve().parents[1]), encoding="utf-8")
@@ -131,6 +166,7 @@ def main() -> None:
     }
     pictures = {
         "architecture.svg": draw_architecture,
+        "kinematics.svg": draw_kinematics,
         "pattern.svg": draw_pattern,
         "roughness.svg": draw_roughness,
     }

@@ -42,8 +42,8 @@ INSTANTS = {
 }
 """Time at which each example is drawn, s."""
 
-WITHOUT_PLANT = ("without_feet", "two_robots")
-"""Examples that are not drawn: they have a loop of MuJoCo's own, or two robots."""
+WITHOUT_PLANT = ("arm", "handles", "without_feet", "two_robots")
+"""Examples that are not drawn: they have no plant, a loop of MuJoCo's own, or two robots."""
 
 SIZE = (300, 260)
 """Width and height of one picture, pixels."""

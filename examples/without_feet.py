@@ -1,6 +1,6 @@
-"""Robots without soles: an arm on a table draws a circle, a quadruped stands on four points and sways.
+"""A robot without soles: a quadruped stands on four points and sways.
 
-The QP is that of a humanoid: a bolted base is a `FixedContact`, the foot of a quadruped a `PointContact`.
+The QP is that of a humanoid: the foot of a quadruped is a `PointContact`, a bolted base would be a `FixedContact`.
 """
 
 from collections.abc import Sequence
@@ -20,10 +20,9 @@ from wbc.core.conventions import (
 
 def main(arguments: Sequence[str] | None = None) -> dict[str, Any]:
     """Run the example: MuJoCo's own loop, with the true state."""
-    options = parse(__doc__, arguments, seconds=4.0, robot=("panda", "go1"))
-    description = wbc.load_robot(options.robot)
-    robot, arm = description.robot(), options.robot == "panda"
-    feet = () if arm else ("FL_foot", "FR_foot", "RL_foot", "RR_foot")
+    options = parse(__doc__, arguments, seconds=4.0)
+    description = wbc.load_robot("go1")
+    robot, feet = description.robot(), ("FL_foot", "FR_foot", "RL_foot", "RR_foot")
     spec = mujoco.MjSpec.from_string(description.urdf_without_geometry())
     spec.worldbody.add_geom(type=mujoco.mjtGeom.mjGEOM_PLANE, size=[0, 0, 1], pos=[0, 0, -0.02])
     spec.worldbody.first_body().add_freejoint()
@@ -32,22 +31,18 @@ def main(arguments: Sequence[str] | None = None) -> dict[str, Any]:
         spec.add_actuator(target=joint, trntype=mujoco.mjtTrn.mjTRN_JOINT)
     for link, place in map(description.attachment, feet):
         spec.body(link).add_geom(size=[0.02] * 3, pos=place.translation)
-    if arm:
-        kinds = {"type": mujoco.mjtEq.mjEQ_WELD, "objtype": mujoco.mjtObj.mjOBJ_BODY}
-        spec.add_equality(**kinds, name1=robot.base_frame, data=[0.0] * 10 + [1.0, 0.0])
     model = spec.compile()
     data, joints = mujoco.MjData(model), [model.joint(joint) for joint in robot.joint_names]
     places, dofs = np.array([(joint.qposadr[0], joint.dofadr[0]) for joint in joints]).T
     q = robot.configuration()
-    q[2] = -min((robot.placement(foot).translation[2] for foot in feet), default=0.0)
+    q[2] = -min(robot.placement(foot).translation[2] for foot in feet)
     configuration_to_mujoco(q, places, data.qpos)
     robot.update(q, robot.v)
     controller = wbc.Controller(robot, model.opt.timestep)
-    moved = controller.add(wbc.PositionTask("panda_hand", weight=100.0) if arm else wbc.CoMTask())
-    upright = wbc.OrientationTask("panda_hand" if arm else robot.base_frame, weight=10.0)
-    controller.add(upright, wbc.PostureTask(), wbc.JointLimits(), wbc.TorqueLimits())
-    controller.add(*([wbc.FixedContact(robot.base_frame)] if arm else map(wbc.PointContact, feet)))
-    start, radius = moved.target, 0.1 if arm else 0.03
+    moved = controller.add(wbc.CoMTask())
+    controller.add(wbc.OrientationTask(robot.base_frame, weight=10.0), wbc.PostureTask())
+    controller.add(wbc.JointLimits(), wbc.TorqueLimits(), *map(wbc.PointContact, feet))
+    start, radius = moved.target, 0.03
     with options.watch(description) as view:
         while data.time < options.seconds:
             turn = np.array([0.0, np.sin(np.pi * data.time), np.cos(np.pi * data.time)])

@@ -22,7 +22,17 @@ SURFACES = ("wbc", *(f"wbc.{room}" for room in ROOMS))
 """The packages that users import from; pages name `wbc.core.conventions` for the states of MuJoCo."""
 
 FOLDER = Path(__file__).parents[2] / "examples"
-STANDING = ("motion", "own_robot", "own_source", "push_recovery", "stand", "two_robots", "without_feet")
+STANDING = (
+    "arm",
+    "handles",
+    "motion",
+    "own_robot",
+    "own_source",
+    "push_recovery",
+    "stand",
+    "two_robots",
+    "without_feet",
+)
 WALKING = (
     "walk",
     "walk_push",
@@ -123,10 +133,18 @@ def test_a_clip_becomes_feasible_and_is_tracked(load: Load) -> None:
     assert result["zmp_outside_mm"] < 5.0 and result["joints_rms_deg"] < 2.0
 
 
-@pytest.mark.parametrize("robot", ["panda", "go1"])
-def test_robots_without_feet_follow_a_circle(load: Load, robot: str) -> None:
-    result = load("without_feet").main(["--robot", robot, "--seconds", "1"])
+def test_a_robot_without_feet_follows_a_circle(load: Load) -> None:
+    result = load("without_feet").main(["--seconds", "1"])
     assert result["solved"] and result["error_mm"] < 10.0
+
+
+def test_an_arm_goes_around_a_ball_on_its_circle(load: Load) -> None:
+    result = load("arm").main(["--seconds", "4"])
+    assert result["error_mm"] < 5.0 and 19.0 < result["ball_mm"] < 30.0 and result["furthest_mm"] > 20.0
+
+
+def test_hands_follow_their_handles(load: Load) -> None:
+    assert load("handles").main(["--seconds", "2"])["hands_mm"] < 5.0
 
 
 # ---- walks ----------------------------------------------------------------------------------------------------------
