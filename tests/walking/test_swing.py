@@ -110,6 +110,21 @@ def test_it_is_highest_when_the_gait_says(apex: float, duration: float) -> None:
     assert times[int(np.argmax(heights))] == pytest.approx(apex * duration, abs=0.002)
 
 
+def test_a_short_swing_lifts_its_foot_as_high_as_legs_can_in_its_time() -> None:
+    heights = []
+    for duration in (0.16, 0.2, 0.26, 0.35, 0.8):
+        shape = GAIT.swing._replace(lift=40.0, takeoff_time=0.0, landing_time=0.0)
+        foot = SwingFoot(HERE.placement, HERE, duration, shape)
+        times = np.linspace(0.0, duration, 401)
+        heights.append(max(foot.at(t).placement.translation[2] for t in times))
+        most = max(abs(foot.at(t).acceleration[2]) for t in times[times < foot.apex_time])
+        assert most <= 41.0 or heights[-1] == pytest.approx(0.3 * GAIT.swing_height)
+    assert heights == sorted(heights) and heights[0] < 0.9 * GAIT.swing_height
+    assert heights[-1] == pytest.approx(GAIT.swing_height, abs=1e-5)
+    high = SwingFoot(HERE.placement, HERE, 0.16, shape._replace(lift=1.0), over=0.1)
+    assert max(high.at(t).placement.translation[2] for t in np.linspace(0.0, 0.16, 99)) > 0.1
+
+
 def test_ground_that_comes_early_is_met_as_gently_as_ground_that_comes_in_time() -> None:
     foot = swing()
     slow = GAIT.landing_height / GAIT.landing_speed

@@ -27,6 +27,12 @@ from wbc.walking.plans.gait import SwingShape
 HEEL_TIME = 0.35
 """Time over that of the swing at which the heel of a foot that rises onto a stair is highest over its toes."""
 
+RISE = 10.0 / math.sqrt(3.0)
+"""Greatest acceleration of a quintic from rest to rest, over the way and the inverse square of its time."""
+
+CLEAR = 0.3
+"""Least height of a short swing, of that of a long one."""
+
 REST = np.zeros(6)
 REST.setflags(write=False)
 
@@ -174,6 +180,11 @@ class SwingFoot:
             np.array((ax, ay, az, *turning)),
         )
 
+    def over_ground(self, time: float) -> tuple[float, float, float, float]:
+        """Return x and y, m, and their rates, m/s, at a time from lift-off, s."""
+        (x, u, _), (y, v, _) = self._c["x"].at(time), self._c["y"].at(time)
+        return x, y, u, v
+
     def _plan_place(self, now: float, end: float) -> None:
         """Plan place and tilt from now to the landing at `end`, s: the foot travels between rise and descent."""
         shape, landing = self._shape, self.landing
@@ -210,10 +221,21 @@ class SwingFoot:
             down.insert(0, (end - height / speed, (landing.z + height, -speed, 0.0)))
         down.append((end + shape.search_time, (landing.z - shape.search_depth, 0.0, 0.0)))
         top = max(self._origin, landing.z, self.over) + shape.swing_height
+        if shape.lift < math.inf:
+            top = min(
+                top,
+                max(self._reach(now), max(self._origin, landing.z, self.over) + CLEAR * shape.swing_height),
+            )
         if now < self.apex_time - shape.piece and end - self.apex_time >= shape.piece:
             self._c["z"].follow(now, (self.apex_time, (top, 0.0, 0.0)), *down)
         else:
             self._c["z"].follow(now, *down)
+
+    def _reach(self, now: float) -> float:
+        """Return the height that a foot can have at its apex, by its acceleration, m."""
+        left = max(self.apex_time - now, 0.0)
+        z, speed, _ = self._c["z"].at(now)
+        return z + max(speed, 0.0) * 0.5 * left + self._shape.lift * left * left / RISE
 
 
 def _spin(roll: Vector, pitch: Vector, yaw: Vector) -> tuple[Vector, Vector]:

@@ -29,6 +29,7 @@ from wbc.walking.body import Twist
 from wbc.walking.contact import GaitPhase
 from wbc.walking.plans.footsteps import heading
 from wbc.walking.source import Reference, WholeBody
+from wbc.walking.stepping.rise import RiseLimit
 
 FREE_FRICTION = 2.0
 """Friction of the contacts in position control: the QP's own wrenches are not commanded there and must not bind."""
@@ -83,13 +84,15 @@ class WalkTasks:
         trunk: Mapping[str, GainOptions],
         posture: PostureTask,
         stance: StanceContacts | None = None,
+        rise: RiseLimit | None = None,
         *,
         torque: bool = True,
         reaching: float = 1.0,
     ) -> None:
-        """Add all to a controller; `stance` says how feet carry that no stabilizer loads."""
+        """Add all to a controller; `stance` and `rise` say how feet carry that no stabilizer loads."""
         robot, self._controller = controller.robot, controller
         self.contacts, self._stance, self._torque = list(contacts), stance, torque
+        self._rise = rise
         self.com, self.reaching = controller.add(com), reaching
         self._swing_weight = np.array(swing["weight"], dtype=float)
         self._swings = [
@@ -127,7 +130,11 @@ class WalkTasks:
         for contact in self.contacts:
             controller.add(contact)
         controller.add(limits[1])
+        if rise is not None:
+            controller.add(rise)
         self._all: list[Any] = [self.com, *self._swings, *self._trunk, self.posture, *limits, *self.contacts]
+        if rise is not None:
+            self._all.append(rise)
         self._tuned = {task.name: task for task in (*self._trunk, self.posture)}
         self._own_gains = {
             name: {gain: np.array(getattr(task, gain)) for gain in GAINS}
@@ -189,6 +196,8 @@ class WalkTasks:
         pendulum, body = reference.pendulum, reference.body
         if self._stance is not None:
             self._stance.switch(self, reference)
+        if self._rise is not None:
+            self._rise.height = float(pendulum.com[2])
         for side, (motion, stands) in enumerate(zip(reference.feet, reference.contact, strict=True)):
             if not stands or side == reference.swing:
                 self._swings[side].follow(*motion)

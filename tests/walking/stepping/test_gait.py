@@ -392,3 +392,37 @@ def test_footsteps_are_landed_on_and_left_for_a_push_alone(push: float) -> None:
     assert max(errors[0], errors[-1]) < 0.04
     assert max(errors[4:-1]) < 2e-3
     assert max(errors[1:4]) < 2e-3 if push == 0.0 else max(errors[1:4]) > 0.05
+
+
+def test_a_foot_that_has_been_kicked_away_is_not_stepped_onto() -> None:
+    for sign, kicked in ((1.0, 0), (-1.0, 1)):
+        body = PointMass()
+        body.run(0.7)
+        tick, gait = body.ticks[-1], body.gait
+        wrenches = [[0.0] * 6, [0.0] * 6]
+        wrenches[1 - kicked][2] = SCALE.weight
+        fast = tick.state._replace(velocity=(0.0, sign * 0.9, 0.0), wrenches=wrenches)
+        reference = gait.update(fast, tick.frames)
+        assert Event.LIFT_OFF in reference.events and reference.swing == kicked
+
+
+def test_a_foot_goes_on_over_what_it_meets_while_its_landing_catches_the_robot_and_the_place_does_not() -> (
+    None
+):
+    body = PointMass()
+    body.run(0.6)
+    body.gait.steering.command((0.2, 0.0, 0.0))
+    while body.ticks[-1].reference.swing is None or body.ticks[-1].reference.elapsed < 0.15:
+        body.run(DT)
+    tick, gait = body.ticks[-1], body.gait
+    steps, landing = gait._steer(tick.state), tick.reference.landing
+    assert landing is not None
+    side = 1.0 if tick.reference.swing == 0 else -1.0
+    stance, dcm = tick.frames[tick.reference.stance].translation, gait.dcm
+    behind = list(tick.state.places)
+    behind[1 - tick.reference.stance] = (stance[0], stance[1] + side * 0.6, 0.0)  # where it has stood wide
+    beyond = dcm._replace(x=float(stance[0]), y=float(stance[1]) - side * 0.1)
+    wide = tick.state._replace(places=(behind[0], behind[1]))
+    near = Footstep(SIDES[1 - tick.reference.stance], stance[0], stance[1] + side * 0.15)
+    assert gait._rubs(wide, beyond, steps, near)
+    assert not gait._rubs(tick.state, dcm, steps, landing), "an early foot on its own orbit has landed"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from typing import NamedTuple
 
@@ -14,10 +15,12 @@ from pendulum import com_after
 from properties import examples
 
 from wbc.core.robot import GRAVITY
+from wbc.walking.ground import GroundEstimate
 from wbc.walking.stepping.area import HeldArea
-from wbc.walking.stepping.law import Orbit, SteppingConstants
+from wbc.walking.stepping.decision import StepDecision, StepState
+from wbc.walking.stepping.law import Divergent, Orbit, SteppingConstants
 from wbc.walking.stepping.program import Bounds, Step, StepProgram, Wish
-from wbc.walking.stepping.settings import RobotSize, in_si
+from wbc.walking.stepping.settings import RobotSize, SteppingSettings, in_si
 
 HEIGHT, TIME, WIDTH = 0.6, 0.36, 0.22
 OMEGA = math.sqrt(GRAVITY / HEIGHT)
@@ -197,3 +200,27 @@ def test_an_area_grows_while_the_foot_is_still_and_ends_where_it_turns() -> None
     for _ in range(1000):
         area.update((*flat, (0.0, 0.0, 1.0)), (0.0, 0.0, 0.9 * c.carries, 0.0, 0.0, 0.0))
     assert area.width == 0.0, "it carries too little to say"
+
+
+@pytest.mark.parametrize(("speed", "later"), [(0.3, False), (0.7, True), (0.8, True), (1.5, False)])
+def test_a_step_takes_the_time_that_legs_need_for_it(speed: float, *, later: bool) -> None:
+    """A DCM that runs ahead is stepped after: as soon as legs can where they are quick, else later and further."""
+    found = {}
+    for push in (4.5, 100.0):
+        constants = dataclasses.replace(in_si(SteppingConstants(), SIZE), swing_push=push * GRAVITY)
+        settings = SteppingSettings().in_si(SIZE)
+        decision = StepDecision(settings, constants, SIZE, GroundEstimate(0.5, 0.0, 0.2), 0.002)
+        dcm = Divergent(speed / OMEGA, 0.04, OMEGA)
+        still = Orbit.of((0.0, 0.0), 1.0, WIDTH, TIME, TIME, OMEGA)
+        zero = (0.0, 0.0, 0.0)
+        swing = (-constants.carrying, 0.22, 0.0, 0.0)
+        stance = StepState(1, (1.0, 0.0), zero, zero, zero, dcm, still, TIME, 0.0, swing)
+        decision.decide(stance, wish_of((0.0, 0.0), 1.0), 0.5, None)
+        found[push] = decision.end, math.dist(decision.place, swing[:2])
+    (slow, far), (quick, near) = found[4.5], found[100.0]
+    if not later:  # it is in reach at once, or nothing catches it
+        assert slow == pytest.approx(quick) and far == pytest.approx(near, abs=1e-3)
+        return
+    assert slow > quick + 0.05 and far > near + 0.05
+    assert far <= math.sqrt(3.0) / 10.0 * 4.5 * GRAVITY * slow**2 + 0.02
+    assert near > math.sqrt(3.0) / 10.0 * 4.5 * GRAVITY * quick**2 + 0.02, "the shortest step is out of reach"

@@ -106,3 +106,57 @@ def test_a_robot_that_stands_where_it_is_to_stand_is_at_rest_under_its_weight() 
     assert total == pytest.approx(WEIGHT, rel=0.02)
     assert np.linalg.norm(middle[:2] - ROBOT.com[:2]) < 0.03
     assert np.abs(solution.accelerations).max() < 1.0
+
+
+def moving(height: float, speed: float) -> tuple[Controller, WalkTasks, Reference]:
+    """The same of a robot that is as much higher than its desired CoM, m, and moves upwards, m/s."""
+    controller, tasks, reference = standing()
+    robot = controller.robot
+    v = np.zeros(robot.nv)
+    v[2] = speed
+    robot.update(robot.q, v)
+    at = np.array(reference.pendulum.com)
+    at[2] = robot.com[2] - height
+    return controller, tasks, reference._replace(pendulum=reference.pendulum._replace(com=at))
+
+
+@pytest.mark.parametrize(("height", "speed"), [(0.0, 0.6), (0.03, 0.2), (0.1, 0.0), (0.015, 0.5)])
+def test_nothing_makes_a_rising_robot_rise_on(height: float, speed: float) -> None:
+    """Its feet slow it down by half of gravity, whatever the tasks ask for, and keep half of its weight."""
+    controller, tasks, reference = moving(height, speed)
+    tasks.com.follow(controller.robot.com + [0.0, 0.0, 0.2], np.zeros(3), np.array([0.0, 0.0, 20.0]))
+    tasks.com.weight = np.full(3, 1e4)  # the worst that tasks can ask for
+    tasks._rise.height = float(reference.pendulum.com[2])  # type: ignore[union-attr]
+    solution = controller.solve()
+    assert solution.ok
+    drift = controller.robot.com_jacobian[2] @ solution.accelerations
+    assert drift == pytest.approx(-0.5 * GRAVITY, abs=0.05)
+    assert sum(wrench[2] for wrench in solution.wrenches.values()) == pytest.approx(0.5 * WEIGHT, rel=0.02)
+
+
+def test_below_its_ceiling_the_rise_is_no_concern() -> None:
+    controller, tasks, reference = moving(-0.02, 0.05)
+    tasks.follow(reference)
+    free = controller.solve().accelerations
+    tasks._rise.height = np.inf  # type: ignore[union-attr]
+    np.testing.assert_allclose(controller.solve().accelerations, free, atol=1e-6)
+
+
+@pytest.mark.parametrize("joint", ["waist_roll_joint", "waist_pitch_joint"])
+@pytest.mark.parametrize("angle", [-0.3, 0.3])
+def test_a_folded_trunk_comes_upright_again(joint: str, angle: float) -> None:
+    controller, tasks, reference = standing()
+    robot = controller.robot
+    if joint not in robot.joint_names:
+        pytest.skip("no such joint")
+    q = np.array(robot.q)
+    q[7 + robot.joint_index(joint)] = angle
+    robot.update(q, np.zeros(robot.nv))
+    tasks.posture.weight = np.zeros(robot.na)
+    tasks.follow(reference)
+    solution = controller.solve()
+    jacobian = pin.getFrameJacobian(
+        robot.model, robot.data, robot.frame_id(robot.torso_frame), pin.LOCAL_WORLD_ALIGNED
+    )
+    axis = 0 if "roll" in joint else 1
+    assert (jacobian[3 + axis] @ solution.accelerations) * np.sign(angle) < -5.0

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import fields, replace
 from functools import cached_property, lru_cache
@@ -44,6 +45,8 @@ class SwingShape(NamedTuple):
     # Least time in which the foot comes down from a height h when its time is cut short, over √(h/g).
     quickest: float = 0.0
     level: float = 1.0  # time over that of the swing at which the sole has its tilt at the landing
+    # Greatest acceleration with which the foot rises, m/s²: a swing that is short lifts it less.
+    lift: float = math.inf
     # Least duration of a piece of the motion, s, so that a late change stays a motion.
     piece: float = SHORTEST
 

@@ -22,6 +22,10 @@ from wbc.walking.stepping.area import HeldArea
 from wbc.walking.stepping.law import NEAR, Divergent, Orbit, Point, SteppingConstants
 from wbc.walking.stepping.program import Bounds, Step, StepProgram, Wish
 from wbc.walking.stepping.settings import RobotSize, SteppingSettings
+from wbc.walking.swing import RISE
+
+MISSED, LATER = 0.02, 8
+"""Distance by which a foot may miss its place, m; number of later times that are tried where it misses more."""
 
 HORIZON = 6
 """Number of footsteps that count: E to that power is beyond any error."""
@@ -40,6 +44,7 @@ class StepState(NamedTuple):
         orbit: Orbit of the steps that are asked for.
         nominal: Time T of a step, s.
         elapsed: Time since lift-off, s.
+        swing: Place of the swing foot's centre, x and y, m, and its velocity, m/s.
     """
 
     foot: int
@@ -51,6 +56,7 @@ class StepState(NamedTuple):
     orbit: Orbit
     nominal: float
     elapsed: float
+    swing: tuple[float, float, float, float]
 
     @property
     def side(self) -> float:
@@ -132,6 +138,11 @@ class StepDecision:
         remaining = max(stance.nominal - elapsed, 0.0)
         last = max(self.end - elapsed, 0.0) if self._decided else remaining
         step = self._program.solve(offset, contact, omega, remaining, last, wish, bounds)
+        if step is not None:
+            later = self._later(stance, step, offset, contact, wish, bounds, max(longest - elapsed, 0.0))
+            if later > step.left:  # legs need longer for that place, and ξ goes on until then
+                bounds = bounds.after(later)
+                step = self._program.solve(offset, contact, omega, remaining, step.left, wish, bounds) or step
         if step is None:
             if self._decided:
                 return
@@ -164,6 +175,55 @@ class StepDecision:
             (c.next_area * half_length, c.next_area * half_width),
             (shortest, greatest),
         )
+
+    def _later(
+        self,
+        stance: StepState,
+        step: Step,
+        dcm: Point,
+        contact: Point,
+        wish: Wish,
+        bounds: Bounds,
+        longest: float,
+    ) -> float:
+        """Return the time left after which the swing foot comes nearest to where it is to land, s.
+
+        That is the time of the step if legs can make the step within it. Else the place is looked for at later times:
+        it moves away with ξ, and the way that the foot can go grows. The way of a quintic that comes to rest after t
+        is v t/2 + a t² √3/10, with its greatest acceleration a.
+        """
+        (x, y, u, v), carrying = stance.swing, self._c.carrying
+        ahead, outwards = stance.offset(x, y)
+        ahead += carrying
+        on, left = stance.along(u, v)
+        rates, a = (on, stance.side * left), self._c.swing_push / RISE
+
+        def missed(time: float, place: Point) -> float:
+            """Return by how much the foot misses a place, as far as it is within reach, m."""
+            low, high = bounds.places
+            goal = [min(max(p, least), most) for p, least, most in zip(place, low, high, strict=True)]
+            dx, dy = goal[0] - ahead, goal[1] - outwards
+            way = math.hypot(dx, dy)
+            speed = (dx * rates[0] + dy * rates[1]) / max(way, NEAR)
+            short = max(way - (0.5 * speed + a * time) * time, 0.0)
+            return short + math.hypot(place[0] - goal[0], place[1] - goal[1])
+
+        best, least = step.left, missed(step.left, step.place)
+        if least < MISSED:
+            return best
+        span = longest - step.left
+        for k in range(1, LATER + 1):
+            time = step.left + span * k / LATER
+            grown = math.exp(stance.dcm.omega * time)
+            place = [
+                z + grown * (xi - z) - b for xi, z, b in zip(dcm, contact, wish.offsets[:2], strict=True)
+            ]
+            off = missed(time, (place[0], place[1]))
+            if off < least - MISSED / LATER:
+                best, least = time, off
+            if least < MISSED:
+                break
+        return best
 
     def _centre(self, stance: StepState, place: Point) -> Point:
         """Return the centre of a landing whose carrying point is ahead and outwards of that of the stance foot."""

@@ -38,6 +38,7 @@ from wbc.walking.stepping.law import (
     SteppingConstants,
     divergent_component,
     takes_over,
+    viability,
 )
 from wbc.walking.stepping.settings import RobotSize, SteppingSettings, in_si
 from wbc.walking.stepping.steering import Steering, StepVelocity
@@ -112,6 +113,7 @@ class SteppingGait:
             heel=0.0,
             quickest=0.5,
             level=c.level,
+            lift=c.lift,
             piece=c.piece,
         )
         self._swing: SwingFoot | None = None
@@ -237,6 +239,9 @@ class SteppingGait:
             return ()
         left, right = (abs(self._along(dcm.x - place[0], dcm.y - place[1])[1]) for place in state.places)
         self.stance = 0 if left > right else 1
+        loads = [row[2] for row in state.wrenches]
+        if loads[self.stance] < self.constants.least_force < loads[1 - self.stance]:
+            self.stance = 1 - self.stance  # a foot that has been kicked away carries nothing
         return self._begin(state, frames)
 
     def _begin(self, state: BodyState, frames: Frames) -> tuple[Event, ...]:
@@ -313,7 +318,7 @@ class SteppingGait:
         """Decide time and place of the step, move the swing foot, and change feet when it has landed."""
         steps = self._steer(state)
         swing, landing = self._decide(state, dcm, frames, steps)
-        events = (*events, *self._meet(state, frames))
+        events = (*events, *self._meet(state, dcm, frames, steps, landing))
         self._carry(state, 1 - self.stance)
         if self._met is not None and self._is_to_carry(dcm, steps):
             events = (*events, *self._change_feet(state, dcm, frames, steps.go, landing))
@@ -414,6 +419,7 @@ class SteppingGait:
             self._orbit(dcm, steps),
             self.steering.step_time,
             self._elapsed,
+            self._swinging(state),
         )
         stays = self.ground.sight is None or self._swing is None or self._since_stand == 0
         if footsteps:
@@ -424,19 +430,48 @@ class SteppingGait:
         look = None if stays else c.touch * self._time - self._elapsed
         self.decision.decide(stance, wish, self._longest, look)
 
+    def _swinging(self, state: BodyState) -> tuple[float, float, float, float]:
+        """Return place, m, and velocity, m/s, of the swing foot over the ground, by its reference."""
+        if self._swing is None:
+            x, y, _ = state.places[1 - self.stance]
+            return x, y, 0.0, 0.0
+        return self._swing.over_ground(self._elapsed)
+
     def _seen(self, landing: Footstep) -> Footstep:
         """Return a landing at the height and tilt that are seen under it, which are expected from now on."""
         landing = self.ground.under(landing)
         self.ground.height, self._tilt = landing.z, (landing.pitch, landing.roll)
         return landing
 
-    def _meet(self, state: BodyState, frames: Frames) -> tuple[Event, ...]:
+    def _rubs(self, state: BodyState, dcm: Divergent, steps: StepVelocity, landing: Footstep) -> bool:
+        """Return True if the swing foot is to go on over what it has met: waiting would not help there.
+
+        That is where ξ runs away from the foot that stands, aside or ahead, and is caught from the landing at its time,
+        and not from here.
+        """
+        c, orbit = self.constants, self._orbit(dcm, steps)
+        left = c.touch * self._time - self._elapsed
+        assert self._contact is not None
+        (x, y, _), (p, q, _) = state.places[1 - self.stance], self._contact
+        (ahead, aside), (on, out) = self._along(dcm.x - x, dcm.y - y), self._along(dcm.x - p, dcm.y - q)
+        ahead_of_orbit = ahead * on > 0.0 and abs(ahead) > abs(orbit.ahead) + 0.5 * c.stretch
+        if left <= 0.0 or not (ahead_of_orbit or self._side * out < 0.0):
+            return False
+        grown = math.exp(dcm.omega * left)
+        there = self._along(p + grown * (dcm.x - p) - landing.x, q + grown * (dcm.y - q) - landing.y)
+        now = viability(ahead, -self._side * aside, orbit, c.stretch)
+        return c.rubs * now < viability(there[0], -self._side * there[1], orbit, c.stretch)
+
+    def _meet(
+        self, state: BodyState, dcm: Divergent, frames: Frames, steps: StepVelocity, landing: Footstep
+    ) -> tuple[Event, ...]:
         """Detect that the swing foot has met the ground, or has lost it again."""
         c, swing = self.constants, 1 - self.stance
         force = state.wrenches[swing][2]
         if self._met is None:
             may = self._elapsed > c.early * self._time
-            if self._touch.update(may and force > c.met, self._dt):
+            met = may and force > c.met and not self._rubs(state, dcm, steps, landing)
+            if self._touch.update(met, self._dt):
                 self._met = self._elapsed
                 soon = 0.05 * self.settings.step_time
                 return (touch_down(self._elapsed - c.touch * self._time, soon, soon),)

@@ -93,7 +93,13 @@ class SteppingConstants:
     apex: float = 0.42
     touch: float = 0.88  # a foot that comes late is what fells robots
     level: float = 0.3  # a sole that is still tilted rubs at edges
+    swing_push: Annotated[float, "g"] = (
+        4.5  # greatest acceleration over the ground: a long step takes its time
+    )
     lift_speed: Annotated[float, "hω"] = 0.206
+    lift: Annotated[float, "g"] = (
+        4.0  # greatest acceleration upwards: hips lack torque for more in a short step
+    )
     landing_speed: Annotated[float, "hω"] = 0.103  # soft on level ground …
     haste: Annotated[float, "ω"] = 4.3  # … and quicker for each height between the feet in the last steps
     hardest: Annotated[float, "hω"] = 0.25
@@ -102,6 +108,9 @@ class SteppingConstants:
     piece: Annotated[float, "1/ω"] = 0.2
     # Contact of the foot in the air.
     early: float = 0.5  # before, a force is a foot that rubs
+    rubs: float = (
+        1.3  # ratio of the viability of a landing to that of a place met before, from which on a foot goes on
+    )
     met: Annotated[float, "mg"] = 0.122
     lost: Annotated[float, "mg"] = 0.015
     held: Annotated[float, "mg"] = 0.18  # of the other foot, or it is a flight
@@ -198,11 +207,12 @@ def takes_over(there: Point, here: Point, orbit: Orbit, stretch: float, wait: fl
     if there[0] * here[0] > 0.0 and abs(there[0]) > abs(orbit.ahead) + 0.5 * stretch:
         return True
     grown = math.exp(wait) - 1.0
-    now = _viability(there[0], there[1], orbit, stretch)
-    later = _viability(there[0] + grown * here[0], there[1] - grown * here[1], orbit, stretch)
+    now = viability(there[0], there[1], orbit, stretch)
+    later = viability(there[0] + grown * here[0], there[1] - grown * here[1], orbit, stretch)
     return now >= min(later, 1.0 / patience)
 
 
-def _viability(ahead: float, inwards: float, orbit: Orbit, stretch: float) -> float:
+def viability(ahead: float, inwards: float, orbit: Orbit, stretch: float) -> float:
+    """Return the viability of a place from which ξ is so far ahead and inwards, m: see `takes_over`."""
     aside = orbit.inwards / max(inwards, NEAR)
     return min(aside, (abs(orbit.ahead) + 0.5 * stretch) / max(abs(ahead), NEAR))

@@ -65,6 +65,11 @@ class Bounds(NamedTuple):
     next_area: Point
     times: tuple[float, float]
 
+    def after(self, time: float) -> Bounds:
+        """Return the same limits of a step for which a time, s, is left at least."""
+        least, most = self.times
+        return self._replace(times=(max(least, time), max(most, time)))
+
 
 class Step(NamedTuple):
     """Solution: landing and shift of the centre of pressure, ahead and outwards, m, and the time that is left, s."""

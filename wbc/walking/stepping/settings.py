@@ -100,8 +100,8 @@ class SteppingSettings:
     longest: Positive = 1.22
     width: Annotated[Positive, "h"] = 0.367
     gap: Annotated[NonNegative, "h"] = 0.10
-    widest: Annotated[Positive, "h"] = 0.97
-    reach: Annotated[Positive, "h"] = 0.667
+    widest: Annotated[Positive, "h"] = 1.25
+    reach: Annotated[Positive, "h"] = 1.0
     swing_height: Annotated[Positive, "h"] = 0.183
     friction: Positive = 0.5
     acceleration: Annotated[Positive, "g"] = 0.03

@@ -11,18 +11,27 @@ from wbc.core.qp.task import GainOptions
 from wbc.tasks.motion.com import CoMTask
 from wbc.tasks.motion.posture import PostureTask
 from wbc.walking.stepping.gait import SteppingGait
+from wbc.walking.stepping.rise import RiseLimit
 from wbc.walking.tasks import StanceContacts, WalkTasks
 
 # In units of the robot; costs are per (m/s²)², those of rotations per (h rad/s²)² with the height h of the CoM.
 COM = 100.0, 3.67, 3.46
-"""Cost of the CoM's height, on two feet of its place as well; stiffness, ω², and damping, ω, of the height. It costs
-more than the swing foot: a robot whose hips saturate would jump to lift it."""
+"""Cost of the CoM's height, on two feet of its place as well; stiffness, ω², and damping, ω, of the height."""
 
-SWING, SWING_TURN = (20.0, 30.6, 9.9), (5.6, 24.5, 8.9)
-"""Cost, stiffness, ω², and damping, ω, of the swing foot's place and rotation."""
+SWING, LIFT, SWING_TURN = (20.0, 30.6, 9.9), 60.0, (5.6, 24.5, 8.9)
+"""Cost, stiffness, ω², and damping, ω, of the swing foot's place; cost of its height; the same of its rotation. Where
+hips saturate the foot is to come late, not to rub: its height costs more."""
 
 PELVIS, PELVIS_YAW = (27.8, 7.35, 5.45), 2.78
 """The same of the pelvis, its cost that of tilt; cost of its heading."""
+
+TORSO, TORSO_YAW = 4.0, 0.01
+"""Costs of tilt and heading of the torso, where it is not the pelvis, with the same gains: what hits a robot high folds
+its waist, and nothing else brings it upright again. As much as the pelvis it may not cost: hips that hold both have no
+torque left for the swing foot."""
+
+SLACK = 0.03
+"""Distance of the ceiling of the CoM above its height, h: steps over stones need no more."""
 
 POSTURE, LEGS = (1.39, 4.9, 3.96), (2.8e-3, 0.5)
 """The same of joints that are not in the legs; cost and damping, ω, of those of the legs."""
@@ -52,7 +61,7 @@ def stepping_tasks(controller: Controller, gait: SteppingGait) -> WalkTasks:
         weight=weight, stiffness=(0.0, 0.0, stiffness * square), damping=(0.0, 0.0, damping * omega)
     )
     swing: GainOptions = {
-        "weight": _halves(SWING[0], SWING_TURN[0] * turn),
+        "weight": np.array([SWING[0], SWING[0], LIFT, *[SWING_TURN[0] * turn] * 3]),
         "stiffness": _halves(SWING[1] * square, SWING_TURN[1] * square),
         "damping": _halves(SWING[2] * omega, SWING_TURN[2] * omega),
     }
@@ -62,6 +71,7 @@ def stepping_tasks(controller: Controller, gait: SteppingGait) -> WalkTasks:
         "stiffness": PELVIS[1] * square,
         "damping": PELVIS[2] * omega,
     }
+    torso: GainOptions = {**pelvis, "weight": (TORSO * turn, TORSO * turn, TORSO_YAW * turn)}
     stance = StanceContacts(
         held=_halves(HELD, HELD_TURN * turn),
         firm=_halves(HELD, STANDING_TURN * turn),
@@ -96,8 +106,8 @@ def stepping_tasks(controller: Controller, gait: SteppingGait) -> WalkTasks:
     costs[legs] *= LEGS[0] / POSTURE[0]
     gains[legs], dampings[legs] = 0.0, LEGS[1] * omega
     posture = PostureTask(joints=robot.joint_names, weight=costs, stiffness=gains, damping=dampings)
-    trunk = {"pelvis": pelvis}
-    return WalkTasks(controller, com, contacts, swing, trunk, posture, stance, reaching=REACHING)
+    trunk, rise = {"pelvis": pelvis, "torso": torso}, RiseLimit(SLACK * scale.height)
+    return WalkTasks(controller, com, contacts, swing, trunk, posture, stance, rise, reaching=REACHING)
 
 
 def _halves(linear: float, angular: float) -> Array:
