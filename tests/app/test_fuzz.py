@@ -85,14 +85,14 @@ def test_every_reader_takes_damaged_files(commands: fuzzing.Commands, count: int
     def ends_well(name: str, seed: int) -> None:
         damaged = commands.folder / f"damaged_{name}"
         damaged.write_bytes(fuzzing.mutate((commands.folder / name).read_bytes(), seed))
-        assert (why := commands(fuzzing.READERS[name].format(damaged).split())) is None, why
+        assert (why := commands(fuzzing.words_of(fuzzing.READERS[name], damaged))) is None, why
 
     ends_well()
 
 
 @pytest.mark.parametrize("name", fuzzing.READERS)
 def test_the_file_that_is_damaged_is_valid(commands: fuzzing.Commands, name: str) -> None:
-    words = fuzzing.READERS[name].format(commands.folder / name).split()
+    words = fuzzing.words_of(fuzzing.READERS[name], commands.folder / name)
     assert (why := commands(words, refusable=False)) is None, why
 
 
@@ -125,6 +125,6 @@ BAD_FILES: dict[str, tuple[Callable[[Path], object], str]] = {
 def test_a_file_that_cannot_be_used_is_refused(commands: fuzzing.Commands, tmp_path: Path, name: str) -> None:
     make, words = BAD_FILES[name]
     make(file := tmp_path / name)
-    line = words.format(file).split()
+    line = fuzzing.words_of(words, file)
     assert commands(line) is None
     assert (commands(line, refusable=False) or "").startswith("exit 2: wbc: ")  # it is no result either

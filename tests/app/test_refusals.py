@@ -73,7 +73,7 @@ def test_a_command_line_is_refused_and_writes_nothing(
     monkeypatch.chdir(tmp_path)
     Path("empty.jsonl").touch()
     Path("biped.xml").write_text(biped())
-    words = line.replace("STUDY", str(STUDY)).split()
+    words = [word.replace("STUDY", str(STUDY)) for word in line.split()]
     check_refused(words, REFUSED[line], capsys)
     assert sorted(path.name for path in tmp_path.iterdir()) == ["biped.xml", "empty.jsonl"]
 

@@ -54,6 +54,12 @@ READERS = {
 }
 """Valid file → command that reads it."""
 
+
+def words_of(command: str, file: Path) -> list[str]:
+    """Return the words of a command with the file in place of `{}`; its path may hold spaces."""
+    return [word.format(file) for word in command.split()]
+
+
 WORDS = (
     *("-1", "0", "1", "0.5", "1e300", "1e-300", "1e9", "nan", "-inf", "text", "", " ", "none", "x" * 10_000, "../.."),
     *("\ud800", "a\0b", "1" * 5000, "1_000", "٣", "1,2,3", "=", "a=", "=1", "seed=nan", "nothing=1", "deep.json"),
