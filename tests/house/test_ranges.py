@@ -29,7 +29,7 @@ from wbc.core.robot import Robot
 from wbc.core.settings import Numbers
 from wbc.robots import RobotDescription
 
-ROOMS = ("core", "feet", "ground", "machine", "motion", "robots", "sim", "tasks", "walking")
+ROOMS = ("app", "core", "feet", "ground", "machine", "motion", "robots", "sim", "tasks", "walking")
 
 
 RESULTS = {

@@ -8,12 +8,13 @@ from collections.abc import Mapping
 from typing import Annotated, Any, Literal
 
 from cyclopts import Parameter
+from pydantic import Field
 
 from wbc.app.arguments import Fields, attribute_docs
 from wbc.app.output import Output, Report, facts_text, reports
 from wbc.core.changes import changed, read_changes, setting_names
 from wbc.core.errors import InputError
-from wbc.core.settings import settings, to_json
+from wbc.core.settings import NonNegative, Positive, settings, to_json
 from wbc.feet import Foot, SoftFoot
 from wbc.feet.soles.catalog import foot as foot_by_name
 from wbc.feet.soles.catalog import foot_names
@@ -58,11 +59,11 @@ class FootOptions:
     foot: str = "soft"
     foot_param: tuple[str, ...] = ()
     robot: str | None = None
-    stiffness: float | None = None
+    stiffness: NonNegative | None = None
     terrain: str = "flat"
     param: tuple[str, ...] = ()
-    yaw: float = math.degrees(FootTest.yaw)
-    timestep: float = PhysicsSettings.timestep
+    yaw: Annotated[float, Field(ge=-360.0, le=360.0)] = math.degrees(FootTest.yaw)
+    timestep: Positive = PhysicsSettings.timestep
 
     def test(self, given: Mapping[str, Any], ground: Mapping[str, Any]) -> FootTest:
         """Return the test of one foot on one ground, with further fields of both."""

@@ -14,7 +14,7 @@ from wbc.app.files import check_picture
 from wbc.app.output import Output, Report, facts_text, reports
 from wbc.core.changes import read_changes
 from wbc.core.errors import InputError
-from wbc.core.settings import settings, unit_and_choices
+from wbc.core.settings import NonNegative, settings, unit_and_choices
 from wbc.feet.sensing.roughness import PARAMETERS, UNITS
 from wbc.sim.scenes.base import scene_kinds
 from wbc.sim.terrain.families.base import make_family, terrain_families
@@ -42,7 +42,7 @@ class TerrainOptions:
     """
 
     param: tuple[str, ...] = ()
-    clearance: float = StepGait.swing_height
+    clearance: NonNegative = StepGait.swing_height
     plot: Path | None = None
 
 

@@ -19,6 +19,7 @@ from wbc.app.log.signals import Signal
 from wbc.app.replay.replay import Replay
 from wbc.app.view.marks import Mark, changes, mark_mesh
 from wbc.app.view.meshes import Colour, Mesh, body_meshes
+from wbc.core.checked import checked
 from wbc.core.errors import InputError
 from wbc.core.files import replacing
 from wbc.core.settings import Positive
@@ -35,6 +36,7 @@ def check_conversion(path: str | Path, inputs: Iterable[str | Path] = ()) -> Pat
     return target
 
 
+@checked
 def convert_log(
     log: Log,
     path: str | Path,

@@ -6,6 +6,7 @@ import os
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from importlib.util import find_spec
 from pathlib import Path
+from typing import Annotated
 
 import wbc.app.offscreen  # noqa: F401 - before MuJoCo is imported
 
@@ -19,8 +20,10 @@ from wbc.app.files import check_target
 from wbc.app.replay.replay import Replay
 from wbc.app.view.marks import Mark, Picture, mark_mesh
 from wbc.app.view.stage import Stage
+from wbc.core.checked import checked
 from wbc.core.errors import Array, InputError, WbcError
 from wbc.core.files import replacing
+from wbc.core.settings import Positive
 
 Pixels = NDArray[np.uint8]
 """A picture, shape (height, width, 3)."""
@@ -62,12 +65,13 @@ def renderer(model: mujoco.MjModel, width: int, height: int, samples: int = 0) -
         raise RenderError(f"cannot draw with MUJOCO_GL={kind} ({reason}): {GL_HELP}") from error
 
 
+@checked
 def render_video(
     replay: Replay,
     path: str | Path,
     *,
-    rate: float = 30.0,
-    speed: float = 1.0,
+    rate: Annotated[Positive, "1/s"] = 30.0,
+    speed: Positive = 1.0,
     size: tuple[int, int] = (960, 720),
     progress: Callable[[Sequence[int]], Iterable[int]] = iter,
 ) -> int:

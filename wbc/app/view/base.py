@@ -12,13 +12,15 @@ import sys
 import time as clock
 from abc import ABC, abstractmethod
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any, Self
+from typing import TYPE_CHECKING, Annotated, Any, Self
 
 from wbc.app.view.marks import Picture
 from wbc.app.view.stage import DescribedStage, SimulatedStage
+from wbc.core.checked import checked
 from wbc.core.control import DriveControl
-from wbc.core.errors import Array, InputError, WbcError, finite_scalar, positive
+from wbc.core.errors import Array, InputError, WbcError
 from wbc.core.qp.controller import Controller
+from wbc.core.settings import NonNegative, Positive
 from wbc.robots import RobotDescription
 from wbc.sim.plant.robot import SimulatedRobot
 from wbc.tasks.behaviours import Program
@@ -67,6 +69,7 @@ class View(ABC):
 
     url: str
 
+    @checked
     def __init__(
         self,
         source: SimulatedRobot | RobotDescription,
@@ -74,8 +77,8 @@ class View(ABC):
         *,
         program: Program | None = None,
         port: int | None = None,
-        rate: float = RATE,
-        speed: float | None = None,
+        rate: Annotated[Positive, "1/s"] = RATE,
+        speed: Positive | None = None,
     ) -> None:
         """Start serving the page; its address goes to the standard error.
 
@@ -92,8 +95,8 @@ class View(ABC):
             PortError: The port is in use.
             ViewError: A workbench without viser.
         """
-        self._period = 1.0 / positive("rate of the view (1/s)", rate)
-        self.speed = None if speed is None else positive("speed of the view", speed)
+        self._period = 1.0 / rate
+        self.speed = speed
         self._due = self._time = 0.0  # clock and simulated time of the last tick
         self._next, self.frames, self.closed = -math.inf, 0, False
         self._set_source(source, control, program)
@@ -211,9 +214,10 @@ class View(ABC):
             picture.text.insert(0, self._program.path)
         self._send(picture)
 
-    def wait_for_page(self, seconds: float) -> bool:
+    @checked
+    def wait_for_page(self, seconds: Annotated[NonNegative, "s"]) -> bool:
         """Wait, for some seconds at most, until a page is open; say so on the standard error. True if one is."""
-        end = clock.perf_counter() + finite_scalar("time to wait for a page (s)", seconds, low=0.0)
+        end = clock.perf_counter() + seconds
         if seconds > 0.0:
             print(f"open it now: the run begins with it, or in {seconds:.0f} s", file=sys.stderr, flush=True)
         while self.pages == 0 and not self.closed and clock.perf_counter() < end:

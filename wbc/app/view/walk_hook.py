@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 from wbc.app.view.base import View
 from wbc.app.view.meshcat_view import MeshcatView
-from wbc.core.errors import finite_scalar
+from wbc.core.checked import checked
+from wbc.core.settings import NonNegative, Positive
 from wbc.sim.trial.loop import TrialHook
 
 if TYPE_CHECKING:
@@ -24,13 +25,14 @@ class WatchWalk(TrialHook):
 
     draws = True
 
+    @checked
     def __init__(
         self,
         *,
         workbench: bool = False,
         port: int | None = None,
-        speed: float | None = 1.0,
-        wait: float = 0.0,
+        speed: Positive | None = 1.0,
+        wait: Annotated[NonNegative, "s"] = 0.0,
         stay: bool = False,
     ) -> None:
         """Store the options of a `MeshcatView`, or of a `Workbench` instead; both say what they are.
@@ -38,7 +40,7 @@ class WatchWalk(TrialHook):
         `wait` is the longest time that the trial waits for a page to be opened, s; a negative one is an `InputError`.
         With `stay` the view is left open at the end, for `restarted` and `close`.
         """
-        self._wait, self._stay = finite_scalar("time to wait for a page (s)", wait, low=0.0), stay
+        self._wait, self._stay = wait, stay
         self._workbench = workbench
         self._options: dict[str, Any] = {"port": port, "speed": speed}
         self.view: View | None = None
