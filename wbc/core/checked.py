@@ -24,6 +24,9 @@ from wbc.core.settings import CONFIG, Numbers, hashable, refusal, unit_of
 
 F = TypeVar("F", bound=Callable[..., Any])
 
+NUMBERS = (float, int)
+"""Types with values that are refused, such as NaN."""
+
 
 def checked(function: F) -> F:
     """Check the arguments of a function against its annotations at every call.
@@ -54,10 +57,10 @@ def checked(function: F) -> F:
         by_place, by_name = table
         given, count = list(args), len(args)
         for place, check in by_place:
-            if place < count:
+            if place < count and type(given[place]) not in check.taken:
                 given[place] = check(given[place], args)
         for name, value in values.items():
-            if name in by_name:
+            if name in by_name and type(value) not in by_name[name].taken:
                 values[name] = by_name[name](value, args)
         return function(*given, **values)
 
@@ -87,11 +90,18 @@ def checkable(function: Callable[..., Any]) -> dict[str, Any]:
 
 
 class Check:
-    """Check of one argument against its annotation."""
+    """Check of one argument against its annotation.
+
+    Attributes:
+        taken: Types of which every value is right, and passed on as it is.
+    """
 
     def __init__(self, function: Callable[..., Any], name: str, hint: Any) -> None:
         """Prepare the check of an argument of a function."""
         self._validate = TypeAdapter(_for_pydantic(hint), config=CONFIG).validator.validate_python
+        self.taken = frozenset(
+            part for part in _alternatives(hint) if isinstance(part, type) and part not in NUMBERS
+        )
         self._plain = not any(isinstance(part, Numbers) for part in _parts(hint))
         self._unit = unit_of(hint)
         self._is_method = next(iter(inspect.signature(function).parameters)) in ("self", "cls")
@@ -104,12 +114,17 @@ class Check:
     def __call__(self, value: Any, args: tuple[Any, ...]) -> Any:
         """Return the value as its annotation has it; `args` begin with the object whose method is called."""
         try:
-            return self._validate(hashable(value) if self._plain else value)
+            return self._validate(hashable(value) if self._plain and type(value) not in NUMBERS else value)
         except ValidationError as error:
             owner = type(args[0]) if self._is_method and not isinstance(args[0], type) else None
             owner = owner or (args[0] if self._is_method else None)
             of = ".".join(filter(None, (getattr(owner, "__name__", ""), self._of)))
             raise refusal(f"{self._name} of {of}", self._unit, error) from None
+
+
+def _alternatives(hint: Any) -> tuple[Any, ...]:
+    """Return the members of a union, or the annotation alone."""
+    return typing.get_args(hint) if typing.get_origin(hint) in (typing.Union, types.UnionType) else (hint,)
 
 
 def _for_pydantic(hint: Any) -> Any:
@@ -121,7 +136,7 @@ def _for_pydantic(hint: Any) -> Any:
             return Annotated[Any, PlainValidator(numbers.checked)]
         inside = _for_pydantic(args[0])
         return None if inside is None else Annotated[inside, *args[1:]]
-    if origin in (typing.Union, types.UnionType):
+    if len(_alternatives(hint)) > 1:
         parts = [_for_pydantic(part) for part in args]
         return None if None in parts else typing.Union[tuple(parts)]  # noqa: UP007 (made of a tuple)
     if origin is tuple:

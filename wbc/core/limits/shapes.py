@@ -11,7 +11,7 @@ import pinocchio as pin
 from numpy.typing import ArrayLike
 
 from wbc.core.errors import ROUNDING, Array, InputError, finite_array, shown
-from wbc.core.settings import Positive, settings
+from wbc.core.settings import Number, Positive, settings
 
 Point = tuple[float, float, float]
 
@@ -112,7 +112,7 @@ class CollisionHalfSpace:
     """
 
     normal: Annotated[Point, "1"] = (0.0, 0.0, 1.0)
-    offset: Annotated[float, "m"] = 0.0
+    offset: Annotated[Number, "m"] = 0.0
 
     def __post_init__(self) -> None:
         if math.hypot(*self.normal) < ROUNDING:

@@ -11,7 +11,6 @@ from typing import Any, ClassVar, TypeVar, overload
 
 import numpy as np
 
-from wbc.core.checked import checked
 from wbc.core.errors import InputError, choose, shown
 from wbc.core.limits.base import Limit
 from wbc.core.limits.joint import JointLimits
@@ -19,7 +18,6 @@ from wbc.core.limits.torque import TorqueLimits
 from wbc.core.qp.contact import Contact
 from wbc.core.qp.task import Task, evaluated
 from wbc.core.robot import Robot
-from wbc.core.settings import Period
 
 Item = Task | Contact | Limit
 ItemT = TypeVar("ItemT", bound=Item)
@@ -34,8 +32,7 @@ class Items:
 
     _noun: ClassVar[str] = "controller"
 
-    @checked
-    def __init__(self, robot: Robot, dt: Period) -> None:
+    def __init__(self, robot: Robot, dt: float) -> None:
         """Begin without tasks, contacts or limits, for a robot and a control period, s."""
         self.robot = robot
         self._dt = dt
