@@ -16,6 +16,12 @@ from wbc.tasks.motion.direction import LookAtTask, VectorOrientationTask
 from wbc.tasks.motion.frame import OrientationTask, PoseTask, PositionTask, RelativeFrameTask
 from wbc.tasks.motion.momentum import MomentumTask
 from wbc.tasks.motion.posture import PostureTask
+from wbc.tasks.motion.relations import (
+    DistanceTask,
+    JointCouplingTask,
+    LowAccelerationTask,
+    ManipulabilityTask,
+)
 from wbc.tasks.scheduling.policies import StiffnessPolicy, SwingScan, register_stiffness_policy
 from wbc.tasks.scheduling.stiffness import StiffnessScheduler
 
@@ -31,6 +37,10 @@ __all__ = [
     "RelativeFrameTask",
     "PostureTask",
     "MomentumTask",
+    "DistanceTask",
+    "JointCouplingTask",
+    "ManipulabilityTask",
+    "LowAccelerationTask",
     # Force tasks
     "JointTorqueTask",
     "WrenchTask",

@@ -18,6 +18,9 @@ from .core.kinematics.inverse import InverseKinematics as InverseKinematics
 from .core.limits.base import Limit as Limit
 from .core.limits.collision import CollisionLimit as CollisionLimit
 from .core.limits.com_polygon import CoMPolygonLimit as CoMPolygonLimit
+from .core.limits.frame import AxisConeLimit as AxisConeLimit
+from .core.limits.frame import FramePositionLimit as FramePositionLimit
+from .core.limits.frame import FrameSpeedLimit as FrameSpeedLimit
 from .core.limits.joint import JointLimits as JointLimits
 from .core.limits.shapes import CollisionBox as CollisionBox
 from .core.limits.shapes import CollisionCapsule as CollisionCapsule

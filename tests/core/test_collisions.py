@@ -45,14 +45,18 @@ def velocity_rows(limit: wbc.CollisionLimit, robot: Robot) -> tuple[Array, Array
     return rows, lower
 
 
+@pytest.mark.parametrize("link", ["panda_hand", "panda_rightfinger"])
 @pytest.mark.parametrize("kind", SHAPES)
-def test_rows_and_bounds_are_the_derivative_of_the_distance_to_what_moves(kind: str) -> None:
-    """The change of the distance is that of the rows, and what the motion of the obstacle adds to the bound."""
+def test_rows_and_bounds_are_the_derivative_of_the_distance_to_what_moves(kind: str, link: str) -> None:
+    """The change of the distance is that of the rows, and what the motion of the obstacle adds to the bound.
+
+    The right finger is coupled to the left one.
+    """
     robot, rng = panda().robot(), np.random.default_rng(3)
     place = pin.SE3(pin.exp3(np.array([0.1, 0.2, -0.1])), np.array([0.6, 0.3, 0.3]))
     obstacle = wbc.Obstacle("thing", SHAPES[kind], place)
     limit = wbc.CollisionLimit(
-        obstacles=[obstacle], against=["panda_hand"], shapes={"panda_hand": BALL}, margin=0.0, influence=5.0
+        obstacles=[obstacle], against=[link], shapes={link: BALL}, margin=0.0, influence=5.0
     )
     limit.bind(robot)
     for _ in range(4):
@@ -64,10 +68,10 @@ def test_rows_and_bounds_are_the_derivative_of_the_distance_to_what_moves(kind: 
                 pin.exp3(step * twist[3:]) @ place.rotation, place.translation + step * twist[:3]
             )
             velocity_rows(limit, robot)
-            ends.append(limit.distances["panda_hand", "thing"])
+            ends.append(limit.distances[link, "thing"])
         robot.update_jacobians(q)
         obstacle.placement, obstacle.velocity = place, twist
-        limit._margin = limit.distances["panda_hand", "thing"]  # no room: the bound is what the obstacle adds
+        limit._margin = limit.distances[link, "thing"]  # no room: the bound is what the obstacle adds
         rows, lower = velocity_rows(limit, robot)
         assert rows[0] @ v - lower[0] == pytest.approx((ends[0] - ends[1]) / 2e-4, abs=3e-3)
         limit._margin = 0.0

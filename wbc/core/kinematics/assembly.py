@@ -130,6 +130,7 @@ class VelocityAssembly:
         self._selected: list[tuple[Any, slice]] = []  # columns of soft selections, and their places
         self._bounded: list[tuple[Task, slice]] = []
         self._momenta: list[tuple[Array, Array, Array]] = []  # Jacobian, target, error of tasks on a velocity
+        self._kept: list[tuple[Any, Array]] = []  # columns and targets of selections that keep velocities
         self.places: dict[str, slice] = {}
 
         at = self._place_contacts(firm, 0)
@@ -188,6 +189,8 @@ class VelocityAssembly:
             jacobian = None if matrix is None else matrix[rows.start - first : rows.stop - first]
             if task.kind == "selection":
                 self._selection.append((task, view))
+                if task.of_velocity:
+                    self._kept.append((task.columns, self._targets[rows]))
                 if jacobian is None:
                     self._place_diagonal(task, rows, view.weight)
                 else:
@@ -225,6 +228,8 @@ class VelocityAssembly:
         for jacobian, momentum, lacking in self._momenta:
             np.add(lacking, jacobian.dot(self._robot.v), out=momentum)
             lacking.fill(0.0)  # it is no distance, and damps nothing
+        for columns, kept in self._kept:
+            kept[:] = self._robot.v[columns]
         np.multiply(rows.weight, error, out=self._cost)
         self.damp(self._damping_of(self._soft, error))
         for level in self.lower:

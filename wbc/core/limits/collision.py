@@ -242,6 +242,7 @@ class CollisionLimit(Limit):
         self._centres[endless], self._sizes[endless] = 0.0, np.inf
         ends = [(pair.first, pair.second) for pair in geometry.collisionPairs]
         self._radius_1, self._radius_2 = np.array([row[2:] for row in self._rows]).T
+        self._leaders = _leaders(robot)
         ends_of = [row[0] for row in self._rows], [row[1] for row in self._rows]
         self._carried_1, self._carried_2 = (
             np.array([_carrying(robot, joint) for joint in joints]) for joints in ends_of
@@ -257,10 +258,9 @@ class CollisionLimit(Limit):
             return list(self._against or ()) if self.obstacles else []
         model = robot.model
         stands = {model.frames[robot.frame_id(sole.frame)].parentJoint for sole in robot.soles}
-        moving = [f for f in self._shapes if model.frames[robot.frame_id(f)].parentJoint not in stands]
-        return (
-            moving if robot.soles else [f for f in moving if model.frames[robot.frame_id(f)].parentJoint > 1]
-        )
+        joints = {f: model.frames[robot.frame_id(f)].parentJoint for f in self._shapes}
+        root = 1 if robot.floating else 0
+        return [f for f, joint in joints.items() if joint not in stands and (robot.soles or joint > root)]
 
     def _add_pair(self, first: str, second: str) -> None:
         for i in self._objects[first]:
@@ -379,7 +379,8 @@ class CollisionLimit(Limit):
         jacobian = self._robot.data.J
         for points, carried, sign in ((first, self._carried_1, -1.0), (second, self._carried_2, 1.0)):
             lever = np.hstack([normal, np.cross(points, normal)])
-            rows[near] += sign * lever.dot(jacobian) * carried[near]
+            moved = sign * lever.dot(jacobian) * carried[near]
+            rows[near] += moved if self._leaders is None else moved.dot(self._leaders)
         closing = np.zeros(near.size)
         for place, row in enumerate(near.tolist()):
             obstacle = self._moving[row]
@@ -463,11 +464,27 @@ class CollisionLimit(Limit):
 
 
 def _carrying(robot: Robot, joint: int) -> Array:
-    """Return 1 for each velocity coordinate that moves the body behind a joint, else 0, shape (nv,)."""
-    model, carrying = robot.model, np.zeros(robot.nv)
+    """Return 1 for each column of `data.J` that moves the body behind a joint, else 0, shape (number of columns,).
+
+    Coupled joints have a column of their own there.
+    """
+    model, carrying = robot.model, np.zeros(robot.data.J.shape[1])
     for each in model.supports[joint]:
-        carrying[model.joints[each].idx_v : model.joints[each].idx_v + model.joints[each].nv] = 1.0
+        first = model.joints[each].idx_vExtended
+        carrying[first : first + model.joints[each].nvExtended] = 1.0
     return carrying
+
+
+def _leaders(robot: Robot) -> Array | None:
+    """Return which velocity coordinate moves each column of `data.J`, shape (columns, nv); None if each has its own."""
+    columns = robot.data.J.shape[1]
+    if columns == robot.nv:
+        return None
+    leaders = np.zeros((columns, robot.nv))
+    for joint in list(robot.model.joints)[1:]:
+        for k in range(joint.nvExtended):
+            leaders[joint.idx_vExtended + k, joint.idx_v + k] = 1.0
+    return leaders
 
 
 def _is_round(item: pin.GeometryObject) -> bool:

@@ -1,0 +1,252 @@
+"""Tasks on one number: the distance of two frames, a sum of joint positions, the manipulability of a limb."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Unpack
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import ArrayLike
+
+from wbc.core.errors import ROUNDING, Array, InputError, finite_scalar
+from wbc.core.qp.axes import joint_columns
+from wbc.core.qp.move import Coordinates
+from wbc.core.qp.task import GainOptions, Task
+from wbc.core.robot import Robot
+
+NEAREST = 1e-3
+"""Least distance that the distance task divides by, m."""
+
+_WORLD = pin.LOCAL_WORLD_ALIGNED
+
+
+class _Number(Task):
+    """Base of tasks whose target is a number, in an array of shape (1,)."""
+
+    __slots__ = ()
+    reads = "kinematics"
+    usual = {"stiffness": 30.0}
+
+    def checked(self, value: ArrayLike) -> Array:
+        """Return a target after a check, shape (1,): a number, or an array of one."""
+        return np.array([finite_scalar(f"target of task '{self.name}' ({self.unit})", np.squeeze(value))])
+
+
+class DistanceTask(_Number):
+    """Bring the origins of two frames to a distance, m; in which direction they lie is free."""
+
+    __slots__ = ("_ids", "frames")
+
+    def __init__(
+        self, frame: str, other: str, target: float | None = None, **options: Unpack[GainOptions]
+    ) -> None:
+        """Describe the task; the target is the present distance when None."""
+        if frame == other:
+            raise InputError(f"a distance needs two frames, got '{frame}' twice")
+        self.frames = frame, other
+        super().__init__(f"{frame} to {other}", 1, **options)
+        if target is not None:
+            self.target = target
+
+    def bind(self, robot: Robot) -> None:
+        """Resolve the frames."""
+        super().bind(robot)
+        self._ids = [robot.frame_id(frame) for frame in self.frames]
+
+    def present(self, robot: Robot) -> Array:
+        """Return the distance, shape (1,), m."""
+        one, other = (robot.placement(frame).translation for frame in self.frames)
+        return np.array([np.linalg.norm(one - other)])
+
+    def evaluate(self, jacobian: Array, error: Array, drift: Array) -> None:
+        """Fill the row u·(J₁ − J₂) of the unit vector u between the frames; see `Task.evaluate`.
+
+        Of the acceleration of the distance d, the speed w across u adds w² / d.
+        """
+        model, data, (one, other) = self.robot.model, self.robot.data, self._ids
+        line = data.oMf[one].translation - data.oMf[other].translation
+        distance = max(float(np.linalg.norm(line)), NEAREST)
+        unit = line / distance
+        rows = pin.getFrameJacobian(model, data, one, _WORLD) - pin.getFrameJacobian(
+            model, data, other, _WORLD
+        )
+        jacobian[0] = unit @ rows[:3]
+        speeds = [pin.getFrameVelocity(model, data, each, _WORLD).linear for each in (one, other)]
+        rates = [pin.getFrameClassicalAcceleration(model, data, each, _WORLD).linear for each in (one, other)]
+        across = speeds[0] - speeds[1]
+        drift[0] = unit @ (rates[0] - rates[1]) + (across @ across - (unit @ across) ** 2) / distance
+        error[0] = self._target[0] - distance
+
+
+class JointCouplingTask(_Number):
+    """Keep a weighted sum of joint positions at a target: `JointCouplingTask({"elbow": 1.0, "wrist": -0.5})`.
+
+    The sum is Σ coefficient · position, rad; joints are coupled exactly with `hard=True`.
+    """
+
+    __slots__ = ("_columns", "_values", "coefficients")
+    unit = "rad"
+
+    def __init__(
+        self, coefficients: Mapping[str, float], target: float | None = None, **options: Unpack[GainOptions]
+    ) -> None:
+        """Describe the task: joint → coefficient, and the target of the sum, the present one when None."""
+        if not isinstance(coefficients, Mapping) or not coefficients:
+            raise InputError(f"a coupling needs joints with coefficients, got {coefficients!r}")
+        self.coefficients = {
+            joint: finite_scalar(f"coefficient of joint '{joint}'", value)
+            for joint, value in coefficients.items()
+        }
+        if not any(self.coefficients.values()):
+            raise InputError("a coupling needs a coefficient that is not zero")
+        self._values = np.array(list(self.coefficients.values()))
+        super().__init__(f"coupling of {', '.join(coefficients)}", 1, **options)
+        if target is not None:
+            self.target = target
+
+    def bind(self, robot: Robot) -> None:
+        """Resolve the joints."""
+        self._columns = joint_columns(robot, self.coefficients)
+        super().bind(robot)
+
+    def present(self, robot: Robot) -> Array:
+        """Return the sum, shape (1,), rad."""
+        return np.array([self._values @ robot.q[self._columns + robot.nq - robot.nv]])
+
+    def evaluate(self, jacobian: Array, error: Array, drift: Array) -> None:
+        """Fill the row of coefficients; see `Task.evaluate`."""
+        jacobian[:] = 0.0
+        jacobian[0, self._columns] = self._values
+        drift[:] = 0.0
+        error[:] = self._target - self.present(self.robot)
+
+
+class ManipulabilityTask(_Number):
+    """Bring the manipulability √det(J Jᵀ) of a limb's end to a target, away from singular postures.
+
+    J are the rows of the position, or of the pose, of a frame over the joints of its limb. Give a target that is higher
+    than the limb reaches to have as much as the other tasks leave.
+
+    Source: T. Yoshikawa, "Manipulability of robotic mechanisms", IJRR 4(2), 1985.
+    """
+
+    __slots__ = ("_columns", "_data", "_id", "_size", "_trunk", "frame")
+    unit = "m³"
+
+    def __init__(
+        self,
+        frame: str,
+        target: float | None = None,
+        *,
+        trunk: str | None = None,
+        pose: bool = False,
+        **options: Unpack[GainOptions],
+    ) -> None:
+        """Describe the task.
+
+        Args:
+            frame: Frame at the end of the limb.
+            target: Manipulability, m³ for positions; the present one when None.
+            trunk: Frame from which on the joints count; the base when None.
+            pose: Take position and orientation, for limbs of six joints or more.
+            **options: See `GainOptions`.
+        """
+        self.frame, self._trunk, self._size = frame, trunk, 6 if pose else 3
+        super().__init__(f"{frame} manipulability", 1, **options)
+        if target is not None:
+            self.target = target
+
+    def bind(self, robot: Robot) -> None:
+        """Find the joints of the limb."""
+        self._id, self._data = robot.frame_id(self.frame), robot.model.createData()
+        joints = robot.joints_between(self.frame, self._trunk or robot.base_frame)
+        self._columns = robot.nv - robot.na + np.array(joints, dtype=np.intp)
+        if len(joints) < self._size:
+            raise InputError(
+                f"'{self.frame}' has {len(joints)} joints; {self._size} are required for '{self.name}'"
+            )
+        super().bind(robot)
+
+    def present(self, robot: Robot) -> Array:
+        """Return the manipulability, shape (1,)."""
+        rows = pin.getFrameJacobian(robot.model, robot.data, self._id, _WORLD)[: self._size, self._columns]
+        return np.array([np.sqrt(max(np.linalg.det(rows @ rows.T), 0.0))])
+
+    @property
+    def reached(self) -> bool:
+        """True while the manipulability is within a hundredth of its target."""
+        return bool(abs(self.present(self.robot) - self._target)[0] <= 0.01 * self._target[0])
+
+    def _gradient(self, jacobian: Array) -> tuple[float, Array]:
+        """Return the manipulability w and its derivative w · tr(J⁺ ∂J/∂q), of rows of a frame, shape (6, n).
+
+        Column j of J changes with joint i before it by ω_i × that column, and with one after it, in its linear part, by
+        ω_j × column i.
+        """
+        rows = jacobian[: self._size]
+        square = rows @ rows.T
+        size = np.sqrt(max(np.linalg.det(square), 0.0))
+        if size < ROUNDING:
+            return size, np.zeros(rows.shape[1])
+        inverse = np.linalg.solve(square, rows).T  # shape (n, size)
+        linear, spin = jacobian[:3].T, jacobian[3:].T
+        gradient = np.empty(rows.shape[1])
+        for i in range(rows.shape[1]):
+            change = np.zeros((rows.shape[1], 6))
+            change[i:, :3] = np.cross(spin[i], linear[i:])
+            change[:i, :3] = np.cross(spin[:i], linear[i])
+            change[i:, 3:] = np.cross(spin[i], spin[i:])
+            gradient[i] = size * float((inverse * change[:, : self._size]).sum())
+        return float(size), gradient
+
+    def evaluate(self, jacobian: Array, error: Array, drift: Array) -> None:
+        """Fill the gradient; its change with the velocity is a finite difference. See `Task.evaluate`."""
+        robot, model = self.robot, self.robot.model
+        columns, v = self._columns, robot.v
+        size, gradient = self._gradient(pin.getFrameJacobian(model, robot.data, self._id, _WORLD)[:, columns])
+        jacobian[:] = 0.0
+        jacobian[0, columns] = gradient
+        error[0], drift[0] = self._target[0] - size, 0.0
+        speed = float(np.abs(v[columns]).max())
+        if speed > ROUNDING:
+            step = 1e-5 / speed
+            ends = []
+            for sign in (step, -step):
+                q = pin.integrate(model, robot.q, sign * v)
+                rows = pin.computeFrameJacobian(model, self._data, q, self._id, _WORLD)
+                ends.append(self._gradient(rows[:, columns])[1] @ v[columns])
+            drift[0] = (ends[0] - ends[1]) / (2.0 * step)
+
+
+class LowAccelerationTask(Task):
+    """Keep velocities as they are: no acceleration in a controller, in inverse kinematics those of the last step."""
+
+    __slots__ = ()
+    unit = "rad/s"
+    kind = "selection"
+    reads = "kinematics"
+    of_velocity = True
+    usual = {"weight": 1e-3}
+
+    def __init__(self, **options: Unpack[GainOptions]) -> None:
+        """Describe the task, which has no target."""
+        super().__init__("low acceleration", 1, **options)
+
+    def bind(self, robot: Robot) -> None:
+        """Take all coordinates."""
+        self._resize(robot.nv)
+        self.columns = slice(0, robot.nv)
+        super().bind(robot)
+
+    def evaluate(self, jacobian: Array, error: Array, drift: Array) -> None:
+        """Fill no error; see `Task.evaluate`."""
+        error[:] = 0.0
+
+    def _coordinates(self) -> Coordinates:
+        raise InputError(f"task '{self.name}' has no target that could move")
+
+    @property
+    def reached(self) -> bool:
+        """True: there is nothing to reach."""
+        return True

@@ -1,0 +1,226 @@
+"""Limits on a frame: its position along directions, its speed, and the direction of one of its axes.
+
+Each keeps something from falling below zero: at a room c it may fall at c / time constant at most, and from outside it
+is brought back by an acceleration of `RECOVERY` at most.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Annotated
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import ArrayLike
+
+from wbc.core.checked import checked
+from wbc.core.errors import ROUNDING, Array, InputError, finite_array
+from wbc.core.limits.base import Limit
+from wbc.core.robot import Robot
+from wbc.core.settings import Positive
+
+RECOVERY = 2.0
+"""Greatest acceleration back from outside of a bound, m/s² or rad/s²."""
+
+_WORLD = pin.LOCAL_WORLD_ALIGNED
+
+
+def least_acceleration(room: Array, speed: Array, dt: float, time_constant: float) -> Array:
+    """Return the least acceleration of rooms that change at speeds, for a period, s, and a time constant, s."""
+    demand = -(room / time_constant + speed) / dt
+    return np.asarray(np.minimum(demand, np.maximum(room, 0.0) / time_constant**2 + RECOVERY))
+
+
+class FrameLimit(Limit):
+    """Base of limits on a frame.
+
+    Attributes:
+        frame: Frame of the robot.
+    """
+
+    reads = "kinematics"
+
+    def __init__(self, frame: str, what: str, dim: int, name: str | None, time_constant: float) -> None:
+        """Describe the limit, by default named after frame and `what`."""
+        self.frame, self.name, self.dim = frame, name or f"{frame} {what}", dim
+        self._time = time_constant
+
+    def bind(self, robot: Robot) -> None:
+        """Resolve the frame."""
+        self._robot, self._id = robot, robot.frame_id(self.frame)
+        self._placement = robot.data.oMf[self._id]
+
+    def _jacobian(self) -> Array:
+        """Jacobian of the frame along the world axes, shape (6, nv)."""
+        return np.asarray(pin.getFrameJacobian(self._robot.model, self._robot.data, self._id, _WORLD))
+
+    def _motion(self) -> tuple[Array, Array]:
+        """Velocity, and acceleration at no generalised acceleration, along the world axes, each of shape (6,)."""
+        model, data = self._robot.model, self._robot.data
+        velocity = pin.getFrameVelocity(model, data, self._id, _WORLD).vector
+        return velocity, pin.getFrameClassicalAcceleration(model, data, self._id, _WORLD).vector
+
+
+class FramePositionLimit(FrameLimit):
+    """Keep the origin of a frame inside bounds along directions of the world: a box, or behind a plane.
+
+    FramePositionLimit("hand", lower=(0.2, -0.5, 0.1))
+    FramePositionLimit("hand", directions=[(0.0, 0.6, 0.8)], upper=[1.2])
+    """
+
+    @checked
+    def __init__(
+        self,
+        frame: str,
+        *,
+        lower: ArrayLike | None = None,
+        upper: ArrayLike | None = None,
+        directions: ArrayLike | None = None,
+        time_constant: Annotated[Positive, "s"] = 0.1,
+        name: str | None = None,
+    ) -> None:
+        """Describe the limit.
+
+        Args:
+            frame: Frame of the robot.
+            lower: Least place along each direction, m, shape (n,); −inf, or None, for none.
+            upper: Greatest place along each direction, m, shape (n,); inf, or None, for none.
+            directions: Directions of the world, of any length, shape (n, 3); the axes when None.
+            time_constant: Time constant of the approach to a bound, s.
+            name: Name of the limit.
+        """
+        axes = finite_array(
+            f"directions of the limit of '{frame}'", np.eye(3) if directions is None else directions
+        )
+        if axes.ndim != 2 or axes.shape[1] != 3 or not (lengths := np.linalg.norm(axes, axis=1)).all():
+            raise InputError(
+                f"directions of the limit of '{frame}' must be vectors, shape (n, 3), got {axes}"
+            )
+        self._axes = axes / lengths[:, None]
+        super().__init__(frame, "bounds", len(axes), name, time_constant)
+        self.lower, self.upper = (
+            np.full(self.dim, none) if bound is None else np.array(bound, dtype=float)
+            for bound, none in ((lower, -np.inf), (upper, np.inf))
+        )
+        if (
+            self.lower.shape != (self.dim,)
+            or self.upper.shape != (self.dim,)
+            or not (self.lower <= self.upper).all()
+        ):
+            raise InputError(
+                f"limit '{self.name}' needs a lower and an upper bound for each of {self.dim} directions, the lower "
+                f"one not above the upper one, got {self.lower} and {self.upper}"
+            )
+
+    def write(self, dt: float, rows: Array, lower: Array, upper: Array) -> None:
+        """Fill a row for each direction; see `Limit.write`."""
+        place, (velocity, drift) = self._axes @ self._placement.translation, self._motion()
+        speed, drift = self._axes @ velocity[:3], self._axes @ drift[:3]
+        rows[:] = self._axes @ self._jacobian()[:3]
+        lower[:] = least_acceleration(place - self.lower, speed, dt, self._time) - drift
+        upper[:] = -least_acceleration(self.upper - place, -speed, dt, self._time) - drift
+        crossed = lower > upper  # from outside of narrow bounds at speed
+        lower[crossed] = upper[crossed] = 0.5 * (lower + upper)[crossed]
+
+    def write_step(self, rows: Array, lower: Array, upper: Array) -> None:
+        """Fill a row for each direction; see `Limit.write_step`."""
+        place = self._axes @ self._placement.translation
+        rows[:] = self._axes @ self._jacobian()[:3]
+        np.subtract(self.lower, place, out=lower)
+        np.subtract(self.upper, place, out=upper)
+
+    def write_velocity(self, dt: float, rows: Array, lower: Array, upper: Array) -> None:
+        """Fill a row for each direction; see `Limit.write_velocity`."""
+        self.write_step(rows, lower, upper)
+        lower /= max(dt, self._time)
+        upper /= max(dt, self._time)
+
+
+class FrameSpeedLimit(FrameLimit):
+    """Keep the components of the velocity of a frame along the world axes within a linear and an angular speed."""
+
+    @checked
+    def __init__(
+        self,
+        frame: str,
+        *,
+        linear: Annotated[Positive, "m/s"] = math.inf,
+        angular: Annotated[Positive, "rad/s"] = math.inf,
+        name: str | None = None,
+    ) -> None:
+        """Describe the limit; there is none where no speed is given."""
+        super().__init__(frame, "speed", 6, name, 0.0)
+        self.speed = np.repeat([linear, angular], 3)
+
+    def write(self, dt: float, rows: Array, lower: Array, upper: Array) -> None:
+        """Fill a row for each component; see `Limit.write`."""
+        velocity, drift = self._motion()
+        rows[:] = self._jacobian()
+        upper[:] = np.maximum((self.speed - velocity) / dt, -RECOVERY) - drift
+        lower[:] = np.minimum((-self.speed - velocity) / dt, RECOVERY) - drift
+
+    def write_step(self, rows: Array, lower: Array, upper: Array) -> None:
+        """Bound no step, which has no time; see `Limit.write_step`."""
+        rows[:] = 0.0
+        lower[:], upper[:] = -np.inf, np.inf
+
+    def write_velocity(self, dt: float, rows: Array, lower: Array, upper: Array) -> None:
+        """Fill a row for each component; see `Limit.write_velocity`."""
+        rows[:] = self._jacobian()
+        upper[:] = self.speed
+        np.negative(self.speed, out=lower)
+
+
+class AxisConeLimit(FrameLimit):
+    """Keep an axis of a frame inside a cone about a direction of the world, such as a cup that does not spill.
+
+    With a the axis and d the direction, a·d ≥ cos(angle); its rate is ω·(a × d).
+    """
+
+    @checked
+    def __init__(
+        self,
+        frame: str,
+        angle: Annotated[Positive, "rad"],
+        *,
+        axis: ArrayLike = (0.0, 0.0, 1.0),
+        direction: ArrayLike = (0.0, 0.0, 1.0),
+        time_constant: Annotated[Positive, "s"] = 0.1,
+        name: str | None = None,
+    ) -> None:
+        """Describe the limit: half the opening of the cone, rad, and axis and direction, of any length, shape (3,)."""
+        super().__init__(frame, "cone", 1, name, time_constant)
+        if angle >= math.pi:
+            raise InputError(f"angle of limit '{self.name}' must be below π rad, got {angle}")
+        units = []
+        for what, vector in (("axis", axis), ("direction", direction)):
+            given = finite_array(f"{what} of limit '{self.name}'", vector, (3,))
+            if np.linalg.norm(given) < ROUNDING:
+                raise InputError(f"{what} of limit '{self.name}' must not be zero")
+            units.append(given / np.linalg.norm(given))
+        self._axis, self._direction = units
+        self._least = math.cos(angle)
+
+    def _row(self, rows: Array) -> tuple[Array, float]:
+        axis = self._placement.rotation @ self._axis
+        rows[0] = np.cross(axis, self._direction) @ self._jacobian()[3:]
+        return axis, float(axis @ self._direction) - self._least
+
+    def write(self, dt: float, rows: Array, lower: Array, upper: Array) -> None:
+        """Fill the row; see `Limit.write`. Of the acceleration, α·(a × d) + (ω × (ω × a))·d are its parts."""
+        axis, room = self._row(rows)
+        velocity, acceleration = self._motion()
+        spin, turn = velocity[3:], np.cross(axis, self._direction)
+        drift = acceleration[3:] @ turn + np.cross(spin, np.cross(spin, axis)) @ self._direction
+        lower[:] = least_acceleration(np.array([room]), spin @ turn, dt, self._time) - drift
+        upper[:] = np.inf
+
+    def write_step(self, rows: Array, lower: Array, upper: Array) -> None:
+        """Fill the row; see `Limit.write_step`."""
+        _, room = self._row(rows)
+        lower[:], upper[:] = -room, np.inf
+
+    def write_velocity(self, dt: float, rows: Array, lower: Array, upper: Array) -> None:
+        """Fill the row; see `Limit.write_velocity`."""
+        self.write_step(rows, lower, upper)
+        lower /= max(dt, self._time)
