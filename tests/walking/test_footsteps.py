@@ -14,7 +14,7 @@ from properties import examples
 
 from wbc.core.errors import InputError
 from wbc.robots import load
-from wbc.walking.plans.footsteps import Footstep, FootstepPlan
+from wbc.walking.plans.footsteps import Footstep, FootstepPlan, mean_heading
 from wbc.walking.plans.gait import Gait
 from wbc.walking.plans.planners import climb_stairs, turn_in_place, walk_distance, walk_velocity
 from wbc.walking.plans.reach import Reach, check_plan, hip_height, leg_geometry
@@ -165,3 +165,41 @@ def test_reach_is_sane_and_a_height_out_of_reach_is_refused(name: str) -> None:
     for height in (0.2, leg.com_height + 0.3):
         with pytest.raises(InputError, match="CoM height"):
             Reach.of(robot, height)
+
+
+def test_plans_are_joined_into_an_l() -> None:
+    """1 m ahead, a quarter turn, 1 m ahead: by plans that are added, and by planners that go on from a plan."""
+    start = FootstepPlan.standing(ROBOT).moved(
+        pin.SE3(pin.rpy.rpyToMatrix(0.0, 0.0, 0.7), np.array([3.0, -2.0, 0.1]))
+    )
+    added = walk_distance(start, 1.0) + turn_in_place(start, 0.5 * math.pi) + walk_distance(start, 1.0)
+    onward = walk_distance(turn_in_place(walk_distance(start, 1.0), 0.5 * math.pi), 1.0)
+    middle = 0.5 * (start.left.position + start.right.position)
+    c, s = math.cos(0.7), math.sin(0.7)
+    for plan in (added, onward):
+        left, right = plan.final
+        end = middle + [c - s, s + c, 0.0]
+        np.testing.assert_allclose(0.5 * (left.position + right.position), end, atol=1e-9)
+        assert mean_heading(left.yaw, right.yaw) == pytest.approx(0.7 + 0.5 * math.pi)
+        check_plan(plan, ROBOT)
+        assert plan.left == start.left and plan.right == start.right and plan.end.steps == ()
+    assert added + start == added
+    same(start + added, added)
+    other_gait = replace(start, gait=replace(start.gait, swing_height=0.05))
+    with pytest.raises(InputError, match="gait"):
+        _ = added + walk_distance(other_gait, 0.5)
+
+
+@pytest.mark.parametrize("first", ["left", "right"])
+def test_a_foot_that_stepped_last_is_waited_for(first: str) -> None:
+    """Sides alternate in a joined plan: the other foot steps in its place between."""
+    start = FootstepPlan.standing(ROBOT)
+    plan = walk_distance(start, 0.2)
+    joined = plan + walk_distance(start, 0.2, first=first)
+    again = plan.steps[-1].side == first
+    assert len(joined) == 2 * len(plan) + again
+    if again:
+        stays = joined.steps[len(plan)]
+        assert stays == dict(left=plan.final[0], right=plan.final[1])[stays.side]
+    assert walk_distance(plan, 0.2).steps[: len(plan)] == plan.steps
+    assert len(walk_distance(plan, 0.2)) == 2 * len(plan)

@@ -175,6 +175,38 @@ class FootstepPlan:
         """Places of left and right sole at the end."""
         return self.feet(len(self))
 
+    @property
+    def end(self) -> FootstepPlan:
+        """Plan without steps that stands where this one ends."""
+        left, right = self.final
+        return replace(self, left=left, right=right, steps=())
+
+    def __add__(self, more: FootstepPlan) -> FootstepPlan:
+        """Return this plan and another one after it, which is moved to begin where this one ends.
+
+            plan = walk_distance(start, 1.0) + turn_in_place(start, 0.5 * math.pi) + walk_distance(start, 1.0)
+
+        The middle of its feet and its heading are laid on those of the end. If the foot that has stepped last would
+        step first, the other one steps in its place before.
+
+        Raises:
+            InputError: Plans of different gaits.
+        """
+        if not isinstance(more, FootstepPlan):
+            return NotImplemented
+        if more.gait != self.gait:
+            raise InputError(
+                "plans that are joined must have one gait: make them from feet with the same gait"
+            )
+        if not more.steps:
+            return self
+        left, right = self.final
+        here, there = _middle_of(left, right), _middle_of(more.left, more.right)
+        steps = more.moved(here * there.inverse()).steps
+        if self.steps and self.steps[-1].side == steps[0].side:
+            steps = (right if steps[0].side == "left" else left, *steps)
+        return replace(self, steps=(*self.steps, *steps))
+
     def moved(self, world: pin.SE3) -> FootstepPlan:
         """Return the plan in another place.
 
@@ -244,6 +276,12 @@ class FootstepPlan:
             for side, sole in zip(SIDES, robot.soles[:2], strict=True)
         )
         return FootstepPlan(left, right, (), gait or Gait())
+
+
+def _middle_of(left: Footstep, right: Footstep) -> pin.SE3:
+    """Return the middle between two feet, with the heading half way between theirs."""
+    yaw = mean_heading(left.yaw, right.yaw)
+    return pin.SE3(pin.rpy.rpyToMatrix(0.0, 0.0, yaw), 0.5 * (left.position + right.position))
 
 
 def closing_step(stance: Footstep, mate: Footstep, spacing: float) -> tuple[Footstep, ...]:

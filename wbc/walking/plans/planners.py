@@ -33,14 +33,14 @@ MOST_STEPS = 10_000
 
 @checked
 def walk_distance(
-    start: FootstepPlan, distance: Annotated[Number, "m"], *, first: str = "left"
+    start: FootstepPlan, distance: Annotated[Number, "m"], *, first: str | None = None
 ) -> FootstepPlan:
     """Walk straight on with equal steps and close up at the end.
 
     Args:
-        start: Feet and gait; its steps are dropped.
+        start: Feet and gait, or a plan, whose steps come before.
         distance: Displacement of the feet, m; negative walks backwards.
-        first: Side that steps first.
+        first: Side that steps first; when None the left one, or after steps the one that has not stepped last.
     """
     if abs(distance) < 1e-6:
         raise InputError("distance (m) must not be zero; a plan without steps stands")
@@ -58,7 +58,7 @@ def walk_velocity(
     Sideways and turning, the foot on the side of the motion opens by two steps' worth and the other closes.
 
     Args:
-        start: Feet and gait; its steps are dropped.
+        start: Feet and gait, or a plan, whose steps come before.
         velocity: Forward (m/s), left (m/s) and turn (rad/s) of the robot's middle, shape (3,).
         steps: Number of steps, before the one that closes up.
         first: Side that steps first; the side of the motion when None.
@@ -86,7 +86,7 @@ def turn_in_place(
     """Turn on the spot, or about a point ahead.
 
     Args:
-        start: Feet and gait; its steps are dropped.
+        start: Feet and gait, or a plan, whose steps come before.
         angle: To the left, rad.
         per_step: Greatest turn from one foot to the other, rad.
         ahead: Distance of that point before the middle of the feet, m: the robot walks round it and faces it, the outer
@@ -111,17 +111,16 @@ def walk_path(
     start: FootstepPlan,
     moves: Iterable[tuple[float, float, float]],
     *,
-    first: str = "left",
+    first: str | None = None,
 ) -> FootstepPlan:
     """Place the feet beside a middle that moves, and close up.
 
     Args:
-        start: Feet and gait; its steps are dropped.
+        start: Feet and gait, or a plan, whose steps come before.
         moves: Motion of the middle in each step: forward (m), left (m), turn (rad).
-        first: Side that steps first.
+        first: Side that steps first; when None the left one, or after steps the one that has not stepped last.
     """
-    choose("side", first, SIDES)
-    return _path(start, moves, first, lambda _side, _y, _yaw: (1.0, 1.0))
+    return _path(start, moves, _first_side(start, first), lambda _side, _y, _yaw: (1.0, 1.0))
 
 
 def _path(
@@ -132,8 +131,22 @@ def _path(
     for *_, turn in numbers:
         if abs(turn) > math.pi:
             raise InputError(f"turn of a move (rad) must be at most half a turn, {math.pi:.4g}, got {turn:g}")
-    middle, z = _middle(start)
-    return replace(start, steps=steps_along(middle, z, start.spacing, first, numbers, shares, close=close))
+    at = start.end
+    middle, z = _middle(at)
+    steps = steps_along(middle, z, start.spacing, first, numbers, shares, close=close)
+    return _after(start, replace(at, steps=steps))
+
+
+def _first_side(start: FootstepPlan, first: str | None) -> str:
+    """Return the side that steps first, if it is given; else the left one, or the one that has not stepped last."""
+    if first is not None:
+        return choose("side", first, SIDES)
+    return other(start.steps[-1].side) if start.steps else "left"
+
+
+def _after(start: FootstepPlan, plan: FootstepPlan) -> FootstepPlan:
+    """Return a plan that begins where `start` ends, with the steps of `start` before."""
+    return start + plan if start.steps else plan
 
 
 def steps_along(
@@ -185,23 +198,23 @@ def climb_stairs(
     count: Count,
     first_edge: Annotated[Positive, "m"],
     together: bool = True,
-    first: str = "left",
+    first: str | None = None,
 ) -> FootstepPlan:
     """Climb a stair that is known, or descend it with a negative rise.
 
     Args:
-        start: Feet and gait; its steps are dropped.
+        start: Feet and gait, or a plan, whose steps come before.
         rise: Height of a stair, m.
         tread: Depth of a stair, m.
         count: Number of stairs.
         first_edge: Distance from the middle of the feet to the first edge, m.
         together: Bring both feet onto each stair; one foot a stair when False.
-        first: Side that steps first.
+        first: Side that steps first; when None the left one, or after steps the one that has not stepped last.
     """
     if rise == 0.0:
         raise InputError("rise (m) must not be zero; walk_distance walks on the level")
     _check_count("number of stairs", count, 2 * count + 2)
-    middle, ground = _middle(start)
+    middle, ground = _middle(start.end)
     # Centre of the tread of each stair, after an approach that ends half a tread before the edge.
     approach = first_edge - 0.5 * tread
     if approach < -ROUNDING:
@@ -209,9 +222,9 @@ def climb_stairs(
             f"the feet must stand half a tread, {0.5 * tread:g} m, before the edge, got {first_edge:g} m"
         )
     steps: list[Footstep] = []
-    side = first
+    side = first = _first_side(start, first)
     if approach > 1e-6:
-        plan = walk_distance(replace(start, steps=()), approach, first=first)
+        plan = walk_distance(start.end, approach, first=first)
         steps.extend(plan.steps)
         side = other(steps[-1].side)
     for k in range(1, count + 1):
@@ -219,7 +232,7 @@ def climb_stairs(
         for _ in range(2 if together or k == count else 1):
             steps.append(beside(here, side, start.spacing, ground + k * rise))
             side = other(side)
-    return replace(start, steps=tuple(steps))
+    return _after(start, replace(start.end, steps=tuple(steps)))
 
 
 def _check_count(what: str, value: float, count: int) -> None:
