@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import math
+from collections.abc import Collection, Sequence
 from dataclasses import replace
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
+
+import numpy as np
 
 from wbc.core.errors import ROUNDING, InputError
 from wbc.core.settings import Angle, Count, Number, settings
@@ -14,14 +17,27 @@ from wbc.sim.trial.loop import Trial, TrialHook
 from wbc.walking.control import ReferenceControl
 from wbc.walking.plans.footsteps import Footstep, FootstepPlan, mean_heading
 from wbc.walking.plans.gait import Gait
-from wbc.walking.plans.planners import climb_stairs, turn_in_place, walk_distance, walk_velocity
-from wbc.walking.plans.sources import checked_velocity
+from wbc.walking.plans.planners import Place, climb_stairs, moved, turn_in_place, walk_distance, walk_velocity
+from wbc.walking.plans.sources import DriveSettings, Velocity, checked_velocity
+from wbc.walking.source import VelocityLimits
 
 DISTANCE = 3.0
 """Default distance of a walk, m: the length of the paper's tracks; 22 steps of 0.145 m."""
 
+FASTER = "; steps as they go walk faster: law='stepping', or wbc walk --gait stepping"
+"""Advice for a velocity that planned steps do not give."""
+
+BESIDE = 0.45
+"""Room that a walk needs beside the way of its middle, m: feet, soles, and what it strays."""
+
 STRAIGHT = 0.02
 """Greatest heading against stairs, rad: over three treads the feet come off the middle by millimetres."""
+
+STEP_TIME, PIECE = 0.8, 0.25
+"""Time of a step of a walk that steps as it goes, at most, and length of the pieces of a drive, s: for its way."""
+
+MOST_PIECES = 20_000
+"""Greatest number of pieces of a drive whose way is looked at."""
 
 STEPS = 22
 """Default number of steps of a walk with a velocity; as many as those of a walk of 3 m."""
@@ -116,6 +132,70 @@ class WalkPlan:
         if not self.footsteps:
             raise InputError("a walk needs at least one footstep")
         return replace(start, steps=self.footsteps)
+
+    def way(self, start: Place, gait: Gait, *, planned: bool) -> list[tuple[float, float]]:
+        """Return places that the middle of the robot passes, m; of a walk that steps as it goes, the furthest likely.
+
+        Args:
+            start: Place (m) and heading (rad) at the start.
+            gait: Gait of the walk.
+            planned: True for a walk whose steps are planned.
+        """
+        if self.footsteps is not None:
+            return [(start[0], start[1]), *((step.x, step.y) for step in self.footsteps)]
+        moves: list[tuple[float, float, float]] = []
+        if self.distance is not None:
+            moves = [(self.distance, 0.0, 0.0)]
+        elif self.velocity is not None and self.steps is not None:
+            full = Gait.for_speed(self.velocity, gait)
+            time = full.single_support + full.double_support if planned else STEP_TIME
+            x, y, turn = self.velocity
+            moves = [(x * time, y * time, turn * time)] * self.steps
+        for row, after in zip(self.drive or (), (self.drive or ())[1:], strict=False):
+            count = max(1, min(MOST_PIECES, math.ceil((after[0] - row[0]) / PIECE)))
+            time = (after[0] - row[0]) / count
+            moves += [(row[1] * time, row[2] * time, row[3] * time)] * (count if any(row[1:]) else 0)
+        places = [start]
+        for move in moves:
+            places.append(moved(places[-1], *move))
+        return [(x, y) for x, y, _ in places]
+
+
+def planned_limits(drive: DriveSettings) -> VelocityLimits:
+    """Return the greatest velocities that planned steps give."""
+    (forward, aside, turn), back = drive.fastest, drive.fastest_back
+    return VelocityLimits(forward, back, aside, turn)
+
+
+def check_velocity(velocity: Velocity, limits: VelocityLimits, what: str, advice: str) -> None:
+    """Raise an `InputError` for a velocity that the law of a walk does not give, which is named, with an advice."""
+    x, y, turn = velocity
+    if not (-limits.back <= x <= limits.forward and abs(y) <= limits.aside and abs(turn) <= limits.turn):
+        raise InputError(
+            f"{what} give velocities of at most {limits.forward:.3g} m/s forward, {limits.back:.3g} back, "
+            f"{limits.aside:.3g} aside and {limits.turn:.3g} rad/s, got ({x:g}, {y:g}, {turn:g}){advice}"
+        )
+
+
+def fitted(ground: Terrain, way: Sequence[tuple[float, float]], given: Collection[str]) -> Terrain:
+    """Return a ground on which a way fits, with room beside it: longer and wider by whole metres where it has to be.
+
+    Args:
+        ground: The ground.
+        way: Places, m.
+        given: Names of the dimensions of the track that stay.
+    """
+    x0, x1, y0, y1 = ground.extent
+    (low_x, low_y), (high_x, high_y) = np.min(way, axis=0) - BESIDE, np.max(way, axis=0) + BESIDE
+    own = {*given, *ground.parameters.track()}
+    sizes: dict[str, Any] = {}
+    if high_x > x1 and "length" not in own:
+        sizes["length"] = math.ceil(high_x - BESIDE - ground.start)
+    if low_x < x0 and "strip" not in own:
+        sizes["strip"] = math.ceil(ground.start - low_x)
+    if (high_y > y1 or low_y < y0) and "width" not in own:
+        sizes["width"] = 2.0 * math.ceil(max(high_y, -low_y))
+    return replace(ground, **sizes) if sizes else ground
 
 
 def check_drive(rows: Sequence[Sequence[float]]) -> None:

@@ -9,7 +9,7 @@ from functools import lru_cache
 import numpy as np
 import pinocchio as pin
 
-from wbc.core.errors import Array
+from wbc.core.errors import Array, InputError
 from wbc.core.robot import Robot
 from wbc.feet import Foot
 from wbc.robots import load
@@ -18,7 +18,7 @@ from wbc.sim.plant.feet import with_feet
 from wbc.sim.terrain.spec import Terrain
 from wbc.sim.terrain.spec import terrain as terrain_by_name
 from wbc.sim.walks.arrival import Arrival
-from wbc.sim.walks.plans import WalkPlan
+from wbc.sim.walks.plans import FASTER, WalkPlan, check_velocity, planned_limits
 from wbc.sim.walks.settings import AnyTrialSettings, AutoTrialSettings
 from wbc.walking.plans.footsteps import FootstepPlan, mean_heading
 from wbc.walking.plans.gait import Gait
@@ -107,7 +107,10 @@ def prepare(
     if isinstance(settings, AutoTrialSettings) and not (steps.climbs and plan.drive is None):
         planned = settings.stepping
     if isinstance(planned, SteppingControlSettings):
-        orders, time = _orders(plan, steps, SteppingControl(model, period, planned))
+        stepping = SteppingControl(model, period, planned)
+        if plan.velocity is not None:
+            check_velocity(plan.velocity, stepping.velocity_limits, f"steps of '{model.name}'", "")
+        orders, time = _orders(plan, steps, stepping)
         given = plan.footsteps is not None or plan.stairs is not None
         if given:
             check_plan(steps, model, extent=extent)
@@ -115,8 +118,15 @@ def prepare(
         return PreparedWalk(
             plant_description, description, foot, settings, q, walked, steps, orders, time, notes
         )
-    walking = WalkingControl(model, steps, period, planned, law="lipm", extent=extent)
-    check_plan(steps, model, walking.walk.reach, extent)
+    if plan.velocity is not None:
+        check_velocity(plan.velocity, planned_limits(planned.drive), "planned steps", FASTER)
+    try:
+        walking = WalkingControl(model, steps, period, planned, law="lipm", extent=extent)
+        check_plan(steps, model, walking.walk.reach, extent)
+    except InputError as error:
+        if plan.velocity is None:
+            raise
+        raise InputError(f"{error}{FASTER}") from None
     cycle = step_gait.single_support + step_gait.double_support
     swings = len(steps) * cycle - step_gait.double_support
     time = step_gait.initial_double_support + swings + step_gait.final_double_support

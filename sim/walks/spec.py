@@ -25,7 +25,7 @@ from wbc.sim.terrain.spec import Terrain
 from wbc.sim.terrain.spec import terrain as terrain_by_name
 from wbc.sim.trial.push import WalkPush
 from wbc.sim.trial.spec import CONTROL_PERIOD, TrialSpec
-from wbc.sim.walks.plans import WalkPlan
+from wbc.sim.walks.plans import WalkPlan, fitted
 from wbc.sim.walks.prepare import PreparedWalk, prepare
 from wbc.sim.walks.settings import (
     AnyTrialSettings,
@@ -176,7 +176,12 @@ class WalkSpec(TrialSpec):
             if not isinstance(source, str):
                 raise InputError(f"{CONTENT} is the hash of a file, but the ground reads none; leave it out")
             check_hash(source, content)
-        return terrain_by_name(self.terrain, self.amplitude, self.seed, **params)
+        ground = terrain_by_name(self.terrain, self.amplitude, self.seed, **params)
+        if (
+            ground.name == "flat" or self.plan.stairs is not None
+        ):  # the floor has no end; stairs are where they are
+            return ground
+        return fitted(ground, self.plan.way(self.start, self.gait, planned=self.law == "lipm"), params)
 
     def things(self) -> Scene | None:
         """Return what stands on the ground."""

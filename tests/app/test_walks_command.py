@@ -124,3 +124,35 @@ def test_a_study_from_the_command_line(tmp_path: Path, capsys: pytest.CaptureFix
     assert json.loads(capsys.readouterr().out)["studies"] == [{"name": "small", "about": "", "trials": 4}]
     assert main(["study", "show", str(study), "--arm", "flat"]) == RAN
     assert set(json.loads(capsys.readouterr().out)["arms"]) == {"flat"}
+
+
+def test_a_velocity_goes_to_the_law_that_gives_it_or_is_refused_with_that_advice(
+    spec_of: Callable[..., Any], capsys: pytest.CaptureFixture[str]
+) -> None:
+    fast = ("--velocity", "0.4", "0", "0")
+    assert spec_of(*fast)["law"] == "stepping"
+    assert spec_of("--robot", "g1", "--velocity", "0.25", "0", "0")["law"] == "stepping"
+    assert spec_of("--velocity", "0.25", "0", "0").get("law", "lipm") == "lipm"
+    capsys.readouterr()
+    for words in ((*fast, "--gait", "lipm"), ("--velocity", "2", "0", "0"), ("--velocity", "0", "0.9", "0")):
+        assert main(["walk", *words]) == BAD_INPUT
+        said = capsys.readouterr().err
+        assert "give velocities of at most" in said and ("--gait stepping" in said) == ("--gait" in words)
+
+
+def test_grounds_fit_what_is_asked(spec_of: Callable[..., Any]) -> None:
+    """A curve, a long way, a way back and a walk that begins askew fit; dimensions that are given stay."""
+    for words in (
+        ("--velocity", "0.2", "0", "0.1"),
+        ("--distance", "200"),
+        ("--distance", "-3"),
+        ("--spec", "frizza", "--distance", "9"),
+        ("--terrain", "boards", "--distance", "5", "--seed", "4"),
+    ):
+        spec = WalkSpec.from_json(spec_of(*words))
+        low_x, high_x, low_y, high_y = spec.extent or (-math.inf, math.inf, -math.inf, math.inf)
+        for step in spec.prepare().way.steps:
+            assert low_x + 0.1 < step.x < high_x - 0.1 and low_y + 0.1 < step.y < high_y - 0.1
+        assert WalkSpec.from_json(spec.to_json()).ground() == spec.ground()
+    usual = WalkSpec.from_json(spec_of("--distance", "3")).ground()
+    assert (usual.length, usual.width, usual.strip) == (3.0, 1.0, 1.0)

@@ -41,8 +41,9 @@ def walk_text(result: WalkResult, spec: WalkSpec) -> str:
     steps = f"{result.steps_done} of {result.steps_planned} steps"
     if spec.law == "stepping":  # none are planned
         steps = f"{result.steps_done} steps"
+    law = "" if spec.law == "lipm" else f"{spec.law} law, "
     lines = [
-        f"{result.robot} on {foot}, {ground}, seed {result.seed}, {spec.chosen} control, noise {spec.noise}"
+        f"{result.robot} on {foot}, {ground}, seed {result.seed}, {law}{spec.chosen} control, noise {spec.noise}"
     ]
     lines += [f"  note      {note}" for note in result.notes]
     if result.diverged is not None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import json
 import math
 from collections.abc import Mapping, Sequence
@@ -25,7 +26,7 @@ from wbc.core.files import read_toml
 from wbc.core.settings import Positive, nested_settings, settings
 from wbc.sim.studies.provenance import differences
 from wbc.sim.trial.loop import TrialHook
-from wbc.sim.walks.plans import KINDS
+from wbc.sim.walks.plans import FASTER, KINDS
 from wbc.sim.walks.presets import WALK_PRESETS
 from wbc.sim.walks.settings import Law, preset_of
 from wbc.sim.walks.spec import WalkSpec
@@ -189,15 +190,27 @@ def walk_spec(given: Mapping[str, Any], options: WalkOptions, drive: bool = Fals
         raise InputError("seconds belong to a drive; give --drive as well")
     if "policy" in {*upper, *lower} and "foot" not in {*upper, *lower}:
         upper["foot"] = "variable"  # the only one that a policy sets
-    law = upper.get("law", lower.get("law", "lipm"))
-    for name, value in read_changes(options.set).items():
-        *groups, last = place_of(name, law).split(".", 1)
-        place = upper.setdefault(groups[0], {}) if groups else upper
-        place[last] = value
     defaults: dict[str, Any] = dict(DEFAULTS)
     if options.spec is not None:  # a file says what it wants
         del defaults["eyes"]
-    spec = WalkSpec.from_json(_over(upper, _over(lower, defaults)))
+
+    def built(law: str) -> WalkSpec:
+        values = copy.deepcopy(upper)
+        for name, value in read_changes(options.set).items():
+            *groups, last = place_of(name, law).split(".", 1)
+            place = values.setdefault(groups[0], {}) if groups else values
+            place[last] = value
+        if law != "lipm":
+            values["law"] = law
+        return WalkSpec.from_json(_over(values, _over(lower, defaults)))
+
+    law = upper.get("law", lower.get("law"))
+    try:
+        spec = built("lipm" if law is None else str(law))
+    except InputError as error:
+        if law is not None or not str(error).endswith(FASTER):
+            raise
+        spec = built("stepping")  # gives the velocity that planned steps do not
     return spec if drive or spec.plan.drive is None else _bounded(spec, spec.plan.drive, options.seconds)
 
 
