@@ -16,7 +16,7 @@ import pinocchio as pin
 from wbc.core.checked import checked
 from wbc.core.errors import Array, InputError, ModelError, choose
 from wbc.core.limits.shapes import CollisionCapsule, CollisionSphere, Shape
-from wbc.core.robot import Coupling, Robot, Sole, driven_names, joints_to
+from wbc.core.robot import Closure, Coupling, Robot, Sole, driven_names, joints_to
 from wbc.core.servos import Servos
 from wbc.core.settings import Positive
 from wbc.robots import frames, urdf
@@ -60,6 +60,8 @@ class RobotDescription:
         springs: Joint → (stiffness, rest position) of a spring beside its drive, Nm/rad and rad; plant and controller
             have it.
         torque_ranges: Joint → (least, greatest) torque where they are not ± the same, Nm.
+        passive: Joints without a drive, whose torque is zero: those of rods and of what they move.
+        closures: Where closed chains close.
         sensors: Role → sensor of the file: "gyroscope", "accelerometer", "<body> force", "<body> torque".
         package_dirs: Folders in which the meshes of the URDF are, of packages and of relative names.
         height: Standing height with straight legs, m; None when unknown.
@@ -82,6 +84,8 @@ class RobotDescription:
     frictionloss: Mapping[str, float] = field(default_factory=dict)
     springs: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     torque_ranges: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    passive: tuple[str, ...] = ()
+    closures: tuple[Closure, ...] = ()
     sensors: Mapping[str, str] = field(default_factory=dict)
     package_dirs: tuple[str, ...] = ()
     base: Base = "floating"
@@ -110,7 +114,7 @@ class RobotDescription:
             if missing:
                 raise InputError(f"{what} must give every joint; missing: {', '.join(missing)}")
         check_values(self, self._model)
-        for name in self.springs:
+        for name in (*self.springs, *self.passive):
             choose("joint", name, names)
         q = self._half_sitting_configuration()
         if self.soles:
@@ -272,6 +276,8 @@ class RobotDescription:
             servos=self.servos,
             springs=self._springs,
             torque_lower=self._torque_lower,
+            passive=self.passive,
+            closures=self.closures,
         )
 
     def needs_feet(self, what: str) -> None:
@@ -338,6 +344,8 @@ class RobotDescription:
         content = (self.urdf, self.soles, self.imu, self.torso, self.servo, *values)
         if self.base == "fixed":
             content = (*content, self.base)
+        if self.closures:
+            content = (*content, self.closures, self.passive)
         return hashlib.sha256(repr(content).encode()).hexdigest()[:12]
 
     @cached_property

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import TypedDict
 
+from wbc.core.robot import Closure
 from wbc.robots.derivation.servo import ServoRule
 from wbc.robots.frames import FrameDescription
 
@@ -28,6 +29,8 @@ class DescriptionOptions(TypedDict, total=False):
         position_limits: Joint → (lower, upper), in place of the file's, rad or m.
         velocity_limits: Joint → largest speed, in place of the file's, rad/s or m/s.
         torque_limits: Joint → largest torque or force, in place of the file's, Nm or N.
+        closures: Where closed chains close: pairs of frames that stay together.
+        passive: Joints without a drive, whose torque is zero, such as those of rods.
         turn_root: True or None to turn a root whose x axis does not point forward, by a link above it; False to refuse
             it.
         repair: Clamp inertias that no body can have instead of refusing them; False by default.
@@ -46,6 +49,8 @@ class DescriptionOptions(TypedDict, total=False):
     position_limits: Mapping[str, tuple[float, float]] | None
     velocity_limits: Mapping[str, float] | None
     torque_limits: Mapping[str, float] | None
+    closures: Sequence[Closure] | None
+    passive: Sequence[str] | None
     turn_root: bool | None
     repair: bool
     height: float | None

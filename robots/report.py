@@ -159,7 +159,7 @@ def doubts(robot: Any) -> tuple[str, ...]:
         "torque limits that the file does not give are guessed from mass and size": guessed,
         "given servo gains without damping": undamped,
         "no rotor inertia (armature); real drives have some": [
-            n for n, a in robot.armature.items() if a == 0.0
+            n for n, a in robot.armature.items() if a == 0.0 and n not in robot.passive
         ],
         f"damping up to {max(robot.damping.values(), default=0.0):g} Nms/rad and dry friction up to "
         f"{max(robot.frictionloss.values(), default=0.0):g} Nm, which the controller neglects": [
@@ -185,16 +185,26 @@ def standing_torques(robot: Any) -> dict[str, float]:
     if not model.soles:
         return {}
     gravity = model.bias  # and springs
-    jacobian = np.concatenate(
-        [
-            pin.computeFrameJacobian(model.model, model.data, model.q, model.frame_id(sole.frame), pin.LOCAL)
-            for sole in model.soles
-        ]
-    )
-    wrench = np.linalg.lstsq(jacobian[:, :6].T, gravity[:6], rcond=None)[0]
+    rows = [
+        pin.computeFrameJacobian(model.model, model.data, model.q, model.frame_id(sole.frame), pin.LOCAL)
+        for sole in model.soles
+    ]
+    for closure in model.closures:
+        one, two = (
+            pin.computeFrameJacobian(
+                model.model, model.data, model.q, model.frame_id(end), pin.LOCAL_WORLD_ALIGNED
+            )
+            for end in (closure.frame, closure.other)
+        )
+        rows.append((one - two)[: 6 if closure.rotation else 3])
+    jacobian = np.concatenate(rows)
+    still = np.concatenate([np.arange(6), 6 + model.passive])  # what only forces of soles and closures hold
+    wrench = np.linalg.lstsq(jacobian[:, still].T, gravity[still], rcond=None)[0]
     torque = gravity[6:] - jacobian[:, 6:].T @ wrench
+    torque[model.passive] = 0.0
     bound = np.where(torque < 0.0, -model.torque_lower, model.torque_upper)
     shares = np.divide(np.abs(torque), bound, out=np.full(model.na, np.inf), where=bound > 0.0)
+    shares[model.passive] = 0.0
     return dict(zip(robot.joint_names, shares.tolist(), strict=True))
 
 
@@ -240,6 +250,8 @@ def _legs(robot: Any) -> list[str]:
     slow, braked = [], []
     for name in (name for leg in robot.legs for name in leg):
         i, damping = model.joint_index(name), robot.damping.get(name, 0.0)
+        if name in robot.passive:
+            continue
         if model.velocity_limit[i] < SLOW:
             slow.append(f"{name} {model.velocity_limit[i]:.2g} rad/s")
         if damping > 0.0 and model.torque_limit[i] / damping < BRAKED:

@@ -30,6 +30,7 @@ from .core.limits.shapes import CollisionHull as CollisionHull
 from .core.limits.shapes import CollisionSphere as CollisionSphere
 from .core.limits.shapes import Obstacle as Obstacle
 from .core.limits.torque import TorqueLimits as TorqueLimits
+from .core.qp.closure import LoopClosure as LoopClosure
 from .core.qp.contact import FixedContact as FixedContact
 from .core.qp.contact import PointContact as PointContact
 from .core.qp.contact import SoleContact as SoleContact

@@ -10,7 +10,7 @@ import numpy as np
 import pinocchio as pin
 
 from wbc.core.errors import ROUNDING, InputError, ModelError, choose, finite_scalar, non_negative, positive
-from wbc.core.robot import GRAVITY, joints_to
+from wbc.core.robot import GRAVITY, Closure, joints_to
 from wbc.robots import frames, urdf
 from wbc.robots.derivation import defaults, inertia, posture
 from wbc.robots.derivation.servo import ARMATURE_RATIO, ServoRule
@@ -58,6 +58,7 @@ def complete(
     postures: Sequence[tuple[str, Mapping[str, float]]] = (),
     feet_found: bool = False,
     fixed: bool = False,
+    loops: tuple[Closure, ...] = (),
     taken: Mapping[str, Any] | None = None,
     **options: Unpack[DescriptionOptions],
 ) -> dict[str, Any]:
@@ -65,7 +66,8 @@ def complete(
 
     `notes` are the remarks so far, `postures` those of the file (name, joint → position) that may be half-sitting,
     `taken` further fields, taken over as they are. With `feet_found` it was left to `find_soles`, which is None for a
-    robot without feet, which foot is the left one. With `fixed` the base is bolted to the world.
+    robot without feet, which foot is the left one. With `fixed` the base is bolted to the world; `loops` are
+    the closed chains of the file.
     """
     if fixed and find_soles is not None:
         raise InputError(
@@ -107,6 +109,10 @@ def complete(
         _refuse_at_ankle(model, soles, notes)
 
     joints = defaults.complete_half_sitting(model, soles, options.get("half_sitting") or {}, notes, postures)
+    closures = (*loops, *(options.get("closures") or ()))
+    if closures:
+        given = options.get("half_sitting") or {}
+        joints = posture.close(model, tuple(sole.frame for sole in soles), joints, given, closures)
     q = posture.standing_configuration(model, tuple(sole.frame for sole in soles), joints)
     # Sizes follow from the height over the soles.
     com_height = float(pin.centerOfMass(model, model.createData(), q)[2]) if soles else 0.0
@@ -147,6 +153,8 @@ def complete(
         "source": source,
         "licence": options.get("licence", "unknown"),
         "derived": tuple(notes),
+        "closures": closures,
+        "passive": tuple(options.get("passive") or ()),
         **(taken or {}),
     }
 

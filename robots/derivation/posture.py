@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 import pinocchio as pin
 from scipy.optimize import least_squares
 
-from wbc.core.errors import Array, InputError, ModelError, choose, finite_scalar
-from wbc.core.robot import driven_joints, driven_names, joints_to
+from wbc.core.errors import ROUNDING, Array, InputError, ModelError, choose, finite_scalar
+from wbc.core.robot import Closure, driven_joints, driven_names, joints_to
 from wbc.robots.frames import SoleDescription
 
 INSIDE = 0.05
@@ -27,6 +27,9 @@ FULL_LEG = 6
 
 NARROW = 0.2
 """Greatest range of the joints of a leg below which it seems to be in another unit, rad."""
+
+CLOSED = 1e-5
+"""Greatest gap of a closed chain in half-sitting, m and rad."""
 
 FLATNESS = 5e-3
 """Largest tilt of a sole in half-sitting, rad; a sole 0.2 m long is then off the ground by 1 mm at most."""
@@ -73,6 +76,64 @@ def _inside(model: pin.Model, values: Array) -> Array:
     lower, upper = _limits(model)
     inside = INSIDE * np.nan_to_num(upper - lower, posinf=0.0)
     return np.asarray(np.clip(values, lower + inside, upper - inside))
+
+
+def close(
+    model: pin.Model,
+    soles: tuple[str, ...],
+    joints: Mapping[str, float],
+    given: Mapping[str, float],
+    closures: Sequence[Closure],
+) -> dict[str, float]:
+    """Return a posture in which closed chains close: their joints that are in no leg and not given are solved for."""
+    names, numbers = driven_names(model), driven_joints(model)
+    legs = {joint for frame in soles for joint in joints_to(model, frame)}
+    known = [str(frame.name) for frame in model.frames]
+    ends = [
+        [model.getFrameId(choose("frame of a closure", end, known)) for end in (closure.frame, closure.other)]
+        for closure in closures
+    ]
+    moving = set[int]()
+    for one, two in ends:
+        moving |= {*model.supports[model.frames[one].parentJoint]} ^ {
+            *model.supports[model.frames[two].parentJoint]
+        }
+    free = [
+        i
+        for i, joint in enumerate(numbers)
+        if joint in moving and joint not in legs and names[i] not in given
+    ]
+    lower, upper = _limits(model)
+    q, data = pin.neutral(model), model.createData()
+    place = q[-len(names) :]
+    place[:] = [joints[name] for name in names]
+
+    def gaps(values: Array) -> Array:
+        place[free] = values
+        pin.framesForwardKinematics(model, data, q)
+        found = []
+        for (one, two), closure in zip(ends, closures, strict=True):
+            apart = data.oMf[one].actInv(data.oMf[two])
+            found += [apart.translation, *([pin.log3(apart.rotation)] if closure.rotation else [])]
+        return np.concatenate(found)
+
+    if free:
+        start = np.clip(place[free], lower[free] + ROUNDING, upper[free] - ROUNDING)
+        bounds = (lower[free], upper[free])
+        place[free] = least_squares(gaps, start, bounds=bounds, xtol=1e-15, ftol=1e-15, gtol=1e-15).x
+    left = gaps(place[free])
+    at = 0
+    for closure in closures:
+        size = 6 if closure.rotation else 3
+        apart = float(np.linalg.norm(left[at : at + 3])), float(np.linalg.norm(left[at + 3 : at + size]))
+        at += size
+        if max(apart) > CLOSED:
+            raise ModelError(
+                f"the chain of closure '{closure.name}' does not close in half-sitting: '{closure.frame}' and "
+                f"'{closure.other}' stay {1e3 * apart[0]:.3g} mm and {np.degrees(apart[1]):.3g}° apart; pass "
+                "half_sitting with joints in which it closes"
+            )
+    return dict(zip(names, place.tolist(), strict=True))
 
 
 def stands(model: pin.Model, soles: tuple[SoleDescription, ...], joints: Mapping[str, float]) -> bool:

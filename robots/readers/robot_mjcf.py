@@ -16,9 +16,12 @@ from wbc.robots.derivation.complete import complete
 from wbc.robots.derivation.defaults import Soles
 from wbc.robots.frames import FrameDescription, SoleDescription
 from wbc.robots.options import DescriptionOptions
-from wbc.robots.readers import drives_mjcf, feet_mjcf, shapes_mjcf, tree_mjcf
+from wbc.robots.readers import drives_mjcf, feet_mjcf, loops_mjcf, shapes_mjcf, tree_mjcf
 from wbc.robots.readers.compile_mjcf import compiled
 from wbc.robots.report import UNMODELLED, listed
+
+NO_DRIVE = 1.0
+"""Torque limit that the URDF gives a joint without a drive, Nm: it needs one, and the description has none."""
 
 
 def fields(
@@ -41,17 +44,28 @@ def fields(
     _refuse_odd_inertias(model)
     lock = options.pop("lock", None) or {}
     tree = tree_mjcf.find_tree(model, root, lock, fixed)
-    if passive := drives_mjcf.passive_joints(tree):
+    passive = drives_mjcf.passive_joints(tree)
+    moved_along = passive.keys() & loops_mjcf.joints_of(tree, loops_mjcf.find_loops(tree))
+    passive = {joint: at for joint, at in passive.items() if joint not in moved_along}
+    if passive:
         tree = tree_mjcf.find_tree(model, root, {**lock, **passive}, fixed)
         tree.notes.append(
             f"{UNMODELLED}{len(passive)} joints without an actuator, passive and taken as fixed: {listed([*passive])}"
         )
-    tree_mjcf.refuse_loops(tree)
+    loops = loops_mjcf.find_loops(tree)
+    tree.ties += [loop.number for loop in loops]
+    idle = sorted(moved_along & loops_mjcf.joints_of(tree, loops))
     drives = drives_mjcf.read_drives(tree)
     name = name or _model_name(model) or tree.body_name(tree.root)
     writer = tree_mjcf.write(
-        tree, name, {name: max(-low, high) for name, (low, high) in drives.torque.items()}
+        tree,
+        name,
+        {
+            **{name: max(-low, high) for name, (low, high) in drives.torque.items()},
+            **dict.fromkeys(idle, NO_DRIVE),
+        },
     )
+    closures = loops_mjcf.add_closures(writer, tree, loops)
     given_limits = options.get("torque_limits") or {}
     one_sided = {
         joint: (low, high)
@@ -114,7 +128,9 @@ def fields(
             "springs": drives.springs,
             "torque_ranges": one_sided,
             "sensors": sensors,
+            "passive": tuple(idle),
         },
+        loops=closures,
         **options,
     )
 

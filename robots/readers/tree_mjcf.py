@@ -199,24 +199,6 @@ def _root(model: mujoco.MjModel, root: str | None, fixed: bool) -> int:
     raise ModelError("the MJCF holds no robot: no body has joints below it")
 
 
-def refuse_loops(tree: Tree) -> None:
-    """Refuse closed chains, which cannot be simulated here; one that is not active at the start closes none."""
-    model = tree.model
-    kinds = mujoco.mjtEq
-    for i in range(0 if equalities_off(model) else model.neq):
-        kind, one, two = int(model.eq_type[i]), int(model.eq_obj1id[i]), int(model.eq_obj2id[i])
-        name = str(model.equality(i).name) or f"equality {i}"
-        if model.eq_active0[i] and kind in (kinds.mjEQ_CONNECT, kinds.mjEQ_WELD):
-            if int(model.eq_objtype[i]) == mujoco.mjtObj.mjOBJ_SITE:
-                one, two = int(model.site_bodyid[one]), int(model.site_bodyid[two])
-            ends = [tree.carrier.get(body) for body in (one, two)]
-            if ends[0] is not None and ends[1] is not None and ends[0] != ends[1]:
-                raise ModelError(
-                    f"closed chain: '{name}' ties body '{tree.body_name(one)}' to '{tree.body_name(two)}'; give the "
-                    "serial model, or lock the joints between them"
-                )
-
-
 def placement_of(position: Array, quaternion: Array) -> pin.SE3:
     """Return a placement from MuJoCo's position (m) and quaternion (wxyz)."""
     w, x, y, z = (float(value) for value in quaternion)

@@ -78,7 +78,9 @@ class JointActuators:
                 self.servo[joint] = bool((names[mine] == 1).any())
             kinds[joint] = [("motor", "position", "velocity")[names[i]] for i in mine]
         self.kinds = tuple(" + ".join(kind) or "none" for kind in kinds)
-        self._bare = np.array([i for i in range(na) if not kinds[i]], dtype=np.intp)
+        idle = set(description.passive)  # what moves them is not a drive
+        bare = [i for i, name in enumerate(self._names) if not kinds[i] and name not in idle]
+        self._bare = np.array(bare, dtype=np.intp)
         self.applied = np.zeros(na)
         tree = np.flatnonzero(places.of_robot[model.dof_bodyid]).tolist()
         self._tree = np.array(tree, dtype=np.intp)

@@ -236,7 +236,8 @@ class MujocoLoop(SimulatedRobot):
     def _notes(self, imu: Imu) -> list[str]:
         model, notes = self.model, []
         names = self.description.joint_names
-        bare = [name for name, kind in zip(names, self.actuators.kinds, strict=True) if kind == "none"]
+        kinds, idle = self.actuators.kinds, self.description.passive
+        bare = [name for name, kind in zip(names, kinds, strict=True) if kind == "none" and name not in idle]
         if bare:
             some = ", ".join(bare[:3]) + (", …" if len(bare) > 3 else "")
             notes.append(f"{len(bare)} joints without an actuator get their torque directly: {some}")
@@ -263,8 +264,10 @@ class MujocoLoop(SimulatedRobot):
         joints = dict(zip(self.places.joints, names, strict=True))
         ties = self.places.ties()
         notes += unmodelled(model, np.flatnonzero(self.places.of_robot).tolist(), joints, ties)
-        if len(ties) < len(self.robot.couplings):
-            notes.append(f"{UNMODELLED}joints that the description couples and the model leaves free")
+        if len(ties) < len(self.robot.couplings) + len(self.robot.closures):
+            notes.append(
+                f"{UNMODELLED}joints or chains that the description couples or closes and the model not"
+            )
         limp = self._limp_joints()
         if limp:
             notes.append(

@@ -187,7 +187,8 @@ class RobotPlaces:
                 ends = {int(model.jnt_dofadr[model.eq_obj1id[i]]), int(model.jnt_dofadr[model.eq_obj2id[i]])}
                 if ends in pairs and model.eq_active0[i]:
                     found.append(i)
-        return found
+        names = {self.prefix + closure.name for closure in self._robot.closures}
+        return found + [i for i in range(model.neq) if (model.equality(i).name or f"equality_{i}") in names]
 
     def couple_velocities(self, qvel: Array) -> None:
         """Write the velocities of coupled joints into MuJoCo's `qvel`, after those of their leaders."""

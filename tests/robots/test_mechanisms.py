@@ -8,12 +8,14 @@ import mujoco
 import numpy as np
 import pinocchio as pin
 import pytest
+from closed_chains import four_bar_knee, parallel_ankles
 from mjcf_biped import biped
 from mujoco_dynamics import assert_same_dynamics
 
 import wbc
+from wbc.core.conventions import configuration_to_mujoco, velocity_to_mujoco
 from wbc.core.errors import InputError, ModelError
-from wbc.core.robot import Coupling
+from wbc.core.robot import GRAVITY, Coupling
 from wbc.robots import RobotDescription
 from wbc.tasks import MomentumTask, check_rows
 
@@ -353,3 +355,207 @@ def test_joints_of_several_coordinates_are_refused_with_the_way_out(kind: str) -
     ball = ARM_MJCF.format(free="", first='<joint name="wrist" type="ball"/>')
     with pytest.raises(ModelError, match="'wrist' is a ball joint.*three hinges"):
         RobotDescription.from_mjcf(ball, base="fixed")
+
+
+# ---- closed chains --------------------------------------------------------------------------------------------------
+
+BIPED = (EXAMPLES / "biped.xml").read_text(encoding="utf-8")
+BIPED = BIPED.replace("</worldbody>", '<geom name="floor" type="plane" size="0 0 1"/></worldbody>')
+
+
+def closed(what: str) -> tuple[RobotDescription, mujoco.MjModel]:
+    """Return a robot with closed chains, and its model."""
+    if what == "ankles":
+        xml = parallel_ankles(BIPED)
+        return RobotDescription.from_mjcf(xml, left_sole="left_foot", right_sole="right_foot"), (
+            mujoco.MjModel.from_xml_string(xml)
+        )
+    xml = four_bar_knee("<freejoint/>" if what == "floating knee" else "")
+    base = "floating" if what == "floating knee" else "fixed"
+    return RobotDescription.from_mjcf(xml, base=base, feet=False), mujoco.MjModel.from_xml_string(xml)
+
+
+def in_motion(description: RobotDescription, seed: int) -> tuple[wbc.Robot, list[wbc.LoopClosure]]:
+    """Return a robot at a random posture in which its chains close, moving so that they stay closed."""
+    robot, rng = description.robot(), np.random.default_rng(seed)
+    ik = wbc.InverseKinematics(robot, 0.01)
+    posture = ik.add(wbc.PostureTask(weight=1e-3))
+    ik.add(wbc.JointLimits())
+    driven = [i for i in range(robot.na) if i not in robot.passive]
+    target = robot.q[robot.base_nq :].copy()
+    target[driven] += rng.uniform(-0.15, 0.15, len(driven))
+    posture.target = np.clip(
+        target, np.maximum(robot.position_lower, -3.0), np.minimum(robot.position_upper, 3.0)
+    )
+    for _ in range(200):
+        v = ik.step()
+    closures = [contact for contact in ik.contacts if isinstance(contact, wbc.LoopClosure)]
+    rows = np.concatenate([rows_of(closure)[0] for closure in closures])
+    v = rng.normal(size=robot.nv)
+    v -= np.linalg.pinv(rows) @ (rows @ v)
+    robot.update(robot.q.copy(), v)
+    return robot, closures
+
+
+def rows_of(closure: wbc.LoopClosure) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return Jacobian, error and drift of a closure."""
+    rows = np.zeros((closure.dim, closure.robot.nv)), np.zeros(closure.dim), np.zeros(closure.dim)
+    closure.evaluate(*rows)
+    return rows
+
+
+@pytest.mark.parametrize("what", ["knee", "floating knee", "ankles"])
+def test_motion_and_forces_of_a_closed_chain_are_those_of_mujocos_equations(what: str) -> None:
+    """Its mass matrix, its bias and the rows of its own equalities: accelerations under the torques of the solution.
+
+    Forces in the chain do no work and give no momentum, passive joints have no torque.
+    """
+    description, model = closed(what)
+    robot, closures = in_motion(description, 1)
+    assert all(max(closure.gap()) < 1e-6 for closure in closures)
+    controller = wbc.Controller(robot, 0.002)
+    driven = [name for name in robot.joint_names if name not in description.passive]
+    posture = controller.add(wbc.PostureTask(joints=driven, stiffness=400.0))
+    controller.add(wbc.TorqueLimits())
+    posture.target = {name: description.half_sitting[name] + 0.3 for name in driven[-1:]}
+    solution = controller.solve()
+    assert solution.ok
+    np.testing.assert_allclose(solution.torques[robot.passive], 0.0, atol=1e-6)
+    assert np.abs(np.delete(solution.torques, robot.passive)).max() > 0.1
+    tau = np.concatenate([np.zeros(robot.base_dof), solution.torques])
+    inner = robot.mass_matrix @ solution.accelerations + robot.bias - tau
+    assert inner @ robot.v == pytest.approx(0.0, abs=1e-5) and np.abs(inner).max() > 0.05
+    if robot.floating:
+        assert np.abs(inner[:6]).max() < 1e-6  # no momentum
+
+    data, ids = mujoco.MjData(model), [model.joint(name).id for name in robot.joint_names]
+    dofs, base = model.jnt_dofadr[ids], [] if not robot.floating else list(range(6))
+    if robot.floating:
+        configuration_to_mujoco(robot.q, model.jnt_qposadr[ids], data.qpos)
+        velocity_to_mujoco(robot.q, robot.v, dofs, data.qvel)
+    else:
+        data.qpos[model.jnt_qposadr[ids]], data.qvel[dofs] = robot.q, robot.v
+    model.dof_damping[:], model.dof_frictionloss[:] = 0.0, 0.0
+    model.opt.gravity[2] = -GRAVITY
+    model.dof_armature[base] = 0.0
+    model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONTACT) | int(
+        mujoco.mjtDisableBit.mjDSBL_LIMIT
+    )
+    for _ in range(2):  # rows of its equalities and their change along the motion
+        mujoco.mj_forward(model, data)
+        if not _:
+            before, full = equality_rows(model, data), np.zeros((model.nv, model.nv))
+            mujoco.mj_fullM(model, data, full)
+            force = -data.qfrc_bias
+            force[dofs] += solution.torques
+            mujoco.mj_integratePos(model, data.qpos, data.qvel, 1e-6)
+    drift = (equality_rows(model, data) - before) @ data.qvel / 1e-6
+    n = len(before)
+    kkt = np.block([[full, before.T], [before, np.zeros((n, n))]])
+    found = np.linalg.lstsq(kkt, np.concatenate([force, -drift]), rcond=None)[0][: model.nv]
+    np.testing.assert_allclose(
+        found[dofs], solution.accelerations[robot.base_dof :], atol=2e-3 * np.abs(found).max()
+    )
+
+
+def equality_rows(model: mujoco.MjModel, data: mujoco.MjData) -> np.ndarray:
+    """Return MuJoCo's own Jacobian of its equalities, shape (rows, nv)."""
+    rows = data.efc_J.reshape(-1, model.nv) if not mujoco.mj_isSparse(model) else None
+    if rows is None:
+        rows = np.zeros((data.nefc, model.nv))
+        mujoco.mju_sparse2dense(rows, data.efc_J, data.efc_J_rownnz, data.efc_J_rowadr, data.efc_J_colind)
+    return np.array(rows[data.efc_type == int(mujoco.mjtConstraint.mjCNSTR_EQUALITY)])
+
+
+@pytest.mark.parametrize(("what", "dim"), [("knee", 2), ("ankles", 3)])
+def test_rows_of_a_closure_are_the_change_of_its_gap(what: str, dim: int) -> None:
+    """Out of the plane of four bars there is none. Error, Jacobian and drift by finite differences, open chains too."""
+    description, _ = closed(what)
+    robot = description.robot()
+    closure = description.closures[0]
+    for rotation in (False, True):
+        contact = wbc.LoopClosure(closure.frame, closure.other, rotation=rotation)
+        contact.bind(robot)
+        if not rotation:
+            assert contact.dim == dim
+        rng = np.random.default_rng(0)
+        q = robot.half_sitting.copy()
+        spread = (
+            0.2 if not rotation else 0.0
+        )  # orientations, with the linear change of a rotation, where they are one
+        q[robot.base_nq :] += spread * rng.normal(size=robot.na)
+        v = rng.normal(size=robot.nv)
+        robot.update(q, v)
+        jacobian, _, drift = rows_of(contact)
+        ends = []
+        for step in (1e-6, -1e-6):
+            robot.update(pin.integrate(robot.model, q, step * v), v)
+            ends.append(rows_of(contact))
+        if not rotation:
+            np.testing.assert_allclose(jacobian @ v, -(ends[0][1] - ends[1][1]) / 2e-6, atol=1e-6)
+        np.testing.assert_allclose(drift, (ends[0][0] - ends[1][0]) @ v / 2e-6, atol=1e-5)
+        robot.update(robot.half_sitting.copy(), np.zeros(robot.nv))
+
+
+def test_a_biped_with_rods_at_its_ankles_stands_in_its_own_model() -> None:
+    description, model = closed("ankles")
+    assert {"left_ankle_pitch", "right_ankle_roll"} <= set(description.passive)
+    loop = wbc.sim.MujocoLoop(description, model)
+    assert not loop.notes and set(loop.actuators.kinds) == {"motor", "none"}
+    control = wbc.TorqueControl(wbc.balance_controller(description.robot(), loop.control_period))
+    start = loop.truth().com
+    loop.push("trunk", [25.0, 10.0, 0.0], 0.1)
+    while loop.time < 0.4:
+        loop.step(control.command(loop.measure()))
+    assert control.failures == 0 and np.abs(loop.truth().com - start).max() < 0.01
+    wrenches = control.controller.solution.wrenches
+    assert abs(wrenches["left_inner"][2]) > 10.0
+
+
+def test_inverse_kinematics_keeps_a_chain_closed_and_closes_an_open_one() -> None:
+    description, _ = closed("knee")
+    robot = description.robot()
+    ik = wbc.InverseKinematics(robot, 0.01)
+    shin = ik.add(wbc.OrientationTask("shin"))
+    ik.add(wbc.PostureTask(weight=1e-6), wbc.JointLimits())
+    (closure,) = ik.contacts
+    shin.target = pin.rpy.rpyToMatrix(0.0, 0.4, 0.0)
+    result = ik.reach()
+    knee, crank = (result.configuration[robot.joint_index(name)] for name in ("knee", "crank"))
+    assert result.reached and knee == pytest.approx(0.4, abs=1e-3) and abs(crank) > 0.3
+    robot.q[:] = result.configuration
+    robot.q[robot.joint_index("rod")] += 0.2
+    ik.update(robot.q.copy())
+    assert closure.gap()[0] > 0.01
+    for _ in range(300):
+        ik.step()
+    assert closure.gap()[0] < 1e-6
+
+
+def test_closed_chains_that_cannot_be_are_refused_by_name() -> None:
+    short = (
+        four_bar_knee()
+        .replace('fromto="0 0 0 .06 0 0"', 'fromto="0 0 0 .06 0 0"')
+        .replace('anchor="-.02 0 -.2"', 'anchor="-.02 0 -.9"')
+    )
+    far = RobotDescription.from_mjcf(short, base="fixed")  # closed where the file has it
+    assert far.closures
+    with pytest.raises(ModelError, match="'four bars' does not close in half-sitting.* mm"):
+        RobotDescription.from_mjcf(four_bar_knee(), base="fixed", half_sitting={"crank": 1.3, "knee": -1.9})
+    with pytest.raises(InputError, match="'shin' twice"):
+        wbc.LoopClosure("shin", "shin")
+    robot = RobotDescription.from_mjcf(four_bar_knee(), base="fixed").robot()
+    with pytest.raises(InputError, match="no joint moves 'shin' against 'four bars_2'"):
+        wbc.Controller(robot, 0.002).add(wbc.LoopClosure("shin", "four bars_2"))
+
+
+def test_a_chain_of_a_urdf_is_closed_by_a_pair_of_frames() -> None:
+    own = RobotDescription.from_mjcf(four_bar_knee(), base="fixed")
+    again = RobotDescription.from_urdf(
+        own.urdf, base="fixed", closures=own.closures, passive=own.passive, armature=dict(own.armature)
+    )
+    one, two = own.robot(), again.robot()
+    np.testing.assert_allclose(one.mass_matrix, two.mass_matrix, atol=1e-12)
+    assert two.closures == one.closures and (two.passive == one.passive).all()
+    with pytest.raises(InputError, match="wheel"):
+        RobotDescription.from_urdf(own.urdf, base="fixed", closures=own.closures, passive=["wheel"])

@@ -249,7 +249,6 @@ OTHER = (
     '<body name="other" pos="0 3 1"><freejoint/><geom size="0.1"/>'
     '<body name="arm"><joint name="j"/><geom size="0.1"/></body></body></worldbody>'
 )
-CHAIN = '<equality><connect name="rod" body1="left_arm" body2="right_arm" anchor="0 0 -0.3"/></equality>'
 STRING = '<tendon><fixed name="string"><joint joint="left_shoulder" coef="1"/></fixed></tendon>'
 PULLER = '<motor name="puller" tendon="string"/></actuator>'
 INERTIA = "0.08 0.06 0.05"
@@ -257,7 +256,6 @@ END = "</worldbody>"
 BAD = {
     "two robots": ([(END, OTHER)], "'other'"),
     "no free joint": ([('<freejoint name="floating"/>', "")], "root='pelvis'"),
-    "closed chain": ([(END, END + CHAIN)], "'rod'"),
     "tendon drive": ([(END, END + STRING), ("</actuator>", PULLER)], "'puller'"),
     "negative inertia": ([(INERTIA, "0.08 -0.06 0.05")], "inertia"),
     "actuator on no joint": ([('joint="waist"', 'joint="wiast"')], "wiast"),

@@ -140,6 +140,23 @@ def joints_to(model: pin.Model, frame: str | int, trunk: str | int | None = None
 
 
 @dataclass(frozen=True)
+class Closure:
+    """A place where a chain of a robot closes: two frames that stay together.
+
+    Attributes:
+        name: Name of the closure.
+        frame: A frame on one side.
+        other: The frame on the other side.
+        rotation: True if the orientations stay together as well, False for the points alone.
+    """
+
+    name: str
+    frame: str
+    other: str
+    rotation: bool
+
+
+@dataclass(frozen=True)
 class Coupling:
     """A joint that moves with another one: its position is ratio · (position of the leader) + offset.
 
@@ -214,6 +231,8 @@ class Robot:
         joint_names: These joints in the order of the velocity vector, length na.
         joint_numbers: Their numbers in the model.
         couplings: Joint without a coordinate of its own → its leader.
+        passive: Places of the joints without a drive, whose torque is zero, in arrays of shape (na,).
+        closures: Where closed chains close; every solver has a `LoopClosure` for each.
         q: Configuration of the last `update`, shape (nq,).
         v: Velocity of the last `update`, shape (nv,).
         mass_matrix: M(q), shape (nv, nv); overwritten by the next update.
@@ -248,6 +267,8 @@ class Robot:
         servos: Servos | None = None,
         springs: tuple[Array, Array] | None = None,
         torque_lower: Array | None = None,
+        passive: Sequence[str] = (),
+        closures: Sequence[Closure] = (),
     ) -> None:
         """Make a robot of a complete model: limits, armature and sole frames are in it; see the attributes.
 
@@ -262,6 +283,8 @@ class Robot:
             servos: Gains of the servos.
             springs: Stiffness and rest position of springs.
             torque_lower: Those of the model, negative, when None.
+            passive: Joints without a drive.
+            closures: Where closed chains close.
         """
         if model.njoints < 2:
             raise ModelError(f"robot '{model.name}' has no joints")
@@ -316,7 +339,13 @@ class Robot:
         self.torque_upper = np.minimum(model.upperEffortLimit[self.base_dof :], UNLIMITED)
         lower = -self.torque_upper if torque_lower is None else np.array(torque_lower)
         self.torque_lower = np.maximum(lower, -UNLIMITED)
+        self.passive = np.array(sorted(self.joint_index(name) for name in passive), dtype=np.intp)
+        self.torque_lower[self.passive] = self.torque_upper[self.passive] = 0.0
         self.torque_limit = np.maximum(-self.torque_lower, self.torque_upper)
+        self.closures = tuple(closures)
+        for closure in self.closures:
+            self.frame_id(closure.frame)
+            self.frame_id(closure.other)
         for name, lower, upper, *others in zip(
             self.joint_names,
             self.position_lower.tolist(),
@@ -489,6 +518,8 @@ class Robot:
             servos=self.servos,
             springs=self.springs,
             torque_lower=self.torque_lower,
+            passive=[self.joint_names[i] for i in self.passive],
+            closures=self.closures,
         )
         twin._loads = self._loads
         return twin

@@ -67,6 +67,7 @@ class InverseKinematics(Items):
         self._regularisation, self._damping = regularisation, damping
         self._levels: dict[int, int] = {}  # id of a task → its level, where it is not the first
         self._solution: VelocitySolution | None = None
+        self._close_chains()
         self._rebuild()
 
     @property

@@ -83,8 +83,8 @@ class _ContactSlot:
 def empty_problem(robot: Robot, contacts: Sequence[Contact]) -> Problem:
     """Return the QP of some contacts alone, unwritten, to try tasks on variables on: it changes nothing elsewhere."""
     nv, na, ends = robot.nv, robot.na, [0, *itertools.accumulate(contact.dim for contact in contacts)]
-    problem = Problem(nv, na, nv + ends[-1], robot.base_dof + ends[-1], 0, na)
-    problem.n_physics = robot.base_dof
+    problem = Problem(nv, na, nv + ends[-1], robot.base_dof + robot.passive.size + ends[-1], 0, na)
+    problem.n_physics = robot.base_dof + robot.passive.size
     for contact, start, stop in zip(contacts, ends, ends[1:], strict=False):
         problem.contacts[contact.name], problem.loaded[contact.name] = (
             slice(nv + start, nv + stop),
@@ -132,15 +132,18 @@ class Assembly:
         n_joint = na if self._joint_limits is not None else 0
         n_cone = sum(c.cone.shape[0] + len(c.ranged) for c in contacts)
         base, hard_rows, contact_rows, hard_motion_rows, soft_rows = _consecutive(
-            base_dof, _dim(hard_first), n_force, _dim(hard_motion), n_soft
+            base_dof + robot.passive.size, _dim(hard_first), n_force, _dim(hard_motion), n_soft
         )
         torques, joints, cones, other_limits = _consecutive(
             na, n_joint, n_cone, sum(r.dim for r in row_limits)
         )
         self.problem = p = Problem(nv, na, nv + n_force, soft_rows.start, n_soft, other_limits.stop)
-        p.n_physics = base_dof
+        p.n_physics = base.stop
         if robot.floating:
-            p.equality_groups["floating-base dynamics"] = base
+            p.equality_groups["floating-base dynamics"] = slice(0, base_dof)
+        if robot.passive.size:
+            p.equality_groups["joints without a drive"] = slice(base_dof, base.stop)
+        base = slice(0, base_dof)
         p.inequality_groups["torque limits"] = torques
         self._places: dict[str, slice] = {}  # of tasks, among the residuals
         self._limit_names = [f"torque of {joint}" for joint in robot.joint_names]
@@ -194,6 +197,10 @@ class Assembly:
         self._contact_base_t = p.equality[contact_rows, :base_dof].T
         self._contact_joint_t = p.equality[contact_rows, base_dof:nv].T
         self._base_target = p.target[base]
+        self._passive = robot.passive
+        self._passive_rows, self._passive_target = (
+            each[base_dof : base_dof + robot.passive.size] for each in (p.equality, p.target)
+        )
         self._torque_lower, self._torque_upper = p.lower[torques], p.upper[torques]
         self._torque_bounds = (np.zeros(na), np.zeros(na))
         self._joint_rows = (p.inequality[joints, :nv], p.lower[joints], p.upper[joints])
@@ -393,6 +400,11 @@ class Assembly:
             self._torque_limits.write(dt, _NONE, lower, upper)
             np.subtract(lower, torque_bias, out=self._torque_lower)
             np.subtract(upper, torque_bias, out=self._torque_upper)
+        if self._passive.size:  # no torque: equalities, in place of bounds
+            passive = self._passive
+            self._passive_rows[:] = self.problem.inequality[passive]
+            np.negative(torque_bias[passive], out=self._passive_target)
+            self._torque_lower[passive], self._torque_upper[passive] = -np.inf, np.inf
         if self._joint_limits is not None:
             self._joint_limits.write(dt, *self._joint_rows)
         if released is not None:

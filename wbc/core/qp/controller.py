@@ -66,6 +66,7 @@ class Controller(Items):
         self.released: ReleasedJoints | None = None
         self.measured: Robot | None = None
         self._torques: Array | None = None  # of the last tick
+        self._close_chains()
         self._rebuild()
 
     @property

@@ -15,6 +15,7 @@ from wbc.core.errors import InputError, choose, shown
 from wbc.core.limits.base import Limit
 from wbc.core.limits.joint import JointLimits
 from wbc.core.limits.torque import TorqueLimits
+from wbc.core.qp.closure import LoopClosure
 from wbc.core.qp.contact import Contact
 from wbc.core.qp.task import Task, evaluated
 from wbc.core.robot import Robot
@@ -88,6 +89,11 @@ class Items:
                 each.accepted = True
         self._dirty = True
         return (item, *items) if items else item
+
+    def _close_chains(self) -> None:
+        """Add what holds the closed chains of the robot."""
+        for each in self.robot.closures:
+            self.add(LoopClosure(each.frame, each.other, rotation=each.rotation, name=each.name))
 
     def _check_addable(self, item: Item, others: Sequence[Item]) -> None:
         """Refuse an item that may not stand beside the others, or is another controller's."""

@@ -1,0 +1,91 @@
+"""Closed chains of a robot in a compiled MuJoCo model: equalities that tie two of its bodies at a point or rigidly."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+import pinocchio as pin
+
+from wbc.core.errors import ModelError
+from wbc.core.robot import Closure
+from wbc.robots.readers.actuators_mjcf import equalities_off
+from wbc.robots.readers.tree_mjcf import Tree, placement_of
+from wbc.robots.readers.write_urdf import UrdfWriter
+
+
+@dataclass(frozen=True)
+class Loop:
+    """A closed chain.
+
+    Attributes:
+        number: Number of its equality.
+        name: Name of the equality.
+        ends: The two bodies that it ties.
+        places: Place of the closure in each of them.
+        rotation: True for a weld, which ties the orientations as well.
+    """
+
+    number: int
+    name: str
+    ends: tuple[int, int]
+    places: tuple[pin.SE3, pin.SE3]
+    rotation: bool
+
+
+def find_loops(tree: Tree) -> list[Loop]:
+    """Return the closed chains of a robot; an equality that is not active at the start closes none."""
+    model, kinds, found = tree.model, mujoco.mjtEq, []
+    for i in range(0 if equalities_off(model) else model.neq):
+        kind, one, two = int(model.eq_type[i]), int(model.eq_obj1id[i]), int(model.eq_obj2id[i])
+        if not model.eq_active0[i] or kind not in (kinds.mjEQ_CONNECT, kinds.mjEQ_WELD):
+            continue
+        data, weld = model.eq_data[i], kind == kinds.mjEQ_WELD
+        if int(model.eq_objtype[i]) == mujoco.mjtObj.mjOBJ_SITE:
+            places = tuple(placement_of(model.site_pos[site], model.site_quat[site]) for site in (one, two))
+            one, two = int(model.site_bodyid[one]), int(model.site_bodyid[two])
+        elif weld:
+            at = pin.SE3(np.eye(3), np.array(data[:3]))
+            places = placement_of(data[3:6], data[6:10]) * at, at
+        else:
+            places = tuple(pin.SE3(np.eye(3), np.array(data[k : k + 3])) for k in (0, 3))
+        ends = tree.carrier.get(one), tree.carrier.get(two)
+        if ends[0] is not None and ends[1] is not None and ends[0] != ends[1]:
+            name = str(model.equality(i).name) or f"equality_{i}"
+            found.append(Loop(i, name, (one, two), (places[0], places[1]), weld))
+    return found
+
+
+def joints_of(tree: Tree, loops: list[Loop]) -> set[str]:
+    """Return the joints between the ends of closed chains."""
+    model, names = tree.model, {number: name for name, number in tree.joints.items()}
+    found = set()
+    for loop in loops:
+        sides = []
+        for body in loop.ends:
+            side, above = set(), body
+            while above:
+                side |= {names[joint] for joint in tree.joints_of(above) if joint in names}
+                above = int(model.body_parentid[above])
+            sides.append(side)
+        found |= sides[0] ^ sides[1]
+    return found
+
+
+def add_closures(writer: UrdfWriter, tree: Tree, loops: list[Loop]) -> tuple[Closure, ...]:
+    """Add a link at each end of closed chains, and return the closures."""
+    taken = {str(link.get("name")) for link in writer.root.findall("link")}
+    made = []
+    for loop in loops:
+        frames = []
+        for side, (body, place) in enumerate(zip(loop.ends, loop.places, strict=True), 1):
+            frame = f"{loop.name}_{side}"
+            if frame in taken:
+                raise ModelError(f"closure '{loop.name}': a body is called '{frame}', as its end would be")
+            taken.add(frame)
+            writer.link(frame)
+            writer.joint(f"{frame}_fixed", "fixed", tree.body_name(body), frame, place)
+            frames.append(frame)
+        made.append(Closure(loop.name, frames[0], frames[1], loop.rotation))
+    return tuple(made)

@@ -1,0 +1,178 @@
+"""Closed chains: two frames of a robot that are one place, as the ends of a rod and of the lever that it moves.
+
+A robot's model is a tree; a chain that closes is opened at one joint, and the closure holds what that joint held.
+"""
+
+from __future__ import annotations
+
+from typing import Unpack
+
+import numpy as np
+import pinocchio as pin
+
+from wbc.core.checked import checked
+from wbc.core.errors import Array, InputError
+from wbc.core.qp.contact import Contact, ContactOptions
+from wbc.core.qp.motion import Rows
+from wbc.core.robot import Robot
+
+SAMPLES = 12
+"""Number of postures around the present one in which the directions are looked for that the chain leaves free."""
+
+SPREAD = 0.3
+"""Largest change of a joint in these postures, rad or m."""
+
+FREE = 1e-6
+"""Share of the greatest motion of the two ends against each other below which there is none in a direction."""
+
+
+class LoopClosure(Contact):
+    """Two frames of the robot that stay together: at one point, or in their orientation as well.
+
+    It is a contact between two parts of the robot: what the second frame does to the first one is its wrench, in the
+    axes of the first frame, and the first one does the opposite to the second. It costs 10⁻⁸ per N² and (Nm)². In a
+    direction in which the chain cannot open, as out of the plane of four bars, the closure has no row, since nobody can
+    tell the force there: `dim` is the number of the others, once it is bound, and `directions` are these.
+
+    Attributes:
+        other: The second frame.
+        rotation: True if the orientations stay together as well.
+        directions: Directions of the rows, [linear; angular] in the axes of the first frame, shape (dim, 3 or 6).
+    """
+
+    ranged = ()
+    usual = {"wrench_weight": 1e-8, "stiffness": 400.0, "rate": 20.0}
+    dim = 6
+
+    @checked
+    def __init__(
+        self,
+        frame: str,
+        other: str,
+        *,
+        rotation: bool = True,
+        name: str | None = None,
+        **options: Unpack[ContactOptions],
+    ) -> None:
+        """Describe the closure.
+
+        Args:
+            frame: A frame on one side of where the chain closes.
+            other: The frame on the other side that is in the same place, with the same axes if `rotation`.
+            rotation: False where only the points stay together, as in a ball joint or at the end of a rod.
+            name: Name; that of the two frames when None.
+            **options: See `ContactOptions`; there is no normal force.
+        """
+        if frame == other:
+            raise InputError(f"a closure ties two frames, got '{frame}' twice")
+        self.other, self.rotation = other, rotation
+        self.dim = 6 if rotation else 3
+        self.directions = np.eye(self.dim)
+        super().__init__(name or f"{frame} to {other}", frame, np.zeros((0, self.dim)), **options)
+
+    def bind(self, robot: Robot) -> None:
+        """Resolve the frames, and find the directions in which the chain could open."""
+        self._other_id = robot.frame_id(self.other)
+        self._resize(_directions(robot, robot.frame_id(self.frame), self._other_id, self.rotation))
+        if not self.dim:
+            raise InputError(
+                f"closure '{self.name}': no joint moves '{self.frame}' against '{self.other}', which are one body"
+            )
+        super().bind(robot)
+        self._there = robot.data.oMf[self._other_id]
+
+    def _resize(self, directions: Array) -> None:
+        """Take other directions over, with the gains and weights that all rows have."""
+        stiffness, damping, rate, weight = (
+            float(each[0]) for each in (self.stiffness, self.damping, self.rate, self.wrench_weight)
+        )
+        critical = self._critical
+        self.dim, self.directions = len(directions), directions
+        self._rows, self.cone = Rows.zeros(self.dim), np.zeros((0, self.dim))
+        if self.dim:
+            self.stiffness, self.rate, self.wrench_weight = stiffness, rate, weight
+            self.damping = None if critical else damping
+            if self._motion_weight is not None:
+                self._motion_weight = self._motion_costs(float(self._motion_weight[0]))
+
+    @property
+    def normal_force_range(self) -> tuple[float, float]:
+        """No bounds: a closure has no normal force."""
+        return -np.inf, np.inf
+
+    def gap(self) -> tuple[float, float]:
+        """Return how far apart the two frames are, m, and the angle between them, rad, 0 without `rotation`."""
+        _ = self.robot
+        apart = self._placement.actInv(self._there)
+        return float(np.linalg.norm(apart.translation)), float(
+            np.linalg.norm(pin.log3(apart.rotation)) if self.rotation else 0.0
+        )
+
+    def evaluate(self, jacobian: Array, error: Array, drift: Array) -> None:
+        """Fill the motion rows; see `Contact.evaluate`.
+
+        With r from the first frame to the second and R the axes of the first, the error is Rᵀ r, whose change is
+        Rᵀ (v₂ − v₁ − ω₁ × r): the velocity of the second point against the first body, so that the two forces are
+        opposite at one point and give the robot no momentum, closed or not.
+        """
+        model, data, world = self._model, self._data, pin.LOCAL_WORLD_ALIGNED
+        ends = self._id, self._other_id
+        turn, reach = self._placement.rotation.T, self._there.translation - self._placement.translation
+        one, two = (pin.getFrameJacobian(model, data, end, world) for end in ends)
+        (v1, w1), (v2, w2) = (_parts(pin.getFrameVelocity(model, data, end, world)) for end in ends)
+        (a1, b1), (a2, b2) = (
+            _parts(pin.getFrameClassicalAcceleration(model, data, end, world)) for end in ends
+        )
+        lever = pin.skew(reach)
+        spin = pin.skew(w1)
+        carried = spin.dot(reach)
+        rows = np.empty((len(self.directions[0]), model.nv))
+        rows[:3] = turn.dot(one[:3] - lever.dot(one[3:]) - two[:3])
+        off, bend = np.empty(len(rows)), np.empty(len(rows))
+        off[:3] = turn.dot(reach)
+        # (a₁ + α₁ × r + ω₁ × (ω₁ × r)) − a₂ + 2 ω₁ × (v₂ − v₁ − ω₁ × r)
+        bend[:3] = turn.dot(a1 - a2 - lever.dot(b1) + spin.dot(2.0 * (v2 - v1) - carried))
+        if self.rotation:
+            rows[3:] = turn.dot(one[3:] - two[3:])
+            off[3:] = pin.log3(turn.dot(self._there.rotation))
+            bend[3:] = turn.dot(b1 - b2 + spin.dot(w2))
+        jacobian[:] = self.directions.dot(rows)
+        error[:] = self.directions.dot(off)
+        drift[:] = self.directions.dot(bend)
+
+    def full_wrench(self, wrench: Array) -> Array:
+        """Return a wrench of the solution, shape (dim,), with all components along the axes of the first frame."""
+        return np.asarray(self.directions.T.dot(wrench))
+
+
+def _parts(motion: pin.Motion) -> tuple[Array, Array]:
+    return motion.linear, motion.angular
+
+
+def _directions(robot: Robot, frame: int, other: int, rotation: bool) -> Array:
+    """Return the directions in the axes of a frame in which joints move it against another one, shape (dim, 3 or 6)."""
+    model, data = robot.model, robot.model.createData()
+    random, size = np.random.default_rng(0), 6 if rotation else 3
+    total = np.zeros((size, size))
+    for _ in range(SAMPLES):
+        q = np.array(robot.q)
+        q[robot.base_nq :] += random.uniform(-SPREAD, SPREAD, robot.na)
+        pin.computeJointJacobians(model, data, q)
+        pin.updateFramePlacements(model, data)
+        one, two = (pin.getFrameJacobian(model, data, end, pin.LOCAL_WORLD_ALIGNED) for end in (frame, other))
+        turn = data.oMf[frame].rotation.T
+        lever = pin.skew(data.oMf[other].translation - data.oMf[frame].translation)
+        rows = np.vstack(
+            [turn @ (one[:3] - lever @ one[3:] - two[:3]), turn @ (one[3:] - two[3:])][: 2 if rotation else 1]
+        )
+        total += rows @ rows.T
+    sizes, axes = np.linalg.eigh(total)
+    kept = sizes > FREE**2 * max(float(sizes[-1]), np.finfo(float).tiny)
+    if kept.all():
+        return np.eye(size)
+    found = axes[:, kept].T
+    # Along the axes of the frame where they can be: easier to read.
+    aligned = np.abs(found.T @ found - np.diag(np.diag(found.T @ found))).max() < FREE
+    if aligned:
+        return np.asarray(np.eye(size)[np.diag(found.T @ found) > 0.5])
+    return np.asarray(found)
