@@ -342,6 +342,30 @@ def test_the_stopping_velocity_is_the_greatest_that_stops_in_time(
     assert found[0] == pytest.approx(velocity, rel=1e-6, abs=1e-9)
 
 
+def test_joints_that_are_not_limited_go_where_they_are_sent() -> None:
+    """In both solvers: the fourth joint is sent beyond its limit, and so is the first, which is limited."""
+    robot = robot_of("panda")
+    high, limits = robot.position_upper + 0.2, wbc.JointLimits(joints=["panda_joint1"], velocity=False)
+    ik = wbc.InverseKinematics(robot, 0.01)
+    posture = wbc.PostureTask()
+    ik.add(limits, posture)
+    posture.follow(high)
+    for _ in range(200):
+        ik.step()
+    assert robot.q[7] <= robot.position_upper[0] and robot.q[10] > robot.position_upper[3] + 0.1
+    ik.remove(posture, limits)
+    robot, posture = robot_of("panda"), wbc.PostureTask()
+    controller = wbc.Controller(robot, 0.005)
+    controller.add(wbc.FixedContact(robot.base_frame), limits, posture)
+    posture.follow(high)
+    q, v = robot.q.copy(), robot.v.copy()
+    for _ in range(600):
+        controller.update(q, v)
+        v = v + 0.005 * controller.solve().accelerations
+        q = pin.integrate(robot.model, q, 0.005 * v)
+    assert q[7] <= robot.position_upper[0] and q[10] > robot.position_upper[3] + 0.1
+
+
 def test_the_centre_of_mass_stays_in_its_polygon() -> None:
     ik = solver("talos")
     polygon = ik.add(wbc.CoMPolygonLimit())
@@ -426,6 +450,7 @@ REFUSED: dict[str, tuple[Callable[[wbc.InverseKinematics], object], str]] = {
     "level": (lambda ik: ik.add(wbc.CoMTask(), level=-1), "level"),
     "level of a limit": (lambda ik: ik.add(wbc.CoMPolygonLimit(), level=1), "every level"),
     "hard in a level": (lambda ik: ik.add(wbc.CoMTask(hard=True), level=1), "every level"),
+    "limited joint": (lambda ik: wbc.JointLimits(joints=["elbow_"]).bind(ik.robot), "elbow_"),
     "rate": (lambda ik: wbc.CoMTask(rate=-1.0), "rate"),
     "rate of a contact": (lambda ik: wbc.PointContact("x", rate=np.nan), "rate"),
     "frame": (lambda ik: ik.add(wbc.PoseTask("nowhere")), "nowhere"),

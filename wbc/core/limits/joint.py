@@ -6,13 +6,14 @@ never empty. A joint that starts outside its limits is brought back instead of m
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Annotated
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from wbc.core.checked import checked
-from wbc.core.errors import Array, InputError, scalar
+from wbc.core.errors import Array, InputError, names_in, scalar
 from wbc.core.limits.base import Limit, for_joints
 from wbc.core.robot import Robot
 from wbc.core.settings import NonNegative, PositiveNumbers, Ratio
@@ -126,6 +127,7 @@ class JointLimits(Limit):
         braking: Annotated[PositiveNumbers, "rad/s²"] | None = None,
         margin: Annotated[NonNegative, "rad"] = 1e-3,
         velocity_ratio: Ratio = 1.0,
+        joints: str | Sequence[str] | None = None,
     ) -> None:
         """Choose the bounds.
 
@@ -140,8 +142,10 @@ class JointLimits(Limit):
                 the rest is left for gravity and contact forces.
             margin: Distance kept from the position limits, rad (or m); room for the solver's tolerance.
             velocity_ratio: Share of the velocity limit that may be used, in (0, 1].
+            joints: Joints that are limited; all when None.
         """
         self.name, self.dim = "joint limits", 0
+        self._joints = None if joints is None else names_in("joints of joint limits", joints)
         self._use_position, self._use_velocity = position, velocity
         self._acceleration, self._braking = acceleration, braking
         self._margin, self._ratio = margin, velocity_ratio
@@ -150,6 +154,9 @@ class JointLimits(Limit):
         """Take the limits from the model."""
         self.dim = na = robot.na
         self._rows: Array | None = None  # that have been filled
+        self._free: NDArray[np.intp] | None = None  # joints without limits
+        if self._joints is not None:
+            self._free = np.setdiff1d(np.arange(na), [robot.joint_index(joint) for joint in self._joints])
         self.acceleration = np.full(na, np.inf)
         inertia = np.diag(robot.mass_matrix)[robot.base_dof :]
         # Row 0 is for the upper bounds, which negative torques keep, row 1 for the lower ones.
@@ -188,6 +195,11 @@ class JointLimits(Limit):
                 np.array([self.acceleration, self.acceleration]),
                 np.array([stop, stop]),
             )
+
+    def _release(self, lower: Array, upper: Array) -> None:
+        """Take the bounds of joints away that are not limited."""
+        if self._free is not None:
+            lower[self._free], upper[self._free] = -np.inf, np.inf
 
     def _place_rows(self, rows: Array) -> None:
         """Make each row a joint, once."""
@@ -231,6 +243,7 @@ class JointLimits(Limit):
         if not flat[flat.argmin()] >= 0.0:
             crossed = upper < lower
             lower[crossed] = upper[crossed] = 0.5 * (lower + upper)[crossed]
+        self._release(lower, upper)
 
     def write_step(self, rows: Array, lower: Array, upper: Array) -> None:
         """Fill the distances to the position bounds, rad; see `Limit.write_step`."""
@@ -242,6 +255,7 @@ class JointLimits(Limit):
         np.subtract(self.lower, self._positions, out=lower)
         np.clip(upper, -LONGEST_STEP, LONGEST_STEP, out=upper)
         np.clip(lower, -LONGEST_STEP, LONGEST_STEP, out=lower)
+        self._release(lower, upper)
 
     def write_velocity(self, dt: float, rows: Array, lower: Array, upper: Array) -> None:
         """Fill the velocity interval of every joint, rad/s, of which the next position, q + v dt, is inside."""
@@ -277,3 +291,4 @@ class JointLimits(Limit):
         if not flat[flat.argmin()] >= 0.0:
             crossed = upper < lower
             lower[crossed] = upper[crossed] = 0.5 * (lower + upper)[crossed]
+        self._release(lower, upper)
