@@ -16,7 +16,7 @@ from wbc.core.estimation.falls import FallReason
 from wbc.core.robot import GRAVITY
 from wbc.core.settings import NonNegative, settings
 from wbc.motion import MotionClip, MotionSource, tracking_settings
-from wbc.sim.trial.falls import FallSettings, PelvisLimits
+from wbc.sim.trial.falls import BodyLimits, FallSettings
 from wbc.sim.trial.loop import Trial, TrialHook, TrialTick
 from wbc.sim.trial.spec import TrialResult, TrialSpec
 from wbc.walking.walking_control import WalkingControl
@@ -94,7 +94,7 @@ class TrackTrial(Trial):
         control = WalkingControl(robot, self.source, spec.period, settings, observer=observer)
         limits = FallSettings()
         drop = limits.drop * robot.length_scale
-        super().__init__(plant, control, PelvisLimits(-drop, limits.tilt))
+        super().__init__(plant, control, BodyLimits(-drop, limits.tilt))
         self._errors = _TrackMeter(robot.mass * GRAVITY)
         self.meters.append(self._errors)
 
@@ -106,7 +106,8 @@ class TrackTrial(Trial):
     def true_fall(self) -> FallReason | None:
         """Return why the robot is not where the clip has it; None if it is."""
         q = self.source.configurations[self.given]
-        return self._falls.reason(self.plant.truth().q, q[2], rotation_of(q[3:7])[2])
+        height = self.plant.com_height - float(self.source.motion[self.given].pendulum.com[2])
+        return self._falls.reason(self.plant.truth().q[3:7], height, rotation_of(q[3:7])[2])
 
     def simulate(self) -> None:
         """See `Trial`."""

@@ -115,6 +115,11 @@ class SimulatedRobot(ABC):
         """Simulated time, s."""
         return float(self.data.time)
 
+    @property
+    def com_height(self) -> float:
+        """Height of the true centre of mass in the world, m: a part of `truth` that costs nothing."""
+        return float(self.data.subtree_com[self.places.root, 2])
+
     def measure(self) -> Measurement:
         """Return the readings of the sensors now; the same object until the next step.
 

@@ -34,7 +34,7 @@ from wbc.core.estimation.falls import FallReason
 from wbc.core.signals import Command, Control, Measurement
 from wbc.sim.plant.plant import Plant
 from wbc.sim.plant.robot import DivergedError
-from wbc.sim.trial.falls import PelvisLimits, TrueFallDetector
+from wbc.sim.trial.falls import BodyLimits, TrueFallDetector
 from wbc.sim.trial.threads import one_thread
 from wbc.walking.control import ReferenceControl
 from wbc.walking.plans.footsteps import FootstepPlan
@@ -117,7 +117,7 @@ class Trial:
         self,
         plant: Plant,
         walking: Control,
-        limits: PelvisLimits | None = None,
+        limits: BodyLimits | None = None,
         scenario: Sequence[TrialHook] = (),
     ) -> None:
         """Connect plant and controller.
@@ -125,7 +125,7 @@ class Trial:
         Args:
             plant: The plant.
             walking: The controller.
-            limits: Limits of the pelvis in the fall test; those of a standing robot when None.
+            limits: Limits of the body in the fall test; those of a standing robot when None.
             scenario: Hooks that act.
         """
         self.plant = plant
@@ -165,8 +165,8 @@ class Trial:
 
     def true_fall(self) -> FallReason | None:
         """Return why the robot has fallen in the simulation, whatever the controller's estimate; None if it has not."""
-        x, y, z, qw, qx, qy, qz = self.plant.data.qpos[:7].tolist()
-        return self._falls.reason((x, y, z, qx, qy, qz, qw), self.ground)
+        w, x, y, z = self.plant.data.qpos[3:7].tolist()
+        return self._falls.reason((x, y, z, w), self.plant.com_height - self.ground)
 
     def find_fall(self) -> FallReason | None:
         """Return why the robot has fallen, by its controller or in truth; None if it has not."""

@@ -182,7 +182,7 @@ class WalkMeter(TrialHook):
     def fall(self, reason: str) -> Fall:
         """Return a fall that has just been detected, with its onset.
 
-        Without DCM errors the onset is the fall itself, and its direction that of the pelvis' true velocity.
+        Without DCM errors the onset is the fall itself, and its direction that of the CoM's true velocity.
         """
         progress = self._walking.progress
         level = np.eye(3).ravel().tolist()
@@ -195,7 +195,7 @@ class WalkMeter(TrialHook):
             if moment.dcm is None or math.hypot(*moment.dcm) < EXCURSION:
                 break
             onset = moment
-        x, y = self._plant.data.qvel[:2].tolist()
+        x, y, _ = self._plant.truth().com_velocity.tolist()
         way = onset.seen(x, y) if onset.dcm is None else onset.dcm
         forward, outward, roll, pitch = (value + 0.0 for value in (*way, *onset.tilt))  # no -0.0
         if reason == "height":

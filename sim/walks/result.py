@@ -52,8 +52,8 @@ class Fall:
         share: Elapsed time over the duration of that phase.
         dcm_forward: Excursion of the DCM along the stance foot, m: measured minus reference; None without a stabilizer.
         dcm_outward: Excursion over the stance foot to the outside, m; likewise.
-        cause: "dropped" where the pelvis sank; else the direction of the larger excursion, or without them of the
-            pelvis' true velocity, seen from the stance foot: "forward", "backward", "left" or "right". A simulation
+        cause: "dropped" where the CoM sank; else the direction of the larger excursion, or without them of the
+            CoM's true velocity, seen from the stance foot: "forward", "backward", "left" or "right". A simulation
             that diverged is no fall.
         sole_roll: Tilt of the stance sole across, rad.
         sole_pitch: Tilt of the stance sole along, toe down positive, rad.

@@ -23,7 +23,7 @@ from wbc.ground import KnownGround
 from wbc.sim.plant.eyes import DepthCamera, ToeSensors
 from wbc.sim.plant.plant import Plant
 from wbc.sim.terrain.families.base import terrain_families
-from wbc.sim.trial.falls import PelvisLimits
+from wbc.sim.trial.falls import BodyLimits
 from wbc.sim.trial.loop import Trial, TrialHook
 from wbc.sim.trial.push import PushSchedule
 from wbc.sim.trial.threads import one_thread
@@ -119,10 +119,10 @@ class WalkTrial(Trial):
             walking, height = _walking(spec, prepared, robot, scheduler)
         standing_com = float(robot.com[2]) - 0.5 * (prepared.plan.left.z + prepared.plan.right.z)
         lowering = 0.0 if height is None else max(0.0, standing_com - height)
-        pelvis = float(plant.data.qpos[2]) - _ground(plant) - lowering
+        com = plant.com_height - _ground(plant) - lowering
         self.walking: ReferenceControl
         limits = prepared.settings.falls
-        super().__init__(plant, walking, PelvisLimits(pelvis - limits.drop * robot.length_scale, limits.tilt))
+        super().__init__(plant, walking, BodyLimits(com - limits.drop * robot.length_scale, limits.tilt))
         self._drive, self._arrival = Drive(prepared.orders, walking), prepared.arrival()
         self.scenario += [self._drive, PushSchedule(spec.pushes)]
         self.meter = WalkMeter(plant, walking)

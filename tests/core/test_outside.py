@@ -95,6 +95,24 @@ def test_the_tare_takes_off_what_empty_hands_show_and_turns_with_the_robot() -> 
     assert np.abs(observer.wrench[:3]).max() < 1e-6
 
 
+@pytest.mark.parametrize("share", [0.02, 0.05, 0.1, -0.06])
+def test_what_hands_bear_from_the_start_is_no_tare_unless_they_are_said_to_be_empty(share: float) -> None:
+    """A tare is an error of sensors and model, up to 3 % of the weight; a load, or a rope, is more."""
+    robot = DESCRIPTION.robot()
+    observer = OutsideWrench(robot, OutsideSettings(settling=0.1, tare=0.2, bandwidth=150.0))
+    borne = np.array([0.0, 0.0, -share * robot.mass * GRAVITY, 0.0, 0.0, 0.0])
+
+    def rest(ticks: int) -> np.ndarray:
+        for _ in range(ticks):
+            observer.update(at_rest(robot, borne), DT)
+        assert observer.ready
+        return observer.wrench
+
+    assert rest(70)[2] == pytest.approx(0.0 if abs(share) < 0.03 else borne[2], abs=1e-6)
+    observer.take_tare()
+    assert rest(70)[2] == pytest.approx(0.0, abs=1e-6)
+
+
 @pytest.mark.parametrize("point", [(0.0, 0.0, 0.0), (0.1, 0.05, -0.2)])
 def test_a_load_in_the_model_is_a_mass_at_its_place(point: tuple[float, float, float]) -> None:
     """CoM, mass and weight are those of robot and load, of the robot and of its clone, and go with the load."""

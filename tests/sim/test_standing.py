@@ -16,21 +16,33 @@ from wbc.core.control import Mode
 from wbc.core.drive.position import PositionControl
 from wbc.core.drive.torque import TorqueControl
 from wbc.core.errors import InputError
+from wbc.core.robot import Robot
 from wbc.feet import foot
 from wbc.feet.soles.rigid import RigidFoot
 from wbc.robots import RobotDescription, load, names
 from wbc.sim.balance.push_recovery import recovers
 from wbc.sim.balance.standing import MODES, StandSpec, stand
+from wbc.sim.plant.eyes import DepthCamera
 from wbc.sim.plant.feet import with_feet
 from wbc.sim.plant.plant import Plant
 from wbc.sim.trial.falls import LARGEST_TILT, LOWEST_SHARE, TrueFallDetector
+from wbc.sim.trial.loop import Trial
 from wbc.sim.trial.push import WalkPush
 from wbc.sim.walks.plans import WalkPlan
 from wbc.sim.walks.spec import WalkSpec
 from wbc.sim.walks.trial import WalkTrial
 from wbc.tasks.balance import balance_controller
+from wbc.walking import FootstepPlan, WalkingControl
 
 BIPED = (Path(__file__).parents[2] / "examples" / "biped.urdf").read_text()
+FEET = {"left_sole": "left_foot", "right_sole": "right_foot"}
+ROOT = """<link name="base_footprint"/>
+  <joint name="root" type="fixed">
+    <parent link="base_footprint"/><child link="trunk"/><origin xyz="0 0 0.72"/>
+  </joint>
+  <link name="trunk">"""
+FOOTPRINT = BIPED.replace('<link name="trunk">', ROOT, 1)
+"""The biped with a root that lies on the ground when its knees are nearly straight."""
 
 
 @pytest.mark.parametrize(
@@ -101,24 +113,53 @@ def turned(q: np.ndarray[Any, Any], angle: float, axis: list[float]) -> np.ndarr
     return out
 
 
-@pytest.mark.parametrize("robot", names())
+def described(robot: str) -> RobotDescription:
+    """One of the robots, or a biped whose root lies on the ground."""
+    return load(robot) if robot in names() else RobotDescription.from_urdf(FOOTPRINT, **FEET)
+
+
+def at_height(model: Robot, q: np.ndarray[Any, Any], com: float) -> np.ndarray[Any, Any]:
+    """A configuration with the CoM at a height, m."""
+    out = np.array(q)
+    out[2] += com - float(pin.centerOfMass(model.model, model.model.createData(), out)[2])
+    return out
+
+
+@pytest.mark.parametrize("robot", [*names(), "footprint"])
 def test_fallen_means_low_or_tilted_or_lost_wherever_and_whichever_way(robot: str) -> None:
-    model = load(robot).robot()
-    detector, q = TrueFallDetector(model), np.array(model.half_sitting)
+    model = described(robot).robot()
+    detector, q, com = TrueFallDetector(model), np.array(model.half_sitting), float(model.com[2])
     for heading in (0.0, 2.0):
         there = turned(q, heading, [0, 0, 1])
         there[:2] += 100.0
         assert not detector.fallen(there)
         for axis in ([1, 0, 0], [0, 1, 0], [1, -1, 0]):
-            assert not detector.fallen(turned(there, 0.98 * LARGEST_TILT, list(axis)))
-            assert detector.fallen(turned(there, 1.02 * LARGEST_TILT, list(axis)))
+            for share, fallen in ((0.98, False), (1.02, True)):
+                tilted = at_height(model, turned(there, share * LARGEST_TILT, list(axis)), com)
+                assert detector.fallen(tilted) is fallen
         for height, fallen in ((1.02, False), (0.98, True)):
-            there[2] = height * LOWEST_SHARE * q[2]
-            assert detector.fallen(there) is fallen
+            assert detector.fallen(at_height(model, there, height * LOWEST_SHARE * com)) is fallen
     for place in (2, 4):
         lost = np.array(q)
         lost[place] = np.nan
         assert detector.fallen(lost)
+
+
+def test_a_robot_whose_root_lies_on_the_ground_stands_and_its_camera_sees_the_ground() -> None:
+    """The root of many descriptions is a `base_footprint` between the feet."""
+    description = described("footprint")
+    assert description.robot().half_sitting[2] < 0.0
+    camera = DepthCamera(noise=0.0, relative_noise=0.0, dropout=0.0, latency=0.0)
+    plant = Plant(description, visuals=False)
+    robot = description.robot()
+    trial = Trial(plant, WalkingControl(robot, FootstepPlan.standing(robot), plant.control_period))
+    trial.advance(0.1)
+    assert trial.fall is None and trial.true_fall() is None
+    (cloud,) = Plant(description, eyes=(camera,), visuals=False).clouds()
+    base = description.robot().placement(cloud.frame)
+    seen = cloud.points @ base.rotation.T + base.translation
+    assert len(seen) > 500 and np.abs(seen[:, 2]).max() < 0.01
+    assert seen[:, 0].min() > 0.1 and seen[:, 0].max() > 0.8
 
 
 @pytest.mark.slow

@@ -136,7 +136,7 @@ def test_who_lies_has_fallen_whatever_the_controller_believes() -> None:
     plant.data.qpos[3:7] = [math.cos(1.5), 0.0, 0.0, math.sin(1.5)]  # a turn is no tilt
     assert look() is None
     plant.data.qpos[3:7] = upright
-    plant.data.qpos[2] -= 0.19  # soles stay where they were last computed
+    plant.data.subtree_com[plant.places.root, 2] -= 0.19  # soles stay where they were
     assert look() is FallReason.HEIGHT
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from wbc.core.control import Mode
 from wbc.core.estimation.outside import OutsideSettings, OutsideWrench
 from wbc.core.robot import GRAVITY
 from wbc.robots import load as load_robot
@@ -60,6 +61,22 @@ def test_a_load_in_the_hands_is_found_taken_over_by_both_models_and_let_go_of() 
     own = plant.robot.mass
     assert walking.stabilizer.mass == walking.controller.robot.mass == pytest.approx(own)
     assert walking.walk.phases.weight == pytest.approx(own * GRAVITY) and walking.fallen is None
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("robot", "mode"), [("hrp4_class", "position"), ("g1", "torque")])
+def test_a_load_that_is_there_from_the_start_is_found(robot: str, mode: Mode) -> None:
+    """3 kg, with realistic sensors: more than a tare of sensors and model can be."""
+    description = load_robot(robot)
+    model, dt = description.robot(), 0.005 if mode == "position" else 0.002
+    plant = Plant(description, noise="realistic", seed=3, control_period=dt, visuals=False)
+    for frame in model.frames.values():
+        plant.load(frame, 1.5)
+    settings = WalkingControlSettings(mode=mode, load=LoadSettings())
+    walking = WalkingControl(model, FootstepPlan.standing(model), dt, settings, law="lipm")
+    trial = Trial(plant, walking)
+    trial.advance(4.0)
+    assert walking.load is not None and walking.load.mass == pytest.approx(3.0, abs=0.3)
 
 
 @pytest.mark.slow

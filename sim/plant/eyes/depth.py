@@ -26,6 +26,9 @@ from wbc.sim.terrain.render import add_to_spec
 SOLE_HEIGHT = 0.02
 """Height of a sole as the camera sees it, m: that of the soft soles' phalanges, and a little more."""
 
+LOW = 0.5
+"""Height of the base's origin over that of the CoM, in half-sitting, below which it lies on the ground."""
+
 LEAST_STD = 5e-4
 """Least standard deviation that a cloud states, m: that of a camera without errors."""
 
@@ -38,7 +41,8 @@ class DepthCamera:
 
     Attributes:
         link: Link or frame that carries it; the base when None.
-        at: Place of the camera from the origin of that link, m.
+        at: Place of the camera from the origin of that link, m; from above the origin of a base that lies on the ground
+            (`base_footprint`), at the height of the CoM.
         turn: Roll, pitch and yaw of the camera, whose axis is x, rad; a positive pitch looks down.
         rays: Number of rays across and down.
         view: Field of view across and down, rad.
@@ -140,7 +144,12 @@ class DepthView:
         rays = np.stack([np.ones(a.size), np.tan(a).ravel(), np.tan(b).ravel()], axis=1)  # a pin-hole
         rays /= np.linalg.norm(rays, axis=1)[:, None]
         self._rays = rays @ (axes @ pin.rpy.rpyToMatrix(*camera.turn)).T
-        self._at = axes @ np.array(camera.at)
+        at = np.array(camera.at)
+        if camera.link is None:
+            com = float(pin.centerOfMass(robot.model, half_sitting, robot.half_sitting)[2])
+            base = float(half_sitting.oMf[robot.frame_id(self.frame)].translation[2])
+            at[2] += com - base if base < LOW * com else 0.0
+        self._at = axes @ at
         self._true = self._at + axes @ np.array(camera.misplaced)
         self._hit, self._distance = np.zeros(len(rays), np.int32), np.zeros(len(rays))
         self.reset(0)

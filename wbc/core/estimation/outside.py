@@ -10,8 +10,8 @@ measures: force sensors of the feet, encoders and IMU,
     ṙ = K (ḣ − (m g; 0) − W_feet(c) − r).
 
 Only the sum can be had: two hands that squeeze a box do nothing to it. Errors of model and sensors look like a constant
-wrench, so r is tared on empty hands. While a foot meets the ground, its wrench is right and the place where it acts is
-not: the observer waits.
+wrench, so r is tared on empty hands. A robot whose hands bear more than such errors from the start is not tared. While
+a foot meets the ground, its wrench is right and the place where it acts is not: the observer waits.
 
 Source: A. De Luca, R. Mattone, ICRA 2005 (residual of the generalised momentum; this is its part for the base);
 S. Haddadin, A. De Luca, A. Albu-Schäffer, IEEE T-RO 33(6), 2017.
@@ -19,6 +19,7 @@ S. Haddadin, A. De Luca, A. Albu-Schäffer, IEEE T-RO 33(6), 2017.
 
 from __future__ import annotations
 
+import logging
 import math
 from typing import Annotated
 
@@ -32,6 +33,8 @@ from wbc.core.robot import GRAVITY, Robot
 from wbc.core.settings import NonNegative, Positive, Share, settings
 from wbc.core.vectors import Vector, add_cross, turned_all
 
+logger = logging.getLogger(__name__)
+
 
 @settings
 class OutsideSettings:
@@ -42,6 +45,8 @@ class OutsideSettings:
         settling: Time from the start until the tare begins, s.
         tare: Time over which the wrench of empty hands is averaged and then taken off, s; 0 for none.
         wait: Time for which the estimate waits after a foot has met the ground, s.
+        largest: Greatest vertical force of a tare, over the weight. A greater one is something that the hands bear
+            from the start, and no tare is taken.
         least_load: Share of the weight on the feet below which something else carries or the robot flies: the tare
             waits.
     """
@@ -50,6 +55,7 @@ class OutsideSettings:
     settling: Annotated[NonNegative, "s"] = 0.5
     tare: Annotated[NonNegative, "s"] = 1.0
     wait: Annotated[NonNegative, "s"] = 0.04
+    largest: Share = 0.03
     least_load: Share = 0.8
 
 
@@ -78,6 +84,7 @@ class OutsideWrench:
         self._loaded = [True] * len(self._soles)
         self._time, self._waits, self._tared = 0.0, 0.0, 0.0
         self._sum = np.zeros(6)
+        self._told = False  # that the hands are empty
 
     @property
     def ready(self) -> bool:
@@ -85,8 +92,9 @@ class OutsideWrench:
         return self._tared >= self.settings.tare
 
     def take_tare(self) -> None:
-        """Take the tare anew from now on: the hands are empty."""
+        """Take the tare anew from now on: the hands are empty, whatever they seem to bear."""
         self._sum, self._tared, self._time = np.zeros(6), 0.0, self.settings.settling
+        self._told = True
 
     def explain(self, wrench: Vector) -> None:
         """Take a wrench off the estimate, [force; moment about the CoM] in the world, that the model accounts for now.
@@ -125,7 +133,7 @@ class OutsideWrench:
         c, n = c / size, n / size
         if self._tared < s.tare:
             if self._time >= s.settling and force[2] > s.least_load * weight and all(self._loaded):
-                self._learn(c, n, dt)
+                self._learn(c, n, weight, dt)
             return self.wrench
         fx, fy, fz, mx, my, mz = self.tare.tolist()
         r = self._residual
@@ -162,14 +170,22 @@ class OutsideWrench:
             self._loaded[i] = loaded
         return (fx, fy, fz), (mx, my, mz), touched
 
-    def _learn(self, c: float, n: float, dt: float) -> None:
+    def _learn(self, c: float, n: float, weight: float, dt: float) -> None:
         """Average the residual in the heading of the base."""
         fx, fy, fz, mx, my, mz = self._residual
         turned_back = (c * fx + n * fy, -n * fx + c * fy, fz, c * mx + n * my, -n * mx + c * my, mz)
         self._sum += dt * np.array(turned_back)
         self._tared += dt
-        if self._tared >= self.settings.tare:
-            self.tare = self._sum / self._tared
+        if self._tared < self.settings.tare:
+            return
+        tare = self._sum / self._tared
+        borne = -float(tare[2])
+        if self._told or abs(borne) <= self.settings.largest * weight:
+            self.tare = tare
+            return
+        self.tare = np.zeros(6)
+        what = "the hands bear" if borne > 0.0 else "the robot is held by"
+        logger.warning("%s %.1f kg from the start: no tare is taken", what, abs(borne) / GRAVITY)
 
 
 def moment_about(wrench: Array, com: Vector, point: Vector) -> tuple[float, float, float]:
