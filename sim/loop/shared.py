@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
@@ -10,7 +11,7 @@ import numpy as np
 import pinocchio as pin
 
 from wbc.core.checked import checked
-from wbc.core.errors import Array, InputError, choose, finite_array
+from wbc.core.errors import Array, InputError, choose, finite_array, finite_scalar
 from wbc.core.settings import Seed
 from wbc.core.signals import Command, Measurement
 from wbc.feet import Foot
@@ -91,6 +92,7 @@ class SharedPlant:
         self._places = dict.fromkeys(robots, pin.SE3.Identity())
         for name, place in (places or {}).items():
             x, y, heading = finite_array(f"place of robot '{name}' (m, m, rad)", place, (3,)).tolist()
+            finite_scalar(f"heading of robot '{name}' (rad)", heading, low=-math.tau, high=math.tau)
             turn = pin.rpy.rpyToMatrix(0.0, 0.0, heading)
             self._places[choose("robot", name, robots)] = pin.SE3(turn, np.array([x, y, 0.0]))
         foot = foot_by_name(foot) if isinstance(foot, str) else foot

@@ -14,7 +14,7 @@ from wbc.core.changes import Changes, as_changes, changed, normal_changes
 from wbc.core.control import Mode
 from wbc.core.errors import InputError, shown, whole_number
 from wbc.core.files import check_hash, file_hash
-from wbc.core.settings import NonNegative, Seed, settings
+from wbc.core.settings import Angle, NonNegative, Number, Seed, settings
 from wbc.feet import Foot
 from wbc.feet.soles.catalog import foot as foot_by_name
 from wbc.robots import load
@@ -113,7 +113,7 @@ class WalkSpec(TrialSpec):
     eyes: Eyes = "none"
     gains: str = "default"
     changes: NamedValues = ()
-    start: Annotated[tuple[float, float, float], "m, m, rad"] = (0.0, 0.0, 0.0)
+    start: Annotated[tuple[Number, Number, Angle], "m, m, rad"] = (0.0, 0.0, 0.0)
     pushes: tuple[WalkPush, ...] = ()
 
     def __post_init__(self) -> None:

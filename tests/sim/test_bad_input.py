@@ -14,7 +14,7 @@ from wbc import Plant
 from wbc.core.errors import InputError, UnknownNameError
 from wbc.feet import foot
 from wbc.robots import load
-from wbc.sim import FootTest, WalkPlan, WalkPush, WalkSpec, make_scene
+from wbc.sim import DepthCamera, FootTest, SharedPlant, WalkPlan, WalkPush, WalkSpec, make_scene, stand, walk
 from wbc.sim import make_terrain as ground
 from wbc.sim.plant.settings import PhysicsSettings
 from wbc.sim.studies import Cell, Journal, Study
@@ -46,6 +46,23 @@ REFUSED: dict[str, list[tuple[Callable[[], object], str]]] = {
         (lambda: make(scene="rail").grip("left_hand", "lft handle"), "left handle"),
         (lambda: plant().push("torsso", [1, 0, 0], 0.1), "torso"),
         (lambda: plant().reset(2.0 * plant().robot.half_sitting), "quaternion"),
+    ],
+    "degrees": [
+        (lambda: plant().reset(np.r_[plant().start[:7], 45.0, plant().start[8:]]), "rad"),
+        (lambda: WalkSpec(start=(0.0, 0.0, 90.0)), "rad"),
+        (lambda: WalkPlan(turn=90.0), "rad"),
+        (lambda: WalkPush(0.1, direction=45.0), "rad"),
+        (lambda: FootTest(yaw=15.0), "rad"),
+        (lambda: DepthCamera(turn=(0.0, 53.0, 0.0)), "rad"),
+        (lambda: SharedPlant({"a": "hrp4_class"}, places={"a": (0.0, 0.0, 180.0)}), "rad"),
+    ],
+    "a name, a description, a robot": [
+        (lambda: Plant(plant().robot), "load_robot"),  # type: ignore[arg-type]
+        (lambda: Plant("hrp5_class"), "hrp4_class"),
+        (lambda: SharedPlant({"a": plant().robot}), "load_robot"),  # type: ignore[dict-item]
+        (lambda: walk("g1"), "robot='g1'"),  # type: ignore[arg-type]
+        (lambda: stand(load("g1")), "robot='g1'"),  # type: ignore[arg-type]
+        (lambda: Plant("hrp4_class", foot=foot), "Foot"),  # type: ignore[arg-type]
     ],
     "ground": [
         (lambda: terrain("stones", smallest=0.2), "smallest"),

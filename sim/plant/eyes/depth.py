@@ -14,7 +14,7 @@ from pydantic import Field
 from wbc.core.checked import checked
 from wbc.core.errors import Array, InputError
 from wbc.core.robot import Robot
-from wbc.core.settings import NonNegative, Positive, Share, settings
+from wbc.core.settings import Angle, NonNegative, Positive, Share, settings
 from wbc.ground import PointCloud
 from wbc.sim.plant.eyes.carrier import Carrier
 from wbc.sim.plant.hands import SCENE_PREFIX
@@ -61,7 +61,7 @@ class DepthCamera:
 
     link: str | None = None
     at: Annotated[tuple[float, float, float], "m"] = (0.075, 0.0, 0.05)
-    turn: Annotated[tuple[float, float, float], "rad"] = (0.0, 0.925, 0.0)
+    turn: Annotated[tuple[Angle, Angle, Angle], "rad"] = (0.0, 0.925, 0.0)
     rays: tuple[Annotated[int, Field(ge=2, le=640)], Annotated[int, Field(ge=2, le=480)]] = (40, 28)
     view: Annotated[tuple[Positive, Positive], "rad"] = (1.05, 0.84)
     nearest: Annotated[NonNegative, "m"] = 0.2
