@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Unpack
+from typing import Annotated, Unpack
 
 import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
+from wbc.core.checked import checked
 from wbc.core.errors import ROUNDING, Array, InputError, finite_scalar
 from wbc.core.qp.axes import joint_columns
 from wbc.core.qp.move import Coordinates
 from wbc.core.qp.task import GainOptions, Task
 from wbc.core.robot import Robot
+from wbc.core.settings import NonNegative, Number
 
 NEAREST = 1e-3
 """Least distance that the distance task divides by, m."""
@@ -38,8 +40,13 @@ class DistanceTask(_Number):
 
     __slots__ = ("_ids", "frames")
 
+    @checked
     def __init__(
-        self, frame: str, other: str, target: float | None = None, **options: Unpack[GainOptions]
+        self,
+        frame: str,
+        other: str,
+        target: Annotated[NonNegative, "m"] | None = None,
+        **options: Unpack[GainOptions],
     ) -> None:
         """Describe the task; the target is the present distance when None."""
         if frame == other:
@@ -88,8 +95,12 @@ class JointCouplingTask(_Number):
     __slots__ = ("_columns", "_values", "coefficients")
     unit = "rad"
 
+    @checked
     def __init__(
-        self, coefficients: Mapping[str, float], target: float | None = None, **options: Unpack[GainOptions]
+        self,
+        coefficients: Mapping[str, float],
+        target: Annotated[Number, "rad"] | None = None,
+        **options: Unpack[GainOptions],
     ) -> None:
         """Describe the task: joint → coefficient, and the target of the sum, the present one when None."""
         if not isinstance(coefficients, Mapping) or not coefficients:
@@ -134,10 +145,11 @@ class ManipulabilityTask(_Number):
     __slots__ = ("_columns", "_data", "_id", "_size", "_trunk", "frame")
     unit = "m³"
 
+    @checked
     def __init__(
         self,
         frame: str,
-        target: float | None = None,
+        target: NonNegative | None = None,
         *,
         trunk: str | None = None,
         pose: bool = False,

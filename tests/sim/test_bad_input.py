@@ -51,7 +51,7 @@ REFUSED: dict[str, list[tuple[Callable[[], object], str]]] = {
         (lambda: plant().reset(np.r_[plant().start[:7], 45.0, plant().start[8:]]), "rad"),
         (lambda: WalkSpec(start=(0.0, 0.0, 90.0)), "rad"),
         (lambda: WalkPlan(turn=90.0), "rad"),
-        (lambda: WalkPush(0.1, direction=45.0), "rad"),
+        (lambda: WalkPush(impulse=0.1, direction=45.0), "rad"),
         (lambda: FootTest(yaw=15.0), "rad"),
         (lambda: DepthCamera(turn=(0.0, 53.0, 0.0)), "rad"),
         (lambda: SharedPlant({"a": "hrp4_class"}, places={"a": (0.0, 0.0, 180.0)}), "rad"),
