@@ -88,7 +88,10 @@ REFUSED: dict[str, list[tuple[Callable[[], object], str]]] = {
         (lambda: WalkSpec(changes={"com_height": 1.5}), "CoM height"),
         (lambda: WalkSpec(gait=Gait(step_length=0.5)), "reach"),
         (lambda: WalkSpec(gait=Gait(swing_height=0.6)), "reach"),
-        (lambda: WalkSpec(terrain="stones", plan=WalkPlan(distance=5.0)), "ground"),
+        (
+            lambda: WalkSpec(terrain="stones", terrain_params={"length": 2.0}, plan=WalkPlan(distance=5.0)),
+            "ground",
+        ),
         (lambda: WalkSpec(plan=WalkPlan(stairs="together")), "stairs"),
         (lambda: WalkSpec(plan=WalkPlan(footsteps=(Footstep("left", 0.1, -0.09),))), "reach|overlap"),
         (lambda: WalkSpec(pushes=(WalkPush(impulse=0.1, time=1.0, body="torzo"),)), "torso"),
