@@ -11,7 +11,7 @@ import pinocchio as pin
 from wbc.core.errors import ModelError
 from wbc.core.robot import Closure
 from wbc.robots.readers.actuators_mjcf import equalities_off
-from wbc.robots.readers.tree_mjcf import Tree, placement_of
+from wbc.robots.readers.tree_mjcf import WORLD_LINK, Tree, placement_of
 from wbc.robots.readers.write_urdf import UrdfWriter
 
 
@@ -50,7 +50,8 @@ def find_loops(tree: Tree) -> list[Loop]:
             places = placement_of(data[3:6], data[6:10]) * at, at
         else:
             places = tuple(pin.SE3(np.eye(3), np.array(data[k : k + 3])) for k in (0, 3))
-        ends = tree.carrier.get(one), tree.carrier.get(two)
+        carrier = {**tree.carrier, 0: 0} if tree.fixed else tree.carrier
+        ends = carrier.get(one), carrier.get(two)
         if ends[0] is not None and ends[1] is not None and ends[0] != ends[1]:
             name = str(model.equality(i).name) or f"equality_{i}"
             found.append(Loop(i, name, (one, two), (places[0], places[1]), weld))
@@ -85,7 +86,8 @@ def add_closures(writer: UrdfWriter, tree: Tree, loops: list[Loop]) -> tuple[Clo
                 raise ModelError(f"closure '{loop.name}': a body is called '{frame}', as its end would be")
             taken.add(frame)
             writer.link(frame)
-            writer.joint(f"{frame}_fixed", "fixed", tree.body_name(body), frame, place)
+            link = tree.body_name(body) if body else WORLD_LINK
+            writer.joint(f"{frame}_fixed", "fixed", link, frame, place)
             frames.append(frame)
         made.append(Closure(loop.name, frames[0], frames[1], loop.rotation))
     return tuple(made)

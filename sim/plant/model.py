@@ -175,6 +175,12 @@ def furniture(source: str | Path | mujoco.MjSpec | Scene) -> mujoco.MjSpec:
 
 def _add_servos(spec: mujoco.MjSpec, robot: RobotDescription) -> None:
     """Add rotor inertia, torque clamp and servo of each joint, actuators in the order of the robot's joints."""
+    if robot.closures:
+        names = ", ".join(closure.name for closure in robot.closures)
+        raise ModelError(
+            f"'{robot.name}' has closed chains ({names}), which a plant made of its URDF would leave open: "
+            "wbc.sim.MujocoLoop takes its own MuJoCo model"
+        )
     joints = {joint.name: joint for joint in spec.joints if joint.type != mujoco.mjtJoint.mjJNT_FREE}
     described = {
         *robot.joint_names,

@@ -8,7 +8,7 @@ import mujoco
 import numpy as np
 import pinocchio as pin
 import pytest
-from closed_chains import four_bar_knee, parallel_ankles
+from closed_chains import RODS, four_bar_knee, parallel_ankles
 from mjcf_biped import biped
 from mujoco_dynamics import assert_same_dynamics
 
@@ -286,6 +286,13 @@ def test_a_bolted_base_is_that_of_a_fixed_contact_without_its_coordinates(source
         np.testing.assert_allclose(one, other, rtol=1e-4, atol=1e-4)
 
 
+def test_a_frame_that_is_bolted_to_the_world_needs_no_contact() -> None:
+    robot = RobotDescription.from_mjcf(ARM_MJCF.format(free="", first=""), base="fixed").robot()
+    for solver in (wbc.Controller(robot, 0.002), wbc.InverseKinematics(robot, 0.002)):
+        with pytest.raises(InputError, match="'stand' is bolted to the world"):
+            solver.add(wbc.FixedContact("stand"))
+
+
 def test_a_root_that_stands_for_the_world_stays_where_a_robot_is_bolted() -> None:
     """A pedestal between the link called world and the robot."""
     world = '<link name="world"/><joint name="mount" type="fixed"><parent link="world"/><child link="trunk"/>'
@@ -500,6 +507,8 @@ def test_rows_of_a_closure_are_the_change_of_its_gap(what: str, dim: int) -> Non
 def test_a_biped_with_rods_at_its_ankles_stands_in_its_own_model() -> None:
     description, model = closed("ankles")
     assert {"left_ankle_pitch", "right_ankle_roll"} <= set(description.passive)
+    with pytest.raises(ModelError, match="left_inner.*MujocoLoop"):
+        wbc.Plant(description)
     loop = wbc.sim.MujocoLoop(description, model)
     assert not loop.notes and set(loop.actuators.kinds) == {"motor", "none"}
     control = wbc.TorqueControl(wbc.balance_controller(description.robot(), loop.control_period))
@@ -547,6 +556,44 @@ def test_closed_chains_that_cannot_be_are_refused_by_name() -> None:
     robot = RobotDescription.from_mjcf(four_bar_knee(), base="fixed").robot()
     with pytest.raises(InputError, match="no joint moves 'shin' against 'four bars_2'"):
         wbc.Controller(robot, 0.002).add(wbc.LoopClosure("shin", "four bars_2"))
+
+
+TIES = {
+    "to the world": {"tie": "connect", "one": "right", "two": "world", "at": 'anchor="0 0 -.2"'},
+    "from the world": {"tie": "connect", "one": "world", "two": "right", "at": 'anchor=".2 0 1"'},
+    "weld": {"tie": "weld", "one": "bar", "two": "right", "at": 'anchor="0 0 0"'},
+}
+
+
+@pytest.mark.parametrize("what", ["to the world", "from the world"])
+def test_a_chain_that_closes_at_the_world_of_a_bolted_robot(what: str) -> None:
+    """A parallelogram: its bar stays level, and half of its weight rests on the far end."""
+    description = RobotDescription.from_mjcf(RODS.format(**TIES[what]), base="fixed")
+    assert description.passive == ("bar", "right") and not any(
+        "'foot'" in line for line in description.doubts()
+    )
+    robot = description.robot()
+    ik = wbc.InverseKinematics(robot, 0.01)
+    ik.add(wbc.PostureTask({"left": 0.4}, joints=["left"]), wbc.JointLimits())
+    found = dict(zip(robot.joint_names, ik.reach().configuration.tolist(), strict=True))
+    assert found == pytest.approx({"left": 0.4, "bar": -0.4, "right": 0.4}, abs=1e-4)
+    controller = wbc.Controller(robot, 0.002)
+    controller.add(wbc.PostureTask(joints=["left"], hard=True))
+    solution = controller.solve()
+    (closure,) = controller.contacts
+    force = closure.full_wrench(solution.wrenches[closure.name])
+    bar, right = (float(robot.model.inertias[robot.model.getJointId(name)].mass) for name in ("bar", "right"))
+    assert abs(force[2]) == pytest.approx(GRAVITY * (0.5 * bar + right), rel=1e-3)
+
+
+def test_a_weld_of_what_one_joint_moves_leaves_that_joint_alone_out() -> None:
+    """A weld across a single hinge: all rows but those that the hinge turns are none."""
+    robot = RobotDescription.from_mjcf(RODS.format(**TIES["weld"]), base="fixed").robot()
+    controller = wbc.Controller(robot, 0.002)
+    assert controller.contacts[0].dim == 1
+    controller.add(wbc.PostureTask())
+    solution = controller.solve()
+    assert solution.ok and solution.accelerations[robot.joint_index("right")] == pytest.approx(0.0, abs=1e-6)
 
 
 def test_a_chain_of_a_urdf_is_closed_by_a_pair_of_frames() -> None:

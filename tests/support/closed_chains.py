@@ -15,6 +15,16 @@ KNEE = """<mujoco><compiler angle="radian"/><option gravity="0 0 -9.80665" times
 <actuator><motor joint="crank"/></actuator></mujoco>"""
 """A thigh, bolted or floating, whose crank bends the knee over a rod: the crank alone is driven."""
 
+RODS = """<mujoco><compiler angle="radian"/><option gravity="0 0 -9.80665"/><worldbody><body name="left" pos="-.2 0 1">
+<joint name="left" axis="0 1 0" range="-1 1" actuatorfrcrange="-9 9"/>
+<geom type="capsule" fromto="0 0 0 0 0 .2" size=".02"/>
+<body name="bar" pos="0 0 .2"><joint name="bar" axis="0 1 0"/><geom type="capsule" fromto="0 0 0 .4 0 0" size=".02"/>
+<body name="right" pos=".4 0 0"><joint name="right" axis="0 1 0"/>
+<geom type="capsule" fromto="0 0 0 0 0 -.2" size=".02"/></body></body></body></worldbody>
+<equality><{tie} name="foot" body1="{one}" body2="{two}" {at}/></equality>
+<actuator><motor joint="left"/></actuator></mujoco>"""
+"""A parallelogram that stands on the world with both ends; `tie` and the rest say how it is closed there."""
+
 STIFF = 'solref="0.002 1" solimp="0.9999 0.9999 0.001"'
 """Options of an equality that hardly gives."""
 

@@ -43,6 +43,7 @@ class LoopClosure(Contact):
     ranged = ()
     usual = {"wrench_weight": 1e-8, "stiffness": 400.0, "rate": 20.0}
     dim = 6
+    _with_world = False
 
     @checked
     def __init__(

@@ -165,6 +165,7 @@ class Contact(Motion):
     force_axis = 2
     ranged: ClassVar[tuple[int, ...]] = (2,)
     usual: ClassVar[ContactOptions] = {}
+    _with_world: ClassVar[bool] = True
 
     @checked
     def __init__(self, name: str, frame: str, cone: Array, **options: Unpack[ContactOptions]) -> None:
@@ -292,6 +293,10 @@ class Contact(Motion):
         super().bind(robot)
         self._model, self._data = robot.model, robot.data
         self._id = robot.frame_id(self.frame)
+        if self._with_world and robot.model.frames[self._id].parentJoint == 0:
+            raise InputError(
+                f"contact '{self.name}': frame '{self.frame}' is bolted to the world, and needs no contact"
+            )
         self._placement = robot.data.oMf[self._id]
         self._set_forces(self._min_force, self._max_force)
         self.hold()
