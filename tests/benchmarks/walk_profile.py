@@ -76,7 +76,7 @@ def parts_of(trial: WalkTrial, hooks: Sequence[TrialHook] = ()) -> list[Timed]:
         ("QP: solve", None, ()),
         ("QP: decode", None, ()),
         ("gate", control.gate, ("pass_on", "pass_on_with_gains")),
-        ("fall test", walking.falls, ("update",)),
+        ("fall test", control.falls, ("update",)),
         ("scheduling", walking.stiffness, ("update",)),
         ("rest of the tick", walking, ("command",)),
         ("figures", trial.meter, ("tick", "after")),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pinocchio as pin
@@ -17,7 +18,13 @@ from wbc.core.robot import GRAVITY
 from wbc.robots import load
 
 ROBOT, DT = load("hrp4_class").robot(), 0.005
-STILL = (0.0, 0.0, 0.0)
+
+
+def observed(**parts: Any) -> Any:
+    """What an observer makes of a robot that stands upright; some parts may be others."""
+    inertial = SimpleNamespace(rotation=ROBOT.placement(ROBOT.imu_frame).rotation, unexplained=0j)
+    still = {"foot_rotation": 0.0, "stance_rotation": (0.0, 0.0, 0.0), "inertial": inertial}
+    return SimpleNamespace(**(still | parts))
 
 
 def test_refused_readings_are_predicted_from_those_that_are_good() -> None:
@@ -102,13 +109,13 @@ def test_feet_that_turn_alike_are_doubted_where_the_robot_stands(lifts: bool) ->
     """A walk over boards turns about the edges under both soles."""
     names = Plausibility(ROBOT, DT).names
     monitor, rng = ConsistencyMonitor(ROBOT, DT, names), np.random.default_rng(0)
-    told = []
+    seen, told = observed(foot_rotation=1.0), []
     for tick in range(400):
         wrench = np.zeros((2, 6))
         left = 0.0 if lifts and tick % 60 > 30 else 0.5
         wrench[:, 2] = np.array((left, 1.0 - left)) * ROBOT.mass * GRAVITY
         measurement = at_rest(ROBOT, tick * DT, sole_wrench=wrench)
-        monitor.update(rng.normal(size=len(names)), measurement, GRAVITY, 1.0, STILL, 0j)
+        monitor.update(rng.normal(size=len(names)), measurement, seen)
         told.append("encoders and gyroscope disagree" in monitor.doubts)
     assert any(told) == (not lifts)
 
@@ -116,9 +123,55 @@ def test_feet_that_turn_alike_are_doubted_where_the_robot_stands(lifts: bool) ->
 def test_a_force_that_stays_the_same_is_frozen_and_none_at_all_is_a_foot_in_the_air() -> None:
     names = Plausibility(ROBOT, DT).names
     monitor, rng = ConsistencyMonitor(ROBOT, DT, names), np.random.default_rng(0)
-    for tick in range(FROZEN_AFTER + 20):
-        values = rng.normal(size=len(names))
-        values[-12:] = 0.0  # in the air but for
-        values[-10] = 300.0  # a frozen force on the left sole
-        monitor.update(values, at_rest(ROBOT, tick * DT), GRAVITY, 0.0, STILL, 0j)
+    for tick in range(4 * FROZEN_AFTER):
+        values = 1e-3 * rng.normal(size=len(names))
+        if tick > 2 * FROZEN_AFTER:
+            values[-12:] = 0.0  # in the air but for
+            values[-10] = 300.0  # a frozen force on the left sole
+        monitor.update(values, at_rest(ROBOT, tick * DT), observed())
     assert [doubt for doubt in monitor.doubts if "frozen" in doubt] == ["force sensor of left_foot frozen"]
+
+
+@pytest.mark.parametrize("kind", ["rounded", "sticks"])
+def test_rounded_readings_that_come_to_rest_and_joints_that_stick_are_not_frozen(kind: str) -> None:
+    """Those with noise that stand at once are."""
+    names, na = Plausibility(ROBOT, DT).names, ROBOT.na
+    monitor, rng = ConsistencyMonitor(ROBOT, DT, names), np.random.default_rng(0)
+    shape, told = rng.uniform(0.5, 1.0, len(names)), []
+    for tick in range(600):
+        values = 0.3 * shape * np.exp(-0.02 * tick)
+        if kind == "rounded":
+            values = np.round(values / 0.01) * 0.01
+        else:
+            values = values + 1e-3 * rng.normal(size=len(names))
+            values[:na], values[na : 2 * na] = (
+                (0.3, 0.0) if tick > 300 else (values[:na], values[na : 2 * na])
+            )
+        monitor.update(values, at_rest(ROBOT, tick * DT), observed())
+        told += monitor.doubts
+    assert not told
+    for tick in range(600, 900):
+        values = 1e-3 * rng.normal(size=len(names))
+        if tick > 800:
+            values[[3, na + 5]] = 0.01
+        monitor.update(values, at_rest(ROBOT, tick * DT), observed())
+    joints = ROBOT.joint_names
+    assert monitor.doubts == (f"encoder of {joints[3]} frozen", f"velocity of {joints[5]} frozen")
+
+
+def test_a_contradiction_that_begins_with_a_push_is_none() -> None:
+    """Forces that are too low for the weight, from rest, and from the moment of a push on."""
+    names, rng = Plausibility(ROBOT, DT).names, np.random.default_rng(0)
+    for pushed in (False, True):
+        monitor, told = ConsistencyMonitor(ROBOT, DT, names), []
+        for tick in range(300):
+            measurement = at_rest(ROBOT, tick * DT)
+            if tick >= 100:
+                measurement = replace(measurement, sole_wrench=np.zeros((2, 6)))
+            if pushed and 97 <= tick < 115:
+                aside = measurement.specific_force + np.array([0.0, 12.0, 0.0])
+                measurement = replace(measurement, specific_force=aside)
+            monitor.update(rng.normal(size=len(names)), measurement, observed())
+            told += [measurement.time] * any("too low" in doubt for doubt in monitor.doubts)
+        first = told[0] if told else None
+        assert first is not None and (first < 100 * DT + 0.2) is not pushed

@@ -9,6 +9,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
+import mujoco
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -257,6 +258,42 @@ def test_a_fault_of_the_command_is_named(fault: str, loop: Callable[[], Any]) ->
         assert (gains.state, gains.found) == ("unknown", "own gains are not as they should")
     if "gains" in name or "alone" in words:
         assert set(wrong) <= {name, "velocity reference"}, f"{fault}: {report}"
+
+
+class Buzzing:
+    """A loop whose servos are computed outside of the physics, explicitly, at joints with little rotor inertia."""
+
+    description, control_period = DESCRIPTION, PERIOD
+
+    def __init__(self, step: float, armature: float) -> None:
+        model = Plant(DESCRIPTION, timestep=step).model
+        model.actuator_biastype[:], model.actuator_biasprm[:], model.actuator_ctrllimited[:] = 0, 0.0, 0
+        model.actuator_gainprm[:, 0] = 1.0
+        model.opt.integrator, model.dof_armature[6:] = mujoco.mjtIntegrator.mjINT_EULER, armature
+        self._loop, self._steps = MujocoLoop(DESCRIPTION, model, control_period=step), round(PERIOD / step)
+        self.measure = self._loop.measure
+
+    def step(self, command: Command) -> None:
+        kp, kd = command.kp, command.kd
+        kp, kd = DESCRIPTION.kp if kp is None else kp, DESCRIPTION.kd if kd is None else kd
+        data, places, limit = self._loop.data, self._loop.places, self._loop.robot.torque_limit
+        for _ in range(self._steps):
+            off = command.joint_position - data.qpos[places.joint_qpos]
+            rate = command.joint_velocity - data.qvel[places.joint_dof]
+            self._loop.step(Command(np.clip(command.joint_torque + kp * off + kd * rate, -limit, limit)))
+
+
+@pytest.mark.parametrize("armature", [0.003, pytest.param(0.0, marks=pytest.mark.slow)])
+def test_drives_that_buzz_are_named_first_and_nothing_is_judged_by_them(armature: float) -> None:
+    report = conformance(Buzzing(0.0005, armature))
+    assert [check.name for check in report.wrong] == ["rest"] and "buzzes" in report.wrong[0].cause
+    assert {check.name for check in report.checks if check.state == "ok"} == {"shapes", "clock"}
+    assert "ankle" in report.wrong[0].found
+
+
+@pytest.mark.slow
+def test_the_same_drives_at_joints_with_rotors_are_at_rest() -> None:
+    assert conformance(Buzzing(0.0005, 0.03)).ok
 
 
 def test_joints_without_mass_are_found_as_they_are() -> None:

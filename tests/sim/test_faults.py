@@ -24,6 +24,7 @@ from wbc.sim import Machine, TrialHook, WalkPlan, WalkSpec, walk
 from wbc.sim.balance.standing import StandSpec, StandTrial
 from wbc.sim.trial.falls import TrueFallDetector
 from wbc.sim.trial.loop import TrialTick
+from wbc.walking import SteppingControl
 
 QUICK = {
     ("encoder lost a turn", "hybrid"),
@@ -84,6 +85,9 @@ class Doubts(TrialHook):
     def tick(self, tick: TrialTick) -> None:
         self.found += tick.walking.control.monitor.doubts
 
+    def start(self, trial: Any) -> None:
+        trial.walking.control.watch()
+
 
 @pytest.mark.slow
 @pytest.mark.parametrize("mode", ["position", "torque"])
@@ -102,6 +106,29 @@ def test_nothing_is_doubted_of_good_sensors_on_any_ground(ground: dict[str, Any]
     look = Doubts()
     result = walk(WalkSpec(mode=mode, plan=WalkPlan(distance=0.8), **ground), hooks=[look])
     assert result.fall is None and not look.found
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("noise", ["none", "realistic"])
+@pytest.mark.parametrize("seed", range(6))
+def test_nothing_is_doubted_of_good_sensors_of_a_robot_that_is_punched(seed: int, noise: str) -> None:
+    """On any link, in any direction, in every other run while it walks; of a robot that falls, until then."""
+    description, rng = load("g1"), np.random.default_rng(seed)
+    plant = Plant(description, noise=noise, seed=seed, control_period=0.002)
+    walking = SteppingControl(description.robot(), plant.control_period)
+    monitor, times, found = walking.control.watch(), (0.5, 1.8, 3.1, 4.4), []
+    walking.velocity = (0.3, 0.0, 0.0) if seed % 2 else None
+    links = [
+        plant.model.body(i).name for i in np.flatnonzero(plant.of_robot) if plant.model.body_mass[i] > 0.1
+    ]
+    while plant.time < 6.0 and walking.fallen is None:
+        if min(abs(plant.time - time) for time in times) < 1e-6:
+            way = rng.normal(size=3)
+            force = rng.uniform(0.2, 0.9) * plant.robot.mass / 0.08 * way / np.linalg.norm(way)
+            plant.push(str(rng.choice(links)), tuple(force.tolist()), 0.08)
+        plant.step(walking.command(plant.measure()))
+        found += [(round(plant.time, 3), doubt) for doubt in monitor.doubts]
+    assert not found
 
 
 @pytest.mark.parametrize(("name", "task", "mode"), cases(CHANGES, lambda *case: case in QUICK_CHANGES))

@@ -282,6 +282,7 @@ def run(task: str, mode: str, name: str, *, lasting: bool) -> Report:
         plant, control, command = trial.plant, trial.walking.control, trial.walking.command
         start, end = 2.2, 5.0
     robot = control.controller.robot
+    control.watch()
     change = CHANGES[name][0] if name in CHANGES else None
     fault = _good if change else faults()[name][0]
     injector = Injector(control, robot, fault, start, lasting, plant.control_period)

@@ -23,7 +23,7 @@ import pinocchio as pin
 
 from wbc.core.drive.gate import CommandGate
 from wbc.core.errors import Array, InputError, MeasurementError
-from wbc.core.estimation.consistency import WEIGHT_SHARE, AccelerometerCheck, ConsistencyMonitor
+from wbc.core.estimation.consistency import AccelerometerCheck, ConsistencyMonitor
 from wbc.core.estimation.delay import SentCommands
 from wbc.core.estimation.falls import FallDetector, FallReason
 from wbc.core.estimation.observer import Observer
@@ -104,13 +104,11 @@ class SafetySettings:
 
     Attributes:
         plausibility: Ranges that measurements must keep.
-        weight_share: Ratio of the weight that the soles must carry, or sensors contradict each other.
         on_fall: Reaction to a fall, after which nothing recovers: "damp" sends damping alone until `reset`, "go on"
             solves on, for a controller that stands up or falls in a way of its own.
     """
 
     plausibility: PlausibilitySettings = field(default_factory=PlausibilitySettings)
-    weight_share: Positive = WEIGHT_SHARE
     on_fall: Literal["damp", "go on"] = "damp"
 
 
@@ -130,7 +128,7 @@ class DriveControl:
         failures: Number of failed ticks so far.
         reason: Reason of the last failure, or of the first of a row.
         plausibility: Check of measurements.
-        monitor: Monitor of sensors that contradict each other.
+        monitor: Monitor of sensors that contradict each other, after `watch`; None in a simulation as a rule.
         accelerometer: Check of the direction of the specific force.
         gate: Limits of commands.
         falls: Detector of a fall, by the estimate.
@@ -159,7 +157,7 @@ class DriveControl:
         self.policy = policy or FailurePolicy()
         robot, dt, safety = controller.robot, controller.dt, safety or SafetySettings()
         self.plausibility = Plausibility(robot, dt, safety.plausibility)
-        self.monitor = ConsistencyMonitor(robot, dt, self.plausibility.names, safety.weight_share)
+        self.monitor: ConsistencyMonitor | None = None
         self.accelerometer = AccelerometerCheck(dt)
         self.gate = CommandGate(robot, dt)
         gains = None if robot.servos is None else (robot.servos.kp, robot.servos.kd)
@@ -209,7 +207,8 @@ class DriveControl:
         self._failing = 0
         self.reason = ""
         self.plausibility.reset()
-        self.monitor.reset()
+        if self.monitor is not None:
+            self.monitor.reset()
         self.accelerometer.reset()
         self.gate.reset(self.controller.robot.q[7:])
         self.wrenches, self._stamp = None, math.nan
@@ -232,13 +231,23 @@ class DriveControl:
             parts.append("refused: accelerometer, which contradicts attitude and legs")
         if self.plausibility.pace:
             parts.append(self.plausibility.pace)
-        if self.monitor.doubts:
+        if self.monitor is not None and self.monitor.doubts:
             parts.append(f"doubtful: {', '.join(self.monitor.doubts)}")
         if self.solution is not None and not self._failing:
             parts += UNUSUAL.get(self.solution.status, ())
         if self.gate.faults:
             parts.append(f"command clipped: {', '.join(self.gate.faults)}")
         return "; ".join(parts) or "ok"
+
+    def watch(self) -> ConsistencyMonitor:
+        """Compare the sensors with each other from the next tick on, as under `wbc.run`; return the monitor.
+
+        `status` then names sensors that are frozen, dead or contradict each other.
+        """
+        if self.monitor is None:
+            robot, dt = self.controller.robot, self.controller.dt
+            self.monitor = ConsistencyMonitor(robot, dt, self.plausibility.names)
+        return self.monitor
 
     def _balance_lost(self) -> bool:
         """Return True if the DCM is out of reach of feet and steps."""
@@ -404,12 +413,8 @@ class DriveControl:
         self.observer.update(measurement, soles, plausible=True)
         if blind:
             measurement = self._with_wrenches(measurement)
-        observer = self.observer
-        vertical = float(observer.inertial.rotation[2].dot(measurement.specific_force))
-        turning = observer.foot_rotation, observer.stance_rotation
-        self.monitor.update(
-            self.plausibility.values, measurement, vertical, *turning, observer.inertial.unexplained
-        )
+        if self.monitor is not None:
+            self.monitor.update(self.plausibility.values, measurement, self.observer)
         return measurement
 
     def _with_wrenches(self, measurement: Measurement) -> Measurement:

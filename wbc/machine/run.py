@@ -260,6 +260,8 @@ class Runner:
         self._stand: Stand | None = None
         if not isinstance(self._drives, PositionControl):  # its servos stand by themselves
             self._stand = Stand(self.description, period, self._loads, soft)
+        if self._drives is not None:
+            self._drives.watch()
         warm_up(self.control, robot, period, forces=first.sole_wrench is not None)
 
     def _begin_start(self, measurement: Measurement, fade: float) -> SafeStart:

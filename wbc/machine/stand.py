@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from wbc.core.control import SafetySettings
 from wbc.core.drive.torque import TorqueControl
 from wbc.core.errors import Array
 from wbc.core.robot import GRAVITY, Robot
@@ -31,9 +30,6 @@ GAINS = BalanceGains(
 )
 """Stiff trunk and posture: feet with little load cannot move the CoM, and a body that bends for it swings."""
 
-SAFETY = SafetySettings(weight_share=1e-6)
-"""Nothing is doubted for missing weight: whatever else holds the robot has it."""
-
 
 class Stand:
     """Balance of a robot that a crane, a band or a hand still holds in part.
@@ -54,7 +50,7 @@ class Stand:
         """
         robot = description.robot()
         self._loads, self._damping, self._zero = loads, damping, np.zeros(robot.na)
-        self.control = TorqueControl(balance_controller(robot, period, GAINS), safety=SAFETY)
+        self.control = TorqueControl(balance_controller(robot, period, GAINS))
         task: Callable[[str], Any] = self.control.controller.task
         self._com = task("com")
         self._com_goal = np.array(self._com.target)

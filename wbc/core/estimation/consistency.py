@@ -1,6 +1,7 @@
 """Consistency of sensors with each other: what lasts and is possible, but cannot all be true.
 
-The monitor refuses nothing; it names what it doubts, for the log and for `status()` of a control.
+The check of the accelerometer works in every tick: it changes what is used. The monitor refuses nothing: it names what
+it doubts, for the log and for `status()` of a control, and works where a machine is driven (`DriveControl.watch`).
 """
 
 from __future__ import annotations
@@ -10,7 +11,6 @@ import math
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from wbc.core.errors import Array, scalar
 from wbc.core.estimation.observer import Observer
@@ -23,18 +23,28 @@ logger = logging.getLogger(__name__)
 
 _ONE = scalar(1.0)
 
-FROZEN_AFTER = 20
-"""Ticks for which a reading must stay the same to the bit to count as frozen; four times as long as it has before."""
+FROZEN_AFTER, BUSY = 20, 0.8
+"""Ticks for which a reading must stay the same to the bit to count as frozen, and share of the ticks before in which it
+must have changed: noise changes a reading in every tick, one that is rounded comes to rest by and by."""
 
-TIME_CONSTANT, LASTING = 0.05, 0.08
+TIME_CONSTANT, LASTING = 0.05, 0.1
 """Low-pass of the compared signals; time that a contradiction must last before it is named, s."""
 
 WEIGHT_SHARE, WEIGHT_EXCESS, GRAVITY_SHARE = 0.6, 2.0, 0.6
 """The soles must carry at least the first part of the weight and at most the second, and the accelerometer must show at
 least the third part of gravity, upwards as estimated."""
 
-VELOCITY_DIFFERENCE = 1.0
-"""Difference of a joint velocity from the speed of its encoder above which they contradict each other, rad/s."""
+CALM, SHAKEN, TURNED, SLOWLY = 0.3, 2.0, 0.2, 0.1
+"""Time for which a robot must have been calm when a contradiction begins, s; horizontal acceleration, m/s², and change of
+the trunk's rate against its mean over the last time, rad/s and s, from which on it is not: a push, and the steps that
+catch it, pull at robot and feet as no model knows."""
+
+BUSY_GAIN, NAMED = 0.02, 6
+"""Gain of that share in a tick, and number of frozen sensors that are named."""
+
+VELOCITY_DIFFERENCE, TREMBLING = 1.0, 0.25
+"""Difference of a joint velocity from the speed of its encoder above which they contradict each other, rad/s, and time
+for which that must last, s: joints that hit an end or tremble are sampled at odd instants."""
 
 REAL_TIME, AGREEMENT = 0.8, 0.95
 """Ratio of the encoders' speeds to the joint velocities below which a machine's own time runs slower than the stamps,
@@ -56,15 +66,12 @@ DRIFT = 0.3
 OFFSET = 1.0
 """Time constant with which a constant difference of them, an accelerometer's bias, is taken for normal, s."""
 
-SMOOTHING, SUSPICION = 0.03, 0.03
-"""Low-pass of the difference, and time for which it must be too large, s."""
+SMOOTHING, SUSPICION = 0.03, 0.1
+"""Low-pass of the difference, and time for which it must be too large while the robot stays calm, s."""
 
 BLIND, BLIND_SUSPICION = 1.5, 0.15
 """Factor of the difference, and time for which it must be too large, where wrenches are estimated: the loads of feet
 that land come late, and legs seem to jerk."""
-
-SETTLING = 0.1
-"""Time for which speeds are not compared after the feet have hopped or slid, s."""
 
 REMEMBERED = 1.0
 """Time for which a doubt of the gyroscope stays, s: the difference fades while the gyroscope stays wrong."""
@@ -138,20 +145,16 @@ def time_ratio(moved: Array, expected: Array) -> float | None:
 
 
 class ConsistencyMonitor:
-    """Comparison of sensors with each other, tick by tick.
+    """Comparison of sensors with each other, tick by tick, of a machine that is driven.
+
+    A contradiction is a fault only where nothing else explains it: it counts if it begins while the robot is calm.
 
     Attributes:
         doubts: What is doubted at present, such as "encoder of left_knee frozen"; empty when all agrees.
     """
 
-    def __init__(
-        self, robot: Robot, dt: float, channels: tuple[str, ...], weight_share: float = WEIGHT_SHARE
-    ) -> None:
-        """Prepare for a robot, a control period, s, and the names of the numbers that `update` gets.
-
-        The soles must carry at least the ratio `weight_share` of the weight.
-        """
-        self._least_share = weight_share
+    def __init__(self, robot: Robot, dt: float, channels: tuple[str, ...]) -> None:
+        """Prepare for a robot, a control period, s, and the names of the numbers that `update` gets."""
         self._channels, self._dt = channels, dt
         self._robot = robot
         self._names = [sole.name for sole in robot.soles]
@@ -159,7 +162,7 @@ class ConsistencyMonitor:
         self._wrenches = len(channels) - 6 * len(self._names)
         self._gain = lag_gain(dt, TIME_CONSTANT)
         self._keep, self._offset_gain = 1.0 - lag_gain(dt, DRIFT), lag_gain(dt, OFFSET)
-        self._smoothing = lag_gain(dt, SMOOTHING)
+        self._smoothing, self._slowly = lag_gain(dt, SMOOTHING), lag_gain(dt, SLOWLY)
         self._gain_scalar = scalar(self._gain)
         self.reset()
 
@@ -169,71 +172,74 @@ class ConsistencyMonitor:
         n = len(self._channels)
         self._last: Array | None = None
         self._time, self._sensed = math.nan, False
-        self._run, self._longest, self._ended = np.zeros(n), np.ones(n), np.zeros(n)
+        self._run, self._busy, self._frozen = np.zeros(n), np.zeros(n), np.zeros(n, dtype=bool)
+        self._ticks = 0
         self._difference, self._contradicts = np.zeros(self._na), np.zeros(self._na)
         self._speed = np.zeros(self._na)
         self._share, self._gravity, self._rotation, self._stood = 1.0, 1.0, 0.0, 0.0
         self._since = [0.0, 0.0, 0.0, 0.0]
+        self._calm, self._shaken, self._rate = 0.0, 0j, np.zeros(3)
         self._drift = self._offset = self._parted = 0j
-        self._suspected = self._gyro_doubted = self._unsettled = 0.0
+        self._suspected = self._gyro_doubted = 0.0
         self._turned: Vector = (0.0, 0.0, 0.0)
 
-    def update(
-        self,
-        values: Array,
-        measurement: Measurement,
-        vertical_force: float,
-        foot_rotation: float,
-        stance_rotation: Vector,
-        unexplained: complex,
-    ) -> None:
+    def update(self, values: Array, measurement: Measurement, observer: Observer) -> None:
         """Compare the sensors of one tick.
 
         Args:
             values: All numbers of the measurement, in the order of the channels.
             measurement: The measurement.
-            vertical_force: Specific force upwards in the world, by the estimated attitude, m/s².
-            foot_rotation: Angular speed with which both feet on the ground turn alike, rad/s.
-            stance_rotation: Angular velocity of the foot that carries more, in the world, rad/s.
-            unexplained: Change of the legs' velocity that the accelerometer does not show, x + iy in the world, m/s.
+            observer: Observer that has seen it.
         """
-        gain = self._gain
         last, self._last = self._last, values
         passed, self._time = measurement.time - self._time, measurement.time
         doubts = (
             []
             if last is None
-            else self._contradicted_encoders(values, last, passed) + self._frozen(values, last)
+            else self._contradicted_encoders(values, last, passed) + self._frozen_readings(values, last)
         )
         if measurement.wrench_source == "sensor":
             self._sensed = True
         elif self._sensed:
             doubts.append("force sensors silent, wrenches estimated")
         loads, weight = [row[2] for row in measurement.wrenches.tolist()], self._robot.mass * GRAVITY
-        self._gravity += gain * (vertical_force / GRAVITY - self._gravity)
+        x, y, z = observer.inertial.rotation.dot(measurement.specific_force).tolist()
+        self._watch_calm(complex(x, y), measurement)
+        gain = self._gain
+        self._gravity += gain * (z / GRAVITY - self._gravity)
         self._share += gain * (sum(loads) / weight - self._share)
         self._stood = self._stood + self._dt if min(loads) > CARRIES * weight else 0.0
-        alike = foot_rotation if self._stood > STANDING else 0.0
+        alike = observer.foot_rotation if self._stood > STANDING else 0.0
         self._rotation += gain * (alike - self._rotation)
-        if self._gyroscope_contradicts(stance_rotation, unexplained, measurement.wrench_source != "sensor"):
+        blind = measurement.wrench_source != "sensor"
+        if self._gyroscope_contradicts(observer.stance_rotation, observer.inertial.unexplained, blind):
             doubts.append("gyroscope contradicts accelerometer and legs")
         wrong = (
             self._gravity > GRAVITY_SHARE > self._share,
             self._share > WEIGHT_EXCESS * max(self._gravity, 1.0),
-            self._gravity < GRAVITY_SHARE,
+            self._gravity < GRAVITY_SHARE < self._share,
             self._rotation > FOOT_ROTATION,
         )
         if not (doubts or any(wrong) or self.doubts):
             self._since = [0.0, 0.0, 0.0, 0.0]
             return
         for i, is_wrong in enumerate(wrong):
-            self._since[i] = self._since[i] + self._dt if is_wrong else 0.0
+            begun = self._since[i] > 0.0 or self._calm >= CALM
+            self._since[i] = self._since[i] + self._dt if is_wrong and begun else 0.0
             if self._since[i] >= LASTING:
                 doubts.append(self._contradiction(i, loads, weight))
         found = tuple(doubts)
         if found and found != self.doubts:
             logger.error("measurement at %.4f s: %s", measurement.time, "; ".join(found))
         self.doubts = found
+
+    def _watch_calm(self, horizontal: complex, measurement: Measurement) -> None:
+        """Follow how long the robot has been calm, by its horizontal acceleration, m/s², and its rate."""
+        self._shaken += self._smoothing * (horizontal - self._shaken)
+        change = measurement.angular_velocity - self._rate
+        self._rate += self._slowly * change
+        shaken = abs(self._shaken) > SHAKEN or float(change.dot(change)) > TURNED**2
+        self._calm = 0.0 if shaken else self._calm + self._dt
 
     def _contradicted_encoders(self, values: Array, last: Array, passed: float) -> list[str]:
         """Compare joint velocities with the speeds of the encoders in the time that has passed, s."""
@@ -251,8 +257,10 @@ class ConsistencyMonitor:
             self._contradicts.fill(0.0)
             return []
         wrong = size > VELOCITY_DIFFERENCE
+        if self._calm < CALM:
+            wrong &= self._contradicts > 0.0
         self._contradicts = np.where(wrong, self._contradicts + self._dt, 0.0)
-        named = (self._contradicts >= LASTING).nonzero()[0]
+        named = (self._contradicts >= TREMBLING).nonzero()[0]
         if named.size:
             ratio = time_ratio((values[:na] - last[:na]) / passed, values[na : 2 * na])
             if ratio is not None and ratio < REAL_TIME:
@@ -264,10 +272,9 @@ class ConsistencyMonitor:
         most, lasting = SPEED_DIFFERENCE, SUSPICION
         if blind:
             most, lasting = BLIND * most, BLIND_SUSPICION
-        if self._share < self._least_share or abs(rotation[2]) > FOOT_SPIN:
-            self._unsettled = SETTLING
-        if self._unsettled > 0.0:  # the feet hop or slide, as after a push
-            self._unsettled -= self._dt
+        hops = self._share < WEIGHT_SHARE or abs(rotation[2]) > FOOT_SPIN
+        if hops or self._calm < CALM:  # or slides, or steps out of a push
+            self._suspected = 0.0
             self._drift, self._parted, unexplained = self._offset, 0j, 0j
         self._drift = drift = self._keep * self._drift + unexplained
         self._offset += self._offset_gain * (drift - self._offset)
@@ -286,25 +293,30 @@ class ConsistencyMonitor:
         self._gyro_doubted -= self._dt
         return True
 
-    def _frozen(self, values: Array, last: Array) -> list[str]:
+    def _frozen_readings(self, values: Array, last: Array) -> list[str]:
         """Names of the channels whose reading has stayed the same for too long."""
-        run = self._run
-        run += _ONE
+        run, busy, frozen = self._run, self._busy, self._frozen
         changed = values != last
-        if largest(run) < FROZEN_AFTER:
-            self._end_runs(changed)
+        run += _ONE
+        run[changed] = 0.0
+        self._ticks += 1
+        busy += max(BUSY_GAIN, 1.0 / self._ticks) * (changed - busy)
+        stands = run == FROZEN_AFTER
+        if stands.any():
+            frozen |= stands & (busy > BUSY * (1.0 - BUSY_GAIN) ** FROZEN_AFTER)
+        if not frozen.any():
             return []
-        # A reading of exactly zero force is that of a foot in the air.
-        changed[self._wrenches :] |= values[self._wrenches :] == 0.0
-        frozen = ~changed & (run >= np.maximum(FROZEN_AFTER, 4.0 * self._longest))
-        self._end_runs(changed)
-        return [f"{name} frozen" for name in dict.fromkeys(self._channels[i] for i in frozen.nonzero()[0])]
-
-    def _end_runs(self, changed: NDArray[np.bool_]) -> None:
-        """End the runs of the readings that have changed."""
-        ended = np.multiply(self._run, changed, out=self._ended)
-        np.maximum(self._longest, ended, out=self._longest)
-        self._run -= ended
+        frozen &= ~changed
+        na, doubted = self._na, frozen.copy()
+        doubted[self._wrenches :] &= values[self._wrenches :] != 0.0  # no force is that of a foot in the air
+        # A joint that sticks has no speed, and its encoder stays.
+        sticks = (values[na : 2 * na] == 0.0) & (run[:na] >= 1.0)
+        doubted[: 2 * na] &= ~np.concatenate((sticks, sticks))
+        # One that is faster than it can be is cut off by the check of plausibility.
+        doubted[na : 2 * na] &= np.abs(values[na : 2 * na]) < self._robot.velocity_limit
+        names = list(dict.fromkeys(self._channels[i] for i in doubted.nonzero()[0]))
+        more = [f"{len(names) - NAMED} more sensors frozen"] if len(names) > NAMED else []
+        return [f"{name} frozen" for name in names[:NAMED]] + more
 
     def _contradiction(self, which: int, loads: list[float], weight: float) -> str:
         if which == 0:

@@ -20,7 +20,7 @@ from wbc.core.checked import checked
 from wbc.core.errors import InputError, check_parts, finite_scalar, shown
 from wbc.core.settings import Share
 from wbc.machine.conformance.body import imu, soles, wrenches
-from wbc.machine.conformance.joints import commanded_gains, joints, torques
+from wbc.machine.conformance.joints import commanded_gains, joints, rest, torques
 from wbc.machine.conformance.session import Check, Session
 from wbc.machine.loop import Loop
 from wbc.robots import RobotDescription
@@ -136,6 +136,7 @@ def _clock(s: Session) -> str:
 
 CHECKS: tuple[tuple[Callable[[Session], str], tuple[str, ...]], ...] = (
     (_shapes, ("shapes",)),
+    (rest, ("rest",)),
     (joints, ("joint order", "joint motion", "joint velocity", "fresh", "delay", "joint zero")),
     (torques, ("torque", "velocity reference", "measured torque")),
     (imu, ("accelerometer", "gyroscope", "IMU frame")),

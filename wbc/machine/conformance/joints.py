@@ -11,6 +11,10 @@ from wbc.machine.conformance.session import UNIT, Record, Session, settled
 STEP, TIME = 0.02, 0.1
 """Motion of a joint, rad (or m times this), and its time, s."""
 
+BUZZ, TREMBLE = 1.0, 0.005
+"""Speed of a joint that goes to and fro from which on it buzzes, rad/s, and least way that it does so, rad: noise is
+less, of readings in degrees as well."""
+
 PULSES = (1.0, -1.0, -1.0, 1.0)
 """Signs of pulses of torque whose answers are averaged: a robot that lies drifts."""
 
@@ -18,9 +22,25 @@ RISE = 0.0025
 """Time in which a torque shows in the velocity without any delay, s."""
 
 
+def rest(s: Session) -> str:
+    """Hold half-sitting, and see whether the joints come to rest: of joints that buzz nothing else can be told."""
+    s.settle()
+    begin = len(s.rest["time"]) // 2
+    rate, position = s.rest["joint_velocity"][begin:], s.rest["joint_position"][begin:]
+    speed, way = np.median(np.abs(rate), axis=0), np.abs(position[-1] - position[0])
+    goes = np.abs(np.diff(position, axis=0)).sum(axis=0)
+    buzzes = (speed > BUZZ) & (goes > TREMBLE) & (way < 0.5 * goes)
+    worst = int(np.argmax(np.where(buzzes, speed, -1.0))) if buzzes.any() else int(np.argmax(speed))
+    found = f"{s.robot.joint_names[worst]} at {speed[worst]:.2f} rad/s"
+    if buzzes.any():
+        found += f" goes nowhere; so do {np.count_nonzero(buzzes)} joints: {s.some(np.flatnonzero(buzzes).tolist())}"
+        s.lost = "joints are not at rest"
+    s.check("rest", found, buzzes.any())
+    return s.lost
+
+
 def joints(s: Session) -> str:
     """Move each joint by a step and back: who follows, which way, how far, how fast and how late."""
-    s.settle()
     na, names, position = s.robot.na, s.robot.joint_names, settled(s.rest["joint_position"])
     middle = 0.5 * (s.robot.position_lower + s.robot.position_upper)
     sizes = np.where(~np.isfinite(middle) | (middle >= s.reference), STEP, -STEP)
