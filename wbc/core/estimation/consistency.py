@@ -35,9 +35,9 @@ WEIGHT_SHARE, WEIGHT_EXCESS, GRAVITY_SHARE = 0.6, 2.0, 0.6
 least the third part of gravity, upwards as estimated."""
 
 CALM, SHAKEN, TURNED, SLOWLY = 0.3, 2.0, 0.2, 0.1
-"""Time for which a robot must have been calm when a contradiction begins, s; horizontal acceleration, m/s², and change of
-the trunk's rate against its mean over the last time, rad/s and s, from which on it is not: a push, and the steps that
-catch it, pull at robot and feet as no model knows."""
+"""Time for which a robot must have been calm when a contradiction begins, s; horizontal acceleration, m/s², and change
+of the trunk's rate against its mean over the last time, rad/s and s, from which on it is not: a push, and the steps
+that catch it, pull at robot and feet as no model knows."""
 
 BUSY_GAIN, NAMED = 0.02, 6
 """Gain of that share in a tick, and number of frozen sensors that are named."""

@@ -5,8 +5,8 @@ CAUSES = {
         "joints, soles or hands that the description has not or the machine has not; first tick fails",
     ),
     "rest": (
-        "a drive buzzes: its damping is too strong for its period or delay, or for a joint without rotor inertia, as of "
-        "a servo that a loop computes explicitly at each physics step; or its velocity has the reversed sign",
+        "a drive buzzes: its damping is too strong for its period or delay, or for a joint without rotor inertia, "
+        "as of a servo that a loop computes explicitly at each physics step; or its velocity has the reversed sign",
     ),
     "joint order": (
         "joints in another order than `joint_names`: the wrong limb moves, the QP tears the robot apart",
