@@ -18,7 +18,7 @@ from wbc.walking.tasks import StanceContacts, WalkTasks
 COM = 100.0, 3.67, 3.46
 """Cost of the CoM's height, on two feet of its place as well; stiffness, ω², and damping, ω, of the height."""
 
-SWING, LIFT, SWING_TURN = (20.0, 30.6, 9.9), 60.0, (5.6, 24.5, 8.9)
+SWING, LIFT, SWING_TURN = (20.0, 30.6, 9.9), 120.0, (5.6, 24.5, 8.9)
 """Cost, stiffness, ω², and damping, ω, of the swing foot's place; cost of its height; the same of its rotation. Where
 hips saturate the foot is to come late, not to rub: its height costs more."""
 
