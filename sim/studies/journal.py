@@ -31,6 +31,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any
 
+from pydantic import BaseModel
 from pydantic_core import from_json
 
 from wbc.core.errors import InputError, WbcError, shown_path
@@ -62,6 +63,22 @@ class JournalError(WbcError):
 
 def _now() -> str:
     return datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds")
+
+
+class _Version(BaseModel, strict=True):
+    libraries: dict[str, Any] = {}
+
+
+class _Line(BaseModel, strict=True):
+    """Types of the values of a line; what a result holds is the business of its kind of trial."""
+
+    spec: dict[str, Any]
+    status: Status
+    result: dict[str, Any] | None
+    clock: dict[str, Any] | None
+    error: str | None
+    version: _Version
+    ended: str
 
 
 @dataclass(frozen=True)
@@ -115,7 +132,7 @@ def _written_again(spec: str) -> dict[str, Any] | None:
     try:
         plain: dict[str, Any] = trial_from_json(json.loads(spec)).to_json()
         return plain
-    except (InputError, TypeError):
+    except (InputError, TypeError, ValueError, AttributeError, LookupError):
         return None
 
 
@@ -202,6 +219,8 @@ def _entry(line: bytes) -> Entry | None:
         if f',"sum":"{hashlib.sha256(rest).hexdigest()[:16]}"'.encode() not in line:
             return None
         del data["key"]
+        # The sum says that nothing has changed the line, not that its values mean anything.
+        _Line.model_validate(data)
         return Entry(**data)
     except (ValueError, TypeError, KeyError, AttributeError):
         return None

@@ -168,10 +168,10 @@ def _difference_text(cell: TableCell) -> str:
 def cause_of(result: Mapping[str, Any]) -> str | None:
     """Return the cause of a fall, one of `CAUSES`; None without a fall."""
     fall = result.get("fall")
-    if not fall:
+    if not isinstance(fall, Mapping):
         return None
-    cause: str | None = "dropped" if fall.get("reason") == "height" else fall.get("cause")
-    return "sideways" if cause in ("left", "right") else cause
+    cause = "dropped" if fall.get("reason") == "height" else fall.get("cause")
+    return "sideways" if cause in ("left", "right") else cause if cause in CAUSES else None
 
 
 def study_frame(study: Study, entries: Mapping[str, Entry]) -> pd.DataFrame:
@@ -187,6 +187,7 @@ def study_frame(study: Study, entries: Mapping[str, Entry]) -> pd.DataFrame:
         [(t.cell, t.arm, t.seed, "missing" if e is None else e.status) for t, e in found], columns=KEYS
     )
     results = pd.json_normalize([{} if entry is None else dict(entry.result or {}) for _, entry in found])
+    results = results.loc[:, ~results.columns.duplicated()]
     lists = [
         name for name, column in results.items() if column.map(lambda v: isinstance(v, (list, tuple))).any()
     ]
@@ -261,7 +262,9 @@ def study_table(
             outcomes = {} if "outcome" not in done else done["outcome"].value_counts().to_dict()
             total = sum(outcomes.values())
             beside = {
-                n: float(counted[n].mean()) for n in BESIDE if n in counted and counted[n].notna().any()
+                n: float(_numbers(counted, n).mean())
+                for n in BESIDE
+                if n in counted and counted[n].notna().any()
             }
             cells.append(
                 TableCell(
@@ -275,7 +278,7 @@ def study_table(
                     outcomes=outcomes,
                     completed=share_interval(outcomes.get("completed", 0), total) if total else None,
                     falls=done["cause"].value_counts().to_dict() if total else {},
-                    steps=int(done["steps_done"].sum()) if total and "steps_done" in done else 0,
+                    steps=int(_numbers(done, "steps_done").sum()) if total and "steps_done" in done else 0,
                     beside=beside if total else {},
                     clusters=clusters,
                 )
@@ -296,9 +299,14 @@ def _values(frame: pd.DataFrame, name: str, *, completed_only: bool) -> pd.Serie
         return pd.Series(float("nan"), frame.index)
     if completed_only:
         counts &= frame["outcome"] == "completed"
+    return _numbers(frame, name).where(counts)
+
+
+def _numbers(frame: pd.DataFrame, name: str) -> pd.Series:
+    """Return a column of the results as numbers."""
     try:
-        return frame[name].where(counts).astype(float)
-    except (TypeError, ValueError) as error:
+        return frame[name].astype(float)
+    except (TypeError, ValueError, OverflowError) as error:
         raise InputError(f"'{name}' of a result is no number: {error}") from error
 
 

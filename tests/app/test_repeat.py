@@ -10,8 +10,15 @@ from typing import Any
 import pytest
 
 from wbc.app import Log
-from wbc.app.cli import RAN, main
-from wbc.app.repeat import first_difference, interventions_of
+from wbc.app.cli import BAD_INPUT, RAN, main
+from wbc.app.log.header import FORMAT
+from wbc.app.log.signals import Signals
+from wbc.app.log.stances import sole_sizes
+from wbc.app.log.writer import LogWriter
+from wbc.app.repeat import first_difference, interventions_of, recorded_walk
+from wbc.core.errors import InputError
+from wbc.robots import load
+from wbc.sim import WalkPlan, WalkSpec
 from wbc.sim.trial.loop import Trial
 
 LEVEL = ["--terrain", "flat", "--foot", "flat", "--noise", "none"]
@@ -76,3 +83,112 @@ def test_a_log_that_was_cut_off_is_repeated_as_far_as_it_goes(
     assert other["outcome"] == "completed"
     difference = first_difference(Log.open(log), Log.open(cut))
     assert difference is not None and " s on" in difference
+
+
+def written(path: Path, header: dict[str, Any], change: str | None = None) -> Log:
+    """Write a log of one tick with a header, and with an intervention."""
+    signals = Signals()
+    signals.one("time", "s", "", lambda tick: 0.0, "double")
+    signals.one("view/change", "1", "", lambda tick: None, "text")
+    writer = LogWriter(path)
+    writer.begin(signals, {"format": FORMAT, **header})
+    writer.row[0] = 0.0
+    writer.commit([change])
+    writer.close()
+    return Log.open(path)
+
+
+def test_a_walk_is_repeated_with_the_files_that_it_read(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """From its own folder, from one without the file, and from one whose file of that name is another."""
+    here, other = tmp_path / "here", tmp_path / "other"
+    text = (Path(__file__).parents[2] / "examples" / "biped.xml").read_text()
+    texts = {here: text, other: text.replace('mass="14"', 'mass="15"')}
+    for folder, text in texts.items():
+        folder.mkdir()
+        (folder / "my.xml").write_text(text)
+    monkeypatch.chdir(here)
+    spec = WalkSpec(robot="my.xml", plan=WalkPlan(distance=0.1))
+    plain = spec.to_json()
+    for folder, header in (
+        (here, {}),
+        (tmp_path, {"folder": str(here)}),
+        (other, {"folder": str(here)}),
+        (other, {}),
+    ):
+        log = written(here / "walk.arrow", {"spec": plain, **header})
+        monkeypatch.chdir(folder)
+        repeated, _ = recorded_walk(log)
+        assert load(repeated.robot).digest == load(spec.robot if folder == here else f"{here}/my.xml").digest
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        "3",
+        "[3]",
+        "{",
+        '[{"what": "push", "time": "soon"}]',
+        '[{"what": "push", "time": 1.0, "direction": 3, "impulse": 0.1}]',
+        '[{"what": "set", "time": true, "name": "task com/weight", "value": 1.0}]',
+        '[{"what": "target", "time": 1.0, "task": "com", "target": 1.0}]',
+        '[{"what": "drive", "time": NaN, "forward": 0, "left": 0, "turn": 0}]',
+        '[{"what": ["end"], "time": 1.0}]',
+        '[{"time": 1.0}]',
+    ],
+)
+def test_a_recorded_change_that_means_nothing_is_refused(change: str, tmp_path: Path) -> None:
+    log = written(tmp_path / "log.arrow", {}, change)
+    with pytest.raises(InputError, match=r"log\.arrow"):
+        interventions_of(log)
+
+
+@pytest.mark.parametrize(
+    "header",
+    [
+        {"robot": "g1"},
+        {"robot": {"name": "g1", "mass_kg": "30", "soles": [], "torque_limit_Nm": {}}},
+        {
+            "robot": {
+                "name": "g1",
+                "mass_kg": 30.0,
+                "soles": [{"name": "a", "length_m": 1}],
+                "torque_limit_Nm": {},
+            }
+        },
+        {"versions": {"libraries": ["numpy"]}},
+        {"versions": 3},
+        {"title": ["walk"]},
+        {"seed": "1"},
+        {"control_period": {}},
+        {"plant": [], "description": 3},
+        {"folder": 3},
+    ],
+)
+def test_a_header_whose_values_are_of_other_kinds_is_refused(header: dict[str, Any], tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=f"'{next(iter(header))}.*' of its header"):
+        written(tmp_path / "log.arrow", header)
+
+
+@pytest.mark.parametrize(
+    "spec", [None, 3, {"plan": 3}, {"plan": {}, "robot": 3}, {"plan": {}, "terrain_params": 3}]
+)
+def test_a_log_without_a_walk_is_not_repeated(spec: Any, tmp_path: Path) -> None:
+    with pytest.raises(InputError):
+        recorded_walk(written(tmp_path / "log.arrow", {"spec": spec}))
+    with pytest.raises(InputError, match="no robot"):
+        sole_sizes(Log.open(tmp_path / "log.arrow"))
+
+
+def test_texts_of_a_file_do_not_steer_the_terminal(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "log.arrow"
+    written(path, {"title": "\x1b[31mred\x9b2J\u202eback"})
+    assert main(["plot", str(path), "--list"]) == RAN
+    shown = capsys.readouterr().out
+    assert "\\x1b[31mred\\x9b2J\\u202eback" in shown
+    assert main(["plot", str(path), "\x1b[2Jno*"]) == BAD_INPUT
+    for text in (shown, capsys.readouterr().err):
+        assert all(each.isprintable() or each == "\n" for each in text)

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import contextlib
+import hashlib
 import json
 import logging
 import lzma
 import os
 import subprocess
 from pathlib import Path
+from typing import Any
 
 import pytest
 from hypothesis import given
@@ -20,11 +23,14 @@ from wbc.sim.studies.journal import (
     Entry,
     Journal,
     JournalError,
+    canonical,
     check_journal_path,
     read_journal,
     trial_key,
 )
 from wbc.sim.studies.provenance import SOURCES, provenance, sources
+from wbc.sim.studies.study import Cell, Study
+from wbc.sim.studies.study_table import study_frame, study_table
 
 VERSION = {"wbc": "1", "code": "abc"}
 
@@ -181,3 +187,56 @@ def test_an_edited_robot_file_is_another_robot(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"mine\.xml has changed"):
         WalkSpec.from_json(spec.to_json())
     assert WalkSpec(robot="g1").robot == "g1"
+
+
+@pytest.mark.parametrize(
+    "values",
+    [
+        {"spec": []},
+        {"spec": None},
+        {"spec": "walk"},
+        {"status": "finished"},
+        {"status": ["done"]},
+        {"result": [1]},
+        {"clock": 3},
+        {"error": {}},
+        {"version": None},
+        {"version": {"libraries": ["numpy"]}},
+        {"ended": 12},
+    ],
+)
+def test_a_line_whose_values_are_of_other_kinds_is_damaged(
+    values: dict[str, Any], tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    """Its sum is right: that says nothing of what the values mean."""
+    path = tmp_path / "journal.jsonl"
+    entries = written(path, 1)
+    data = json.loads(entries[0].line()) | values
+    del data["sum"]
+    total = hashlib.sha256(canonical(data).encode()).hexdigest()[:16]
+    with path.open("ab") as file:
+        file.write(canonical(data | {"sum": total}).encode() + b"\n")
+    assert list(read_journal(path).values()) == list(read_journal(path, any_code=True).values()) == entries
+    assert "1 damaged lines skipped, the first is line 2" in caplog.text
+
+
+@pytest.mark.parametrize(
+    "result",
+    [
+        {"fall": "tilt"},
+        {"fall": {"cause": ["left"]}},
+        {"outcome": {"a": 1}, "steps_done": 3},
+        {"outcome": "fell", "steps_done": "three"},
+        {"outcome": "fell", "steps_done": 10**400},
+        {"a.b": 1, "a": {"b": 2}, "steps_done": 1},
+        {"impact": "hard", "steps_done": 1, "outcome": "fell"},
+    ],
+)
+def test_a_table_of_results_that_mean_nothing_is_made_or_refused_in_a_line(result: dict[str, Any]) -> None:
+    study = Study(name="s", cells=(Cell("a", {"plan": {"distance": 0.1}}),), arms={"x": {}}, seeds=(1,))
+    entries = {
+        trial_key(t.plain): Entry(t.plain, "done", result, None, None, provenance()) for t in study.trials()
+    }
+    with contextlib.suppress(InputError):
+        study_table(study, entries).markdown()
+    study_frame(study, entries).to_csv()

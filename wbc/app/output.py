@@ -18,7 +18,7 @@ from typing import Any, ParamSpec
 from rich.console import Console
 
 from wbc.app.arguments import with_options
-from wbc.core.errors import WbcError
+from wbc.core.errors import WbcError, printable
 from wbc.core.settings import settings
 
 P = ParamSpec("P")
@@ -58,7 +58,7 @@ class Report:
     failure: WbcError | None = None
 
     def __str__(self) -> str:
-        return json.dumps(_plain(self.data), allow_nan=False) if self.as_json else self.text
+        return json.dumps(_plain(self.data), allow_nan=False) if self.as_json else printable(self.text)
 
 
 def facts_text(facts: Mapping[str, Any], group: str = "") -> str:
@@ -81,9 +81,9 @@ def reports(function: Callable[P, Report]) -> Callable[P, None]:
     def run(*args: P.args, **kwargs: P.kwargs) -> None:
         output = kwargs.get("output")
         verbose = isinstance(output, Output) and output.verbose
-        logging.basicConfig(
-            level=logging.INFO if verbose else logging.WARNING, format="%(levelname)s %(name)s: %(message)s"
-        )
+        handler = logging.StreamHandler()
+        handler.setFormatter(_Lines("%(levelname)s %(name)s: %(message)s"))
+        logging.basicConfig(level=logging.INFO if verbose else logging.WARNING, handlers=[handler])
         logging.captureWarnings(True)
         warnings.formatwarning = _message_alone
         with stdout_on_stderr():
@@ -93,6 +93,14 @@ def reports(function: Callable[P, Report]) -> Callable[P, None]:
             raise report.failure
 
     return with_options(run)
+
+
+class _Lines(logging.Formatter):
+    """Formatter of messages for a terminal, which none of them steers."""
+
+    def format(self, record: logging.LogRecord) -> str:
+        """Return the text of a message."""
+        return printable(super().format(record))
 
 
 @contextmanager

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -12,9 +13,12 @@ import numpy as np
 
 from wbc.app.log.reader import Log
 from wbc.app.view.controls import LiveControls
-from wbc.core.errors import InputError
+from wbc.core.errors import InputError, shown
+from wbc.core.files import check_hash, parsing
+from wbc.robots import load
 from wbc.sim.trial.loop import TrialHook
-from wbc.sim.walks.spec import WalkSpec
+from wbc.sim.walks.spec import SOURCE, WalkSpec
+from wbc.sim.walks.stiffness_policy import CONTENT, FILE
 
 if TYPE_CHECKING:
     from wbc.sim.trial.loop import Trial, TrialTick
@@ -31,18 +35,72 @@ def interventions_of(log: Log | str | Path) -> list[dict[str, Any]]:
     """Return the interventions of a run, to repeat it, from its log: what its page changed, and its end by Ctrl-C."""
     opened = log if isinstance(log, Log) else Log.open(log)
     found = opened.texts("view/change").tolist() if "view/change" in opened else []
-    return [entry for text in found if text for entry in json.loads(text)]
+    with parsing(opened.path, "log that can be repeated"):
+        return [_checked(entry) for text in found if text for entry in json.loads(text)]
+
+
+CHANGES: dict[str, dict[str, type]] = {
+    "push": {"direction": str, "impulse": float},
+    "stop": {},
+    "drive": {"forward": float, "left": float, "turn": float},
+    "set": {"name": str, "value": float},
+    "target": {"task": str, "target": list},
+    END: {},
+}
+"""Kinds of interventions, with the types of what is recorded of them beside their time."""
+
+
+def _checked(entry: Any) -> dict[str, Any]:
+    """Return an intervention; `ValueError` for one that cannot be repeated."""
+    parts = CHANGES.get(str(entry.get("what"))) if isinstance(entry, dict) else None
+    if parts is None:
+        raise ValueError(f"a recorded change must be one of {', '.join(CHANGES)}, got {shown(entry)}")
+    for name, kind in {"time": float, **parts}.items():
+        value = entry.get(name)
+        number = isinstance(value, (int, float)) and not isinstance(value, bool) and math.isfinite(value)
+        if not (number if kind is float else isinstance(value, kind)):
+            raise ValueError(f"{name} of a recorded change cannot be {shown(value)}")
+    return dict(entry)
 
 
 def recorded_walk(log: Log) -> tuple[WalkSpec, list[dict[str, Any]]]:
     """Return the spec of a walk and its interventions; one whose log was cut off ends there."""
-    plain = log.header["spec"]
+    plain = log.header.get("spec")
     if not isinstance(plain, dict) or "plan" not in plain:
         raise InputError(f"{log.path} is no log of a walk: --repeat needs one of wbc walk --record")
     changes = interventions_of(log)
     if log.broken is not None:
         changes.append({"time": float(log.time[-1]), "what": END})
-    return WalkSpec.from_json(plain), changes
+    return WalkSpec.from_json(_located(plain, log)), changes
+
+
+def _located(plain: dict[str, Any], log: Log) -> dict[str, Any]:
+    """Return a spec whose files are found from the present folder, too.
+
+    A relative name is taken in the present folder if the file there is the one that was read, in the folder of the
+    recorded program else, and beside the log at last.
+    """
+    folders = [Path(log.header.get("folder") or ""), log.path.parent]
+
+    def found(name: Any, content: Any, check: Callable[[str, str], object]) -> Any:
+        if not isinstance(name, str) or not isinstance(content, str) or Path(name).is_absolute():
+            return name
+        for place in (name, *(str(folder / name) for folder in folders)):
+            with suppress(InputError):
+                check(place, content)
+                return place
+        return name
+
+    located = dict(plain)
+    for part, key in (("policy_params", FILE), ("terrain_params", SOURCE)):
+        values = plain.get(part)
+        if isinstance(values, dict) and key in values:
+            located[part] = {**values, key: found(values[key], values.get(CONTENT), check_hash)}
+    robot = plain.get("robot")
+    if isinstance(robot, str) and "#" in robot:
+        name, _, content = robot.rpartition("#")
+        located["robot"] = f"{found(name, content, lambda file, stamp: load(f'{file}#{stamp}'))}#{content}"
+    return located
 
 
 class RepeatWalk(TrialHook):

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import difflib
 import math
+import re
 from collections.abc import Iterable
 from pathlib import Path
 from typing import Any, NoReturn
@@ -58,6 +59,19 @@ def shown(value: object) -> str:
     text = " ".join(text[: 4 * LONGEST].split()) if not isinstance(value, str) else repr(text[: 4 * LONGEST])
     text = text.encode("utf-8", "backslashreplace").decode()
     return text if len(text) <= LONGEST else f"{text[: LONGEST - 3]}..."
+
+
+def printable(text: str) -> str:
+    r"""Return a text of several lines without characters that steer a terminal: these are written as `\x1b`, say.
+
+    Texts of files, such as titles, names and patterns, may hold them.
+    """
+    return _STEERING.sub(lambda found: ascii(found[0])[1:-1], text)
+
+
+_STEERING = re.compile(
+    "[\x00-\x08\x0b-\x1f\x7f-\x9f\u061c\u200b-\u200f\u2028-\u202e\u2060-\u2069\ufeff\ud800-\udfff]"
+)
 
 
 def shown_path(path: str | Path) -> str:

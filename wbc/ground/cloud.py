@@ -19,7 +19,7 @@ WORLD = "world"
 
 def check_frame(what: str, name: object) -> None:
     """Raise an `InputError` for what is no name of a frame; `what` is said in the message."""
-    if not isinstance(name, str) or not name:
+    if not isinstance(name, str) or not name or not name.isprintable():
         raise InputError(f"{what} must be the name of a frame of the robot, or '{WORLD}', got {shown(name)}")
 
 
@@ -95,7 +95,7 @@ class ElevationMap:
     """Map of the user's own: heights of the ground on a grid.
 
     Attributes:
-        heights: Height at the centre of each cell, shape (nx, ny), m; NaN where unknown.
+        heights: Height at the centre of each cell, shape (nx, ny), m; NaN where unknown, in place of infinity as well.
         cell: Size of a cell, m.
         pose: Place (m) and heading (rad) in the world of the corner of cell (0, 0), where x and y of the map begin.
         time: Instant at which the map was right, on the clock of `Measurement.time`, s.
@@ -119,8 +119,8 @@ class ElevationMap:
             raise InputError(f"heights of a map must have shape (nx, ny), got {heights.shape}")
         check_frame("frame of a map", self.frame)
         _, _, yaw = self.pose
-        object.__setattr__(self, "heights", heights)
-        object.__setattr__(self, "unknown", bool(np.isnan(heights).all()))
+        object.__setattr__(self, "heights", np.where(np.isfinite(heights), heights, np.nan))
+        object.__setattr__(self, "unknown", not np.isfinite(heights).any())
         object.__setattr__(self, "_turn", np.exp(-1j * yaw) / self.cell)
 
     def at(self, places: NDArray[np.complex128]) -> Array:

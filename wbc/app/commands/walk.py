@@ -155,7 +155,7 @@ def walk(
     if options.record is not None:
         data |= {"record": str(options.record), "record_failure": None if lost is None else str(lost)}
     if original is not None and lost is None:
-        versions = differences(original.header["versions"])
+        versions = differences(original.header.get("versions", {}))
         data |= {"same": difference is None, "difference": difference, "versions": versions}
         text += (
             f"\n  repeated  {'bit for bit the same' if difference is None else f'NOT THE SAME: {difference}'}"

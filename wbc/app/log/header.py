@@ -3,6 +3,7 @@
 format          number of the format, see `FORMAT`
 program         "wbc" and its version
 versions        of the code, as `wbc.sim.studies.provenance` has it: package, commit, libraries that compute
+folder          folder in which the program ran: relative names of files in the spec are of it
 created         date and time (UTC)
 title, seed     of the run
 control_period  s; null for a controller of one's own
@@ -17,11 +18,14 @@ from __future__ import annotations
 
 import datetime
 import json
+import os
 from typing import Any
+
+from pydantic import BaseModel, ValidationError
 
 from wbc._version import __version__
 from wbc.app.log.signals import Tick
-from wbc.core.errors import InputError, unknown_name
+from wbc.core.errors import InputError, shown, unknown_name
 from wbc.core.settings import from_json, to_json
 from wbc.feet.soles.catalog import foot, foot_name
 from wbc.robots import RobotDescription
@@ -39,6 +43,38 @@ KEY = b"wbc"
 """Key of the object in the metadata of the file."""
 
 
+class _Sole(BaseModel, strict=True):
+    name: str
+    length_m: float
+    width_m: float
+
+
+class _Robot(BaseModel, strict=True):
+    name: str
+    mass_kg: float
+    soles: list[_Sole]
+    torque_limit_Nm: dict[str, float]
+
+
+class _Versions(BaseModel, strict=True):
+    libraries: dict[str, Any] = {}
+
+
+class _Header(BaseModel, strict=True):
+    """Types of the values of a header; spec, plant and description are checked by whoever makes something of them."""
+
+    program: str = ""
+    versions: _Versions = _Versions()
+    created: str = ""
+    title: str = ""
+    folder: str = ""
+    seed: int | None = None
+    control_period: float | None = None
+    robot: _Robot | None = None
+    plant: dict[str, Any] | None = None
+    description: dict[str, Any] | None = None
+
+
 def make_header(tick: Tick, spec: Any = None, title: str = "", seed: int | None = None) -> dict[str, Any]:
     """Return the header of a run, from its first tick; see `Recorder` for the others, seed is the plant's when None."""
     robot, plant = tick.robot, tick.plant if isinstance(tick.plant, Plant) else None
@@ -49,6 +85,7 @@ def make_header(tick: Tick, spec: Any = None, title: str = "", seed: int | None 
         "program": f"wbc {__version__}",
         "versions": dict(provenance()),
         "created": datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds"),
+        "folder": _folder(),
         "title": title or robot.name,
         "seed": seed,
         "control_period": None if tick.controller is None else tick.controller.dt,
@@ -64,6 +101,13 @@ def make_header(tick: Tick, spec: Any = None, title: str = "", seed: int | None 
     }
 
 
+def _folder() -> str:
+    try:
+        return os.getcwd()
+    except OSError:  # it has been removed
+        return ""
+
+
 def encode(header: dict[str, Any]) -> bytes:
     """Return the header as bytes."""
     return json.dumps(header, default=repr).encode()
@@ -76,8 +120,16 @@ def decode(where: str, stored: dict[bytes, bytes] | None) -> dict[str, Any]:
     try:
         header = json.loads(stored[KEY])
         number = header["format"]
-    except (ValueError, KeyError, TypeError) as error:
-        raise InputError(f"{where}: the metadata '{KEY.decode()}' cannot be read ({error!r})") from error
+        if number == FORMAT:
+            _Header.model_validate(header)
+    except ValidationError as error:
+        first = error.errors(include_url=False)[0]
+        place, got = ".".join(map(str, first["loc"])), shown(first["input"])
+        raise InputError(
+            f"{where}: '{place}' of its header cannot be used: {first['msg']}, got {got}"
+        ) from error
+    except (ValueError, KeyError, TypeError, RecursionError) as error:
+        raise InputError(f"{where}: the metadata '{KEY.decode()}' cannot be read ({shown(error)})") from error
     if number != FORMAT:
         raise InputError(
             f"{where} was written by {header.get('program', 'another version')} in format {number}; "

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 from wbc.app.drift import Drift, yaw_of
 from wbc.app.log.reader import Log
-from wbc.core.errors import Array
+from wbc.core.errors import Array, InputError
 from wbc.core.robot import GRAVITY, SIDES
 
 MIN_LOAD = 0.02
@@ -28,9 +30,20 @@ def corners(centre: Array, yaw: Array, size: tuple[float, float]) -> Array:
     return placed
 
 
+def _robot_of(log: Log) -> Mapping[str, Any]:
+    """Return what the header says of the robot; `InputError` for a robot without two soles, or none."""
+    robot: Mapping[str, Any] | None = log.header.get("robot")
+    if robot is None or len(robot["soles"]) != len(SIDES):
+        soles = "no robot" if robot is None else f"a robot with {len(robot['soles'])} soles"
+        raise InputError(
+            f"{log.path} is of {soles}; where it stands is known of robots with a left and a right sole"
+        )
+    return robot
+
+
 def sole_sizes(log: Log) -> list[tuple[float, float]]:
     """Return length and width of the left and the right sole, m."""
-    return [(float(s["length_m"]), float(s["width_m"])) for s in log.header["robot"]["soles"]]
+    return [(float(s["length_m"]), float(s["width_m"])) for s in _robot_of(log)["soles"]]
 
 
 def support_box(log: Log) -> tuple[Array, Array]:
@@ -38,7 +51,7 @@ def support_box(log: Log) -> tuple[Array, Array]:
     low = np.full((len(log), 2), np.inf)
     high = np.full((len(log), 2), -np.inf)
     walk = "foot/left/contact" in log
-    weight = float(log.header["robot"]["mass_kg"]) * GRAVITY
+    weight = float(_robot_of(log)["mass_kg"]) * GRAVITY
     for side, size in zip(SIDES, sole_sizes(log), strict=True):
         place = f"foot/{side}/{'reference' if walk else 'estimated'}"
         shape = corners(log[f"{place}/position"], yaw_of(log[f"{place}/orientation"]), size)
