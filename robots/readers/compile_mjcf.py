@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import codecs
+import contextlib
+import os
 import re
 from collections.abc import Callable
 from pathlib import Path
@@ -12,7 +14,7 @@ import mujoco
 import numpy as np
 
 from wbc.core.errors import InputError, ModelError, shown, shown_path
-from wbc.core.files import read_xml
+from wbc.core.files import decoding, read_xml
 from wbc.robots.urdf import existing
 
 
@@ -63,9 +65,12 @@ def _source(source: str | Path) -> tuple[str, Callable[[], mujoco.MjSpec]]:
     content = str(source)
     if content.lstrip().startswith("<"):
         _refuse_other_formats("MJCF string", content)
+        refuse_pipes(Path(), content)
         return "MJCF string", lambda: mujoco.MjSpec.from_string(content)
     path = existing(content, "MJCF", "a path, the XML itself, an MjSpec or an MjModel")
-    where, texts = shown_path(path), _texts(path)
+    where = shown_path(path)
+    refuse_pipes(path.parent, read_xml(path, "MJCF"))
+    texts = _texts(path)
     _refuse_other_formats(where, texts[path.name])
     if all(
         (path.parent / name).read_bytes().removeprefix(codecs.BOM_UTF8) == text.encode()
@@ -81,6 +86,28 @@ def _source(source: str | Path) -> tuple[str, Callable[[], mujoco.MjSpec]]:
         return spec
 
     return where, decoded
+
+
+def refuse_pipes(folder: Path, text: str) -> None:
+    """Raise an `InputError` for a pipe or a device among the files that an MJCF names: MuJoCo would wait for its end.
+
+    Files of models that it includes or attaches are looked at as well; `folder` is that of the MJCF.
+    """
+    waiting, seen = [(folder, text)], set[Path]()
+    for near, content in waiting:
+        named = re.findall(r"\s(?:mesh|texture|asset)dir\s*=\s*[\"']([^\"']*)", content)
+        names = re.findall(r"\sfile\w*\s*=\s*[\"']([^\"']+)", content)
+        for place in {
+            each / name for each in (near, *(near / name for name in named)) for name in names
+        } - seen:
+            seen.add(place)
+            if not os.path.exists(place):  # false for a name that is too long, too
+                continue
+            with decoding(place, "file of an MJCF"):
+                pass
+            if place.suffix.lower() in (".xml", ".mjcf"):
+                with contextlib.suppress(InputError):  # MuJoCo reads, or refuses, what is included
+                    waiting.append((place.parent, read_xml(place, "MJCF")))
 
 
 def _texts(path: Path) -> dict[str, str]:

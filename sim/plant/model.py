@@ -10,10 +10,12 @@ import numpy as np
 import pinocchio as pin
 
 from wbc.core.errors import ROUNDING, InputError, ModelError
+from wbc.core.files import read_xml
 from wbc.core.hull import convex_hull
 from wbc.core.robot import SIDES, Robot
 from wbc.feet import Foot, FootParts
 from wbc.robots.description import RobotDescription
+from wbc.robots.readers.compile_mjcf import refuse_pipes
 from wbc.sim.plant.feet import sole_geometries
 from wbc.sim.plant.hands import SCENE_PREFIX, add_grips, add_hand_sensors
 from wbc.sim.plant.settings import Machine, PhysicsSettings
@@ -154,9 +156,12 @@ def furniture(source: str | Path | mujoco.MjSpec | Scene) -> mujoco.MjSpec:
         elif isinstance(source, mujoco.MjSpec):
             scene = source.copy()
         elif isinstance(source, str) and source.lstrip().startswith("<"):
+            refuse_pipes(Path(), source)
             scene = mujoco.MjSpec.from_string(source)
         else:
-            scene = mujoco.MjSpec.from_file(str(Path(source).expanduser()))
+            path = Path(source).expanduser()
+            refuse_pipes(path.parent, read_xml(path, "scene"))
+            scene = mujoco.MjSpec.from_file(str(path))
         scene.copy().compile()
     except (ValueError, OSError) as error:
         raise InputError(f"scene cannot be read: {str(error).splitlines()[0]}") from error
