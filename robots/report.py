@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
+from wbc.core.qp.closure import LoopClosure
 from wbc.core.robot import GRAVITY, SIDES
 from wbc.core.servos import ANKLE_SHARE
 from wbc.robots.derivation.defaults import feet_hint
@@ -189,14 +190,12 @@ def standing_torques(robot: Any) -> dict[str, float]:
         pin.computeFrameJacobian(model.model, model.data, model.q, model.frame_id(sole.frame), pin.LOCAL)
         for sole in model.soles
     ]
-    for closure in model.closures:
-        one, two = (
-            pin.computeFrameJacobian(
-                model.model, model.data, model.q, model.frame_id(end), pin.LOCAL_WORLD_ALIGNED
-            )
-            for end in (closure.frame, closure.other)
-        )
-        rows.append((one - two)[: 6 if closure.rotation else 3])
+    for each in model.closures:
+        closure = LoopClosure(each.frame, each.other, rotation=each.rotation)
+        closure.bind(model)
+        jacobian = np.zeros((closure.dim, model.nv))
+        closure.evaluate(jacobian, np.zeros(closure.dim), np.zeros(closure.dim))
+        rows.append(jacobian)
     jacobian = np.concatenate(rows)
     still = np.concatenate([np.arange(6), 6 + model.passive])  # what only forces of soles and closures hold
     wrench = np.linalg.lstsq(jacobian[:, still].T, gravity[still], rcond=None)[0]

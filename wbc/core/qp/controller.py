@@ -147,6 +147,8 @@ class Controller(Items):
         if status.ok:
             x = solver.x.copy()
             self._torques = torques = solver.values[assembly.torque_rows] + assembly.problem.torque_bias
+            if self.robot.passive.size:  # zero up to the solver's tolerance
+                torques[self.robot.passive] = 0.0
             residual = assembly.residuals(x, solver.values)
             multipliers = solver.multipliers.copy()
         else:
