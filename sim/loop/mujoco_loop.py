@@ -341,6 +341,7 @@ def step_together(loops: Sequence[MujocoLoop], commands: Sequence[Command]) -> N
     """Advance robots in one simulation, loops of one model, data and period, by it, each under its command."""
     for loop, command in zip(loops, commands, strict=True):
         loop.actuators.check(command)
+        loop._check_period(command)
     for loop, command in zip(loops, commands, strict=True):
         loop._take(command)
     advance(loops)

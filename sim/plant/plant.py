@@ -293,6 +293,7 @@ class Plant(SimulatedRobot):
         if self.diverged is not None:
             raise DivergedError(f"the simulation cannot go on: {self.diverged}; reset it")
         self._drives.read(command)
+        self._check_period(command)
         self._devices.check(command.sole_stiffness)
         if self._devices.advance(command.sole_stiffness, self.control_period):
             self._refresh()  # the springs' forces belong to the half of the coming step that is done already

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from wbc.core.conventions import configuration_from_mujoco, velocity_from_mujoco
-from wbc.core.errors import Array, MeasurementError, WbcError
+from wbc.core.errors import ROUNDING, Array, InputError, MeasurementError, WbcError
 from wbc.core.robot import Robot
 from wbc.core.signals import Command, Measurement
 from wbc.ground import PointCloud
@@ -191,6 +191,17 @@ class SimulatedRobot(ABC):
                 sole_wrench=self._contacts.wrenches(),
             )
         return self._truth
+
+    def _check_period(self, command: Command) -> None:
+        """Check that a command is made for the control period, or for a whole number of them."""
+        period, own = command.period, self.control_period
+        if period is None or period == own:
+            return
+        if round(period / own) < 1 or abs(round(period / own) * own - period) > ROUNDING:
+            raise InputError(
+                f"the control is made for a period of {1e3 * period:g} ms, and the simulation advances by "
+                f"{1e3 * own:g} ms: give both the same control_period"
+            )
 
     def _take(self, command: Command) -> None:
         """Take a checked command, which acts from now on, or after the delay of the machine."""

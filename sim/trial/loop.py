@@ -29,7 +29,7 @@ from typing import Any
 import numpy as np
 
 from wbc.core.checked import checked
-from wbc.core.errors import InputError, MeasurementError, WbcError
+from wbc.core.errors import ROUNDING, InputError, MeasurementError, WbcError
 from wbc.core.estimation.falls import FallReason
 from wbc.core.signals import Command, Control, Measurement
 from wbc.sim.plant.plant import Plant
@@ -128,6 +128,11 @@ class Trial:
             limits: Limits of the body in the fall test; those of a standing robot when None.
             scenario: Hooks that act.
         """
+        if isinstance(walking, ReferenceControl) and abs(walking.dt - plant.control_period) > ROUNDING:
+            raise InputError(
+                f"the control is made for a period of {1e3 * walking.dt:g} ms, and the plant advances by "
+                f"{1e3 * plant.control_period:g} ms: give both the same control_period"
+            )
         self.plant = plant
         self.walking: Any = walking
         self.meters: list[TrialHook] = []

@@ -10,12 +10,15 @@ from typing import Any
 import numpy as np
 import pytest
 
+from wbc.core.drive.position import PositionControl
 from wbc.core.errors import InputError, MeasurementError
 from wbc.core.signals import Command
 from wbc.feet.soles.contact import ContactSpheres
 from wbc.feet.soles.rigid import FlatFoot
 from wbc.robots import RobotDescription, load
-from wbc.sim import DivergedError, Plant
+from wbc.sim import DivergedError, Plant, Trial
+from wbc.tasks.balance import balance_controller
+from wbc.walking import FootstepPlan, WalkingControl
 
 BIPED = (Path(__file__).parents[2] / "examples" / "biped.urdf").read_text()
 
@@ -105,3 +108,29 @@ def test_a_plant_takes_the_name_of_a_robot_and_refuses_a_quaternion_that_is_none
             with pytest.raises(InputError, match="quaternion"):
                 pose(q)
     np.testing.assert_array_equal(plant.data.qpos, before)
+
+
+@pytest.mark.parametrize(("plant_period", "control_period"), [(0.002, 0.005), (0.005, 0.002), (0.004, 0.006)])
+def test_a_control_made_for_another_period_is_refused_before_anything_moves(
+    plant_period: float, control_period: float
+) -> None:
+    """The commands of a control know its period; a trial compares both when it is made."""
+    plant = Plant(load("hrp4_class"), control_period=plant_period, visuals=False)
+    robot = plant.description.robot()
+    control = PositionControl(balance_controller(robot, control_period))
+    with pytest.raises(InputError, match=f"{1e3 * control_period:g} ms.*{1e3 * plant_period:g} ms"):
+        plant.step(control.command(plant.measure()))
+    assert plant.time == 0.0
+    robot = plant.description.robot()
+    walking = WalkingControl(robot, FootstepPlan.standing(robot), control_period)
+    with pytest.raises(InputError, match="control_period"):
+        Trial(plant, walking)
+
+
+def test_a_command_for_several_periods_of_a_plant_is_taken() -> None:
+    plant = Plant(load("hrp4_class"), control_period=0.002, visuals=False)
+    command = PositionControl(balance_controller(plant.description.robot(), 0.004)).command(plant.measure())
+    assert command.period == 0.004 and command.copy().period == 0.004
+    for _ in range(2):
+        plant.step(command)
+    assert plant.time == pytest.approx(0.004)

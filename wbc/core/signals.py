@@ -102,6 +102,8 @@ class Command:
             `RobotDescription.kd`.
         released: True for each joint that somebody else moves, shape (na,): nothing here is meant for it. None: all
             are the control's.
+        period: Control period that it is made for, s: a simulated robot that advances by another one refuses it. None
+            fits any.
     """
 
     joint_torque: Array
@@ -111,6 +113,7 @@ class Command:
     kp: Array | None = None
     kd: Array | None = None
     released: NDArray[np.bool_] | None = None
+    period: float | None = None
 
     def copy(self) -> Command:
         """Return the same command with arrays of its own."""
@@ -126,6 +129,7 @@ class Command:
             own(self.kp),
             own(self.kd),
             self.released,
+            self.period,
         )
 
     def check(self, joint_names: Sequence[str]) -> None:

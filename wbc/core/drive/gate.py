@@ -41,7 +41,7 @@ class CommandGate:
         self._clipped_below, self._clipped_above = self._least - slack, self._most + slack
         self._lower, self._upper = robot.position_lower, robot.position_upper
         self._speed = SPEED_MARGIN * robot.velocity_limit
-        self._step = self._speed * dt
+        self._step, self._period = self._speed * dt, dt
         # By how much velocity, change of position, position and torque exceed their limits; the last two twice.
         self._excess = np.zeros((6, robot.na))
         self._symmetric, self._torques = self._excess[:2], self._excess[4:].reshape(-1)
@@ -83,7 +83,8 @@ class CommandGate:
         if not ((least >= self._least).all() and (most <= self._most).all()):
             self._report(~((least >= self._clipped_below) & (most <= self._clipped_above)), faults)
             torque, kp, kd = self._give_way(total, servo, kp, kd)
-        return Command(torque.copy(), sent.joint_position, sent.joint_velocity, kp=kp.copy(), kd=kd.copy())
+        position, velocity = sent.joint_position, sent.joint_velocity
+        return Command(torque.copy(), position, velocity, kp=kp.copy(), kd=kd.copy(), period=self._period)
 
     def _in_the_dark(
         self, torque: Array, sent: Command, gains: tuple[Array, Array], measured: tuple[Array, Array]
@@ -156,9 +157,9 @@ class CommandGate:
             return self._clip(torque, position, velocity)
         self.faults = ()
         if position is None or velocity is None:
-            return Command(torque.copy())
+            return Command(torque.copy(), period=self._period)
         self._position[:] = position
-        return Command(torque.copy(), position.copy(), velocity.copy())
+        return Command(torque.copy(), position.copy(), velocity.copy(), period=self._period)
 
     def _clip(self, torque: Array, position: Array | None, velocity: Array | None) -> Command:
         wrong = ~((torque >= self._clipped_below) & (torque <= self._clipped_above))
@@ -173,7 +174,7 @@ class CommandGate:
             position = sent
             self._position[:] = sent
         self._report(wrong)
-        return Command(torque, position, velocity)
+        return Command(torque, position, velocity, period=self._period)
 
     def _report(self, wrong: Array, before: tuple[str, ...] = ()) -> None:
         """Take over the joints that were clipped, beside those of the same command that are counted already."""
