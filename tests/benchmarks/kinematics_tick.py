@@ -36,11 +36,15 @@ class Wbc:
     """This library."""
 
     def __init__(self, scene: KinematicScene) -> None:
-        robot = wbc.load_robot(scene.robot).robot()
+        if scene.soles:
+            robot = wbc.load_robot(scene.robot).robot()
+        else:
+            robot = wbc.RobotDescription.from_urdf(scene.urdf, base="fixed").robot()
         q = robot.q.copy()
-        q[2] = scene.base_height
+        if scene.soles:
+            q[2] = scene.base_height
         for joint, value in scene.posture.items():
-            q[7 + robot.joint_index(joint)] = value
+            q[robot.base_nq + robot.joint_index(joint)] = value
         robot.update(q, robot.v)
         rate = scene.gain / scene.period
         ik = self.ik = wbc.InverseKinematics(robot, scene.period)
@@ -49,8 +53,6 @@ class Wbc:
                 *(wbc.SoleContact(sole) for sole in ("left_foot", "right_foot")),
                 wbc.CoMTask(weight=1.0, rate=rate),
             )
-        else:
-            ik.add(wbc.FixedContact(robot.base_frame))
         ik.add(wbc.PostureTask(weight=scene.posture_cost**2, rate=rate), wbc.JointLimits())
         self.hand = ik.add(wbc.PoseTask(scene.hand, rate=rate))
         self.target, self.version = self.hand.target, version("wbc")

@@ -27,6 +27,9 @@ SAMPLES = 200
 """Postures in which a pair is looked at that is closer than its margin in half-sitting."""
 
 
+FEW = 64
+"""Pairs that are measured one and all, in one call; of more, those whose bounding spheres are near."""
+
 ENDLESS = 1e6
 """Radius from which on a shape has no end, m."""
 
@@ -378,11 +381,11 @@ class CollisionLimit(Limit):
         second += self._radius_2[near, None] * normal
         jacobian = self._robot.data.J
         for points, carried, sign in ((first, self._carried_1, -1.0), (second, self._carried_2, 1.0)):
-            lever = np.hstack([normal, np.cross(points, normal)])
+            lever = np.hstack([normal, _crosses(points, normal)])
             moved = sign * lever.dot(jacobian) * carried[near]
             rows[near] += moved if self._leaders is None else moved.dot(self._leaders)
         closing = np.zeros(near.size)
-        for place, row in enumerate(near.tolist()):
+        for place, row in enumerate(near.tolist() if self.obstacles else ()):
             obstacle = self._moving[row]
             if obstacle is not None:
                 arm = second[place] - obstacle._placement.translation
@@ -409,15 +412,15 @@ class CollisionLimit(Limit):
         for obstacle, index, local in self._places:
             geometry.geometryObjects[index].placement = obstacle._placement * local
         pin.updateGeometryPlacements(robot.model, robot.data, geometry, data)
-        places = [placement.homogeneous for placement in data.oMg]
-        poses = np.array(places)
+        if self.dim <= FEW:
+            pin.computeDistances(geometry, data)
+            self._distance[:] = [result.min_distance for result in data.distanceResults]
+            return
+        poses = np.array([placement.homogeneous for placement in data.oMg])
         centres = np.einsum("nij,nj->ni", poses[:, :3, :3], self._centres) + poses[:, :3, 3]
         apart = centres[self._first] - centres[self._second]
-        bounds = (
-            np.sqrt(np.einsum("ij,ij->i", apart, apart))
-            - self._sizes[self._first]
-            - self._sizes[self._second]
-        )
+        bounds = np.sqrt(np.einsum("ij,ij->i", apart, apart))
+        bounds -= self._sizes[self._first] + self._sizes[self._second]
         self._distance[:] = bounds
         for row in (~(bounds > influence)).nonzero()[0].tolist():
             self._distance[row] = pin.computeDistance(geometry, data, row).min_distance
@@ -461,6 +464,13 @@ class CollisionLimit(Limit):
 
     def __repr__(self) -> str:
         return f"{type(self).__name__}('{self.name}', rows={self.dim})"
+
+
+def _crosses(a: Array, b: Array) -> Array:
+    """Return the cross products of vectors, shape (n, 3), in a third of the time that NumPy takes for few."""
+    ax, ay, az = a.T
+    bx, by, bz = b.T
+    return np.stack([ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx], axis=1)
 
 
 def _carrying(robot: Robot, joint: int) -> Array:
