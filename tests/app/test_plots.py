@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import re
 from pathlib import Path
+from typing import Any
 from xml.etree import ElementTree
 
 import numpy as np
@@ -22,6 +23,7 @@ from wbc.app.log.stances import SIDES, sole_sizes, stances, support_box
 from wbc.app.plot.figures import draw, missing
 from wbc.app.plot.output import save
 from wbc.app.plot.signals import draw_signals, select
+from wbc.app.plot.style import mark_events, new_figure
 from wbc.app.replay.replay import Replay
 from wbc.core.errors import InputError, UnknownNameError
 from wbc.tasks import Behaviour, Program, StateMachine, after
@@ -182,3 +184,43 @@ def test_command_draws_lists_and_refuses(
     ]
     assert main(["plot", str(log.path), "--list"]) == 0
     assert re.search(r"^com/estimated/x +m +world$", capsys.readouterr().out, re.MULTILINE)
+
+
+class Marked(dict[str, Any]):
+    """A log of 6 ticks with two pushes and one change of the law."""
+
+    time = np.arange(6.0)
+
+    def __len__(self) -> int:
+        return len(self.time)
+
+    def texts(self, name: str) -> Any:
+        return np.array(["lipm"] * 4 + ["stepping"] * 2, dtype=object)
+
+
+def test_pushes_and_changes_of_the_law_are_marked() -> None:
+    force = np.zeros((6, 3))
+    force[1:3, 1], force[5, 0] = 30.0, np.nan
+    force[4, 0] = -10.0
+    log = Marked({"truth/push/force/x": 0, "truth/push/force": force, "walk/law": 0})
+    axes = new_figure(4.0, 3.0).subplots()
+    mark_events(axes, log, names=True)  # type: ignore[arg-type]
+    assert [patch.get_x() for patch in axes.patches] == [1.0, 4.0]
+    assert [patch.get_width() for patch in axes.patches] == [2.0, 1.0]
+    assert axes.get_legend_handles_labels()[1] == ["push"]
+    assert [line.get_xdata()[0] for line in axes.lines] == [4.0]
+    assert [text.get_text().strip() for text in axes.texts] == ["law stepping"]
+
+
+@pytest.mark.parametrize("name", ["plan", "balance"])
+def test_the_title_is_above_the_legend_and_no_panel_is_empty(log: Log, name: str) -> None:
+    figure = draw(name, [log])
+    figure.draw_without_rendering()  # type: ignore[no-untyped-call]
+    first = figure.axes[0]
+    title, legend = first._left_title, first.get_legend()  # type: ignore[attr-defined]
+    assert legend is not None and title.get_window_extent().y0 >= legend.get_window_extent().y1 - 3.0
+    for axes in figure.axes:
+        lines = [np.asarray(line.get_ydata(), dtype=float) for line in axes.lines]
+        assert any(
+            np.isfinite(line).any() and np.ptp(line[np.isfinite(line)]) > 0.0 for line in lines if len(line)
+        )

@@ -99,6 +99,9 @@ def _add_walk(signals: Signals, tick: Tick) -> None:
 
     next_step = optional(cached(of_walk(lambda w: next(iter(w.progress.upcoming), None))))
     one("walk/phase", "1", "phase of the walk", planned(lambda r: r.phase.value), "text")
+    if hasattr(tick.walking, "law"):
+        about = "law by which the steps are decided"
+        one("walk/law", "1", about, of_walk(lambda w: getattr(w, "law", None)), "text")
     one("walk/event", "1", "events of this tick, separated by ';'", of_walk(events), "text")
     one("walk/step", "1", "index of the step that swings, or swings next", planned(lambda r: r.step), "whole")
     one("walk/steps_done", "1", "single supports that have ended", of_walk(lambda w: w.steps_done), "whole")

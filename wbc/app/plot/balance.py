@@ -17,14 +17,17 @@ from wbc.app.plot.style import (
     BLUE,
     GREEN,
     ORANGE,
+    PUSH,
     SIDE_COLOURS,
     band,
     grid,
     labels,
     legend,
+    mark_events,
     mark_states,
     new_figure,
 )
+from wbc.core.errors import Array
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -42,7 +45,8 @@ LINES = (
 def draw_balance(logs: Sequence[Log]) -> Figure:
     """Draw x, y and the error of the DCM, or the sway without a walk, one column for each log."""
     figure = new_figure(max(11.0, 7.0 * len(logs)), 9.5)
-    rows = grid(figure, 3, len(logs), sharex="col", height_ratios=(2.2, 2.2, 1.0))
+    heights = (2.2, 2.2, 1.0)[: 2 + any(np.any(np.nan_to_num(_errors(log))) for log in logs)]
+    rows = grid(figure, len(heights), len(logs), sharex="col", height_ratios=heights)
     for column, (log, name) in enumerate(zip(logs, labels(logs), strict=True)):
         _one_balance([row[column] for row in rows], log, name)
     return figure
@@ -53,27 +57,48 @@ def _one_balance(axes: list[Axes], log: Log, name: str) -> None:
     for i, (ax, axis) in enumerate(zip(axes, "xy", strict=False)):
         band(ax, time, low[:, i], high[:, i], "support")
         for label, group, colour, style, width in LINES:
-            if f"{group}/x" in log and np.isfinite(log[group]).any():
+            if f"{group}/x" in log and np.isfinite(log[group]).any() and not _repeats(log, group):
                 ax.plot(time, log[group][:, i], style, color=colour, linewidth=width, label=label)
         ax.set_ylabel(f"{axis} (m)")
-        room = 0.15 * float(np.nanmax(high[:, i]) - np.nanmin(low[:, i]))
-        ax.set_ylim(np.nanmin(low[:, i]) - room, np.nanmax(high[:, i]) + room)
+        if np.isfinite(low[:, i]).any():
+            room = 0.15 * float(np.nanmax(high[:, i]) - np.nanmin(low[:, i]))
+            ax.set_ylim(np.nanmin(low[:, i]) - room, np.nanmax(high[:, i]) + room)
     for ax in axes:
         mark_states(ax, log, names=ax is axes[0])
-    legend(axes[0], columns=4)
-    axes[0].set_title(name, loc="left", fontsize=10)
-    walk, com = "dcm/reference/x" in log, log["com/estimated"]
-    if "stabilizer/dcm_error/x" in log:
-        errors = 1e3 * log["stabilizer/dcm_error"]
-    else:
-        errors = 1e3 * (
-            log["dcm/reference"] - log["dcm/estimated"] if walk else com - np.nanmean(com, axis=0)
-        )
+        mark_events(ax, log, names=ax is axes[0])
+    legend(axes[0], columns=4, title=name)
+    axes[-1].set_xlabel("time (s)")
+    if len(axes) < 3:
+        return
+    errors = _errors(log)
     for i, (axis, colour) in enumerate((("x", BLUE), ("y", ORANGE))):
-        axes[2].plot(time, errors[:, i], color=colour, linewidth=0.8, label=axis)
-    axes[2].set_ylabel("DCM error (mm)" if walk else "CoM off its mean (mm)")
-    axes[2].set_xlabel("time (s)")
-    legend(axes[2], columns=2)
+        axes[2].plot(time, 1e3 * errors[:, i], color=colour, linewidth=0.8, label=axis)
+    axes[2].set_ylabel("DCM error (mm)" if "dcm/reference/x" in log else "CoM off its mean (mm)")
+    legend(axes[2], columns=3)
+
+
+def _errors(log: Log) -> Array:
+    """Return the error of the DCM, or the sway of the CoM without a walk, shape (ticks, 2 or 3), m.
+
+    It is zero where the walk decides its steps from the DCM as it is: there is no other one that it should follow.
+    """
+    if "stabilizer/dcm_error/x" in log:
+        return log["stabilizer/dcm_error"]
+    if "dcm/reference/x" in log:
+        return log["dcm/reference"] - log["dcm/estimated"]
+    com = log["com/estimated"]
+    sway: Array = com - np.nanmean(com, axis=0)
+    return sway
+
+
+def _repeats(log: Log, group: str) -> bool:
+    """Return true for references that are the estimate itself, and would only hide it."""
+    other = group.replace("/reference", "/estimated")
+    return (
+        other != group
+        and f"{other}/x" in log
+        and np.allclose(log[group], log[other], atol=1e-6, equal_nan=True)
+    )
 
 
 def draw_plan(logs: Sequence[Log]) -> Figure:
@@ -118,5 +143,18 @@ def _one_plan(ax: Axes, log: Log, name: str) -> None:
     for side, colour in SIDE_COLOURS.items():
         ax.plot([], [], color=colour, linewidth=1.1, label=f"{side} sole" + (", true" if truth else ""))
         ax.plot([], [], "--", color=colour, linewidth=0.7, label=f"{side} sole, planned")
-    legend(ax, columns=7)
-    ax.set_title(f"{name}; at the end {drift.text(-1)}" if truth else name, loc="left", fontsize=10)
+    if truth and "truth/push/point/x" in log:
+        _mark_pushes(ax, log)
+    legend(ax, columns=8, title=f"{name}; at the end {drift.text(-1)}" if truth else name)
+
+
+def _mark_pushes(ax: Axes, log: Log) -> None:
+    """Mark where pushes began, with arrows along their forces."""
+    force = np.nan_to_num(log["truth/push/force"][:, :2])
+    pushed = (force != 0.0).any(axis=1)
+    for i, tick in enumerate(np.flatnonzero(pushed & ~np.concatenate([[False], pushed[:-1]])).tolist()):
+        point, along = log["truth/push/point"][tick, :2], force[tick] / np.linalg.norm(force[tick])
+        ax.annotate(
+            "", point + 0.06 * along, (point[0], point[1]), arrowprops={"arrowstyle": "-|>", "color": PUSH}
+        )
+        ax.plot(*point, "o", color=PUSH, markersize=4.0, label=None if i else "push")

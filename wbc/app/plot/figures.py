@@ -37,6 +37,9 @@ def missing(name: str, log: Log) -> str | None:
     absent = [need for need in needs if need not in log and need not in groups]
     if absent:
         return f"has no {absent[0]}"
+    robot = log.header.get("robot")
+    if name != "stiffness" and (robot is None or len(robot["soles"]) != len(SIDES)):
+        return "is not of a robot with two soles"
     if len(log) < 2:
         return f"has {len(log)} ticks"
     if name == "stiffness" and not (log["foot/left/stiffness"] > 0.0).any():

@@ -9,7 +9,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from wbc.app.log.reader import Log
-from wbc.app.plot.style import SIDE_COLOURS, grid, labels, legend, new_figure
+from wbc.app.plot.style import SIDE_COLOURS, grid, labels, legend, mark_events, new_figure
 from wbc.core.errors import Array
 from wbc.core.robot import SIDES
 
@@ -19,23 +19,39 @@ if TYPE_CHECKING:
 
 def draw_stiffness(logs: Sequence[Log]) -> Figure:
     """Draw stiffness and range over time and the scanned ground along the walk, one column for each log."""
-    figure = new_figure(max(9.0, 7.0 * len(logs)), 8.0)
-    rows = grid(figure, 3, len(logs))
+    parts = [_one_stiffness]
+    if any(_has_ranges(log) for log in logs):
+        parts.append(_one_range)
+    if any(scans(log) for log in logs):
+        parts.append(_one_ground)
+    figure = new_figure(max(9.0, 7.0 * len(logs)), 2.7 * len(parts))
+    rows = grid(figure, len(parts), len(logs))
     for column, (log, name) in enumerate(zip(logs, labels(logs), strict=True)):
-        stiffness, distance, ground = (row[column] for row in rows)
-        _one_stiffness(stiffness, log)
-        stiffness.set_title(name, loc="left", fontsize=10)
-        for side in SIDES:
-            distance.plot(
-                log.time, 1e3 * log[f"foot/{side}/range"], color=SIDE_COLOURS[side], linewidth=0.9, label=side
-            )
-        distance.set(ylabel="range under the toe (mm)", xlabel="time (s)")
-        distance.sharex(stiffness)
-        _one_ground(ground, log)
+        for part, row in zip(parts, rows, strict=True):
+            part(row[column], log, name)
     return figure
 
 
-def _one_stiffness(ax: Axes, log: Log) -> None:
+def _has_ranges(log: Log) -> bool:
+    names = [f"foot/{side}/range" for side in SIDES]
+    return all(name in log for name in names) and any(np.isfinite(log[name]).any() for name in names)
+
+
+def _one_range(ax: Axes, log: Log, name: str) -> None:
+    del name
+    if not _has_ranges(log):
+        ax.set_visible(False)
+        return
+    for side in SIDES:
+        ax.plot(
+            log.time, 1e3 * log[f"foot/{side}/range"], color=SIDE_COLOURS[side], linewidth=0.9, label=side
+        )
+    mark_events(ax, log, names=False)
+    ax.set(ylabel="range under the toe (mm)", xlabel="time (s)")
+    legend(ax, columns=3)
+
+
+def _one_stiffness(ax: Axes, log: Log, name: str) -> None:
     for side in SIDES:
         colour = SIDE_COLOURS[side]
         ax.plot(log.time, log[f"foot/{side}/stiffness"], color=colour, linewidth=1.2, label=f"{side} actual")
@@ -49,15 +65,16 @@ def _one_stiffness(ax: Axes, log: Log) -> None:
         )
     ax.set_ylabel("stiffness (Nm/rad)")
     ax.set_ylim(bottom=0.0)
-    legend(ax, columns=4)
+    ax.set_xlabel("time (s)")
+    mark_events(ax, log, names=True)
+    legend(ax, columns=5, title=name)
 
 
-def _one_ground(ax: Axes, log: Log) -> None:
+def _one_ground(ax: Axes, log: Log, name: str) -> None:
     """Draw the profiles of all steps along the walk, each with the commanded stiffness."""
+    del name
     steps = scans(log)
-    if not steps:
-        ax.text(0.5, 0.5, "no scanned profiles in this log", ha="center", transform=ax.transAxes, color="0.4")
-        return
+    ax.set_visible(bool(steps))
     for side, x, z, stiffness in steps:
         ax.plot(x, 1e3 * z, color=SIDE_COLOURS[side], linewidth=1.3)
         ax.annotate(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
@@ -21,8 +22,15 @@ COLOURS = (BLUE, ORANGE, GREEN, PINK, SKY, AMBER, BLACK)
 """Distinct for the colour-blind: M. Okabe, K. Ito, "Color Universal Design", 2008; orange is its vermillion,
 and its yellow, too light for a line, is left out."""
 
-SIDE_COLOURS = {"left": BLUE, "right": ORANGE}
+SIDE_COLOURS = {"left": PINK, "right": AMBER}
+"""Colours of the soles: none of them is that of the CoM, the DCM or the ZMP, which are drawn over the soles."""
+
+LEGEND_ROW = 13.0
+"""Height of a row of a legend, points."""
 STYLES = ("-", "--", ":", "-.")
+PUSH = "#B00020"
+"""Red of pushes."""
+
 SUPPORT = "0.88"
 """Grey of support regions."""
 
@@ -53,9 +61,13 @@ def labels(logs: Sequence[Log]) -> list[str]:
     return names if len(set(names)) == len(names) else [str(log.path) for log in logs]
 
 
-def legend(axes: Axes, columns: int = 3) -> None:
-    """Put a legend above the axes."""
+def legend(axes: Axes, columns: int = 3, title: str = "") -> None:
+    """Put a legend above the axes, and a title above the legend."""
     handles, _ = axes.get_legend_handles_labels()
+    if title:
+        axes.set_title(
+            title, loc="left", fontsize=10, pad=6.0 + LEGEND_ROW * math.ceil(len(handles) / columns)
+        )
     if handles:
         axes.legend(
             loc="lower right",
@@ -72,6 +84,28 @@ def legend(axes: Axes, columns: int = 3) -> None:
 def band(axes: Axes, time: Array, low: Array, high: Array, label: str) -> None:
     """Shade a region over time."""
     axes.fill_between(time, low, high, step="post", color=SUPPORT, linewidth=0.0, label=label)
+
+
+def mark_events(axes: Axes, log: Log, *, names: bool) -> None:
+    """Mark pushes, and changes of the law of a walk with the name of the new one, over the height of axes over time."""
+    across = axes.get_xaxis_transform()
+    if "truth/push/force/x" in log:
+        pushed = (np.nan_to_num(log["truth/push/force"]) != 0.0).any(axis=1).astype(int)
+        for i, (start, end) in enumerate(np.flatnonzero(np.diff([0, *pushed, 0])).reshape(-1, 2).tolist()):
+            last = log.time[min(end, len(log) - 1)]
+            label = "push" if i == 0 else None
+            axes.axvspan(
+                log.time[start], last, color=PUSH, alpha=0.25, linewidth=0.0, zorder=1.5, label=label
+            )
+    if "walk/law" in log:
+        laws = log.texts("walk/law")
+        for tick in (np.flatnonzero(laws[1:] != laws[:-1]) + 1).tolist():
+            axes.axvline(log.time[tick], color=BLACK, linewidth=0.8, linestyle=(0, (4, 3)))
+            if names:
+                words, place = f" law {laws[tick]}", log.time[tick]
+                axes.text(
+                    place, 0.02, words, transform=across, rotation=90, ha="right", va="bottom", fontsize=7
+                )
 
 
 def mark_states(axes: Axes, log: Log, *, names: bool) -> None:
