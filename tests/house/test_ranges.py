@@ -86,6 +86,7 @@ def all_settings() -> tuple[type, ...]:
         if isinstance(value, type)
         and hasattr(value, "__pydantic_fields__")
         and value.__module__ == module.__name__
+        and not value.__name__.startswith("_")
     }
     return tuple(sorted(kinds, key=lambda kind: f"{kind.__module__}.{kind.__qualname__}"))
 
