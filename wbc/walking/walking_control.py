@@ -6,7 +6,7 @@ Under torques the law changes while the robot stands:
           ◀── hands that press; footsteps on stairs ──
 
 Both laws share robot, controller, drives, estimate, arms and body; source, tasks and balance are exchanged between two
-ticks. In the middle of a step they are not: docs/walking.md has what was tried.
+ticks. In the middle of a step they are not: docs/measured.md has what was tried.
 """
 
 from __future__ import annotations
