@@ -1,7 +1,8 @@
 """Area of a sole that is believed to hold: where the centre of pressure may go.
 
 It is a point at first, and grows in all directions while the foot does not turn. Where the foot turns over an edge it
-ends at the measured centre of pressure. On narrow soles it is reduced, down to a point: it wins less there than a wrong estimate costs.
+ends at the measured centre of pressure. On narrow soles it is reduced, down to a point: it wins less there than a wrong
+estimate costs.
 """
 
 from __future__ import annotations
