@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import logging
 import math
 from typing import Any
 
 import numpy as np
 import pinocchio as pin
 import pytest
+from faults import silence
 
 import wbc
 from wbc.core.control import SafetySettings
@@ -102,10 +102,9 @@ def thrown(
 
 
 @pytest.mark.parametrize("mode", ["position", "torque", pytest.param("hybrid", marks=pytest.mark.slow)])
+@silence()
 def test_a_control_of_a_robot_that_has_fallen_damps_until_it_is_reset(mode: str) -> None:
-    logging.disable(logging.CRITICAL)
     control, ticks = thrown(mode, "damp", 1.3)
-    logging.disable(logging.NOTSET)
     assert control.fallen is FallReason.DOWN and control.damped
     assert control.status().startswith(f"fallen: {FallReason.DOWN.value}; damped")
     _, command, velocity, _ = ticks[-1]
@@ -120,10 +119,9 @@ def test_a_control_of_a_robot_that_has_fallen_damps_until_it_is_reset(mode: str)
     assert control.fallen is None and not control.damped
 
 
+@silence()
 def test_who_wants_else_goes_on() -> None:
-    logging.disable(logging.CRITICAL)
     control, ticks = thrown("torque", "go on", 1.0)
-    logging.disable(logging.NOTSET)
     assert control.falls.reason is FallReason.DOWN and not control.damped
     first = next(i for i, (_, _, _, down) in enumerate(ticks) if down)
     damping = control.policy.joint_damping * control.controller.robot.torque_limit
@@ -133,9 +131,9 @@ def test_who_wants_else_goes_on() -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["g1", "hrp4_class"])
+@silence()
 def test_pushes_that_are_stepped_out_damp_nobody_and_all_falls_do(name: str) -> None:
     """Of impulses around those that fell the robot, in random directions."""
-    logging.disable(logging.CRITICAL)
     description, rng = wbc.load_robot(name), np.random.default_rng(5)
     plant, outcomes = Plant(description, noise="realistic", control_period=0.002), []
     torso = plant.robot.torso_frame
@@ -155,5 +153,4 @@ def test_pushes_that_are_stepped_out_damp_nobody_and_all_falls_do(name: str) -> 
                 said = min(said, plant.time)
         outcomes.append(low < math.inf)
         assert (said < math.inf) == (low < math.inf) and (low == math.inf or said < low + 0.2)
-    logging.disable(logging.NOTSET)
     assert {True, False} == set(outcomes)

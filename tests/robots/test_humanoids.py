@@ -54,6 +54,7 @@ def test_the_root_of_icub_looks_backward_and_is_turned() -> None:
         assert icub.ankle(sole.name)[0] == pytest.approx(-0.03, abs=2e-3)  # toes in front of the ankle
 
 
+@pytest.mark.long
 @pytest.mark.slow
 @pytest.mark.parametrize("name", TABLE.ROBOTS)
 def test_a_humanoid_from_its_file_does_what_the_table_says(name: str) -> None:

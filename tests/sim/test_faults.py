@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import logging
 import math
 from collections.abc import Callable, Iterable
 from dataclasses import replace
@@ -11,7 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from faults import CHANGES, MODES, faults, run
+from faults import CHANGES, MODES, faults, run, silence
 from hypothesis import given
 from hypothesis import strategies as st
 from properties import examples
@@ -159,8 +158,8 @@ NAMES = (*SIGNALS, *OPTIONAL)
 
 @examples(20)
 @given(data=st.data())
+@silence()
 def test_no_garbage_gets_a_command_beyond_the_limits_or_an_exception(data: st.DataObject) -> None:
-    logging.disable(logging.CRITICAL)
     (position, torque), measurement = controls()
     given: Any = measurement
     if data.draw(st.booleans()):
@@ -186,7 +185,6 @@ def test_no_garbage_gets_a_command_beyond_the_limits_or_an_exception(data: st.Da
             assert (command.joint_position <= robot.position_upper).all()
             step = np.abs(command.joint_position - robot.half_sitting[7:])
             assert (step <= 4.0 * robot.velocity_limit * control.controller.dt + 1e-12).all()
-    logging.disable(logging.NOTSET)
 
 
 @pytest.mark.parametrize(

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import logging
 import math
 from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -311,3 +313,13 @@ def _good(measurement: Measurement, memory: Memory) -> Measurement:
 
 
 MODES = ("position", "torque", "hybrid")
+
+
+@contextmanager
+def silence() -> Iterator[None]:
+    """Log nothing while the block, or the decorated function, runs; not after it either, whatever it raises."""
+    logging.disable(logging.CRITICAL)
+    try:
+        yield
+    finally:
+        logging.disable(logging.NOTSET)

@@ -189,6 +189,7 @@ class Reach(TrialHook):
             self.errors.append(hand.error[:3])
 
 
+@pytest.mark.long
 @pytest.mark.slow
 @pytest.mark.parametrize("robot", ["hrp4_class", "talos", "g1"])
 @pytest.mark.parametrize("mode", ["position", "torque"])

@@ -69,6 +69,7 @@ def test_other_robots_walk_by_the_same_numbers(robot: str) -> None:
     assert 0.4 < walk_ahead("torque", robot=robot, end=3.2) < 1.6  # their steps take up to 0.84 s
 
 
+@pytest.mark.long
 @pytest.mark.slow
 def test_small_flat_feet_walk_over_stones_of_40_mm() -> None:
     """At least 5 of 6 grounds, blind, with noise: without the swap that waits, or at fixed times, most walks fall."""
