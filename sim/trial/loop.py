@@ -158,12 +158,6 @@ class Trial:
         return self.last is not None
 
     @property
-    def walker(self) -> ReferenceControl | None:
-        """The controller, if it is one that walks and can be steered: a view shows its steps and drives it."""
-        control = self.walking
-        return control if isinstance(control, ReferenceControl) and control.steered else None
-
-    @property
     def ground(self) -> float:
         """Height of the ground under the robot, for the fall test, m."""
         return 0.0

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import json
 import math
 import socket
@@ -16,12 +17,14 @@ import pytest
 from browser import Browser, needs_chromium
 from foreign import foreign_model
 from numpy.typing import NDArray
+from tornado.httpclient import HTTPClientError, HTTPRequest
+from tornado.websocket import websocket_connect
 
 import wbc
 from wbc.app import MeshcatView, live
 from wbc.app.cli import BAD_INPUT, RAN, main
 from wbc.app.view.base import PortError, ViewError
-from wbc.app.view.marks import LIFT, Mark, Picture, mark_mesh, stiffness_colour
+from wbc.app.view.marks import DCM_COLOUR, LIFT, Mark, Picture, css, mark_mesh, stiffness_colour
 from wbc.app.view.meshes import PLANE_DEPTH, SHOWN_GROUPS, body_meshes, geom_mesh
 from wbc.app.view.stage import DescribedStage, SimulatedStage
 from wbc.app.view.walk_marks import drift_of
@@ -177,7 +180,7 @@ def test_footsteps_are_where_they_are_planned_and_where_feet_really_stand() -> N
     first = stage.picture()
     for mark, step in zip(named(first, "planned step").values(), steps, strict=True):
         assert middle(mark) == pytest.approx(step.position + (0.0, 0.0, LIFT), abs=1e-5)
-        assert mark.meaning == f"{step.side} footstep, planned"
+        assert mark.meaning == f"{step.side} footstep, planned (outline)"
     assert len(named(first, "real step")) == 2
     wanted = None
     while walking.steps_done < 2:
@@ -326,6 +329,39 @@ def test_meshcat_answers_on_this_machine_alone_and_shows_any_loop() -> None:
         pass  # the server has ended with the view
 
 
+async def captions(trial: WalkTrial) -> list[dict[str, Any]]:
+    """Captions that a walk's page gets while the robot is pushed over."""
+    with MeshcatView(trial.plant, trial.walking, port=0, rate=1e6) as view:
+        address = view.url.replace("http", "ws").replace("static/", "caption")
+        with pytest.raises(HTTPClientError, match="403"):  # the page of another site
+            await websocket_connect(HTTPRequest(address, headers={"Origin": "http://evil.example"}))
+        reader = await websocket_connect(address)
+        trial.plant.push("torso", (0.0, 500.0, 0.0), 0.1)
+        while trial.walking.fallen is None and trial.plant.time < 3.0:
+            tick(trial)
+            view.update()
+        view.ended("<b>fell</b>")
+    said = []
+    while (message := await asyncio.wait_for(reader.read_message(), 30.0)) is not None:
+        said.append(json.loads(message))
+    return [caption for caption in said if caption["lines"]]
+
+
+def test_the_caption_has_time_state_and_legend_and_is_not_made_while_nobody_watches() -> None:
+    trial = WalkTrial(short_walk())
+    first, last = asyncio.run(captions(trial))  # no page of MeshCat was open in between
+    assert (
+        first["lines"][:2] == ["0.00 s", "double support, 0 steps done"] and "control: ok" in first["lines"]
+    )
+    assert ["DCM", css(DCM_COLOUR)] in first["legend"] and "push" not in dict(first["legend"])
+    fallen = trial.walking.fallen
+    assert fallen is not None and last["lines"][0] == f"{trial.plant.time:.2f} s"
+    assert any(line.startswith(f"control: fallen: {fallen.value}") for line in last["lines"])
+    assert (
+        last["lines"][-1] == "the run has ended: <b>fell</b>"
+    )  # a text, which the page does not take as HTML
+
+
 WALK = ("walk", "--distance", "0.02", "--set", "timestep=0.0025", "--json")
 
 
@@ -360,11 +396,17 @@ def test_a_browser_shows_the_robot_where_it_is(tmp_path: Path) -> None:
     with MeshcatView(trial.plant, trial.walking, port=0) as view, Browser(tmp_path / "profile") as browser:
         browser.open(view.url)
         assert view.wait_for_page(60.0)
+        trial.plant.push("torso", (1.0, 0.0, 0.0), 0.05)
         for _ in range(200):
             tick(trial)
             view.update()
         head = trial.plant.model.body("head").id
+        view.ended("<b>far</b>")
         view.close()
+        caption = "document.getElementById('caption').innerText"
+        browser.wait(f"{caption}.includes('the run has ended: <b>far</b>')")
+        said = browser.evaluate(caption).splitlines()
+        assert said[0] == f"{trial.plant.time:.2f} s" and {"ZMP", "push", "contact force"} <= set(said)
         x, y, z = trial.plant.data.xpos[head].tolist()
         path = json.dumps(["meshcat", "wbc", f"body {head}"])
         there = f"viewer.scene_tree.find({path}).object.matrixWorld.elements.slice(12, 15)"

@@ -12,6 +12,7 @@ import sys
 import time as clock
 from abc import ABC, abstractmethod
 from collections.abc import Callable
+from textwrap import shorten
 from typing import TYPE_CHECKING, Annotated, Any, Self
 
 from wbc.app.view.marks import Picture
@@ -39,6 +40,12 @@ FIRST_PORT, PORTS = 7000, 200
 RATE = 20.0
 """Largest rate of pictures unless told otherwise, 1/s."""
 
+TEXT_PERIOD = 0.2
+"""Period of texts, s."""
+
+STATUS_LENGTH = 120
+"""Number of characters of the state of the control that are shown; a fall and a stop stand first in it."""
+
 CATCH_UP_TIME, MAX_STEP = 0.2, 1.0
 """A run that is further behind the clock does not catch up, nor one whose time has gone on by more, or back, s."""
 
@@ -57,6 +64,7 @@ class View(ABC):
     Robot, feet, ground and things are those of the simulation's model. Marks: contact forces (an arrow as long as the
     centre of mass is high is the robot's weight) and pushes; centre of mass, ZMP, DCM and support polygon; of a walk
     also footsteps, planned and real, ZMP and DCM as planned, scans of range sensors. The camera follows the robot.
+    Texts: time, state of a program, phase of a walk, state of the control, end of the run, and a legend of the marks.
 
     Attributes:
         stage: Model, its state, and sizes of what is drawn.
@@ -114,7 +122,8 @@ class View(ABC):
         control = program.control if control is None and program is not None else control
         if control is not None and not isinstance(control, (Controller, DriveControl, ReferenceControl)):
             raise InputError(f"a view shows a walk, a control or a Controller, got {control!r}")
-        self._program = program
+        self._program, self._ending = program, ""
+        self._control = control.control if isinstance(control, ReferenceControl) else control
         self._controller = control if isinstance(control, Controller | None) else control.controller
         self.walking = control if isinstance(control, ReferenceControl) else None
         self.stage: SimulatedStage | DescribedStage
@@ -212,7 +221,17 @@ class View(ABC):
         self.frames += 1
         if self._program is not None:
             picture.text.insert(0, self._program.path)
+        if isinstance(self._control, DriveControl):
+            status = shorten(self._control.status(), STATUS_LENGTH, placeholder=" …")
+            picture.text.append(f"control: {status}")
+        if self._ending:
+            picture.text.append(f"the run has ended: {self._ending}")
         self._send(picture)
+
+    def ended(self, how: str) -> bool:
+        """Say on the page, from the next picture on, how the run has ended; True if the page asks for a restart."""
+        self._ending = how
+        return False
 
     @checked
     def wait_for_page(self, seconds: Annotated[NonNegative, "s"]) -> bool:

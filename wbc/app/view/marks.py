@@ -170,7 +170,11 @@ def planned_step(number: int, side: str, corners: Array) -> Mark:
     """Return the outline of a planned footstep."""
     closed = np.concatenate([corners, corners[:1]]) + (0.0, 0.0, LIFT)
     return Mark(
-        f"planned step {number}", "line", closed, SIDE_COLOURS[side], meaning=f"{side} footstep, planned"
+        f"planned step {number}",
+        "line",
+        closed,
+        SIDE_COLOURS[side],
+        meaning=f"{side} footstep, planned (outline)",
     )
 
 
@@ -198,7 +202,11 @@ def ring(name: str, colour: Colour, centre: Array, scale: Scale) -> Mark:
     angle, radius = np.linspace(0.0, math.tau, 17), 1.6 * POINT * scale.height
     circle = radius * np.stack([np.cos(angle), np.sin(angle), np.zeros(17)], axis=1)
     return Mark(
-        f"{name} planned", "line", centre + circle + (0.0, 0.0, LIFT), colour, meaning=f"{name} as planned"
+        f"{name} planned",
+        "line",
+        centre + circle + (0.0, 0.0, LIFT),
+        colour,
+        meaning=f"{name} as planned (ring)",
     )
 
 
@@ -223,6 +231,11 @@ def legend(picture: Picture) -> dict[str, Colour]:
     if picture.colours:
         meanings |= {"sole of 0 Nm/rad": SOFT_COLOUR, f"sole of {STIFFEST:g} Nm/rad": STIFF_COLOUR}
     return meanings
+
+
+def css(colour: Colour) -> str:
+    """Return an opaque colour as pages have it."""
+    return "rgb({}, {}, {})".format(*(round(255 * part) for part in colour[:3]))
 
 
 def changes(shown: dict[str, Mark], marks: Sequence[Mark]) -> Iterator[tuple[str, Mark | None]]:

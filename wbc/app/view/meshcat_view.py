@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import json
 import logging
+import math
 import os
 import select
 import subprocess
@@ -14,8 +16,8 @@ from typing import Any
 import numpy as np
 import zmq  # comes with meshcat
 
-from wbc.app.view.base import LOCAL, View, ViewError
-from wbc.app.view.marks import Mark, Picture, changes, mark_mesh
+from wbc.app.view.base import LOCAL, TEXT_PERIOD, View, ViewError
+from wbc.app.view.marks import Mark, Picture, changes, css, legend, mark_mesh
 from wbc.app.view.meshes import Colour, Mesh, body_meshes
 from wbc.core.errors import Array
 from wbc.core.processes import child_command
@@ -37,6 +39,8 @@ _log = logging.getLogger(__name__)
 
 class MeshcatView(View):
     """A page in the browser that shows a robot as it moves; see `View` for what it shows.
+
+    A caption has the texts and the legend of the marks seen so far; it is made anew only while a page is open.
 
     Every page of this machine may watch; none changes the run, which a `Workbench` does. MeshCat's server is a process
     of its own, which ends with the program; the page keeps its last picture. The run does not wait for it: while the
@@ -94,6 +98,8 @@ class MeshcatView(View):
         self._move("/Grid", np.array([0.0, 0.0, self.stage.floor]))
         self._marks: dict[str, Mark] = {}
         self._colours: dict[int, Colour] = {}
+        self._meanings: dict[str, Colour] = {}
+        self._spoken = -math.inf  # clock of the last caption
         self._meshes: dict[int, list[str]] = {}  # path of each mesh of a body
         for number, (body, colour, mesh) in enumerate(body_meshes(self.stage.model)):
             path = f"{ROOT}/body {body}/{number}"
@@ -104,10 +110,13 @@ class MeshcatView(View):
     def _order(self, path: str, kind: Any, *values: Any) -> None:
         """Send a command of MeshCat to a path; its answer is not waited for."""
         plain = kind(*values, path=self._commands.Path(tuple(path.strip("/").split("/")))).lower()
-        packed = self._geometry.umsgpack.packb(plain)
+        self._tell(plain["type"].encode(), plain["path"].encode(), self._geometry.umsgpack.packb(plain))
+
+    def _tell(self, *parts: bytes) -> None:
+        """Send the parts of a command; its answer is not waited for."""
         if not self._unanswered:
             self._heard = clock.monotonic()
-        self._socket.send_multipart([b"", plain["type"].encode(), plain["path"].encode(), packed])
+        self._socket.send_multipart([b"", *parts])
         self._unanswered += 1
 
     def _answered(self, *, wait: bool) -> bool:
@@ -147,6 +156,17 @@ class MeshcatView(View):
                 self._set_mesh(path, mark_mesh(mark), mark.colour, on_top=on_top)
         middle = self.stage.floor + 0.8 * self.stage.scale.height
         self._move("/Cameras/default", np.array([*picture.target[:2], middle]))
+        if self.frames == 1 or self.pages > 0 or self.closed:
+            self._speak(picture)
+
+    def _speak(self, picture: Picture) -> None:
+        """Bring the caption up to date if it is older than `TEXT_PERIOD`, or the last one."""
+        self._meanings |= legend(picture)  # of short pushes, too
+        if self.closed or clock.perf_counter() >= self._spoken + TEXT_PERIOD:
+            self._spoken = clock.perf_counter()
+            lines = [f"{picture.time:.2f} s", *picture.text]
+            legends = [(meaning, css(colour)) for meaning, colour in self._meanings.items()]
+            self._tell(b"caption", json.dumps({"lines": lines, "legend": legends}).encode())
 
     def _set_mesh(self, path: str, mesh: Mesh, colour: Colour, *, on_top: bool = False) -> None:
         red, green, blue = (round(255 * part) for part in colour[:3])

@@ -11,17 +11,14 @@ from typing import Any
 
 import numpy as np
 
-from wbc.app.view.base import LOCAL, ViewError
+from wbc.app.view.base import LOCAL, TEXT_PERIOD, ViewError
 from wbc.app.view.door import Door
-from wbc.app.view.marks import Mark, Picture, changes, legend, mark_mesh
+from wbc.app.view.marks import Mark, Picture, changes, css, legend, mark_mesh
 from wbc.app.view.meshes import Colour, body_meshes
 from wbc.app.view.stage import Stage
 
 ROOT = "/wbc"
 """Root of all nodes."""
-
-TEXT_PERIOD = 0.2
-"""Period of texts, s."""
 
 
 class ViserPage:
@@ -169,10 +166,7 @@ def when(event: Callable[[Any], object], call: Callable[[Any], object]) -> None:
 
 def legend_html(meanings: dict[str, Colour]) -> str:
     """Return a legend."""
-    lines = (
-        f'<span style="color: rgb{tuple(round(255 * part) for part in colour[:3])}">⬤</span> {text}'
-        for text, colour in meanings.items()
-    )
+    lines = (f'<span style="color: {css(colour)}">⬤</span> {text}' for text, colour in meanings.items())
     return f"<div style='padding: 0 1em; font-size: 0.85em'>{'<br>'.join(lines)}</div>"
 
 

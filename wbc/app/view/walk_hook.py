@@ -58,7 +58,7 @@ class WatchWalk(TrialHook):
     def open(self, trial: Trial) -> None:
         """Show a trial; `start` does so, too, but a caller may want to know earlier that the port is free."""
         if not self._workbench:
-            self.view = MeshcatView(trial.plant, trial.walker, **self._options)
+            self.view = MeshcatView(trial.plant, trial.walking, **self._options)
         elif self.bench is not None and not self.bench.closed:
             self.bench.show(trial.plant, trial.walking)
         else:
@@ -85,8 +85,8 @@ class WatchWalk(TrialHook):
             self.close()
 
     def restarted(self, how: str) -> bool:
-        """Say on the page of a workbench how the trial has ended; True if it asks for another one."""
-        return self.bench is not None and not self.bench.closed and self.bench.ended(how)
+        """Say on the page how the trial has ended; True if it asks for another one, as a workbench may."""
+        return self.view is not None and not self.view.closed and self.view.ended(how)
 
     def close(self) -> None:
         """End the view; the page keeps its last picture."""

@@ -73,8 +73,6 @@ class WalkMarks:
         progress = walking.progress
         picture.text.append(walk_text(progress.phase.value, progress.swing_side, progress.steps_done))
         picture.text.append(drift.text(0))
-        if walking.fallen is not None:
-            picture.text.append(f"FALLEN: {walking.fallen.name.lower()}")
 
     def _draw_footsteps(self, picture: Picture, drift: Drift) -> None:
         """Draw outlines of the planned footsteps, adjusted until they land, and areas of the real ones."""
