@@ -71,8 +71,9 @@ def test_feet_that_slip_under_a_cart_turn_on_until_the_gyroscope_is_satisfied(ex
     turn = ("--forward", "0", "--back", "0", "--turn", "20")
     once = run(example("cart"), *turn, "--corrections", "0")
     again = run(example("cart"), *turn)
-    assert abs(once["heading_error_deg"]) > 3.0, "the feet slip"
-    assert again["steps"] > once["steps"] and abs(again["heading_error_deg"]) < 2.5
+    assert abs(once["heading_error_deg"]) > 1.0, "the feet slip"
+    assert again["steps"] > once["steps"]
+    assert abs(again["heading_error_deg"]) < 0.6 * abs(once["heading_error_deg"])
 
 
 @pytest.mark.slow
