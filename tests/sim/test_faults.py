@@ -48,6 +48,7 @@ def cases(names: Iterable[str], quick: Callable[[str, str], bool]) -> list[Any]:
     ]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("name", "task", "mode"), cases(faults(), lambda *case: case in QUICK))
 def test_one_faulty_tick_does_no_harm(name: str, task: str, mode: str) -> None:
     report = run(task, mode, name, lasting=False)
@@ -56,6 +57,7 @@ def test_one_faulty_tick_does_no_harm(name: str, task: str, mode: str) -> None:
     assert report.upright
 
 
+@pytest.mark.long
 @pytest.mark.slow
 @pytest.mark.parametrize("mode", MODES)
 @pytest.mark.parametrize("task", ["stand", "walk"])
@@ -88,6 +90,7 @@ class Doubts(TrialHook):
         trial.walking.control.watch()
 
 
+@pytest.mark.long
 @pytest.mark.slow
 @pytest.mark.parametrize("mode", ["position", "torque"])
 @pytest.mark.parametrize(
@@ -107,6 +110,7 @@ def test_nothing_is_doubted_of_good_sensors_on_any_ground(ground: dict[str, Any]
     assert result.fall is None and not look.found
 
 
+@pytest.mark.long
 @pytest.mark.slow
 @pytest.mark.parametrize("noise", ["none", "realistic"])
 @pytest.mark.parametrize("seed", range(6))
