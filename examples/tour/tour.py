@@ -208,7 +208,6 @@ def main(arguments: Sequence[str] | None = None) -> list[dict[str, Any]]:
     for name, least in (("seconds", 0.0), ("processes", 0)):
         if not getattr(options, name) > least:
             parser.error(f"{name} must be above {least:g}, got {getattr(options, name):g}")
-    logging.getLogger("wbc").setLevel(logging.CRITICAL)
     setup = Setup(
         force_sensors=not options.no_force_sensors,
         noise=options.noise,
@@ -230,4 +229,5 @@ def main(arguments: Sequence[str] | None = None) -> list[dict[str, Any]]:
 
 
 if __name__ == "__main__":
+    logging.getLogger("wbc").setLevel(logging.CRITICAL)  # robots that fall are in the rows
     main()
