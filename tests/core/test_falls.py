@@ -129,6 +129,7 @@ def test_who_wants_else_goes_on() -> None:
     assert np.abs(command.joint_torque + damping * velocity).max() > 1.0  # not damping alone
 
 
+@pytest.mark.long
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["g1", "hrp4_class"])
 @silence()

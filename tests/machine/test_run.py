@@ -431,6 +431,7 @@ def drive(processes: contextlib.ExitStack, watchdog: float, timeout: float) -> t
     raise AssertionError("no control that runs")
 
 
+@pytest.mark.long
 @pytest.mark.slow
 @pytest.mark.parametrize("killed", ["controller", "guarded controller", "robot"])
 def test_a_process_that_is_killed_leaves_a_damped_robot(processes: contextlib.ExitStack, killed: str) -> None:

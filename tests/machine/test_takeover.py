@@ -118,6 +118,7 @@ def test_a_machine_whose_time_runs_slower_than_its_stamps_is_named_and_hangs(
     assert got.wild == 0
 
 
+@pytest.mark.long
 @pytest.mark.slow
 @pytest.mark.parametrize("mode", MODES)
 def test_a_robot_that_is_lifted_hangs_again_and_runs_when_it_is_let_down(mode: str) -> None:
@@ -196,6 +197,7 @@ def stands_pushes(mode: str, rate: float, force: float, first: int, *, heavier: 
     return got.stood and got.wild == 0 and pushed == 4
 
 
+@pytest.mark.long
 @pytest.mark.slow
 @pytest.mark.parametrize("mode", MODES)
 def test_a_robot_that_was_let_down_walks_two_metres_and_stands_pushes(mode: str) -> None:
@@ -203,6 +205,7 @@ def test_a_robot_that_was_let_down_walks_two_metres_and_stands_pushes(mode: str)
     assert stands_pushes(mode, 250.0, 100.0, 0, heavier=False, seed=5)
 
 
+@pytest.mark.long
 @pytest.mark.slow
 def test_a_run_does_not_grow() -> None:
     """A minute of standing, with the garbage collector off as in every run."""
@@ -299,6 +302,7 @@ def test_a_stamp_that_stands_still_is_no_clock_and_a_repeat_is_no_measurement() 
     assert stamped.stamped and stamped.good is not None and stamped.good.time == 7.004
 
 
+@pytest.mark.long
 @pytest.mark.slow
 @pytest.mark.parametrize("speed", SPEEDS)
 @pytest.mark.parametrize("rate", [250.0, 500.0])

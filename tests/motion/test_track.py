@@ -130,6 +130,7 @@ def test_the_command_tracks_a_clip_that_is_feasible_as_it_is(
     assert "no joint 'left_hip_pitch_joint'" in capsys.readouterr().err
 
 
+@pytest.mark.long
 @pytest.mark.slow
 @pytest.mark.parametrize("robot", ["hrp4_class", "talos", "g1"])
 @pytest.mark.parametrize("name", ["one_leg", "steps"])
@@ -150,6 +151,7 @@ def test_a_dance_that_is_too_fast_for_the_joints_has_no_failed_tick() -> None:
     assert result.completed and result.failures == 0, result
 
 
+@pytest.mark.long
 @pytest.mark.slow
 @pytest.mark.parametrize("options", [{}, {"mode": "torque"}, {"machine": Machine(force_sensors=False)}])
 def test_feet_stand_still_while_arms_dance(g1: Robot, options: dict[str, Any]) -> None:

@@ -165,6 +165,7 @@ def test_another_process_gives_the_same_commands_bit_for_bit() -> None:
     assert again.stdout.split() == found
 
 
+@pytest.mark.long
 @pytest.mark.slow
 @pytest.mark.parametrize("name", walks())
 def test_every_kind_of_walk_ends_well_and_is_repeated_bit_for_bit(name: str) -> None:
@@ -177,6 +178,7 @@ def test_every_kind_of_walk_ends_well_and_is_repeated_bit_for_bit(name: str) -> 
     assert digest(again) == digest(commands)
 
 
+@pytest.mark.long
 @pytest.mark.slow
 @pytest.mark.parametrize("name", others())
 def test_every_other_kind_of_run_is_repeated_bit_for_bit(name: str) -> None:

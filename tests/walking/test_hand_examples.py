@@ -83,6 +83,7 @@ def test_a_door_is_opened_by_its_handle_and_walked_through(example: Example) -> 
     assert result["beyond_mm"] > 1000.0, "it stands behind the frame"
 
 
+@pytest.mark.long
 @pytest.mark.slow
 @pytest.mark.parametrize(
     "words",
