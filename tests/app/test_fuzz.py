@@ -65,6 +65,7 @@ def commands(tmp_path_factory: pytest.TempPathFactory) -> Iterator[fuzzing.Comma
     made.close()
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("count", [4, pytest.param(5000, marks=pytest.mark.slow)])
 def test_every_option_takes_hostile_words(commands: fuzzing.Commands, count: int) -> None:
     places = [(words, option) for words in fuzzing.COMMANDS for option in fuzzing.options(words)]
@@ -78,6 +79,7 @@ def test_every_option_takes_hostile_words(commands: fuzzing.Commands, count: int
     ends_well()
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("count", [8, pytest.param(5000, marks=pytest.mark.slow)])
 def test_every_reader_takes_damaged_files(commands: fuzzing.Commands, count: int) -> None:
     @examples(count)
