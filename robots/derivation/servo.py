@@ -14,7 +14,7 @@ from typing import Annotated, Literal, NamedTuple
 import numpy as np
 import pinocchio as pin
 
-from wbc.core.errors import Array, InputError
+from wbc.core.errors import Array, InputError, shown
 from wbc.core.robot import GRAVITY, driven_joints, joints_to
 from wbc.core.settings import NonNegative, Positive, settings
 
@@ -101,7 +101,7 @@ def read_gains(texts: Sequence[str], joint_names: Sequence[str]) -> dict[str, tu
             kp, kd = (float(value) for value in values.split(","))
         except ValueError:
             raise InputError(
-                f"gains of servos are given as pattern=kp,kd, such as '*knee*=100,2', got '{text}'"
+                f"gains of servos are given as pattern=kp,kd, such as '*knee*=100,2', got {shown(text)}"
             ) from None
         found = fnmatch.filter(joint_names, pattern.strip())
         if not found:

@@ -148,10 +148,6 @@ def settings(kind: type[T] | None = None, /, *, kw_only: bool = False, eq: bool 
             check(self, *map(hashable, args), **{name: hashable(value) for name, value in values.items()})
         except ValidationError as error:
             _refuse(type(self), error)
-        except UnicodeEncodeError as error:  # a lone surrogate, such as an argument that is not UTF-8
-            raise InputError(
-                f"{type(self).__name__} takes text in Unicode alone, got {shown(error.object)}"
-            ) from None
 
     made.__init__ = init
     return typing.cast(type[T], made)
